@@ -1,0 +1,38 @@
+# The commands of the README. Everything happens inside .venv; nothing is installed elsewhere.
+PYTHON ?= python3.11
+BIN := .venv/bin
+# Two threads that spin on one busy core are ten times slower than two that wait.
+export OMP_WAIT_POLICY ?= PASSIVE
+
+.PHONY: install demo test check bench clean
+
+# requirements.txt is the lock: plain pins of the whole closure, so nothing is resolved at
+# install time. mediapipe declares packages it does not need (and a second OpenCV), hence --no-deps.
+.venv/installed: requirements.txt pyproject.toml
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install -q --disable-pip-version-check torch==2.13.0
+	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements.txt
+	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -e .
+	touch $@
+
+.venv/installed-dev: .venv/installed requirements-dev.txt
+	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements-dev.txt
+	touch $@
+
+install: .venv/installed
+
+demo: .venv/installed
+	$(BIN)/python -m dubbing.speaker out/demo/source
+	$(BIN)/dfrf dub manifests/demo.yaml
+
+test: .venv/installed-dev
+	$(BIN)/python -m pytest -q
+
+check: .venv/installed-dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest -q tests/test_imports.py
+
+clean:
+	rm -rf .venv out

@@ -1,0 +1,1 @@
+"""Dynamic facial radiance fields: tensors in, tensors out."""

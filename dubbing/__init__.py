@@ -1,0 +1,1 @@
+"""The dubbing batch around the radiance field: files, processes, people."""
