@@ -1,0 +1,85 @@
+"""Errors a person can act on: what happened, where, and what to do.
+
+    DubbingError
+    ├── ManifestError         the manifest is wrong; carries every problem found
+    ├── LockedError           another run works in the same output folder
+    ├── MediaError            a video or sound file cannot be read or written
+    └── StageError            a stage could not finish; only what depends on it stops
+        ├── PreparationError  tracking, matte or background
+        ├── TrainingError     base training or fine-tuning
+        ├── CheckpointError   a model file that does not load or does not fit
+        ├── RenderingError    the head, the composite or the result
+        └── SyncError         the lip-sync check
+
+Everything a user can cause ends in one of these; anything else that escapes is a bug.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class DubbingError(Exception):
+    """What happened, where (a file, a key, a frame), and what to do about it."""
+
+    def __init__(self, what: str, where: str = "", remedy: str = "") -> None:
+        self.what = what
+        self.where = where
+        self.remedy = remedy
+        text = what + (f" ({where})" if where else "") + (f": {remedy}" if remedy else "")
+        super().__init__(text)
+
+
+@dataclass(frozen=True, order=True)
+class Problem:
+    """One thing wrong in a manifest. ``line`` counts from 1; 0 where there is none."""
+
+    line: int
+    key: str
+    message: str
+
+    def __str__(self) -> str:
+        place = f"line {self.line}: " if self.line else ""
+        return f"{place}{self.key}: {self.message}" if self.key else f"{place}{self.message}"
+
+
+class ManifestError(DubbingError):
+    """Every problem of a manifest at once, in the order of its lines."""
+
+    def __init__(self, where: str, problems: list[Problem]) -> None:
+        self.problems = sorted(problems)
+        count = len(problems)
+        what = f"{count} problem{'s' if count != 1 else ''} in {where}"
+        super().__init__("\n  ".join([what, *map(str, self.problems)]))
+
+
+class LockedError(DubbingError):
+    """Another run holds the lock on the working folder."""
+
+
+class MediaError(DubbingError):
+    """A video or sound file cannot be read or written as asked."""
+
+
+class StageError(DubbingError):
+    """A stage could not finish."""
+
+
+class PreparationError(StageError):
+    """Tracking, matting or the background failed."""
+
+
+class TrainingError(StageError):
+    """Base training or fine-tuning failed."""
+
+
+class CheckpointError(StageError):
+    """A model file does not load, or does not fit what it is used for."""
+
+
+class RenderingError(StageError):
+    """The head, the composite or the finished video failed."""
+
+
+class SyncError(StageError):
+    """The lip-sync check could not be made."""

@@ -1,0 +1,25 @@
+"""Video and sound files. The only package that runs ffmpeg.
+
+Pictures are RGB uint8 arrays (H, W, 3); sound is mono float32 (samples,) in -1..1; times are
+seconds from the start of the file and frame rates exact fractions.
+"""
+
+from dubbing.media.ffmpeg import binary, version
+from dubbing.media.muxing import mux
+from dubbing.media.probing import MediaInfo, count_frames, probe
+from dubbing.media.reading import iter_audio, read_audio, read_frames
+from dubbing.media.writing import CODECS, VideoWriter
+
+__all__ = [
+    "CODECS",
+    "MediaInfo",
+    "VideoWriter",
+    "binary",
+    "count_frames",
+    "iter_audio",
+    "mux",
+    "probe",
+    "read_audio",
+    "read_frames",
+    "version",
+]

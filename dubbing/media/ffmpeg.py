@@ -1,0 +1,129 @@
+"""The ffmpeg program: where it is and how it is run.
+
+The binary is the one inside the imageio-ffmpeg wheel, so nothing of the system is needed.
+``DFRF_FFMPEG`` names another one: a path, or ``system`` for the first on PATH.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import subprocess
+import tempfile
+from functools import lru_cache
+from types import TracebackType
+from typing import IO, Any
+
+import imageio_ffmpeg
+
+from dubbing.errors import MediaError
+
+QUIET = {"hide_banner": None, "loglevel": "error", "nostdin": None}
+
+
+def binary() -> str:
+    """Path of the ffmpeg to run.
+
+    Raises:
+        MediaError: ``DFRF_FFMPEG`` names something that is not there.
+    """
+    wanted = os.environ.get("DFRF_FFMPEG", "")
+    if not wanted:
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
+    found = shutil.which("ffmpeg" if wanted == "system" else wanted)
+    if found is None:
+        raise MediaError(
+            "no ffmpeg found",
+            f"DFRF_FFMPEG={wanted}",
+            "unset DFRF_FFMPEG to use the one that came with imageio-ffmpeg",
+        )
+    return found
+
+
+@lru_cache(maxsize=1)
+def version() -> str:
+    """First line of ``ffmpeg -version``, without the copyright."""
+    text = subprocess.run([binary(), "-version"], capture_output=True, text=True, check=True).stdout
+    return text.splitlines()[0].split(" Copyright")[0].removeprefix("ffmpeg version ")
+
+
+class Process:
+    """A running ffmpeg with one pipe, either its input or its output.
+
+    What it says goes to a temporary file, because an unread pipe of messages can block it.
+    """
+
+    def __init__(self, graph: Any, where: str, *, pipe_in: bool = False, pipe_out: bool = False):
+        self.where = where
+        self._messages = tempfile.TemporaryFile()  # noqa: SIM115 (closed by kill)
+        command = graph.global_args(*_flags()).compile(cmd=binary(), overwrite_output=True)
+        self._process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE if pipe_in else subprocess.DEVNULL,
+            stdout=subprocess.PIPE if pipe_out else subprocess.DEVNULL,
+            stderr=self._messages,
+        )
+
+    @property
+    def stdin(self) -> IO[bytes]:
+        assert self._process.stdin is not None
+        return self._process.stdin
+
+    @property
+    def stdout(self) -> IO[bytes]:
+        assert self._process.stdout is not None
+        return self._process.stdout
+
+    def finish(self) -> None:
+        """Close the pipe, wait, and raise what ffmpeg complained of.
+
+        Raises:
+            MediaError: ffmpeg ended with an error; its last words are in the message.
+        """
+        if self._process.stdin is not None:
+            # A broken pipe means it ended early: its return code and its words say why.
+            with contextlib.suppress(BrokenPipeError):
+                self._process.stdin.close()
+        if self._process.wait() != 0:
+            raise MediaError("ffmpeg failed", self.where, self.words())
+
+    def words(self) -> str:
+        """The last lines ffmpeg wrote."""
+        self._messages.seek(0)
+        lines = self._messages.read().decode(errors="replace").strip().splitlines()
+        return " | ".join(lines[-3:])
+
+    def kill(self) -> None:
+        """Stop it at once, if it still runs, and free its pipes."""
+        if self._process.poll() is None:
+            self._process.kill()
+            self._process.wait()
+        for stream in (self._process.stdout, self._messages):
+            if stream is not None:
+                stream.close()
+
+    def __enter__(self) -> Process:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
+    ) -> None:
+        self.kill()
+
+
+def run(graph: Any, where: str) -> None:
+    """Run an ffmpeg-python graph to its end.
+
+    Raises:
+        MediaError: it failed.
+    """
+    with Process(graph, where) as process:
+        process.finish()
+
+
+def _flags() -> list[str]:
+    flags: list[str] = []
+    for key, value in QUIET.items():
+        flags += [f"-{key}"] if value is None else [f"-{key}", value]
+    return flags

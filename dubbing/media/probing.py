@@ -1,0 +1,187 @@
+"""What a media file holds: size after rotation, exact rate, frames, sound. PyAV reads it.
+
+Every packet is visited (not decoded), so counts are those of the file, not of its header.
+"""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import av
+
+from dubbing.errors import MediaError
+
+COMMON_RATES = (
+    *(Fraction(n) for n in (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120)),
+    *(Fraction(n * 1000, 1001) for n in (24, 30, 48, 60, 120)),
+)
+JITTER = 0.3  # largest departure of a time stamp from a constant rate, in frames
+ATTACHED_PICTURE = av.stream.Disposition.attached_pic
+
+
+@dataclass(frozen=True)
+class MediaInfo:
+    """A media file. Without a picture, width and frames are 0 and rate is None.
+
+    Attributes:
+        width, height: pixels as shown, after rotation and with square pixels.
+        rate: frames a second. A clip of variable rate gets a constant one.
+        frames: how many frames ``read_frames`` gives at that rate.
+        duration: of the picture in seconds; of the sound, where there is no picture.
+        video_start, audio_start: seconds after the start of the file; 0 for most files.
+        matrix: ffmpeg's name of the colour matrix, guessed from the size where untagged.
+    """
+
+    path: Path
+    width: int
+    height: int
+    rate: Fraction | None
+    frames: int
+    duration: float
+    variable_rate: bool
+    video_start: float
+    matrix: str
+    transfer: str
+    audio_rate: int | None
+    audio_channels: int | None
+    audio_duration: float | None
+    audio_start: float
+
+
+def probe(path: Path | str) -> MediaInfo:
+    """Read what ``path`` holds.
+
+    Raises:
+        MediaError: missing, unreadable, or neither picture nor sound in it.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise MediaError("no such file", str(path))
+    try:
+        with av.open(str(path)) as container:
+            return _read(path, container)
+    except (av.FFmpegError, ValueError) as error:
+        raise MediaError("not a readable media file", str(path), str(error)) from error
+
+
+def count_frames(path: Path | str) -> int:
+    """Count the pictures of ``path`` by decoding every one.
+
+    Raises:
+        MediaError: it cannot be decoded.
+    """
+    try:
+        with av.open(str(path)) as container:
+            container.streams.video[0].thread_type = "AUTO"
+            return sum(1 for _ in container.decode(video=0))
+    except (av.FFmpegError, IndexError) as error:
+        raise MediaError("cannot be decoded", str(path), str(error)) from error
+
+
+def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
+    video = next((s for s in container.streams.video if not s.disposition & ATTACHED_PICTURE), None)
+    sound = next(iter(container.streams.audio), None)
+    if video is None and sound is None:
+        raise MediaError("neither picture nor sound in it", str(path))
+    times: list[float] = []
+    ends = {"video": 0.0, "audio": 0.0}
+    starts: dict[str, float] = {}
+    for packet in container.demux([s for s in (video, sound) if s is not None]):
+        if packet.pts is None or packet.is_discard or packet.time_base is None:
+            continue
+        at = float(packet.pts * packet.time_base)
+        length = float((packet.duration or 0) * packet.time_base)
+        kind = packet.stream.type
+        starts[kind] = min(starts.get(kind, at), at)
+        ends[kind] = max(ends[kind], at + length)
+        if kind == "video":
+            times.append(at)
+    zero = (container.start_time or 0) / av.time_base
+    if video is not None and not times:
+        raise MediaError("no frame in its video stream", str(path), "is the file complete?")
+    if sound is not None and "audio" not in starts:
+        sound = None  # a declared but empty track is no sound
+
+    width = height = frames = 0
+    rate: Fraction | None = None
+    variable = False
+    duration = 0.0
+    matrix = transfer = ""
+    video_start = starts.get("video", zero) - zero
+    if video is not None:
+        width, height, matrix, transfer = _picture(path, video)
+        times.sort()
+        hints = [r for r in (video.average_rate, video.guessed_rate) if r]
+        rate, variable = choose_rate(times, hints)
+        span = ends["video"] - times[0] if variable else float(len(times) / rate)
+        frames = max(1, round((video_start + span) * rate))
+        duration = float(frames / rate)
+    audio_duration = ends["audio"] - starts["audio"] if sound is not None else None
+    return MediaInfo(
+        path=path,
+        width=width,
+        height=height,
+        rate=rate,
+        frames=frames,
+        duration=duration or float(audio_duration or 0),
+        variable_rate=variable,
+        video_start=video_start,
+        matrix=matrix,
+        transfer=transfer,
+        audio_rate=sound.rate if sound is not None else None,
+        audio_channels=sound.channels if sound is not None else None,
+        audio_duration=audio_duration,
+        audio_start=max(0.0, starts.get("audio", zero) - zero),  # before 0: encoder priming,
+    )
+
+
+def choose_rate(times: Sequence[float], hints: Sequence[Fraction]) -> tuple[Fraction, bool]:
+    """The constant frame rate that sorted time stamps (seconds) follow, and whether they vary.
+
+    Constant: the first of the snapped hints, the hints and the snapped mean that puts every
+    stamp within ``JITTER`` frames of its place. Variable: the common rate nearest to the
+    median interval, so that a clip with dropped frames keeps the rate it was filmed at.
+    """
+    if len(times) < 2:
+        return (hints[0] if hints else Fraction(25)), False
+    mean = Fraction((len(times) - 1) / (times[-1] - times[0])).limit_denominator(1001)
+    candidates = [_snap(hint) for hint in hints] + list(hints) + [_snap(mean), mean]
+    for rate in candidates:
+        if all(abs((t - times[0]) * rate - k) < JITTER for k, t in enumerate(times)):
+            return rate, False
+    interval = statistics.median(b - a for a, b in itertools.pairwise(times))
+    typical = 1 / interval if interval > 0 else float(mean)
+    return min(COMMON_RATES, key=lambda r: max(r / typical, typical / r)), True
+
+
+def _snap(rate: Fraction) -> Fraction:
+    nearest = min(COMMON_RATES, key=lambda common: abs(common - rate))
+    return nearest if abs(nearest - rate) < Fraction(3, 10000) * rate else rate
+
+
+def _picture(path: Path, video: av.video.stream.VideoStream) -> tuple[int, int, str, str]:
+    """Width and height as shown, colour matrix and transfer, from the first decoded frame."""
+    with av.open(str(path)) as container:
+        frame = next(container.decode(container.streams[video.index]), None)
+    if not isinstance(frame, av.VideoFrame):
+        raise MediaError("no frame of it can be decoded", str(path), "is the file complete?")
+    width, height = frame.width, frame.height
+    aspect = video.sample_aspect_ratio
+    if aspect:
+        width = round(width * aspect)
+    if frame.rotation % 180:
+        width, height = height, width
+    tagged = {1: "bt709", 5: "bt601", 6: "bt601", 9: "bt2020", 10: "bt2020"}
+    guessed = "bt709" if max(width, height) >= 1280 else "bt601"
+    transfers = {16: "pq", 18: "hlg"}
+    return (
+        width,
+        height,
+        tagged.get(int(frame.colorspace), guessed),
+        transfers.get(int(frame.color_trc), "sdr"),
+    )

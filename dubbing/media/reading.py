@@ -1,0 +1,143 @@
+"""Frames and sound out of a file, streaming: memory does not grow with the length."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import ffmpeg
+import numpy as np
+
+from dubbing.errors import MediaError
+from dubbing.media.ffmpeg import Process
+from dubbing.media.probing import MediaInfo, probe
+
+CHANNELS = {"rgb24": (3,), "rgba": (4,), "gray": ()}
+SEEK_LEAD = 20  # frames; more than any codec reorders
+# Exact rounding, and chroma at full resolution: the default shifts colours by a level or two.
+SCALER = "bicubic+accurate_rnd+full_chroma_int+full_chroma_inp"
+
+
+def read_frames(
+    path: Path | str,
+    *,
+    start: int = 0,
+    count: int | None = None,
+    rate: Fraction | None = None,
+    size: tuple[int, int] | None = None,
+    pixels: str = "rgb24",
+) -> Iterator[np.ndarray]:
+    """Frames ``start`` .. ``start + count`` at a constant rate; to the end by default.
+
+    Frame k is the picture shown at time k / rate (nearest, so jitter of half a frame in the
+    time stamps does no harm). Starting late gives the same frames as reading from the start.
+
+    Args:
+        path: a video.
+        start: first frame, counted at ``rate``.
+        count: number of frames; never more than there are.
+        rate: frames a second; the clip's own by default.
+        size: (width, height) to scale to.
+        pixels: ``rgb24`` (H, W, 3), ``rgba`` (H, W, 4) or ``gray`` (H, W); uint8.
+
+    Raises:
+        MediaError: no picture, or it breaks off before the frames it promised.
+    """
+    info = probe(path)
+    if info.rate is None:
+        raise MediaError("no picture in it", str(path))
+    rate = rate or info.rate
+    total = info.frames if rate == info.rate else round(info.duration * rate)
+    count = max(0, total - start if count is None else min(count, total - start))
+    if count == 0:
+        return
+    width, height = size or (info.width, info.height)
+    shape = (height, width, *CHANNELS[pixels])
+    graph = _frame_graph(
+        info, start=start, count=count, rate=rate, size=(width, height), pixels=pixels
+    )
+    with Process(graph, str(path), pipe_out=True) as process:
+        for index in range(count):
+            frame = np.empty(shape, np.uint8)
+            if not _fill(process, frame):
+                process.finish()
+                raise MediaError(
+                    f"broke off at frame {start + index} of {total}",
+                    str(path),
+                    "the file is damaged; copy or convert it again",
+                )
+            yield frame
+
+
+def read_audio(
+    path: Path | str, *, rate: int = 16000, start: float = 0.0, seconds: float | None = None
+) -> np.ndarray:
+    """Mono float32 (samples,): the mean of the channels, resampled to ``rate`` Hz.
+
+    Raises:
+        MediaError: no sound, or it cannot be decoded.
+    """
+    blocks = list(iter_audio(path, rate=rate, start=start, seconds=seconds))
+    return np.concatenate(blocks) if blocks else np.zeros(0, np.float32)
+
+
+def iter_audio(
+    path: Path | str,
+    *,
+    rate: int = 16000,
+    start: float = 0.0,
+    seconds: float | None = None,
+    block_seconds: float = 10.0,
+) -> Iterator[np.ndarray]:
+    """The same as ``read_audio`` in blocks of ``block_seconds``, the last one shorter."""
+    info = probe(path)
+    if info.audio_rate is None or info.audio_channels is None:
+        raise MediaError("no sound in it", str(path))
+    sound = ffmpeg.input(str(path), ss=f"{start:.6f}").audio
+    # first_pts: sound that begins after the picture is padded, not moved forward.
+    sound = sound.filter("aresample", **{"async": 1, "first_pts": 0})
+    weight = 1 / info.audio_channels
+    mean = "+".join(f"{weight:.8f}*c{k}" for k in range(info.audio_channels))
+    sound = sound.filter("pan", args=f"mono|c0={mean}").filter("aresample", rate)
+    if seconds is not None:
+        sound = sound.filter("atrim", end_sample=round(seconds * rate))
+    graph = sound.output("pipe:", format="f32le", ar=rate)
+    block_bytes = 4 * max(1, round(block_seconds * rate))
+    with Process(graph, str(path), pipe_out=True) as process:
+        while block := process.stdout.read(block_bytes):
+            yield np.frombuffer(block[: len(block) // 4 * 4], np.float32)
+        process.finish()
+
+
+def _frame_graph(
+    info: MediaInfo, *, start: int, count: int, rate: Fraction, size: tuple[int, int], pixels: str
+) -> ffmpeg.nodes.OutputStream:
+    # Seek to the key frame before the wanted time, without the exact trim: the picture on screen
+    # then may have begun before it, and fps with start_time=0 drops what is earlier. A file whose
+    # decoding times run ahead of its showing times lands late by a few frames: hence the lead.
+    lead = min(start, SEEK_LEAD)
+    seek = {"ss": f"{float((start - lead) / rate):.6f}", "noaccurate_seek": None}
+    picture = ffmpeg.input(str(info.path), **(seek if start > lead else {})).video
+    picture = picture.filter("fps", fps=f"{rate}", start_time=0, round="near")
+    if lead:
+        picture = picture.filter("trim", start_frame=lead).filter("setpts", "PTS-STARTPTS")
+    # The last picture stays on screen to the end of the clip.
+    picture = picture.filter("tpad", stop_mode="clone", stop=2)
+    scaled = {"w": size[0], "h": size[1], "flags": SCALER}
+    if pixels == "rgb24":
+        scaled["in_color_matrix"] = info.matrix
+    if pixels == "rgb24" or size != (info.width, info.height):
+        picture = picture.filter("scale", **scaled)
+    return picture.output("pipe:", format="rawvideo", pix_fmt=pixels, vframes=count)
+
+
+def _fill(process: Process, frame: np.ndarray) -> bool:
+    view = frame.data.cast("B")
+    filled = 0
+    while filled < len(view):
+        got = process.stdout.readinto(view[filled:])  # type: ignore[attr-defined]
+        if not got:
+            return False
+        filled += got
+    return True
