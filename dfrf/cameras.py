@@ -1,0 +1,79 @@
+"""Pinhole cameras: rays through pixels, and projection, equation (1).
+
+The camera looks along -z with x right and y up (OpenGL). Pixels are (column, row), and integers
+are pixel centres: there is no half-pixel shift. A camera is a rigid camera-to-world matrix (3, 4),
+a focal length in pixels and a principal point (column, row).
+"""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+# Depths closer to the camera plane than this are moved away from it: nothing divides by zero.
+MIN_DEPTH = 1e-6
+
+
+def pixel_rays(
+    c2w: Float[Tensor, "*#B 3 4"],
+    focal: float | Float[Tensor, "*#B"],
+    centre: Float[Tensor, "*#B 2"],
+    pixels: Float[Tensor, "*#B 2"],
+) -> tuple[Float[Tensor, "*B 3"], Float[Tensor, "*B 3"]]:
+    """Rays through pixels; all leading dimensions are broadcast against one another.
+
+    Args:
+        c2w: camera to world, one for all rays or one a ray.
+        focal: pixels.
+        centre: principal point, (column, row).
+        pixels: (column, row).
+
+    Returns:
+        Origins and directions in the world. A direction is not normalised: its component along the
+        viewing axis is 1, so that distances along it are depths.
+    """
+    focal = torch.as_tensor(focal, dtype=pixels.dtype, device=pixels.device)
+    plane = (pixels - centre) / focal[..., None]
+    local = torch.stack([plane[..., 0], -plane[..., 1], -torch.ones_like(plane[..., 0])], -1)
+    directions = (c2w[..., :3] * local[..., None, :]).sum(-1)
+    return c2w[..., 3].expand(directions.shape), directions
+
+
+def pixel_grid(
+    height: int, width: int, device: torch.device | str | None = None
+) -> Float[Tensor, "H W 2"]:
+    """(column, row) of every pixel, row by row."""
+    rows, columns = torch.meshgrid(
+        torch.arange(height, device=device), torch.arange(width, device=device), indexing="ij"
+    )
+    return torch.stack([columns, rows], -1).float()
+
+
+def project(
+    points: Float[Tensor, "*P 3"],
+    c2w: Float[Tensor, "N 3 4"],
+    focal: float | Float[Tensor, "#N"],
+    centre: Float[Tensor, "#N 2"],
+) -> Float[Tensor, "N *P 2"]:
+    """M(p, K_n, R_n, T_n) of equation (1): where each view sees each point.
+
+    Args:
+        points: world points, the same for all views.
+        c2w: camera to world of N views.
+        focal: pixels, of all views or of each.
+        centre: principal points (column, row), of all views or of each.
+
+    Returns:
+        (column, row), not clamped to the image. Points behind a camera project through its centre.
+    """
+    views = c2w.shape[0]
+    focal = torch.as_tensor(focal, dtype=points.dtype, device=points.device).reshape(-1, 1)
+    flat = points.reshape(1, -1, 3)
+    # The inverse of a rigid motion: R^T (p - t), written for row vectors.
+    local = (flat - c2w[:, None, :, 3]) @ c2w[:, :, :3]
+    depth = local[..., 2]
+    depth = torch.where(depth.abs() < MIN_DEPTH, torch.full_like(depth, -MIN_DEPTH), depth)
+    columns = centre[:, None, 0] - focal * local[..., 0] / depth
+    rows = centre[:, None, 1] + focal * local[..., 1] / depth
+    return torch.stack([columns, rows], -1).reshape(views, *points.shape[:-1], 2)
