@@ -1,0 +1,135 @@
+"""When somebody speaks: voice activity of a sound, in steps of 20 ms.
+
+Letters: N samples at 16 kHz, T steps of 20 ms (50 a second). Step t covers the samples
+[320 t, 320 (t + 1)); a last step that is not full is filled up with silence.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from fractions import Fraction
+
+import numpy as np
+import webrtcvad
+
+SAMPLE_RATE = 16_000
+STEP_RATE = 50
+HOP = SAMPLE_RATE // STEP_RATE
+if HOP * STEP_RATE != SAMPLE_RATE:
+    raise ValueError("a step must be a whole number of samples")
+
+# Steps worked on at once: bounds the memory, and fixes the result whatever the caller's blocks.
+BLOCK_STEPS = 2048
+# The loud parts of a sound are taken to be speech; this share of all steps is louder.
+LOUD_SHARE = 0.03
+# Detection runs at this level (rms of a full-scale square wave is 0 dB), so quiet sounds count.
+TARGET_DB = -20.0
+# No sound at all below this level.
+SILENCE_DB = -75.0
+# Steps this far below the loud parts are no speech, whatever the detector says.
+RANGE_DB = 32.0
+AGGRESSIVENESS = 2
+_SMOOTHING = np.array([1, 2, 3, 2, 1], np.float32) / 9
+
+Blocks = Callable[[], Iterable[np.ndarray]]
+
+
+def steps(samples: int) -> int:
+    """Number of 20 ms steps that hold `samples` samples."""
+    return -(-samples // HOP)
+
+
+def step_windows(blocks: Iterable[np.ndarray], width: int = HOP) -> Iterator[np.ndarray]:
+    """Windows of `width` samples centred on the middle of every step, (<= BLOCK_STEPS, width).
+
+    Silence stands before the first and after the last sample. The stacks do not depend on how
+    the sound was cut into blocks.
+
+    Raises:
+        ValueError: `width` is below a step or of the other parity.
+    """
+    margin = (width - HOP) // 2
+    if margin < 0 or HOP + 2 * margin != width:
+        raise ValueError(f"a window of {width} samples cannot be centred on a step of {HOP}")
+    held = np.zeros(margin, np.float32)
+    taken = BLOCK_STEPS * HOP
+    total = 0
+    made = 0
+    for block in blocks:
+        total += len(block)
+        held = np.concatenate([held, np.asarray(block, np.float32)])
+        while len(held) >= taken + 2 * margin:
+            yield np.lib.stride_tricks.sliding_window_view(held[: taken + 2 * margin], width)[::HOP]
+            held = held[taken:]
+            made += BLOCK_STEPS
+    rest = steps(total) - made
+    while rest > 0:
+        count = min(rest, BLOCK_STEPS)
+        need = count * HOP + 2 * margin
+        padded = np.zeros(need, np.float32)
+        padded[: min(need, len(held))] = held[:need]
+        yield np.lib.stride_tricks.sliding_window_view(padded, width)[::HOP]
+        held = held[count * HOP :]
+        rest -= count
+
+
+def energy_db(blocks: Iterable[np.ndarray]) -> np.ndarray:
+    """Mean power of every step in dB of full scale, (T,) float32, at least -120."""
+    power = [np.mean(w.astype(np.float64) ** 2, axis=1) for w in step_windows(blocks)]
+    joined = np.concatenate(power) if power else np.zeros(0)
+    return (10 * np.log10(np.maximum(joined, 1e-12))).astype(np.float32)
+
+
+def loudness_db(energy: np.ndarray) -> float:
+    """Level of the loud steps of `energy` (T,), dB; -120 without any."""
+    return float(np.quantile(energy, 1 - LOUD_SHARE)) if len(energy) else -120.0
+
+
+def voice_activity_of_blocks(blocks: Blocks) -> np.ndarray:
+    """`voice_activity` of a long sound that `blocks()` gives piece by piece (called twice)."""
+    energy = energy_db(blocks())
+    level = loudness_db(energy)
+    if level < SILENCE_DB:
+        return np.zeros(len(energy), np.float32)
+    gain = 10 ** ((TARGET_DB - level) / 20)
+    detector = webrtcvad.Vad(AGGRESSIVENESS)
+    heard = np.zeros(len(energy), np.float32)
+    t = 0
+    for windows in step_windows(blocks()):
+        pcm = np.clip(np.round(windows * (gain * 32767)), -32768, 32767).astype("<i2")
+        for step in pcm:
+            heard[t] = detector.is_speech(step.tobytes(), SAMPLE_RATE)
+            t += 1
+    heard[energy < level - RANGE_DB] = 0
+    return np.convolve(heard, _SMOOTHING, mode="same")[: len(heard)].astype(np.float32)
+
+
+def voice_activity(samples: np.ndarray) -> np.ndarray:
+    """Share of speech in every 20 ms step.
+
+    Args:
+        samples: sound at 16 kHz, (N,), -1..1; its level does not matter.
+
+    Returns:
+        (T,) float32 in 0..1: 0 in silence, 1 well inside speech, smoothed over five steps.
+    """
+    return voice_activity_of_blocks(lambda: [samples])
+
+
+def at_times(series: np.ndarray, times: np.ndarray, outside: float = 0.0) -> np.ndarray:
+    """Linear interpolation of `series` (T, ...) of 50 values a second at `times` (seconds).
+
+    Step t stands at (t + 0.5) / 50 s; before the first and after the last step lies `outside`.
+    """
+    count = len(series)
+    place = np.asarray(times, np.float64) * STEP_RATE - 0.5
+    # One step of `outside` on each side, so that the ends fade instead of jumping.
+    padded = np.full((count + 2, *series.shape[1:]), outside, np.float32)
+    padded[1:-1] = series
+    place = np.clip(place + 1, 0, count + 1)
+    low = np.minimum(np.floor(place).astype(np.int64), count)
+    weight = (place - low).astype(np.float32).reshape(place.shape + (1,) * (series.ndim - 1))
+    return padded[low] * (1 - weight) + padded[low + 1] * weight
+
+
+def voice_per_frame(activity: np.ndarray, frames: int, rate: Fraction) -> np.ndarray:
+    """Voice activity (T,) at the middle of each video frame, (frames,) float32."""
+    return at_times(activity, (np.arange(frames) + 0.5) / float(rate))
