@@ -1,0 +1,42 @@
+"""The loss of equation (9): L = MSE + lambda * L_r'.
+
+Offsets are in pixels of a 512 pixel picture, the paper's unit, in which lambda is 5e-8.
+N references, P points.
+"""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+WARP_WEIGHT = 5e-8
+PAPER_SIZE = 512
+
+
+def mse(colour: Float[Tensor, "*B 3"], target: Float[Tensor, "*B 3"]) -> Float[Tensor, ""]:
+    """Mean squared difference of colours in 0..1."""
+    return (colour - target).square().mean()
+
+
+def warp_length(offsets: Float[Tensor, "N *P 2"]) -> Float[Tensor, "*P"]:
+    """sqrt(du^2 + dv^2), mean over the references; its gradient at an offset of zero is zero."""
+    return torch.linalg.vector_norm(offsets, dim=-1).mean(0)
+
+
+def warp_penalty(offsets: Float[Tensor, "N *P 2"]) -> Float[Tensor, ""]:
+    """L_r of equation (5): mean length of the offsets, pixels at 512."""
+    return warp_length(offsets).mean()
+
+
+def weighted_warp_penalty(
+    offsets: Float[Tensor, "N *P 2"], opacity: Float[Tensor, "*P"]
+) -> Float[Tensor, ""]:
+    """L_r' of equation (6): lengths weighted by 1 - sigma, point by point.
+
+    A density has no upper bound, so sigma is read as the opacity of the sample, 0..1. It is a
+    weight: no gradient flows into it, or points could grow opaque to escape the penalty.
+
+    (The published code takes half the squared length, and rendering weight times depth for sigma.)
+    """
+    return ((1 - opacity.detach()) * warp_length(offsets)).mean()
