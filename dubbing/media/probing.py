@@ -52,6 +52,11 @@ class MediaInfo:
     audio_duration: float | None
     audio_start: float
 
+    @property
+    def sound_seconds(self) -> float:
+        """From the start of the file to the end of its sound; 0 without sound."""
+        return self.audio_start + self.audio_duration if self.audio_duration else 0.0
+
 
 def probe(path: Path | str) -> MediaInfo:
     """Read what ``path`` holds.
@@ -121,7 +126,9 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         span = ends["video"] - times[0] if variable else float(len(times) / rate)
         frames = max(1, round((video_start + span) * rate))
         duration = float(frames / rate)
-    audio_duration = ends["audio"] - starts["audio"] if sound is not None else None
+    # What lies before 0 is the priming of the encoder, which no decoder gives out.
+    audio_start = max(0.0, starts.get("audio", zero) - zero)
+    audio_duration = ends["audio"] - zero - audio_start if sound is not None else None
     return MediaInfo(
         path=path,
         width=width,
@@ -136,7 +143,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         audio_rate=sound.rate if sound is not None else None,
         audio_channels=sound.channels if sound is not None else None,
         audio_duration=audio_duration,
-        audio_start=max(0.0, starts.get("audio", zero) - zero),  # before 0: encoder priming,
+        audio_start=audio_start,
     )
 
 

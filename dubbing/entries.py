@@ -1,0 +1,87 @@
+"""What one identity and one dub of a manifest say: keys, types, defaults."""
+
+from __future__ import annotations
+
+import datetime
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+
+LONGEST_NAME = 100
+
+
+def _resolve(value: Any, info: ValidationInfo) -> Any:
+    """A path relative to the folder of the manifest."""
+    if not isinstance(value, str) or not value.strip():
+        raise ValueError("must be the path of a file")
+    folder: Path = (info.context or {})["folder"]
+    return (folder / Path(value).expanduser()).resolve()
+
+
+def check_name(value: Any) -> Any:
+    """A name becomes file and folder names below the output folder."""
+    if not isinstance(value, str):
+        raise ValueError("must be text: put it in quotes")
+    if not value.strip() or len(value) > LONGEST_NAME:
+        raise ValueError(f"must have 1 to {LONGEST_NAME} characters")
+    if "/" in value or "\\" in value or ":" in value or value in (".", ".."):
+        raise ValueError("would leave the output folder: a name has no '/', '\\' or ':'")
+    if value.startswith(".") or value != value.strip() or not value.isprintable():
+        raise ValueError("must not start with a dot or a space, nor hold unprintable characters")
+    return value
+
+
+FilePath = Annotated[Path, BeforeValidator(_resolve)]
+Name = Annotated[str, BeforeValidator(check_name)]
+
+
+class Entry(BaseModel):
+    """Frozen, of exact types, without unknown keys."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+
+class Consent(Entry):
+    """Who agreed to the dubbing of this face, when, and where that is written down."""
+
+    by: str = Field(min_length=1)
+    date: datetime.date | None = Field(default=None, strict=False)
+    reference: str = Field(min_length=1)
+
+
+class Finetune(Entry):
+    """How long to learn; the preset says it by default."""
+
+    iterations: int | None = Field(default=None, ge=1)
+
+
+class Identity(Entry):
+    """A filmed person: a clip, which seconds of it to learn from, and how."""
+
+    clip: FilePath
+    start: float = Field(default=0.0, ge=0, allow_inf_nan=False)
+    seconds: float = Field(default=15.0, gt=0, allow_inf_nan=False)
+    consent: Consent
+    preset: Literal["fast", "paper", "ad-nerf", "nerf"] = "fast"
+    seed: int = Field(default=0, ge=0, lt=2**31)
+    speech: str = "mel"
+    size: int = Field(default=512, ge=64, le=1024, multiple_of=8)
+    base: FilePath | None = None
+    finetune: Finetune = Finetune()
+
+
+class Dub(Entry):
+    """One result: a person, new speech, and how both are put together."""
+
+    name: Name
+    identity: str
+    audio: FilePath
+    audio_start: float = Field(default=0.0, ge=0, allow_inf_nan=False)
+    audio_seconds: float | None = Field(default=None, gt=0, allow_inf_nan=False)
+    video_start: float = Field(default=0.0, ge=0, allow_inf_nan=False)
+    on_longer_audio: Literal["bounce", "loop", "hold", "cut", "fail"] = "bounce"
+    frame: Literal["full", "crop"] = "full"
+    label: bool = True
+    codec: Literal["h264", "prores", "ffv1"] = "h264"
+    audio_rate: Literal[48000, "source"] = 48000
