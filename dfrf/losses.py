@@ -25,7 +25,7 @@ def warp_length(offsets: Float[Tensor, "N *P 2"]) -> Float[Tensor, "*P"]:
 
 
 def warp_penalty(offsets: Float[Tensor, "N *P 2"]) -> Float[Tensor, ""]:
-    """L_r of equation (5): mean length of the offsets, pixels at 512."""
+    """L_r of equation (5): mean length of the offsets of at least one point, pixels at 512."""
     return warp_length(offsets).mean()
 
 

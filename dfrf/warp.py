@@ -65,7 +65,10 @@ class WarpMLP(nn.Module):
 
 
 def warped(
-    positions: Float[Tensor, "N *P 2"], offsets: Float[Tensor, "N *P 2"]
+    pixels: Float[Tensor, "N *P 2"], offsets: Float[Tensor, "N *P 2"]
 ) -> Float[Tensor, "N *P 2"]:
-    """Equation (4) as published code computes it: offsets start at the nearest pixel's centre."""
-    return positions.round() + offsets
+    """Equation (4), from positions and offsets (column, row).
+
+    The paper adds the offset to the projected position, the published code to the rounded one.
+    """
+    return pixels + offsets
