@@ -1,0 +1,250 @@
+"""From what rays hit to what they see: materials of skin, hair, eyes, teeth, tongue and cavity."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dubbing.speaker.eyes import look, near_eye
+from dubbing.speaker.face import Face
+from dubbing.speaker.hair import grow, hair_cover
+from dubbing.speaker.head import EAR, HAIR, LIP, NECK, SKIN, TEETH, TONGUE, HeadModel
+from dubbing.speaker.head_shape import MOUTH_Y
+from dubbing.speaker.mesh import smoothstep, value_noise
+from dubbing.speaker.paint import TEXELS, paint
+from dubbing.speaker.shading import SKIN_WRAP, Rig, hair_highlights, highlights, irradiance
+
+SCATTERS = (SKIN, LIP, EAR, NECK)
+CAVITY = np.array([0.055, 0.014, 0.012])
+ENAMEL = np.array([0.66, 0.60, 0.50])
+GUMS = np.array([0.42, 0.13, 0.12])
+FLESH = np.array([0.44, 0.14, 0.13])
+LASHES = np.array([0.012, 0.009, 0.008])
+EYE_WRAP = np.array([0.42, 0.36, 0.34])  # light spreads inside the eyeball
+
+
+@dataclass(frozen=True)
+class Hits:
+    """Rays that met the head: their index, triangle, barycentric u, v, length (cm), direction."""
+
+    index: np.ndarray
+    triangle: np.ndarray
+    u: np.ndarray
+    v: np.ndarray
+    length: np.ndarray
+    ray: np.ndarray
+
+    def only(self, keep: np.ndarray) -> "Hits":
+        return Hits(*(getattr(self, name)[keep] for name in self.__dataclass_fields__))
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The vertices of one frame: triangles (M, 3), corners and normals (V, 3), head frame, cm."""
+
+    triangles: np.ndarray
+    corners: np.ndarray
+    normals: np.ndarray
+
+
+@dataclass(frozen=True)
+class View:
+    """Who looks and where to, in the head frame: camera centre (3,), gaze (2, 3), blink, lights."""
+
+    eye: np.ndarray
+    gaze: np.ndarray
+    blink: float
+    rig: Rig
+
+
+@dataclass
+class Layers:
+    """What shading needs of N points; the materials fill it in one after the other."""
+
+    point: np.ndarray
+    normal: np.ndarray
+    part: np.ndarray
+    albedo: np.ndarray
+    gloss: np.ndarray
+    power: np.ndarray
+    occlusion: np.ndarray
+    wrap: np.ndarray
+    solid: np.ndarray
+    label: np.ndarray
+
+    @staticmethod
+    def blank(point: np.ndarray, normal: np.ndarray, part: np.ndarray) -> "Layers":
+        n = len(point)
+        return Layers(
+            point,
+            normal,
+            part,
+            albedo=np.zeros((n, 3)),
+            gloss=np.full(n, 0.3),
+            power=np.full(n, 22.0),
+            occlusion=np.ones(n),
+            wrap=np.tile(SKIN_WRAP, (n, 1)),
+            solid=np.zeros(n, bool),
+            label=part * 4,
+        )
+
+
+@dataclass(frozen=True)
+class Shaded:
+    """albedo, light and shine (N, 3): colour = albedo * light + shine. part and label (N,).
+
+    `solid` marks what light does not scatter under (eyes, lashes, the inside of the mouth).
+    `label` tells materials apart where edges are looked for.
+    """
+
+    albedo: np.ndarray
+    light: np.ndarray
+    shine: np.ndarray
+    part: np.ndarray
+    label: np.ndarray
+    solid: np.ndarray
+
+
+class Materials:
+    """Textures and vertex colours of one face."""
+
+    def __init__(self, face: Face, model: HeadModel) -> None:
+        self.face = face
+        self.texture = paint(face)
+        self.hair = grow(face)
+        none = np.zeros((len(self.hair.vertices), 2), np.float32)
+        self.part = np.concatenate([model.part, np.full(len(none), HAIR, np.int8)])
+        self.uv = np.concatenate([model.uv, none])
+        self.rest = model.rest
+        self.strand = np.concatenate([np.zeros((len(model.rest), 2)), self.hair.strand])
+        self.shade_of = np.concatenate([np.ones(len(model.rest)), self.hair.shade])
+        self.tangent = np.concatenate([np.zeros((len(model.rest), 3)), self.hair.tangents])
+        self.streaks = value_noise((64, 4096), (6, 900), face.seed + 21)
+        self._tint_scalp(model)
+
+    def _tint_scalp(self, model: HeadModel) -> None:
+        """Skin below the hair takes the hair's colour, with a broken edge."""
+        if self.face.hair_style == "bald":
+            return
+        h, w = self.texture.gloss.shape
+        cover = hair_cover(model.grid.points).astype(np.float32)
+        cover = np.concatenate([cover, cover[:, :1]], axis=1)
+        grown = cv2.resize(cover, (w, h), interpolation=cv2.INTER_LINEAR)
+        grown = grown + 0.16 * value_noise((h, w), (150, 170), self.face.seed + 22)
+        mask = 0.9 * smoothstep(-0.12, 0.45, grown)[..., None]
+        colour = np.asarray(self.face.hair) * 0.7
+        self.texture.albedo[...] += (mask * (colour - self.texture.albedo)).astype(np.float32)
+        self.texture.gloss[...] *= 1.0 - 0.75 * mask[..., 0]
+
+    def shade(self, hits: Hits, geometry: Geometry, shadow: np.ndarray, view: View) -> Shaded:
+        """What the rays see; shadow (N,) is 1 where the key light arrives."""
+        tri = geometry.triangles[hits.triangle]
+        weights = np.stack([1.0 - hits.u - hits.v, hits.u, hits.v], axis=1)
+
+        def mix(values: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
+            return np.einsum("nk,nkc->nc", weights[rows], values[tri[rows]])
+
+        n = mix(geometry.normals)
+        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-9)
+        p = view.eye + hits.ray * hits.length[:, None]
+        layers = Layers.blank(p, n, self.part[tri[:, 0]].astype(np.int64))
+        textured = np.flatnonzero((layers.part == SKIN) | (layers.part == LIP))
+        uv = mix(self.uv, textured).astype(np.float32) * TEXELS
+        layers.albedo[textured] = self._lookup(self.texture.albedo, uv)
+        layers.gloss[textured] = self._lookup(self.texture.gloss, uv)
+        layers.occlusion[textured] = self._lookup(self.texture.occlusion, uv)
+        self._plain_parts(layers)
+        self._mouth(layers, hits.ray)
+        self._eyes(layers, hits.ray, view)
+        strands = np.flatnonzero(layers.part == HAIR)
+        colour = self._hair_colour(mix(self.strand, strands), mix(self.shade_of[:, None], strands))
+        layers.albedo[strands], layers.gloss[strands] = colour, 0.0
+        layers.wrap[strands], layers.occlusion[strands] = 0.25, 0.85
+        layers.solid[strands] = True
+        light = irradiance(n, layers.occlusion, shadow, view.rig, layers.wrap)
+        shine = highlights(
+            n,
+            hits.ray,
+            strength=layers.gloss * layers.occlusion,
+            power=layers.power,
+            shadow=shadow,
+            rig=view.rig,
+        )
+        tangent = mix(self.tangent, strands)
+        shine[strands] = hair_highlights(
+            tangent, hits.ray[strands], colour, shadow[strands], view.rig
+        )
+        return Shaded(layers.albedo, light, shine, layers.part, layers.label, layers.solid)
+
+    @staticmethod
+    def _lookup(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
+        """Bilinear values at texel positions uv (N, 2)."""
+        pad = -len(uv) % 1024  # remap wants a picture no longer than 32767 in each direction
+        grid = np.concatenate([uv, np.zeros((pad, 2), np.float32)]).reshape(-1, 1024, 2)
+        edge = cv2.BORDER_REPLICATE
+        out = cv2.remap(texture, grid[..., 0], grid[..., 1], cv2.INTER_LINEAR, borderMode=edge)
+        return out.reshape(-1, *texture.shape[2:])[: len(uv)]
+
+    def _plain_parts(self, layers: Layers) -> None:
+        """Ears and neck, which have no texture."""
+        skin, p = np.asarray(self.face.skin), layers.point
+        ear = layers.part == EAR
+        layers.albedo[ear] = skin * np.array([1.02, 0.82, 0.82])
+        layers.occlusion[ear] = 0.75
+        neck = layers.part == NECK
+        layers.albedo[neck] = skin * 0.97
+        chin = smoothstep(-13.5, -7.5, p[neck, 1]) * smoothstep(9.0, 2.0, np.abs(p[neck, 0]))
+        layers.occlusion[neck] = 1.0 - 0.62 * chin
+        layers.gloss[neck] = 0.2
+
+    @staticmethod
+    def _mouth(layers: Layers, ray: np.ndarray) -> None:
+        """Teeth, gums, tongue, and the dark behind them: back faces of the skin."""
+        p, part = layers.point, layers.part
+        teeth = np.flatnonzero(part == TEETH)
+        height = np.abs(p[teeth, 1] - MOUTH_Y)
+        layers.albedo[teeth] = ENAMEL
+        gum = smoothstep(0.62, 0.78, height) * (p[teeth, 1] > MOUTH_Y - 0.35)
+        layers.albedo[teeth] += gum[:, None] * (GUMS - layers.albedo[teeth])
+        layers.gloss[teeth], layers.power[teeth] = 0.8, 60.0
+        tongue = part == TONGUE
+        layers.albedo[tongue], layers.gloss[tongue], layers.power[tongue] = FLESH, 0.6, 30.0
+        back = np.einsum("ij,ij->i", layers.normal, ray) > 0.15
+        cavity = np.flatnonzero(back & ((part == SKIN) | (part == LIP)))
+        layers.albedo[cavity], layers.gloss[cavity], layers.solid[cavity] = CAVITY, 0.0, True
+        layers.occlusion[cavity] = 0.10 + 0.5 * smoothstep(3.0, 8.8, p[cavity, 2])
+        layers.label[cavity] = 3
+        inner = (part == TEETH) | tongue | (part == LIP)
+        layers.occlusion[inner] *= 0.22 + 0.78 * smoothstep(6.3, 9.2, p[inner, 2])
+        layers.solid |= (part == TEETH) | tongue
+
+    def _eyes(self, layers: Layers, ray: np.ndarray, view: View) -> None:
+        near = np.flatnonzero((layers.part == SKIN) & near_eye(layers.point))
+        seen = look(
+            layers.point[near],
+            view.eye,
+            ray[near],
+            gaze=view.gaze,
+            blink=view.blink,
+            face=self.face,
+        )
+        lash = np.clip(seen.lash, 0, 1)[:, None]
+        layers.albedo[near] *= 1.0 - 0.42 * seen.crease[:, None] * (1 - 0.6 * view.blink)
+        layers.albedo[near] += lash * (LASHES - layers.albedo[near])
+        layers.gloss[near] *= 1.0 - 0.9 * lash[:, 0]
+        layers.solid[near] |= seen.lash > 0.35
+        ball = near[seen.open]
+        layers.albedo[ball], layers.normal[ball] = seen.albedo[seen.open], seen.normal[seen.open]
+        layers.occlusion[ball] = seen.occlusion[seen.open]
+        layers.albedo[ball] *= seen.occlusion[seen.open][:, None]
+        layers.gloss[ball], layers.power[ball] = 1.0, 320.0
+        layers.wrap[ball] = EYE_WRAP
+        layers.solid[ball] = True
+        layers.label[ball] = 1
+
+    def _hair_colour(self, strand: np.ndarray, shade: np.ndarray) -> np.ndarray:
+        across = (strand[:, 0] * 80.0) % 4095.0
+        along = np.clip(strand[:, 1], 0, 1) * 63.0
+        streak = self.streaks[along.astype(int), across.astype(int)]
+        tone = np.clip(1.0 + 0.30 * streak, 0.35, 2.0) * shade[:, 0]
+        return np.asarray(self.face.hair) * tone[:, None]
