@@ -1,0 +1,221 @@
+"""The sync check: how far the sound of a video is from its mouth, and how well they fit."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from dubbing import media
+from dubbing.sync.curves import REACH, CurveSum, distances, estimate
+from dubbing.sync.measure import Block, measure
+from dubbing.sync.motion import MotionSum
+from dubbing.sync.network import SyncNetwork, load_network
+from dubbing.sync.result import (
+    FaceResult,
+    Media,
+    Segment,
+    SyncResult,
+    judge,
+    unjudgeable,
+)
+from dubbing.sync.windows import centred, mouth_windows, sound_windows
+from dubbing.voice import at_times
+
+METHOD = "lip geometry and log-mel, two streams"
+SEGMENT_SECONDS = 5.0
+# A last segment shorter than this is joined to the one before.
+SHORTEST_SEGMENT = 3.0
+# A frame without voice counts this much, one in full speech 1 more: a closed mouth in silence
+# says something, but a long silence must not wash out the rest.
+SILENT_WEIGHT = 0.2
+# A segment or a face needs this many compared frames to have an offset of its own.
+MIN_ROWS = 40
+
+
+@torch.no_grad()
+def mouth_embeddings(network: SyncNetwork, shapes: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Embeddings (F, E) of mouth shapes (F, M, 2) at `times` (F,); NaN where a frame is missing."""
+    looked = mouth_windows(centred(shapes, times), times, times)
+    return network.embed_mouth(torch.from_numpy(looked)).numpy()
+
+
+@torch.no_grad()
+def sound_embeddings(network: SyncNetwork, mel: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """Embeddings (W, E) of the sound `mel` (T, D) at `moments` (W,) counted from its start."""
+    heard = sound_windows(mel, moments).astype(np.float32)
+    return network.embed_sound(torch.from_numpy(heard)).numpy()
+
+
+@dataclass
+class _FaceSum:
+    """What is kept of one face over the whole video."""
+
+    whole: CurveSum
+    parts: list[CurveSum]
+    motion: MotionSum
+    place: np.ndarray
+    seen: int = 0
+
+    @classmethod
+    def empty(cls, segments: int, rate: float) -> "_FaceSum":
+        parts = [CurveSum.empty() for _ in range(segments)]
+        return cls(CurveSum.empty(), parts, MotionSum(rate), np.zeros(2))
+
+    @property
+    def evidence(self) -> float:
+        """Grows with the confidence and with how long it was seen (noise falls as 1 / sqrt)."""
+        best = estimate(self.whole.curve())
+        return best.confidence * self.whole.rows**0.5 if best is not None else 0.0
+
+
+class _Sums:
+    """Everything that is added up over the blocks of one video."""
+
+    def __init__(self, network: SyncNetwork, info: media.MediaInfo) -> None:
+        self._network = network
+        self.rate = float(info.rate or 0)
+        self.frames = info.frames
+        self.edges = segment_edges(info.frames, self.rate)
+        self.faces: dict[int, _FaceSum] = {}
+        self.voice = np.zeros(len(self.edges) - 1)
+
+    def add(self, block: Block) -> None:
+        times = block.times - block.sound.start
+        around = (np.arange(-REACH, block.frames + REACH) + 0.5) / self.rate + (
+            block.first / self.rate - block.sound.start
+        )
+        heard = sound_embeddings(self._network, block.sound.mel, around)
+        frame = block.first + np.arange(-REACH, block.frames + REACH)
+        beyond = around >= len(block.sound.mel) / 50
+        heard[(frame < 0) | beyond] = np.nan
+        voice = at_times(block.sound.voice, times)
+        segment = np.searchsorted(self.edges, block.first + np.arange(block.frames), "right") - 1
+        self.voice += np.bincount(segment, voice, len(self.voice))
+        for track, face in block.faces.items():
+            if track not in self.faces:
+                self.faces[track] = _FaceSum.empty(len(self.voice), self.rate)
+            total = self.faces[track]
+            rows = distances(mouth_embeddings(self._network, face.shapes, times), heard)
+            weights = SILENT_WEIGHT + voice
+            total.whole.add(rows, weights)
+            for s in np.unique(segment):
+                chosen = segment == s
+                total.parts[s].add(rows[chosen], weights[chosen])
+            total.motion.add(face.shapes, voice)
+            seen = int(np.isfinite(face.shapes[:, 0, 0]).sum())
+            total.place += seen * np.array(face.centre)
+            total.seen += seen
+
+
+def segment_edges(frames: int, rate: float) -> np.ndarray:
+    """First frames of the 5 s segments, and the number of frames at the end."""
+    edges = [round(k * SEGMENT_SECONDS * rate) for k in range(int(frames / rate / 5) + 1)]
+    edges = [e for e in edges if e < frames] + [frames]
+    if len(edges) > 2 and edges[-1] - edges[-2] < SHORTEST_SEGMENT * rate:
+        del edges[-2]
+    return np.array(edges)
+
+
+def _segments(sums: _Sums, speaker: _FaceSum) -> list[Segment]:
+    found = []
+    for k, part in enumerate(speaker.parts):
+        start, end = sums.edges[k], sums.edges[k + 1]
+        best = estimate(part.curve()) if part.rows >= MIN_ROWS else None
+        found.append(
+            Segment(
+                float(start / sums.rate),
+                float(end / sums.rate),
+                best.offset if best else None,
+                best.confidence if best else None,
+                best.distance if best else None,
+                float(sums.voice[k] / (end - start)),
+            )
+        )
+    return found
+
+
+def _faces(sums: _Sums) -> list[FaceResult]:
+    results = []
+    for track, face in sorted(sums.faces.items(), key=lambda item: -item[1].evidence):
+        best = estimate(face.whole.curve()) if face.whole.rows >= MIN_ROWS else None
+        column, row = face.place / max(face.seen, 1)
+        results.append(
+            FaceResult(
+                track,
+                float(column),
+                float(row),
+                face.seen / sums.rate,
+                best.offset if best else None,
+                best.confidence if best else None,
+            )
+        )
+    return results
+
+
+def check(
+    video: Path,
+    *,
+    source: SyncResult | None = None,
+    network: SyncNetwork | None = None,
+    sound_from: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> SyncResult:
+    """Lip sync of a video, of any length, size, rate and number of faces.
+
+    Frames are those of the video: at 60 fps the search reaches 15 frames = 250 ms.
+
+    Args:
+        video: anything with a picture and a sound.
+        source: the result of the clip the video was made from, to compare the confidence with.
+        network: ours by default.
+        sound_from: another file to take the sound from, beginning together with the video.
+        progress: called with the share done, 0..1.
+
+    Raises:
+        MediaError: the file is missing, unreadable or has no picture.
+    """
+    info = media.probe(video)
+    sound = info if sound_from is None else media.probe(sound_from)
+    if sound.audio_rate is None:
+        facts = Media(info.frames, str(info.rate), info.duration, 0.0, 0.0, 0.0)
+        return SyncResult("unjudged", "no sound in it", METHOD, facts, source=source)
+    network = network or load_network()
+    sums = _Sums(network, info)
+    for block in measure(video, network.face.numpy(), sound_from=sound_from, progress=progress):
+        sums.add(block)
+    speaker = max(sums.faces.values(), key=lambda f: f.evidence, default=None)
+    facts = Media(
+        frames=info.frames,
+        rate=str(info.rate),
+        picture_seconds=info.duration,
+        sound_seconds=sound.sound_seconds,
+        speech_seconds=float(sums.voice.sum() / sums.rate),
+        mouth_seconds=speaker.whole.rows / sums.rate if speaker else 0.0,
+    )
+    reason = unjudgeable(facts, bool(sums.faces))
+    best = estimate(speaker.whole.curve()) if speaker else None
+    if speaker is None or best is None or reason is not None:
+        reason = reason or "too little of a mouth and its sound to compare"
+        return SyncResult("unjudged", reason, METHOD, facts, source=source)
+    faces = _faces(sums)
+    motion = speaker.motion.result()
+    offset_ms = best.offset * 1000 / sums.rate
+    verdict, reason = judge(best, offset_ms, motion, source)
+    return SyncResult(
+        verdict,
+        reason,
+        METHOD,
+        facts,
+        offset_frames=best.offset,
+        offset_ms=offset_ms,
+        confidence=best.confidence,
+        distance=best.distance,
+        curve=[float(d) for d in speaker.whole.curve()],
+        segments=_segments(sums, speaker),
+        speaking_face=faces[0].track,
+        faces=faces,
+        motion=motion,
+        source=source,
+    )

@@ -1,0 +1,99 @@
+"""Talking heads to learn lip sync from: mouths and sounds of whole clips.
+
+Letters: F frames, M mouth points, T sound steps of 20 ms, D = 80 mel bands.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dubbing import media
+from dubbing.errors import SyncError
+from dubbing.features import MelFeatures
+from dubbing.files import atomic_path
+from dubbing.sync.faces import POINTS, track_faces
+from dubbing.sync.mouth import canonical_face, mouth_shape
+from dubbing.voice import SAMPLE_RATE, voice_activity
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One clip as measured: the largest face's mesh (F, 478, 3) at `times` (F,), and its sound."""
+
+    name: str
+    meshes: np.ndarray
+    times: np.ndarray
+    mel: np.ndarray  # (T, D)
+    voice: np.ndarray  # (T,)
+
+
+@dataclass(frozen=True)
+class TalkingClip:
+    """Mouth shapes (F, M, 2) at `times` (F,), and the sound that belongs `offset` s later."""
+
+    name: str
+    shapes: np.ndarray
+    times: np.ndarray
+    mel: np.ndarray
+    voice: np.ndarray
+    offset: float = 0.0
+
+
+def record(path: Path) -> Recording:
+    """Measures one clip of one talking person.
+
+    Raises:
+        MediaError: the clip has no picture or no sound.
+        SyncError: no face is found in half of it.
+    """
+    info = media.probe(path)
+    if info.rate is None:
+        raise SyncError("no picture in it", str(path), "give a video of a talking person")
+    meshes = np.full((info.frames, POINTS, 3), np.nan, np.float32)
+    for k, faces in enumerate(track_faces(media.read_frames(path), float(info.rate))):
+        if faces:
+            meshes[k] = max(faces, key=lambda f: float(np.ptp(f.points[:, 0]))).points
+    if np.isfinite(meshes[:, 0, 0]).mean() < 0.5:
+        raise SyncError("no face in most of it", str(path), "leave this clip out")
+    sound = media.read_audio(path, rate=SAMPLE_RATE)
+    times = (np.arange(info.frames) + 0.5) / float(info.rate)
+    mel = MelFeatures().extract(sound)
+    return Recording(path.stem, meshes, times, mel, voice_activity(sound))
+
+
+def recorded(path: Path, cache: Path | None) -> Recording:
+    """`record`, kept in the folder `cache` under the clip's name, or taken from there."""
+    if cache is None:
+        return record(path)
+    kept = cache / f"{path.stem}.npz"
+    if not kept.exists():
+        new = record(path)
+        with atomic_path(kept) as temporary:
+            np.savez(temporary, meshes=new.meshes, times=new.times, mel=new.mel, voice=new.voice)
+    with np.load(kept) as arrays:
+        return Recording(path.stem, **arrays)
+
+
+def laid_on(recordings: Sequence[Recording], face: np.ndarray) -> list[TalkingClip]:
+    """Clips with their mouths laid on a canonical face (K, 3); frames without a face left out."""
+    clips = []
+    for r in recordings:
+        shapes = mouth_shape(r.meshes, face)
+        seen = np.isfinite(shapes).all((1, 2))
+        clips.append(TalkingClip(r.name, shapes[seen], r.times[seen], r.mel, r.voice))
+    return clips
+
+
+def talking_clips(
+    paths: Sequence[Path], progress: Callable[[str], None] | None = None
+) -> tuple[list[TalkingClip], np.ndarray]:
+    """Clips with their mouths laid on one canonical face of their own, and that face (K, 3)."""
+    recordings = []
+    for path in paths:
+        recordings.append(record(path))
+        if progress is not None:
+            progress(f"measured {path.name}")
+    face = canonical_face(r.meshes for r in recordings)
+    return laid_on(recordings, face), face

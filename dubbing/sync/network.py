@@ -1,0 +1,142 @@
+"""Our two-stream network: a mouth and a sound that belong together lie close together.
+
+The shape is that of SyncNet (Chung & Zisserman 2016): five frames of mouth against 0.2 s of
+speech, one embedding each. The mouth is its aligned lip geometry, not its pixels.
+
+Letters: B items, V = 5 mouth frames, M mouth points, K components, A = 10 sound steps of 20 ms,
+D = 80 mel bands, E embedding size, N members.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import load_file, save_file
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from dubbing.errors import SyncError
+from dubbing.files import atomic_path
+from dubbing.sync.mouth import MOUTH, RIGID
+
+# Five frames of the 25 fps the network was made for; other rates are interpolated to it.
+MOUTH_FRAMES = 5
+MOUTH_STEP = 0.04
+SOUND_STEPS = 10
+BANDS = 80
+FORMAT = "dfrf-sync-1"
+DEFAULT_WEIGHTS = Path(__file__).with_name("weights.safetensors")
+# Log-mel is 0 in silence and 1 in average speech: brings it to about -1.4..1.2.
+_MEL_CENTRE, _MEL_SCALE = 0.7, 2.0
+
+
+class TwoStream(nn.Module):
+    """One pair of streams; both embeddings have length 1."""
+
+    basis: Tensor
+
+    def __init__(self, components: int = 16, width: int = 128, size: int = 64) -> None:
+        super().__init__()
+        self.register_buffer("basis", torch.zeros(2 * len(MOUTH), components))
+        self.mouth = nn.Sequential(
+            nn.Linear(MOUTH_FRAMES * components, width),
+            nn.LayerNorm(width),
+            nn.GELU(),
+            nn.Dropout(0.1),
+            nn.Linear(width, width),
+            nn.LayerNorm(width),
+            nn.GELU(),
+            nn.Dropout(0.1),
+            nn.Linear(width, size),
+        )
+        # Two valid convolutions of three steps leave SOUND_STEPS - 4.
+        joined = width * (SOUND_STEPS - 4)
+        self.sound = nn.Sequential(
+            nn.Conv1d(BANDS, width, 3),
+            nn.GELU(),
+            nn.Dropout(0.1),
+            nn.Conv1d(width, width, 3),
+            nn.GELU(),
+            nn.Flatten(),
+            nn.LayerNorm(joined),
+            nn.Dropout(0.1),
+            nn.Linear(joined, width),
+            nn.GELU(),
+            nn.Linear(width, size),
+        )
+        # Inverse temperature of the contrastive loss, as a logarithm; starts at 10.
+        self.sharpness = nn.Parameter(torch.tensor(2.3))
+
+    def embed_mouth(self, shapes: Float[Tensor, "B V M2"]) -> Float[Tensor, "B E"]:
+        return F.normalize(self.mouth((shapes @ self.basis).flatten(1)), dim=1)
+
+    def embed_sound(self, mel: Float[Tensor, "B A D"]) -> Float[Tensor, "B E"]:
+        scaled = (mel - _MEL_CENTRE) * _MEL_SCALE
+        return F.normalize(self.sound(scaled.transpose(1, 2)), dim=1)
+
+    def loss(self, mouth: Float[Tensor, "B V M2"], mel: Float[Tensor, "B A D"]) -> Tensor:
+        """InfoNCE both ways (van den Oord et al. 2018): item b's sound is b's, all others not."""
+        alike = self.embed_mouth(mouth) @ self.embed_sound(mel).T * self.sharpness.exp()
+        own = torch.arange(len(alike), device=alike.device)
+        return (F.cross_entropy(alike, own) + F.cross_entropy(alike.T, own)) / 2
+
+
+class SyncNetwork(nn.Module):
+    """Members trained alike from other seeds, and the canonical face their mouths are laid on.
+
+    Embeddings of the members stand one after the other, divided by sqrt(N): the squared distance
+    of two of them is the mean of the members' squared distances, 0..4.
+    """
+
+    face: Tensor
+
+    def __init__(self, members: int = 2) -> None:
+        super().__init__()
+        self.register_buffer("face", torch.zeros(len(RIGID), 3))
+        self.members = nn.ModuleList(TwoStream() for _ in range(members))
+
+    def _joined(self, parts: list[Tensor]) -> Tensor:
+        return torch.cat(parts, 1) / len(parts) ** 0.5
+
+    def embed_mouth(self, shapes: Float[Tensor, "B V M2"]) -> Float[Tensor, "B NE"]:
+        """Shapes: mouth points of `mouth_shape` less their mean over the track."""
+        return self._joined([member.embed_mouth(shapes) for member in self._pairs()])
+
+    def embed_sound(self, mel: Float[Tensor, "B A D"]) -> Float[Tensor, "B NE"]:
+        """Mel: `MelFeatures` of 0.2 s around the same moment."""
+        return self._joined([member.embed_sound(mel) for member in self._pairs()])
+
+    def _pairs(self) -> list[TwoStream]:
+        return [m for m in self.members if isinstance(m, TwoStream)]
+
+
+def save_network(network: SyncNetwork, path: Path, about: dict[str, Any]) -> None:
+    """Weights in half precision, with what they are in the header."""
+    header = {"format": FORMAT, "members": str(len(network.members)), "about": json.dumps(about)}
+    tensors = {k: v.detach().half().contiguous() for k, v in network.state_dict().items()}
+    with atomic_path(path) as temporary:
+        save_file(tensors, temporary, header)
+        # safetensors makes files only their owner may read; weights are for everyone.
+        temporary.chmod(0o644)
+
+
+def load_network(path: Path = DEFAULT_WEIGHTS) -> SyncNetwork:
+    """The network in evaluation mode, float32.
+
+    Raises:
+        SyncError: the file is missing, damaged or holds something else.
+    """
+    remedy = "make one with 'dfrf train-sync', or leave the option out to use ours"
+    try:
+        with safe_open(path, "pt") as file:
+            header = file.metadata() or {}
+    except (OSError, SafetensorError) as error:
+        raise SyncError(f"sync weights cannot be read: {error}", str(path), remedy) from error
+    if header.get("format") != FORMAT:
+        raise SyncError("these are no weights of our sync network", str(path), remedy)
+    network = SyncNetwork(int(header["members"]))
+    network.load_state_dict({k: v.float() for k, v in load_file(path).items()})
+    return network.eval()

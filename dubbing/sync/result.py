@@ -1,0 +1,156 @@
+"""What the sync check found, and how it judges it."""
+
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+from dubbing.sync.curves import OFFSETS, Estimate
+
+Verdict = Literal["pass", "warn", "fail", "unjudged"]
+
+# A lip-sync error below 40 ms is not seen (ITU-R BT.1359 finds +45 ms the first visible one); at
+# 25 fps this is one frame.
+TOLERANCE_MS = 40.0
+FAIL_MS = 125.0
+# Shares of the confidence of the source clip.
+PASS_SHARE = 0.6
+FAIL_SHARE = 0.3
+# Stands in for the source's confidence where there is no source: the lower quartile of real
+# talking heads that were left out of training (docs/sync.md).
+TYPICAL_CONFIDENCE = 0.18
+MIN_SECONDS = 3.0
+MIN_SPEECH_SECONDS = 1.0
+MIN_MOUTH_SECONDS = 2.0
+# Opening range of a mouth that moves, in distances between the outer corners of the eyes; a
+# still one measures below a quarter of this (docs/sync.md).
+MOVING_RANGE = 0.03
+# The mouth moves in silence if it is this fast there, as a share of its speed in speech.
+SILENT_SHARE = 0.6
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Five seconds of the video; offset and confidence are None where too little was seen."""
+
+    start: float
+    end: float
+    offset_frames: int | None
+    confidence: float | None
+    distance: float | None
+    voice: float  # share of speech
+
+
+@dataclass(frozen=True)
+class FaceResult:
+    """One face of the video: where it is (shares of the picture), and how well it fits."""
+
+    track: int
+    column: float
+    row: float
+    seconds: float
+    offset_frames: int | None
+    confidence: float | None
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Mouth motion: range of the opening (5th to 95th percentile) in eye distances, speeds a s."""
+
+    opening_range: float
+    moves: bool
+    moves_in_silence: bool | None  # None: too little silence to tell
+    speed_in_speech: float | None
+    speed_in_silence: float | None
+
+
+@dataclass(frozen=True)
+class Media:
+    """Counts and lengths (seconds) of picture and sound."""
+
+    frames: int
+    rate: str
+    picture_seconds: float
+    sound_seconds: float
+    speech_seconds: float
+    mouth_seconds: float
+
+
+@dataclass(frozen=True)
+class SyncResult:
+    """Lip sync of one video. Offsets count positive when the audio is early, as SyncNet does."""
+
+    verdict: Verdict
+    reason: str
+    method: str
+    media: Media
+    offset_frames: int | None = None
+    offset_ms: float | None = None
+    confidence: float | None = None
+    distance: float | None = None
+    curve: list[float] = field(default_factory=list)  # mean distance at each of curve_offsets
+    curve_offsets: list[int] = field(default_factory=lambda: list(OFFSETS))
+    segments: list[Segment] = field(default_factory=list)
+    speaking_face: int | None = None
+    faces: list[FaceResult] = field(default_factory=list)
+    motion: Motion | None = None
+    source: "SyncResult | None" = None
+
+    @property
+    def words(self) -> str:
+        """Offset in words: "audio early by 2 frames (80 ms)", "in sync" or "not measured"."""
+        if self.offset_frames is None or self.offset_ms is None:
+            return "not measured"
+        if self.offset_frames == 0:
+            return "in sync"
+        side = "early" if self.offset_frames > 0 else "late"
+        count = abs(self.offset_frames)
+        plural = "s" if count > 1 else ""
+        return f"audio {side} by {count} frame{plural} ({abs(self.offset_ms):.0f} ms)"
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain values, ready for json.dumps; `source` holds the same of the source clip."""
+        values = asdict(self)
+        values["words"] = self.words
+        values["source"] = self.source.to_json() if self.source is not None else None
+        return values
+
+
+def unjudgeable(media: Media, tracked: bool) -> str | None:
+    """Why nothing can be said about a video, or None."""
+    if min(media.picture_seconds, media.sound_seconds) < MIN_SECONDS:
+        short = min(media.picture_seconds, media.sound_seconds)
+        return f"only {short:.1f} s long, {MIN_SECONDS:.0f} s are needed"
+    if media.speech_seconds < MIN_SPEECH_SECONDS:
+        return f"no speech in the sound ({media.speech_seconds:.1f} s)"
+    if not tracked:
+        return "no face was found"
+    if media.mouth_seconds < MIN_MOUTH_SECONDS:
+        return f"a mouth is seen for {media.mouth_seconds:.1f} s only"
+    return None
+
+
+def judge(
+    best: Estimate, offset_ms: float, motion: Motion, source: SyncResult | None
+) -> tuple[Verdict, str]:
+    """Verdict and reason of a video that can be judged.
+
+    Passes with an offset of at most one frame (or 40 ms, where frames are shorter) and at least
+    60 % of the source's confidence; fails if the mouth stands still, stays below 30 %, or sits
+    visibly off.
+    """
+    measured = source.confidence if source is not None and source.verdict != "unjudged" else None
+    whose = "the source's" if measured is not None else "what real speakers have"
+    reference = measured if measured is not None else TYPICAL_CONFIDENCE
+    share = best.confidence / max(reference, 1e-6)
+    if not motion.moves:
+        return "fail", f"the mouth hardly moves (opening range {motion.opening_range:.3f})"
+    if share < FAIL_SHARE:
+        return "fail", f"the mouth does not follow the sound: confidence {share:.0%} of {whose}"
+    side = "early" if best.offset > 0 else "late"
+    off = f"audio {side} by {abs(best.offset)} frames ({abs(offset_ms):.0f} ms)"
+    if abs(best.offset) > 1 and abs(offset_ms) > FAIL_MS:
+        return "fail", off
+    if abs(best.offset) > 1 and abs(offset_ms) > TOLERANCE_MS:
+        return "warn", off
+    if share < PASS_SHARE:
+        return "warn", f"confidence {best.confidence:.3f} is {share:.0%} of {whose}"
+    return "pass", f"offset {best.offset} frames, confidence {share:.0%} of {whose}"

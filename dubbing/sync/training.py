@@ -1,0 +1,114 @@
+"""Training of our sync network: about a minute a member on one core."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from dubbing.errors import SyncError
+from dubbing.sync.augmentation import Batches
+from dubbing.sync.clips import TalkingClip, talking_clips
+from dubbing.sync.correlation import TRUSTED_PEAK, align, lip_basis
+from dubbing.sync.network import SyncNetwork, TwoStream, save_network
+
+RATE = 2e-3
+WARM_UP = 0.1
+DECAY = 0.05
+MIN_CLIPS = 3
+
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class SyncTraining:
+    """How long and how often."""
+
+    steps: int = 1200
+    members: int = 2
+    seed: int = 0
+
+
+def usable_clips(clips: Sequence[TalkingClip]) -> list[TalkingClip]:
+    """The clips with their own offsets corrected; those without a clear one are left out."""
+    aligned, peaks = align(clips)
+    return [c for c, p in zip(aligned, peaks, strict=True) if p >= TRUSTED_PEAK]
+
+
+def train_member(
+    clips: Sequence[TalkingClip], steps: int, seed: int, progress: Progress | None = None
+) -> TwoStream:
+    """One pair of streams, by InfoNCE with AdamW and a one-cycle rate."""
+    torch.manual_seed(seed)
+    member = TwoStream()
+    member.basis.copy_(torch.from_numpy(lip_basis(clips, member.basis.shape[1])))
+    batches = Batches(clips, np.random.default_rng(seed))
+    optimiser = torch.optim.AdamW(member.parameters(), lr=RATE, weight_decay=DECAY)
+    rates = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, steps, pct_start=WARM_UP)
+    member.train()
+    for step in range(steps):
+        loss = member.loss(*batches.draw())
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        rates.step()
+        if progress is not None and (step + 1) % 100 == 0:
+            progress(f"member of seed {seed}: step {step + 1} of {steps}, loss {loss.item():.3f}")
+    return member.eval()
+
+
+def train_network(
+    clips: Sequence[TalkingClip],
+    face: np.ndarray,
+    settings: SyncTraining,
+    progress: Progress | None = None,
+) -> SyncNetwork:
+    """The network of several members, from clips whose offsets are corrected."""
+    network = SyncNetwork(0)
+    network.face.copy_(torch.from_numpy(face))
+    for k in range(settings.members):
+        network.members.append(train_member(clips, settings.steps, settings.seed + k, progress))
+    return network.eval()
+
+
+def train_sync(
+    clips: Sequence[Path],
+    out: Path,
+    *,
+    settings: SyncTraining | None = None,
+    progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Trains the sync network on clips of one talking person each and writes its weights.
+
+    Returns:
+        what the weights' header says of them: clips used with their own offsets in seconds
+        (positive: the sound is late), clips left out, settings.
+
+    Raises:
+        SyncError: fewer than three clips, or fewer than three whose sound fits their mouth.
+    """
+    settings = settings or SyncTraining()
+    if len(clips) < MIN_CLIPS:
+        raise SyncError(
+            f"{len(clips)} clips are too few", remedy=f"give {MIN_CLIPS} people or more"
+        )
+    measured, face = talking_clips(clips, progress)
+    used = usable_clips(measured)
+    if len(used) < MIN_CLIPS:
+        raise SyncError(
+            "too few clips whose sound fits the mouth",
+            ", ".join(path.name for path in clips),
+            "give more clips of people who speak to the camera",
+        )
+    names = {clip.name for clip in used}
+    about = {
+        "clips": {clip.name: round(clip.offset, 3) for clip in used},
+        "left_out": sorted(clip.name for clip in measured if clip.name not in names),
+        "steps": settings.steps,
+        "members": settings.members,
+        "seed": settings.seed,
+    }
+    save_network(train_network(used, face, settings, progress), out, about)
+    return about
