@@ -17,6 +17,7 @@ Everything a user can cause ends in one of these; anything else that escapes is 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 
 class DubbingError(Exception):
@@ -28,6 +29,9 @@ class DubbingError(Exception):
         self.remedy = remedy
         text = what + (f" ({where})" if where else "") + (f": {remedy}" if remedy else "")
         super().__init__(text)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.what, self.where, self.remedy)
 
 
 @dataclass(frozen=True, order=True)
@@ -47,10 +51,14 @@ class ManifestError(DubbingError):
     """Every problem of a manifest at once, in the order of its lines."""
 
     def __init__(self, where: str, problems: list[Problem]) -> None:
+        self.manifest = where
         self.problems = sorted(problems)
         count = len(problems)
         what = f"{count} problem{'s' if count != 1 else ''} in {where}"
         super().__init__("\n  ".join([what, *map(str, self.problems)]))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.manifest, self.problems)
 
 
 class LockedError(DubbingError):

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from fractions import Fraction
+from itertools import accumulate, pairwise
 from pathlib import Path
 
 import ffmpeg
@@ -18,7 +22,7 @@ AUDIO_CODECS = {
 
 
 def mux(
-    video: Path | str,
+    video: Path | str | Sequence[tuple[Path, Fraction]],
     audio_source: Path | str,
     out: Path | str,
     *,
@@ -31,7 +35,8 @@ def mux(
     """Copy the picture of ``video`` and encode ``seconds`` of sound beside it.
 
     Args:
-        video: its pictures are copied as they are.
+        video: its pictures are copied as they are. Or several files of one kind, each with its
+            exact length in seconds, to be copied one after the other.
         audio_source: anything with sound; every channel of it is kept.
         out: the container follows from the suffix.
         audio_start: where in ``audio_source`` to begin, seconds.
@@ -43,7 +48,6 @@ def mux(
     Raises:
         MediaError: ffmpeg failed.
     """
-    picture = ffmpeg.input(str(video)).video
     sound = ffmpeg.input(str(audio_source), ss=f"{audio_start:.6f}").audio
     # Sound that begins late in its file is padded, so that it keeps its place.
     sound = sound.filter("aresample", **{"async": 1, "first_pts": 0})
@@ -53,7 +57,15 @@ def mux(
     tags = {
         f"metadata:g:{k}": f"{key}={text}" for k, (key, text) in enumerate((metadata or {}).items())
     }
-    with atomic_path(Path(out)) as temporary:
+    with ExitStack() as stack:
+        temporary = stack.enter_context(atomic_path(Path(out)))
+        if isinstance(video, (str, Path)):
+            picture = ffmpeg.input(str(video)).video
+        else:
+            listing = stack.enter_context(tempfile.NamedTemporaryFile("w", suffix=".txt"))
+            listing.write(concat_list(video))
+            listing.flush()
+            picture = ffmpeg.input(listing.name, format="concat", safe=0).video
         options = {"movflags": "+faststart"} if temporary.suffix in (".mp4", ".mov") else {}
         graph = ffmpeg.output(
             picture,
@@ -67,3 +79,14 @@ def mux(
             **tags,
         )
         run(graph, str(out))
+
+
+def concat_list(parts: Sequence[tuple[Path, Fraction]]) -> str:
+    """ffmpeg's list of files to join. Lengths are rounded to microseconds without adding up."""
+    lines = ["ffconcat version 1.0"]
+    ends = [Fraction(0), *accumulate(length for _, length in parts)]
+    for (path, _), (start, end) in zip(parts, pairwise(ends), strict=True):
+        quoted = str(path.resolve()).replace("'", r"'\''")
+        micro = round(end * 10**6) - round(start * 10**6)
+        lines += [f"file '{quoted}'", f"duration {micro // 10**6}.{micro % 10**6:06d}"]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,247 @@
+"""The command line. A body maps its arguments onto one library call and an exit code.
+
+0 all made and passed; 1 a job failed; 2 the manifest or the call is wrong; 3 all made, but a sync
+check fell short; 130 interrupted, and resumable. Nothing here imports torch.
+"""
+
+from __future__ import annotations
+
+import json
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any
+
+import typer
+
+from dubbing.errors import DubbingError, LockedError, ManifestError
+
+FAILED, WRONG_CALL, INTERRUPTED = 1, 2, 130
+FORCEABLE = ("prepare", "finetune", "source", "speech", "heads", "video", "sync")
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Dub consenting people on film into another language.",
+)
+
+ManifestPath = Annotated[Path, typer.Argument(metavar="MANIFEST", help="A manifest (YAML).")]
+Only = Annotated[
+    list[str] | None,
+    typer.Option("--only", metavar="NAME", help="This dub or identity only; may be repeated."),
+]
+Force = Annotated[
+    list[str] | None,
+    typer.Option("--force", metavar="STAGE", help=f"Do again: {', '.join(FORCEABLE)}."),
+]
+Device = Annotated[str, typer.Option("--device", help="auto, cpu or cuda.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+@app.command()
+def dub(  # noqa: PLR0917 (the parameters are options by name)
+    manifest: ManifestPath,
+    only: Only = None,
+    force: Force = None,
+    device: Device = "auto",
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Jobs side by side.")] = 1,
+    keep_going: Annotated[
+        bool, typer.Option("--keep-going/--fail-fast", help="Go on with the other jobs.")
+    ] = True,
+) -> None:
+    """Make every dub of a manifest that is not up to date."""
+    from dubbing import console, pipeline
+    from dubbing.manifest import load
+    from dubbing.running import Options
+
+    options = Options(force=_stages(force), workers=jobs, keep_going=keep_going)
+    loaded = load(manifest)
+    with console.Bars(loaded.warnings) as reporter:
+        result = pipeline.dub(
+            loaded, reporter, options, only=tuple(only or ()), device=_device(device)
+        )
+    console.summary(result)
+    raise typer.Exit(result.code)
+
+
+@app.command()
+def plan(
+    manifest: ManifestPath, only: Only = None, force: Force = None, as_json: AsJson = False
+) -> None:
+    """Check a manifest and its files, and print what would run, and why. Writes nothing."""
+    from dubbing import console, planning
+    from dubbing.jobs import build
+    from dubbing.manifest import load
+
+    loaded = load(manifest)
+    rows = planning.rows(build(loaded, only=tuple(only or ())), _stages(force))
+    console.plan(rows, loaded.warnings, as_json=as_json)
+
+
+@app.command()
+def init(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FOLDER", exists=True, file_okay=False, help="With clips and recordings."
+        ),
+    ],
+) -> None:
+    """Write FOLDER/manifest.yaml from the clips and recordings found there."""
+    from dubbing.starting import write_manifest
+
+    written = write_manifest(folder)
+    typer.echo(f"wrote {written}; fill in who gave consent, then run: dfrf plan {written}")
+
+
+@app.command()
+def prepare(
+    clip: Annotated[
+        Path,
+        typer.Argument(metavar="CLIP", exists=True, dir_okay=False, help="A video of one person."),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder; CLIP.prepared if not given.")
+    ] = None,
+    size: Annotated[int, typer.Option("--size", help="Side of the head crop, pixels.")] = 512,
+) -> None:
+    """Track, matte and restore the background of one clip; see contact_sheet.png."""
+    from dubbing import console
+    from dubbing.preparation import prepare as work
+
+    folder = out or clip.with_suffix(".prepared")
+    with console.Bar(f"prepare {clip.name}") as progress:
+        found = work(clip.resolve(), folder, size=size, progress=progress)
+    for warning in found.warnings:
+        typer.echo(f"warning: {warning}")
+    typer.echo(f"{folder / 'contact_sheet.png'}: residual shift {found.residual_shift:.3f} px")
+
+
+@app.command()
+def sync(
+    video: Annotated[
+        Path,
+        typer.Argument(metavar="VIDEO", exists=True, dir_okay=False, help="Any video with sound."),
+    ],
+    as_json: AsJson = False,
+) -> None:
+    """Measure the lip sync of any video: offset, confidence, distance."""
+    from dubbing import console
+    from dubbing.sync import check
+
+    found = check(video)
+    if as_json:
+        typer.echo(json.dumps(found.to_json(), indent=2))
+    else:
+        console.sync(found.to_json())
+
+
+@app.command()
+def evaluate(
+    manifest: ManifestPath,
+    method: Annotated[
+        list[str] | None,
+        typer.Option("--method", help="dfrf, dfrf-nowarp, ad-nerf or nerf; may be repeated."),
+    ] = None,
+    only: Only = None,
+    device: Device = "auto",
+) -> None:
+    """Held-out metrics of every identity, into OUTPUT/evaluate.json."""
+    from dubbing import console
+    from dubbing.evaluation import evaluate as work
+    from dubbing.manifest import load
+
+    loaded = load(manifest)
+    with console.Bar("evaluate") as progress:
+        found = work(
+            loaded,
+            methods=tuple(method or ("dfrf",)),
+            only=tuple(only or ()),
+            device=_device(device),
+            progress=progress,
+        )
+    console.metrics(found)
+
+
+@app.command(name="train-base")
+def train_base(
+    manifest: ManifestPath,
+    out: Annotated[Path, typer.Option("--out", help="The checkpoint to write.")],
+    iterations: Annotated[int | None, typer.Option("--iterations", min=1)] = None,
+    device: Device = "auto",
+) -> None:
+    """Train the shared base checkpoint across the identities of a manifest; resumes by itself."""
+    from dubbing import console
+    from dubbing.basetraining import train_base as work
+    from dubbing.manifest import load
+
+    loaded = load(manifest)
+    with console.Bar("train-base") as progress:
+        work(loaded, out, device=_device(device), iterations=iterations, progress=progress)
+    typer.echo(f"wrote {out}")
+
+
+@app.command(name="import-checkpoint")
+def import_checkpoint(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", exists=True, dir_okay=False, help="A checkpoint of the paper's code."
+        ),
+    ],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The safetensors file to write.")],
+) -> None:
+    """Read a checkpoint of the published code into ours."""
+    from dfrf.checkpoint import CheckpointError
+    from dfrf.importing import import_checkpoint as work
+
+    try:
+        work(file, out)
+    except CheckpointError as error:
+        raise DubbingError(str(error), str(file)) from error
+    typer.echo(f"wrote {out}")
+
+
+@app.command()
+def doctor() -> None:
+    """What this machine has and lacks, and the command that mends it."""
+    from dubbing import console
+    from dubbing.machine import examine
+
+    findings = examine()
+    console.doctor(findings)
+    raise typer.Exit(int(any(finding.state == "lacking" for finding in findings)))
+
+
+def main() -> None:
+    """Entry point: every user mistake ends in words and an exit code."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        app()
+    except DubbingError as error:
+        typer.echo(f"dfrf: {error}", err=True)
+        wrong_call = isinstance(error, (ManifestError, LockedError)) or error.where.startswith("--")
+        sys.exit(WRONG_CALL if wrong_call else FAILED)
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            typer.echo("dfrf: interrupted; run the same command again to go on", err=True)
+        raise
+
+
+def _interrupt(_signal: int, _frame: FrameType | None) -> Any:
+    raise KeyboardInterrupt
+
+
+def _stages(names: list[str] | None) -> tuple[str, ...]:
+    for name in names or ():
+        if name not in FORCEABLE:
+            raise DubbingError(f"no stage {name!r}", "--force", f"use {', '.join(FORCEABLE)}")
+    return tuple(names or ())
+
+
+def _device(name: str) -> str:
+    if name not in ("auto", "cpu", "cuda"):
+        raise DubbingError(f"no device {name!r}", "--device", "use auto, cpu or cuda")
+    return name

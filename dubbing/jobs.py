@@ -1,0 +1,206 @@
+"""The stages of a manifest: what each reads, what its result depends on, and who does it.
+
+The people who do the work (and torch with them) are imported when a stage runs, not before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dubbing import steps, timeline
+from dubbing.entries import Dub, Identity
+from dubbing.errors import DubbingError, RenderingError
+from dubbing.manifest import Manifest
+from dubbing.stages import Stage
+
+# Raised when a stage would give something else for the same inputs.
+VERSIONS = {
+    "prepare": 1,
+    "finetune": 1,
+    "source": 1,
+    "speech": 1,
+    "heads": 1,
+    "video": 1,
+    "sync": 1,
+}
+OF_IDENTITY = ("prepare", "finetune", "source")
+OF_DUB = ("speech", "heads", "video", "sync")
+NEEDS = {  # the stages of the identity that a dub's stage waits for
+    "speech": (),
+    "heads": ("prepare", "finetune"),
+    "video": ("prepare",),
+    "sync": (),  # without the source's own figures it still says something
+}
+SUFFIX = {"h264": ".mp4", "prores": ".mov", "ffv1": ".mkv"}
+BASE = Path(__file__).with_name("base.safetensors")
+BASE_PRESET = "fast"  # what the checkpoint that comes with the package was trained as
+
+
+@dataclass(frozen=True)
+class Job:
+    """One identity or one dub: its stages in order.
+
+    Attributes:
+        kind: ``identity`` or ``dub``.
+        waits_for: name of the identity a dub needs; '' for an identity.
+        blocked: why it cannot be done at all (a damaged file, speech too long), known beforehand.
+    """
+
+    kind: str
+    name: str
+    stages: dict[str, Stage]
+    waits_for: str = ""
+    blocked: DubbingError | None = None
+
+
+@dataclass(frozen=True)
+class Jobs:
+    """All jobs of a run."""
+
+    identities: dict[str, Job]
+    dubs: dict[str, Job]
+
+    def all(self) -> list[Job]:
+        return [*self.identities.values(), *self.dubs.values()]
+
+
+def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto") -> Jobs:
+    """The jobs of a manifest, or of those identities and dubs that ``only`` names.
+
+    Raises:
+        DubbingError: ``only`` names something the manifest does not have.
+    """
+    known = {*manifest.identities, *(dub.name for dub in manifest.dubs)}
+    if unknown := [name for name in only if name not in known]:
+        raise DubbingError(
+            f"nothing is called {', '.join(unknown)}", "--only", f"there is {', '.join(known)}"
+        )
+    dubs = [d for d in manifest.dubs if not only or {d.name, d.identity} & set(only)]
+    people = {
+        name: identity
+        for name, identity in manifest.identities.items()
+        if not only or name in only or any(dub.identity == name for dub in dubs)
+    }
+    identities = {
+        name: identity_job(manifest, name, identity, device) for name, identity in people.items()
+    }
+    return Jobs(
+        identities, {d.name: dub_job(manifest, d, identities[d.identity], device) for d in dubs}
+    )
+
+
+def identity_job(manifest: Manifest, name: str, identity: Identity, device: str) -> Job:
+    """Prepare, finetune and source check of one person."""
+    folder = manifest.work / "identities" / name
+    prepare = Stage(
+        "prepare",
+        folder / "prepared",
+        VERSIONS["prepare"],
+        {"clip": str(identity.clip), "size": identity.size},
+        {"clip": identity.clip},
+        steps.Prepare(identity),
+    )
+    base = identity.base or shipped_base(identity.preset)
+    iterations = identity.finetune.iterations
+    settings = {
+        "start": identity.start,
+        "seconds": identity.seconds,
+        "preset": identity.preset,
+        "seed": identity.seed,
+        "speech": identity.speech,
+        "iterations": "of the preset" if iterations is None else iterations,
+    }
+    finetune = Stage(
+        "finetune",
+        folder / "model",
+        VERSIONS["finetune"],
+        settings,
+        {"prepared": prepare, **({"base": base} if base else {})},
+        steps.Finetune(identity, prepare.folder, base, device),
+    )
+    source = Stage(
+        "source",
+        folder / "source_sync",
+        VERSIONS["source"],
+        {},
+        {"clip": identity.clip},
+        steps.Check(identity.clip),
+    )
+    stages = {stage.name: stage for stage in (prepare, finetune, source)}
+    return Job("identity", name, stages, blocked=manifest.damaged.get(identity.clip))
+
+
+def dub_job(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
+    """Speech, heads, video and sync check of one dub."""
+    damaged = manifest.damaged.get(dub.audio)
+    if damaged or person.blocked:
+        return Job("dub", dub.name, {}, dub.identity, damaged)
+    identity = manifest.identities[dub.identity]
+    clip, sound = manifest.media[identity.clip], manifest.media[dub.audio]
+    assert clip.rate is not None  # a clip without a picture is no valid manifest
+    folder = manifest.work / "dubs" / dub.name
+    left = sound.sound_seconds - dub.audio_start
+    seconds = min(left, dub.audio_seconds) if dub.audio_seconds else left
+    cut = {"audio_start": dub.audio_start, "seconds": seconds}
+    poses = {"video_start": dub.video_start, "on_longer_audio": dub.on_longer_audio}
+    prepare, finetune = person.stages["prepare"], person.stages["finetune"]
+    speech = Stage(
+        "speech",
+        folder / "speech",
+        VERSIONS["speech"],
+        {"name": identity.speech, "rate": str(clip.rate), **cut},
+        {"audio": dub.audio},
+        steps.Listen(dub, identity.speech, clip.rate, seconds),
+    )
+    heads = Stage(
+        "heads",
+        folder / "heads",
+        VERSIONS["heads"],
+        poses,
+        {"model": finetune, "prepared": prepare, "speech": speech},
+        steps.Render(dub, finetune.folder, prepare.folder, speech.folder, device),
+    )
+    look = {"frame": dub.frame, "label": dub.label, "codec": dub.codec}
+    video = Stage(
+        "video",
+        folder / "video",
+        VERSIONS["video"],
+        {**look, "audio_rate": dub.audio_rate, **poses, **cut},
+        {"heads": heads, "prepared": prepare, "clip": identity.clip, "audio": dub.audio},
+        steps.Compose(dub, heads.folder, prepare.folder, speech.folder, seconds),
+    )
+    sync = Stage(
+        "sync",
+        folder / "sync",
+        VERSIONS["sync"],
+        {},
+        {"video": video, "source": person.stages["source"]},
+        steps.Check(video_file(video, dub), person.stages["source"].folder / steps.SYNC_FILE),
+    )
+    stages = {stage.name: stage for stage in (speech, heads, video, sync)}
+    return Job("dub", dub.name, stages, dub.identity, _too_long(dub, clip, seconds))
+
+
+def _too_long(dub: Dub, clip: Any, seconds: float) -> DubbingError | None:
+    """With ``on_longer_audio: fail`` it is known beforehand that a dub cannot be made."""
+    frames = timeline.frame_count(seconds, clip.rate)
+    left = clip.frames - steps.first_frame(dub, clip.rate)
+    if dub.on_longer_audio != "fail" or frames <= left:
+        return None
+    return RenderingError(
+        f"the speech lasts {frames} frames, the clip {left} from video_start on",
+        dub.name,
+        "set on_longer_audio to bounce, loop, hold or cut, or use a longer clip",
+    )
+
+
+def shipped_base(preset: str) -> Path | None:
+    """The base checkpoint of the package, for the preset it was trained as."""
+    return BASE if preset == BASE_PRESET and BASE.is_file() else None
+
+
+def video_file(video: Stage, dub: Dub) -> Path:
+    """The finished file in the folder of the video stage."""
+    return video.folder / f"video{SUFFIX[dub.codec]}"

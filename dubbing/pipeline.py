@@ -1,0 +1,85 @@
+"""The story of a run in one screen."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dubbing import jobs, lock, report, running
+from dubbing.files import atomic_path, digest_file
+from dubbing.jobs import Job
+from dubbing.manifest import Manifest
+from dubbing.running import Options, Outcome, Reporter, label
+from dubbing.steps import SYNC_FILE
+
+DEFAULT = Options()
+ALL_MADE, SOME_FAILED, SYNC_FELL_SHORT = 0, 1, 3
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run left behind. ``outcomes`` by ``kind/name``; ``syncs``: dub -> its check."""
+
+    outcomes: dict[str, Outcome]
+    code: int
+    report: Path
+    syncs: dict[str, dict[str, Any]]
+
+
+def dub(
+    manifest: Manifest,
+    reporter: Reporter,
+    options: Options = DEFAULT,
+    *,
+    only: tuple[str, ...] = (),
+    device: str = "auto",
+) -> Result:
+    """Make every dub of a manifest that is not up to date, and the report.
+
+    Stage by stage over all jobs, so one large model is in memory at a time: prepare, fine-tune
+    and check every person; then listen, render, composite and check every dub.
+
+    Raises:
+        DubbingError: ``only`` names nothing.
+        LockedError: another run is at work there.
+    """
+    planned = jobs.build(manifest, only=only, device=device)
+    with lock.hold(manifest.work):
+        started = time.perf_counter()
+        outcomes = running.run(planned, options, reporter)
+        for job in planned.dubs.values():
+            if outcomes[label(job)].state in ("made", "kept"):
+                publish(manifest, job)
+        syncs = {name: report.sync_of(job) for name, job in planned.dubs.items()}
+        code = exit_code(outcomes, syncs)
+        seconds = time.perf_counter() - started
+        written = report.write(manifest, planned, outcomes, code=code, seconds=seconds)
+    return Result(outcomes, code, written, syncs)
+
+
+def publish(manifest: Manifest, job: Job) -> None:
+    """Put a dub and its sync check into the output folder, under the dub's name."""
+    folder = job.stages["video"].folder
+    video = next(path for path in folder.glob("video.*"))
+    check = job.stages["sync"].folder / SYNC_FILE
+    for source, suffix in ((video, video.suffix), (check, ".sync.json")):
+        target = manifest.output / f"{job.name}{suffix}"
+        if target.is_file() and digest_file(target) == digest_file(source):
+            continue
+        with atomic_path(target) as temporary:
+            try:
+                os.link(source, temporary)  # the same bytes once on the disk
+            except OSError:  # a file system without hard links
+                shutil.copyfile(source, temporary)
+
+
+def exit_code(outcomes: dict[str, Outcome], syncs: dict[str, dict[str, Any]]) -> int:
+    """0 all made; 1 a job failed; 3 all made, but a sync check fell short."""
+    if any(outcome.state in ("failed", "skipped", "stopped") for outcome in outcomes.values()):
+        return SOME_FAILED
+    fell_short = any(sync.get("verdict") == "fail" for sync in syncs.values())
+    return SYNC_FELL_SHORT if fell_short else ALL_MADE

@@ -1,0 +1,207 @@
+"""A stage: a folder of results with a record, written last, of how they were made.
+
+A stage is done only if its record holds: same version, parameters and inputs, and every output
+as it was. ``Stage.state`` says what does not hold. Work in progress lives in a sibling folder
+named after the key (a digest of version, parameters and inputs): a rerun with the same key goes on
+there, other settings never pick it up, and the last good result stays until the new one is whole.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from dubbing.errors import StageError
+from dubbing.files import atomic_write_json, digest_data, digest_file, sync_file
+from dubbing.media import ffmpeg
+
+RECORD = "stage.json"
+TEMPORARY = ".*.tmp*"  # names given by files.atomic_path
+PACKAGES = ("dfrf", "torch", "numpy")
+
+Progress = Callable[[str, float], None]
+Produce = Callable[[Path, Progress], None]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One piece of work.
+
+    Attributes:
+        name: what is done, as ``--force`` names it: prepare, finetune, speech, heads, ...
+        folder: where its results lie.
+        version: raised when the same inputs give other results.
+        parameters: plain data the results depend on.
+        inputs: what it reads: name -> a file, or an earlier stage.
+        produce: called with an empty or half-done folder to fill.
+    """
+
+    name: str
+    folder: Path
+    version: int
+    parameters: Mapping[str, Any]
+    inputs: Mapping[str, Path | Stage]
+    produce: Produce = field(repr=False, compare=False)
+
+    def digests(self) -> dict[str, str]:
+        """Digest of every input, as it is now."""
+        return {
+            name: source.result() if isinstance(source, Stage) else digest_of(source)
+            for name, source in self.inputs.items()
+        }
+
+    def result(self) -> str:
+        """Digest of everything the stage made; '' if it is not done."""
+        record = self.record()
+        return digest_data(record["outputs"]) if record else ""
+
+    def key(self) -> str:
+        """Names one way to do this stage: the same key gives the same results."""
+        return digest_data([self.name, self.version, dict(self.parameters), self.digests()])
+
+    def record(self, folder: Path | None = None) -> dict[str, Any] | None:
+        """The record of a finished run, or None."""
+        try:
+            found = json.loads(((folder or self.folder) / RECORD).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return found if isinstance(found, dict) and "outputs" in found else None
+
+    def partial(self) -> Path:
+        """Where work in progress with the present settings lives."""
+        return self.folder.with_name(f"{self.folder.name}.partial-{self.key()[:12]}")
+
+    def changes(self) -> list[str]:
+        """Why the results do not hold, one reason a line; empty when they do."""
+        record = self.record()
+        if record is None:
+            started = self._inputs_ready() and self.partial().is_dir()
+            return ["interrupted: goes on where it stopped" if started else "not made yet"]
+        reasons = []
+        if record["version"] != self.version:
+            reasons.append(f"the stage itself changed (version {record['version']})")
+        for name in sorted({*record["parameters"], *self.parameters}):
+            before, now = record["parameters"].get(name), self.parameters.get(name)
+            if before != now:
+                reasons.append(f"{name}: {before} before, {now} now")
+        digests = self.digests()
+        changed = [
+            n for n in {*record["inputs"], *digests} if record["inputs"].get(n) != digests.get(n)
+        ]
+        reasons += [f"{name} changed" for name in sorted(changed)]
+        for name, made in record["outputs"].items():
+            path = self.folder / name
+            if not path.is_file():
+                reasons.append(f"{name} is gone")
+            elif path.stat().st_size != made["bytes"] or digest_of(path) != made["digest"]:
+                reasons.append(f"{name} was altered")
+        return reasons
+
+    def _inputs_ready(self) -> bool:
+        return all(not isinstance(s, Stage) or s.record() for s in self.inputs.values())
+
+
+def run(stage: Stage, progress: Progress, *, force: bool = False) -> bool:
+    """Bring a stage up to date. True if there was anything to do.
+
+    Raises:
+        DubbingError: it failed. The last good result and the partial work stay.
+        StageError: it changed its inputs while it ran.
+    """
+    recover(stage)
+    if not force and not stage.changes():
+        return False
+    key, digests = stage.key(), stage.digests()
+    partial = stage.partial()
+    if force:
+        shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True, exist_ok=True)
+    for torn in partial.rglob(TEMPORARY):
+        torn.unlink()  # half-written files of a run that was killed
+    if stage.record(partial) is None:
+        started = time.perf_counter()
+        stage.produce(partial, progress)
+        if stage.digests() != digests:
+            raise StageError("an input changed while it was read", stage.name, "run it again")
+        _seal(stage, partial, key=key, digests=digests, seconds=time.perf_counter() - started)
+    _swap(stage, partial)
+    for leftover in stage.folder.parent.glob(f"{stage.folder.name}.partial-*"):
+        shutil.rmtree(leftover)  # of other settings
+    return True
+
+
+def recover(stage: Stage) -> None:
+    """Bring the last good result back if a kill came while it was being replaced."""
+    old = _old(stage)
+    if stage.folder.exists():
+        shutil.rmtree(old, ignore_errors=True)
+    elif old.exists():
+        old.rename(stage.folder)
+
+
+def _seal(stage: Stage, folder: Path, *, key: str, digests: dict[str, str], seconds: float) -> None:
+    """Flush every output to the disk, then write the record."""
+    outputs = {}
+    for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.name != RECORD):
+        sync_file(path)
+        name = path.relative_to(folder).as_posix()
+        outputs[name] = {"bytes": path.stat().st_size, "digest": digest_file(path)}
+    record = {
+        "stage": stage.name,
+        "version": stage.version,
+        "key": key,
+        "parameters": dict(stage.parameters),
+        "inputs": digests,
+        "outputs": outputs,
+        "versions": {**versions(), "ffmpeg": ffmpeg.version()},
+        "seconds": round(seconds, 2),
+    }
+    atomic_write_json(folder / RECORD, record)
+
+
+def _swap(stage: Stage, partial: Path) -> None:
+    old = _old(stage)
+    shutil.rmtree(old, ignore_errors=True)
+    if stage.folder.exists():
+        stage.folder.rename(old)
+    partial.rename(stage.folder)
+    sync_file(stage.folder.parent)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _old(stage: Stage) -> Path:
+    return stage.folder.with_name(f"{stage.folder.name}.old")
+
+
+def digest_of(path: Path) -> str:
+    """Digest of a file, read once as long as it does not change; '' where there is none."""
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        return ""
+    return _digest(path, status.st_size, status.st_mtime_ns, status.st_ino)
+
+
+@lru_cache(maxsize=65536)
+def _digest(path: Path, _size: int, _changed: int, _inode: int) -> str:
+    return digest_file(path)
+
+
+@lru_cache(maxsize=1)
+def versions() -> dict[str, str]:
+    """Versions of what the results depend on, without importing any of it."""
+    found = {}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found

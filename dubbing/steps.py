@@ -1,0 +1,185 @@
+"""Who does the work of each stage. Each is called with a folder to fill and a progress function.
+
+What does the work (and torch with it) is imported when it runs, not before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from dubbing import timeline
+from dubbing.entries import Dub, Identity
+from dubbing.files import atomic_write_json
+from dubbing.stages import Progress
+
+SYNC_FILE = "sync.json"
+
+
+@dataclass(frozen=True)
+class Prepare:
+    """Tracking, matte and background of a person's clip."""
+
+    identity: Identity
+
+    def __call__(self, out: Path, progress: Progress) -> None:
+        from dubbing.preparation import prepare
+
+        prepare(self.identity.clip, out, size=self.identity.size, progress=progress)
+
+
+@dataclass(frozen=True)
+class Finetune:
+    """A person's model, from the base checkpoint and the prepared clip."""
+
+    identity: Identity
+    prepared: Path
+    base: Path | None
+    device: str
+
+    def __call__(self, out: Path, progress: Progress) -> None:
+        from dubbing.finetuning import FinetuneSettings, finetune
+
+        wanted = self.identity
+        chosen = {} if wanted.finetune.iterations is None else wanted.finetune.model_dump()
+        settings = FinetuneSettings(
+            preset=wanted.preset, seed=wanted.seed, speech=wanted.speech, **chosen
+        )
+
+        def told(state: Any) -> None:
+            text = f"step {state.step}, loss {state.loss:.4g}, {state.psnr:.1f} dB"
+            left = f"{state.seconds_left:.0f} s left"
+            progress(f"{text}, {left}", state.step / state.iterations)
+
+        finetune(
+            self.prepared,
+            out,
+            start=wanted.start,
+            seconds=wanted.seconds,
+            settings=settings,
+            base=self.base,
+            device=self.device,
+            progress=told,
+        )
+
+
+@dataclass(frozen=True)
+class Listen:
+    """Speech features of a dub's sound."""
+
+    dub: Dub
+    features: str
+    rate: Fraction
+    seconds: float
+
+    def __call__(self, out: Path, progress: Progress) -> None:
+        from dubbing.speech import listen
+
+        progress("listening", 0.0)
+        listen(
+            self.dub.audio,
+            out,
+            name=self.features,
+            rate=self.rate,
+            start=self.dub.audio_start,
+            seconds=self.seconds,
+        )
+
+
+@dataclass(frozen=True)
+class Render:
+    """The head for every frame of a dub."""
+
+    dub: Dub
+    model: Path
+    prepared: Path
+    speech: Path
+    device: str
+
+    def __call__(self, out: Path, progress: Progress) -> None:
+        from dubbing.finetuning import MODEL_FILE
+        from dubbing.heads import render
+        from dubbing.speech import Speech
+
+        poses = poses_of(self.dub, self.prepared, self.speech)
+        render(
+            self.model / MODEL_FILE,
+            self.prepared,
+            Speech.load(self.speech).windows(len(poses)),
+            out,
+            pose_index=poses,
+            device=self.device,
+            progress=lambda done, total: progress(f"frame {done} of {total}", done / total),
+        )
+
+
+@dataclass(frozen=True)
+class Compose:
+    """Heads onto backgrounds, with the sound: the finished video."""
+
+    dub: Dub
+    heads: Path
+    prepared: Path
+    speech: Path
+    seconds: float
+
+    def __call__(self, out: Path, progress: Progress) -> None:
+        from dubbing.video import VideoSettings, make
+
+        dub = self.dub
+        settings = VideoSettings(
+            frame=dub.frame,
+            label=dub.label,
+            codec=dub.codec,
+            audio_rate=None if dub.audio_rate == "source" else dub.audio_rate,
+            audio_start=dub.audio_start,
+            seconds=self.seconds,
+        )
+        make(
+            self.heads,
+            self.prepared,
+            dub.audio,
+            out,
+            pose_index=poses_of(dub, self.prepared, self.speech),
+            settings=settings,
+            progress=progress,
+        )
+
+
+@dataclass(frozen=True)
+class Check:
+    """The lip-sync check of a video, beside that of the clip it was made from."""
+
+    video: Path
+    source: Path | None = None
+
+    def __call__(self, out: Path, progress: Progress) -> None:
+        from dubbing.sync import check
+        from dubbing.sync.result import SyncResult
+
+        progress("listening and looking", 0.0)
+        own = None
+        if self.source is not None and self.source.is_file():
+            own = TypeAdapter(SyncResult).validate_json(self.source.read_bytes())
+        atomic_write_json(out / SYNC_FILE, check(self.video, source=own).to_json())
+
+
+def first_frame(dub: Dub, rate: Fraction) -> int:
+    """Frame of the clip at ``video_start``."""
+    return round(Fraction(dub.video_start) * rate)
+
+
+def poses_of(dub: Dub, prepared: Path, speech: Path) -> np.ndarray:
+    """Frame of the clip for every frame of a dub, int64 (F,); see ``timeline.pose_index``."""
+    from dubbing.preparation.prepared import PreparedClip
+    from dubbing.speech import Speech
+
+    clip = PreparedClip.load(prepared)
+    frames = Speech.load(speech).frames
+    first = first_frame(dub, clip.rate)
+    return timeline.pose_index(frames, clip.segment, first, dub.on_longer_audio)
