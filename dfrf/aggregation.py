@@ -26,7 +26,7 @@ def slot_weights(
     queries: Float[Tensor, "M K D"], keys: Float[Tensor, "N M D"]
 ) -> Float[Tensor, "N M K"]:
     """How much each slot takes from each reference: slots compete, then shares sum to 1 over N."""
-    logits = torch.einsum("mkd,nmd->nmk", queries, keys) * keys.shape[-1] ** -0.5
+    logits = (queries * keys[:, :, None]).sum(-1) * keys.shape[-1] ** -0.5
     shares = logits.softmax(-1) + EPSILON
     return shares / shares.sum(0)
 
@@ -100,14 +100,17 @@ class SlotAttention(nn.Module):
         """
         count = tokens.shape[1]
         inputs = self.norm_input(self.embedded(tokens, points))
-        keys, values = self.key(inputs), self.value(inputs)
+        values = self.value(inputs)
         if noise is None:
             slots = self.mean.expand(count, 1, -1)
+            update = values.mean(0)[:, None]
         else:
+            keys = self.key(inputs)
             slots = self.mean + self.log_deviation.exp() * noise.expand(count, -1, -1)
         for _ in range(self.iterations):
-            weights = slot_weights(self.query(self.norm_slots(slots)), keys)
-            update = torch.einsum("nmk,nmd->mkd", weights, values)
+            if noise is not None:
+                weights = slot_weights(self.query(self.norm_slots(slots)), keys)
+                update = (weights[..., None] * values[:, :, None]).sum(0)
             slots = self.gru(update.flatten(0, 1), slots.flatten(0, 1)).view_as(slots)
             slots = slots + self.mlp2(F.relu(self.mlp1(self.norm_mlp(slots))))
         return slots.expand(-1, self.slots, -1).flatten(1)

@@ -88,6 +88,7 @@ class PaperModel(nn.Module):
         jitter: bool = False,
         smooth: bool = True,
         warp: bool = True,
+        generator: torch.Generator | None = None,
     ) -> dict[str, Tensor]:
         """Renders rays of one frame twice: even samples, then more where those found something.
 
@@ -104,6 +105,7 @@ class PaperModel(nn.Module):
             jitter: True moves samples at random within their strata, for training.
             smooth: see `speech_code`.
             warp: False in the coarse stage of training, equation (2) instead of (7).
+            generator: of the random numbers of jitter and slots, on the device of the rays.
 
         Returns:
             `colour` (R, 3) over the background; `head` (R, 3) premultiplied, without it; `opacity`
@@ -121,6 +123,10 @@ class PaperModel(nn.Module):
             maps = self.encode(references) if isinstance(references, References) else references
         code = self.speech_code(windows, smooth)
         rays, config = rays_o.shape[0], self.config
+        noise = self.training and config.slot_noise
+
+        def uniform(count: int) -> Tensor:
+            return torch.rand((rays, count), generator=generator, device=rays_o.device)
 
         def march(network: field.RadianceMLP, depths: Tensor) -> dict[str, Tensor]:
             points = rays_o[:, None] + depths[:, :-1, None] * rays_d[:, None]
@@ -132,7 +138,8 @@ class PaperModel(nn.Module):
                 code,
                 maps,
                 warp=warp,
-                noise=self.training and config.slot_noise,
+                noise=noise,
+                generator=generator,
             )
             alpha = volrend.opacities(field.density(out.density) * depths.diff(dim=-1) * length)
             seen = volrend.composite(out.colour.sigmoid(), alpha, depths[:, :-1])
@@ -148,18 +155,15 @@ class PaperModel(nn.Module):
                 "offset": out.offset,
             }
 
-        shape = (rays, config.coarse_samples)
         depths = sampling.stratified(
             rays_o.new_full((rays,), near),
             rays_o.new_full((rays,), far),
             config.coarse_samples,
-            torch.rand(shape, device=rays_o.device) if jitter else None,
+            uniform(config.coarse_samples) if jitter else None,
         )
         coarse = march(self.field.coarse, depths)
-        if jitter:
-            u = torch.rand(rays, config.fine_samples, device=rays_o.device)
-        else:
-            u = torch.linspace(0, 1, config.fine_samples, device=rays_o.device)[None]
+        even = torch.linspace(0, 1, config.fine_samples, device=rays_o.device)[None]
+        u = uniform(config.fine_samples) if jitter else even
         # The bins leave out the last sample, so the background's weight is any number.
         weights = F.pad(coarse["weights"].detach(), (0, 1))
         fine = march(self.field.fine, sampling.importance(depths, weights, u))

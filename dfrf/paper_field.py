@@ -182,6 +182,7 @@ class PaperField(nn.Module):
         *,
         warp: bool = True,
         noise: bool = False,
+        generator: torch.Generator | None = None,
     ) -> Samples:
         """Raw colour and density of points, seen along unit directions.
 
@@ -193,6 +194,7 @@ class PaperField(nn.Module):
             references: with their features; None for a field without references.
             warp: False in the coarse stage of training.
             noise: whether slots start from fresh noise.
+            generator: of the noise.
         """
         rays, count = points.shape[:2]
         flat = points.reshape(-1, 3)
@@ -202,7 +204,7 @@ class PaperField(nn.Module):
         feature = points.new_zeros(flat.shape[0], 0)
         if references is not None:
             tokens, offset = self.look_up(flat, encoded, code, references, warp)
-            start = self.aggregation.noise(flat.shape[0]) if noise else None
+            start = self.aggregation.noise(flat.shape[0], generator) if noise else None
             feature = self.aggregation(tokens, encoded, start)
             parts.insert(0, feature)
         views = frequency_encoding(directions, DIRECTION_OCTAVES).repeat_interleave(count, 0)
