@@ -152,7 +152,7 @@ def choose_rate(times: Sequence[float], hints: Sequence[Fraction]) -> tuple[Frac
 
     Constant: the first of the snapped hints, the hints and the snapped mean that puts every
     stamp within ``JITTER`` frames of its place. Variable: the common rate nearest to the
-    median interval, so that a clip with dropped frames keeps the rate it was filmed at.
+    usual interval, so that a clip with dropped frames keeps the rate it was filmed at.
     """
     if len(times) < 2:
         return (hints[0] if hints else Fraction(25)), False
@@ -161,8 +161,11 @@ def choose_rate(times: Sequence[float], hints: Sequence[Fraction]) -> tuple[Frac
     for rate in candidates:
         if all(abs((t - times[0]) * rate - k) < JITTER for k, t in enumerate(times)):
             return rate, False
-    interval = statistics.median(b - a for a, b in itertools.pairwise(times))
-    typical = 1 / interval if interval > 0 else float(mean)
+    intervals = [b - a for a, b in itertools.pairwise(times)]
+    median = statistics.median(intervals)
+    # Their mean, because time stamps in whole milliseconds make 33 and 34 of 1/30 s.
+    usual = [interval for interval in intervals if abs(interval - median) < 0.5 * median]
+    typical = 1 / statistics.fmean(usual) if median > 0 else float(mean)
     return min(COMMON_RATES, key=lambda r: max(r / typical, typical / r)), True
 
 

@@ -1,0 +1,79 @@
+"""Small clips for the tests, made by ffmpeg on the spot."""
+
+from __future__ import annotations
+
+import subprocess
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import soundfile
+
+from dubbing import media
+
+
+def frame(k: int, width: int = 64, height: int = 48) -> np.ndarray:
+    """Frame k: a smooth picture, and k in binary as twelve blocks of black or white on top."""
+    rows, columns = np.mgrid[0:height, 0:width]
+    picture = np.stack([rows * 2, columns * 2, (rows + columns) % 200], axis=-1).astype(np.uint8)
+    side = width // 12
+    for bit in range(12):
+        picture[:side, bit * side : (bit + 1) * side] = 255 * (k >> bit & 1)
+    return picture
+
+
+def number(picture: np.ndarray) -> int:
+    """The k of a frame made by ``frame``, whatever the codec did to it."""
+    side = picture.shape[1] // 12
+    blocks = [picture[: side - 1, b * side + 1 : (b + 1) * side - 1].mean() for b in range(12)]
+    return sum((value > 128) << bit for bit, value in enumerate(blocks))
+
+
+def write_video(
+    path: Path,
+    frames: int,
+    rate: Fraction = Fraction(25),
+    *,
+    size: tuple[int, int] = (64, 48),
+    codec: str = "h264",
+) -> Path:
+    """Numbered frames without sound."""
+    with media.VideoWriter(path, *size, rate, codec) as writer:
+        for k in range(frames):
+            writer.write(frame(k, *size))
+    return path
+
+
+def tone(seconds: float, rate: int = 16000, channels: int = 1, hertz: float = 220.0) -> np.ndarray:
+    """A quiet tone, (samples, channels)."""
+    wave = 0.2 * np.sin(2 * np.pi * hertz * np.arange(round(seconds * rate)) / rate)
+    return np.repeat(wave[:, None], channels, axis=1).astype(np.float32)
+
+
+def write_sound(path: Path, seconds: float, rate: int = 16000, channels: int = 1) -> Path:
+    """A WAV of a tone."""
+    soundfile.write(path, tone(seconds, rate, channels), rate)
+    return path
+
+
+def write_clip(
+    path: Path,
+    frames: int,
+    rate: Fraction = Fraction(25),
+    *,
+    size: tuple[int, int] = (64, 48),
+) -> Path:
+    """Numbered frames with a tone as long as they are."""
+    silent = write_video(path.with_name(f"silent_{path.name}"), frames, rate, size=size)
+    seconds = float(frames / rate)
+    sound = write_sound(path.with_name(f"{path.stem}.tone.wav"), seconds)
+    media.mux(silent, sound, path, audio_start=0, seconds=seconds)
+    silent.unlink()
+    sound.unlink()
+    return path
+
+
+def ffmpeg(*arguments: str | Path) -> None:
+    """Run ffmpeg on what ``dubbing.media`` would not make."""
+    command = [media.binary(), "-y", "-loglevel", "error", *map(str, arguments)]
+    subprocess.run(command, check=True)

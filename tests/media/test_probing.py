@@ -1,0 +1,85 @@
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from dubbing import media
+from dubbing.errors import MediaError
+from dubbing.media.probing import choose_rate
+from tests import clips
+
+
+@pytest.mark.parametrize("rate", [Fraction(24000, 1001), Fraction(25), Fraction(30)])
+@pytest.mark.parametrize("suffix", [".mp4", ".mkv", ".mov"])
+def test_rate_and_frames_are_exact(tmp_path: Path, rate: Fraction, suffix: str) -> None:
+    info = media.probe(clips.write_video(tmp_path / f"clip{suffix}", 31, rate))
+    assert (info.rate, info.frames, info.variable_rate) == (rate, 31, False)
+    assert (info.width, info.height) == (64, 48)
+    assert info.audio_rate is None
+    assert info.duration == pytest.approx(31 / float(rate))
+
+
+def test_sound_alone(tmp_path: Path) -> None:
+    info = media.probe(clips.write_sound(tmp_path / "a.wav", 1.25, 44100, 2))
+    assert (info.rate, info.frames, info.width) == (None, 0, 0)
+    assert (info.audio_rate, info.audio_channels) == (44100, 2)
+    assert info.sound_seconds == pytest.approx(1.25)
+
+
+def test_a_clip_with_dropped_frames_keeps_the_rate_it_was_filmed_at(tmp_path: Path) -> None:
+    whole = clips.write_video(tmp_path / "whole.mp4", 60, Fraction(30))
+    torn = tmp_path / "torn.mkv"
+    # Every seventh and every eighth frame are missing; the others keep their times.
+    keep = "select='mod(n,7)*mod(n,8)'"
+    clips.ffmpeg("-i", whole, "-vf", keep, "-fps_mode", "passthrough", "-c:v", "ffv1", torn)
+    info = media.probe(torn)
+    assert info.variable_rate
+    assert info.rate == 30
+    shown = [clips.number(f) for f in media.read_frames(torn)]
+    assert len(shown) == info.frames
+    # Where a frame is missing the one before it stays on screen; time is kept to the end.
+    kept = [k for k in range(60) if k % 7 and k % 8]
+    offset = min(kept)
+    for k, seen in enumerate(shown):
+        nearest = max((v for v in kept if v <= k + offset), default=min(kept))
+        assert abs(seen - nearest) <= 1, (k, seen, nearest)
+
+
+def test_rotation_is_honoured(tmp_path: Path) -> None:
+    plain = clips.write_video(tmp_path / "plain.mp4", 3)
+    turned = tmp_path / "turned.mp4"
+    clips.ffmpeg("-display_rotation", "90", "-i", plain, "-c", "copy", turned)
+    info = media.probe(turned)
+    assert (info.width, info.height) == (48, 64)
+    assert next(media.read_frames(turned)).shape == (64, 48, 3)
+
+
+def test_cover_art_is_no_picture(tmp_path: Path) -> None:
+    sound, cover = clips.write_sound(tmp_path / "a.wav", 1), tmp_path / "cover.png"
+    clips.ffmpeg("-f", "lavfi", "-i", "color=red:s=32x32", "-frames:v", "1", cover)
+    song = tmp_path / "song.m4a"
+    maps = ("-map", "0", "-map", "1", "-c:v", "copy", "-disposition:v", "attached_pic")
+    clips.ffmpeg("-i", sound, "-i", cover, *maps, song)
+    assert media.probe(song).rate is None
+
+
+@pytest.mark.parametrize("content", [b"", b"hello", bytes(5000)])
+def test_what_is_no_media_is_said(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "broken.mp4"
+    path.write_bytes(content)
+    with pytest.raises(MediaError, match=r"broken\.mp4"):
+        media.probe(path)
+
+
+def test_a_missing_file_is_said(tmp_path: Path) -> None:
+    with pytest.raises(MediaError, match="no such file"):
+        media.probe(tmp_path / "nothing.mp4")
+
+
+def test_choose_rate_bears_jitter_but_not_gaps() -> None:
+    times = [k / 25 + 0.005 * (-1) ** k for k in range(50)]
+    assert choose_rate(times, [Fraction(25)]) == (25, False)
+    assert choose_rate(times[:20] + times[21:], [Fraction(25)]) == (25, True)
+    # A Matroska file knows milliseconds only.
+    rounded = [round(k * 1001 / 24) / 1000 for k in range(50)]
+    assert choose_rate(rounded, []) == (Fraction(24000, 1001), False)
