@@ -18,6 +18,7 @@ from dubbing.sync.result import (
     Segment,
     SyncResult,
     judge,
+    reference_confidence,
     unjudgeable,
 )
 from dubbing.sync.windows import centred, mouth_windows, sound_windows
@@ -202,7 +203,7 @@ def check(
     faces = _faces(sums)
     motion = speaker.motion.result()
     offset_ms = best.offset * 1000 / sums.rate
-    verdict, reason = judge(best, offset_ms, motion, source)
+    verdict, reason = judge(best, offset_ms, motion, reference_confidence(source, METHOD))
     return SyncResult(
         verdict,
         reason,

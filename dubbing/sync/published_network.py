@@ -1,6 +1,6 @@
 """The network of the published SyncNet (Chung & Zisserman 2016), for weights a user has.
 
-Modules are laid out so that the tensor names of `syncnet_v2.model` fit. Ours is in network.py.
+Modules are laid out so that the tensor names of `syncnet_v2.model` fit, in its order. Ours is in network.py.
 
 Letters: B windows, E = 1024 embedding size.
 """
@@ -59,6 +59,8 @@ class PublishedSyncNet(nn.Module):
             nn.MaxPool2d((3, 3), (2, 2)),
             *_sound_block(256, 512, (5, 4), 0),
         )
+        self.netfcaud = _head()
+        self.netfclip = _head()
         self.netcnnlip = nn.Sequential(
             *_mouth_block(3, 96, (5, 7, 7), (1, 2, 2)),
             nn.MaxPool3d((1, 3, 3), (1, 2, 2)),
@@ -70,8 +72,6 @@ class PublishedSyncNet(nn.Module):
             nn.MaxPool3d((1, 3, 3), (1, 2, 2)),
             *_mouth_block(256, 512, (1, 6, 6)),
         )
-        self.netfcaud = _head()
-        self.netfclip = _head()
 
     def embed_sound(self, mfcc: Float[Tensor, "B 1 13 20"]) -> Float[Tensor, "B E"]:
         return self.netfcaud(self.netcnnaud(mfcc).flatten(1))

@@ -114,6 +114,11 @@ class SyncResult:
         return values
 
 
+def reference_confidence(source: SyncResult | None, method: str) -> float | None:
+    """The source's confidence, if it was measured by the same method."""
+    return source.confidence if source is not None and source.method == method else None
+
+
 def unjudgeable(media: Media, tracked: bool) -> str | None:
     """Why nothing can be said about a video, or None."""
     if min(media.picture_seconds, media.sound_seconds) < MIN_SECONDS:
@@ -129,19 +134,21 @@ def unjudgeable(media: Media, tracked: bool) -> str | None:
 
 
 def judge(
-    best: Estimate, offset_ms: float, motion: Motion, source: SyncResult | None
+    best: Estimate,
+    offset_ms: float,
+    motion: Motion | None,
+    reference: float | None,
+    typical: float = TYPICAL_CONFIDENCE,
 ) -> tuple[Verdict, str]:
     """Verdict and reason of a video that can be judged.
 
     Passes with an offset of at most one frame (or 40 ms, where frames are shorter) and at least
     60 % of the source's confidence; fails if the mouth stands still, stays below 30 %, or sits
-    visibly off.
+    visibly off. `reference` is the source's confidence; `typical` stands for it without a source.
     """
-    measured = source.confidence if source is not None and source.verdict != "unjudged" else None
-    whose = "the source's" if measured is not None else "what real speakers have"
-    reference = measured if measured is not None else TYPICAL_CONFIDENCE
-    share = best.confidence / max(reference, 1e-6)
-    if not motion.moves:
+    whose = "the source's" if reference is not None else "what real speakers have"
+    share = best.confidence / max(reference if reference is not None else typical, 1e-6)
+    if motion is not None and not motion.moves:
         return "fail", f"the mouth hardly moves (opening range {motion.opening_range:.3f})"
     if share < FAIL_SHARE:
         return "fail", f"the mouth does not follow the sound: confidence {share:.0%} of {whose}"
