@@ -1,0 +1,92 @@
+"""Normal equations of a chain of 6-vectors, each coupled with its two neighbours.
+
+T frames with 6 unknowns each. Poses that are smoothed by their second differences give a symmetric
+matrix with three block diagonals: a band of 18 rows, solved in time linear in T.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+DOF = 6
+BAND = 3 * DOF
+
+
+def lower_band(diagonal: np.ndarray, next_one: np.ndarray, next_two: np.ndarray) -> np.ndarray:
+    """LAPACK's lower band storage, (18, 6 T), of a block matrix.
+
+    Args:
+        diagonal: (T, 6, 6) symmetric blocks (t, t).
+        next_one: (T - 1, 6, 6) blocks (t + 1, t).
+        next_two: (T - 2, 6, 6) blocks (t + 2, t).
+    """
+    frames = len(diagonal)
+    band = np.zeros((BAND, DOF * frames))
+    for offset, blocks in enumerate((diagonal, next_one, next_two)):
+        for column in range(DOF):
+            for row in range(DOF):
+                depth = offset * DOF + row - column
+                if depth >= 0:
+                    band[depth, column : DOF * len(blocks) : DOF] = blocks[:, row, column]
+    return band
+
+
+def solve_band(band: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solve A x = right for a positive definite A in lower band storage; right (6 T,) or (6 T, K).
+
+    Raises:
+        numpy.linalg.LinAlgError: A is not positive definite.
+    """
+    return np.asarray(solveh_banded(band, right, lower=True, check_finite=False))
+
+
+def multiply_band(band: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """A @ vector for a symmetric A in lower band storage; vector (6 T,)."""
+    out = band[0] * vector
+    for depth in range(1, len(band)):
+        out[depth:] += band[depth, :-depth] * vector[:-depth]
+        out[:-depth] += band[depth, :-depth] * vector[depth:]
+    return out
+
+
+def second_difference_links(
+    segment: np.ndarray, usable: np.ndarray, repeated: np.ndarray
+) -> np.ndarray:
+    """Middles t of the triples (t - 1, t, t + 1) that smoothness may join, as (T,) bool.
+
+    A triple within one segment (no cut inside) of usable frames, none of which shows the one
+    before it again: a conversion from 25 to 30 frames a second repeats every sixth, and motion
+    that stops for a frame is not smooth.
+    """
+    linked = np.zeros(len(segment), bool)
+    if len(segment) > 2:
+        same = (segment[:-2] == segment[1:-1]) & (segment[1:-1] == segment[2:])
+        moving = ~repeated[1:-1] & ~repeated[2:]
+        linked[1:-1] = same & moving & usable[:-2] & usable[1:-1] & usable[2:]
+    return linked
+
+
+def smoothness_blocks(
+    linked: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Blocks of sum_t w |x_{t-1} - 2 x_t + x_{t+1}|^2 over the linked t.
+
+    Args:
+        linked: (T,) bool, the middles of the triples.
+        weight: (6,) inverse variances.
+
+    Returns:
+        Blocks for :func:`lower_band`.
+    """
+    frames = len(linked)
+    one = np.zeros(frames)
+    off1, off2 = np.zeros(max(frames - 1, 0)), np.zeros(max(frames - 2, 0))
+    middle = np.flatnonzero(linked)
+    for shift, factor in ((-1, 1.0), (0, 4.0), (1, 1.0)):
+        np.add.at(one, middle + shift, factor)
+    np.add.at(off1, middle - 1, -2.0)
+    np.add.at(off1, middle, -2.0)
+    np.add.at(off2, middle - 1, 1.0)
+    eye = np.diag(weight)
+    return one[:, None, None] * eye, off1[:, None, None] * eye, off2[:, None, None] * eye

@@ -1,0 +1,54 @@
+"""A page to look at: source, matte, restored background and pose axes of a few frames."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dubbing.files import atomic_write_bytes
+from dubbing.preparation.camera import Poses, project, to_camera
+from dubbing.preparation.prepared import PreparedClip
+
+COLUMNS = 8
+CELL = 240  # px
+AXES = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, -1.5]])  # units of 10 cm, z to the nose
+COLOURS = ((230, 60, 60), (60, 200, 60), (70, 110, 255))  # x, y, z
+GREEN = np.array([0, 177, 64], np.float32)
+
+
+def contact_sheet(clip: PreparedClip, path: Path) -> None:
+    """Write the page as PNG: a column a frame, rows source with axes, cut-out head, background."""
+    shown = np.unique(np.linspace(0, len(clip) - 1, COLUMNS + 2).round().astype(int)[1:-1])
+    columns = [column(clip, int(t)) for t in shown]
+    _, png = cv2.imencode(".png", cv2.cvtColor(np.hstack(columns), cv2.COLOR_RGB2BGR))
+    atomic_write_bytes(path, png.tobytes())
+
+
+def column(clip: PreparedClip, t: int) -> np.ndarray:
+    """Pictures (4 * CELL, CELL, 3) of frame t, one above the other."""
+    image, matte, background = next(clip.frames(t, 1))
+    share = matte[..., None].astype(np.float32) / 255
+    cut_out = (GREEN + share * (image - GREEN)).round().astype(np.uint8)
+    pictures = (with_axes(image, clip, t), cut_out, np.repeat(matte[..., None], 3, 2), background)
+    cells = [cv2.resize(p, (CELL, CELL), interpolation=cv2.INTER_AREA) for p in pictures]
+    text = f"{t}" if clip.valid[t] else f"{t} no face"
+    cv2.putText(
+        cells[0], text, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 255), 1, cv2.LINE_AA
+    )
+    return np.vstack(cells)
+
+
+def with_axes(image: np.ndarray, clip: PreparedClip, t: int) -> np.ndarray:
+    """The image with the head's axes and its mean shape drawn in."""
+    out = image.copy()
+    pose = Poses(clip.rotation[t : t + 1], clip.translation[t : t + 1])
+    centre = clip.centre[t : t + 1]
+    thick = max(1, clip.size // 150)
+    for point in project(to_camera(pose, clip.shape), clip.focal, centre)[0]:
+        cv2.circle(out, tuple(point.round().astype(int).tolist()), 1, (120, 255, 120), -1)
+    ends = project(to_camera(pose, AXES), clip.focal, centre)[0].round().astype(int).tolist()
+    for end, colour in zip(ends[1:], COLOURS, strict=True):
+        cv2.arrowedLine(out, ends[0], end, colour, thick, cv2.LINE_AA)
+    return out

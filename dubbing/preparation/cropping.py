@@ -1,0 +1,96 @@
+"""The square window that follows the head, there and back.
+
+S is the side of the crop in px. A window (x0, y0, side) has whole numbers of source px, so that a
+crop is a slice and a resize, and moving it moves the principal point by an exact amount.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+FACE_SHARE = 0.5  # of the window's height, for the face from the forehead to the chin
+FACE_HEIGHT_AT = 0.55  # of the window's height, for the middle of the face: there is hair above
+WHOLE_SHARE = 0.8  # a square source is used whole where the window would be this much of it
+STILL_SHARE = 0.25  # of the side: a head that travels less is watched by a window at rest
+SMOOTH_SECONDS = 1.0
+
+
+def choose_windows(
+    box: np.ndarray, segment: np.ndarray, size: tuple[int, int], rate: float
+) -> np.ndarray:
+    """Windows (T, 3) x0, y0, side, for face boxes (T, 4) in a source of ``size`` (W, H).
+
+    The side is one for the whole clip, so that the focal length is. Within a shot the window
+    rests, or glides where the head travels.
+    """
+    width, height = size
+    shorter = min(width, height)
+    side = min(shorter, 2 * round(float(np.median(box[:, 3] - box[:, 1])) / FACE_SHARE / 2))
+    if width == height and side >= WHOLE_SHARE * shorter:
+        return np.tile([0.0, 0.0, float(shorter)], (len(box), 1))
+    x0 = (box[:, 0] + box[:, 2]) / 2 - side / 2
+    y0 = (box[:, 1] + box[:, 3]) / 2 - FACE_HEIGHT_AT * side
+    corner = np.stack((x0, y0), axis=1)
+    for first, last in pairwise(np.flatnonzero(np.diff(segment, prepend=-1, append=-2))):
+        shot = corner[first:last]
+        for axis in range(2):
+            low, high = np.percentile(shot[:, axis], [1, 99])
+            if high - low < STILL_SHARE * side:
+                shot[:, axis] = (low + high) / 2
+            else:
+                shot[:, axis] = gaussian_filter1d(
+                    shot[:, axis], SMOOTH_SECONDS * rate, mode="nearest"
+                )
+    corner = np.clip(corner.round(), 0, [width - side, height - side])
+    return np.concatenate((corner, np.full((len(box), 1), float(side))), axis=1)
+
+
+def crop(image: np.ndarray, window: np.ndarray, size: int) -> np.ndarray:
+    """The window of an image (H, W, ...) as (S, S, ...); the very pixels where side == S."""
+    x0, y0, side = (int(v) for v in window)
+    part = image[y0 : y0 + side, x0 : x0 + side]
+    if side == size:
+        return np.ascontiguousarray(part)
+    return cv2.resize(part, (size, size), interpolation=interpolation(side, size))
+
+
+def interpolation(source: int, target: int) -> int:
+    """OpenCV's filter that neither aliases when it shrinks nor blurs when it enlarges."""
+    return cv2.INTER_AREA if target < source else cv2.INTER_CUBIC
+
+
+def paste(
+    frame: np.ndarray, window: np.ndarray, crop_image: np.ndarray, mask: np.ndarray
+) -> np.ndarray:
+    """A source frame (H, W, 3) with a crop image (S, S, 3) laid in where the mask is above 0.
+
+    Args:
+        frame: uint8 source frame; it is not changed.
+        window: (3,) the frame's window.
+        crop_image: uint8.
+        mask: (S, S) uint8, 255 for the crop image alone, values between mix.
+
+    Returns:
+        uint8 (H, W, 3); pixels where the resampled mask is 0 equal the frame's.
+    """
+    x0, y0, side = (int(v) for v in window)
+    if side != len(mask):
+        method = interpolation(len(mask), side)
+        crop_image = cv2.resize(crop_image, (side, side), interpolation=method)
+        mask = cv2.resize(mask, (side, side), interpolation=cv2.INTER_LINEAR)
+    out = frame.copy()
+    part = out[y0 : y0 + side, x0 : x0 + side]
+    share = mask[..., None].astype(np.float32) / 255
+    mixed = part + share * (crop_image.astype(np.float32) - part)
+    part[...] = np.where(mask[..., None] > 0, np.clip(mixed.round(), 0, 255), part)
+    return out
+
+
+def to_crop(points: np.ndarray, window: np.ndarray, size: int) -> np.ndarray:
+    """Pixels (..., 2) of the source in px of the crop; whole numbers are middles of pixels."""
+    x0, y0, side = window
+    return (points + 0.5 - np.array([x0, y0])) * (size / side) - 0.5

@@ -1,0 +1,74 @@
+"""Grey pictures of the upper face in every frame, on disk, for sampling again and again.
+
+T frames, N points. Small windows that move with the face: memory stays constant, and a frame is
+decoded once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+BLUR = 1.2  # px at a crop of 512
+MARGIN = 16.0  # px at a crop of 512, around the points
+HALF = 0.5  # px; gradients are differences of samples this far to both sides
+
+
+@dataclass(frozen=True)
+class FaceStrip:
+    """pictures (T, h, w) uint8 and the place (T, 2) of their first pixels (x, y) in the crop."""
+
+    pictures: np.ndarray
+    corner: np.ndarray
+
+    @staticmethod
+    def record(path: Path, crops: Iterable[np.ndarray], pixels: np.ndarray) -> FaceStrip:
+        """Cut the strip out of crops (S, S, 3), around the face's pixels (T, P, 2) of the crop.
+
+        Args:
+            path: file that holds the pictures for as long as they are needed.
+        """
+        strip: np.ndarray | None = None
+        corner = np.zeros((len(pixels), 2), int)
+        for t, image in enumerate(crops):
+            size = len(image)
+            if strip is None:
+                margin = MARGIN * size / 512
+                low, high = pixels.min(1) - margin, pixels.max(1) + margin
+                extent = np.minimum(np.ceil((high - low).max(0)).astype(int) + 1, size)
+                corner = np.clip(low.round().astype(int), 0, size - extent)
+                shape = (len(pixels), int(extent[1]), int(extent[0]))
+                strip = np.lib.format.open_memmap(path, mode="w+", dtype=np.uint8, shape=shape)
+            grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+            soft = cv2.GaussianBlur(grey, (0, 0), BLUR * size / 512)
+            x, y = corner[t]
+            strip[t] = soft[y : y + strip.shape[1], x : x + strip.shape[2]]
+        assert strip is not None, "a clip has frames"
+        return FaceStrip(strip, corner)
+
+    def sample(self, t: int, pixels: np.ndarray) -> np.ndarray:
+        """Bilinear grey values (N,) float32 at pixels (N, 2) of frame t's crop; NaN outside."""
+        picture = np.asarray(self.pictures[t])
+        at = (pixels - self.corner[t]).astype(np.float32)
+        # OpenCV rounds sampling places of 8-bit pictures to 1/32 px, of float32 pictures too; so
+        # weigh the four neighbours here.
+        column, row = np.floor(at).astype(np.int32).T
+        height, width = picture.shape
+        inside = (column >= 0) & (row >= 0) & (column < width - 1) & (row < height - 1)
+        flat = np.where(inside, row * width + column, 0)
+        values = picture.ravel().astype(np.float32)
+        u, v = (at - np.floor(at)).T
+        upper = values[flat] * (1 - u) + values[flat + 1] * u
+        lower = values[flat + width] * (1 - u) + values[flat + width + 1] * u
+        return np.where(inside, upper * (1 - v) + lower * v, np.nan).astype(np.float32)
+
+    def gradient(self, t: int, pixels: np.ndarray) -> np.ndarray:
+        """Derivative (N, 2) of the grey value along columns and rows, in levels a px."""
+        right, down = np.array([HALF, 0]), np.array([0, HALF])
+        across = self.sample(t, pixels + right) - self.sample(t, pixels - right)
+        along = self.sample(t, pixels + down) - self.sample(t, pixels - down)
+        return np.stack((across, along), axis=1) / (2 * HALF)

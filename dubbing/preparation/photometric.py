@@ -1,0 +1,200 @@
+"""Photometric refinement: direct alignment of the upper face in all frames together.
+
+T frames, N points of the skin. Landmark jitter is shared by all points of a frame, so no bundle
+adjustment removes it; the pixels do. Every frame is aligned to the mean face texture by
+Gauss-Newton on the pose (Lucas and Kanade 1981, with J = grad I . d pi / d(omega, T)), together
+with the landmark and smoothness terms of :mod:`bundle`. Gain and offset of a frame are eliminated:
+residuals and Jacobian are taken orthogonal to a constant and to the texture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dubbing.preparation.banded import DOF
+from dubbing.preparation.bundle import (
+    NormalEquations,
+    Observations,
+    huber_weight,
+    landmark_equations,
+    point_sigmas,
+    smoothness_weights,
+    solve_poses,
+)
+from dubbing.preparation.camera import Poses, pose_jacobian, project, to_camera
+from dubbing.preparation.face_strip import FaceStrip
+from dubbing.preparation.skin import Skin
+
+ROUNDS = 4  # new mean textures
+STEPS = 2  # Gauss-Newton steps a texture
+NOISE = 4.0  # grey levels: of a pixel whose texture does not change at all
+CORRELATED = 8.0  # neighbouring pixels err together: so many count as one
+LANDMARK_INFLATION = 60.0  # of the landmarks' variances; they only hold what pixels do not see
+LEAST_FACING = 0.3  # cosine between normal and ray, below which a point is not used
+LEAST_POINTS = 50  # seen in a frame
+SCORE_STEPS = 5
+CHUNK = 64  # frames at a time
+
+
+@dataclass(frozen=True)
+class Texture:
+    """The mean face: grey values (N,) and inverse variances (N,), 0 where never seen."""
+
+    mean: np.ndarray
+    weight: np.ndarray
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """What photometric refinement works on: the skin, its pictures and the camera."""
+
+    skin: Skin
+    strip: FaceStrip
+    focal: float
+    centre: np.ndarray
+
+    def samples(self, poses: Poses, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Grey values (K, N) float32 of the given frames, NaN where not seen, and pixels."""
+        chosen = poses[frames]
+        in_camera = to_camera(chosen, self.skin.points)
+        pixels = project(in_camera, self.focal, self.centre[frames])
+        values = np.stack([self.strip.sample(t, at) for t, at in zip(frames, pixels, strict=True)])
+        normals = np.einsum("tij,pj->tpi", chosen.rotation, self.skin.normals)
+        facing = -(normals * in_camera).sum(-1) / np.linalg.norm(in_camera, axis=-1)
+        values[facing < LEAST_FACING] = np.nan
+        return values, pixels
+
+
+def texture_of(values: np.ndarray) -> Texture:
+    """Mean face of samples (T, N): temporal median, weight 1 / (MAD^2 + 4^2).
+
+    Frames are first brought to a common mean and contrast.
+    """
+    mean = np.nanmean(values, axis=1, keepdims=True)
+    contrast = np.nanstd(values, axis=1, keepdims=True)
+    even = (values - mean) / contrast * np.median(contrast) + np.median(mean)
+    seen = np.isfinite(even).mean(0) > 0.5
+    even = np.where(seen, even, 0)
+    texture = np.nanmedian(even, axis=0)
+    spread = np.nanmedian(np.abs(even - texture), axis=0)
+    return Texture(texture, np.where(seen, 1 / (spread**2 + NOISE**2), 0))
+
+
+def without_gain(
+    columns: np.ndarray, texture: np.ndarray, weight: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Columns (N, C) with their weighted parts along 1 and along the texture (N,) taken out.
+
+    Returns:
+        The columns (N, C) and the coefficients (2, C) of what was taken out.
+    """
+    basis = np.stack((np.ones_like(texture), texture), axis=1)
+    weighted = basis * weight[:, None]
+    coefficients = np.linalg.solve(weighted.T @ basis, weighted.T @ columns)
+    return columns - basis @ coefficients, coefficients
+
+
+def pixel_equations(
+    poses: Poses, seen: Observations, work: Alignment, texture: Texture
+) -> NormalEquations:
+    """Photometric part of a pose step, 0 for frames that are not usable."""
+    frames = len(poses)
+    diagonal, right = np.zeros((frames, DOF, DOF)), np.zeros((frames, DOF))
+    usable = np.flatnonzero(seen.usable)
+    for begin in range(0, len(usable), CHUNK):
+        index = usable[begin : begin + CHUNK]
+        values, pixels = work.samples(poses, index)
+        in_camera = to_camera(poses[index], work.skin.points)
+        by_pose = pose_jacobian(in_camera, poses.translation[index], work.focal)
+        for k, t in enumerate(index):
+            slope = work.strip.gradient(t, pixels[k])
+            weight = np.where(np.isfinite(values[k] + slope.sum(1)), texture.weight, 0)
+            if (weight > 0).sum() < LEAST_POINTS:
+                continue
+            on = weight > 0
+            jacobian = np.einsum("pk,pkd->pd", slope[on], by_pose[k][on])
+            stacked = np.concatenate((jacobian, values[k][on, None]), axis=1)
+            clean, fit = without_gain(stacked, texture.mean[on], weight[on])
+            # values = offset + gain * texture + residual: compare in the texture's contrast.
+            gain = fit[1, -1]
+            if gain <= 0.1:
+                continue
+            clean /= gain
+            distance = np.abs(clean[:, -1]) * np.sqrt(weight[on])
+            robust = huber_weight(distance) * weight[on] / CORRELATED
+            weighted = clean[:, :-1] * robust[:, None]
+            diagonal[t] = weighted.T @ clean[:, :-1]
+            right[t] = -weighted.T @ clean[:, -1]
+    return NormalEquations(diagonal, right)
+
+
+def refine(
+    poses: Poses,
+    work: Alignment,
+    shape: np.ndarray,
+    seen: Observations,
+    progress: Callable[[float], None],
+) -> Poses:
+    """Poses that align the skin's pixels, from a start within a few px.
+
+    Args:
+        shape: (P, 3) rigid landmarks, observed by ``seen``.
+    """
+    smooth = smoothness_weights(seen.rate)
+    usable = np.flatnonzero(seen.usable)
+    for done in range(ROUNDS):
+        texture = texture_of(all_samples(poses, usable, work))
+        for step in range(STEPS):
+            sigma = point_sigmas(poses, shape, seen) * np.sqrt(LANDMARK_INFLATION)
+            marks = landmark_equations(poses, shape, seen, sigma)
+            pixels = pixel_equations(poses, seen, work, texture)
+            both = NormalEquations(marks.diagonal + pixels.diagonal, marks.right + pixels.right)
+            poses = solve_poses(poses, both, seen.linked, smooth)
+            progress((done * STEPS + step + 1) / (ROUNDS * STEPS))
+    return poses
+
+
+def all_samples(poses: Poses, frames: np.ndarray, work: Alignment) -> np.ndarray:
+    """Grey values (K, N) float32 of the given frames, NaN where not seen."""
+    parts = range(0, len(frames), CHUNK)
+    return np.concatenate([work.samples(poses, frames[p : p + CHUNK])[0] for p in parts])
+
+
+def residual_shift(
+    poses: Poses, frames: np.ndarray, work: Alignment, *, robust: bool = True
+) -> np.ndarray:
+    """How far the upper face still moves once the poses are taken out: (K, 2) px a frame.
+
+    Every frame's skin, seen from one view, is compared with the mean of the given frames: the
+    shift that best explains the difference, gain and offset free. Its root mean square is the
+    score of a track. Landmarks cannot give it, as they jitter themselves. Points are weighted as in
+    the refinement, by how steady they are and by Huber's loss: a forehead that wrinkles under
+    raised brows moves on the skull and is no fault of the pose.
+    """
+    values = all_samples(poses, frames, work)
+    texture = texture_of(values)
+    in_camera = to_camera(poses[frames], work.skin.points)
+    pixels = project(in_camera, work.focal, work.centre[frames])
+    out = np.zeros((len(frames), 2))
+    for k, t in enumerate(frames):
+        slope = work.strip.gradient(t, pixels[k])
+        on = np.isfinite(values[k] + slope.sum(1)) & (texture.weight > 0)
+        weight = texture.weight[on] if robust else np.ones(int(on.sum()))
+        columns = np.concatenate((slope[on], values[k][on, None]), axis=1)
+        clean, _ = without_gain(columns, texture.mean[on], weight)
+        slopes, difference = clean[:, :2], clean[:, 2]
+        for _ in range(SCORE_STEPS if robust else 1):
+            left = difference + slopes @ out[k]
+            sure = weight * huber_weight(np.abs(left) * np.sqrt(weight)) if robust else weight
+            weighted = slopes * sure[:, None]
+            # A point that lies d further shows what the texture has d before.
+            out[k] = -np.linalg.solve(weighted.T @ slopes, weighted.T @ difference)
+    return out
+
+
+def root_mean_square(shift: np.ndarray) -> float:
+    """Of the lengths of shifts (K, 2), px; rows of NaN do not count."""
+    return float(np.sqrt(np.nanmean((shift**2).sum(1))))

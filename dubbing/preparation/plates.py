@@ -1,0 +1,180 @@
+"""Matte and background of a whole clip, streaming, the heavy parts on a few threads.
+
+Threads and not processes: MediaPipe, OpenCV and numpy release the interpreter's lock. T frames, S
+the side of the crop in px.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dubbing.media import MediaInfo, VideoWriter, read_frames
+from dubbing.preparation.background import (
+    PLATE_FRAMES,
+    background_pixels,
+    neck,
+    neck_profile,
+    plate,
+    restore,
+    smooth_profiles,
+)
+from dubbing.preparation.cropping import crop
+from dubbing.preparation.matting import head_matte, hole, person_mask
+from dubbing.preparation.mesh_points import NOSE_BRIDGE
+
+Progress = Callable[[float], None]
+MOST_THREADS = 8
+
+
+@dataclass(frozen=True)
+class Footage:
+    """The frames of a clip as its crops, with what tracking found in them.
+
+    window (T, 3), landmarks (T, 478, 2) and jaw outline (T, K, 2) px of the crop, shown (T,)
+    bool: the head's place is known, segment (T,) int.
+    """
+
+    info: MediaInfo
+    size: int
+    window: np.ndarray
+    landmarks: np.ndarray
+    outline: np.ndarray
+    shown: np.ndarray
+    segment: np.ndarray
+
+    def crops(self) -> Iterator[np.ndarray]:
+        """Crops (S, S, 3) of all frames in order."""
+        return all_crops(self.info, self.window, self.size)
+
+    def offsets(self) -> np.ndarray:
+        """Place (T, 2) of the window's first pixel on the canvas of its shot, whole px (x, y)."""
+        out = np.zeros((len(self.window), 2), int)
+        for shot in np.unique(self.segment):
+            index = self.segment == shot
+            corner = self.window[index, :2]
+            scale = self.size / self.window[0, 2]
+            out[index] = ((corner - corner.min(0)) * scale).round()
+        return out
+
+
+def all_crops(info: MediaInfo, window: np.ndarray, size: int) -> Iterator[np.ndarray]:
+    """Crops (S, S, 3) of all frames in order, through windows (T, 3)."""
+    for t, image in enumerate(read_frames(info.path)):
+        yield crop(image, window[t], size)
+
+
+def in_order(work: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
+    """Results of work(*job) in the order of the jobs, computed by threads, few in flight."""
+    threads = max(1, min(MOST_THREADS, os.cpu_count() or 1))
+    waiting: deque[Future[Any]] = deque()
+    with ThreadPoolExecutor(threads) as pool:
+        for job in jobs:
+            waiting.append(pool.submit(work, *job))
+            if len(waiting) >= 2 * threads:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+
+
+def matte_step(footage: Footage, matte: Path, person: Path, progress: Progress) -> np.ndarray:
+    """Write matte and person mask; frames that do not show the head get an empty matte.
+
+    Returns:
+        (T, PROFILE, 4) neck profiles as measured, NaN where unknown.
+    """
+    size, rate = footage.size, footage.info.rate
+    assert rate is not None
+
+    def work(image: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        mask = person_mask(image)
+        if footage.shown[t]:
+            bridge = footage.landmarks[t, NOSE_BRIDGE]
+            alpha = head_matte(image, mask, footage.outline[t], bridge)
+        else:
+            alpha = np.zeros((size, size), np.uint8)
+        profile = neck_profile(image, mask, hole(alpha), footage.landmarks[t])
+        return alpha, (mask * 255).round().astype(np.uint8), profile
+
+    profiles = []
+    with ExitStack() as stack:
+        mattes = stack.enter_context(VideoWriter(matte, size, size, rate, "ffv1-gray"))
+        people = stack.enter_context(VideoWriter(person, size, size, rate, "ffv1-gray"))
+        jobs = ((image, t) for t, image in enumerate(footage.crops()))
+        for alpha, mask, profile in in_order(work, jobs):
+            mattes.write(alpha)
+            people.write(mask)
+            profiles.append(profile)
+            progress(len(profiles) / len(footage.window))
+    return np.stack(profiles)
+
+
+def plates(footage: Footage, person: Path) -> list[np.ndarray]:
+    """Background (H, W, 3) float32 of every shot, on the canvas that its windows cover."""
+    offsets, size = footage.offsets(), footage.size
+    chosen: dict[int, list[int]] = {}
+    for shot in np.unique(footage.segment):
+        index = np.flatnonzero(footage.segment == shot)
+        spread = np.linspace(0, len(index) - 1, PLATE_FRAMES).round().astype(int)
+        chosen[int(shot)] = sorted({int(t) for t in index[spread]})
+    wanted = {t: shot for shot, frames in chosen.items() for t in frames}
+    out: list[np.ndarray] = []
+    images: list[np.ndarray] = []
+    known: list[np.ndarray] = []
+    masks = read_frames(person, pixels="gray")
+    for t, (image, mask) in enumerate(zip(footage.crops(), masks, strict=True)):
+        if t not in wanted:
+            continue
+        width, height = offsets[footage.segment == wanted[t]].max(0) + size
+        x, y = offsets[t]
+        canvas, seen = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), bool)
+        canvas[y : y + size, x : x + size] = image
+        seen[y : y + size, x : x + size] = background_pixels(mask.astype(np.float32) / 255)
+        images.append(canvas)
+        known.append(seen)
+        if t == chosen[wanted[t]][-1]:
+            out.append(plate(np.stack(images), np.stack(known)))
+            images, known = [], []
+    return out
+
+
+def background_step(
+    footage: Footage,
+    profiles: np.ndarray,
+    masks: tuple[Path, Path],
+    background: Path,
+    progress: Progress,
+) -> None:
+    """Write the restored background: the hole's pixels, black elsewhere.
+
+    Args:
+        profiles: (T, PROFILE, 4) and masks (matte, person), from :func:`matte_step`.
+    """
+    size, rate = footage.size, footage.info.rate
+    assert rate is not None
+    behind, offsets = plates(footage, masks[1]), footage.offsets()
+    smooth = smooth_profiles(profiles, footage.segment)
+
+    def work(image: np.ndarray, alpha: np.ndarray, mask: np.ndarray, t: int) -> np.ndarray:
+        x, y = offsets[t]
+        canvas = behind[footage.segment[t]][y : y + size, x : x + size]
+        region = hole(alpha)
+        person = mask.astype(np.float32) / 255
+        growing = neck(region, footage.landmarks[t], smooth[t])
+        filled = restore(image, person, region, canvas, growing)
+        return np.where(region[..., None], filled, 0).astype(np.uint8)
+
+    mattes, people = (read_frames(path, pixels="gray") for path in masks)
+    frames = zip(footage.crops(), mattes, people, range(len(footage.window)), strict=True)
+    with VideoWriter(background, size, size, rate, "ffv1") as writer:
+        for filled in in_order(work, frames):
+            writer.write(filled)
+            progress(writer.frames / len(footage.window))

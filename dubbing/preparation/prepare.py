@@ -1,0 +1,148 @@
+"""`prepare`: one clip to its tracked, matted, background-restored form, step by step.
+
+Every step leaves its result in a folder beside the finished files. A run that was killed picks up
+after the last finished step, and the result is the same bit for bit.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dubbing.errors import PreparationError
+from dubbing.files import atomic_path, atomic_write_json, digest_file
+from dubbing.media import probe
+from dubbing.preparation import tracking
+from dubbing.preparation.camera import Poses
+from dubbing.preparation.contact_sheet import contact_sheet
+from dubbing.preparation.photometric import root_mean_square
+from dubbing.preparation.plates import Footage, all_crops, background_step, matte_step
+from dubbing.preparation.prepared import (
+    BACKGROUND,
+    CONTACT_SHEET,
+    MATTE,
+    REACH,
+    SUMMARY,
+    VERSION,
+    PreparedClip,
+)
+from dubbing.preparation.tracking import FOCAL, Arrays
+from dubbing.preparation.warnings import warnings_of
+
+STEPS = "steps"
+
+
+def prepare(
+    clip: Path,
+    out: Path,
+    *,
+    size: int = 512,
+    progress: Callable[[str, float], None] | None = None,
+) -> PreparedClip:
+    """Track, matte and restore the background of a clip.
+
+    Args:
+        clip: a video of one person who faces the camera most of the time.
+        out: folder for track.npz, matte.mkv, background.mkv, contact_sheet.png, prepared.json.
+        size: side of the square crop in px.
+        progress: called with the name of the step and the share of it that is done.
+
+    Raises:
+        MediaError: the clip cannot be read.
+        PreparationError: no face, or nothing else to work with; the message says what to do.
+    """
+    clip, out = Path(clip), Path(out)
+    info = probe(clip)
+    if info.rate is None:
+        raise PreparationError("no picture in it", str(clip), "give a video file")
+    steps = Steps(out / STEPS, clip, size, progress or (lambda step, share: None))
+
+    seen = steps.run("faces", partial(tracking.survey_step, info))
+    found = steps.run("landmarks", partial(tracking.landmark_step, info, size, seen))
+    observed = tracking.observations(info, size, seen, found)
+    bundle = steps.run("poses", partial(tracking.bundle_step, observed, found))
+    crops = partial(all_crops, info, seen["window"], size)
+    pictures = (crops, steps.folder / "strip.npy")
+    track = steps.run(
+        "refinement", partial(tracking.refine_step, observed, found, bundle, pictures)
+    )
+
+    poses = Poses(track["rotation"], track["translation"])
+    shape = track["shape"]
+    landmarks = tracking.filled_landmarks(found, shape, poses, observed)
+    outline = tracking.jaw_outline(landmarks, shape, poses, observed)
+    shown = tracking.bridged(found["valid"], observed.rate)
+    footage = Footage(info, size, seen["window"], landmarks, outline, shown, seen["segment"])
+    person, matte, background = steps.folder / "person.mkv", out / MATTE, out / BACKGROUND
+
+    def write_matte(report: Callable[[float], None]) -> Arrays:
+        return {"profiles": matte_step(footage, matte, person, report)}
+
+    def write_background(report: Callable[[float], None]) -> Arrays:
+        background_step(footage, necks["profiles"], (matte, person), background, report)
+        return {}
+
+    necks = steps.run("matte", write_matte)
+    steps.run("background", write_background)
+
+    distance = np.linalg.norm(poses.translation, axis=1)
+    prepared = PreparedClip(
+        folder=out,
+        clip=clip.resolve(),
+        rate=info.rate,
+        frames_count=info.frames,
+        size=size,
+        source_size=(info.width, info.height),
+        focal=FOCAL * size,
+        near=float(distance[found["valid"]].min() - REACH),
+        far=float(distance[found["valid"]].max() + REACH),
+        warnings=warnings_of(info, size, seen, found, poses),
+        residual_shift=root_mean_square(track["residual_shift"]),
+        rotation=poses.rotation,
+        translation=poses.translation,
+        centre=observed.centre,
+        crop=seen["window"],
+        valid=found["valid"],
+        segment=seen["segment"],
+        landmarks=landmarks.astype(np.float32),
+        shape=shape,
+    )
+    contact_sheet(prepared, out / CONTACT_SHEET)
+    prepared.save()
+    shutil.rmtree(steps.folder)
+    return prepared
+
+
+class Steps:
+    """Steps whose arrays lie in a folder, each a file that appears whole.
+
+    Steps of another clip, size or version are thrown away.
+    """
+
+    def __init__(
+        self, folder: Path, clip: Path, size: int, progress: Callable[[str, float], None]
+    ) -> None:
+        self.folder, self._progress = folder, progress
+        key = {"clip": digest_file(clip), "size": size, "version": VERSION}
+        told = folder / "key.json"
+        if not told.is_file() or json.loads(told.read_text()) != key:
+            shutil.rmtree(folder, ignore_errors=True)
+            folder.mkdir(parents=True)
+            (folder.parent / SUMMARY).unlink(missing_ok=True)
+            atomic_write_json(told, key)
+
+    def run(self, name: str, step: Callable[[Callable[[float], None]], Arrays]) -> Arrays:
+        """The arrays of a step: read if it was finished, else computed and written."""
+        path = self.folder / f"{name}.npz"
+        if not path.is_file():
+            arrays = step(partial(self._progress, name))
+            with atomic_path(path) as temporary:
+                np.savez(temporary, allow_pickle=False, **arrays)
+        self._progress(name, 1.0)
+        with np.load(path, allow_pickle=False) as stored:
+            return {key: stored[key] for key in stored.files}

@@ -1,0 +1,164 @@
+"""A prepared clip: what later stages know of a person on film.
+
+T frames, S the side of the crop in px. Pixel coordinates are OpenCV's: (column, row), (0, 0) the
+middle of the first pixel. See :class:`PreparedClip`.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dubbing.errors import PreparationError
+from dubbing.files import atomic_path, atomic_write_json
+from dubbing.media import read_frames
+from dubbing.preparation import cropping
+from dubbing.preparation.matting import hole
+
+VERSION = 1
+REACH = 1.7  # units (10 cm) that the head extends around its origin at most
+TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
+CONTACT_SHEET, SUMMARY = "contact_sheet.png", "prepared.json"
+ARRAYS = ("rotation", "translation", "centre", "crop", "valid", "segment", "landmarks", "shape")
+
+
+@dataclass(frozen=True)
+class PreparedClip:
+    """Poses, crop, matte and restored background of a clip.
+
+    Attributes:
+        folder: where the files lie.
+        clip: the source video. rate: frames a second. frames_count: T.
+        size: S, side of the crop in px. source_size: (W, H) of the source in px.
+        focal: px of the crop, the same in every frame.
+        near, far: bounds of the head along the rays, in units of 10 cm.
+        warnings: what may have gone wrong, in words.
+        residual_shift: what is left of the upper face's motion once the poses are taken out, px.
+        rotation, translation: (T, 3, 3), (T, 3) OpenCV head pose, X_cam = R X + t, units of 10 cm.
+        centre: (T, 2) principal point in px of the crop: one camera of the full frame, seen
+            through a moving window.
+        crop: (T, 3) x0, y0, side of the window in px of the source.
+        valid: (T,) a face was found. segment: (T,) number of the shot.
+        landmarks: (T, 478, 2) px of the crop, as detected (as projected, where not valid).
+        shape: (478, 3) mean head shape in the head frame: x right, y down, z away from the camera,
+            outer eye corners 0.9 apart, origin between the ears.
+    """
+
+    folder: Path
+    clip: Path
+    rate: Fraction
+    frames_count: int
+    size: int
+    source_size: tuple[int, int]
+    focal: float
+    near: float
+    far: float
+    warnings: list[str]
+    residual_shift: float
+    rotation: np.ndarray
+    translation: np.ndarray
+    centre: np.ndarray
+    crop: np.ndarray
+    valid: np.ndarray
+    segment: np.ndarray
+    landmarks: np.ndarray
+    shape: np.ndarray
+
+    def __len__(self) -> int:
+        return self.frames_count
+
+    @staticmethod
+    def load(folder: Path | str) -> PreparedClip:
+        """Read what :meth:`save` wrote.
+
+        Raises:
+            PreparationError: a file is missing or of another version.
+        """
+        folder = Path(folder)
+        try:
+            told = json.loads((folder / SUMMARY).read_text())
+            with np.load(folder / TRACK, allow_pickle=False) as stored:
+                arrays = {name: stored[name] for name in ARRAYS}
+        except (OSError, ValueError, KeyError) as error:
+            raise PreparationError(
+                f"not a prepared clip: {error}", str(folder), "run `dfrf prepare` again"
+            ) from error
+        if told["version"] != VERSION:
+            raise PreparationError(
+                f"prepared by version {told['version']}, this is version {VERSION}",
+                str(folder),
+                "run `dfrf prepare` again",
+            )
+        return PreparedClip(
+            folder=folder,
+            clip=Path(told["clip"]),
+            rate=Fraction(told["rate"]),
+            frames_count=told["frames"],
+            size=told["size"],
+            source_size=tuple(told["source_size"]),
+            focal=told["focal"],
+            near=told["near"],
+            far=told["far"],
+            warnings=told["warnings"],
+            residual_shift=told["residual_shift"],
+            **arrays,
+        )
+
+    def save(self) -> None:
+        """Write the track, then the summary: a folder with a summary is whole."""
+        with atomic_path(self.folder / TRACK) as temporary:
+            arrays = {name: getattr(self, name) for name in ARRAYS}
+            np.savez_compressed(temporary, allow_pickle=False, **arrays)
+        told: dict[str, Any] = {
+            "version": VERSION,
+            "clip": str(self.clip),
+            "rate": str(self.rate),
+            "frames": self.frames_count,
+            "size": self.size,
+            "source_size": list(self.source_size),
+            "focal": self.focal,
+            "near": self.near,
+            "far": self.far,
+            "residual_shift": self.residual_shift,
+            "warnings": self.warnings,
+        }
+        atomic_write_json(self.folder / SUMMARY, told)
+
+    def c2w(self) -> np.ndarray:
+        """Camera-to-world (T, 3, 4) float64 in the head frame, OpenGL axes in both.
+
+        Camera: x right, y up, z back. World: head-fixed, y up, the face looks along +z. With
+        W = diag(1, -1, -1): R_c2w = W R^T W and o = -W R^T t.
+        """
+        flip = np.diag([1.0, -1.0, -1.0])
+        back = flip @ self.rotation.transpose(0, 2, 1)
+        origin = -back @ self.translation[..., None]
+        return np.concatenate((back @ flip, origin), axis=2)
+
+    def frames(
+        self, start: int = 0, count: int | None = None
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Crops one by one: image (S, S, 3), matte (S, S), background (S, S, 3), all uint8.
+
+        The background equals the image bit for bit outside of the matte's hole.
+        """
+        images = read_frames(self.clip, start=start, count=count, rate=self.rate)
+        mattes = read_frames(self.folder / MATTE, start=start, count=count, pixels="gray")
+        fills = read_frames(self.folder / BACKGROUND, start=start, count=count)
+        for index, (image, matte, fill) in enumerate(
+            zip(images, mattes, fills, strict=True), start
+        ):
+            picture = cropping.crop(image, self.crop[index], self.size)
+            yield picture, matte, np.where(hole(matte)[..., None], fill, picture)
+
+    def paste(
+        self, frame: np.ndarray, index: int, crop_image: np.ndarray, mask: np.ndarray
+    ) -> np.ndarray:
+        """Source frame ``index`` with the crop image laid in; see :func:`cropping.paste`."""
+        return cropping.paste(frame, self.crop[index], crop_image, mask)
