@@ -11,7 +11,7 @@ from dubbing.speaker.face import Face
 from dubbing.speaker.head_shape import EYE, EYE_HALF_WIDTH, EYE_RADIUS
 from dubbing.speaker.mesh import smoothstep
 
-IRIS = 0.62  # cm
+IRIS = 0.66  # cm
 BALL = EYE_RADIUS - 0.02
 _STREAKS = 97.0
 
@@ -35,8 +35,8 @@ def lid_curves(u: np.ndarray, blink: float, opening: float) -> tuple[np.ndarray,
     """
     inside = np.clip(1.0 - u * u, 0.0, 1.0)
     tilt = 0.06 * u
-    lower = -0.40 * opening * inside**0.85 * (1.0 + 0.18 * u) + tilt
-    upper = 0.60 * opening * inside**0.72 * (1.0 - 0.10 * u) + tilt
+    lower = -0.37 * opening * inside**0.85 * (1.0 + 0.18 * u) + tilt
+    upper = 0.50 * opening * inside**0.72 * (1.0 - 0.10 * u) + tilt
     return lower + (upper - lower) * (1.0 - blink), lower
 
 
@@ -96,7 +96,7 @@ def _iris(n: np.ndarray, axis: np.ndarray, face: Face) -> tuple[np.ndarray, np.n
     streaks = 0.5 + 0.3 * np.sin(angle * 23.0 + np.sin(angle * 7)) + 0.2 * np.sin(angle * 41 + 1.3)
     sclera = np.array([0.66, 0.60, 0.57]) * (1.0 - 0.12 * smoothstep(1.2, 2.2, r))[:, None]
     tone = (0.75 + 0.7 * streaks * smoothstep(0.25, 0.75, r)) * (1.25 - 0.35 * r)
-    iris = np.asarray(face.eyes) * 1.5 * tone[:, None]
+    iris = np.asarray(face.eyes) * 1.15 * tone[:, None]
     iris *= (1.0 - 0.80 * smoothstep(0.78, 1.0, r))[:, None]
     pupil = smoothstep(0.40, 0.33, r)
     iris *= (1.0 - 0.97 * pupil)[:, None]

@@ -13,8 +13,10 @@ from dubbing.speaker.head_shape import head_distance
 from dubbing.speaker.mesh import smoothstep
 from dubbing.speaker.skin_grid import skin_grid
 
-ACROSS = 5  # vertices across a lock
-ALONG = 13  # vertices along a lock
+ACROSS = 4  # vertices across a lock
+ALONG = 10  # vertices along a lock
+
+HANG = np.array([0.0, -1.0, -0.06])
 
 # The hairline: hair grows where z is below this function of y (cm).
 _LINE_Y = (-6.0, -4.5, -3.0, -1.0, 0.5, 1.5, 3.0, 4.5, 6.0, 7.2, 8.2, 8.9, 9.3)
@@ -52,7 +54,7 @@ STYLES = {
     "short": Style(1500, 2.6, 0.42, 0.45),
     "parted": Style(1000, 7.5, 0.62, 1.0, part_x=2.6),
     "swept": Style(950, 7.5, 0.60, 0.95),
-    "bob": Style(760, 19.0, 0.85, 1.15, part_x=-1.6, gravity=0.8),
+    "bob": Style(760, 16.0, 0.85, 1.15, part_x=-1.6, gravity=0.8),
     "bald": Style(0, 0.0, 0.0, 0.0),
 }
 
@@ -138,14 +140,17 @@ def _paths(
         t = k / (ALONG - 1)
         n = _gradient(p, face)
         height = 0.05 + lift * np.sin(np.pi * min(0.5, 0.12 + 0.75 * t)) * (1.0 - 0.35 * t**2)
-        free = (p[:, 1] < -1.0) & (face.hair_style == "bob")
+        # Below the ears long hair hangs: it is pushed out of the head, never drawn to it.
+        hangs = (p[:, 1] < 1.0) & (face.hair_style == "bob")
         off = height - head_distance(p, face)
-        off = np.where(free & (off < 0), 0.15 * off, off)
+        off = np.where(hangs, np.maximum(off, 0.0), off)
         p = p + np.clip(off, -0.6, 0.9)[:, None] * n
         lines.append(p)
         normals.append(n)
         flow = _comb(p, face, style) + wander
         flow[:, 1] -= style.gravity * t
+        flow[hangs] = HANG + 0.5 * wander[hangs]
+        n = np.where(hangs[:, None], 0.0, n)
         flow -= np.einsum("ij,ij->i", flow, n)[:, None] * n
         flow /= np.maximum(np.linalg.norm(flow, axis=1, keepdims=True), 1e-9)
         heading = flow if k == 0 else 0.5 * heading + 0.5 * flow

@@ -144,6 +144,15 @@ class HeadModel:
         n[low] += keep * (joined - n[low])
         return n
 
+    def lip_shade(self) -> np.ndarray:
+        """(V,) light that reaches the rows inside the lips: 1 outside, less with depth."""
+        shade = np.ones(len(self.rest))
+        fall = np.linspace(1.0, 0.12, INNER_ROWS)
+        across = len(self.mouth_columns)
+        shade[self._range("inner_upper")] = np.repeat(fall, across)
+        shade[self._range("inner_lower")] = np.repeat(fall[::-1], across)
+        return shade
+
     def opening(self, vertices: np.ndarray) -> float:
         """Height of the gap between the lips in the middle, in units of 10 cm."""
         up = vertices[self.line_indices("upper")[self.middle]]
@@ -182,23 +191,25 @@ def _tongue() -> np.ndarray:
     e = np.linspace(np.pi / 2, -np.pi / 2, 13)[:, None]
     x, y, z = np.cos(e) * np.sin(a), np.sin(e) * np.ones_like(a), np.cos(e) * np.cos(a)
     y = y - 0.25 * np.exp(-((x / 0.2) ** 2)) * (y > 0)
-    return np.stack([1.75 * x, -5.15 + 0.55 * y, 5.6 + 2.5 * z], axis=-1)
+    return np.stack([1.75 * x, -5.75 + 0.55 * y, 5.2 + 2.3 * z], axis=-1)
 
 
 def _raise_tongue(points: np.ndarray, shape: MouthShape) -> np.ndarray:
     out = turn_jaw(points, 0.9 * shape.jaw)
-    tip = smoothstep(5.0, 8.0, points[:, 2])
-    out[:, 1] += shape.tongue * (0.15 + 0.75 * tip)
+    tip = smoothstep(4.6, 7.4, points[:, 2])
+    out[:, 1] += shape.tongue * (0.10 + 0.75 * tip)
     return out
 
 
 def _neck() -> np.ndarray:
     a = np.linspace(-np.pi, np.pi, 73)[:-1]
-    y = np.linspace(NECK_TOP, NECK_BOTTOM, 26)[:, None]
+    # In front the neck begins below the floor of the mouth, which would show it otherwise.
+    top = NECK_TOP - 4.3 * smoothstep(0.5, 0.85, np.cos(a))
+    y = top + np.linspace(0.0, 1.0, 26)[:, None] * (NECK_BOTTOM - top)
     t = (NECK_TOP - y) / (NECK_TOP - NECK_BOTTOM)
-    x = (5.3 + 0.5 * t**2 + 3.0 * np.clip(t - 0.72, 0, 1) ** 1.5 * 4) * np.sin(a)
+    x = (4.75 + 0.9 * t**2 + 3.0 * np.clip(t - 0.72, 0, 1) ** 1.5 * 4) * np.sin(a)
     front = np.clip(np.cos(a), 0, 1)
-    radius = 5.2 + 0.6 * t
+    radius = 4.9 + 0.8 * t
     cord = 0.35 * np.exp(-(((np.abs(a) - 0.62 + 0.35 * t) / 0.16) ** 2)) * np.clip(t - 0.1, 0, 1)
     apple = 0.45 * np.exp(-((a / 0.22) ** 2)) * np.exp(-(((y + 9.2) / 1.0) ** 2))
     z = -2.2 - 0.6 * t + (radius + cord + apple) * np.cos(a) - 0.4 * front * t

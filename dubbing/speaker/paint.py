@@ -100,7 +100,7 @@ def _lips(albedo: np.ndarray, gloss: np.ndarray, p: np.ndarray, face: Face) -> N
     upper = MOUTH_Y + full * bow * np.clip(1.0 - u**2.2, 0, 1) ** 0.75
     lower = MOUTH_Y - full * 0.95 * np.clip(1.0 - u**2.4, 0, 1) ** 0.85
     inside = np.minimum(upper - y, y - lower)
-    mask = smoothstep(-0.07, 0.09, inside) * smoothstep(6.0, 7.0, z)
+    mask = smoothstep(-0.07, 0.09, inside) * smoothstep(6.0, 7.0, z) * smoothstep(1.0, 0.93, u)
     wrinkles = value_noise(x.shape, (8, 420), face.seed + 3)
     colour = np.asarray(face.lips) * (1.0 + 0.07 * wrinkles[..., None])
     deep = 0.72 + 0.28 * smoothstep(0.0, 0.35, np.abs(y - MOUTH_Y))
@@ -111,7 +111,7 @@ def _lips(albedo: np.ndarray, gloss: np.ndarray, p: np.ndarray, face: Face) -> N
 def _brows(albedo: np.ndarray, gloss: np.ndarray, p: np.ndarray, face: Face) -> None:
     x, y, z = np.abs(p[..., 0]), p[..., 1], p[..., 2]
     t = np.clip((x - 1.3) / 4.0, 0.0, 1.0)  # 0 at the nose, 1 at the temple
-    arch = 4.75 + 0.75 * np.sin(np.pi * np.clip(t * 0.72 + 0.08, 0, 1)) - 0.55 * t**3
+    arch = 4.42 + 0.95 * np.sin(np.pi * np.clip(t * 0.80 + 0.04, 0, 1)) - 0.35 * t**3
     thick = face.brow_thickness * (0.40 - 0.26 * t**1.5)
     across = (y - arch) / thick
     ends = smoothstep(1.05, 1.7, x) * (1.0 - smoothstep(4.7, 5.5, x))

@@ -24,6 +24,7 @@ from dubbing.speaker.torso import shoot
 SUBSAMPLES = ((-0.125, -0.375), (0.375, -0.125), (0.125, 0.375), (-0.375, 0.125))
 SHADOW_STEP = 3
 SHADOW_RAYS = 4
+DEPTH_STEP = 0.7  # cm between neighbouring pixels that count as an edge
 SCATTER_CM = (0.24, 0.12, 0.07)  # blur of red, green and blue light under the skin
 REST_SHIFT = np.array([0.0, 0.6, -78.0])  # where the body stands, camera axes, cm
 
@@ -158,7 +159,8 @@ class _Frame:
         col, row = np.meshgrid(np.arange(left, right), np.arange(top, bottom))
         turn = self.pose.turn  # camera = turn @ head, so head = camera @ turn
         rays = self.camera.rays(col.ravel(), row.ravel()) @ turn
-        hits = self.before_plate(self.cast(rays), row.ravel(), col.ravel())
+        depth = self.owner.plate.depth[top:bottom, left:right].ravel()
+        hits = self.before(self.cast(rays), depth)
         shadow = self.shadow(hits, (h, w))
         shaded = self.shade(hits, shadow.ravel()[hits.index])
         light = self.scatter(shaded, hits, (h, w))
@@ -169,6 +171,7 @@ class _Frame:
         label[hits.index] = shaded.label
         depth = np.full(h * w, 1e4)
         depth[hits.index] = hits.length
+        first = hits
         edge = _edges(label.reshape(h, w), depth.reshape(h, w))
         head = np.zeros(h * w)
         neck = np.zeros(h * w)
@@ -176,18 +179,24 @@ class _Frame:
         neck[hits.index] = shaded.part == NECK
         at = np.flatnonzero(edge)
         colour[at] = head[at] = neck[at] = 0.0
-        # The four places of all edge pixels go through in one piece.
+        # The four places of all edge pixels, one in each quarter, go through in one piece.
         many = len(SUBSAMPLES)
         offsets = np.repeat(np.array(SUBSAMPLES), len(at), axis=0)
         cols = np.tile(col.ravel()[at], many) + offsets[:, 0]
         rows = np.tile(row.ravel()[at], many) + offsets[:, 1]
-        hits = self.before_plate(
-            self.cast(self.camera.rays(cols, rows) @ turn),
-            np.tile(row.ravel()[at], many),
-            np.tile(col.ravel()[at], many),
-        )
-        again = self.shade(hits, shadow.ravel()[np.tile(at, many)[hits.index]])
-        sub = plate[np.tile(at, many)]
+        quarter = (np.floor(2 * rows + 1).astype(int), np.floor(2 * cols + 1).astype(int))
+        hits = self.cast(self.camera.rays(cols, rows) @ turn)
+        hits = self.before(hits, self.owner.plate.fine_depth[quarter])
+        source = np.tile(at, many)[hits.index]
+        again = self.shade(hits, shadow.ravel()[source])
+        # Where the pixel's own ray met the same skin, its scattered light is the better one.
+        own = np.full(h * w, -1)
+        own[first.index] = np.arange(len(first.index))
+        same = own[source]
+        soft = (same >= 0) & ~again.solid & ~shaded.solid[same]
+        soft &= np.abs(first.length[same] - hits.length) < DEPTH_STEP
+        again.light[soft] = light[same[soft]]
+        sub = self.owner.plate.fine_colour[quarter]
         sub[hits.index] = develop(again.albedo * again.light + again.shine)
         colour[at] = sub.reshape(many, len(at), 3).mean(axis=0)
         cover = np.zeros(many * len(at))
@@ -197,11 +206,10 @@ class _Frame:
         neck[at] = cover.reshape(many, -1).mean(axis=0)
         return colour.reshape(h, w, 3), head.reshape(h, w), neck.reshape(h, w)
 
-    def before_plate(self, hits: Hits, rows: np.ndarray, columns: np.ndarray) -> Hits:
-        """Hits without those behind the shirt."""
+    def before(self, hits: Hits, depth: np.ndarray) -> Hits:
+        """Hits in front of the shirt, whose depth along each ray is given, cm."""
         forward = -(hits.ray @ self.pose.turn.T)[:, 2]
-        depth = self.owner.plate.depth[rows[hits.index], columns[hits.index]]
-        return hits.only(hits.length * forward < depth)
+        return hits.only(hits.length * forward < depth[hits.index])
 
     def shade(self, hits: Hits, shadow: np.ndarray) -> Shaded:
         return self.owner.materials.shade(hits, self.geometry, shadow, self.view)
@@ -261,7 +269,7 @@ def _edges(label: np.ndarray, depth: np.ndarray) -> np.ndarray:
         (np.s_[:, :-1], np.s_[:, 1:]),
         (np.s_[:-1], np.s_[1:]),
     ):
-        step = (label[a] != label[b]) | (np.abs(depth[a] - depth[b]) > 0.7)
+        step = (label[a] != label[b]) | (np.abs(depth[a] - depth[b]) > DEPTH_STEP)
         edge[a] |= step
         edge[b] |= step
     return edge

@@ -44,7 +44,7 @@ def _shelf(light: np.ndarray, rng: np.random.Generator) -> None:
         while x < 505:
             width, height = int(rng.integers(8, 20)), int(rng.integers(42, 78))
             if rng.random() < 0.85:
-                tone = tuple(float(c) for c in rng.uniform(0.03, 0.34, 3))
+                tone = tuple(float(c) for c in rng.uniform(0.05, 0.25) * rng.uniform(0.6, 1.4, 3))
                 cv2.rectangle(light, (x, top - height), (x + width, top), tone, -1)
             x += width + 2
 

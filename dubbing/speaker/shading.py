@@ -28,7 +28,8 @@ RIM = Light(_unit(0.70, 0.45, -0.62), np.array([1.15, 1.20, 1.30]))
 SKY, GROUND = np.array([0.50, 0.54, 0.60]), np.array([0.26, 0.21, 0.18])
 UP = np.array([0.0, 1.0, 0.0])
 SKIN_WRAP = np.array([0.34, 0.17, 0.11])  # red light travels furthest under the skin
-EXPOSURE = 0.92
+EXPOSURE = 0.80
+CATCH_EDGE = 0.965  # cosine of the half angle of the soft box
 
 
 @dataclass(frozen=True)
@@ -92,6 +93,14 @@ def highlights(
     return out + (strength * 0.10 * grazing)[:, None] * SKY
 
 
+def catchlight(n: np.ndarray, ray: np.ndarray, rig: Rig) -> np.ndarray:
+    """The mirror image of the key light's soft box on a wet eye, (N, 3)."""
+    mirrored = ray - 2.0 * np.einsum("ij,ij->i", n, ray)[:, None] * n
+    toward = mirrored @ rig.key
+    spot = np.clip((toward - CATCH_EDGE) / 0.02, 0.0, 1.0)
+    return 0.9 * spot[:, None] * KEY.colour
+
+
 def hair_highlights(
     tangent: np.ndarray, ray: np.ndarray, colour: np.ndarray, shadow: np.ndarray, rig: Rig
 ) -> np.ndarray:
@@ -108,8 +117,7 @@ def hair_highlights(
 
 
 def develop(linear: np.ndarray) -> np.ndarray:
-    """Linear light to display values 0..255 (float): soft shoulder, then the sRGB curve."""
+    """Linear light to display values 0..255 (float): film curve (fit by Narkowicz), then sRGB."""
     x = np.clip(linear * EXPOSURE, 0.0, None)
-    x = x * (1.0 + x / 9.0) / (1.0 + 0.55 * x)
-    x = np.clip(x, 0.0, 1.0)
+    x = np.clip(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0.0, 1.0)
     return 255.0 * np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)

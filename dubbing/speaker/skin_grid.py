@@ -66,8 +66,13 @@ def trace(
 ) -> np.ndarray:
     """Ray lengths (N,) to the first surface along direction (N, 3) from origin (N, 3)."""
     length = np.zeros(len(origin))
-    for _ in range(70):
-        length += 0.75 * distance(origin + direction * length[:, None])
+    alive = np.arange(len(origin))
+    for _ in range(90):
+        step = 0.75 * distance(origin[alive] + direction[alive] * length[alive, None])
+        length[alive] += step
+        alive = alive[np.abs(step) > 1e-4]
+        if len(alive) == 0:
+            break
     return length
 
 

@@ -12,13 +12,21 @@ from dubbing.speaker.head import EAR, HAIR, LIP, NECK, SKIN, TEETH, TONGUE, Head
 from dubbing.speaker.head_shape import MOUTH_Y
 from dubbing.speaker.mesh import smoothstep, value_noise
 from dubbing.speaker.paint import TEXELS, paint
-from dubbing.speaker.shading import SKIN_WRAP, Rig, hair_highlights, highlights, irradiance
+from dubbing.speaker.shading import (
+    SKIN_WRAP,
+    Rig,
+    catchlight,
+    hair_highlights,
+    highlights,
+    irradiance,
+)
 
 SCATTERS = (SKIN, LIP, EAR, NECK)
-CAVITY = np.array([0.055, 0.014, 0.012])
+CAVITY = np.array([0.13, 0.026, 0.022])
 ENAMEL = np.array([0.66, 0.60, 0.50])
 GUMS = np.array([0.42, 0.13, 0.12])
-FLESH = np.array([0.44, 0.14, 0.13])
+FLESH = np.array([0.34, 0.085, 0.08])
+EYEBALL, DARK = 1, 3  # labels beside those of the parts
 LASHES = np.array([0.012, 0.009, 0.008])
 EYE_WRAP = np.array([0.42, 0.36, 0.34])  # light spreads inside the eyeball
 
@@ -85,7 +93,7 @@ class Layers:
             occlusion=np.ones(n),
             wrap=np.tile(SKIN_WRAP, (n, 1)),
             solid=np.zeros(n, bool),
-            label=part * 4,
+            label=part * 4,  # leaves room for the labels below
         )
 
 
@@ -117,7 +125,7 @@ class Materials:
         self.uv = np.concatenate([model.uv, none])
         self.rest = model.rest
         self.strand = np.concatenate([np.zeros((len(model.rest), 2)), self.hair.strand])
-        self.shade_of = np.concatenate([np.ones(len(model.rest)), self.hair.shade])
+        self.shade_of = np.concatenate([model.lip_shade(), self.hair.shade])
         self.tangent = np.concatenate([np.zeros((len(model.rest), 3)), self.hair.tangents])
         self.streaks = value_noise((64, 4096), (6, 900), face.seed + 21)
         self._tint_scalp(model)
@@ -131,7 +139,7 @@ class Materials:
         cover = np.concatenate([cover, cover[:, :1]], axis=1)
         grown = cv2.resize(cover, (w, h), interpolation=cv2.INTER_LINEAR)
         grown = grown + 0.16 * value_noise((h, w), (150, 170), self.face.seed + 22)
-        mask = 0.9 * smoothstep(-0.12, 0.45, grown)[..., None]
+        mask = 0.9 * smoothstep(-0.05, 1.1, grown)[..., None]
         colour = np.asarray(self.face.hair) * 0.7
         self.texture.albedo[...] += (mask * (colour - self.texture.albedo)).astype(np.float32)
         self.texture.gloss[...] *= 1.0 - 0.75 * mask[..., 0]
@@ -154,7 +162,13 @@ class Materials:
         layers.gloss[textured] = self._lookup(self.texture.gloss, uv)
         layers.occlusion[textured] = self._lookup(self.texture.occlusion, uv)
         self._plain_parts(layers)
-        self._mouth(layers, hits.ray)
+        away = (np.einsum("ij,ij->i", n, hits.ray) > 0.0) & np.isin(layers.part, (SKIN, LIP))
+        away[away] = _back_faces(geometry.corners[tri[away]], hits.ray[away])
+        n[away] *= -1.0
+        away[away] = _through_mouth(p[away], hits.ray[away])
+        self._mouth(layers, away)
+        lips = np.flatnonzero(layers.part == LIP)
+        layers.occlusion[lips] *= mix(self.shade_of[:, None], lips)[:, 0]
         self._eyes(layers, hits.ray, view)
         strands = np.flatnonzero(layers.part == HAIR)
         colour = self._hair_colour(mix(self.strand, strands), mix(self.shade_of[:, None], strands))
@@ -170,6 +184,8 @@ class Materials:
             shadow=shadow,
             rig=view.rig,
         )
+        wet = np.flatnonzero(layers.label == EYEBALL)
+        shine[wet] += catchlight(n[wet], hits.ray[wet], view.rig)
         tangent = mix(self.tangent, strands)
         shine[strands] = hair_highlights(
             tangent, hits.ray[strands], colour, shadow[strands], view.rig
@@ -198,7 +214,7 @@ class Materials:
         layers.gloss[neck] = 0.2
 
     @staticmethod
-    def _mouth(layers: Layers, ray: np.ndarray) -> None:
+    def _mouth(layers: Layers, behind: np.ndarray) -> None:
         """Teeth, gums, tongue, and the dark behind them: back faces of the skin."""
         p, part = layers.point, layers.part
         teeth = np.flatnonzero(part == TEETH)
@@ -208,14 +224,13 @@ class Materials:
         layers.albedo[teeth] += gum[:, None] * (GUMS - layers.albedo[teeth])
         layers.gloss[teeth], layers.power[teeth] = 0.8, 60.0
         tongue = part == TONGUE
-        layers.albedo[tongue], layers.gloss[tongue], layers.power[tongue] = FLESH, 0.6, 30.0
-        back = np.einsum("ij,ij->i", layers.normal, ray) > 0.15
-        cavity = np.flatnonzero(back & ((part == SKIN) | (part == LIP)))
+        layers.albedo[tongue], layers.gloss[tongue], layers.power[tongue] = FLESH, 0.35, 30.0
+        cavity = np.flatnonzero(behind)
         layers.albedo[cavity], layers.gloss[cavity], layers.solid[cavity] = CAVITY, 0.0, True
         layers.occlusion[cavity] = 0.10 + 0.5 * smoothstep(3.0, 8.8, p[cavity, 2])
-        layers.label[cavity] = 3
-        inner = (part == TEETH) | tongue | (part == LIP)
-        layers.occlusion[inner] *= 0.22 + 0.78 * smoothstep(6.3, 9.2, p[inner, 2])
+        layers.label[cavity] = DARK
+        inner = (part == TEETH) | tongue
+        layers.occlusion[inner] *= 0.16 + 0.84 * smoothstep(6.8, 9.3, p[inner, 2])
         layers.solid |= (part == TEETH) | tongue
 
     def _eyes(self, layers: Layers, ray: np.ndarray, view: View) -> None:
@@ -240,7 +255,7 @@ class Materials:
         layers.gloss[ball], layers.power[ball] = 1.0, 320.0
         layers.wrap[ball] = EYE_WRAP
         layers.solid[ball] = True
-        layers.label[ball] = 1
+        layers.label[ball] = EYEBALL
 
     def _hair_colour(self, strand: np.ndarray, shade: np.ndarray) -> np.ndarray:
         across = (strand[:, 0] * 80.0) % 4095.0
@@ -248,3 +263,19 @@ class Materials:
         streak = self.streaks[along.astype(int), across.astype(int)]
         tone = np.clip(1.0 + 0.30 * streak, 0.35, 2.0) * shade[:, 0]
         return np.asarray(self.face.hair) * tone[:, None]
+
+
+def _back_faces(corners: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """(N,) bool: rays (N, 3) that met triangles with corners (N, 3, 3) from behind."""
+    n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.einsum("ij,ij->i", n, ray) > 0.0
+
+
+def _through_mouth(p: np.ndarray, ray: np.ndarray) -> np.ndarray:
+    """(N,) bool: rays that reached p (N, 3) from outside through the place of the lips.
+
+    Elsewhere back faces are specks at silhouettes, where a ray slips between two triangles.
+    """
+    at_lips = p - ray * ((p[:, 2] - 9.0) / np.minimum(ray[:, 2], -1e-3))[:, None]
+    beside, above = np.abs(at_lips[:, 0]), at_lips[:, 1] - MOUTH_Y
+    return (beside < 3.2) & (above > -3.4) & (above < 1.2) & (p[:, 2] < 9.3)

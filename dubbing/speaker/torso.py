@@ -20,15 +20,20 @@ FAR = 1.0e6
 
 @dataclass(frozen=True)
 class Plate:
-    """Everything behind the head: colour (S, S, 3) 0..255, depth (S, S) cm, body (S, S) 0..1."""
+    """Everything behind the head: colour (S, S, 3) 0..255, depth (S, S) cm, body (S, S) 0..1.
+
+    fine_colour (2S, 2S, 3) and fine_depth (2S, 2S) are the same at twice the resolution.
+    """
 
     colour: np.ndarray
     depth: np.ndarray
     body: np.ndarray
+    fine_colour: np.ndarray
+    fine_depth: np.ndarray
 
 
 def _body(p: np.ndarray, grow: float) -> np.ndarray:
-    """Chest, shoulders and arms; p has x >= 0 (mirrored)."""
+    """Chest, shoulders and arms; p (3, N) has x >= 0 (mirrored)."""
     d = ellipsoid(p, (0, -33.0, -3.0), (16.0 + grow, 19.0 + grow, 9.2 + grow))
     d = smooth_min(d, capsule(p, (5.0, -16.8, -3.6), (16.0, -19.2, -3.8), 3.2, 4.3), 4.0)
     d = smooth_min(d, capsule(p, (17.0, -20.0, -3.6), (20.0, -44.0, -2.0), 4.4, 4.6), 3.0)
@@ -38,16 +43,16 @@ def _body(p: np.ndarray, grow: float) -> np.ndarray:
 
 def torso_distance(p: np.ndarray, face: Face) -> tuple[np.ndarray, np.ndarray]:
     """Distances (N,) to the shirt and to the skin of the chest at points (N, 3)."""
-    m = np.concatenate([np.abs(p[:, :1]), p[:, 1:]], axis=1)
+    m = np.stack([np.abs(p[:, 0]), p[:, 1], p[:, 2]]).astype(np.float32)
     skin = _body(m, -0.35)
-    folds = 0.22 * np.sin(m[:, 1] * 0.9 + 0.8 * m[:, 0]) * smoothstep(-20, -26, m[:, 1])
-    shirt = _body(m, 0.25) + folds * smoothstep(8.0, 15.0, m[:, 0])
+    folds = 0.22 * np.sin(m[1] * 0.9 + 0.8 * m[0]) * smoothstep(-20, -26, m[1])
+    shirt = _body(m, 0.25) + folds * smoothstep(8.0, 15.0, m[0])
     if face.shirt_style == "crew":
         hole = ellipsoid(m, (0, -11.5, -1.6), (6.9, 5.3, 7.9))
         shirt = smooth_cut(shirt, hole, 0.5)
-        radius = np.hypot(m[:, 0] / 1.02, m[:, 2] + 2.0)
-        rim_y = -14.1 - 0.23 * (m[:, 2] + 2.0)
-        ring = np.hypot(radius - 6.6, (m[:, 1] - rim_y) * 0.75) - 0.42
+        radius = np.hypot(m[0] / 1.02, m[2] + 2.0)
+        rim_y = -14.1 - 0.23 * (m[2] + 2.0)
+        ring = np.hypot(radius - 6.6, (m[1] - rim_y) * 0.75) - 0.42
         shirt = smooth_min(shirt, ring, 0.25)
     else:
         hole = ellipsoid(m, (0, -11.5, -1.4), (6.7, 4.9, 7.6))
@@ -59,12 +64,12 @@ def torso_distance(p: np.ndarray, face: Face) -> tuple[np.ndarray, np.ndarray]:
 
 def _collar(m: np.ndarray) -> np.ndarray:
     """A folded shirt collar, open at the front."""
-    radius = np.hypot(m[:, 0], (m[:, 2] + 2.1) * 0.93)
-    drop = m[:, 1] + 13.4 + 0.24 * (m[:, 2] + 2.0)
+    radius = np.hypot(m[0], (m[2] + 2.1) * 0.93)
+    drop = m[1] + 13.4 + 0.24 * (m[2] + 2.0)
     lean = 6.55 - 0.32 * drop
     band = np.maximum(np.abs(radius - lean) - 0.20, np.abs(drop) - 1.75) * 0.75
-    gap = 1.7 + 0.55 * drop - m[:, 0]
-    opening = np.where(m[:, 2] > 0, gap, -1.0)
+    gap = 1.7 + 0.55 * drop - m[0]
+    opening = np.where(m[2] > 0, gap, -1.0)
     return np.maximum(band, opening) - 0.10
 
 
@@ -116,7 +121,8 @@ def _assemble(
     far[first:] = np.where(hit, depth, FAR).reshape(n - first, n)
     blocks = far.reshape(size, s, size, s)
     body = (blocks < FAR).mean(axis=(1, 3))
-    return Plate(big.reshape(size, s, size, s, 3).mean(axis=(1, 3)), blocks.min(axis=(1, 3)), body)
+    colour = big.reshape(size, s, size, s, 3).mean(axis=(1, 3))
+    return Plate(colour, blocks.min(axis=(1, 3)), body, big, far)
 
 
 def _march(origin: np.ndarray, rays: np.ndarray, face: Face) -> tuple[np.ndarray, np.ndarray]:
@@ -160,6 +166,7 @@ def _shadow(p: np.ndarray, direction: np.ndarray, face: Face) -> np.ndarray:
 
 
 def _head(q: np.ndarray) -> np.ndarray:
+    q = q.T
     head = ellipsoid(q, (0, 1.8, 0.0), (6.9, 10.6, 9.0))
     return np.minimum(head, capsule(q, (0, -4, -2), (0, -15, -3), 5.2, 5.6))
 

@@ -62,6 +62,9 @@ def synthesise(
         )
         if rate <= 0:
             raise DubbingError("espeak-ng did not start", remedy="reinstall espeakng-loader")
+        # Starting seeds the random numbers, from which breath is made, by the clock.
+        library.espeak_ng_SetRandSeed(ctypes.c_long(1))
+        ctypes.CDLL(None).srand(1)
         if library.espeak_SetVoiceByName(voice.encode()) != 0:
             raise DubbingError(
                 f"espeak-ng has no voice {voice!r}", remedy="name one such as en-us, it+f3 or de+m4"
@@ -93,15 +96,14 @@ def speak(
 def _fresh_library() -> tuple[ctypes.CDLL, Path]:
     """A private copy of the library.
 
-    espeak-ng keeps counters (flutter of the pitch, noise) in static variables that no call resets,
-    and draws from the C library's rand(); the same text would sound different the second time.
+    espeak-ng keeps counters (flutter of the pitch) in static variables that no call resets, so the
+    same text would sound different the second time.
     """
     folder = Path(tempfile.mkdtemp(prefix="espeak-"))
     source = Path(str(espeakng_loader.get_library_path()))
     copy = folder / source.name
     shutil.copyfile(source, copy)
     library = ctypes.CDLL(str(copy))
-    ctypes.CDLL(None).srand(1)
     return library, folder
 
 
