@@ -35,7 +35,7 @@ class Rendering:
         return self.colour + (1 - self.opacity)[..., None] * background
 
 
-def opacities(thickness: Float[Tensor, "*B S"]) -> Float[Tensor, "*B S"]:
+def opacities(thickness: Float[Tensor, "*B"]) -> Float[Tensor, "*B"]:
     """alpha = 1 - exp(-tau) of optical thickness tau = density times length of the sample."""
     return -torch.expm1(-thickness)
 
