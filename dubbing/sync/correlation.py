@@ -57,12 +57,19 @@ def _cepstra(mel: np.ndarray) -> np.ndarray:
     return mel @ (waves * 2 / bands).astype(np.float32)
 
 
-def _sides(clip: TalkingClip, basis: np.ndarray, lag: float) -> tuple[np.ndarray, np.ndarray]:
-    moments = np.arange(clip.times[0] + 0.1, clip.times[-1] - 0.1, STEP)
-    mouths = mouth_windows(centred(clip.shapes, clip.times), clip.times, moments) @ basis
-    sounds = _cepstra(sound_windows(clip.mel, moments + lag))
-    x, y = (side.reshape(len(moments), -1) for side in (mouths, sounds))
-    return x - x.mean(0), y - y.mean(0)
+def _moments(clip: TalkingClip) -> np.ndarray:
+    return np.arange(clip.times[0] + 0.1, clip.times[-1] - 0.1, STEP)
+
+
+def _mouth_side(clip: TalkingClip, basis: np.ndarray) -> np.ndarray:
+    shapes = centred(clip.shapes, clip.times) @ basis
+    x = mouth_windows(shapes, clip.times, _moments(clip)).reshape(len(_moments(clip)), -1)
+    return x - x.mean(0)
+
+
+def _sound_side(clip: TalkingClip, cepstra: np.ndarray, lag: float) -> np.ndarray:
+    y = sound_windows(cepstra, _moments(clip) + lag).reshape(len(_moments(clip)), -1)
+    return y - y.mean(0)
 
 
 def _ridged(square: np.ndarray) -> np.ndarray:
@@ -73,7 +80,8 @@ def fit(clips: Sequence[TalkingClip], basis: np.ndarray) -> Correlator:
     """Ridge-regularised canonical correlation (Hotelling 1936) of aligned clips."""
     xs, ys = [], []
     for clip in clips:
-        x, y = _sides(clip, basis, clip.offset)
+        x = _mouth_side(clip, basis)
+        y = _sound_side(clip, _cepstra(clip.mel), clip.offset)
         # Long clips count more, but not in proportion.
         weight = min(1.0, (400 / len(x)) ** 0.5)
         xs.append(x * weight)
@@ -93,9 +101,10 @@ def fit(clips: Sequence[TalkingClip], basis: np.ndarray) -> Correlator:
 def correlation_curve(clip: TalkingClip, basis: np.ndarray, correlator: Correlator) -> np.ndarray:
     """Correlation of mouth and sound at every lag of LAGS, (L,)."""
     curve = []
+    cepstra = _cepstra(clip.mel)
+    a = _mouth_side(clip, basis) @ correlator.mouth
     for lag in LAGS:
-        x, y = _sides(clip, basis, float(lag))
-        a, b = x @ correlator.mouth, y @ correlator.sound
+        b = _sound_side(clip, cepstra, float(lag)) @ correlator.sound
         power = np.sqrt((a * a @ correlator.strength).sum() * (b * b @ correlator.strength).sum())
         curve.append((a * b @ correlator.strength).sum() / max(power, 1e-12))
     return np.array(curve)

@@ -1,0 +1,31 @@
+"""Made talking clips: lips and sound that follow one random curve, with a known offset."""
+
+import numpy as np
+
+from dubbing.sync.clips import TalkingClip
+from dubbing.sync.mouth import mouth_shape
+from tests.sync.meshes import canonical, talk
+
+
+def made_clip(name: str, seed: int, late: float = 0.0, seconds: float = 8.0) -> TalkingClip:
+    """A clip at 25 fps whose sound comes `late` seconds after the mouth.
+
+    Opening and width are two smooth random curves; low bands follow one, high bands the other.
+    """
+    rng = np.random.default_rng(seed)
+    grid = np.arange(-2, seconds + 2, 0.02)
+    curves = []
+    for _ in range(2):
+        noise = np.convolve(rng.normal(size=len(grid)), np.hanning(11), mode="same")
+        curves.append(noise / noise.std())
+    times = (np.arange(round(seconds * 25)) + 0.5) / 25
+    height, wide = (np.interp(times, grid, c) for c in curves)
+    shapes = mouth_shape(talk(0.1 + 0.03 * height, 0.5 + 0.05 * wide), canonical())
+    heard = (np.arange(round(seconds * 50)) + 0.5) / 50 - late
+    low, high = (np.interp(heard, grid, c) for c in curves)
+    mel = 0.8 + 0.2 * np.concatenate(
+        [np.repeat(low[:, None], 40, 1), np.repeat(high[:, None], 40, 1)], 1
+    )
+    mel = mel + 0.05 * rng.normal(size=mel.shape)
+    voice = np.ones(len(mel), np.float32)
+    return TalkingClip(name, shapes, times, mel.astype(np.float32), voice)

@@ -1,0 +1,141 @@
+"""Own offsets, batches, the network's learning, and its file."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from dubbing.errors import SyncError
+from dubbing.sync.augmentation import MIRROR, Batches, vary_mouth, vary_sound
+from dubbing.sync.correlation import align
+from dubbing.sync.evaluation import area_under_roc, embed, shifts_found
+from dubbing.sync.mouth import CORNERS, MOUTH
+from dubbing.sync.network import SyncNetwork, TwoStream, load_network, save_network
+from dubbing.sync.training import SyncTraining, train_network, train_sync, usable_clips
+from tests.sync.made import made_clip
+from tests.sync.meshes import canonical
+
+LATE = {"a": 0.0, "b": 0.12, "c": -0.08, "d": 0.0, "e": 0.04}
+CLIPS = [made_clip(name, seed, late) for seed, (name, late) in enumerate(LATE.items())]
+
+
+def test_own_offsets_are_found() -> None:
+    aligned, peaks = align(CLIPS)
+    shared = np.mean([c.offset - LATE[c.name] for c in aligned])
+    for clip, peak in zip(aligned, peaks, strict=True):
+        assert clip.offset - shared == pytest.approx(LATE[clip.name], abs=0.025)
+        assert peak > 0.3
+    # What all clips share cannot be known; starting from none, little is added.
+    assert abs(shared) < 0.05
+
+
+def test_a_clip_whose_sound_does_not_fit_is_left_out() -> None:
+    stranger = made_clip("x", 99)
+    wrong = made_clip("wrong", 100)
+    mixed = type(wrong)("wrong", wrong.shapes, wrong.times, stranger.mel, stranger.voice)
+    assert "wrong" not in [c.name for c in usable_clips([*CLIPS, mixed])]
+
+
+def test_mirror_is_its_own_inverse_and_swaps_the_corners() -> None:
+    assert np.array_equal(MIRROR[MIRROR], np.arange(len(MOUTH)))
+    right, left = (MOUTH.index(p) for p in CORNERS)
+    assert MIRROR[right] == left
+    # A symmetric mouth stays where it is.
+    mouth = CLIPS[0].shapes[0]
+    lips = slice(0, 40)
+    assert np.allclose((mouth[MIRROR] * [-1, 1])[lips], mouth[lips], atol=1e-5)
+
+
+def test_batches_have_their_shapes_and_repeat() -> None:
+    one, two = (Batches(CLIPS, np.random.default_rng(3)).draw() for _ in range(2))
+    assert one[0].shape == (288, 5, 2 * len(MOUTH))
+    assert one[1].shape == (288, 10, 80)
+    assert all(torch.equal(a, b) for a, b in zip(one, two, strict=True))
+    assert torch.isfinite(one[0]).all()
+    assert torch.isfinite(one[1]).all()
+
+
+def test_variations_keep_shapes_and_change_values() -> None:
+    rng = np.random.default_rng(0)
+    mouths = rng.normal(0, 0.05, (3, 5, 2 * len(MOUTH))).astype(np.float32)
+    mels = rng.uniform(0, 1.5, (3, 10, 80)).astype(np.float32)
+    for before, after in ((mouths, vary_mouth(mouths, rng)), (mels, vary_sound(mels, rng))):
+        assert after.shape == before.shape
+        assert after.dtype == np.float32
+        assert 0 < np.abs(after - before).mean() < 0.6
+
+
+def test_it_learns_and_finds_shifts_of_a_clip_it_never_saw(tmp_path: Path) -> None:
+    used = usable_clips(CLIPS)
+    network = train_network(used, canonical(), SyncTraining(steps=30, members=1))
+    unseen = embed(network, made_clip("unseen", 50))
+    # Positive: the sound is early. What the clips' offsets have in common stays in the network.
+    assert abs(unseen.offset) <= 1
+    assert np.mean(shifts_found(unseen, 3.0)) > 0.95
+    late = embed(network, made_clip("late", 51, late=0.2))
+    assert late.offset - unseen.offset == pytest.approx(-5, abs=1)
+    path = tmp_path / "weights.safetensors"
+    save_network(network, path, {"clips": []})
+    shapes, mel = Batches(CLIPS, np.random.default_rng(0)).draw()
+    again = load_network(path)
+    assert torch.allclose(network.embed_mouth(shapes), again.embed_mouth(shapes), atol=2e-2)
+    assert torch.allclose(network.embed_sound(mel), again.embed_sound(mel), atol=2e-2)
+
+
+def test_training_repeats_itself() -> None:
+    settings = SyncTraining(steps=3, members=1)
+    one, two = (train_network(CLIPS, canonical(), settings).state_dict() for _ in range(2))
+    assert all(torch.equal(one[k], two[k]) for k in one)
+
+
+def test_loss_prefers_matching_pairs() -> None:
+    torch.manual_seed(0)
+    member = TwoStream().eval()
+    member.basis.normal_()
+    mouth, mel = torch.randn(6, 5, 2 * len(MOUTH)), torch.rand(6, 10, 80)
+    v, a = member.embed_mouth(mouth), member.embed_sound(mel)
+    logits = (member.sharpness.exp() * v @ a.T).detach()
+    expected = 0.0
+    for i in range(6):
+        expected += float(torch.logsumexp(logits[i], 0) + torch.logsumexp(logits[:, i], 0))
+        expected -= 2 * float(logits[i, i])
+    assert member.loss(mouth, mel).item() == pytest.approx(expected / 12, rel=1e-4)
+
+
+def test_embeddings_have_length_one() -> None:
+    network = load_network()
+    shapes, mel = Batches(CLIPS, np.random.default_rng(0)).draw()
+    for embedding in (network.embed_mouth(shapes), network.embed_sound(mel)):
+        assert torch.allclose(embedding.norm(dim=1), torch.ones(len(shapes)), atol=1e-5)
+
+
+def test_wrong_weights_say_so(tmp_path: Path) -> None:
+    with pytest.raises(SyncError, match="train-sync"):
+        load_network(tmp_path / "none.safetensors")
+    path = tmp_path / "text.safetensors"
+    path.write_text("no weights")
+    with pytest.raises(SyncError, match="cannot be read"):
+        load_network(path)
+
+
+def test_too_few_clips(tmp_path: Path) -> None:
+    with pytest.raises(SyncError, match="too few"):
+        train_sync([], tmp_path / "out.safetensors")
+
+
+def test_area_under_the_roc() -> None:
+    assert area_under_roc([3, 2], [1, 0]) == 1
+    assert area_under_roc([1, 1], [1, 1]) == 0.5
+    assert area_under_roc([0, 2], [1]) == 0.5
+
+
+def test_members_average_their_squared_distances() -> None:
+    network = SyncNetwork(2)
+    for member in network.members:
+        torch.nn.init.normal_(member.get_buffer("basis"))
+    network.eval()
+    shapes, mel = torch.randn(4, 5, 2 * len(MOUTH)), torch.rand(4, 10, 80)
+    joint = (network.embed_mouth(shapes) - network.embed_sound(mel)).pow(2).sum(1)
+    each = [(m.embed_mouth(shapes) - m.embed_sound(mel)).pow(2).sum(1) for m in network._pairs()]
+    assert torch.allclose(joint, torch.stack(each).mean(0), atol=1e-5)
