@@ -52,7 +52,7 @@ class Style:
 
 STYLES = {
     "short": Style(1500, 2.6, 0.42, 0.45),
-    "parted": Style(1000, 7.5, 0.62, 1.0, part_x=2.6),
+    "parted": Style(1150, 7.5, 0.60, 1.0, part_x=2.6),
     "swept": Style(950, 7.5, 0.60, 0.95),
     "bob": Style(760, 16.0, 0.85, 1.15, part_x=-1.6, gravity=0.8),
     "bald": Style(0, 0.0, 0.0, 0.0),
@@ -101,6 +101,10 @@ def _gradient(p: np.ndarray, face: Face) -> np.ndarray:
     return g / np.maximum(np.linalg.norm(g, axis=-1, keepdims=True), 1e-9)
 
 
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9)
+
+
 def _comb(p: np.ndarray, face: Face, style: Style) -> np.ndarray:
     """Combing direction (N, 3) at points p before it is made tangent to the head."""
     x, y, z = p[:, 0], p[:, 1], p[:, 2]
@@ -134,7 +138,9 @@ def _paths(
     lift = style.lift * face.hair_volume * (1.0 - 0.55 * low) * (0.55 + 0.45 * depth)
     lift = lift * rng.uniform(0.6, 1.25, count)
     wander = rng.normal(0, 0.16, (count, 3))
-    p, heading = roots.copy(), np.zeros((count, 3))
+    # Locks begin a little before their root, so that a parting is a line and not a bare strip.
+    p = roots - 0.7 * _unit(_comb(roots, face, style))
+    heading = np.zeros((count, 3))
     lines, normals = [], []
     for k in range(ALONG):
         t = k / (ALONG - 1)
@@ -152,7 +158,7 @@ def _paths(
         flow[hangs] = HANG + 0.5 * wander[hangs]
         n = np.where(hangs[:, None], 0.0, n)
         flow -= np.einsum("ij,ij->i", flow, n)[:, None] * n
-        flow /= np.maximum(np.linalg.norm(flow, axis=1, keepdims=True), 1e-9)
+        flow = _unit(flow)
         heading = flow if k == 0 else 0.5 * heading + 0.5 * flow
         p = p + heading * (length / (ALONG - 1))[:, None]
     return np.stack(lines, 1), np.stack(normals, 1)
@@ -162,10 +168,8 @@ def _strips(
     path: np.ndarray, normal: np.ndarray, style: Style, face: Face, rng: np.random.Generator
 ) -> Hair:
     count = len(path)
-    tangent = np.gradient(path, axis=1)
-    tangent /= np.maximum(np.linalg.norm(tangent, axis=-1, keepdims=True), 1e-9)
-    across = np.cross(tangent, normal)
-    across /= np.maximum(np.linalg.norm(across, axis=-1, keepdims=True), 1e-9)
+    tangent = _unit(np.gradient(path, axis=1))
+    across = _unit(np.cross(tangent, normal))
     out = np.cross(across, tangent)
     t = np.linspace(0.0, 1.0, ALONG)
     width = (

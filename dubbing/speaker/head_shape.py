@@ -61,7 +61,7 @@ def head_distance(p: np.ndarray, face: Face) -> np.ndarray:
     d = smooth_min(d, capsule(p, corner, (1.3, -7.9 * chin, 6.9), 0.95, 1.0), 2.2)
     d = smooth_min(d, ellipsoid(p, (0, -7.75 * chin, 7.35), (1.75, 1.35, 1.65)), 1.8)  # chin
     bone = face.cheekbones
-    d = smooth_min(d, ellipsoid(p, (4.45, 0.35, 5.6), (1.75, 1.25 * bone, 1.85 * bone)), 1.8)
+    d = smooth_min(d, ellipsoid(p, (4.2, 0.3, 5.5), (1.6, 1.3 * bone, 1.85 * bone)), 2.6)
     d = smooth_min(d, ellipsoid(p, (3.3, -1.8, 6.2), (1.7, 1.9, 1.8)), 1.5)  # cheeks
     d = smooth_min(d, ellipsoid(p, (0, -4.1, 6.5), (3.3, 2.8, 3.0)), 1.4)  # muzzle
     d = smooth_min(d, capsule(p, (0.9, 4.35, 8.05), (4.1, 4.75, 6.6), 0.70, 0.6), 1.9)  # brow

@@ -10,7 +10,7 @@ from dubbing.speaker.head_shape import MOUTH_HALF_WIDTH, MOUTH_Y, head_distance
 from dubbing.speaker.mesh import grid_normals, smoothstep, value_noise
 from dubbing.speaker.skin_grid import skin_grid
 
-TEXELS = 5  # texels between two grid vertices
+TEXELS = 7  # texels between two grid vertices
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ def _lips(albedo: np.ndarray, gloss: np.ndarray, p: np.ndarray, face: Face) -> N
     mask = smoothstep(-0.07, 0.09, inside) * smoothstep(6.0, 7.0, z) * smoothstep(1.0, 0.93, u)
     wrinkles = value_noise(x.shape, (8, 420), face.seed + 3)
     colour = np.asarray(face.lips) * (1.0 + 0.07 * wrinkles[..., None])
-    deep = 0.72 + 0.28 * smoothstep(0.0, 0.35, np.abs(y - MOUTH_Y))
+    deep = 0.40 + 0.60 * smoothstep(0.02, 0.22, np.abs(y - MOUTH_Y))
     albedo += mask[..., None] * (colour * deep[..., None] - albedo)
     gloss += mask * (0.85 + 0.15 * wrinkles - gloss)
 

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
+from scipy.spatial import ConvexHull
 
 from dubbing.speaker.camera import Camera, Pose
 from dubbing.speaker.face import Face
@@ -64,10 +65,12 @@ class Renderer:
         corners = np.concatenate([rest, self.materials.hair.vertices]).astype(np.float32)
         hair = self.materials.hair.triangles + len(rest)
         still = np.concatenate([self.model.static, hair]).astype(np.int32)
-        self._still = EmbreeScene()
-        TriangleMesh(self._still, corners, still)
+        self.still = EmbreeScene()
+        TriangleMesh(self.still, corners, still)
         self.triangles = np.concatenate([still, self.model.moving])
-        self._moving_first = len(still)
+        self.moving_first = len(still)
+        self.hull = corners[ConvexHull(corners).vertices].astype(np.float64)
+        self.outline = np.unique(self.model.moving)[::2]
 
     def picture(self, state: State) -> Picture:
         """The picture of one frame."""
@@ -118,8 +121,8 @@ class _Frame:
         hair = owner.materials.hair
         self.geometry = Geometry(
             owner.triangles,
-            np.concatenate([vertices, hair.vertices]),
-            np.concatenate([owner.model.normals(vertices), hair.normals]),
+            np.concatenate([vertices, hair.vertices]).astype(np.float32),
+            np.concatenate([owner.model.normals(vertices), hair.normals]).astype(np.float32),
         )
         self.view = View(state.pose.eye, owner.gaze(state), state.blink, rig)
         self.scene = EmbreeScene()
@@ -127,8 +130,9 @@ class _Frame:
 
     def box(self) -> tuple[int, int, int, int]:
         """Top, left, bottom, right of the pixels that may see the head."""
-        p = self.owner.project(self.pose, self.geometry.corners)
-        low, high = np.floor(p.min(axis=0)) - 2, np.ceil(p.max(axis=0)) + 3
+        extent = np.concatenate([self.owner.hull, self.geometry.corners[self.owner.outline]])
+        p = self.owner.project(self.pose, extent)
+        low, high = np.floor(p.min(axis=0)) - 3, np.ceil(p.max(axis=0)) + 4
         left, top = np.clip(low, 0, self.camera.size).astype(int)
         right, bottom = np.clip(high, 0, self.camera.size).astype(int)
         return int(top), int(left), int(bottom), int(right)
@@ -136,8 +140,8 @@ class _Frame:
     def cast(self, directions: np.ndarray) -> Hits:
         """What rays (N, 3) in the head frame from the camera meet first."""
         rays = np.ascontiguousarray(directions, np.float32)
-        start = np.tile(self.pose.eye.astype(np.float32), (len(rays), 1))
-        still = self.owner._still.run(start, rays, output=1)
+        start = np.broadcast_to(self.pose.eye.astype(np.float32), rays.shape).copy()
+        still = self.owner.still.run(start, rays, output=1)
         moving = self.scene.run(start, rays, output=1)
         far_still = np.where(still["geomID"] >= 0, still["tfar"], np.inf)
         far_moving = np.where(moving["geomID"] >= 0, moving["tfar"], np.inf)
@@ -146,11 +150,11 @@ class _Frame:
         hit = np.flatnonzero(np.isfinite(length))
         pick = first[hit]
         triangle = np.where(
-            pick, moving["primID"][hit] + self.owner._moving_first, still["primID"][hit]
+            pick, moving["primID"][hit] + self.owner.moving_first, still["primID"][hit]
         )
         u = np.where(pick, moving["u"][hit], still["u"][hit])
         v = np.where(pick, moving["v"][hit], still["v"][hit])
-        return Hits(hit, triangle, u, v, length[hit].astype(np.float64), directions[hit])
+        return Hits(hit, triangle, u, v, length[hit], rays[hit])
 
     def draw(self, box: tuple[int, int, int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Colour 0..255 (h, w, 3), head cover (h, w) and neck cover (h, w) of the box."""
@@ -189,13 +193,17 @@ class _Frame:
         hits = self.before(hits, self.owner.plate.fine_depth[quarter])
         source = np.tile(at, many)[hits.index]
         again = self.shade(hits, shadow.ravel()[source])
-        # Where the pixel's own ray met the same skin, its scattered light is the better one.
+        # Scattered light is better than plain light: it is taken from the pixel, or from one
+        # beside it, whose own ray met the same skin.
         own = np.full(h * w, -1)
         own[first.index] = np.arange(len(first.index))
-        same = own[source]
-        soft = (same >= 0) & ~again.solid & ~shaded.solid[same]
-        soft &= np.abs(first.length[same] - hits.length) < DEPTH_STEP
-        again.light[soft] = light[same[soft]]
+        waiting = ~again.solid
+        for beside in (0, -1, 1, -w, w):
+            same = own[np.clip(source + beside, 0, h * w - 1)]
+            soft = waiting & (same >= 0) & ~shaded.solid[same]
+            soft &= np.abs(first.length[same] - hits.length) < DEPTH_STEP
+            again.light[soft] = light[same[soft]]
+            waiting &= ~soft
         sub = self.owner.plate.fine_colour[quarter]
         sub[hits.index] = develop(again.albedo * again.light + again.shine)
         colour[at] = sub.reshape(many, len(at), 3).mean(axis=0)
@@ -231,7 +239,7 @@ class _Frame:
             d = self.rig.key + 0.09 * (np.cos(a) * side + np.sin(a) * up)
             rays = np.tile(d.astype(np.float32), (len(p), 1))
             blocked = self.scene.run(start, rays, query="OCCLUDED") == 0
-            blocked |= self.owner._still.run(start, rays, query="OCCLUDED") == 0
+            blocked |= self.owner.still.run(start, rays, query="OCCLUDED") == 0
             lit += ~blocked
         total, weight = np.zeros(small, np.float32), np.zeros(small, np.float32)
         where = (row[chosen] // SHADOW_STEP, col[chosen] // SHADOW_STEP)

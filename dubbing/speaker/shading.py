@@ -22,10 +22,14 @@ def _unit(*v: float) -> np.ndarray:
     return a / np.linalg.norm(a)
 
 
-KEY = Light(_unit(-0.55, 0.52, 0.72), np.array([2.15, 1.98, 1.78]))
-FILL = Light(_unit(0.85, 0.12, 0.60), np.array([0.36, 0.43, 0.52]))
-RIM = Light(_unit(0.70, 0.45, -0.62), np.array([1.15, 1.20, 1.30]))
-SKY, GROUND = np.array([0.50, 0.54, 0.60]), np.array([0.26, 0.21, 0.18])
+def _colour(*rgb: float) -> np.ndarray:
+    return np.asarray(rgb, dtype=np.float32)
+
+
+KEY = Light(_unit(-0.55, 0.52, 0.72), _colour(2.15, 1.98, 1.78))
+FILL = Light(_unit(0.85, 0.12, 0.60), _colour(0.36, 0.43, 0.52))
+RIM = Light(_unit(0.70, 0.45, -0.62), _colour(1.15, 1.20, 1.30))
+SKY, GROUND = _colour(0.50, 0.54, 0.60), _colour(0.26, 0.21, 0.18)
 UP = np.array([0.0, 1.0, 0.0])
 SKIN_WRAP = np.array([0.34, 0.17, 0.11])  # red light travels furthest under the skin
 EXPOSURE = 0.80
@@ -43,7 +47,8 @@ class Rig:
 
     @staticmethod
     def turned(rotation: np.ndarray) -> "Rig":
-        return Rig(*(rotation @ d for d in (KEY.direction, FILL.direction, RIM.direction, UP)))
+        directions = (KEY.direction, FILL.direction, RIM.direction, UP)
+        return Rig(*((rotation @ d).astype(np.float32) for d in directions))
 
 
 def irradiance(
@@ -77,7 +82,7 @@ def highlights(
     rig: Rig,
 ) -> np.ndarray:
     """Blinn highlights (N, 3) of the three lights with a Fresnel factor (Schlick, f0 = 0.03)."""
-    out = np.zeros((len(n), 3))
+    out = np.zeros((len(n), 3), np.float32)
     view = -ray
     facing = np.clip(np.einsum("ij,ij->i", n, view), 0.0, 1.0)
     grazing = (1.0 - facing) ** 5
@@ -105,7 +110,7 @@ def hair_highlights(
     tangent: np.ndarray, ray: np.ndarray, colour: np.ndarray, shadow: np.ndarray, rig: Rig
 ) -> np.ndarray:
     """Kajiya-Kay: a sharp white and a broad coloured lobe along the strand, (N, 3)."""
-    out = np.zeros((len(tangent), 3))
+    out = np.zeros((len(tangent), 3), np.float32)
     for direction, light, reach in ((rig.key, KEY, shadow), (rig.rim, RIM, 0.8 + 0 * shadow)):
         h = direction - ray
         h /= np.linalg.norm(h, axis=1, keepdims=True)

@@ -41,11 +41,11 @@ def _elevations() -> tuple[np.ndarray, np.ndarray]:
     """Degrees, descending: above the mouth line (ends at 0) and below it (begins at 0)."""
 
     def above(e: np.ndarray) -> np.ndarray:
-        face = 0.85 - 0.35 * np.exp(-((e / 9.0) ** 2)) - 0.2 * np.exp(-(((e - 45) / 7.0) ** 2))
+        face = 1.15 - 0.45 * np.exp(-((e / 9.0) ** 2)) - 0.25 * np.exp(-(((e - 45) / 7.0) ** 2))
         return face + 2.0 * np.clip((e - 58.0) / 20.0, 0.0, 1.0)
 
     def below(e: np.ndarray) -> np.ndarray:
-        face = 0.9 - 0.4 * np.exp(-((e / 9.0) ** 2))
+        face = 1.2 - 0.5 * np.exp(-((e / 9.0) ** 2))
         return face + 2.5 * np.clip((-e - 38.0) / 20.0, 0.0, 1.0)
 
     return _spread(0.0, 89.0, above)[::-1], _spread(-86.0, 0.0, below)[::-1]
@@ -54,7 +54,7 @@ def _elevations() -> tuple[np.ndarray, np.ndarray]:
 def _azimuths() -> np.ndarray:
     def spacing(a: np.ndarray) -> np.ndarray:
         side = np.abs(a)
-        face = 0.95 - 0.25 * np.exp(-((side / 16.0) ** 2))
+        face = 1.25 - 0.30 * np.exp(-((side / 16.0) ** 2))
         return face + 4.0 * np.clip((side - 52.0) / 30.0, 0.0, 1.0)
 
     half = _spread(0.0, 180.0, spacing)

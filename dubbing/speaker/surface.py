@@ -87,11 +87,11 @@ class Layers:
             point,
             normal,
             part,
-            albedo=np.zeros((n, 3)),
-            gloss=np.full(n, 0.3),
-            power=np.full(n, 22.0),
-            occlusion=np.ones(n),
-            wrap=np.tile(SKIN_WRAP, (n, 1)),
+            albedo=np.zeros((n, 3), np.float32),
+            gloss=np.full(n, 0.3, np.float32),
+            power=np.full(n, 22.0, np.float32),
+            occlusion=np.ones(n, np.float32),
+            wrap=np.tile(SKIN_WRAP.astype(np.float32), (n, 1)),
             solid=np.zeros(n, bool),
             label=part * 4,  # leaves room for the labels below
         )
@@ -124,9 +124,12 @@ class Materials:
         self.part = np.concatenate([model.part, np.full(len(none), HAIR, np.int8)])
         self.uv = np.concatenate([model.uv, none])
         self.rest = model.rest
-        self.strand = np.concatenate([np.zeros((len(model.rest), 2)), self.hair.strand])
-        self.shade_of = np.concatenate([model.lip_shade(), self.hair.shade])
-        self.tangent = np.concatenate([np.zeros((len(model.rest), 3)), self.hair.tangents])
+        bare = len(model.rest)
+        strand = np.concatenate([np.zeros((bare, 2)), self.hair.strand])
+        tangent = np.concatenate([np.zeros((bare, 3)), self.hair.tangents])
+        shade = np.concatenate([model.lip_shade(), self.hair.shade])
+        self.strand, self.tangent = strand.astype(np.float32), tangent.astype(np.float32)
+        self.shade_of = shade.astype(np.float32)
         self.streaks = value_noise((64, 4096), (6, 900), face.seed + 21)
         self._tint_scalp(model)
 
@@ -140,21 +143,21 @@ class Materials:
         grown = cv2.resize(cover, (w, h), interpolation=cv2.INTER_LINEAR)
         grown = grown + 0.16 * value_noise((h, w), (150, 170), self.face.seed + 22)
         mask = 0.9 * smoothstep(-0.05, 1.1, grown)[..., None]
-        colour = np.asarray(self.face.hair) * 0.7
+        colour = np.asarray(self.face.hair) * 0.45
         self.texture.albedo[...] += (mask * (colour - self.texture.albedo)).astype(np.float32)
         self.texture.gloss[...] *= 1.0 - 0.75 * mask[..., 0]
 
     def shade(self, hits: Hits, geometry: Geometry, shadow: np.ndarray, view: View) -> Shaded:
         """What the rays see; shadow (N,) is 1 where the key light arrives."""
         tri = geometry.triangles[hits.triangle]
-        weights = np.stack([1.0 - hits.u - hits.v, hits.u, hits.v], axis=1)
+        weights = np.stack([1.0 - hits.u - hits.v, hits.u, hits.v], axis=1).astype(np.float32)
 
         def mix(values: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
-            return np.einsum("nk,nkc->nc", weights[rows], values[tri[rows]])
+            return np.einsum("nk,nkc->nc", weights[rows], values[tri[rows]], dtype=np.float32)
 
         n = mix(geometry.normals)
         n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-9)
-        p = view.eye + hits.ray * hits.length[:, None]
+        p = (view.eye + hits.ray * hits.length[:, None]).astype(np.float32)
         layers = Layers.blank(p, n, self.part[tri[:, 0]].astype(np.int64))
         textured = np.flatnonzero((layers.part == SKIN) | (layers.part == LIP))
         uv = mix(self.uv, textured).astype(np.float32) * TEXELS
@@ -162,10 +165,12 @@ class Materials:
         layers.gloss[textured] = self._lookup(self.texture.gloss, uv)
         layers.occlusion[textured] = self._lookup(self.texture.occlusion, uv)
         self._plain_parts(layers)
-        away = (np.einsum("ij,ij->i", n, hits.ray) > 0.0) & np.isin(layers.part, (SKIN, LIP))
-        away[away] = _back_faces(geometry.corners[tri[away]], hits.ray[away])
-        n[away] *= -1.0
-        away[away] = _through_mouth(p[away], hits.ray[away])
+        away = np.isin(layers.part, (SKIN, LIP, NECK)) & _through_mouth(p, hits.ray)
+        within = layers.part == NECK
+        away[away] = within[away] | _back_faces(geometry.corners[tri[away]], hits.ray[away])
+        n[away & ~within] *= -1.0
+        # Smoothed normals at a silhouette may face away: they are bent until they just do not.
+        n -= np.clip(np.einsum("ij,ij->i", n, hits.ray), 0.0, None)[:, None] * hits.ray
         self._mouth(layers, away)
         lips = np.flatnonzero(layers.part == LIP)
         layers.occlusion[lips] *= mix(self.shade_of[:, None], lips)[:, 0]
@@ -195,7 +200,7 @@ class Materials:
     @staticmethod
     def _lookup(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
         """Bilinear values at texel positions uv (N, 2)."""
-        pad = -len(uv) % 1024  # remap wants a picture no longer than 32767 in each direction
+        pad = 1024 - len(uv) % 1024  # remap wants a picture no longer than 32767 in each direction
         grid = np.concatenate([uv, np.zeros((pad, 2), np.float32)]).reshape(-1, 1024, 2)
         edge = cv2.BORDER_REPLICATE
         out = cv2.remap(texture, grid[..., 0], grid[..., 1], cv2.INTER_LINEAR, borderMode=edge)
@@ -274,7 +279,7 @@ def _back_faces(corners: np.ndarray, ray: np.ndarray) -> np.ndarray:
 def _through_mouth(p: np.ndarray, ray: np.ndarray) -> np.ndarray:
     """(N,) bool: rays that reached p (N, 3) from outside through the place of the lips.
 
-    Elsewhere back faces are specks at silhouettes, where a ray slips between two triangles.
+    Only there back faces are the inside of the cheeks; at silhouettes they would be dark specks.
     """
     at_lips = p - ray * ((p[:, 2] - 9.0) / np.minimum(ray[:, 2], -1e-3))[:, None]
     beside, above = np.abs(at_lips[:, 0]), at_lips[:, 1] - MOUTH_Y

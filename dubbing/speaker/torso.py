@@ -168,7 +168,7 @@ def _shadow(p: np.ndarray, direction: np.ndarray, face: Face) -> np.ndarray:
 def _head(q: np.ndarray) -> np.ndarray:
     q = q.T
     head = ellipsoid(q, (0, 1.8, 0.0), (6.9, 10.6, 9.0))
-    return np.minimum(head, capsule(q, (0, -4, -2), (0, -15, -3), 5.2, 5.6))
+    return np.minimum(head, capsule(q, (0, -4, -2), (0, -15, -3), 4.4, 4.4))
 
 
 def _head_occlusion(p: np.ndarray) -> np.ndarray:

@@ -1,0 +1,49 @@
+"""`python -m dubbing.speaker`: makes what manifests/demo.yaml names, once."""
+
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from dubbing.media import probe
+from dubbing.speaker import __main__ as program
+
+MANIFEST = Path(__file__).resolve().parents[2] / "manifests" / "demo.yaml"
+
+
+def test_makes_every_file_of_the_demo_and_makes_it_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(program, "SCRIPT", "Me.")
+    monkeypatch.setattr(sys, "argv", ["speaker", str(tmp_path), "--size", "64"])
+    assert program.main() == 0
+    manifest = yaml.safe_load(MANIFEST.read_text())
+    inputs = [person["clip"] for person in manifest["identities"].values()]
+    inputs += [dub["audio"] for dub in manifest["dubs"]]
+    assert len(inputs) == 3
+    for name in inputs:
+        assert Path(name).parent == Path("../out/demo/source")
+        info = probe(tmp_path / Path(name).name)
+        assert info.audio_duration is not None
+        assert info.audio_duration < 6
+    made = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    assert program.main() == 0
+    assert made == {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+
+
+def test_many_identities(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arguments = ["speaker", str(tmp_path), "--identities", "2", "--size", "64", "--seconds", "0.1"]
+    monkeypatch.setattr(sys, "argv", arguments)
+    assert program.main() == 0
+    for folder in ("person000", "person001"):
+        assert probe(tmp_path / folder / "clip.mp4").frames == 2
+
+
+def test_a_mistake_is_an_exit_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(program, "DUBS", {})
+    monkeypatch.setattr(sys, "argv", ["speaker", str(tmp_path), "--size", "33"])
+    assert program.main() == 1
+    assert "even size" in capsys.readouterr().err
