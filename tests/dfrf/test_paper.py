@@ -100,6 +100,22 @@ def test_renders_and_learns(preset: str) -> None:
             assert parameter.grad.abs().sum() > 0, name
 
 
+def test_a_few_steps_of_training_bring_the_picture_closer() -> None:
+    model, views = tiny().train(), references()
+    o, d, windows, background = frame(32)
+    target = torch.tensor([0.8, 0.3, 0.1]).expand(32, 3)
+    optimiser = torch.optim.Adam(model.parameters(), lr=5e-3)
+    curve = []
+    for _ in range(40):
+        seen = model(o, d, NEAR, FAR, windows, views, background, jitter=True)
+        loss = paper_loss(seen, target, size=12)
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        curve.append(loss.item())
+    assert curve[-1] < 0.3 * curve[0]
+
+
 def test_against_a_loop_over_samples() -> None:
     model, views = tiny(), references()
     o, d, windows, background = frame(3)
