@@ -147,15 +147,14 @@ class _Reader:
             named = entry
             if isinstance(entry, dict) and "name" not in {**self.defaults, **entry}:
                 named = {"name": _default_name({**self.defaults, **entry}), **entry}
+            whose = named.get("identity") if isinstance(named, dict) else None
+            if known and isinstance(whose, str) and whose not in known:
+                there = ", ".join(known)
+                self._say(("dubs", k, "identity"), f"no identity {whose!r}; there is {there}")
             item = self._entry(Dub, ("dubs", k), named)
             if not isinstance(item, Dub):
                 continue
             found[k] = item
-            if known and item.identity not in {*known, UNKNOWN["identity"]}:
-                there = ", ".join(known)
-                self._say(
-                    ("dubs", k, "identity"), f"no identity {item.identity!r}; there is {there}"
-                )
         names = [(dub.name, ("dubs", k, "name")) for k, dub in found.items()]
         self._unique([(name, path) for name, path in names if name != UNKNOWN["name"]])
         return found

@@ -69,6 +69,11 @@ class _Builder:
                 None, None, "too many or too deep aliases", node.start_mark
             )
         self.document.lines.setdefault(path, node.start_mark.line + 1)
+        plain = "tag:yaml.org,2002:" + ("seq" if isinstance(node, yaml.SequenceNode) else "map")
+        if isinstance(node, yaml.CollectionNode) and node.tag != plain:
+            raise yaml.constructor.ConstructorError(
+                None, None, f"the tag {node.tag} is not allowed", node.start_mark
+            )
         if isinstance(node, yaml.SequenceNode):
             return [self.build(item, (*path, k)) for k, item in enumerate(node.value)]
         if isinstance(node, yaml.MappingNode):

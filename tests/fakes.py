@@ -1,0 +1,164 @@
+"""Stand-ins for the stages that need a face or a trained model: quick, exact, resumable.
+
+``python -m tests.fakes dub MANIFEST`` is ``dfrf`` with them; DFRF_TEST_KILL=stage:n makes it kill
+itself (SIGKILL) the n-th time that stage reports progress.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dubbing import media, steps
+from dubbing.errors import PreparationError
+from dubbing.files import atomic_write_json, atomic_write_text
+from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
+
+SIZE = 32
+HEADS_A_FILE = 5
+HEAD = (200, 30, 90)  # colour of every fake head
+
+
+def write_prepared(
+    clip: Path,
+    out: Path,
+    *,
+    window: tuple[int, int, int] = (8, 4, 32),
+    size: int = SIZE,
+    segment: np.ndarray | None = None,
+    invalid: tuple[int, ...] = (),
+) -> PreparedClip:
+    """A prepared clip whose head is a square in the middle of the crop, background plain green."""
+    info = media.probe(clip)
+    assert info.rate is not None
+    frames = info.frames
+    matte = np.zeros((size, size), np.uint8)
+    matte[size * 3 // 8 : size * 5 // 8, size * 3 // 8 : size * 5 // 8] = 255
+    plain = np.full((size, size, 3), (10, 200, 10), np.uint8)
+    for name, codec, picture in ((MATTE, "ffv1-gray", matte), (BACKGROUND, "ffv1", plain)):
+        with media.VideoWriter(out / name, size, size, info.rate, codec) as writer:
+            for _ in range(frames):
+                writer.write(picture)
+    valid = np.ones(frames, bool)
+    valid[list(invalid)] = False
+    prepared = PreparedClip(
+        folder=out,
+        clip=clip,
+        rate=info.rate,
+        frames_count=frames,
+        size=size,
+        source_size=(info.width, info.height),
+        focal=2.34 * size,
+        near=5.0,
+        far=9.0,
+        warnings=[],
+        residual_shift=0.1,
+        rotation=np.tile(np.eye(3), (frames, 1, 1)),
+        translation=np.tile([0.0, 0.0, 7.0], (frames, 1)),
+        centre=np.full((frames, 2), size / 2),
+        crop=np.tile(np.array(window, float), (frames, 1)),
+        valid=valid,
+        segment=np.zeros(frames, int) if segment is None else segment,
+        landmarks=np.zeros((frames, 478, 2)),
+        shape=np.zeros((478, 3)),
+    )
+    prepared.save()
+    return prepared
+
+
+def write_heads(out: Path, frames: int, rate: Fraction, size: int = SIZE) -> None:
+    """Opaque squares of one colour, a little larger than the matte, brighter with every frame."""
+    for first in range(0, frames, HEADS_A_FILE):
+        path = out / f"{first:06d}.mkv"
+        if not path.exists():
+            with media.VideoWriter(path, size, size, rate, "ffv1-rgba") as writer:
+                for k in range(first, min(first + HEADS_A_FILE, frames)):
+                    writer.write(head(k, size))
+
+
+def head(k: int, size: int = SIZE) -> np.ndarray:
+    """Fake head k, premultiplied RGBA."""
+    picture = np.zeros((size, size, 4), np.uint8)
+    part = slice(size * 5 // 16, size * 11 // 16)
+    picture[part, part] = (*HEAD[:2], k % 256, 255)
+    return picture
+
+
+class Killer:
+    """Counts the progress of a stage and kills this process at the asked moment."""
+
+    def __init__(self) -> None:
+        stage, _, count = os.environ.get("DFRF_TEST_KILL", "").partition(":")
+        self.stage, self.left = stage, int(count or 0)
+
+    def __call__(self, stage: str) -> None:
+        if stage == self.stage:
+            self.left -= 1
+            if self.left <= 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+
+def install(patch: Any) -> None:
+    """Put the stand-ins in place with ``patch(object, name, value)`` (as monkeypatch.setattr)."""
+    kill = Killer()
+
+    def prepare(self: steps.Prepare, out: Path, progress: Any) -> None:
+        kill("prepare")
+        if "noface" in self.identity.clip.name:
+            raise PreparationError("no face found", self.identity.clip.name, "film the face")
+        (out / "landmarks.npz").write_bytes(b"kept work")
+        kill("prepare")
+        write_prepared(self.identity.clip, out)
+        kill("prepare")
+
+    def finetune(self: steps.Finetune, out: Path, progress: Any) -> None:
+        (out / "resume").mkdir(exist_ok=True)
+        for step in range(1, 7):
+            mark = out / "resume" / f"{step}.txt"
+            if not mark.exists():
+                atomic_write_text(mark, str(step))
+                kill("finetune")
+        PreparedClip.load(self.prepared)
+        atomic_write_text(out / "model.safetensors", f"seed {self.identity.seed}")
+        atomic_write_text(out / "loss.csv", "step,loss,psnr,seconds\n1,0.5,20,1\n2,0.25,22,2\n")
+
+    def render(self: steps.Render, out: Path, progress: Any) -> None:
+        rate = PreparedClip.load(self.prepared).rate
+        poses = steps.poses_of(self.dub, self.prepared, self.speech)
+        for count in range(HEADS_A_FILE, len(poses) + HEADS_A_FILE, HEADS_A_FILE):
+            write_heads(out, min(count, len(poses)), rate)
+            kill("heads")
+
+    def compose(self: steps.Compose, out: Path, progress: Any) -> None:
+        def told(message: str, share: float) -> None:
+            progress(message, share)
+            kill("mux" if message == "muxing" else "video")
+
+        real_compose(self, out, told)
+
+    def check(self: steps.Check, out: Path, progress: Any) -> None:
+        verdict = "fail" if "fellshort" in str(self.video) else "pass"
+        found = {"verdict": verdict, "reason": "measured", "words": "in sync", "curve": [1, 0, 1]}
+        figures = {"offset_frames": 0, "offset_ms": 0.0, "confidence": 2.0, "distance": 1.0}
+        atomic_write_json(out / steps.SYNC_FILE, {**found, **figures, "source": None})
+
+    real_compose = steps.Compose.__call__
+    patch(steps.Prepare, "__call__", prepare)
+    patch(steps.Finetune, "__call__", finetune)
+    patch(steps.Render, "__call__", render)
+    patch(steps.Compose, "__call__", compose)
+    patch(steps.Check, "__call__", check)
+
+
+if __name__ == "__main__":
+    from dubbing import video
+    from dubbing.cli import main
+
+    install(setattr)
+    video.SEGMENT = 10
+    main()

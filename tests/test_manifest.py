@@ -1,0 +1,201 @@
+from __future__ import annotations
+
+import textwrap
+from pathlib import Path
+
+import pytest
+
+from dubbing.errors import ManifestError
+from dubbing.manifest import Manifest, load
+from tests import clips
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("manifest")
+    clips.write_clip(place / "host.mp4", 75)
+    clips.write_video(place / "silent.mp4", 75)
+    clips.write_sound(place / "it.wav", 2)
+    (place / "damaged.mp4").write_bytes(b"this is no video")
+    return place
+
+
+CONSENT = '{by: "the person on film", reference: "form 17"}'
+GOOD = f"""
+version: 1
+output: out
+identities:
+  host: {{clip: host.mp4, seconds: 2, consent: {CONSENT}}}
+dubs:
+  - {{identity: host, audio: it.wav}}
+"""
+
+
+def read(folder: Path, text: str) -> Manifest:
+    path = folder / "m.yaml"
+    path.write_text(textwrap.dedent(text).lstrip("\n"))
+    return load(path)
+
+
+def problems(folder: Path, text: str) -> list[str]:
+    with pytest.raises(ManifestError) as caught:
+        read(folder, text)
+    return [str(problem) for problem in caught.value.problems]
+
+
+def test_a_good_manifest(folder: Path) -> None:
+    manifest = read(folder, GOOD)
+    host, (dub,) = manifest.identities["host"], manifest.dubs
+    assert manifest.output == (folder / "out").resolve()
+    assert host.clip == (folder / "host.mp4").resolve()
+    assert (host.preset, host.seed, host.start, host.finetune.iterations) == ("fast", 0, 0, None)
+    assert dub.name == "host_it"
+    assert (dub.on_longer_audio, dub.frame, dub.label, dub.codec) == (
+        "bounce",
+        "full",
+        True,
+        "h264",
+    )
+    assert manifest.media[host.clip].frames == 75
+
+
+def test_defaults_reach_identities_and_dubs_and_can_be_overruled(folder: Path) -> None:
+    manifest = read(
+        folder,
+        f"""
+        version: 1
+        output: out
+        defaults: {{preset: nerf, seed: 7, label: false, finetune: {{iterations: 9}}, start: 0.5}}
+        identities:
+          a: {{clip: host.mp4, consent: {CONSENT}, seconds: 1}}
+          b:
+            {{clip: host.mp4, consent: {CONSENT}, seconds: 1, seed: 8, finetune: {{iterations: 5}}}}
+        dubs:
+          - {{identity: a, audio: it.wav}}
+          - {{identity: b, audio: it.wav, label: true, name: other}}
+        """,
+    )
+    a, b = manifest.identities["a"], manifest.identities["b"]
+    assert (a.preset, a.seed, a.start, a.finetune.iterations) == ("nerf", 7, 0.5, 9)
+    assert (b.preset, b.seed, b.finetune.iterations) == ("nerf", 8, 5)
+    assert [d.label for d in manifest.dubs] == [False, True]
+
+
+def test_everything_wrong_is_said_at_once_with_key_and_line(folder: Path) -> None:
+    found = problems(
+        folder,
+        """
+        version: 2
+        outptu: x
+        defaults: {preset: quick, sed: 1}
+        identities:
+          host:
+            clip: it.wav
+            start: soon
+            consent: {by: "", dat: 3}
+          ../evil:
+            clip: nothing.mp4
+            consent: {by: "a", reference: "b"}
+          mute: {clip: silent.mp4, consent: {by: a, reference: b}}
+        dubs:
+          - {identity: host, audio: silent.mp4}
+          - {identity: nobody, audio: 3, name: ../x}
+          - {identity: mute, audio: it.wav, name: a, frame: half, audio_start: 70}
+          - {identity: mute, audio: it.wav, name: A, label: "no", video_start: 9}
+          - text
+        """,
+    )
+    expected = [
+        "line 1: output: is required",
+        "line 1: version: must be 1",
+        "line 2: outptu: unknown key; did you mean 'output'?",
+        "line 3: defaults.preset: must be one of 'fast', 'paper', 'ad-nerf' or 'nerf'",
+        "line 3: defaults.sed: unknown key; did you mean 'seed'?",
+        "line 6: identities.host.clip: no picture in",
+        "line 7: identities.host.start: must be a valid number, not 'soon'",
+        "line 8: identities.host.consent.by: must not be empty",
+        "line 8: identities.host.consent.dat: unknown key; did you mean 'date'?",
+        "line 8: identities.host.consent.reference: is required",
+        "line 9: identities.../evil: the name would leave the output folder",
+        "line 10: identities.../evil.clip: no such file",
+        "line 12: identities.mute.clip: no sound in",
+        "line 14: dubs[0].audio: no sound in",
+        "line 15: dubs[1].audio: must be the path of a file",
+        "line 15: dubs[1].identity: no identity 'nobody'; there is host, ../evil, mute",
+        "line 15: dubs[1].name: would leave the output folder",
+        "line 16: dubs[2].audio_start: 70 s is past the end: the sound is 2.0 s long",
+        "line 16: dubs[2].frame: must be one of 'full' or 'crop', not 'half'",
+        "line 17: dubs[3].label: must be true or false, not 'no'",
+        "line 17: dubs[3].name: the name 'A' is taken by dubs[2].name (line 16)",
+        "line 17: dubs[3].video_start: 9 s is past the end: the clip is 3.0 s long",
+        "line 18: dubs[4]: must hold keys, not text",
+    ]
+    assert len(found) == len(expected), "\n".join(found)
+    for said, wanted in zip(found, expected, strict=True):
+        assert said.startswith(wanted)
+
+
+def test_consent_is_required(folder: Path) -> None:
+    text = GOOD.replace(f", consent: {CONSENT}", "")
+    assert problems(folder, text) == ["line 4: identities.host.consent: is required"]
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ("a: [", "not valid YAML"),
+        ("version: !!python/object/apply:os.system [ls]", "not valid YAML"),
+        ("a: &a [*a, *a]", "not valid YAML"),
+        ("", "must hold version, output, identities and dubs"),
+        ("- 1", "must hold version, output, identities and dubs"),
+        ("version: 1\nversion: 1", "version: given twice"),
+        ("version: 1\n1: x", "the key '1' is not text"),
+        ("version: true\noutput: out\nidentities: {}", "version: must be 1"),
+        ("version: 1\noutput: out\nidentities: {}", "identities: names nobody"),
+        ("version: 1\noutput: out", "identities: is required"),
+        ("version: 1\noutput: out\nidentities: [a]", "identities: must be a mapping"),
+        ("version: 1\noutput: host.mp4", "is a file, not a folder"),
+    ],
+)
+def test_what_is_no_manifest(folder: Path, written: str, said: str) -> None:
+    assert any(said in problem for problem in problems(folder, written))
+
+
+def test_aliases_cannot_explode(folder: Path) -> None:
+    text = "a: &a0 [x, x]\n"
+    text += "".join(f"b{k}: &a{k + 1} [*a{k}, *a{k}, *a{k}, *a{k}]\n" for k in range(20))
+    assert any("too many" in problem for problem in problems(folder, text))
+
+
+@pytest.mark.parametrize("name", ["..", ".hidden", "a/b", "a\\\\b", "", " x", "C:x", "x" * 101])
+def test_names_stay_in_the_output_folder(folder: Path, name: str) -> None:
+    text = GOOD.replace("{identity: host,", f'{{name: "{name}", identity: host,')
+    assert all("dubs[0].name" in problem for problem in problems(folder, text))
+
+
+def test_two_dubs_need_two_names(folder: Path) -> None:
+    text = GOOD + "  - {identity: host, audio: it.wav, audio_start: 1}\n"
+    (said,) = problems(folder, text)
+    assert said.startswith("line 7: dubs[1].name: the name 'host_it' is taken by dubs[0].name")
+
+
+def test_a_missing_manifest(tmp_path: Path) -> None:
+    with pytest.raises(ManifestError, match="no such file"):
+        load(tmp_path / "none.yaml")
+
+
+def test_a_damaged_file_is_no_mistake_of_the_manifest(folder: Path) -> None:
+    manifest = read(folder, GOOD.replace("host.mp4", "damaged.mp4"))
+    assert list(manifest.damaged) == [(folder / "damaged.mp4").resolve()]
+
+
+def test_a_clip_shorter_than_asked_is_used_whole_and_said(folder: Path) -> None:
+    manifest = read(folder, GOOD.replace("seconds: 2", "seconds: 20"))
+    assert any("learns from 3.0 s" in warning for warning in manifest.warnings)
+
+
+def test_date_of_consent(folder: Path) -> None:
+    text = GOOD.replace('"form 17"', '"form 17", date: 2026-11-02')
+    assert str(read(folder, text).identities["host"].consent.date) == "2026-11-02"
+    (said,) = problems(folder, text.replace("2026-11-02", "yesterday"))
+    assert said.startswith("line 4: identities.host.consent.date")
