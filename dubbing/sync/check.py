@@ -8,6 +8,7 @@ import numpy as np
 import torch
 
 from dubbing import media
+from dubbing.errors import MediaError
 from dubbing.sync.curves import REACH, CurveSum, distances, estimate
 from dubbing.sync.measure import Block, measure
 from dubbing.sync.motion import MotionSum
@@ -22,7 +23,7 @@ from dubbing.sync.result import (
     unjudgeable,
 )
 from dubbing.sync.windows import centred, mouth_windows, sound_windows
-from dubbing.voice import at_times
+from dubbing.voice import STEP_RATE, at_times
 
 METHOD = "lip geometry and log-mel, two streams"
 SEGMENT_SECONDS = 5.0
@@ -89,7 +90,7 @@ class _Sums:
         )
         heard = sound_embeddings(self._network, block.sound.mel, around)
         frame = block.first + np.arange(-REACH, block.frames + REACH)
-        beyond = around >= len(block.sound.mel) / 50
+        beyond = around >= len(block.sound.mel) / STEP_RATE
         heard[(frame < 0) | beyond] = np.nan
         voice = at_times(block.sound.voice, times)
         segment = np.searchsorted(self.edges, block.first + np.arange(block.frames), "right") - 1
@@ -112,7 +113,9 @@ class _Sums:
 
 def segment_edges(frames: int, rate: float) -> np.ndarray:
     """First frames of the 5 s segments, and the number of frames at the end."""
-    edges = [round(k * SEGMENT_SECONDS * rate) for k in range(int(frames / rate / 5) + 1)]
+    edges = [
+        round(k * SEGMENT_SECONDS * rate) for k in range(int(frames / rate / SEGMENT_SECONDS) + 1)
+    ]
     edges = [e for e in edges if e < frames] + [frames]
     if len(edges) > 2 and edges[-1] - edges[-2] < SHORTEST_SEGMENT * rate:
         del edges[-2]
@@ -178,6 +181,8 @@ def check(
         MediaError: the file is missing, unreadable or has no picture.
     """
     info = media.probe(video)
+    if info.rate is None:
+        raise MediaError("no picture in it", str(video))
     sound = info if sound_from is None else media.probe(sound_from)
     if sound.audio_rate is None:
         facts = Media(info.frames, str(info.rate), info.duration, 0.0, 0.0, 0.0)

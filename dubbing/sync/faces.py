@@ -14,6 +14,8 @@ POINTS = 478
 MAX_FACES = 4
 # A face that was lost for longer than this starts a new track.
 MEMORY_SECONDS = 1.0
+# Two meshes closer than this, in face widths, are one face found twice.
+TWIN = 0.25
 # A face belongs to the track whose last place lies within this many face widths.
 REACH = 0.6
 
@@ -78,7 +80,8 @@ class FaceTracker:
 
     def _assign(self, meshes: list[np.ndarray]) -> list[Face]:
         self._tracks = [t for t in self._tracks if self._frame - t.seen <= self._memory]
-        places = [(m[:, :2].mean(0), float(np.ptp(m[:, 0]))) for m in meshes]
+        meshes = _without_twins(meshes)
+        places = [_place(m) for m in meshes]
         pairs = sorted(
             (float(np.linalg.norm(centre - t.centre)) / max(width, t.width, 1.0), i, t.number)
             for i, (centre, width) in enumerate(places)
@@ -96,6 +99,20 @@ class FaceTracker:
             self._tracks.append(_Track(number, centre, width, self._frame))
             faces.append(Face(number, meshes[i]))
         return faces
+
+
+def _place(mesh: np.ndarray) -> tuple[np.ndarray, float]:
+    """Centre (2,) and width of a face, pixels."""
+    return mesh[:, :2].mean(0), float(np.ptp(mesh[:, 0]))
+
+
+def _without_twins(meshes: list[np.ndarray]) -> list[np.ndarray]:
+    kept: list[np.ndarray] = []
+    for mesh in meshes:
+        centre, width = _place(mesh)
+        if all(np.linalg.norm(centre - _place(k)[0]) > TWIN * width for k in kept):
+            kept.append(mesh)
+    return kept
 
 
 def track_faces(frames: Iterable[np.ndarray], rate: float) -> Iterator[list[Face]]:

@@ -42,3 +42,7 @@ def test_a_face_returns_within_a_moment_only(tracker: FaceTracker) -> None:
 def test_a_jump_is_another_face(tracker: FaceTracker) -> None:
     assert numbers(tracker, 100) == [0]
     assert numbers(tracker, 300) == [1]
+
+
+def test_a_face_found_twice_is_one(tracker: FaceTracker) -> None:
+    assert numbers(tracker, 100, 104, 400) == [0, 1]

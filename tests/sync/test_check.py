@@ -1,0 +1,130 @@
+"""The whole check on the pixels of the synthetic speaker, whose truth is exact."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dubbing.errors import MediaError
+from dubbing.sync import measure
+from dubbing.sync.check import check, segment_edges
+from tests.sync.conftest import Speaker
+
+FRAME = 640  # samples at 16 kHz and 25 fps
+Write = Callable[[np.ndarray], Path]
+
+
+def shifted(sound: np.ndarray, early: int) -> np.ndarray:
+    """The sound heard `early` frames earlier, silence where it has none."""
+    moved = np.zeros_like(sound)
+    if early >= 0:
+        moved[: len(sound) - early * FRAME] = sound[early * FRAME :]
+    else:
+        moved[-early * FRAME :] = sound[: early * FRAME]
+    return moved
+
+
+def test_a_clip_in_sync_passes(speaker: Speaker) -> None:
+    result = check(speaker.clip)
+    assert result.offset_frames is not None
+    assert abs(result.offset_frames) <= 1
+    assert result.verdict == "pass"
+    assert result.media.frames == 100
+    assert result.media.picture_seconds == pytest.approx(4.0, abs=0.01)
+    assert result.media.sound_seconds == pytest.approx(4.0, abs=0.1)
+    assert result.motion is not None
+    assert result.motion.moves
+    assert len(result.curve) == len(result.curve_offsets) == 31
+    best = int(np.argmin(result.curve))
+    assert result.curve_offsets[best] == result.offset_frames
+    assert result.distance == pytest.approx(result.curve[best])
+    assert result.confidence == pytest.approx(np.median(result.curve) - result.curve[best])
+    assert [s.end for s in result.segments] == [4.0]
+    again = json.loads(json.dumps(result.to_json()))
+    assert again["verdict"] == "pass"
+    assert again["source"] is None
+
+
+@pytest.mark.parametrize("early", [-9, 7])
+def test_the_sign_of_a_shift(speaker: Speaker, sound_file: Write, early: int) -> None:
+    truth = check(speaker.clip)
+    assert truth.offset_frames is not None
+    result = check(speaker.clip, sound_from=sound_file(shifted(speaker.sound, early)), source=truth)
+    assert result.offset_frames is not None
+    assert result.offset_frames == pytest.approx(truth.offset_frames + early, abs=1)
+    assert result.offset_ms == result.offset_frames * 40
+    assert ("early" if early > 0 else "late") in result.words
+    assert result.verdict == "fail"
+    assert result.words in result.reason or "follow" in result.reason
+    assert result.source is truth
+
+
+def test_a_frozen_mouth_fails(speaker: Speaker, silent_video: Write, sound_file: Write) -> None:
+    """Noise as a camera has, so that landmarks shake: still no mouth that moves."""
+    rng = np.random.default_rng(0)
+    frames = speaker.frames[40:41] + rng.normal(0, 2, speaker.frames.shape)
+    video = silent_video(np.clip(np.round(frames), 0, 255).astype(np.uint8))
+    result = check(video, sound_from=sound_file(speaker.sound))
+    assert result.verdict == "fail"
+    assert result.motion is not None
+    assert not result.motion.moves
+    assert "hardly moves" in result.reason
+
+
+def test_the_speaking_face_of_two(speaker: Speaker, silent_video: Write, sound_file: Write) -> None:
+    """Left: the same person talking backwards; right: what one hears."""
+    both = np.concatenate([speaker.frames[::-1], speaker.frames], axis=2)
+    result = check(silent_video(both), sound_from=sound_file(speaker.sound))
+    assert len(result.faces) == 2
+    spoken = next(f for f in result.faces if f.track == result.speaking_face)
+    assert spoken.column > 0.5
+    assert result.offset_frames is not None
+    assert abs(result.offset_frames) <= 1
+
+
+def test_unjudged_with_the_reason(speaker: Speaker, silent_video: Write, sound_file: Write) -> None:
+    silent = silent_video(speaker.frames)
+    assert "no sound" in check(silent).reason
+    quiet = check(silent, sound_from=sound_file(0 * speaker.sound))
+    assert (quiet.verdict, quiet.offset_frames) == ("unjudged", None)
+    assert "no speech" in quiet.reason
+    assert quiet.words == "not measured"
+    short = check(speaker.clip, sound_from=sound_file(speaker.sound[:32_000]))
+    assert short.verdict == "unjudged"
+    assert "2.0 s" in short.reason
+    empty = check(silent_video(0 * speaker.frames), sound_from=sound_file(speaker.sound))
+    assert empty.verdict == "unjudged"
+    assert "no face" in empty.reason
+
+
+def test_blocks_change_little(speaker: Speaker, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = check(speaker.clip)
+    monkeypatch.setattr(measure, "BLOCK_SECONDS", 2.0)
+    parts = check(speaker.clip)
+    assert whole.offset_frames is not None
+    assert parts.offset_frames is not None
+    assert abs(parts.offset_frames - whole.offset_frames) <= 1
+    assert parts.media == whole.media
+    assert parts.confidence == pytest.approx(whole.confidence, abs=0.05)
+
+
+def test_block_lengths() -> None:
+    assert measure.block_lengths(100, measure.Fraction(25)) == [100]
+    lengths = measure.block_lengths(4001, measure.Fraction(25))
+    assert sum(lengths) == 4001
+    assert max(lengths) <= 1500
+    assert max(lengths) - min(lengths) <= 1
+
+
+def test_segments_of_five_seconds() -> None:
+    assert segment_edges(100, 25).tolist() == [0, 100]
+    assert segment_edges(300, 25).tolist() == [0, 125, 300]
+    assert segment_edges(330, 25).tolist() == [0, 125, 250, 330]
+
+
+def test_a_file_without_picture(sound_file: Write) -> None:
+    path = sound_file(np.zeros(64_000))
+    with pytest.raises(MediaError, match="picture"):
+        check(path)
