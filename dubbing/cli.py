@@ -129,7 +129,7 @@ def sync(
 ) -> None:
     """Measure the lip sync of any video: offset, confidence, distance."""
     from dubbing import console
-    from dubbing.sync import check
+    from dubbing.sync.check import check
 
     found = check(video)
     if as_json:

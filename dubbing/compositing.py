@@ -11,7 +11,7 @@ import numpy as np
 REFERENCE_SIZE = 512
 FLOOR = 6  # of 255: a lower opacity is haze, not head
 REACH = 30  # px beyond the hole where a head (an open jaw) may lie; over as much again it fades
-FEATHER = 6  # px, inside the edge of the mask; less than the hole is wider than the old head
+FEATHER = 5  # px, inside the edge of the mask; less than the hole is wider than the old head
 
 
 def composite(

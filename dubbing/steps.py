@@ -159,7 +159,7 @@ class Check:
     source: Path | None = None
 
     def __call__(self, out: Path, progress: Progress) -> None:
-        from dubbing.sync import check
+        from dubbing.sync.check import check
         from dubbing.sync.result import SyncResult
 
         progress("listening and looking", 0.0)

@@ -1,0 +1,49 @@
+from pathlib import Path
+
+import pytest
+
+from dubbing.errors import DubbingError, ManifestError, Problem
+from dubbing.files import atomic_path, atomic_write_text, digest_data, digest_file
+
+
+def test_a_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+    target = tmp_path / "deep" / "a.txt"
+    atomic_write_text(target, "old")
+
+    def fail() -> None:
+        with atomic_path(target) as temporary:
+            temporary.write_text("half")
+            assert target.read_text() == "old"
+            raise KeyError
+
+    with pytest.raises(KeyError):
+        fail()
+    assert target.read_text() == "old"
+    atomic_write_text(target, "new")
+    assert [(p.name, p.read_text()) for p in target.parent.iterdir()] == [("a.txt", "new")]
+
+
+def test_the_suffix_is_kept_for_ffmpeg(tmp_path: Path) -> None:
+    with atomic_path(tmp_path / "a.tar.mkv") as temporary:
+        assert temporary.suffix == ".mkv"
+        temporary.write_bytes(b"x")
+
+
+def test_digests(tmp_path: Path) -> None:
+    (tmp_path / "a").write_bytes(b"x" * 3_000_000)
+    (tmp_path / "b").write_bytes(b"x" * 3_000_000 + b"y")
+    assert digest_file(tmp_path / "a") != digest_file(tmp_path / "b")
+    assert len(digest_file(tmp_path / "a")) == 32
+    assert digest_data({"a": 1, "b": [2.5]}) == digest_data({"b": [2.5], "a": 1})
+    assert digest_data({"a": 1}) != digest_data({"a": "1"})
+
+
+def test_errors_survive_a_worker_process() -> None:
+    import pickle
+
+    error = pickle.loads(pickle.dumps(DubbingError("what", "where", "remedy")))
+    assert (error.what, error.where, error.remedy) == ("what", "where", "remedy")
+    assert str(error) == "what (where): remedy"
+    problems = [Problem(2, "b", "x"), Problem(1, "a", "y")]
+    several = pickle.loads(pickle.dumps(ManifestError("m.yaml", problems)))
+    assert str(several) == "2 problems in m.yaml\n  line 1: a: y\n  line 2: b: x"
