@@ -75,7 +75,7 @@ class PaperModel(nn.Module):
             self.field.encoder(references.images, references.c2w[:, :, 3]), references
         )
 
-    def forward(  # noqa: PLR0917 - a frame is given by what equation (8) names, in its order
+    def forward(
         self,
         rays_o: Float[Tensor, "R 3"],
         rays_d: Float[Tensor, "R 3"],

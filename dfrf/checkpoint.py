@@ -1,0 +1,190 @@
+"""Checkpoints: safetensors with a JSON header, never pickles; and the exact state of a run.
+
+`save_model` / `load_model` keep a finished model; `save_resume` / `load_resume` keep an unfinished run
+so that it goes on bit for bit: weights, optimiser, random numbers, step and curve.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import torch
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save as to_bytes
+from torch import Tensor
+
+from dfrf.config import ModelConfig, TrainConfig
+
+if TYPE_CHECKING:
+    from dfrf.model import Model, ReferenceViews
+    from dfrf.training import Curve
+
+FORMAT = "dfrf-1"
+STATE_FILE = "state.safetensors"
+
+
+class CheckpointError(RuntimeError):
+    """A checkpoint that cannot be used: unreadable, of another kind, or of another run."""
+
+
+def write_tensors(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> None:
+    """Writes tensors and a JSON header by write, fsync, rename."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    data = to_bytes(
+        {name: value.detach().cpu().contiguous() for name, value in tensors.items()},
+        metadata={"dfrf": json.dumps(header, sort_keys=True)},
+    )
+    partial = path.with_name(path.name + ".partial")
+    with partial.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    partial.replace(path)
+
+
+def read_tensors(path: str | Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
+    """Tensors and JSON header of a file written by `write_tensors`.
+
+    Raises:
+        CheckpointError: missing, unreadable, or not written by this tool.
+    """
+    try:
+        with safe_open(str(path), framework="pt") as file:
+            metadata = file.metadata() or {}
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
+    except (OSError, SafetensorError) as error:
+        raise CheckpointError(f"{path}: cannot be read as safetensors: {error}") from error
+    if "dfrf" not in metadata:
+        raise CheckpointError(f"{path}: is not a checkpoint of this tool")
+    return tensors, json.loads(metadata["dfrf"])
+
+
+def save_model(path: str | Path, model: Model, header: dict[str, Any] | None = None) -> None:
+    """Keeps a model: float32 weights, its grid, its sizes, and what the caller adds to the header."""
+    write_tensors(
+        path,
+        model.state_dict(),
+        {"format": FORMAT, "config": model.config.to_dict(), **(header or {})},
+    )
+
+
+def load_model(path: str | Path) -> tuple[Model, dict[str, Any]]:
+    """A model and the header it was kept with.
+
+    Raises:
+        CheckpointError: unreadable, of another format, or its tensors do not fit its sizes.
+    """
+    tensors, header = read_tensors(path)
+    return _build(path, tensors, header), header
+
+
+def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> Model:
+    from dfrf.model import Model
+
+    if header.get("format") != FORMAT:
+        raise CheckpointError(
+            f"{path}: format {header.get('format')!r}, this version reads {FORMAT!r}"
+        )
+    model = Model(ModelConfig.from_dict(header["config"]))
+    try:
+        model.load_state_dict(tensors)
+    except RuntimeError as error:
+        raise CheckpointError(f"{path}: tensors do not fit the sizes in its header") from error
+    return model
+
+
+def save_person(
+    path: str | Path, model: Model, views: ReferenceViews | None, header: dict[str, Any]
+) -> None:
+    """Keeps a person's model together with the references it looks at."""
+    tensors = model.state_dict()
+    if views is not None:
+        tensors |= {
+            "reference.images": views.images,
+            "reference.mattes": views.mattes,
+            "reference.c2w": views.c2w,
+            "reference.centres": views.centres,
+        }
+        header = {**header, "focal": views.focal, "scale": views.scale}
+    write_tensors(path, tensors, {"format": FORMAT, "config": model.config.to_dict(), **header})
+
+
+def load_person(path: str | Path) -> tuple[Model, ReferenceViews | None, dict[str, Any]]:
+    """A person's model, references (None where the method has none) and header.
+
+    Raises:
+        CheckpointError: as `load_model`.
+    """
+    from dfrf.model import ReferenceViews
+
+    tensors, header = read_tensors(path)
+    views = None
+    if "reference.images" in tensors:
+        part = {k.removeprefix("reference."): v for k, v in tensors.items() if "reference." in k}
+        views = ReferenceViews(**part, focal=header["focal"], scale=header["scale"])
+    weights = {k: v for k, v in tensors.items() if not k.startswith("reference.")}
+    return _build(path, weights, header), views, header
+
+
+def save_resume(
+    folder: str | Path,
+    model: Model,
+    optimiser: torch.optim.Optimizer,
+    generator: torch.Generator,
+    config: TrainConfig,
+    curve: Curve,
+    step: int,
+) -> None:
+    """Keeps the whole state of a run after `step` steps, in one file."""
+    tensors = {f"model.{k}": v for k, v in model.state_dict().items()}
+    state = optimiser.state_dict()
+    for index, values in state["state"].items():
+        for name, value in values.items():
+            tensors[f"optimiser.{index}.{name}"] = torch.as_tensor(value)
+    tensors["generator"] = generator.get_state()
+    tensors["curve"] = torch.tensor(curve.rows, dtype=torch.float64)
+    write_tensors(
+        Path(folder) / STATE_FILE,
+        tensors,
+        {"format": FORMAT, "step": step, "train": asdict(config), "config": model.config.to_dict()},
+    )
+
+
+def load_resume(
+    folder: str | Path,
+    model: Model,
+    optimiser: torch.optim.Optimizer,
+    generator: torch.Generator,
+    config: TrainConfig,
+    curve: Curve,
+) -> int:
+    """Restores a run in place and returns its step; 0, and nothing is touched, where none is kept.
+
+    Raises:
+        CheckpointError: the state is of a run with other settings.
+    """
+    path = Path(folder) / STATE_FILE
+    if not path.exists():
+        return 0
+    tensors, header = read_tensors(path)
+    if header["train"] != asdict(config) or header["config"] != model.config.to_dict():
+        raise CheckpointError(
+            f"{path}: holds the state of a run with other settings; remove the folder to start afresh"
+        )
+    model.load_state_dict(
+        {k.removeprefix("model."): v for k, v in tensors.items() if k.startswith("model.")}
+    )
+    state = optimiser.state_dict()
+    for name, value in tensors.items():
+        if name.startswith("optimiser."):
+            _, index, key = name.split(".")
+            state["state"].setdefault(int(index), {})[key] = value
+    optimiser.load_state_dict(state)
+    generator.set_state(tensors["generator"])
+    curve.rows = [(int(s), a, b, c) for s, a, b, c in tensors["curve"].tolist()]
+    return int(header["step"])

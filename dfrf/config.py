@@ -1,0 +1,126 @@
+"""Sizes and settings of the method, frozen: what a checkpoint was built with is stored beside it.
+
+Lengths are in head units: 1 unit is about 10 cm (the outer eye corners lie 0.9 apart).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any, Literal
+
+Method = Literal["dfrf", "dfrf-nowarp", "ad-nerf", "nerf"]
+
+# Half sizes of the box round the head, head frame, y up, face towards +z. Hair reaches higher than
+# the chin reaches low; the centre lies between the ears.
+BOX_LOW = (-1.5, -1.8, -1.6)
+BOX_HIGH = (1.5, 2.0, 1.5)
+
+
+@dataclass(frozen=True)
+class FieldConfig:
+    """Sizes of the `fast` field.
+
+    Attributes:
+        speech_dim: width D of the speech features (windows of 16 x D).
+        code_dim: width of the speech code A.
+        references: number N of reference frames; 0 for a field without references.
+        use_speech: False leaves A out (a plain NeRF).
+        use_warp: False looks references up where they project, equation (1), without (3) and (4).
+        feature_dim: channels of the reference features, colour and matte (4) included.
+        width, depth: hidden layers of the radiance MLP.
+        point_octaves, direction_octaves: frequencies of the encodings.
+        max_offset: largest warp offset, pixels at a 512 pixel crop.
+    """
+
+    speech_dim: int = 80
+    code_dim: int = 64
+    references: int = 4
+    use_speech: bool = True
+    use_warp: bool = True
+    feature_dim: int = 32
+    cnn_width: int = 24
+    token_dim: int = 32
+    width: int = 128
+    depth: int = 4
+    point_octaves: int = 7
+    direction_octaves: int = 2
+    max_offset: float = 24.0
+
+
+@dataclass(frozen=True)
+class MarchConfig:
+    """How rays are sampled: a grid of occupied cells, marched at a fixed step.
+
+    Attributes:
+        resolution: cells along each axis of the box.
+        step: distance between samples, head units.
+        max_samples: samples kept on a ray, the nearest ones.
+    """
+
+    resolution: int = 64
+    step: float = 0.05
+    max_samples: int = 16
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """Settings of `fit()`; a fine-tune is the base's settings with a few fields replaced.
+
+    Attributes:
+        iterations: optimiser steps in all.
+        coarse_iterations: steps of the first stage, without the warp (3/4 of them in the paper).
+        rays: rays a step, spread over `frames` frames of one person.
+        learning_rate: Adam's first rate; it falls to `final_rate` times itself, along a cosine.
+        warp_weight: lambda of equation (9), in the paper's units (pixels at 512).
+        opacity_weight, depth_weight, distortion_weight: what keeps the density compact.
+        mouth_share, rim_share: shares of the rays drawn in the mouth box and at the head's rim.
+        learn_references_every: steps between those in which the reference CNN learns; 0 never.
+        occupancy_every: steps between two looks at which cells are open.
+        checkpoint_every: steps between two saves of the state.
+        seed: of everything that is drawn while training.
+    """
+
+    iterations: int = 2000
+    coarse_iterations: int = 0
+    rays: int = 3072
+    frames: int = 6
+    learning_rate: float = 2e-3
+    final_rate: float = 0.05
+    warmup: int = 100
+    warp_weight: float = 5e-8
+    opacity_weight: float = 0.1
+    depth_weight: float = 0.05
+    distortion_weight: float = 0.002
+    mouth_share: float = 0.3
+    rim_share: float = 0.15
+    learn_references_every: int = 0
+    occupancy_every: int = 20
+    checkpoint_every: int = 200
+    seed: int = 0
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """A whole model: what the presets name."""
+
+    preset: str = "fast"
+    march: MarchConfig = dataclasses.field(default_factory=MarchConfig)
+    field: FieldConfig = dataclasses.field(default_factory=FieldConfig)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain types, for the JSON header of a checkpoint."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> ModelConfig:
+        """The inverse of `to_dict`.
+
+        Raises:
+            TypeError: a key this version does not know.
+        """
+        return cls(
+            preset=values["preset"],
+            field=FieldConfig(**values["field"]),
+            march=MarchConfig(**values["march"]),
+        )

@@ -1,0 +1,209 @@
+"""One person's material, ready in memory as uint8, and the rays drawn from it.
+
+T frames, B rays, S the crop's side in pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from dfrf.cameras import pixel_rays
+from dfrf.config import TrainConfig
+from dfrf.model import ReferenceViews
+
+# Codes of the region map: where rays are drawn.
+OUTSIDE, RIM, HEAD, MOUTH = 0, 1, 2, 3
+HEAD_MATTE = 13  # of 255: what counts as head
+
+
+@dataclass(frozen=True)
+class Identity:
+    """Frames of one person with everything training needs.
+
+    Attributes:
+        name: for messages.
+        images, backgrounds: (T, S, S, 3) uint8.
+        mattes: (T, S, S) uint8, opacity of the head.
+        regions: (T, S, S) uint8, codes above.
+        c2w: (T, 3, 4) camera to head frame.
+        focal: pixels.
+        centres: (T, 2) principal points, (column, row).
+        windows: (T, 16, D) speech windows.
+        segment: (T,) which uncut run of the clip a frame belongs to.
+        surface: (V, 3) rigid points of the mean face, head frame (y up).
+    """
+
+    name: str
+    images: Tensor
+    backgrounds: Tensor
+    mattes: Tensor
+    regions: Tensor
+    c2w: Tensor
+    focal: float
+    centres: Tensor
+    windows: Tensor
+    segment: Tensor
+    surface: Tensor
+
+    @property
+    def frames(self) -> int:
+        """T."""
+        return self.images.shape[0]
+
+    @property
+    def size(self) -> int:
+        """S."""
+        return self.images.shape[1]
+
+
+@dataclass(frozen=True)
+class RayBatch:
+    """Rays of a few frames of one person.
+
+    Attributes:
+        origins, directions: (B, 3), directions of unit length.
+        frame: (B,) index into `frames`.
+        frames: (F,) frame numbers of the identity.
+        colour, background: (B, 3) in 0..1.
+        matte: (B,) in 0..1.
+    """
+
+    origins: Tensor
+    directions: Tensor
+    frame: Tensor
+    frames: Tensor
+    colour: Tensor
+    background: Tensor
+    matte: Tensor
+
+    def to(self, device: torch.device) -> RayBatch:
+        """The same rays on a device; `frames` stays where the identity is."""
+        moved = {
+            f.name: getattr(self, f.name).to(device) for f in fields(self) if f.name != "frames"
+        }
+        return RayBatch(**moved, frames=self.frames)
+
+
+def neighbour_windows(windows: Tensor, segment: Tensor, frames: Tensor, count: int = 8) -> Tensor:
+    """Windows of the neighbours of frames, (F, count, 16, D), from windows (T, 16, D).
+
+    Neighbours are frames i - count/2 .. i + count/2 - 1; beyond a cut or an end the nearest frame
+    of the same uncut run stands in, so nothing reaches across a cut.
+    """
+    last = windows.shape[0] - 1
+    offsets = torch.arange(count, device=frames.device) - count // 2
+    index = (frames[:, None] + offsets).clamp(0, last)
+    same = segment[index] == segment[frames][:, None]
+    # Walk towards the frame itself until the run is the same.
+    for _ in range(count // 2):
+        step = torch.sign(frames[:, None] - index)
+        index = torch.where(same, index, index + step)
+        same = segment[index] == segment[frames][:, None]
+    return windows[index]
+
+
+def draw_rays(person: Identity, config: TrainConfig, generator: torch.Generator) -> RayBatch:
+    """Rays by importance: mouth, head, rim, over a few random frames."""
+    frames = torch.randint(person.frames, (config.frames,), generator=generator)
+    per_frame = config.rays // config.frames
+    shares = (
+        (MOUTH, config.mouth_share),
+        (RIM, config.rim_share),
+        (HEAD, 1 - config.mouth_share - config.rim_share),
+    )
+    pixels, owner = [], []
+    for i, t in enumerate(frames.tolist()):
+        region = person.regions[t].view(-1)
+        drawn = []
+        for code, share in shares:
+            where = torch.nonzero(region == code).view(-1)
+            if where.numel():
+                pick = torch.randint(
+                    where.numel(), (round(per_frame * share),), generator=generator
+                )
+                drawn.append(where[pick])
+        if not drawn:
+            continue
+        chosen = torch.cat(drawn)
+        pixels.append(chosen)
+        owner.append(torch.full_like(chosen, i))
+    if not pixels:
+        raise ValueError(f"{person.name}: the drawn frames show no head")
+    pixel, frame = torch.cat(pixels), torch.cat(owner)
+    rows, columns = pixel // person.size, pixel % person.size
+    number = frames[frame]
+    origins, directions = pixel_rays(
+        person.c2w[number],
+        person.focal,
+        person.centres[number],
+        torch.stack([columns, rows], -1).float(),
+    )
+    directions = F.normalize(directions, dim=-1)
+
+    def at(images: Tensor) -> Tensor:
+        return images[number, rows, columns].float() / 255
+
+    return RayBatch(
+        origins=origins,
+        directions=directions,
+        frame=frame,
+        frames=frames,
+        colour=at(person.images),
+        background=at(person.backgrounds),
+        matte=at(person.mattes),
+    )
+
+
+def surface_rays(
+    person: Identity, frames: Tensor, per_frame: int, generator: torch.Generator
+) -> tuple[Tensor, Tensor, Tensor, Tensor]:
+    """Rays through points of the mean face, for frames (F,) of a person.
+
+    Returns:
+        origins (B, 3), unit directions (B, 3), frame (B,) index into frames, and the distance (B,)
+        of the point along its ray.
+    """
+    pick = torch.randint(person.surface.shape[0], (frames.numel(), per_frame), generator=generator)
+    points = person.surface[pick].view(-1, 3)
+    frame = torch.arange(frames.numel()).repeat_interleave(per_frame)
+    origins = person.c2w[frames][frame][:, :, 3]
+    gap = points - origins
+    distance = gap.norm(dim=-1)
+    return origins, gap / distance[:, None], frame, distance
+
+
+def cut_references(person: Identity, frames: Tensor) -> ReferenceViews:
+    """Reference views of frames (N,), cut to the box that holds their heads."""
+    margin = round(0.03 * person.size)
+    heads = person.mattes[frames] > HEAD_MATTE
+    rows, columns = heads.any(2), heads.any(1)
+    corners, sides = [], []
+    for n in range(frames.numel()):
+        r, c = rows[n].nonzero(), columns[n].nonzero()
+        if not r.numel():
+            r = c = torch.tensor([0, person.size - 1])
+        top, left = max(int(r.min()) - margin, 0), max(int(c.min()) - margin, 0)
+        bottom = min(int(r.max()) + margin + 1, person.size)
+        right = min(int(c.max()) + margin + 1, person.size)
+        corners.append((top, left))
+        sides.append((bottom - top, right - left))
+    height, width = max(s[0] for s in sides), max(s[1] for s in sides)
+    images, mattes, centres = [], [], []
+    for n, t in enumerate(frames.tolist()):
+        top = min(corners[n][0], person.size - height)
+        left = min(corners[n][1], person.size - width)
+        images.append(person.images[t, top : top + height, left : left + width])
+        mattes.append(person.mattes[t, top : top + height, left : left + width])
+        centres.append(person.centres[t] - person.centres.new_tensor([left, top]))
+    return ReferenceViews(
+        images=torch.stack(images),
+        mattes=torch.stack(mattes),
+        c2w=person.c2w[frames],
+        focal=person.focal,
+        centres=torch.stack(centres),
+        scale=person.size / 512,
+    )

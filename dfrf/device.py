@@ -1,0 +1,44 @@
+"""Everything that differs between a CPU and a GPU, in one place."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+
+import torch
+
+
+def choose(name: str = "auto") -> torch.device:
+    """The device of `auto`, `cpu` or `cuda`.
+
+    Raises:
+        ValueError: another name, or `cuda` where torch sees no GPU.
+    """
+    if name not in ("auto", "cpu", "cuda"):
+        raise ValueError(f"device must be auto, cpu or cuda, not {name!r}")
+    if name == "cuda" and not torch.cuda.is_available():
+        raise ValueError("device cuda: torch sees no GPU here; use auto or cpu")
+    if name == "auto":
+        name = "cuda" if torch.cuda.is_available() else "cpu"
+    return torch.device(name)
+
+
+def has_bfloat16(device: torch.device) -> bool:
+    """Whether bfloat16 arithmetic is fast there (AVX512-BF16 or AMX on a CPU, Ampere on a GPU)."""
+    if device.type == "cuda":
+        return torch.cuda.is_bf16_supported()
+    return bool(torch.cpu._is_avx512_bf16_supported() or torch.cpu._is_amx_tile_supported())
+
+
+def arithmetic(device: torch.device) -> AbstractContextManager[object]:
+    """Autocast for matrix products, where it pays."""
+    return torch.autocast(device.type, dtype=torch.bfloat16, enabled=has_bfloat16(device))
+
+
+def table_type(device: torch.device) -> torch.dtype:
+    """Type of the look-up tables: half the bytes of float32 where bfloat16 is native."""
+    return torch.bfloat16 if has_bfloat16(device) else torch.float32
+
+
+def chunk_size(device: torch.device) -> int:
+    """Points evaluated at once: on a CPU their activations must stay in the cache."""
+    return 8192 if device.type == "cpu" else 1 << 18

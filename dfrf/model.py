@@ -1,0 +1,285 @@
+"""The `fast` field: equations (1) to (7) with one deterministic attention over the references.
+
+M points, N references, F frames in a batch, C feature channels, D speech features.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from dfrf.cameras import project
+from dfrf.config import FieldConfig, ModelConfig
+from dfrf.encodings import frequency_encoding
+from dfrf.occupancy import OccupancyGrid
+from dfrf.speech import AudioAttNet, AudioNet
+
+COLOUR = slice(0, 3)
+PRIOR_CENTRE = (0.0, 0.1, -0.05)
+PRIOR_RADII = (0.85, 1.25, 1.05)
+PRIOR_SLOPE = 20.0
+DENSITY_SCALE = 25.0
+
+
+@dataclass(frozen=True)
+class ReferenceViews:
+    """Reference frames, cut to the head, before the CNN.
+
+    Attributes:
+        images: (N, H, W, 3) uint8.
+        mattes: (N, H, W) uint8.
+        c2w: (N, 3, 4); focal in pixels; centres (N, 2), of the cut.
+        scale: pixels of the reference for one pixel at a 512 crop (the unit of the warp).
+    """
+
+    images: Tensor
+    mattes: Tensor
+    c2w: Tensor
+    focal: float
+    centres: Tensor
+    scale: float
+
+    def to(self, device: torch.device) -> ReferenceViews:
+        """The same views on a device."""
+        return ReferenceViews(
+            self.images.to(device),
+            self.mattes.to(device),
+            self.c2w.to(device),
+            self.focal,
+            self.centres.to(device),
+            self.scale,
+        )
+
+
+@dataclass(frozen=True)
+class ReferenceMaps:
+    """Reference features F_n as one channels-last table, (N * H * W, C), with their cameras."""
+
+    table: Tensor
+    height: int
+    width: int
+    views: ReferenceViews
+
+    def as_type(self, kind: torch.dtype) -> ReferenceMaps:
+        """The same maps with a table of another type."""
+        return ReferenceMaps(self.table.to(kind), self.height, self.width, self.views)
+
+
+@dataclass(frozen=True)
+class FieldOutput:
+    """What the field says of M points.
+
+    Attributes:
+        density: (M,) per head unit.
+        colour: (M, 3) in 0..1.
+        offset: (N, M, 2) warp, pixels at 512 (column, row); zeros without warp.
+    """
+
+    density: Tensor
+    colour: Tensor
+    offset: Tensor
+
+
+def bilinear_rows(points: Tensor, height: int, width: int, first: Tensor) -> tuple[Tensor, Tensor]:
+    """The four table rows round each position and their bilinear weights.
+
+    Args:
+        points: (..., 2) column, row; clamped to the image.
+        first: (...,) row of the table where the image of each point begins.
+
+    Returns:
+        (..., 4) int64 and (..., 4) weights, differentiable in the points.
+    """
+    column = points[..., 0].clamp(0, width - 1)
+    row = points[..., 1].clamp(0, height - 1)
+    left = column.detach().floor().clamp_(max=width - 2)
+    top = row.detach().floor().clamp_(max=height - 2)
+    a, b = column - left, row - top
+    index = first + top.long() * width + left.long()
+    rows = torch.stack([index, index + 1, index + width, index + width + 1], -1)
+    weights = torch.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b], -1)
+    return rows, weights
+
+
+class ReferenceEncoder(nn.Module):
+    """Two 3x3 convolutions without down-sampling, then a linear layer a pixel.
+
+    The first four channels of the result are the colour and the matte themselves, so that the field
+    can blend what the references really show.
+    """
+
+    def __init__(self, config: FieldConfig) -> None:
+        super().__init__()
+        width = config.cnn_width
+        self.conv1 = nn.Conv2d(4, width, 3, padding=1)
+        self.conv2 = nn.Conv2d(width, width, 3, padding=1)
+        self.head = nn.Conv2d(width, config.feature_dim - 4, 1)
+
+    def forward(self, views: ReferenceViews) -> ReferenceMaps:
+        """Feature table of the references, (N * H * W, C) float32."""
+        matte = views.mattes[..., None].float() / 255
+        raw = torch.cat([views.images.float() / 255, matte], -1)
+        x = raw.permute(0, 3, 1, 2).contiguous(memory_format=torch.channels_last)
+        learned = self.head(F.relu(self.conv2(F.relu(self.conv1(x * 2 - 1)))))
+        table = torch.cat([raw, learned.permute(0, 2, 3, 1)], -1)
+        count, height, width, channels = table.shape
+        return ReferenceMaps(table.reshape(count * height * width, channels), height, width, views)
+
+
+class Warp(nn.Module):
+    """D_eta of equation (3): three layers; point and speech parts are shared by the references."""
+
+    def __init__(self, config: FieldConfig, point_dim: int) -> None:
+        super().__init__()
+        self.max_offset = config.max_offset
+        self.point = nn.Linear(point_dim, 64)
+        self.speech = nn.Linear(config.code_dim, 64, bias=False)
+        self.feature = nn.Linear(config.feature_dim, 64, bias=False)
+        self.hidden = nn.Linear(64, 32)
+        self.out = nn.Linear(32, 2)
+        nn.init.normal_(self.out.weight, std=1e-3)
+        nn.init.zeros_(self.out.bias)
+
+    def forward(self, point: Tensor, code: Tensor, frame: Tensor, feature: Tensor) -> Tensor:
+        """Offsets (N, M, 2), pixels at 512, from encodings (M, P), codes (F, A), features (N, M, C)."""
+        shared = self.point(point) + self.speech(code)[frame]
+        h = F.relu(self.feature(feature) + shared)
+        raw = self.out(F.relu(self.hidden(h))).float()
+        return self.max_offset * torch.tanh(raw * (10.0 / self.max_offset))
+
+
+class Aggregation(nn.Module):
+    """One attention over the references: weights (N, M), and a feature F~ that does not depend on order."""
+
+    def __init__(self, config: FieldConfig, point_dim: int) -> None:
+        super().__init__()
+        self.feature = nn.Linear(config.feature_dim + 4, config.token_dim, bias=False)
+        self.point = nn.Linear(point_dim, config.token_dim)
+        self.speech = nn.Linear(config.code_dim, config.token_dim, bias=False)
+        self.logit = nn.Linear(config.token_dim, 1)
+        self.out_dim = config.token_dim + config.feature_dim + 3
+
+    def forward(
+        self, feature: Tensor, view: Tensor, point: Tensor, code: Tensor, frame: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """From features (N, M, C) and view differences (N, M, 4) to (M, out_dim) and (N, M)."""
+        shared = self.point(point) + self.speech(code)[frame]
+        token = F.relu(self.feature(torch.cat([feature, view], -1)) + shared)
+        weight = self.logit(token).squeeze(-1).float().softmax(0)
+        w = weight[..., None].to(feature.dtype)
+        mean = (w * feature).sum(0)
+        spread = (w * (feature[..., COLOUR] - mean[..., COLOUR]) ** 2).sum(0)
+        return torch.cat([(w * token).sum(0), mean, spread], -1), weight
+
+
+class Field(nn.Module):
+    """F_theta of equation (7), with everything that feeds it."""
+
+    def __init__(self, config: FieldConfig) -> None:
+        super().__init__()
+        self.config = config
+        point_dim = 3 + 6 * config.point_octaves
+        direction_dim = 3 + 6 * config.direction_octaves
+        width = config.width
+        if config.use_speech:
+            self.audio = AudioNet(config.speech_dim, config.code_dim)
+            self.attention = AudioAttNet()
+        aggregated = 0
+        if config.references:
+            self.encoder = ReferenceEncoder(config)
+            self.aggregation = Aggregation(config, point_dim)
+            aggregated = self.aggregation.out_dim
+            if config.use_warp:
+                self.warp = Warp(config, point_dim)
+        self.input = nn.Linear(point_dim + aggregated, width)
+        self.speech = nn.Linear(config.code_dim, width, bias=False)
+        self.hidden = nn.ModuleList(nn.Linear(width, width) for _ in range(config.depth - 1))
+        self.density = nn.Linear(width, 1)
+        self.view = nn.Linear(width + direction_dim, 64)
+        self.colour = nn.Linear(64, 4)
+        nn.init.zeros_(self.density.bias)
+
+    def speech_codes(self, windows: Tensor) -> Tensor:
+        """A of each frame, (F, code_dim), from the windows of its neighbours (F, 8, 16, D)."""
+        if not self.config.use_speech:
+            return windows.new_zeros(windows.shape[0], self.config.code_dim)
+        frames, near = windows.shape[:2]
+        codes = self.audio(windows.flatten(0, 1)).view(frames, near, -1)
+        return self.attention(codes)
+
+    def forward(
+        self,
+        points: Tensor,
+        directions: Tensor,
+        frame: Tensor,
+        codes: Tensor,
+        maps: ReferenceMaps | None,
+        warp: bool = True,
+    ) -> FieldOutput:
+        """Density and colour of points (M, 3) seen along unit directions (M, 3).
+
+        Args:
+            frame: (M,) index of the frame of each point into codes (F, code_dim).
+            maps: references; None for a field without them.
+            warp: False in the coarse stage.
+        """
+        config = self.config
+        encoded = frequency_encoding(points, config.point_octaves)
+        parts = [encoded]
+        offset = points.new_zeros(0, points.shape[0], 2)
+        if maps is not None:
+            views = maps.views
+            count = views.c2w.shape[0]
+            first = torch.arange(count, device=points.device) * (maps.height * maps.width)
+            projected = project(points, views.c2w, views.focal, views.centres)
+            offset = torch.zeros_like(projected)
+            if warp and config.use_warp:
+                limit = projected.new_tensor([maps.width - 1, maps.height - 1])
+                nearest = torch.minimum(projected.round().clamp_min(0), limit).long()
+                row = first[:, None] + nearest[..., 1] * maps.width + nearest[..., 0]
+                # The published code feeds the warp with features it does not train, and so do we:
+                # their gradient would cost a second look-up and taught nothing there.
+                at = maps.table.detach()[row]
+                offset = self.warp(encoded, codes, frame, at)
+            rows, weights = bilinear_rows(
+                projected + offset * views.scale, maps.height, maps.width, first[:, None]
+            )
+            feature = F.embedding_bag(
+                rows.view(-1, 4),
+                maps.table,
+                mode="sum",
+                per_sample_weights=weights.view(-1, 4).to(maps.table.dtype),
+            ).view(count, -1, config.feature_dim)
+            towards = F.normalize(points - views.c2w[:, None, :, 3], dim=-1)
+            view = torch.cat(
+                [directions - towards, (directions * towards).sum(-1, keepdim=True)], -1
+            )
+            fused, weight = self.aggregation(feature, view.to(feature.dtype), encoded, codes, frame)
+            blended = (weight[..., None] * feature[..., COLOUR].float()).sum(0)
+            parts.append(fused.to(encoded.dtype))
+        h = F.relu(self.input(torch.cat(parts, -1)) + self.speech(codes)[frame])
+        for layer in self.hidden:
+            h = F.relu(layer(h))
+        centre, radii = points.new_tensor(PRIOR_CENTRE), points.new_tensor(PRIOR_RADII)
+        prior = PRIOR_SLOPE * (0.9 - ((points - centre) / radii).norm(dim=-1))
+        density = DENSITY_SCALE * F.softplus(4 * self.density(h).squeeze(-1).float() + prior)
+        seen = torch.cat([h, frequency_encoding(directions, config.direction_octaves)], -1)
+        raw = self.colour(F.relu(self.view(seen))).float()
+        own = raw[..., :3].sigmoid()
+        if maps is None:
+            return FieldOutput(density, own, offset)
+        gate = (raw[..., 3:] + 2).sigmoid()
+        return FieldOutput(density, gate * blended + (1 - gate) * own, offset)
+
+
+class Model(nn.Module):
+    """A field and the grid that says where it is."""
+
+    def __init__(self, config: ModelConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.field = Field(config.field)
+        self.grid = OccupancyGrid(config.march.resolution)

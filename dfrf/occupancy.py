@@ -1,0 +1,78 @@
+"""Occupancy grid in head space: which cells a ray has to look at.
+
+G cells along each axis. A cell holds the largest rendering weight any sample in it has had lately;
+the weight fades, so that what no ray confirms is forgotten, and cells next to a heavy one stay open, so
+that a surface can move.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from dfrf.config import BOX_HIGH, BOX_LOW
+
+OPEN_WEIGHT = 0.02
+FADE = 0.7
+
+
+class OccupancyGrid(nn.Module):
+    """Cells (G, G, G) over the head's box, x, y, z order."""
+
+    low: Tensor
+    high: Tensor
+    weight: Tensor
+    occupied: Tensor
+
+    def __init__(self, resolution: int) -> None:
+        super().__init__()
+        self.resolution = resolution
+        shape = (resolution,) * 3
+        self.register_buffer("low", torch.tensor(BOX_LOW), persistent=False)
+        self.register_buffer("high", torch.tensor(BOX_HIGH), persistent=False)
+        self.register_buffer("weight", torch.ones(shape))
+        self.register_buffer("occupied", torch.ones(shape, dtype=torch.bool))
+
+    def cell(self, points: Tensor) -> tuple[Tensor, Tensor]:
+        """Flat index of the cell of each point (..., 3), and whether it lies in the box (...)."""
+        unit = (points - self.low) / (self.high - self.low)
+        inside = ((unit >= 0) & (unit < 1)).all(-1)
+        i = (unit * self.resolution).long().clamp_(0, self.resolution - 1)
+        flat = (i[..., 0] * self.resolution + i[..., 1]) * self.resolution + i[..., 2]
+        return flat, inside
+
+    def centres(self) -> Tensor:
+        """Centre of every cell, (G**3, 3), in the order of the flat index."""
+        axis = (torch.arange(self.resolution, device=self.low.device) + 0.5) / self.resolution
+        unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+        return self.low + unit * (self.high - self.low)
+
+    @torch.no_grad()
+    def start_from(self, keep: Tensor) -> None:
+        """Opens exactly the cells of `keep` (G**3,) bool."""
+        self.occupied.copy_(keep.reshape(self.occupied.shape))
+        self.weight.copy_(self.occupied.float())
+
+    @torch.no_grad()
+    def observe(self, points: Tensor, weights: Tensor) -> None:
+        """Takes note of the rendering weights (M,) of samples at `points` (M, 3)."""
+        flat, inside = self.cell(points)
+        self.weight.view(-1).scatter_reduce_(
+            0, flat[inside], weights[inside].float(), reduce="amax"
+        )
+
+    @torch.no_grad()
+    def refresh(self) -> None:
+        """Recomputes which cells are open: the heavy ones and those that share a face with one.
+
+        Then all weights fade, so a cell that no ray confirms closes: the inside of the head, where
+        light never comes, as well as the air round it.
+        """
+        heavy = (self.weight > OPEN_WEIGHT).float()[None, None]
+        near = [
+            F.max_pool3d(heavy, kernel, stride=1, padding=[k // 2 for k in kernel])
+            for kernel in ((3, 1, 1), (1, 3, 1), (1, 1, 3))
+        ]
+        self.occupied.copy_((near[0] + near[1] + near[2])[0, 0] > 0)
+        self.weight *= FADE

@@ -1,0 +1,191 @@
+"""Rendering through the occupancy grid, for training and for whole frames.
+
+R rays, M packed samples, S slots a ray, N references.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from dfrf import device as devices
+from dfrf.cameras import pixel_rays
+from dfrf.marching import PackedSamples, march
+from dfrf.model import FieldOutput, Model, ReferenceMaps
+
+RAYS_AT_ONCE = 16384
+
+
+@dataclass(frozen=True)
+class RayColours:
+    """What the rays see.
+
+    Attributes:
+        colour: (R, 3) premultiplied: sum of w_i c_i, without the background.
+        opacity: (R,) sum of w_i.
+        depth: (R,) sum of w_i t_i.
+        weights, distances: (R, S) dense, zero where a ray has no sample.
+        alpha: (M,) opacity of each sample.
+        offset: (N, M, 2) warp of each sample, pixels at 512.
+        samples: the packed samples.
+    """
+
+    colour: Tensor
+    opacity: Tensor
+    depth: Tensor
+    weights: Tensor
+    distances: Tensor
+    alpha: Tensor
+    offset: Tensor
+    samples: PackedSamples
+
+
+def evaluate(
+    model: Model,
+    samples: PackedSamples,
+    directions: Tensor,
+    frame: Tensor,
+    codes: Tensor,
+    maps: ReferenceMaps | None,
+    warp: bool,
+) -> FieldOutput:
+    """The field at packed samples, in chunks that fit the cache."""
+    size = devices.chunk_size(samples.points.device)
+    parts = []
+    with devices.arithmetic(samples.points.device):
+        for start in range(0, max(samples.points.shape[0], 1), size):
+            ray = samples.ray[start : start + size]
+            parts.append(
+                model.field(
+                    samples.points[start : start + size],
+                    directions[ray],
+                    frame[ray],
+                    codes,
+                    maps,
+                    warp,
+                )
+            )
+    if len(parts) == 1:
+        return parts[0]
+    return FieldOutput(
+        torch.cat([p.density for p in parts]),
+        torch.cat([p.colour for p in parts]),
+        torch.cat([p.offset for p in parts], 1),
+    )
+
+
+def render_rays(
+    model: Model,
+    origins: Tensor,
+    directions: Tensor,
+    frame: Tensor,
+    codes: Tensor,
+    maps: ReferenceMaps | None,
+    *,
+    jitter: Tensor | None = None,
+    warp: bool = True,
+) -> RayColours:
+    """Volume rendering, equation (8), of rays (R, 3) through occupied cells.
+
+    Args:
+        origins, directions: (R, 3) head frame, directions of unit length.
+        frame: (R,) index into codes.
+        codes: (F, A) speech codes.
+        maps: reference features, or None.
+        jitter: (R,) in 0..1 shifts the samples of a ray by part of a step.
+        warp: False in the coarse stage.
+    """
+    samples = march(origins, directions, model.grid, model.config.march, jitter)
+    out = evaluate(model, samples, directions, frame, codes, maps, warp)
+    thickness = out.density * model.config.march.step
+    alpha = -torch.expm1(-thickness)
+    before = samples.dense(thickness).cumsum(-1)
+    weights = torch.exp(-F.pad(before[:, :-1], (1, 0))) * samples.dense(alpha)
+    distances = samples.dense(samples.distance)
+    colour = (weights[..., None] * samples.dense(out.colour)).sum(1)
+    return RayColours(
+        colour=colour,
+        opacity=weights.sum(-1),
+        depth=(weights * distances).sum(-1),
+        weights=weights,
+        distances=distances,
+        alpha=alpha,
+        offset=out.offset,
+        samples=samples,
+    )
+
+
+def head_pixels(model: Model, c2w: Tensor, focal: float, centre: Tensor, size: int) -> Tensor:
+    """Pixels (P,) (row-major) of a frame that occupied cells can cover, by projecting the grid.
+
+    Every open cell is splatted as a disc that covers its projection, so no ray that would meet an
+    open cell is left out.
+    """
+    grid = model.grid
+    centres = grid.centres()[grid.occupied.view(-1)]
+    local = (centres - c2w[:, 3]) @ c2w[:, :3]
+    depth = -local[:, 2]
+    column = centre[0] + focal * local[:, 0] / depth
+    row = centre[1] - focal * local[:, 1] / depth
+    cell = ((grid.high - grid.low) / grid.resolution).norm() / 2
+    radius = int(torch.ceil(focal * cell / depth.min()).item()) + 1 if depth.numel() else 0
+    mask = torch.zeros(size, size, device=c2w.device)
+    inside = (column > -radius) & (column < size + radius) & (row > -radius) & (row < size + radius)
+    mask[
+        row[inside].round().long().clamp(0, size - 1),
+        column[inside].round().long().clamp(0, size - 1),
+    ] = 1
+    grown = F.max_pool2d(mask[None, None], 2 * radius + 1, stride=1, padding=radius)[0, 0]
+    return torch.nonzero(grown.view(-1) > 0).view(-1)
+
+
+@torch.no_grad()
+def render_frames(
+    model: Model,
+    c2w: Tensor,
+    focal: float,
+    centres: Tensor,
+    windows: Tensor,
+    maps: ReferenceMaps | None,
+    size: int,
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Heads of frames, one by one.
+
+    Args:
+        c2w: (T, 3, 4); focal in pixels; centres (T, 2).
+        windows: (T, 8, 16, D) speech windows of each frame's neighbours.
+        maps: reference features.
+        size: side of the square picture.
+
+    Yields:
+        Premultiplied colour (size, size, 3) in 0..1 and opacity (size, size).
+    """
+    model.eval()
+    for t in range(c2w.shape[0]):
+        codes = model.field.speech_codes(windows[t : t + 1])
+        pixels = head_pixels(model, c2w[t], focal, centres[t], size)
+        colour = torch.zeros(size * size, 3, device=c2w.device)
+        opacity = torch.zeros(size * size, device=c2w.device)
+        for part in pixels.split(RAYS_AT_ONCE):
+            position = torch.stack([part % size, part // size], -1).float()
+            origins, directions = pixel_rays(
+                c2w[t].expand(part.numel(), 3, 4),
+                focal,
+                centres[t].expand(part.numel(), 2),
+                position,
+            )
+            seen = render_rays(
+                model,
+                origins,
+                F.normalize(directions, dim=-1),
+                torch.zeros_like(part),
+                codes,
+                maps,
+            )
+            colour[part] = seen.colour
+            opacity[part] = seen.opacity
+        yield colour.view(size, size, 3), opacity.view(size, size)

@@ -1,0 +1,257 @@
+"""One `fit()` for the base and for a person: which people, which references and which rates differ.
+
+B rays, F frames in a batch, N references.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from dfrf import device as devices
+from dfrf.checkpoint import load_resume, save_resume
+from dfrf.compactness import distortion_loss, surface_loss
+from dfrf.config import TrainConfig
+from dfrf.data import (
+    Identity,
+    RayBatch,
+    cut_references,
+    draw_rays,
+    neighbour_windows,
+    surface_rays,
+)
+from dfrf.losses import weighted_warp_penalty
+from dfrf.model import Model, ReferenceMaps
+from dfrf.rendering import RayColours, render_rays
+
+SURFACE_RAYS = 24
+BAD_STEPS = 10
+
+
+@dataclass
+class Progress:
+    """How far a run is, for a bar.
+
+    Attributes:
+        step, iterations: steps done, and in all.
+        loss, psnr: of the last step, PSNR in dB over its rays.
+        seconds_left: at the present pace.
+        samples_per_ray: of the last step.
+    """
+
+    step: int
+    iterations: int
+    loss: float
+    psnr: float
+    seconds_left: float
+    samples_per_ray: float
+
+
+@dataclass
+class Curve:
+    """The loss curve: one row a step."""
+
+    rows: list[tuple[int, float, float, float]] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """Spent so far."""
+        return self.rows[-1][3] if self.rows else 0.0
+
+    def add(self, step: int, loss: float, psnr: float, seconds: float) -> None:
+        """Notes a step: its loss, its PSNR in dB and the seconds since the run began."""
+        self.rows.append((step, loss, psnr, seconds))
+
+
+class TrainingDivergedError(RuntimeError):
+    """The loss was not finite for several steps on end."""
+
+
+def learning_rate(step: int, config: TrainConfig) -> float:
+    """Adam's rate at a step: a linear start, then half a cosine down to `final_rate`."""
+    start = min(1.0, (step + 1) / max(config.warmup, 1))
+    fall = 0.5 * (1 + math.cos(math.pi * min(step / max(config.iterations, 1), 1.0)))
+    return config.learning_rate * start * (config.final_rate + (1 - config.final_rate) * fall)
+
+
+class References:
+    """Which frames a person is shown by, and their feature maps."""
+
+    def __init__(self, model: Model, config: TrainConfig) -> None:
+        self.model = model
+        self.config = config
+        self.fixed: dict[str, ReferenceMaps] = {}
+
+    def maps(
+        self,
+        person: Identity,
+        chosen: Tensor | None,
+        exclude: Tensor,
+        generator: torch.Generator,
+        learn: bool,
+    ) -> ReferenceMaps | None:
+        """Maps of `chosen` frames; of random frames other than `exclude` when None.
+
+        Only maps that `learn` carry a gradient to the CNN: its backward pass costs as much as the
+        rest of the step.
+        """
+        count = self.model.config.field.references
+        if not count:
+            return None
+        fixed = chosen is not None and not self.config.learn_references_every
+        if fixed and person.name in self.fixed:
+            return self.fixed[person.name]
+        frames = chosen
+        if frames is None:
+            order = torch.randperm(person.frames, generator=generator)
+            frames = order[~torch.isin(order, exclude)][:count]
+            if frames.numel() < count:
+                frames = order[:count]
+        views = cut_references(person, frames).to(self.model.grid.low.device)
+        if learn:
+            return self.model.field.encoder(views)
+        with torch.no_grad():
+            maps = self.model.field.encoder(views)
+        maps = maps.as_type(devices.table_type(maps.table.device))
+        if fixed:
+            self.fixed[person.name] = maps
+        return maps
+
+
+def step_loss(
+    model: Model,
+    person: Identity,
+    batch: RayBatch,
+    maps: ReferenceMaps | None,
+    config: TrainConfig,
+    warp: bool,
+    generator: torch.Generator,
+) -> tuple[Tensor, Tensor, RayColours]:
+    """Loss of equation (9) with what keeps the density compact; also the MSE alone."""
+    device = batch.origins.device
+    windows = neighbour_windows(person.windows, person.segment, batch.frames)
+    codes = model.field.speech_codes(windows.to(device))
+    jitter = torch.rand(batch.frame.numel(), generator=generator).to(device)
+    seen = render_rays(
+        model, batch.origins, batch.directions, batch.frame, codes, maps, jitter=jitter, warp=warp
+    )
+    picture = seen.colour + (1 - seen.opacity[:, None]) * batch.background
+    mse = F.mse_loss(picture, batch.colour)
+    loss = mse
+    if warp and seen.offset.numel():
+        loss = loss + config.warp_weight * weighted_warp_penalty(seen.offset, seen.alpha)
+    loss = loss + config.opacity_weight * F.mse_loss(seen.opacity, batch.matte)
+    loss = loss + config.distortion_weight * distortion_loss(
+        seen.weights, seen.distances, model.config.march.step
+    )
+    if config.depth_weight:
+        origins, directions, frame, distance = (
+            part.to(device) for part in surface_rays(person, batch.frames, SURFACE_RAYS, generator)
+        )
+        face = render_rays(model, origins, directions, frame, codes, maps, warp=warp)
+        loss = loss + config.depth_weight * surface_loss(face.depth, face.opacity, distance)
+    return loss, mse.detach(), seen
+
+
+def fit(
+    model: Model,
+    people: Sequence[Identity],
+    config: TrainConfig,
+    *,
+    references: dict[str, Tensor] | None = None,
+    resume: str | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+    device: str = "auto",
+) -> Curve:
+    """Trains a model on people, for the base and for a fine-tune alike.
+
+    Args:
+        model: changed in place.
+        people: one of them is drawn each step.
+        config: settings.
+        references: fixed reference frames of each person by name; drawn anew each step when None.
+        resume: folder that holds the state of an unfinished run, written as it goes.
+        progress: called after every step.
+        device: auto, cpu or cuda. The people stay where they are; each step's rays go there.
+        stop: asked after every step; True ends the run early with its state saved.
+
+    Returns:
+        The curve of the whole run, resumed steps included.
+
+    Raises:
+        TrainingDivergedError: ten steps on end whose loss was not finite.
+        dfrf.checkpoint.CheckpointError: `resume` holds the state of another run.
+    """
+    model.to(devices.choose(device))
+    generator = torch.Generator().manual_seed(config.seed)
+    trained = [p for n, p in model.named_parameters() if trains(n, config)]
+    for name, parameter in model.named_parameters():
+        parameter.requires_grad_(trains(name, config))
+    optimiser = torch.optim.Adam(trained, lr=config.learning_rate, betas=(0.9, 0.99), eps=1e-12)
+    curve = Curve()
+    first = 0
+    if resume is not None:
+        first = load_resume(resume, model, optimiser, generator, config, curve)
+    views = References(model, config)
+    model.train()
+    began, spent = time.monotonic(), curve.seconds
+    bad = 0
+    for step in range(first, config.iterations):
+        for group in optimiser.param_groups:
+            group["lr"] = learning_rate(step, config)
+        person = people[int(torch.randint(len(people), (1,), generator=generator))]
+        batch = draw_rays(person, config, generator).to(model.grid.low.device)
+        chosen = references[person.name] if references is not None else None
+        every = config.learn_references_every
+        learn = every > 0 and step % every == 0
+        maps = views.maps(person, chosen, batch.frames, generator, learn)
+        warp = step >= config.coarse_iterations
+        loss, mse, seen = step_loss(model, person, batch, maps, config, warp, generator)
+        optimiser.zero_grad(set_to_none=True)
+        if torch.isfinite(loss):
+            loss.backward()
+            torch.nn.utils.clip_grad_norm_(trained, 1.0)
+            optimiser.step()
+            model.grid.observe(seen.samples.points, _packed_weights(seen))
+            bad = 0
+        else:
+            bad += 1
+            if bad >= BAD_STEPS:
+                raise TrainingDivergedError(
+                    f"the loss was not finite for {bad} steps on end, up to step {step}"
+                )
+        if (step + 1) % config.occupancy_every == 0:
+            model.grid.refresh()
+        seconds = spent + time.monotonic() - began
+        psnr = -10 * math.log10(max(mse.item(), 1e-10))
+        curve.add(step, loss.item(), psnr, seconds)
+        if progress is not None:
+            pace = (time.monotonic() - began) / (step + 1 - first)
+            left = pace * (config.iterations - step - 1)
+            per_ray = seen.samples.points.shape[0] / max(seen.samples.rays, 1)
+            progress(Progress(step + 1, config.iterations, loss.item(), psnr, left, per_ray))
+        ends = stop is not None and stop()
+        if resume is not None and (
+            ends or (step + 1) % config.checkpoint_every == 0 or step + 1 == config.iterations
+        ):
+            save_resume(resume, model, optimiser, generator, config, curve, step + 1)
+        if ends:
+            break
+    return curve
+
+
+def trains(name: str, config: TrainConfig) -> bool:
+    """Whether the parameter of that name learns."""
+    return config.learn_references_every > 0 or not name.startswith("field.encoder.")
+
+
+def _packed_weights(seen: RayColours) -> Tensor:
+    """The dense rendering weights, back in the order of the packed samples."""
+    return seen.weights.detach()[seen.samples.ray, seen.samples.slot]

@@ -1,0 +1,165 @@
+"""Fine-tuning one person from the shared base checkpoint."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from dfrf import checkpoint, presets
+from dfrf.data import Identity, cut_references
+from dfrf.model import Model
+from dfrf.training import Curve, Progress, TrainingDivergedError, fit
+from dubbing import features, media
+from dubbing.errors import CheckpointError, TrainingError
+from dubbing.files import atomic_write_json, atomic_write_text
+from dubbing.identity import choose_references, load_identity
+from dubbing.preparation.prepared import PreparedClip
+
+MODEL_FILE = "model.safetensors"
+CURVE_FILE = "loss.csv"
+RESUME_FOLDER = "resume"
+BASE = Path(__file__).with_name("base.safetensors")
+
+
+@dataclass(frozen=True)
+class FinetuneSettings:
+    """What a manifest says about an identity's fine-tune.
+
+    Attributes:
+        preset: name in `dfrf.presets`.
+        iterations: optimiser steps.
+        seed: of rays and, without a base, of the weights.
+        speech: name of the speech features.
+    """
+
+    preset: str = "fast"
+    iterations: int = 2000
+    seed: int = 0
+    speech: str = "mel"
+
+
+def init_from_base(base: Path | None, settings: FinetuneSettings) -> Model:
+    """A model to start a person from: the base's weights, warp and occupancy prior included.
+
+    Raises:
+        CheckpointError: unreadable, or trained with other speech features.
+    """
+    torch.manual_seed(settings.seed)
+    if base is None:
+        dim = features.features_by_name(settings.speech).dim
+        return presets.build(presets.model_config(settings.preset, dim))
+    try:
+        model, header = checkpoint.load_model(base)
+    except checkpoint.CheckpointError as error:
+        raise CheckpointError(str(error), remedy="name another base checkpoint") from error
+    if header.get("speech") != settings.speech:
+        raise CheckpointError(
+            f"was trained with speech features {header.get('speech')!r}, asked for {settings.speech!r}",
+            base.name,
+            "use the features the checkpoint was trained with",
+        )
+    return model
+
+
+def finetune(
+    prepared: Path,
+    out: Path,
+    *,
+    start: float,
+    seconds: float,
+    settings: FinetuneSettings,
+    base: Path | None = BASE,
+    device: str = "auto",
+    progress: Callable[[Progress], None] | None = None,
+) -> None:
+    """Writes OUT/model.safetensors, OUT/loss.csv and OUT/finetune.json; resumes from OUT/resume.
+
+    Args:
+        prepared: what `prepare` wrote.
+        out: folder; what an interrupted run left there is continued.
+        start, seconds: the part of the clip to learn from.
+        settings: see `FinetuneSettings`.
+        base: checkpoint to start from; None starts from random weights.
+        device: auto, cpu or cuda.
+        progress: called after every step.
+
+    Raises:
+        TrainingError: no face in that part, no sound, or the loss diverged.
+        CheckpointError: the base does not fit.
+    """
+    clip = PreparedClip.load(prepared)
+    windows = clip_windows(clip, settings.speech)
+    first = round(start * clip.rate)
+    person = load_identity(clip.clip.stem, prepared, windows, first, round(seconds * clip.rate))
+    model = init_from_base(base, settings)
+    config = replace(presets.FINETUNE, iterations=settings.iterations, seed=settings.seed)
+    references = reference_frames(person, clip, first, model.config.field.references)
+    try:
+        curve = fit(
+            model,
+            [person],
+            config,
+            references=None if references is None else {person.name: references},
+            resume=str(out / RESUME_FOLDER),
+            progress=progress,
+            device=device,
+        )
+    except TrainingDivergedError as error:
+        raise TrainingError(
+            str(error), person.name, "lower the learning rate or change the seed"
+        ) from error
+    views = None if references is None else cut_references(person, references)
+    header = {
+        "speech": settings.speech,
+        "steps": config.iterations,
+        "settings": asdict(settings),
+        "clip": clip.clip.name,
+    }
+    checkpoint.save_person(out / MODEL_FILE, model.cpu(), views, header)
+    write_curve(out / CURVE_FILE, curve)
+    atomic_write_json(
+        out / "finetune.json",
+        {**header, "train": asdict(config), "frames": person.frames, "seconds": curve.seconds},
+    )
+
+
+def clip_windows(clip: PreparedClip, speech: str) -> np.ndarray:
+    """Speech windows of every frame of a clip, (T, 16, D), from its own sound.
+
+    Raises:
+        TrainingError: the clip has no sound.
+    """
+    if media.probe(clip.clip).audio_rate is None:
+        raise TrainingError(
+            "has no sound, so there is nothing to learn the mouth from",
+            clip.clip.name,
+            "use a clip of the person speaking, with its sound",
+        )
+    heard, _ = features.features_of_file(clip.clip, features.features_by_name(speech))
+    return features.windows(heard, clip.frames_count, clip.rate)
+
+
+def reference_frames(
+    person: Identity, clip: PreparedClip, first: int, count: int
+) -> torch.Tensor | None:
+    """Which frames of `person` become references; None for a method without them."""
+    if not count:
+        return None
+    stop = min(first + round(1e9), clip.frames_count)
+    index = np.flatnonzero(clip.valid[first:stop])[: person.frames] + first
+    return choose_references(person, clip.landmarks[index], count)
+
+
+def write_curve(path: Path, curve: Curve) -> None:
+    """The loss curve as CSV: step, loss, PSNR in dB, seconds."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(["step", "loss", "psnr", "seconds"])
+    rows.writerows(curve.rows)
+    atomic_write_text(path, text.getvalue())

@@ -1,0 +1,125 @@
+"""Rendering a person's head for every frame of new speech, in segments that survive a kill."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dfrf import checkpoint
+from dfrf import device as devices
+from dfrf.data import neighbour_windows
+from dfrf.model import Model, ReferenceMaps
+from dfrf.rendering import render_frames
+from dubbing.errors import CheckpointError, RenderingError
+from dubbing.media import VideoWriter
+from dubbing.preparation.prepared import PreparedClip
+
+SEGMENT = 50  # frames a file: what a kill costs at most
+
+
+def load(
+    model: Path, device: str = "auto"
+) -> tuple[Model, ReferenceMaps | None, dict[str, object]]:
+    """A person's model on a device with its reference maps, computed once; and its header.
+
+    Raises:
+        CheckpointError: the file cannot be used.
+    """
+    try:
+        person, views, header = checkpoint.load_person(model)
+    except checkpoint.CheckpointError as error:
+        raise CheckpointError(str(error), remedy="run with --force finetune") from error
+    target = devices.choose(device)
+    person.to(target).eval()
+    maps = None
+    if views is not None:
+        with torch.no_grad():
+            maps = person.field.encoder(views.to(target)).as_type(devices.table_type(target))
+    return person, maps, header
+
+
+def render(
+    model: Path,
+    prepared: Path,
+    windows: np.ndarray,
+    out: Path,
+    *,
+    pose_index: np.ndarray,
+    device: str = "auto",
+    progress: Callable[[int, int], None] | None = None,
+) -> None:
+    """Writes OUT/000000.mkv, OUT/000050.mkv ...: premultiplied colour and opacity (FFV1 RGBA).
+
+    A file appears only when it is whole, and one that is there is not rendered again.
+
+    Args:
+        model: of the person, written by `finetune`.
+        prepared: the clip whose poses are taken.
+        windows: (T, 16, D) speech windows of the frames to render.
+        out: folder.
+        pose_index: (T,) frame of the clip each frame takes its pose from.
+        device: auto, cpu or cuda.
+        progress: called with frames done and T.
+
+    Raises:
+        RenderingError: windows and poses differ in number.
+        CheckpointError: the model cannot be used.
+    """
+    count = len(pose_index)
+    if len(windows) != count:
+        raise RenderingError(
+            f"{len(windows)} frames of speech and {count} poses",
+            str(out),
+            "run with --force speech",
+        )
+    person, maps, _ = load(model, device)
+    clip = PreparedClip.load(prepared)
+    out.mkdir(parents=True, exist_ok=True)
+    for first in range(0, count, SEGMENT):
+        stop = min(first + SEGMENT, count)
+        path = out / f"{first:06d}.mkv"
+        if not path.exists():
+            with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
+                heads = frames(person, maps, clip, windows, pose_index, first, stop)
+                for done, (colour, opacity) in enumerate(heads, first + 1):
+                    video.write(to_rgba(colour, opacity))
+                    if progress is not None:
+                        progress(done, count)
+        elif progress is not None:
+            progress(stop, count)
+
+
+def frames(
+    model: Model,
+    maps: ReferenceMaps | None,
+    clip: PreparedClip,
+    windows: np.ndarray,
+    pose_index: np.ndarray,
+    first: int,
+    stop: int,
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop."""
+    device = model.grid.low.device
+    number = torch.arange(first, stop)
+    # Speech does not stop at a cut of the picture, so all frames count as one run.
+    near = neighbour_windows(torch.from_numpy(windows).float(), torch.zeros(len(windows)), number)
+    poses = pose_index[first:stop]
+    yield from render_frames(
+        model,
+        torch.from_numpy(clip.c2w()[poses]).float().to(device),
+        float(clip.focal),
+        torch.from_numpy(clip.centre[poses]).float().to(device),
+        near.to(device),
+        maps,
+        clip.size,
+    )
+
+
+def to_rgba(colour: Tensor, opacity: Tensor) -> np.ndarray:
+    """(S, S, 4) uint8 from premultiplied colour and opacity in 0..1."""
+    both = torch.cat([colour, opacity[..., None]], -1).float()
+    return (both.clamp(0, 1) * 255).round().to(torch.uint8).cpu().numpy()

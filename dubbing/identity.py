@@ -1,0 +1,143 @@
+"""From a prepared clip to the tensors that training and rendering take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+
+from dfrf.data import HEAD, HEAD_MATTE, MOUTH, RIM, Identity
+from dubbing.errors import TrainingError
+from dubbing.preparation.mesh_points import RIGID
+from dubbing.preparation.prepared import PreparedClip
+
+# The outer rim of the lips.
+OUTER_LIPS = (
+    *(61, 146, 91, 181, 84, 17, 314, 405, 321, 375),
+    *(291, 409, 270, 269, 267, 0, 37, 39, 40, 185),
+)
+UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
+RIM_WIDTH = 0.016  # of the crop's side
+
+
+def mouth_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
+    """Box round the lips with a margin, (T, 4) left, top, right, bottom, from (T, 478, 2)."""
+    lips = landmarks[:, OUTER_LIPS]
+    low, high = lips.min(1), lips.max(1)
+    half = (high - low) / 2
+    centre = (high + low) / 2
+    wide = half[:, 0] * 1.25
+    tall = np.maximum(half[:, 1] * 1.4, wide * 0.6)
+    boxes = np.stack(
+        [centre[:, 0] - wide, centre[:, 1] - tall, centre[:, 0] + wide, centre[:, 1] + tall], -1
+    )
+    return np.clip(np.nan_to_num(boxes).round(), 0, size).astype(np.int64)
+
+
+def region_map(matte: np.ndarray, mouth: np.ndarray) -> np.ndarray:
+    """Where to draw rays, (S, S) uint8 codes of `dfrf.data`, from a matte (S, S) uint8.
+
+    The rim lies on both sides of the head's outline; `mouth` is left, top, right, bottom in pixels.
+    """
+    width = max(2, round(RIM_WIDTH * matte.shape[0]))
+    kernel = np.ones((2 * width + 1, 2 * width + 1), np.uint8)
+    head = (matte > HEAD_MATTE).astype(np.uint8)
+    region = np.where(cv2.dilate(head, kernel) > 0, RIM, 0).astype(np.uint8)
+    region[cv2.erode(head, kernel, borderValue=0) > 0] = HEAD
+    left, top, right, bottom = mouth
+    box = region[top:bottom, left:right]
+    box[box == HEAD] = MOUTH
+    return region
+
+
+def load_identity(
+    name: str, folder: Path, windows: np.ndarray, start: int, count: int, every: int = 1
+) -> Identity:
+    """Frames start .. start + count of a prepared clip, those without a face left out.
+
+    Args:
+        name: of the person, for messages.
+        folder: what `prepare` wrote.
+        windows: (T, 16, D) speech windows of every frame of the clip.
+        start, count: frames; the clip's end cuts them off.
+        every: keep one frame of so many.
+
+    Raises:
+        TrainingError: no frame shows a face.
+    """
+    clip = PreparedClip.load(folder)
+    stop = min(start + count, clip.frames_count)
+    wanted = [k for k in range(start, stop) if clip.valid[k] and (k - start) % every == 0]
+    if not wanted:
+        raise TrainingError(
+            "no frame with a face to learn from",
+            f"{clip.clip.name}, frames {start} to {stop}",
+            "choose another start for this identity",
+        )
+    index = np.asarray(wanted)
+    keep = set(wanted)
+    images, mattes, backgrounds = (
+        torch.empty((len(wanted), clip.size, clip.size, *channels), dtype=torch.uint8)
+        for channels in ((3,), (), (3,))
+    )
+    at = 0
+    for k, (image, matte, background) in enumerate(clip.frames(start, stop - start), start):
+        if k in keep:
+            images[at] = torch.from_numpy(image)
+            mattes[at] = torch.from_numpy(matte)
+            backgrounds[at] = torch.from_numpy(background)
+            at += 1
+    boxes = mouth_boxes(clip.landmarks[index], clip.size)
+    regions = torch.stack(
+        [torch.from_numpy(region_map(m.numpy(), b)) for m, b in zip(mattes, boxes, strict=True)]
+    )
+    return Identity(
+        name=name,
+        images=images,
+        backgrounds=backgrounds,
+        mattes=mattes,
+        regions=regions,
+        c2w=torch.from_numpy(clip.c2w()[index]).float(),
+        focal=float(clip.focal),
+        centres=torch.from_numpy(clip.centre[index]).float(),
+        windows=torch.from_numpy(windows[index]).float(),
+        segment=torch.from_numpy(clip.segment[index]).long(),
+        surface=surface_points(clip),
+    )
+
+
+def surface_points(clip: PreparedClip) -> Tensor:
+    """Rigid points of the person's mean face in the head frame, y up, (V, 3)."""
+    points = clip.shape[list(RIGID)] * np.array([1.0, -1.0, -1.0])
+    return torch.from_numpy(points).float()
+
+
+def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Tensor:
+    """Frames that spread over poses and mouth shapes, (count,), by farthest-point sampling.
+
+    Args:
+        person: the frames to choose from.
+        landmarks: (T, 478, 2) of those frames, pixels.
+        count: how many.
+    """
+    forward = person.c2w[:, :, 2].double().numpy()
+    lips = landmarks[:, OUTER_LIPS]
+    width = lips[:, :, 0].max(1) - lips[:, :, 0].min(1)
+    gap = np.linalg.norm(landmarks[:, UPPER_LIP] - landmarks[:, LOWER_LIP], axis=-1)
+    scale = np.median(width)
+    traits = np.concatenate(
+        [forward * 2, (gap / scale)[:, None] * 2, (width / scale)[:, None]], axis=1
+    )
+    # The first is the most usual frame, the others are far from all before them.
+    first = int(np.argmin(np.linalg.norm(traits - np.median(traits, 0), axis=1)))
+    chosen = [first]
+    nearest = np.linalg.norm(traits - traits[first], axis=1)
+    while len(chosen) < count:
+        # The 95th percentile instead of the farthest: the farthest frame is often a blurred one.
+        order = np.argsort(nearest)
+        chosen.append(int(order[int(0.95 * (len(order) - 1))]))
+        nearest = np.minimum(nearest, np.linalg.norm(traits - traits[chosen[-1]], axis=1))
+    return torch.tensor(chosen)
