@@ -25,6 +25,7 @@ from dubbing.speaker.torso import shoot
 SUBSAMPLES = ((-0.125, -0.375), (0.375, -0.125), (0.125, 0.375), (-0.375, 0.125))
 SHADOW_STEP = 3
 SHADOW_RAYS = 4
+OPEN_GAP = 0.09  # units of 10 cm between the lips that let all light in
 DEPTH_STEP = 0.7  # cm between neighbouring pixels that count as an edge
 SCATTER_CM = (0.24, 0.12, 0.07)  # blur of red, green and blue light under the skin
 REST_SHIFT = np.array([0.0, 0.6, -78.0])  # where the body stands, camera axes, cm
@@ -100,6 +101,11 @@ class Renderer:
         """Pixels (N, 2) of points (N, 3) given in the head frame used inside, cm."""
         return self.camera.project(points @ pose.turn.T + pose.shift)
 
+    def light_inside(self, state: State, vertices: np.ndarray) -> float:
+        """Light in the mouth, 0..1: little behind lips that are nearly closed or rounded."""
+        gap = float(np.clip(self.model.opening(vertices) / OPEN_GAP, 0.0, 1.0))
+        return (0.65 + 0.35 * gap) * (1.0 - 0.25 * max(0.0, -state.mouth.wide))
+
     def gaze(self, state: State) -> np.ndarray:
         """(2, 3) unit view directions of the eyes at -x and +x in the head frame."""
         from dubbing.speaker.head_shape import EYE
@@ -124,7 +130,9 @@ class _Frame:
             np.concatenate([vertices, hair.vertices]).astype(np.float32),
             np.concatenate([owner.model.normals(vertices), hair.normals]).astype(np.float32),
         )
-        self.view = View(state.pose.eye, owner.gaze(state), state.blink, rig)
+        self.view = View(
+            state.pose.eye, owner.gaze(state), state.blink, owner.light_inside(state, vertices), rig
+        )
         self.scene = EmbreeScene()
         TriangleMesh(self.scene, vertices.astype(np.float32), owner.model.moving)
 

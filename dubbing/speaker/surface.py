@@ -22,7 +22,7 @@ from dubbing.speaker.shading import (
 )
 
 SCATTERS = (SKIN, LIP, EAR, NECK)
-CAVITY = np.array([0.13, 0.026, 0.022])
+CAVITY = np.array([0.045, 0.013, 0.012])
 ENAMEL = np.array([0.66, 0.60, 0.50])
 GUMS = np.array([0.42, 0.13, 0.12])
 FLESH = np.array([0.34, 0.085, 0.08])
@@ -57,11 +57,15 @@ class Geometry:
 
 @dataclass(frozen=True)
 class View:
-    """Who looks and where to, in the head frame: camera centre (3,), gaze (2, 3), blink, lights."""
+    """Who looks and where to, in the head frame: camera centre (3,), gaze (2, 3), blink, lights.
+
+    `inside` (0..1) is the light that the lips let into the mouth.
+    """
 
     eye: np.ndarray
     gaze: np.ndarray
     blink: float
+    inside: float
     rig: Rig
 
 
@@ -171,7 +175,7 @@ class Materials:
         n[away & ~within] *= -1.0
         # Smoothed normals at a silhouette may face away: they are bent until they just do not.
         n -= np.clip(np.einsum("ij,ij->i", n, hits.ray), 0.0, None)[:, None] * hits.ray
-        self._mouth(layers, away)
+        self._mouth(layers, away, view.inside)
         lips = np.flatnonzero(layers.part == LIP)
         layers.occlusion[lips] *= mix(self.shade_of[:, None], lips)[:, 0]
         self._eyes(layers, hits.ray, view)
@@ -219,7 +223,7 @@ class Materials:
         layers.gloss[neck] = 0.2
 
     @staticmethod
-    def _mouth(layers: Layers, behind: np.ndarray) -> None:
+    def _mouth(layers: Layers, behind: np.ndarray, light: float) -> None:
         """Teeth, gums, tongue, and the dark behind them: back faces of the skin."""
         p, part = layers.point, layers.part
         teeth = np.flatnonzero(part == TEETH)
@@ -235,7 +239,9 @@ class Materials:
         layers.occlusion[cavity] = 0.10 + 0.5 * smoothstep(3.0, 8.8, p[cavity, 2])
         layers.label[cavity] = DARK
         inner = (part == TEETH) | tongue
-        layers.occlusion[inner] *= 0.16 + 0.84 * smoothstep(6.8, 9.3, p[inner, 2])
+        layers.occlusion[inner] *= light * (0.16 + 0.84 * smoothstep(6.8, 9.3, p[inner, 2]))
+        # The key light knows no occlusion, so the colour is darkened as well.
+        layers.albedo[inner] *= light
         layers.solid |= (part == TEETH) | tongue
 
     def _eyes(self, layers: Layers, ray: np.ndarray, view: View) -> None:
