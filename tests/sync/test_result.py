@@ -1,13 +1,16 @@
 """Verdicts and words."""
 
+import json
 from dataclasses import replace
 
 import pytest
+from pydantic import TypeAdapter
 
 from dubbing.sync.curves import Estimate
 from dubbing.sync.result import (
     Media,
     Motion,
+    Segment,
     SyncResult,
     judge,
     reference_confidence,
@@ -93,3 +96,10 @@ def test_words(frames: int | None, words: str) -> None:
     result = SyncResult("pass", "", "m", FACTS, offset_frames=frames, offset_ms=ms)
     assert result.words == words
     assert result.to_json()["words"] == words
+
+
+def test_json_round_trip() -> None:
+    source = SyncResult("pass", "fine", "m", FACTS, offset_frames=0, offset_ms=0.0, motion=STILL)
+    result = replace(source, segments=[Segment(0, 4, None, None, None, 0.5)], source=source)
+    text = json.dumps(result.to_json())
+    assert TypeAdapter(SyncResult).validate_json(text) == result
