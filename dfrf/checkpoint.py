@@ -1,7 +1,7 @@
 """Checkpoints: safetensors with a JSON header, never pickles; and the exact state of a run.
 
-`save_model` / `load_model` keep a finished model; `save_resume` / `load_resume` keep an unfinished run
-so that it goes on bit for bit: weights, optimiser, random numbers, step and curve.
+`save_model` / `load_model` keep a finished model; `save_resume` / `load_resume` keep an unfinished
+run so that it goes on bit for bit: weights, optimiser, random numbers, step and curve.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def read_tensors(path: str | Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
 
 
 def save_model(path: str | Path, model: Model, header: dict[str, Any] | None = None) -> None:
-    """Keeps a model: float32 weights, its grid, its sizes, and what the caller adds to the header."""
+    """Keeps a model: weights, grid, sizes, and what the caller adds to the header."""
     write_tensors(
         path,
         model.state_dict(),
@@ -174,7 +174,7 @@ def load_resume(
     tensors, header = read_tensors(path)
     if header["train"] != asdict(config) or header["config"] != model.config.to_dict():
         raise CheckpointError(
-            f"{path}: holds the state of a run with other settings; remove the folder to start afresh"
+            f"{path}: holds the state of a run with other settings; remove it to start afresh"
         )
     model.load_state_dict(
         {k.removeprefix("model."): v for k, v in tensors.items() if k.startswith("model.")}

@@ -91,7 +91,7 @@ class TrainConfig:
     warp_weight: float = 5e-8
     opacity_weight: float = 0.1
     depth_weight: float = 0.05
-    distortion_weight: float = 0.002
+    distortion_weight: float = 0.01
     mouth_share: float = 0.3
     rim_share: float = 0.15
     learn_references_every: int = 0

@@ -25,7 +25,7 @@ def crop(image: Tensor, box: Tensor) -> Tensor:
 
 
 def ssim(image: Tensor, truth: Tensor) -> float:
-    """Structural similarity (Wang et al. 2004): Gaussian window 11, sigma 1.5, mean over channels."""
+    """Structural similarity (Wang et al. 2004), Gaussian window 11, sigma 1.5; channel mean."""
     offsets = torch.arange(SSIM_WINDOW, dtype=torch.float64) - SSIM_WINDOW // 2
     bell = torch.exp(-(offsets**2) / (2 * SSIM_SIGMA**2))
     bell = bell / bell.sum()

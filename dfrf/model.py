@@ -144,7 +144,14 @@ class Warp(nn.Module):
         nn.init.zeros_(self.out.bias)
 
     def forward(self, point: Tensor, code: Tensor, frame: Tensor, feature: Tensor) -> Tensor:
-        """Offsets (N, M, 2), pixels at 512, from encodings (M, P), codes (F, A), features (N, M, C)."""
+        """Offsets (N, M, 2), pixels at 512.
+
+        Args:
+            point: (M, P) encoded points.
+            code: (F, A) speech codes.
+            frame: (M,) index into the codes.
+            feature: (N, M, C) what each reference shows where the point projects.
+        """
         shared = self.point(point) + self.speech(code)[frame]
         h = F.relu(self.feature(feature) + shared)
         raw = self.out(F.relu(self.hidden(h))).float()
@@ -152,7 +159,7 @@ class Warp(nn.Module):
 
 
 class Aggregation(nn.Module):
-    """One attention over the references: weights (N, M), and a feature F~ that does not depend on order."""
+    """One attention over the references; its feature F~ does not depend on their order."""
 
     def __init__(self, config: FieldConfig, point_dim: int) -> None:
         super().__init__()

@@ -1,8 +1,8 @@
 """Occupancy grid in head space: which cells a ray has to look at.
 
 G cells along each axis. A cell holds the largest rendering weight any sample in it has had lately;
-the weight fades, so that what no ray confirms is forgotten, and cells next to a heavy one stay open, so
-that a surface can move.
+the weight fades, so that what no ray confirms is forgotten, and cells next to a heavy one stay
+open, so that a surface can move.
 """
 
 from __future__ import annotations

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dfrf.config import FieldConfig, MarchConfig, ModelConfig, TrainConfig
 from dfrf.model import PRIOR_CENTRE, PRIOR_RADII, Model
 
-PRESETS = ("fast", "ad-nerf", "nerf")
+PRESETS = ("fast", "fast-nowarp", "ad-nerf", "nerf")
 
 BASE_TRAINING = TrainConfig(
     iterations=4000,
     coarse_iterations=3000,
     rays=3072,
     frames=6,
-    learning_rate=1e-3,
     learn_references_every=4,
-    occupancy_every=50,
 )
 FINETUNE = TrainConfig(iterations=2000)
 
@@ -27,6 +25,7 @@ def model_config(preset: str, speech_dim: int) -> ModelConfig:
     """
     fields = {
         "fast": FieldConfig(speech_dim=speech_dim),
+        "fast-nowarp": FieldConfig(speech_dim=speech_dim, use_warp=False),
         "ad-nerf": FieldConfig(speech_dim=speech_dim, references=0, use_warp=False),
         "nerf": FieldConfig(speech_dim=speech_dim, references=0, use_warp=False, use_speech=False),
     }
@@ -41,4 +40,13 @@ def build(config: ModelConfig) -> Model:
     centre, radii = (model.grid.low.new_tensor(v) for v in (PRIOR_CENTRE, PRIOR_RADII))
     reach = ((model.grid.centres() - centre) / radii).norm(dim=-1)
     model.grid.start_from((reach > 0.7) & (reach < 1.25))
+    return model
+
+
+def adapt(base: Model, config: ModelConfig) -> Model:
+    """A model of `config` with everything it shares with a base: an ablation starts from it too."""
+    model = Model(config)
+    wanted = model.state_dict()
+    shared = {name: value for name, value in base.state_dict().items() if name in wanted}
+    model.load_state_dict({**wanted, **shared})
     return model

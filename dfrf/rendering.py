@@ -18,6 +18,7 @@ from dfrf.marching import PackedSamples, march
 from dfrf.model import FieldOutput, Model, ReferenceMaps
 
 RAYS_AT_ONCE = 16384
+ROUND_CHUNK = 1024
 
 
 @dataclass(frozen=True)
@@ -54,27 +55,21 @@ def evaluate(
     warp: bool,
 ) -> FieldOutput:
     """The field at packed samples, in chunks that fit the cache."""
-    size = devices.chunk_size(samples.points.device)
+    device = samples.points.device
+    size = devices.chunk_size(device)
+    count = samples.points.shape[0]
+    # A new shape costs the matrix library a new kernel: fill the last chunk up to a round number.
+    fill = -count % min(ROUND_CHUNK, size) if count else ROUND_CHUNK
+    points = F.pad(samples.points, (0, 0, 0, fill))
+    rays = F.pad(samples.ray, (0, fill))
     parts = []
-    with devices.arithmetic(samples.points.device):
-        for start in range(0, max(samples.points.shape[0], 1), size):
-            ray = samples.ray[start : start + size]
-            parts.append(
-                model.field(
-                    samples.points[start : start + size],
-                    directions[ray],
-                    frame[ray],
-                    codes,
-                    maps,
-                    warp,
-                )
-            )
-    if len(parts) == 1:
-        return parts[0]
+    with devices.arithmetic(device):
+        for some, ray in zip(points.split(size), rays.split(size), strict=True):
+            parts.append(model.field(some, directions[ray], frame[ray], codes, maps, warp))
     return FieldOutput(
-        torch.cat([p.density for p in parts]),
-        torch.cat([p.colour for p in parts]),
-        torch.cat([p.offset for p in parts], 1),
+        torch.cat([p.density for p in parts])[:count],
+        torch.cat([p.colour for p in parts])[:count],
+        torch.cat([p.offset for p in parts], 1)[:, :count],
     )
 
 

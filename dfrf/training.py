@@ -52,6 +52,10 @@ class Progress:
     seconds_left: float
     samples_per_ray: float
 
+    def __str__(self) -> str:
+        left = f"{self.seconds_left:.0f} s left"
+        return f"step {self.step}, loss {self.loss:.4g}, {self.psnr:.1f} dB, {left}"
+
 
 @dataclass
 class Curve:

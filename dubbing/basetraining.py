@@ -2,103 +2,120 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+import math
+from collections.abc import Callable
+from dataclasses import asdict, replace
 from pathlib import Path
 
-import torch
-
 from dfrf import checkpoint, presets
+from dfrf.data import Identity as Person
 from dfrf.training import Progress, TrainingDivergedError, fit
-from dubbing import features
+from dubbing import jobs, lock, stages
 from dubbing.errors import TrainingError
 from dubbing.files import atomic_write_json
-from dubbing.finetuning import RESUME_FOLDER, clip_windows, write_curve
+from dubbing.finetuning import FinetuneSettings, clip_windows, init_from_base, write_curve
 from dubbing.identity import load_identity
+from dubbing.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
 
 MOST_FRAMES = 240  # of one identity: more show little that is new, and memory is finite
 
 
-@dataclass(frozen=True)
-class Material:
-    """A person to learn from: a prepared clip and the seconds of it to use."""
-
-    name: str
-    prepared: Path
-    start: float
-    seconds: float
-
-
 def train_base(
-    material: Sequence[Material],
+    manifest: Manifest,
     out: Path,
     *,
-    preset: str = "fast",
-    speech: str = "mel",
-    iterations: int = presets.BASE_TRAINING.iterations,
-    coarse_iterations: int | None = None,
-    seed: int = 0,
     device: str = "auto",
-    progress: Callable[[Progress], None] | None = None,
+    iterations: int | None = None,
+    init: Path | None = None,
+    progress: Callable[[str, float], None],
 ) -> None:
-    """Writes OUT/base.safetensors, OUT/loss.csv and OUT/base.json; resumes from OUT/resume.
+    """Writes OUT and, beside it, its curve (.csv) and its history (.json).
+
+    An interrupted run leaves its state in OUT.resume and is continued by the next call. Preset,
+    speech features and seed are those of the manifest's identities, which must agree in them.
 
     Args:
-        material: one entry an identity.
-        out: folder; what an interrupted run left there is continued.
-        preset: sizes of the model.
-        speech: name of the speech features.
-        iterations: optimiser steps in all.
-        coarse_iterations: steps of the first stage, without warp; three quarters by default, as
-            the paper divides them (300k and 100k).
-        seed: of weights and rays.
+        manifest: `start` and `seconds` of each identity say which part of its clip is learned.
+        out: the checkpoint to write.
         device: auto, cpu or cuda.
-        progress: called after every step.
+        iterations: optimiser steps in all; three quarters of them without the warp, as the paper
+            divides its 300k and 100k. The preset's by default.
+        init: a base checkpoint to start from instead of random weights.
+        progress: told a message and the share done.
 
     Raises:
-        TrainingError: an identity has no usable frame, or the loss diverged.
+        TrainingError: the identities disagree, one has no usable frame, or the loss diverged.
+        LockedError: another run works in the manifest's output.
     """
-    kind = features.features_by_name(speech)
-    torch.manual_seed(seed)
-    model = presets.build(presets.model_config(preset, kind.dim))
-    people = []
-    for part in material:
-        clip = PreparedClip.load(part.prepared)
-        count = round(part.seconds * clip.rate)
-        windows = clip_windows(clip, speech)
-        every = max(1, -(-min(count, clip.frames_count) // MOST_FRAMES))
-        people.append(
-            load_identity(
-                part.name, part.prepared, windows, round(part.start * clip.rate), count, every
-            )
+    settings = common_settings(manifest)
+    with lock.hold(manifest.work):
+        people = [
+            load_person(manifest, name, device, settings, progress)
+            for name in sorted(manifest.identities)
+        ]
+    model = init_from_base(init, settings)
+    config = replace(presets.BASE_TRAINING, seed=settings.seed)
+    if iterations is not None:
+        config = replace(
+            config, iterations=iterations, coarse_iterations=math.ceil(iterations * 3 / 4)
         )
-    config = replace(
-        presets.BASE_TRAINING,
-        iterations=iterations,
-        coarse_iterations=iterations * 3 // 4 if coarse_iterations is None else coarse_iterations,
-        seed=seed,
-    )
+
+    def told(state: Progress) -> None:
+        progress(str(state), state.step / state.iterations)
+
+    resume = out.with_name(out.name + ".resume")
     try:
-        curve = fit(
-            model,
-            people,
-            config,
-            resume=str(out / RESUME_FOLDER),
-            progress=progress,
-            device=device,
-        )
+        curve = fit(model, people, config, resume=str(resume), progress=told, device=device)
     except TrainingDivergedError as error:
-        raise TrainingError(
-            str(error), out.name, "lower the learning rate or change the seed"
-        ) from error
+        raise TrainingError(str(error), out.name, "change the seed or the clips") from error
     header = {
-        "speech": speech,
-        "steps": iterations,
+        "speech": settings.speech,
+        "steps": config.iterations,
         "identities": [p.name for p in people],
         "frames": sum(p.frames for p in people),
         "seconds": round(curve.seconds),
     }
-    checkpoint.save_model(out / "base.safetensors", model.cpu(), header)
-    write_curve(out / "loss.csv", curve)
-    atomic_write_json(out / "base.json", {**header, "train": asdict(config)})
+    checkpoint.save_model(out, model.cpu(), header)
+    write_curve(out.with_suffix(".csv"), curve)
+    atomic_write_json(out.with_suffix(".json"), {**header, "train": asdict(config)})
+
+
+def common_settings(manifest: Manifest) -> FinetuneSettings:
+    """Preset, seed and speech features that all identities share.
+
+    Raises:
+        TrainingError: they do not.
+    """
+    found = {
+        FinetuneSettings(preset=i.preset, seed=i.seed, speech=i.speech)
+        for i in manifest.identities.values()
+    }
+    if len(found) != 1:
+        raise TrainingError(
+            "the identities differ in preset, seed or speech",
+            manifest.path.name,
+            "a base is trained with one of each: set them under defaults",
+        )
+    return found.pop()
+
+
+def load_person(
+    manifest: Manifest,
+    name: str,
+    device: str,
+    settings: FinetuneSettings,
+    progress: Callable[[str, float], None],
+) -> Person:
+    """Prepares an identity where that is not done yet, and loads what is learned from it."""
+    identity = manifest.identities[name]
+    job = jobs.identity_job(manifest, name, identity, device)
+    if job.blocked is not None:
+        raise job.blocked
+    stage = job.stages["prepare"]
+    stages.run(stage, lambda message, share: progress(f"{name}: {message}", share))
+    clip = PreparedClip.load(stage.folder)
+    first, count = round(identity.start * clip.rate), round(identity.seconds * clip.rate)
+    every = max(1, math.ceil(min(count, clip.frames_count - first) / MOST_FRAMES))
+    windows = clip_windows(clip, settings.speech)
+    return load_identity(name, stage.folder, windows, first, count, every)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -23,8 +24,8 @@ from dubbing.preparation.prepared import PreparedClip
 
 MODEL_FILE = "model.safetensors"
 CURVE_FILE = "loss.csv"
+SUMMARY_FILE = "finetune.json"
 RESUME_FOLDER = "resume"
-BASE = Path(__file__).with_name("base.safetensors")
 
 
 @dataclass(frozen=True)
@@ -51,20 +52,21 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> Model:
         CheckpointError: unreadable, or trained with other speech features.
     """
     torch.manual_seed(settings.seed)
+    dim = features.features_by_name(settings.speech).dim
+    config = presets.model_config(settings.preset, dim)
     if base is None:
-        dim = features.features_by_name(settings.speech).dim
-        return presets.build(presets.model_config(settings.preset, dim))
+        return presets.build(config)
     try:
         model, header = checkpoint.load_model(base)
     except checkpoint.CheckpointError as error:
         raise CheckpointError(str(error), remedy="name another base checkpoint") from error
     if header.get("speech") != settings.speech:
         raise CheckpointError(
-            f"was trained with speech features {header.get('speech')!r}, asked for {settings.speech!r}",
+            f"was trained with {header.get('speech')!r} speech, asked for {settings.speech!r}",
             base.name,
             "use the features the checkpoint was trained with",
         )
-    return model
+    return presets.adapt(model, config)
 
 
 def finetune(
@@ -74,11 +76,13 @@ def finetune(
     start: float,
     seconds: float,
     settings: FinetuneSettings,
-    base: Path | None = BASE,
+    base: Path | None,
     device: str = "auto",
     progress: Callable[[Progress], None] | None = None,
 ) -> None:
-    """Writes OUT/model.safetensors, OUT/loss.csv and OUT/finetune.json; resumes from OUT/resume.
+    """Writes OUT/model.safetensors, OUT/loss.csv and OUT/finetune.json.
+
+    Until then OUT/resume holds the state, from which the next call goes on.
 
     Args:
         prepared: what `prepare` wrote.
@@ -124,9 +128,10 @@ def finetune(
     checkpoint.save_person(out / MODEL_FILE, model.cpu(), views, header)
     write_curve(out / CURVE_FILE, curve)
     atomic_write_json(
-        out / "finetune.json",
+        out / SUMMARY_FILE,
         {**header, "train": asdict(config), "frames": person.frames, "seconds": curve.seconds},
     )
+    shutil.rmtree(out / RESUME_FOLDER)
 
 
 def clip_windows(clip: PreparedClip, speech: str) -> np.ndarray:

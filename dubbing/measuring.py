@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
-from fractions import Fraction
 from pathlib import Path
 
+import cv2
 import numpy as np
 import torch
 from torch import Tensor
@@ -23,6 +24,7 @@ from dubbing.preparation.prepared import PreparedClip
 
 LONG_CLIP = 30.0  # seconds; a longer clip is tested on more of it
 PAPER_SIZE = 512
+TILES = 20
 
 
 @dataclass(frozen=True)
@@ -64,52 +66,59 @@ def measure(
     windows: np.ndarray,
     first: int,
     count: int,
-    out: Path | None = None,
+    out: Path,
+    *,
     device: str = "auto",
+    progress: Callable[[str, float], None],
 ) -> list[FrameFigures]:
     """Renders held-out frames over their own background and compares them with the source.
 
+    Leaves OUT/frames.csv, OUT/render_picture.mp4, OUT/source_picture.mp4 and OUT/tiles.png (source
+    above render).
+
     Args:
-        model: a person's model. prepared: the clip, `windows` its speech windows (T, 16, D).
+        model: a person's model.
+        prepared: the clip, whose speech windows are `windows` (T, 16, D).
         first, count: frames to test.
-        out: where to leave `frames.csv` and the rendered crop `render.mkv`; None leaves nothing.
+        out: folder.
         device: auto, cpu or cuda.
+        progress: told a message and the share done.
     """
     person, maps, _ = heads.load(model, device)
     clip = PreparedClip.load(prepared)
+    out.mkdir(parents=True, exist_ok=True)
     figures: list[FrameFigures] = []
+    tiles: list[np.ndarray] = []
     index = np.arange(clip.frames_count)
     rendered = heads.frames(person, maps, clip, windows, index, first, first + count)
-    video = None
-    if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        video = VideoWriter(out / "render.mkv", clip.size, clip.size, clip.rate, "ffv1")
-        video.__enter__()
-    with FaceMesh(tracking=True) as seen_mesh, FaceMesh(tracking=True) as source_mesh:
+    with (
+        VideoWriter(out / "render_picture.mp4", clip.size, clip.size, clip.rate) as render,
+        VideoWriter(out / "source_picture.mp4", clip.size, clip.size, clip.rate) as source,
+        FaceMesh(tracking=True) as render_mesh,
+        FaceMesh(tracking=True) as source_mesh,
+    ):
         for k, (image, _, background), (colour, opacity) in zip(
             range(first, first + count), clip.frames(first, count), rendered, strict=True
         ):
-            restored = torch.from_numpy(background).float() / 255
-            picture = colour.cpu() + (1 - opacity.cpu()[..., None]) * restored
-            shown = (picture.clamp(0, 1) * 255).round().to(torch.uint8)
-            if video is not None:
-                video.write(shown.numpy())
-            if not clip.valid[k]:
-                continue
-            figures.append(
-                compare(
-                    k,
-                    shown.numpy(),
-                    image,
-                    clip.landmarks[k],
-                    seen_mesh(shown.numpy()),
-                    source_mesh(image),
-                )
-            )
-    if video is not None and out is not None:
-        video.__exit__(None, None, None)
-        write_csv(out / "frames.csv", figures)
+            shown = over(colour, opacity, background)
+            render.write(shown)
+            source.write(image)
+            if (k - first) % max(1, count // TILES) == 0:
+                tiles.append(np.concatenate([image, shown]))
+            if clip.valid[k]:
+                found, truth = render_mesh(shown), source_mesh(image)
+                figures.append(compare(k, shown, image, clip.landmarks[k], found, truth))
+            progress(f"frame {k - first + 1} of {count}", (k - first + 1) / count)
+    write_csv(out / "frames.csv", figures)
+    cv2.imwrite(str(out / "tiles.png"), np.concatenate(tiles, 1)[..., ::-1])
     return figures
+
+
+def over(colour: Tensor, opacity: Tensor, background: np.ndarray) -> np.ndarray:
+    """A rendered head, premultiplied, over a background: (S, S, 3) uint8."""
+    behind = torch.from_numpy(background).float() / 255
+    picture = colour.cpu() + (1 - opacity.cpu()[..., None]) * behind
+    return (picture.clamp(0, 1) * 255).round().to(torch.uint8).numpy()
 
 
 def compare(
@@ -150,12 +159,13 @@ def compare(
 
 
 def mean_figures(figures: list[FrameFigures]) -> dict[str, float]:
-    """Mean of every figure over the frames, missing ones left out."""
-    return {
+    """Mean of every figure over the frames, missing ones left out; `sharpness` is that of both."""
+    means = {
         f.name: float(np.nanmean([getattr(x, f.name) for x in figures]))
         for f in fields(FrameFigures)
         if f.name != "frame"
     }
+    return {**means, "sharpness": (means["sharpness_mouth"] + means["sharpness_eyes"]) / 2}
 
 
 def write_csv(path: Path, figures: list[FrameFigures]) -> None:
@@ -165,8 +175,3 @@ def write_csv(path: Path, figures: list[FrameFigures]) -> None:
     rows.writeheader()
     rows.writerows(asdict(x) for x in figures)
     atomic_write_text(path, text.getvalue())
-
-
-def frame_step(rate: Fraction, per_second: float) -> int:
-    """Every how many frames to test, for so many tested frames a second."""
-    return max(1, round(float(rate) / per_second))

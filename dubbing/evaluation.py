@@ -1,0 +1,131 @@
+"""Held-out figures of every identity of a manifest, for one or several methods (protocol P15)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from dubbing import jobs, lock, media, stages
+from dubbing.errors import DubbingError
+from dubbing.files import atomic_write_json
+from dubbing.finetuning import MODEL_FILE, SUMMARY_FILE, clip_windows
+from dubbing.manifest import Manifest
+from dubbing.measuring import held_out, mean_figures, measure
+from dubbing.preparation.prepared import PreparedClip
+from dubbing.sync.check import check
+
+RESULT_FILE = "evaluate.json"
+PRESET_OF_METHOD = {
+    "dfrf": "fast",
+    "dfrf-nowarp": "fast-nowarp",
+    "ad-nerf": "ad-nerf",
+    "nerf": "nerf",
+}
+
+Progress = Callable[[str, float], None]
+
+
+def evaluate(
+    manifest: Manifest,
+    *,
+    methods: tuple[str, ...] = ("dfrf",),
+    only: tuple[str, ...] = (),
+    device: str = "auto",
+    progress: Progress,
+) -> dict[str, dict[str, dict[str, Any]]]:
+    """Fine-tunes what is not up to date, renders the held-out end of each clip and measures it.
+
+    Figures of other identities and methods that an earlier call left in OUTPUT/evaluate.json stay.
+
+    Args:
+        manifest: its dubs are not needed.
+        methods: dfrf, dfrf-nowarp, ad-nerf, nerf.
+        only: names of identities; all when empty.
+        device: auto, cpu or cuda.
+        progress: told a message and the share done.
+
+    Returns:
+        identity -> method -> figure -> value: what the file then holds.
+
+    Raises:
+        DubbingError: an unknown method or identity, or a stage failed.
+        LockedError: another run works in the manifest's output.
+    """
+    if unknown := [m for m in methods if m not in PRESET_OF_METHOD]:
+        raise DubbingError(
+            f"no method is called {', '.join(unknown)}",
+            "--method",
+            f"there is {', '.join(PRESET_OF_METHOD)}",
+        )
+    if unknown := [name for name in only if name not in manifest.identities]:
+        raise DubbingError(f"no identity is called {', '.join(unknown)}", "--only")
+    path = manifest.output / RESULT_FILE
+    found: dict[str, dict[str, dict[str, Any]]] = {}
+    if path.is_file():
+        found = json.loads(path.read_text(encoding="utf-8"))
+    with lock.hold(manifest.work):
+        for name in only or manifest.identities:
+            for method in methods:
+
+                def told(message: str, share: float, title: str = f"{name}, {method}") -> None:
+                    progress(f"{title}: {message}", share)
+
+                figures = evaluate_one(manifest, name, method, device, told)
+                found.setdefault(name, {})[method] = figures
+                atomic_write_json(path, found)
+    return found
+
+
+def evaluate_one(
+    manifest: Manifest, name: str, method: str, device: str, progress: Progress
+) -> dict[str, Any]:
+    """Figures of one identity and method."""
+    preset = PRESET_OF_METHOD[method]
+    identity = manifest.identities[name].model_copy(update={"preset": preset})
+    job = jobs.identity_job(manifest, name, identity, device)
+    if job.blocked is not None:
+        raise job.blocked
+    prepare, finetune = job.stages["prepare"], job.stages["finetune"]
+    if method != "dfrf":
+        # The model of the dubs stays where it is.
+        finetune = replace(finetune, folder=finetune.folder.with_name(f"model-{method}"))
+    for stage in (prepare, finetune):
+        stages.run(stage, progress)
+    clip = PreparedClip.load(prepare.folder)
+    first, count = held_out(clip, identity.start + identity.seconds)
+    if count <= 0:
+        raise DubbingError(
+            f"nothing of the clip is held out after {identity.start + identity.seconds:g} s",
+            name,
+            "learn fewer seconds, or use a longer clip",
+        )
+    out = manifest.work / "evaluation" / name / method
+    figures = measure(
+        finetune.folder / MODEL_FILE,
+        prepare.folder,
+        clip_windows(clip, identity.speech),
+        first,
+        count,
+        out,
+        device=device,
+        progress=progress,
+    )
+    sound = {"audio_start": float(first / clip.rate), "seconds": float(count / clip.rate)}
+    checks = {}
+    for kind in ("render", "source"):
+        video = out / f"{kind}.mp4"
+        media.mux(out / f"{kind}_picture.mp4", clip.clip, video, **sound)
+        checks[kind] = check(video)
+    learned = json.loads((finetune.folder / SUMMARY_FILE).read_text(encoding="utf-8"))
+    return {
+        **mean_figures(figures),
+        "offset_frames": checks["render"].offset_frames,
+        "confidence": checks["render"].confidence,
+        "source_offset_frames": checks["source"].offset_frames,
+        "source_confidence": checks["source"].confidence,
+        "steps": learned["steps"],
+        "seconds": learned["seconds"],
+        "frames": len(figures),
+    }

@@ -1,0 +1,101 @@
+"""Packed rendering through the grid, beside dense rendering of the same field."""
+
+import torch
+
+from dfrf import presets
+from dfrf.cameras import pixel_rays
+from dfrf.data import cut_references, neighbour_windows
+from dfrf.marching import box_interval
+from dfrf.model import Model, ReferenceMaps
+from dfrf.rendering import head_pixels, render_frames, render_rays
+from tests.dfrf.people import FOCAL, SIZE, person, small_config
+
+
+def shown() -> tuple[Model, ReferenceMaps]:
+    someone = person()
+    model = presets.build(small_config())
+    with torch.no_grad():
+        maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
+    return model.eval(), maps
+
+
+def test_the_grid_changes_nothing_where_it_covers_the_density() -> None:
+    model, maps = shown()
+    someone = person()
+    rows, columns = torch.meshgrid(torch.arange(SIZE), torch.arange(SIZE), indexing="ij")
+    pixels = torch.stack([columns, rows], -1).view(-1, 2).float()
+    count = pixels.shape[0]
+    origins, directions = pixel_rays(
+        someone.c2w[2].expand(count, 3, 4), FOCAL, someone.centres[2].expand(count, 2), pixels
+    )
+    directions = torch.nn.functional.normalize(directions, dim=-1)
+    frame = torch.zeros(count, dtype=torch.long)
+    codes = torch.randn(1, 64)
+    with torch.no_grad():
+        packed = render_rays(model, origins, directions, frame, codes, maps)
+        # A slow dense pass: every step of every ray, one after the other.
+        wide = presets.build(small_config())
+        wide.load_state_dict(model.state_dict())
+        wide.grid.start_from(torch.ones(wide.grid.resolution**3, dtype=torch.bool))
+        light = torch.ones(count)
+        colour = torch.zeros(count, 3)
+
+        enter, leave = box_interval(origins, directions, wide.grid.low, wide.grid.high)
+        step = wide.config.march.step
+        for k in range(int(((leave - enter).max() / step).item()) + 1):
+            t = enter + (k + 0.5) * step
+            out = wide.field(origins + t[:, None] * directions, directions, frame, codes, maps)
+            alpha = (1 - torch.exp(-out.density * step)) * (t < leave)
+            colour += (light * alpha)[:, None] * out.colour
+            light *= 1 - alpha
+    assert packed.opacity.max() > 0.95
+    assert packed.samples.points.shape[0] < 0.3 * count * 30
+    error = (packed.colour - colour).abs()
+    # bfloat16 arithmetic and the thin density outside the open cells are all that differ.
+    assert error.mean() < 0.01
+    torch.testing.assert_close(packed.opacity, 1 - light, atol=0.25, rtol=0)
+
+
+def test_head_pixels_hold_every_pixel_that_sees_an_open_cell() -> None:
+    model, maps = shown()
+    someone = person()
+    found = torch.zeros(SIZE * SIZE, dtype=torch.bool)
+    found[head_pixels(model, someone.c2w[1], FOCAL, someone.centres[1], SIZE)] = True
+    assert 0.1 < found.float().mean() < 0.9
+    rows, columns = torch.meshgrid(torch.arange(SIZE), torch.arange(SIZE), indexing="ij")
+    pixels = torch.stack([columns, rows], -1).view(-1, 2).float()
+    count = pixels.shape[0]
+    origins, directions = pixel_rays(
+        someone.c2w[1].expand(count, 3, 4), FOCAL, someone.centres[1].expand(count, 2), pixels
+    )
+    directions = torch.nn.functional.normalize(directions, dim=-1)
+    with torch.no_grad():
+        seen = render_rays(
+            model, origins, directions, torch.zeros(count).long(), torch.randn(1, 64), maps
+        )
+    assert not (seen.opacity[~found] > 0).any()
+
+
+def test_a_frame_does_not_depend_on_the_frames_beside_it() -> None:
+    model, maps = shown()
+    someone = person()
+    near = neighbour_windows(someone.windows, someone.segment, torch.arange(3))
+    together = list(
+        render_frames(model, someone.c2w[:3], FOCAL, someone.centres[:3], near, maps, SIZE)
+    )
+    alone = next(
+        render_frames(model, someone.c2w[1:2], FOCAL, someone.centres[1:2], near[1:2], maps, SIZE)
+    )
+    assert torch.equal(together[1][0], alone[0])
+    assert torch.equal(together[1][1], alone[1])
+
+
+def test_opacity_and_weights_agree() -> None:
+    model, maps = shown()
+    origins = torch.tensor([[0.0, 0.1, 6.0], [0.3, 0.1, 6.0]])
+    directions = torch.tensor([[0.0, 0.0, -1.0], [0.0, 0.0, -1.0]])
+    seen = render_rays(model, origins, directions, torch.zeros(2).long(), torch.randn(1, 64), maps)
+    torch.testing.assert_close(seen.opacity, seen.weights.sum(-1))
+    assert ((seen.opacity > 0.9) & (seen.opacity <= 1.0001)).all()
+    # The prior's skin is at reach 0.9: depth 6 - (0.9 * 1.05 - 0.05) = 5.1 for the middle ray.
+    assert abs(float(seen.depth[0] / seen.opacity[0]) - 5.1) < 0.25
