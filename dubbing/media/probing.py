@@ -21,6 +21,7 @@ COMMON_RATES = (
     *(Fraction(n * 1000, 1001) for n in (24, 30, 48, 60, 120)),
 )
 JITTER = 0.3  # largest departure of a time stamp from a constant rate, in frames
+COMPLETE = 0.98  # of the frames the header promises (most containers promise none)
 ATTACHED_PICTURE = av.stream.Disposition.attached_pic
 
 
@@ -94,9 +95,11 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     if video is None and sound is None:
         raise MediaError("neither picture nor sound in it", str(path))
     times: list[float] = []
+    pictures = 0
     ends = {"video": 0.0, "audio": 0.0}
     starts: dict[str, float] = {}
     for packet in container.demux([s for s in (video, sound) if s is not None]):
+        pictures += packet.stream.type == "video" and packet.size > 0
         if packet.pts is None or packet.is_discard or packet.time_base is None:
             continue
         at = float(packet.pts * packet.time_base)
@@ -109,6 +112,9 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     zero = (container.start_time or 0) / av.time_base
     if video is not None and not times:
         raise MediaError("no frame in its video stream", str(path), "is the file complete?")
+    if video is not None and pictures < COMPLETE * video.frames:
+        broken = f"it breaks off: {pictures} of {video.frames} frames are there"
+        raise MediaError(broken, str(path), "copy or convert the file again")
     if sound is not None and "audio" not in starts:
         sound = None  # a declared but empty track is no sound
 

@@ -83,3 +83,10 @@ def test_choose_rate_bears_jitter_but_not_gaps() -> None:
     # A Matroska file knows milliseconds only.
     rounded = [round(k * 1001 / 24) / 1000 for k in range(50)]
     assert choose_rate(rounded, []) == (Fraction(24000, 1001), False)
+
+
+def test_a_file_that_was_cut_off_is_said(tmp_path: Path) -> None:
+    whole = clips.write_clip(tmp_path / "whole.mp4", 60).read_bytes()
+    (tmp_path / "torn.mp4").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(MediaError, match=r"breaks off: \d+ of 60 frames"):
+        media.probe(tmp_path / "torn.mp4")
