@@ -139,7 +139,8 @@ def _paths(
     lift = lift * rng.uniform(0.6, 1.25, count)
     wander = rng.normal(0, 0.16, (count, 3))
     # Locks begin a little before their root, so that a parting is a line and not a bare strip.
-    p = roots - 0.7 * _unit(_comb(roots, face, style))
+    ahead = 0.0 if face.hair_style == "bob" else 0.7  # long locks would fall over the face
+    p = roots - ahead * _unit(_comb(roots, face, style))
     heading = np.zeros((count, 3))
     lines, normals = [], []
     for k in range(ALONG):

@@ -289,4 +289,4 @@ def _through_mouth(p: np.ndarray, ray: np.ndarray) -> np.ndarray:
     """
     at_lips = p - ray * ((p[:, 2] - 9.0) / np.minimum(ray[:, 2], -1e-3))[:, None]
     beside, above = np.abs(at_lips[:, 0]), at_lips[:, 1] - MOUTH_Y
-    return (beside < 3.2) & (above > -3.4) & (above < 1.2) & (p[:, 2] < 9.3)
+    return ((beside / 3.2) ** 2 + ((above + 1.1) / 2.5) ** 2 < 1.0) & (p[:, 2] < 9.3)
