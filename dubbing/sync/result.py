@@ -14,9 +14,9 @@ FAIL_MS = 125.0
 # Shares of the confidence of the source clip.
 PASS_SHARE = 0.6
 FAIL_SHARE = 0.3
-# Stands in for the source's confidence where there is no source: the lower quartile of real
-# talking heads that were left out of training (docs/sync.md).
-TYPICAL_CONFIDENCE = 0.18
+# Stands in for the source's confidence where there is no source: 60 % of it is the 95th percentile
+# of speech that does not belong, on people left out of training (docs/sync.md).
+TYPICAL_CONFIDENCE = 0.16
 MIN_SECONDS = 3.0
 MIN_SPEECH_SECONDS = 1.0
 MIN_MOUTH_SECONDS = 2.0
