@@ -6,7 +6,7 @@ R rays, M packed samples, S slots a ray, N references.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 import torch.nn.functional as F
@@ -18,6 +18,8 @@ from dfrf.marching import PackedSamples, march
 from dfrf.model import FieldOutput, Model, ReferenceMaps
 
 RAYS_AT_ONCE = 16384
+SLAB = 4  # slots evaluated before looking again which rays are opaque
+OPAQUE = 5.0  # optical thickness
 ROUND_CHUNK = 1024
 
 
@@ -31,7 +33,7 @@ class RayColours:
         depth: (R,) sum of w_i t_i.
         weights, distances: (R, S) dense, zero where a ray has no sample.
         alpha: (M,) opacity of each sample.
-        offset: (N, M, 2) warp of each sample, pixels at 512.
+        offset: (N, M, 2) warp of each sample, pixels at 512; empty where no gradient is wanted.
         samples: the packed samples.
     """
 
@@ -73,6 +75,34 @@ def evaluate(
     )
 
 
+def evaluate_until_opaque(
+    model: Model,
+    samples: PackedSamples,
+    directions: Tensor,
+    frame: Tensor,
+    codes: Tensor,
+    maps: ReferenceMaps | None,
+    warp: bool,
+) -> FieldOutput:
+    """The same front to back, a few slots at a time: samples that no light reaches are left at 0.
+
+    At most exp(-OPAQUE) of a ray's light is lost.
+    """
+    density = samples.points.new_zeros(samples.points.shape[0])
+    colour = torch.zeros_like(samples.points)
+    thickness = density.new_zeros(samples.rays)
+    for first in range(0, samples.slots, SLAB):
+        reached = (samples.slot >= first) & (samples.slot < first + SLAB)
+        reached &= thickness[samples.ray] < OPAQUE
+        pick = torch.nonzero(reached).view(-1)
+        part = replace(samples, points=samples.points[pick], ray=samples.ray[pick])
+        out = evaluate(model, part, directions, frame, codes, maps, warp)
+        density[pick] = out.density
+        colour[pick] = out.colour
+        thickness.index_add_(0, part.ray, out.density * model.config.march.step)
+    return FieldOutput(density, colour, colour.new_zeros(0, 0, 2))
+
+
 def render_rays(
     model: Model,
     origins: Tensor,
@@ -95,7 +125,8 @@ def render_rays(
         warp: False in the coarse stage.
     """
     samples = march(origins, directions, model.grid, model.config.march, jitter)
-    out = evaluate(model, samples, directions, frame, codes, maps, warp)
+    look = evaluate if torch.is_grad_enabled() else evaluate_until_opaque
+    out = look(model, samples, directions, frame, codes, maps, warp)
     thickness = out.density * model.config.march.step
     alpha = -torch.expm1(-thickness)
     before = samples.dense(thickness).cumsum(-1)

@@ -112,11 +112,13 @@ def evaluate_one(
         device=device,
         progress=progress,
     )
-    sound = {"audio_start": float(first / clip.rate), "seconds": float(count / clip.rate)}
+    start, seconds = float(first / clip.rate), float(count / clip.rate)
     checks = {}
     for kind in ("render", "source"):
         video = out / f"{kind}.mp4"
-        media.mux(out / f"{kind}_picture.mp4", clip.clip, video, **sound)
+        picture = out / f"{kind}_picture.mp4"
+        media.mux(picture, clip.clip, video, audio_start=start, seconds=seconds)
+        picture.unlink()
         checks[kind] = check(video)
     learned = json.loads((finetune.folder / SUMMARY_FILE).read_text(encoding="utf-8"))
     return {

@@ -52,9 +52,7 @@ class Finetune:
         )
 
         def told(state: Any) -> None:
-            text = f"step {state.step}, loss {state.loss:.4g}, {state.psnr:.1f} dB"
-            left = f"{state.seconds_left:.0f} s left"
-            progress(f"{text}, {left}", state.step / state.iterations)
+            progress(str(state), state.step / state.iterations)
 
         finetune(
             self.prepared,

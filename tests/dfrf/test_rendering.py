@@ -90,6 +90,20 @@ def test_a_frame_does_not_depend_on_the_frames_beside_it() -> None:
     assert torch.equal(together[1][1], alone[1])
 
 
+def test_stopping_at_opaque_rays_loses_less_than_it_may() -> None:
+    model, maps = shown()
+    origins = torch.tensor([0.0, 0.1, 6.0]) + 0.3 * torch.randn(300, 3)
+    directions = torch.nn.functional.normalize(torch.randn(300, 3) * 0.1 - origins, dim=-1)
+    frame, codes = torch.zeros(300).long(), torch.randn(1, 64)
+    whole = render_rays(model, origins, directions, frame, codes, maps)
+    with torch.no_grad():
+        stopped = render_rays(model, origins, directions, frame, codes, maps)
+    torch.testing.assert_close(stopped.opacity, whole.opacity, atol=0.008, rtol=0)
+    torch.testing.assert_close(stopped.colour, whole.colour, atol=0.02, rtol=0)
+    unseen = (stopped.alpha == 0) & (whole.alpha > 0.01)
+    assert unseen.any()
+
+
 def test_opacity_and_weights_agree() -> None:
     model, maps = shown()
     origins = torch.tensor([[0.0, 0.1, 6.0], [0.3, 0.1, 6.0]])
