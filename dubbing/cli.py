@@ -7,6 +7,7 @@ check fell short; 130 interrupted, and resumable. Nothing here imports torch.
 from __future__ import annotations
 
 import json
+import os
 import signal
 import sys
 from pathlib import Path
@@ -18,6 +19,11 @@ import typer
 from dubbing.errors import DubbingError, LockedError, ManifestError
 
 FAILED, WRONG_CALL, INTERRUPTED = 1, 2, 130
+ENVIRONMENT = {
+    "OMP_WAIT_POLICY": "PASSIVE",  # threads that spin on a shared core cost ten times the work
+    "GLOG_minloglevel": "2",  # mediapipe's notes on its own insides
+    "TF_CPP_MIN_LOG_LEVEL": "2",
+}
 FORCEABLE = ("prepare", "finetune", "source", "speech", "heads", "video", "sync")
 
 app = typer.Typer(
@@ -41,7 +47,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
 @app.command()
-def dub(  # noqa: PLR0917 (the parameters are options by name)
+def dub(
     manifest: ManifestPath,
     only: Only = None,
     force: Force = None,
@@ -169,7 +175,13 @@ def evaluate(
 def train_base(
     manifest: ManifestPath,
     out: Annotated[Path, typer.Option("--out", help="The checkpoint to write.")],
-    iterations: Annotated[int | None, typer.Option("--iterations", min=1)] = None,
+    iterations: Annotated[
+        int | None, typer.Option("--iterations", min=1, help="Steps in all.")
+    ] = None,
+    init: Annotated[
+        Path | None,
+        typer.Option("--init", exists=True, dir_okay=False, help="A checkpoint to start from."),
+    ] = None,
     device: Device = "auto",
 ) -> None:
     """Train the shared base checkpoint across the identities of a manifest; resumes by itself."""
@@ -177,9 +189,9 @@ def train_base(
     from dubbing.basetraining import train_base as work
     from dubbing.manifest import load
 
-    loaded = load(manifest)
+    loaded, chosen = load(manifest), _device(device)
     with console.Bar("train-base") as progress:
-        work(loaded, out, device=_device(device), iterations=iterations, progress=progress)
+        work(loaded, out, device=chosen, iterations=iterations, init=init, progress=progress)
     typer.echo(f"wrote {out}")
 
 
@@ -218,6 +230,8 @@ def doctor() -> None:
 def main() -> None:
     """Entry point: every user mistake ends in words and an exit code."""
     signal.signal(signal.SIGTERM, _interrupt)
+    for name, value in ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
     try:
         app()
     except DubbingError as error:

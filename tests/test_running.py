@@ -1,0 +1,60 @@
+"""Jobs side by side, in processes of their own."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from dubbing import running
+from dubbing.errors import MediaError
+from dubbing.jobs import OF_IDENTITY, Job, Jobs
+from dubbing.running import Options
+from dubbing.stages import Progress, Stage
+from tests.test_pipeline import Listener
+
+
+@dataclass(frozen=True)
+class Write:
+    """Says which process it ran in; fails for one name."""
+
+    name: str
+
+    def __call__(self, out: Path, progress: Progress) -> None:
+        if self.name == "bad":
+            raise MediaError("cannot", "bad.mp4", "do this")
+        if self.name == "worse":
+            raise ValueError("nobody thought of this")
+        (out / "pid").write_text(str(os.getpid()))
+
+
+def jobs_of(folder: Path, names: tuple[str, ...]) -> Jobs:
+    def job(name: str) -> Job:
+        stages = {
+            kind: Stage(kind, folder / name / kind, 1, {}, {}, Write(name)) for kind in OF_IDENTITY
+        }
+        return Job("identity", name, stages)
+
+    return Jobs({name: job(name) for name in names}, {})
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_jobs_side_by_side(tmp_path: Path, workers: int) -> None:
+    listener = Listener()
+    jobs = jobs_of(tmp_path, ("a", "bad", "worse", "b"))
+    outcomes = running.run(jobs, Options(workers=workers), listener)
+    states = {name: outcome.state for name, outcome in outcomes.items()}
+    expected = {"a": "made", "bad": "failed", "worse": "failed", "b": "made"}
+    assert states == {f"identity/{name}": state for name, state in expected.items()}
+    failure = outcomes["identity/bad"].failure
+    assert failure is not None
+    assert (failure.what, failure.where, failure.remedy) == ("cannot", "bad.mp4", "do this")
+    assert failure.trace == ""
+    unforeseen = outcomes["identity/worse"].failure
+    assert unforeseen is not None
+    assert "nobody thought of this" in unforeseen.trace
+    assert set(outcomes["identity/a"].seconds) == set(OF_IDENTITY)
+    where = int((tmp_path / "a" / "prepare" / "pid").read_text())
+    assert (where == os.getpid()) == (workers == 1)
