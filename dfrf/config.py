@@ -81,7 +81,7 @@ class TrainConfig:
         seed: of everything that is drawn while training.
     """
 
-    iterations: int = 2000
+    iterations: int = 1000
     coarse_iterations: int = 0
     rays: int = 3072
     frames: int = 6

@@ -143,16 +143,16 @@ class Warp(nn.Module):
         nn.init.normal_(self.out.weight, std=1e-3)
         nn.init.zeros_(self.out.bias)
 
-    def forward(self, point: Tensor, code: Tensor, frame: Tensor, feature: Tensor) -> Tensor:
+    def forward(self, point: Tensor, code: Tensor, belongs: Tensor, feature: Tensor) -> Tensor:
         """Offsets (N, M, 2), pixels at 512.
 
         Args:
             point: (M, P) encoded points.
             code: (F, A) speech codes.
-            frame: (M,) index into the codes.
+            belongs: (M, F) 1 where a point belongs to a frame.
             feature: (N, M, C) what each reference shows where the point projects.
         """
-        shared = self.point(point) + self.speech(code)[frame]
+        shared = self.point(point) + belongs @ self.speech(code)
         h = F.relu(self.feature(feature) + shared)
         raw = self.out(F.relu(self.hidden(h))).float()
         return self.max_offset * torch.tanh(raw * (10.0 / self.max_offset))
@@ -170,10 +170,10 @@ class Aggregation(nn.Module):
         self.out_dim = config.token_dim + config.feature_dim + 3
 
     def forward(
-        self, feature: Tensor, view: Tensor, point: Tensor, code: Tensor, frame: Tensor
+        self, feature: Tensor, view: Tensor, point: Tensor, code: Tensor, belongs: Tensor
     ) -> tuple[Tensor, Tensor]:
         """From features (N, M, C) and view differences (N, M, 4) to (M, out_dim) and (N, M)."""
-        shared = self.point(point) + self.speech(code)[frame]
+        shared = self.point(point) + belongs @ self.speech(code)
         token = F.relu(self.feature(torch.cat([feature, view], -1)) + shared)
         weight = self.logit(token).squeeze(-1).float().softmax(0)
         w = weight[..., None].to(feature.dtype)
@@ -235,6 +235,9 @@ class Field(nn.Module):
         """
         config = self.config
         encoded = frequency_encoding(points, config.point_octaves)
+        # A product instead of codes[frame]: the gradient of indexing is added up by several
+        # threads in any order, and training would not be the same twice.
+        belongs = F.one_hot(frame, codes.shape[0]).to(codes.dtype)
         parts = [encoded]
         offset = points.new_zeros(0, points.shape[0], 2)
         if maps is not None:
@@ -250,7 +253,7 @@ class Field(nn.Module):
                 # The published code feeds the warp with features it does not train, and so do we:
                 # their gradient would cost a second look-up and taught nothing there.
                 at = maps.table.detach()[row]
-                offset = self.warp(encoded, codes, frame, at)
+                offset = self.warp(encoded, codes, belongs, at)
             rows, weights = bilinear_rows(
                 projected + offset * views.scale, maps.height, maps.width, first[:, None]
             )
@@ -264,10 +267,12 @@ class Field(nn.Module):
             view = torch.cat(
                 [directions - towards, (directions * towards).sum(-1, keepdim=True)], -1
             )
-            fused, weight = self.aggregation(feature, view.to(feature.dtype), encoded, codes, frame)
+            fused, weight = self.aggregation(
+                feature, view.to(feature.dtype), encoded, codes, belongs
+            )
             blended = (weight[..., None] * feature[..., COLOUR].float()).sum(0)
             parts.append(fused.to(encoded.dtype))
-        h = F.relu(self.input(torch.cat(parts, -1)) + self.speech(codes)[frame])
+        h = F.relu(self.input(torch.cat(parts, -1)) + belongs @ self.speech(codes))
         for layer in self.hidden:
             h = F.relu(layer(h))
         centre, radii = points.new_tensor(PRIOR_CENTRE), points.new_tensor(PRIOR_RADII)

@@ -14,7 +14,7 @@ BASE_TRAINING = TrainConfig(
     frames=6,
     learn_references_every=4,
 )
-FINETUNE = TrainConfig(iterations=2000)
+FINETUNE = TrainConfig(iterations=1000)
 
 
 def model_config(preset: str, speech_dim: int) -> ModelConfig:

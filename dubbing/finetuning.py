@@ -40,7 +40,7 @@ class FinetuneSettings:
     """
 
     preset: str = "fast"
-    iterations: int = 2000
+    iterations: int = presets.FINETUNE.iterations
     seed: int = 0
     speech: str = "mel"
 
