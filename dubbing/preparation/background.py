@@ -27,6 +27,8 @@ NECK_HEIGHT = 0.38  # face widths
 NECK_HALF_WIDTH = 0.36  # face widths: further out the neck ends, what is there are shoulders
 NECK_ROUNDING = 0.14  # face widths over which its height falls to nothing
 NECK_DARKENING = 0.12  # at its upper end, under the chin's shadow
+SEAM_ROWS = 3  # px below the hole whose colour the seam takes
+SEAM_DEPTH = 10.0  # px at S = 512 over which it goes over into the smoothed colour
 MEDIAN_FRAMES, SMOOTH_FRAMES = 9, 4.0
 
 
@@ -170,12 +172,13 @@ def slow_difference(image: np.ndarray, behind: np.ndarray, known: np.ndarray) ->
 
 
 def neck(
-    region: np.ndarray, landmarks: np.ndarray, profile: np.ndarray
+    image: np.ndarray, region: np.ndarray, landmarks: np.ndarray, profile: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Colour (S, S, 3) and share (S, S) of what grows from below the hole up into it.
 
     Args:
-        region: (S, S) bool hole. landmarks: (478, 2) px. profile: (PROFILE, 4) smoothed.
+        image: (S, S, 3) uint8. region: (S, S) bool hole. landmarks: (478, 2) px.
+        profile: (PROFILE, 4) smoothed.
     """
     size = len(region)
     frame = NeckFrame.of(landmarks)
@@ -191,4 +194,9 @@ def neck(
     fade = np.clip((1 - above) / 0.3, 0, 1) * (above >= 0) * has_below
     share = (by_column[:, 3] * fade).astype(np.float32)
     colour = by_column[:, :3] * (1 - NECK_DARKENING * np.clip(above, 0, 1))[..., None]
+    # Right at the seam it is this frame's own colour, so that no line shows.
+    rows = np.clip(bottom + np.arange(1, SEAM_ROWS + 1)[:, None], 0, size - 1)
+    own = cv2.GaussianBlur(image[rows, np.arange(size)].astype(np.float32).mean(0)[None], (0, 0), 1)
+    seam = np.exp(-above * height / (SEAM_DEPTH * size / REFERENCE_SIZE))
+    colour += np.where(above >= 0, seam, 0)[..., None] * (own - by_column[None, :, :3])
     return colour.astype(np.float32), share

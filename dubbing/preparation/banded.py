@@ -90,3 +90,21 @@ def smoothness_blocks(
     np.add.at(off2, middle - 1, 1.0)
     eye = np.diag(weight)
     return one[:, None, None] * eye, off1[:, None, None] * eye, off2[:, None, None] * eye
+
+
+def solve_bordered(
+    band: np.ndarray, border: np.ndarray, corner: np.ndarray, right: np.ndarray, low: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve [[A, B], [B^T, C]] [x, y] = [right, low] by the Schur complement of A.
+
+    Args:
+        band: A in lower band storage, (18, 6 T). border: B, (6 T, K). corner: C, (K, K).
+        right: (6 T,). low: (K,).
+
+    Returns:
+        x (6 T,) and y (K,).
+    """
+    solved = solve_band(band, np.concatenate((border, right[:, None]), axis=1))
+    by_border, alone = solved[:, :-1], solved[:, -1]
+    y = np.linalg.solve(corner - border.T @ by_border, low - border.T @ alone)
+    return alone - by_border @ y, y

@@ -23,6 +23,7 @@ from dubbing.preparation.banded import (
     lower_band,
     smoothness_blocks,
     solve_band,
+    solve_bordered,
 )
 from dubbing.preparation.camera import Poses, point_jacobian, pose_jacobian, project, to_camera
 from dubbing.preparation.procrustes import best_similarity
@@ -146,15 +147,15 @@ def smoothness_right(poses: Poses, linked: np.ndarray, weight: np.ndarray) -> np
     return right
 
 
-def solve_poses(
-    poses: Poses, equations: NormalEquations, linked: np.ndarray, weight: np.ndarray
-) -> Poses:
-    """One Gauss-Newton step of all poses together."""
-    one, off1, off2 = smoothness_blocks(linked, weight)
+def smoothed_system(
+    poses: Poses, equations: NormalEquations, seen: Observations
+) -> tuple[np.ndarray, np.ndarray]:
+    """Band matrix and right-hand side (6 T,) of a step of all poses, smoothness included."""
+    weight = smoothness_weights(seen.rate)
+    one, off1, off2 = smoothness_blocks(seen.linked, weight)
     diagonal = equations.diagonal + one + DAMPING * np.eye(DOF) * weight
-    right = equations.right + smoothness_right(poses, linked, weight)
-    step = solve_band(lower_band(diagonal, off1, off2), right.ravel())
-    return poses.stepped(step.reshape(-1, DOF))
+    right = equations.right + smoothness_right(poses, seen.linked, weight)
+    return lower_band(diagonal, off1, off2), right.ravel()
 
 
 def point_sigmas(poses: Poses, shape: np.ndarray, seen: Observations) -> np.ndarray:
@@ -168,11 +169,11 @@ def fit_poses(
     shape: np.ndarray, poses: Poses, seen: Observations, steps: int = POSE_STEPS
 ) -> Poses:
     """Poses of all frames for a known shape (P, 3), smoothed within each shot."""
-    weight = smoothness_weights(seen.rate)
     for _ in range(steps):
         sigma = point_sigmas(poses, shape, seen)
         equations = landmark_equations(poses, shape, seen, sigma)
-        poses = solve_poses(poses, equations, seen.linked, weight)
+        step = solve_band(*smoothed_system(poses, equations, seen))
+        poses = poses.stepped(step.reshape(-1, DOF))
     return poses
 
 
@@ -195,17 +196,11 @@ def shape_step(
     right_shape -= (shape - prior) / SHAPE_SIGMA**2
 
     equations = landmark_equations(poses, shape, seen, sigma)
-    smooth = smoothness_weights(seen.rate)
-    one, off1, off2 = smoothness_blocks(seen.linked, smooth)
-    band = lower_band(equations.diagonal + one + DAMPING * np.eye(DOF) * smooth, off1, off2)
-    right_pose = (equations.right + smoothness_right(poses, seen.linked, smooth)).ravel()
-
-    solved = solve_band(band, np.concatenate((border, right_pose[:, None]), axis=1))
-    complement = -border.T @ solved[:, :-1]
+    band, right_pose = smoothed_system(poses, equations, seen)
+    corner = np.zeros((3 * points, 3 * points))
     for p in range(points):
-        complement[3 * p : 3 * p + 3, 3 * p : 3 * p + 3] += own[p]
-    step = np.linalg.solve(complement, right_shape.ravel() - border.T @ solved[:, -1])
-    pose_step = solved[:, -1] - solved[:, :-1] @ step
+        corner[3 * p : 3 * p + 3, 3 * p : 3 * p + 3] = own[p]
+    pose_step, step = solve_bordered(band, border, corner, right_pose, right_shape.ravel())
     return shape + step.reshape(-1, 3), poses.stepped(pose_step.reshape(-1, DOF))
 
 

@@ -12,6 +12,8 @@ import numpy as np
 LEAST_DIFFERENCE = 5.0  # grey levels
 LEAST_RATIO = 8.0  # of the difference to the local median
 NEIGHBOURHOOD = 25  # frames
+CLOSE = 6  # frames to both sides, in which at most two others may be nearly as large:
+PEAK_RATIO = 2.5  # hands that start to wave go on waving, a cut is over at once
 THUMBNAIL = 96  # px; noise and small motion vanish at this size
 REPEATED = 0.02  # grey levels: below this a frame is the one before, shown again
 
@@ -37,7 +39,11 @@ def find_cuts(difference: np.ndarray) -> np.ndarray:
         low, high = max(1, frame - half), frame + half + 1
         around = np.delete(difference[low:high], frame - low)
         median = float(np.median(around)) if len(around) else 0.0
-        if frame > 0 and difference[frame] > LEAST_RATIO * median:
+        close = np.delete(
+            difference[max(1, frame - CLOSE) : frame + CLOSE + 1], min(frame - 1, CLOSE)
+        )
+        third = float(np.sort(close)[-3]) if len(close) >= 3 else 0.0
+        if difference[frame] > max(LEAST_RATIO * median, PEAK_RATIO * third):
             cuts.append(frame)
     return np.array(cuts, int)
 

@@ -15,6 +15,7 @@ REFERENCE_SIZE = 512
 CUT_SOFTNESS = 1.5  # px, Gaussian
 EDGE_LOW, EDGE_WIDTH = 0.4, 0.5  # of the person mask: from here, over this much, to opaque
 CORE = 0.8  # of the matte before it is sharpened: above this it may only grow
+OPAQUE = 128  # of 255
 GREY = cv2.COLOR_RGB2GRAY
 _thread = threading.local()
 
@@ -81,7 +82,18 @@ def head_matte(
     # The filter also follows edges between hair and ear well inside the head: keep that opaque.
     alpha = np.maximum(sharp, (alpha - CORE) / (1 - CORE))
     matte = (np.clip(alpha, 0, 1) * 255).round().astype(np.uint8)
-    return np.where(component_at(matte > 5, inside), matte, 0).astype(np.uint8)
+    return np.where(component_at(matte > 5, inside), without_holes(matte), 0).astype(np.uint8)
+
+
+def without_holes(matte: np.ndarray) -> np.ndarray:
+    """A matte (S, S) uint8 whose see-through places inside the head are closed.
+
+    Glints on hair and glasses are no openings; what the background reaches through is.
+    """
+    outside = np.pad(matte < OPAQUE, 1, constant_values=True).astype(np.uint8)
+    _, labels = cv2.connectedComponents(outside, connectivity=4)
+    open_places = labels[1:-1, 1:-1] == labels[0, 0]
+    return np.where(open_places | (matte >= OPAQUE), matte, 255).astype(np.uint8)
 
 
 def component_at(mask: np.ndarray, point: np.ndarray) -> np.ndarray:

@@ -14,15 +14,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dubbing.preparation.banded import DOF
+from dubbing.preparation.banded import DOF, solve_band
 from dubbing.preparation.bundle import (
     NormalEquations,
     Observations,
     huber_weight,
     landmark_equations,
     point_sigmas,
-    smoothness_weights,
-    solve_poses,
+    smoothed_system,
 )
 from dubbing.preparation.camera import Poses, pose_jacobian, project, to_camera
 from dubbing.preparation.face_strip import FaceStrip
@@ -35,6 +34,7 @@ CORRELATED = 8.0  # neighbouring pixels err together: so many count as one
 LANDMARK_INFLATION = 60.0  # of the landmarks' variances; they only hold what pixels do not see
 LEAST_FACING = 0.3  # cosine between normal and ray, below which a point is not used
 LEAST_POINTS = 50  # seen in a frame
+LEAST_GAIN = 0.1  # contrast of a frame to that of the mean; below, it shows something else
 SCORE_STEPS = 5
 CHUNK = 64  # frames at a time
 
@@ -120,7 +120,7 @@ def pixel_equations(
             clean, fit = without_gain(stacked, texture.mean[on], weight[on])
             # values = offset + gain * texture + residual: compare in the texture's contrast.
             gain = fit[1, -1]
-            if gain <= 0.1:
+            if gain < LEAST_GAIN:
                 continue
             clean /= gain
             distance = np.abs(clean[:, -1]) * np.sqrt(weight[on])
@@ -143,7 +143,6 @@ def refine(
     Args:
         shape: (P, 3) rigid landmarks, observed by ``seen``.
     """
-    smooth = smoothness_weights(seen.rate)
     usable = np.flatnonzero(seen.usable)
     for done in range(ROUNDS):
         texture = texture_of(all_samples(poses, usable, work))
@@ -152,7 +151,8 @@ def refine(
             marks = landmark_equations(poses, shape, seen, sigma)
             pixels = pixel_equations(poses, seen, work, texture)
             both = NormalEquations(marks.diagonal + pixels.diagonal, marks.right + pixels.right)
-            poses = solve_poses(poses, both, seen.linked, smooth)
+            step_by = solve_band(*smoothed_system(poses, both, seen))
+            poses = poses.stepped(step_by.reshape(-1, DOF))
             progress((done * STEPS + step + 1) / (ROUNDS * STEPS))
     return poses
 

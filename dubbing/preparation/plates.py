@@ -168,7 +168,7 @@ def background_step(
         canvas = behind[footage.segment[t]][y : y + size, x : x + size]
         region = hole(alpha)
         person = mask.astype(np.float32) / 255
-        growing = neck(region, footage.landmarks[t], smooth[t])
+        growing = neck(image, region, footage.landmarks[t], smooth[t])
         filled = restore(image, person, region, canvas, growing)
         return np.where(region[..., None], filled, 0).astype(np.uint8)
 

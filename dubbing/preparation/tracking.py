@@ -147,12 +147,13 @@ def jaw_outline(
 ) -> np.ndarray:
     """Line (T, K, 2) px from left to right along which the head is cut from the neck.
 
-    The jaw as detected, and to both sides of it the place under the ear lobe, which FaceMesh does
-    not know: from the shape and the pose, so that it moves rightly when the head nods.
+    The jaw as detected, without its ends beside the ears, and to both sides of it the place under
+    the ear lobe, which FaceMesh does not know: from the shape and the pose, so that it moves
+    rightly when the head nods.
     """
     ends = shape[[JAW[0], JAW[-1]]]
     lobes = project(to_camera(poses, ends + LOBES), seen.focal, seen.centre)
-    return np.concatenate((lobes[:, :1], landmarks[:, list(JAW)], lobes[:, 1:]), axis=1)
+    return np.concatenate((lobes[:, :1], landmarks[:, list(JAW[1:-1])], lobes[:, 1:]), axis=1)
 
 
 def refine_step(
@@ -186,10 +187,10 @@ def refine_step(
     )
     shape = triangulate(shape, found["points"][:, :, :2].astype(np.float64), poses, observed)
     # Scored on points that took no part in the alignment.
-    others = Alignment(skin.half(1), strip, observed.focal, observed.centre)
+    judged = Alignment(skin.half(1), strip, observed.focal, observed.centre)
     shift = np.full((len(poses), 2), np.nan)
     usable = np.flatnonzero(observed.usable)
-    shift[usable] = residual_shift(poses, usable, others)
+    shift[usable] = residual_shift(poses, usable, judged)
     scratch.unlink()
     progress(1.0)
     return {

@@ -1,0 +1,84 @@
+"""The restored background: known pixels stay, the head's own never come back."""
+
+import numpy as np
+
+from dubbing.preparation.background import (
+    PROFILE,
+    neck,
+    neck_profile,
+    plate,
+    restore,
+    smooth_profiles,
+)
+from dubbing.preparation.pull_push import pull_push
+
+SIZE = 96
+HEAD = np.array([250, 0, 250], np.uint8)  # a colour that nothing else has
+SKIN, WALL = np.array([200, 150, 120], np.uint8), np.array([60, 90, 130], np.uint8)
+
+
+def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Image, person mask, hole and landmarks of a head on a neck before a wall."""
+    image = np.tile(WALL, (SIZE, SIZE, 1))
+    image[60:, 36:60] = SKIN
+    image[12:60, 30:66] = HEAD
+    person = np.zeros((SIZE, SIZE), np.float32)
+    person[60:, 36:60] = person[12:60, 30:66] = 1
+    region = np.zeros((SIZE, SIZE), bool)
+    region[8:62, 26:70] = True
+    landmarks = np.full((478, 2), 48.0)
+    landmarks[234], landmarks[454] = [30, 35], [66, 35]
+    return image, person, region, landmarks
+
+
+def test_nothing_of_the_head_is_in_the_background_and_the_rest_is_untouched() -> None:
+    image, person, region, landmarks = scene()
+    measured = neck_profile(image, person, region, landmarks)
+    profile = smooth_profiles(np.stack([measured] * 3), np.zeros(3, int))[1]
+    behind = np.tile(WALL.astype(np.float32), (SIZE, SIZE, 1))
+    out = restore(image, person, region, behind, neck(image, region, landmarks, profile))
+    assert np.array_equal(out[~region], image[~region])
+    # Red stays below the skin's, and green above the wall's shade: no trace of 250, 0, 250.
+    assert out[region][:, 0].max() <= 205
+    assert out[region][:, 1].min() >= 80
+    assert np.abs(out[58, 48].astype(int) - SKIN).max() < 25  # the neck goes on upwards
+    assert np.abs(out[20, 48].astype(int) - WALL).max() < 5  # not into the middle of the face
+
+
+def test_plate_is_the_median_of_what_is_known_and_smooth_elsewhere() -> None:
+    rng = np.random.default_rng(0)
+    truth = np.stack(np.meshgrid(np.arange(40.0), np.arange(30.0)), -1).sum(-1) + 60
+    images = np.repeat(truth[None, ..., None], 9, 0).repeat(3, -1)
+    images = (images + rng.integers(-3, 4, images.shape)).astype(np.uint8)
+    known = np.ones((9, 30, 40), bool)
+    known[:, 10:20, 15:25] = False
+    images[:, 10:20, 15:25] = 255
+    known[:4, :, 5] = False
+    images[:4, :, 5] = 0
+    out = plate(images, known)
+    seen = known.any(0)
+    assert np.abs(out - truth[..., None])[seen].max() <= 3
+    assert np.abs(out - truth[..., None])[~seen].max() < 15
+
+
+def test_flicker_of_the_neck_is_smoothed_but_not_across_a_cut() -> None:
+    rng = np.random.default_rng(0)
+    profiles = np.full((60, PROFILE, 4), 100.0) + rng.normal(0, 5, (60, 1, 4))
+    profiles[30:] += 80
+    profiles[12] = np.nan
+    profiles[:, :10] = np.nan
+    smooth = smooth_profiles(profiles, np.repeat([0, 1], 30))
+    assert np.isfinite(smooth).all()
+    assert np.abs(np.diff(smooth[:30], axis=0)).max() < 1.5
+    assert smooth[29].max() < 110
+    assert smooth[30].min() > 170
+
+
+def test_pull_push_keeps_what_is_known_and_fills_the_rest_within_its_range() -> None:
+    rng = np.random.default_rng(0)
+    image = rng.uniform(50, 100, (33, 47, 3)).astype(np.float32)
+    known = rng.random((33, 47)) < 0.3
+    out = pull_push(image, known.astype(np.float32))
+    np.testing.assert_allclose(out[known], image[known], rtol=1e-5)
+    assert out.min() >= 49
+    assert out.max() <= 101
