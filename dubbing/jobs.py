@@ -35,7 +35,7 @@ NEEDS = {  # the stages of the identity that a dub's stage waits for
 }
 SUFFIX = {"h264": ".mp4", "prores": ".mov", "ffv1": ".mkv"}
 BASE = Path(__file__).with_name("base.safetensors")
-BASE_PRESET = "fast"  # what the checkpoint that comes with the package was trained as
+BASE_PRESETS = ("fast", "fast-nowarp")  # what can start from the checkpoint of the package
 
 
 @dataclass(frozen=True)
@@ -197,8 +197,8 @@ def _too_long(dub: Dub, clip: Any, seconds: float) -> DubbingError | None:
 
 
 def shipped_base(preset: str) -> Path | None:
-    """The base checkpoint of the package, for the preset it was trained as."""
-    return BASE if preset == BASE_PRESET and BASE.is_file() else None
+    """The base checkpoint of the package, for the preset it was trained as and its ablation."""
+    return BASE if preset in BASE_PRESETS and BASE.is_file() else None
 
 
 def video_file(video: Stage, dub: Dub) -> Path:
