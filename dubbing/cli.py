@@ -131,17 +131,44 @@ def sync(
         Path,
         typer.Argument(metavar="VIDEO", exists=True, dir_okay=False, help="Any video with sound."),
     ],
+    weights: Annotated[
+        Path | None,
+        typer.Option(
+            "--weights",
+            exists=True,
+            dir_okay=False,
+            help="The published SyncNet (syncnet_v2.model), instead of our network.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure the lip sync of any video: offset, confidence, distance."""
+    """Measure the lip sync of any video: offset, confidence, distance. Exit code 3 on fail."""
     from dubbing import console
     from dubbing.sync.check import check
+    from dubbing.sync.published import published_check
 
-    found = check(video)
+    found = check(video) if weights is None else published_check(video, weights)
     if as_json:
         typer.echo(json.dumps(found.to_json(), indent=2))
     else:
         console.sync(found.to_json())
+    if found.verdict == "fail":
+        raise typer.Exit(3)
+
+
+@app.command(name="train-sync")
+def train_sync(
+    clips: Annotated[
+        list[Path],
+        typer.Argument(metavar="CLIP...", exists=True, dir_okay=False, help="One person each."),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="The weights to write.")],
+) -> None:
+    """Train the network of the sync check on clips of people who talk."""
+    from dubbing.sync.training import train_sync as work
+
+    about = work(clips, out, progress=typer.echo)
+    typer.echo(f"wrote {out}, from {len(about['clips'])} clips")
 
 
 @app.command()
