@@ -74,6 +74,9 @@ class TrainConfig:
         learning_rate: Adam's first rate; it falls to `final_rate` times itself, along a cosine.
         warp_weight: lambda of equation (9), in the paper's units (pixels at 512).
         opacity_weight, depth_weight, distortion_weight: what keeps the density compact.
+        lip_iterations: steps of teaching the speech networks on lip measures alone, first of all.
+        lip_weight: weight of the lip measures' error beside the pictures.
+        speech_rate: learning rate of the speech networks, as a share of the others'.
         mouth_share, rim_share: shares of the rays drawn in the mouth box and at the head's rim.
         learn_references_every: steps between those in which the reference CNN learns; 0 never.
         occupancy_every: steps between two looks at which cells are open.
@@ -84,7 +87,7 @@ class TrainConfig:
     iterations: int = 1000
     coarse_iterations: int = 0
     rays: int = 3072
-    frames: int = 6
+    frames: int = 16
     learning_rate: float = 2e-3
     final_rate: float = 0.05
     warmup: int = 100
@@ -92,7 +95,10 @@ class TrainConfig:
     opacity_weight: float = 0.1
     depth_weight: float = 0.05
     distortion_weight: float = 0.01
-    mouth_share: float = 0.3
+    lip_iterations: int = 0
+    lip_weight: float = 0.0
+    speech_rate: float = 0.1
+    mouth_share: float = 0.4
     rim_share: float = 0.15
     learn_references_every: int = 0
     occupancy_every: int = 20

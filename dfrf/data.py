@@ -33,6 +33,7 @@ class Identity:
         focal: pixels.
         centres: (T, 2) principal points, (column, row).
         windows: (T, 16, D) speech windows.
+        lips: (T, K) lip measures, each of mean 0 and variance 1 over the person's frames.
         segment: (T,) which uncut run of the clip a frame belongs to.
         surface: (V, 3) rigid points of the mean face, head frame (y up).
     """
@@ -46,6 +47,7 @@ class Identity:
     focal: float
     centres: Tensor
     windows: Tensor
+    lips: Tensor
     segment: Tensor
     surface: Tensor
 

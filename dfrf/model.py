@@ -15,9 +15,10 @@ from dfrf.cameras import project
 from dfrf.config import FieldConfig, ModelConfig
 from dfrf.encodings import frequency_encoding
 from dfrf.occupancy import OccupancyGrid
-from dfrf.speech import AudioAttNet, AudioNet
+from dfrf.speech import LEAK, AudioAttNet, AudioNet
 
 COLOUR = slice(0, 3)
+LIP_MEASURES = 7
 PRIOR_CENTRE = (0.0, 0.1, -0.05)
 PRIOR_RADII = (0.85, 1.25, 1.05)
 PRIOR_SLOPE = 20.0
@@ -93,8 +94,9 @@ def bilinear_rows(points: Tensor, height: int, width: int, first: Tensor) -> tup
     Returns:
         (..., 4) int64 and (..., 4) weights, differentiable in the points.
     """
-    column = points[..., 0].clamp(0, width - 1)
-    row = points[..., 1].clamp(0, height - 1)
+    # Not a number would become any index: the loss says so without reading outside the table.
+    column, row = points.nan_to_num().unbind(-1)
+    column, row = column.clamp(0, width - 1), row.clamp(0, height - 1)
     left = column.detach().floor().clamp_(max=width - 2)
     top = row.detach().floor().clamp_(max=height - 2)
     a, b = column - left, row - top
@@ -194,6 +196,13 @@ class Field(nn.Module):
         if config.use_speech:
             self.audio = AudioNet(config.speech_dim, config.code_dim)
             self.attention = AudioAttNet()
+            # Reads lip measures off the code, to teach the speech networks; pictures do not use it.
+            self.lips = nn.Linear(config.code_dim, LIP_MEASURES)
+            for layer in self.audio.modules():
+                if isinstance(layer, nn.Conv1d | nn.Linear) and layer.bias is not None:
+                    # The default start gives the same code for every sound.
+                    nn.init.kaiming_normal_(layer.weight, a=LEAK)
+                    nn.init.zeros_(layer.bias)
         aggregated = 0
         if config.references:
             self.encoder = ReferenceEncoder(config)
@@ -214,7 +223,8 @@ class Field(nn.Module):
         if not self.config.use_speech:
             return windows.new_zeros(windows.shape[0], self.config.code_dim)
         frames, near = windows.shape[:2]
-        codes = self.audio(windows.flatten(0, 1)).view(frames, near, -1)
+        # Features are 0 in silence and about 1 in speech: centred, a network learns from both.
+        codes = self.audio(windows.flatten(0, 1) * 2 - 1).view(frames, near, -1)
         return self.attention(codes)
 
     def forward(

@@ -11,8 +11,9 @@ BASE_TRAINING = TrainConfig(
     iterations=4000,
     coarse_iterations=3000,
     rays=3072,
-    frames=6,
     learn_references_every=4,
+    lip_iterations=500,
+    lip_weight=0.01,
 )
 FINETUNE = TrainConfig(iterations=1000)
 

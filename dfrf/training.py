@@ -26,12 +26,15 @@ from dfrf.data import (
     neighbour_windows,
     surface_rays,
 )
+from dfrf.lips import learn_lips, lip_loss
 from dfrf.losses import weighted_warp_penalty
 from dfrf.model import Model, ReferenceMaps
 from dfrf.rendering import RayColours, render_rays
 
 SURFACE_RAYS = 24
 BAD_STEPS = 10
+LIP_FRAMES = 96
+SPEECH = ("field.audio.", "field.attention.", "field.lips.")
 
 
 @dataclass
@@ -195,21 +198,21 @@ def fit(
     """
     model.to(devices.choose(device))
     generator = torch.Generator().manual_seed(config.seed)
-    trained = [p for n, p in model.named_parameters() if trains(n, config)]
-    for name, parameter in model.named_parameters():
-        parameter.requires_grad_(trains(name, config))
-    optimiser = torch.optim.Adam(trained, lr=config.learning_rate, betas=(0.9, 0.99), eps=1e-12)
+    optimiser = make_optimiser(model, config)
+    trained = [p for group in optimiser.param_groups for p in group["params"]]
     curve = Curve()
     first = 0
     if resume is not None:
         first = load_resume(resume, model, optimiser, generator, config, curve)
     views = References(model, config)
     model.train()
+    if first == 0 and config.lip_iterations and model.config.field.use_speech:
+        learn_lips(model, people, config.lip_iterations, generator)
     began, spent = time.monotonic(), curve.seconds
     bad = 0
     for step in range(first, config.iterations):
         for group in optimiser.param_groups:
-            group["lr"] = learning_rate(step, config)
+            group["lr"] = learning_rate(step, config) * group["share"]
         person = people[int(torch.randint(len(people), (1,), generator=generator))]
         batch = draw_rays(person, config, generator).to(model.grid.low.device)
         chosen = references[person.name] if references is not None else None
@@ -218,6 +221,8 @@ def fit(
         maps = views.maps(person, chosen, batch.frames, generator, learn)
         warp = step >= config.coarse_iterations
         loss, mse, seen = step_loss(model, person, batch, maps, config, warp, generator)
+        if config.lip_weight and model.config.field.use_speech:
+            loss = loss + config.lip_weight * lip_loss(model, person, LIP_FRAMES, generator)
         optimiser.zero_grad(set_to_none=True)
         if torch.isfinite(loss):
             loss.backward()
@@ -249,6 +254,24 @@ def fit(
         if ends:
             break
     return curve
+
+
+def make_optimiser(model: Model, config: TrainConfig) -> torch.optim.Adam:
+    """Adam over what learns, the speech networks at their own rate; the rest is frozen."""
+    heard, others = [], []
+    for name, parameter in model.named_parameters():
+        parameter.requires_grad_(trains(name, config))
+        if name.startswith(SPEECH):
+            heard.append(parameter)
+        elif parameter.requires_grad:
+            others.append(parameter)
+    groups = [{"params": others, "share": 1.0}, {"params": heard, "share": config.speech_rate}]
+    return torch.optim.Adam(
+        [group for group in groups if group["params"]],
+        lr=config.learning_rate,
+        betas=(0.9, 0.99),
+        eps=1e-12,
+    )
 
 
 def trains(name: str, config: TrainConfig) -> bool:

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dfrf.data import HEAD, HEAD_MATTE, MOUTH, RIM, Identity
 from dubbing.errors import TrainingError
-from dubbing.preparation.mesh_points import RIGID
+from dubbing.preparation.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.preparation.prepared import PreparedClip
 
 # The outer rim of the lips.
@@ -20,6 +20,8 @@ OUTER_LIPS = (
     *(291, 409, 270, 269, 267, 0, 37, 39, 40, 185),
 )
 UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
+# Inner gap in the middle, left and right; width; base of the nose to lower lip, upper lip and chin.
+LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2, 152))
 RIM_WIDTH = 0.016  # of the crop's side
 
 
@@ -35,6 +37,18 @@ def mouth_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
         [centre[:, 0] - wide, centre[:, 1] - tall, centre[:, 0] + wide, centre[:, 1] + tall], -1
     )
     return np.clip(np.nan_to_num(boxes).round(), 0, size).astype(np.int64)
+
+
+def lip_measures(landmarks: np.ndarray) -> np.ndarray:
+    """What the lips do, (T, 7) of mean 0 and variance 1, from landmarks (T, 478, 2).
+
+    Distances between points of the lips, the chin and the base of the nose, in units of the
+    distance between the eyes.
+    """
+    eyes = np.linalg.norm(landmarks[:, LEFT_EYE_OUTER] - landmarks[:, RIGHT_EYE_OUTER], axis=-1)
+    first, second = np.array(LIP_DISTANCES).T
+    length = np.linalg.norm(landmarks[:, first] - landmarks[:, second], axis=-1) / eyes[:, None]
+    return (length - length.mean(0)) / (length.std(0) + 1e-6)
 
 
 def region_map(matte: np.ndarray, mouth: np.ndarray) -> np.ndarray:
@@ -104,6 +118,7 @@ def load_identity(
         focal=float(clip.focal),
         centres=torch.from_numpy(clip.centre[index]).float(),
         windows=torch.from_numpy(windows[index]).float(),
+        lips=torch.from_numpy(lip_measures(clip.landmarks[index])).float(),
         segment=torch.from_numpy(clip.segment[index]).long(),
         surface=surface_points(clip),
     )

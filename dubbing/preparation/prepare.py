@@ -49,7 +49,7 @@ def prepare(
     Args:
         clip: a video of one person who faces the camera most of the time.
         out: folder for track.npz, matte.mkv, background.mkv, contact_sheet.png, prepared.json.
-        size: side of the square crop in px.
+        size: side of the square crop in px, at most; never more than the source shows.
         progress: called with the name of the step and the share of it that is done.
 
     Raises:
@@ -63,6 +63,8 @@ def prepare(
     steps = Steps(out / STEPS, clip, size, progress or (lambda step, share: None))
 
     seen = steps.run("faces", partial(tracking.survey_step, info))
+    # A small source keeps its own pixels: enlarging them costs time and shows nothing new.
+    size = min(size, int(seen["window"][:, 2].max()) // 8 * 8)
     found = steps.run("landmarks", partial(tracking.landmark_step, info, size, seen))
     observed = tracking.observations(info, size, seen, found)
     bundle = steps.run("poses", partial(tracking.bundle_step, observed, found))

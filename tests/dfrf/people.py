@@ -58,6 +58,7 @@ def person(frames: int = 6, seed: int = 0) -> Identity:
         focal=FOCAL,
         centres=torch.full((frames, 2), centre),
         windows=torch.randn(frames, 16, 8, generator=generator),
+        lips=torch.randn(frames, 7, generator=generator),
         segment=torch.zeros(frames, dtype=torch.long),
         surface=torch.tensor([[0.0, 0.1, 0.89], [0.2, 0.2, 0.84]]),
     )
