@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -143,15 +144,23 @@ def test_a_sync_check_that_falls_short_is_3(dfrf, manifest: Path) -> None:  # ty
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_is_130_and_goes_on_later(  # type: ignore[no-untyped-def]
-    dfrf, manifest: Path, monkeypatch: pytest.MonkeyPatch, number: int
+    dfrf,
+    manifest: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
+    number: int,
 ) -> None:
     from dubbing import steps
 
     finetune = steps.Finetune.__call__
+    # Whoever starts the tests in the background has SIGINT ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
 
     def interrupted(*_arguments: object) -> None:
         os.kill(os.getpid(), number)
-        signal.pause()
+        time.sleep(60)
+        raise AssertionError("the signal did not interrupt the run")
 
     monkeypatch.setattr(steps.Finetune, "__call__", interrupted)
     code, _, err = dfrf("dub", manifest)
