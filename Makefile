@@ -4,7 +4,7 @@ BIN := .venv/bin
 # Two threads that spin on one busy core are ten times slower than two that wait.
 export OMP_WAIT_POLICY ?= PASSIVE
 
-.PHONY: install demo test check bench clean
+.PHONY: install demo test check bench speech-table clean
 
 # requirements.txt is the lock: plain pins of the whole closure, so nothing is resolved at
 # install time. mediapipe declares packages it does not need (and a second OpenCV), hence --no-deps.
@@ -33,6 +33,10 @@ check: .venv/installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -q tests/test_imports.py
+
+# The tables of docs/speech.md: CLIPS of one talking person each, TEST clips never trained on.
+speech-table: .venv/installed
+	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.acoustics.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
 
 clean:
 	rm -rf .venv out

@@ -70,7 +70,7 @@ def train_base(
     except TrainingDivergedError as error:
         raise TrainingError(str(error), out.name, "change the seed or the clips") from error
     header = {
-        "speech": settings.speech,
+        **settings.heard_with(),
         "steps": config.iterations,
         "identities": [p.name for p in people],
         "frames": sum(p.frames for p in people),
@@ -88,7 +88,12 @@ def common_settings(manifest: Manifest) -> FinetuneSettings:
         TrainingError: they do not.
     """
     found = {
-        FinetuneSettings(preset=i.preset, seed=i.seed, speech=i.speech)
+        FinetuneSettings(
+            preset=i.preset,
+            seed=i.seed,
+            speech=i.speech,
+            speech_weights=None if i.speech_weights is None else str(i.speech_weights),
+        )
         for i in manifest.identities.values()
     }
     if len(found) != 1:
@@ -117,5 +122,5 @@ def load_person(
     clip = PreparedClip.load(stage.folder)
     first, count = round(identity.start * clip.rate), round(identity.seconds * clip.rate)
     every = max(1, math.ceil(min(count, clip.frames_count - first) / MOST_FRAMES))
-    windows = clip_windows(clip, settings.speech)
+    windows = clip_windows(clip, settings.speech, settings.weights)
     return load_identity(name, stage.folder, windows, first, count, every)

@@ -171,6 +171,32 @@ def train_sync(
     typer.echo(f"wrote {out}, from {len(about['clips'])} clips")
 
 
+@app.command(name="train-speech")
+def train_speech(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The weights to write.")],
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Option("--recording", exists=True, dir_okay=False, help="Of a person; repeatable."),
+    ] = None,
+    corpus: Annotated[
+        Path | None,
+        typer.Option("--corpus", help="Folder of what is taught; OUT.corpus by default."),
+    ] = None,
+    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Of the optimiser.")] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
+) -> None:
+    """Train the network of the speech features from nothing; resumes by itself."""
+    from dubbing import console
+    from dubbing.acoustics.training import SpeechTraining
+    from dubbing.acoustics.training import train_speech as work
+
+    settings = SpeechTraining(seed=seed, **({} if steps is None else {"steps": steps}))
+    folder = corpus or out.with_name(out.name + ".corpus")
+    with console.Bar("train-speech") as progress:
+        about = work(recordings or [], out, corpus=folder, settings=settings, progress=progress)
+    typer.echo(f"wrote {out}, from {about['seconds'] / 60:.0f} minutes of speech")
+
+
 @app.command()
 def evaluate(
     manifest: ManifestPath,

@@ -105,7 +105,7 @@ def evaluate_one(
     figures = measure(
         finetune.folder / MODEL_FILE,
         prepare.folder,
-        clip_windows(clip, identity.speech),
+        clip_windows(clip, identity.speech, identity.speech_weights),
         first,
         count,
         out,

@@ -1,10 +1,11 @@
 """Speech features: what the model hears of a sound, 50 times a second.
 
 Letters: N samples at 16 kHz, T steps of 20 ms, D feature values, F video frames.
-A new kind of feature is a class with the members of `SpeechFeatures`, entered in `FEATURES`.
+A new kind of feature is a class with the members of `SpeechFeatures`; what makes one is entered
+in `FEATURES`.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from fractions import Fraction
 from pathlib import Path
 from typing import Protocol
@@ -12,7 +13,10 @@ from typing import Protocol
 import numpy as np
 
 from dubbing import voice
+from dubbing.acoustics.paths import DEFAULT_WEIGHTS
+from dubbing.acoustics.paths import weights_file as file_in_folder
 from dubbing.errors import DubbingError
+from dubbing.files import digest_file
 
 RATE = voice.STEP_RATE
 # The model hears 16 steps of 20 ms around each video frame.
@@ -29,8 +33,8 @@ class SpeechFeatures(Protocol):
     def extract(self, samples: np.ndarray) -> np.ndarray:
         """Features (T, dim) float32 of a sound at 16 kHz, (N,)."""
 
-    def extract_blocks(self, blocks: Iterable[np.ndarray]) -> np.ndarray:
-        """The same of a sound that comes in pieces of any length."""
+    def extract_blocks(self, blocks: voice.Blocks) -> np.ndarray:
+        """The same of a long sound that `blocks()` gives in pieces of any length."""
 
 
 def mel_filters(bands: int, fft: int, sample_rate: int) -> np.ndarray:
@@ -80,10 +84,10 @@ class MelFeatures:
         self._taper = np.hanning(self._window + 1)[:-1].astype(np.float32)
 
     def extract(self, samples: np.ndarray) -> np.ndarray:
-        return self.extract_blocks([samples])
+        return self.extract_blocks(lambda: [samples])
 
-    def extract_blocks(self, blocks: Iterable[np.ndarray]) -> np.ndarray:
-        mels = [self._log_mel(w) for w in voice.step_windows(blocks, self._window)]
+    def extract_blocks(self, blocks: voice.Blocks) -> np.ndarray:
+        mels = [self._log_mel(w) for w in voice.step_windows(blocks(), self._window)]
         if not mels:
             return np.zeros((0, self.dim), np.float32)
         return self._normalised(np.concatenate(mels))
@@ -107,19 +111,75 @@ class MelFeatures:
         return np.clip(mel, 0, self._ceiling, out=mel)
 
 
-FEATURES: dict[str, type[SpeechFeatures]] = {"mel": MelFeatures}
+def _mel(weights: Path | None) -> SpeechFeatures:
+    return MelFeatures()
 
 
-def features_by_name(name: str) -> SpeechFeatures:
-    """The kind of speech feature called `name`.
+def _rnn(weights: Path | None) -> SpeechFeatures:
+    # torch is loaded only where it is needed.
+    from dubbing.acoustics.recurrent import RnnFeatures
+
+    return RnnFeatures() if weights is None else RnnFeatures(weights)
+
+
+def _transformer(name: str) -> Callable[[Path | None], SpeechFeatures]:
+    def make(weights: Path | None) -> SpeechFeatures:
+        from dubbing.acoustics.pretrained import TransformerFeatures
+
+        return TransformerFeatures(name, _named(name, weights))
+
+    return make
+
+
+# Each takes weights of the user's own: none, a file, or a folder.
+FEATURES: dict[str, Callable[[Path | None], SpeechFeatures]] = {
+    "mel": _mel,
+    "rnn": _rnn,
+    "hubert": _transformer("hubert"),
+    "wav2vec2": _transformer("wav2vec2"),
+}
+# What comes without weights of its own, and what has no weights at all.
+NEED_WEIGHTS, WITHOUT_WEIGHTS = ("hubert", "wav2vec2"), ("mel",)
+
+
+def features_by_name(name: str, weights: Path | None = None) -> SpeechFeatures:
+    """The kind of speech feature called `name`, with weights of the user's own or ours.
 
     Raises:
-        DubbingError: there is none of that name.
+        DubbingError: there is none of that name, or its weights cannot be used.
     """
     if name not in FEATURES:
         known = ", ".join(sorted(FEATURES))
         raise DubbingError(f"unknown speech features {name!r}", remedy=f"choose one of: {known}")
-    return FEATURES[name]()
+    return FEATURES[name](weights)
+
+
+def weights_file(name: str, weights: Path | None = None) -> Path | None:
+    """The file on which the features depend; None for those without weights.
+
+    Raises:
+        DubbingError: weights are needed and missing.
+    """
+    if name in WITHOUT_WEIGHTS:
+        return None
+    if name == "rnn":
+        return weights or DEFAULT_WEIGHTS
+    return file_in_folder(_named(name, weights), name)
+
+
+def fingerprint(name: str, weights: Path | None = None) -> str:
+    """Digest of the weights, which a checkpoint remembers; '' for features without."""
+    file = weights_file(name, weights)
+    return "" if file is None else digest_file(file)
+
+
+def _named(name: str, weights: Path | None) -> Path:
+    if weights is None:
+        raise DubbingError(
+            f"{name} features need weights of your own",
+            remedy="set speech_weights to the folder of a model, or choose speech: rnn",
+        )
+    return weights
 
 
 def windows(features: np.ndarray, frames: int, rate: Fraction, first: int = 0) -> np.ndarray:
@@ -158,4 +218,4 @@ def features_of_file(
     def blocks() -> Iterable[np.ndarray]:
         return media.iter_audio(path, rate=voice.SAMPLE_RATE, start=start, seconds=seconds)
 
-    return features.extract_blocks(blocks()), voice.voice_activity_of_blocks(blocks)
+    return features.extract_blocks(blocks), voice.voice_activity_of_blocks(blocks)

@@ -37,12 +37,23 @@ class FinetuneSettings:
         iterations: optimiser steps.
         seed: of rays and, without a base, of the weights.
         speech: name of the speech features.
+        speech_weights: weights of the user's own for them, a path.
     """
 
     preset: str = "fast"
     iterations: int = presets.FINETUNE.iterations
     seed: int = 0
     speech: str = "mel"
+    speech_weights: str | None = None
+
+    @property
+    def weights(self) -> Path | None:
+        return None if self.speech_weights is None else Path(self.speech_weights)
+
+    def heard_with(self) -> dict[str, str]:
+        """What a checkpoint's header says of its speech features: their name and weights."""
+        digest = features.fingerprint(self.speech, self.weights)
+        return {"speech": self.speech, **({"speech_digest": digest} if digest else {})}
 
 
 def init_from_base(base: Path | None, settings: FinetuneSettings) -> Model:
@@ -52,7 +63,7 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> Model:
         CheckpointError: unreadable, or trained with other speech features.
     """
     torch.manual_seed(settings.seed)
-    dim = features.features_by_name(settings.speech).dim
+    dim = features.features_by_name(settings.speech, settings.weights).dim
     config = presets.model_config(settings.preset, dim)
     if base is None:
         return presets.build(config)
@@ -65,6 +76,12 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> Model:
             f"was trained with {header.get('speech')!r} speech, asked for {settings.speech!r}",
             base.name,
             "use the features the checkpoint was trained with",
+        )
+    if header.get("speech_digest") != settings.heard_with().get("speech_digest"):
+        raise CheckpointError(
+            f"was trained with other weights of the {settings.speech!r} speech features",
+            base.name,
+            "use the weights the checkpoint was trained with",
         )
     return presets.adapt(model, config)
 
@@ -98,7 +115,7 @@ def finetune(
         CheckpointError: the base does not fit.
     """
     clip = PreparedClip.load(prepared)
-    windows = clip_windows(clip, settings.speech)
+    windows = clip_windows(clip, settings.speech, settings.weights)
     first = round(start * clip.rate)
     person = load_identity(clip.clip.stem, prepared, windows, first, round(seconds * clip.rate))
     model = init_from_base(base, settings)
@@ -120,7 +137,7 @@ def finetune(
         ) from error
     views = None if references is None else cut_references(person, references)
     header = {
-        "speech": settings.speech,
+        **settings.heard_with(),
         "steps": config.iterations,
         "settings": asdict(settings),
         "clip": clip.clip.name,
@@ -134,7 +151,7 @@ def finetune(
     shutil.rmtree(out / RESUME_FOLDER)
 
 
-def clip_windows(clip: PreparedClip, speech: str) -> np.ndarray:
+def clip_windows(clip: PreparedClip, speech: str, weights: Path | None = None) -> np.ndarray:
     """Speech windows of every frame of a clip, (T, 16, D), from its own sound.
 
     Raises:
@@ -146,7 +163,7 @@ def clip_windows(clip: PreparedClip, speech: str) -> np.ndarray:
             clip.clip.name,
             "use a clip of the person speaking, with its sound",
         )
-    heard, _ = features.features_of_file(clip.clip, features.features_by_name(speech))
+    heard, _ = features.features_of_file(clip.clip, features.features_by_name(speech, weights))
     return features.windows(heard, clip.frames_count, clip.rate)
 
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dubbing import features
 from dubbing.entries import Dub, Identity
-from dubbing.errors import MediaError
+from dubbing.errors import DubbingError, MediaError
 from dubbing.media.probing import MediaInfo, probe
 
 SHORTEST_CLIP = 1.0  # seconds to learn from
@@ -50,6 +51,7 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
     at: KeyPath = ("identities", name)
     if identity.base is not None and not identity.base.is_file():
         findings.problems.append(((*at, "base"), f"no such file: {identity.base}"))
+    _speech(findings, at, identity)
     info = findings.look(identity.clip, (*at, "clip"))
     if info is None:
         return
@@ -73,6 +75,21 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
             f"identities.{name}: {identity.clip.name} has a variable frame rate;"
             f" it is read at {float(info.rate):g} a second"
         )
+
+
+def _speech(findings: Findings, at: KeyPath, identity: Identity) -> None:
+    name, weights = identity.speech, identity.speech_weights
+    if weights is not None and name in features.WITHOUT_WEIGHTS:
+        findings.problems.append(((*at, "speech_weights"), f"{name} features have no weights"))
+        return
+    try:
+        file = features.weights_file(name, weights)
+    except DubbingError as error:
+        key = "speech" if weights is None else "speech_weights"
+        findings.problems.append(((*at, key), str(error)))
+        return
+    if file is not None and not file.is_file():
+        findings.problems.append(((*at, "speech_weights"), f"no such file: {file}"))
 
 
 def _dub(findings: Findings, place: int, dub: Dub, identity: Identity | None) -> None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dubbing import steps, timeline
+from dubbing import features, steps, timeline
 from dubbing.entries import Dub, Identity
 from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest import Manifest
@@ -17,7 +17,7 @@ from dubbing.stages import Stage
 
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
-    "prepare": 1,
+    "prepare": 2,
     "finetune": 1,
     "source": 1,
     "speech": 1,
@@ -117,7 +117,7 @@ def identity_job(manifest: Manifest, name: str, identity: Identity, device: str)
         folder / "model",
         VERSIONS["finetune"],
         settings,
-        {"prepared": prepare, **({"base": base} if base else {})},
+        {"prepared": prepare, **({"base": base} if base else {}), **speech_input(identity)},
         steps.Finetune(identity, prepare.folder, base, device),
     )
     source = Stage(
@@ -151,8 +151,8 @@ def dub_job(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
         folder / "speech",
         VERSIONS["speech"],
         {"name": identity.speech, "rate": str(clip.rate), **cut},
-        {"audio": dub.audio},
-        steps.Listen(dub, identity.speech, clip.rate, seconds),
+        {"audio": dub.audio, **speech_input(identity)},
+        steps.Listen(dub, identity.speech, identity.speech_weights, clip.rate, seconds),
     )
     heads = Stage(
         "heads",
@@ -194,6 +194,12 @@ def _too_long(dub: Dub, clip: Any, seconds: float) -> DubbingError | None:
         dub.name,
         "set on_longer_audio to bounce, loop, hold or cut, or use a longer clip",
     )
+
+
+def speech_input(identity: Identity) -> dict[str, Path]:
+    """The weights of an identity's speech features, where they have any."""
+    file = features.weights_file(identity.speech, identity.speech_weights)
+    return {} if file is None else {"speech_weights": file}
 
 
 def shipped_base(preset: str) -> Path | None:

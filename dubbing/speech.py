@@ -48,13 +48,21 @@ class Speech:
 
 
 def listen(
-    audio: Path, out: Path, *, name: str, rate: Fraction, start: float, seconds: float
+    audio: Path,
+    out: Path,
+    *,
+    name: str,
+    weights: Path | None = None,
+    rate: Fraction,
+    start: float,
+    seconds: float,
 ) -> None:
     """Write OUT/features.safetensors and OUT/speech.json.
 
     Args:
         audio: anything with sound.
         name: kind of speech features.
+        weights: of the user's own for them.
         rate: frames a second of the dub.
         start, seconds: the part of the sound to speak.
 
@@ -62,7 +70,7 @@ def listen(
         MediaError: the sound cannot be read.
         RenderingError: there is next to nothing of it.
     """
-    kind = features.features_by_name(name)
+    kind = features.features_by_name(name, weights)
     found, voice = features.features_of_file(audio, kind, start=start, seconds=seconds)
     if not len(found):
         raise RenderingError(

@@ -48,7 +48,11 @@ class Finetune:
         wanted = self.identity
         chosen = {} if wanted.finetune.iterations is None else wanted.finetune.model_dump()
         settings = FinetuneSettings(
-            preset=wanted.preset, seed=wanted.seed, speech=wanted.speech, **chosen
+            preset=wanted.preset,
+            seed=wanted.seed,
+            speech=wanted.speech,
+            speech_weights=None if wanted.speech_weights is None else str(wanted.speech_weights),
+            **chosen,
         )
 
         def told(state: Any) -> None:
@@ -72,6 +76,7 @@ class Listen:
 
     dub: Dub
     features: str
+    weights: Path | None
     rate: Fraction
     seconds: float
 
@@ -83,6 +88,7 @@ class Listen:
             self.dub.audio,
             out,
             name=self.features,
+            weights=self.weights,
             rate=self.rate,
             start=self.dub.audio_start,
             seconds=self.seconds,

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 import textwrap
 from pathlib import Path
 
@@ -199,3 +200,31 @@ def test_date_of_consent(folder: Path) -> None:
     assert str(read(folder, text).identities["host"].consent.date) == "2026-11-02"
     (said,) = problems(folder, text.replace("2026-11-02", "yesterday"))
     assert said.startswith("line 4: identities.host.consent.date")
+
+
+def with_speech(keys: str) -> str:
+    return GOOD.replace("seconds: 2,", f"seconds: 2, {keys},")
+
+
+def test_speech_features_and_their_weights(folder: Path) -> None:
+    (folder / "hubert").mkdir(exist_ok=True)
+    (folder / "hubert" / "config.json").write_text('{"model_type": "hubert"}')
+    (folder / "hubert" / "model.safetensors").write_bytes(b"")
+    host = read(folder, with_speech("speech: hubert, speech_weights: hubert")).identities["host"]
+    assert host.speech_weights == (folder / "hubert").resolve()
+    assert read(folder, with_speech("speech: rnn")).identities["host"].speech_weights is None
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ("speech: whale", "identities.host.speech: .*'mel'"),
+        ("speech: hubert", "identities.host.speech: .*need weights of your own"),
+        ("speech: hubert, speech_weights: gone", "host.speech_weights: no hubert weights there"),
+        ("speech: mel, speech_weights: it.wav", "host.speech_weights: mel features have no"),
+        ("speech: rnn, speech_weights: gone.safetensors", "speech_weights: no such file"),
+    ],
+)
+def test_speech_that_cannot_be_heard(folder: Path, keys: str, said: str) -> None:
+    (found,) = problems(folder, with_speech(keys))
+    assert re.search(said, found)

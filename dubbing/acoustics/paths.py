@@ -1,0 +1,29 @@
+"""Where the weights of speech features lie. Imports no torch: manifests are read quickly."""
+
+import json
+from pathlib import Path
+
+from dubbing.errors import DubbingError
+
+DEFAULT_WEIGHTS = Path(__file__).with_name("weights.safetensors")
+WEIGHT_FILES = ("model.safetensors", "pytorch_model.bin", "model.safetensors.index.json")
+
+
+def weights_file(folder: Path, name: str) -> Path:
+    """The file with the weights in `folder`.
+
+    Raises:
+        DubbingError: there is none, or they are of another kind of network.
+    """
+    remedy = f"name the folder of a {name} model written by transformers' save_pretrained"
+    config = folder / "config.json"
+    found = [folder / file for file in WEIGHT_FILES if (folder / file).is_file()]
+    if not config.is_file() or not found:
+        raise DubbingError(f"no {name} weights there", str(folder), remedy)
+    try:
+        kind = json.loads(config.read_text(encoding="utf-8")).get("model_type")
+    except (ValueError, AttributeError) as error:
+        raise DubbingError(f"its config.json is damaged: {error}", str(folder), remedy) from error
+    if kind != name:
+        raise DubbingError(f"holds a model of type {kind!r}, not {name!r}", str(folder), remedy)
+    return found[0]
