@@ -1,18 +1,16 @@
-"""Head poses and head shape from landmarks: bundle adjustment by Gauss-Newton.
+"""Head poses, and points of the head, from landmarks: Gauss-Newton.
 
-T frames, P rigid points, 6 unknowns a frame. Minimised (Triggs et al. 2000, with Huber's loss):
+T frames, P points, 6 unknowns a frame. Minimised (Triggs et al. 2000, with Huber's loss):
 
-    sum_tp rho(|pi(R_t X_p + T_t) - u_tp| / sigma_p) + sum_p |X_p - X0_p|^2 / .05^2
+    sum_tp rho(|pi(R_t X_p + T_t) - u_tp| / sigma_p)
     + sum_t |d2 omega_t|^2 / (.5 deg)^2 + sum_t |d2 T_t|^2 / (.01, .01, .06)^2
 
-The pose block is banded, the shape is a dense border removed by its Schur complement. After every
-step the shape is moved back onto X0 by a similarity and the poses make up for it: otherwise the
-smoothness of T would shrink the whole scene.
+over the poses, whose matrix is banded; `triangulate` moves the points instead, each held at its
+prior by |X_p - X0_p|^2 / .05^2.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import cv2
@@ -23,10 +21,8 @@ from dubbing.preparation.banded import (
     lower_band,
     smoothness_blocks,
     solve_band,
-    solve_bordered,
 )
 from dubbing.preparation.camera import Poses, point_jacobian, pose_jacobian, project, to_camera
-from dubbing.preparation.procrustes import best_similarity
 from dubbing.preparation.rotations import relative_vectors
 
 HUBER = 1.345
@@ -36,7 +32,6 @@ SHIFT_SIGMA = np.array([0.01, 0.01, 0.06])
 REFERENCE_RATE = 25.0
 DAMPING = 1e-6  # keeps frames without a face solvable: they stay where they were
 SHAPE_FRAMES = 250
-SHAPE_STEPS = 12
 POSE_STEPS = 8
 LEAST_SIGMA = 0.25  # px
 
@@ -61,6 +56,11 @@ class Observations:
     def usable(self) -> np.ndarray:
         """Frames (T,) bool that say anything about the pose."""
         return np.asarray(self.confidence > 0)
+
+    def spread(self, count: int) -> np.ndarray:
+        """Indices of at most so many usable frames, evenly spread over the clip."""
+        usable = np.flatnonzero(self.usable)
+        return usable[np.unique(np.linspace(0, len(usable) - 1, count).round().astype(int))]
 
     def take(self, index: np.ndarray) -> Observations:
         """Some of the frames, with no smoothness between them."""
@@ -177,69 +177,11 @@ def fit_poses(
     return poses
 
 
-def shape_step(
-    shape: np.ndarray, prior: np.ndarray, poses: Poses, seen: Observations, sigma: np.ndarray
-) -> tuple[np.ndarray, Poses]:
-    """One joint step of shape (P, 3) and poses, the poses eliminated by the Schur complement."""
-    frames, points = len(poses), len(shape)
-    in_camera = to_camera(poses, shape)
-    residual = project(in_camera, seen.focal, seen.centre) - seen.pixels
-    weight = landmark_weights(residual, sigma, seen.confidence)
-    by_pose = pose_jacobian(in_camera, poses.translation, seen.focal)
-    by_shape = point_jacobian(in_camera, seen.focal) @ poses.rotation[:, None]
-    weighted = by_shape * weight[..., None, None]
-
-    own = np.einsum("tpki,tpkj->pij", weighted, by_shape)
-    border = np.einsum("tpkd,tpkj->tdpj", by_pose, weighted).reshape(DOF * frames, 3 * points)
-    right_shape = -np.einsum("tpkj,tpk->pj", weighted, residual)
-    own += np.eye(3) / SHAPE_SIGMA**2
-    right_shape -= (shape - prior) / SHAPE_SIGMA**2
-
-    equations = landmark_equations(poses, shape, seen, sigma)
-    band, right_pose = smoothed_system(poses, equations, seen)
-    corner = np.zeros((3 * points, 3 * points))
-    for p in range(points):
-        corner[3 * p : 3 * p + 3, 3 * p : 3 * p + 3] = own[p]
-    pose_step, step = solve_bordered(band, border, corner, right_pose, right_shape.ravel())
-    return shape + step.reshape(-1, 3), poses.stepped(pose_step.reshape(-1, DOF))
-
-
-def realign(shape: np.ndarray, prior: np.ndarray, poses: Poses) -> tuple[np.ndarray, Poses]:
-    """Move the shape onto its prior by a similarity and the poses so that no pixel moves.
-
-    With X' = s Q X + d the camera is scaled by s, which projects alike: R' = R Q^T and
-    t' = s t - R' d.
-    """
-    fit = best_similarity(shape, prior)
-    rotation = poses.rotation @ fit.rotation.T
-    translation = fit.scale * poses.translation - rotation @ fit.shift
-    return fit(shape), Poses(rotation, translation)
-
-
-def fit_shape(
-    prior: np.ndarray, seen: Observations, progress: Callable[[float], None] | None = None
-) -> np.ndarray:
-    """Shape (P, 3) of one person's rigid points, from at most 250 frames spread over the clip."""
-    usable = np.flatnonzero(seen.usable)
-    spread = np.unique(np.linspace(0, len(usable) - 1, SHAPE_FRAMES).round().astype(int))
-    some = seen.take(usable[spread])
-    shape, poses = prior, start_poses(prior, some)
-    for step in range(SHAPE_STEPS):
-        sigma = point_sigmas(poses, shape, some)
-        shape, poses = shape_step(shape, prior, poses, some, sigma)
-        shape, poses = realign(shape, prior, poses)
-        if progress:
-            progress((step + 1) / SHAPE_STEPS)
-    return shape
-
-
 def triangulate(
     prior: np.ndarray, pixels: np.ndarray, poses: Poses, seen: Observations, steps: int = 3
 ) -> np.ndarray:
     """Points (P, 3) that best explain pixels (T, P, 2) from known poses, drawn to a prior."""
-    usable = np.flatnonzero(seen.usable)
-    spread = np.unique(np.linspace(0, len(usable) - 1, SHAPE_FRAMES).round().astype(int))
-    index = usable[spread]
+    index = seen.spread(SHAPE_FRAMES)
     some = replace(seen.take(index), pixels=pixels[index])
     chosen, points = poses[index], prior
     for _ in range(steps):

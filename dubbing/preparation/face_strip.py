@@ -1,4 +1,7 @@
-"""Grey pictures of the upper face in every frame, on disk, for sampling again and again.
+"""The skin's detail in every frame, on disk, for sampling again and again.
+
+Detail is what is left of the grey values without the shading. Light stays where it is when a head
+turns, so shading moves otherwise than the skin and would pull the poses along.
 
 T frames, N points. Small windows that move with the face: memory stays constant, and a frame is
 decoded once.
@@ -14,6 +17,8 @@ import cv2
 import numpy as np
 
 BLUR = 1.2  # px at a crop of 512
+SHADING = 2.8  # px at a crop of 512: what is blurred so is not detail
+DETAIL_GAIN = 4.0  # of detail, around the grey value 128
 MARGIN = 16.0  # px at a crop of 512, around the points
 HALF = 0.5  # px; gradients are differences of samples this far to both sides
 
@@ -43,12 +48,17 @@ class FaceStrip:
                 corner = np.clip(low.round().astype(int), 0, size - extent)
                 shape = (len(pixels), int(extent[1]), int(extent[0]))
                 strip = np.lib.format.open_memmap(path, mode="w+", dtype=np.uint8, shape=shape)
-            grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-            soft = cv2.GaussianBlur(grey, (0, 0), BLUR * size / 512)
+            grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
+            fine, coarse = (cv2.GaussianBlur(grey, (0, 0), b * size / 512) for b in (BLUR, SHADING))
+            detail = np.clip(128 + DETAIL_GAIN * (fine - coarse), 0, 255).round()
             x, y = corner[t]
-            strip[t] = soft[y : y + strip.shape[1], x : x + strip.shape[2]]
+            strip[t] = detail[y : y + strip.shape[1], x : x + strip.shape[2]]
         assert strip is not None, "a clip has frames"
         return FaceStrip(strip, corner)
+
+    def take(self, index: np.ndarray) -> FaceStrip:
+        """Some of the frames."""
+        return FaceStrip(self.pictures[index], self.corner[index])
 
     def sample(self, t: int, pixels: np.ndarray) -> np.ndarray:
         """Bilinear grey values (N,) float32 at pixels (N, 2) of frame t's crop; NaN outside."""

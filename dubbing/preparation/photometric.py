@@ -9,8 +9,8 @@ residuals and Jacobian are taken orthogonal to a constant and to the texture.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,12 +23,11 @@ from dubbing.preparation.bundle import (
     point_sigmas,
     smoothed_system,
 )
-from dubbing.preparation.camera import Poses, pose_jacobian, project, to_camera
+from dubbing.preparation.camera import Poses, point_jacobian, pose_jacobian, project, to_camera
 from dubbing.preparation.face_strip import FaceStrip
 from dubbing.preparation.skin import Skin
 
-ROUNDS = 4  # new mean textures
-STEPS = 2  # Gauss-Newton steps a texture
+STEPS = 8  # of Gauss-Newton
 NOISE = 4.0  # grey levels: of a pixel whose texture does not change at all
 CORRELATED = 8.0  # neighbouring pixels err together: so many count as one
 LANDMARK_INFLATION = 60.0  # of the landmarks' variances; they only hold what pixels do not see
@@ -55,6 +54,14 @@ class Alignment:
     strip: FaceStrip
     focal: float
     centre: np.ndarray
+
+    def with_skin(self, skin: Skin) -> Alignment:
+        """The same pictures for points elsewhere."""
+        return replace(self, skin=skin)
+
+    def take(self, index: np.ndarray) -> Alignment:
+        """Some of the frames."""
+        return replace(self, strip=self.strip.take(index), centre=self.centre[index])
 
     def samples(self, poses: Poses, frames: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Grey values (K, N) float32 of the given frames, NaN where not seen, and pixels."""
@@ -97,64 +104,97 @@ def without_gain(
     return columns - basis @ coefficients, coefficients
 
 
-def pixel_equations(
-    poses: Poses, seen: Observations, work: Alignment, texture: Texture
-) -> NormalEquations:
-    """Photometric part of a pose step, 0 for frames that are not usable."""
-    frames = len(poses)
-    diagonal, right = np.zeros((frames, DOF, DOF)), np.zeros((frames, DOF))
+@dataclass(frozen=True)
+class FrameEquations:
+    """What the pixels of one frame say: jacobian (n, C), residual (n,), weight (n,) of n points."""
+
+    frame: int
+    jacobian: np.ndarray
+    residual: np.ndarray
+    weight: np.ndarray
+
+
+def frame_equations(
+    poses: Poses,
+    seen: Observations,
+    work: Alignment,
+    texture: Texture,
+    relief: tuple[np.ndarray, np.ndarray] | None = None,
+) -> Iterator[FrameEquations]:
+    """Linearised residuals of every usable frame, in the texture's contrast.
+
+    Args:
+        relief: directions (N, 3) of the head frame in which the points may move, and a basis
+            (N, K) of how far; their derivatives follow the six of the pose.
+    """
     usable = np.flatnonzero(seen.usable)
     for begin in range(0, len(usable), CHUNK):
         index = usable[begin : begin + CHUNK]
         values, pixels = work.samples(poses, index)
         in_camera = to_camera(poses[index], work.skin.points)
         by_pose = pose_jacobian(in_camera, poses.translation[index], work.focal)
+        by_point = point_jacobian(in_camera, work.focal) if relief is not None else None
         for k, t in enumerate(index):
             slope = work.strip.gradient(t, pixels[k])
-            weight = np.where(np.isfinite(values[k] + slope.sum(1)), texture.weight, 0)
-            if (weight > 0).sum() < LEAST_POINTS:
+            on = np.isfinite(values[k] + slope.sum(1)) & (texture.weight > 0)
+            if on.sum() < LEAST_POINTS:
                 continue
-            on = weight > 0
-            jacobian = np.einsum("pk,pkd->pd", slope[on], by_pose[k][on])
-            stacked = np.concatenate((jacobian, values[k][on, None]), axis=1)
-            clean, fit = without_gain(stacked, texture.mean[on], weight[on])
+            columns = [np.einsum("pk,pkd->pd", slope[on], by_pose[k][on]), values[k][on, None]]
+            if relief is not None and by_point is not None:
+                along = relief[0][on] @ poses.rotation[t].T
+                moved = np.einsum("pk,pkd,pd->p", slope[on], by_point[k][on], along)
+                columns.insert(1, moved[:, None] * relief[1][on])
+            weight = texture.weight[on]
+            clean, fit = without_gain(np.concatenate(columns, 1), texture.mean[on], weight)
             # values = offset + gain * texture + residual: compare in the texture's contrast.
             gain = fit[1, -1]
             if gain < LEAST_GAIN:
                 continue
             clean /= gain
-            distance = np.abs(clean[:, -1]) * np.sqrt(weight[on])
-            robust = huber_weight(distance) * weight[on] / CORRELATED
-            weighted = clean[:, :-1] * robust[:, None]
-            diagonal[t] = weighted.T @ clean[:, :-1]
-            right[t] = -weighted.T @ clean[:, -1]
+            robust = huber_weight(np.abs(clean[:, -1]) * np.sqrt(weight)) * weight / CORRELATED
+            yield FrameEquations(int(t), clean[:, :-1], clean[:, -1], robust)
+
+
+def pixel_equations(
+    poses: Poses, seen: Observations, work: Alignment, texture: Texture
+) -> NormalEquations:
+    """Photometric part of a pose step, 0 for frames that are not usable."""
+    frames = len(poses)
+    diagonal, right = np.zeros((frames, DOF, DOF)), np.zeros((frames, DOF))
+    for one in frame_equations(poses, seen, work, texture):
+        weighted = one.jacobian * one.weight[:, None]
+        diagonal[one.frame] = weighted.T @ one.jacobian
+        right[one.frame] = -weighted.T @ one.residual
     return NormalEquations(diagonal, right)
 
 
 def refine(
     poses: Poses,
     work: Alignment,
+    texture: Texture,
     shape: np.ndarray,
     seen: Observations,
     progress: Callable[[float], None],
 ) -> Poses:
-    """Poses that align the skin's pixels, from a start within a few px.
+    """Poses that align the skin's pixels with a texture, from a start within a few px.
 
     Args:
         shape: (P, 3) rigid landmarks, observed by ``seen``.
     """
-    usable = np.flatnonzero(seen.usable)
-    for done in range(ROUNDS):
-        texture = texture_of(all_samples(poses, usable, work))
-        for step in range(STEPS):
-            sigma = point_sigmas(poses, shape, seen) * np.sqrt(LANDMARK_INFLATION)
-            marks = landmark_equations(poses, shape, seen, sigma)
-            pixels = pixel_equations(poses, seen, work, texture)
-            both = NormalEquations(marks.diagonal + pixels.diagonal, marks.right + pixels.right)
-            step_by = solve_band(*smoothed_system(poses, both, seen))
-            poses = poses.stepped(step_by.reshape(-1, DOF))
-            progress((done * STEPS + step + 1) / (ROUNDS * STEPS))
+    for done in range(STEPS):
+        marks = weak_landmarks(poses, shape, seen)
+        pixels = pixel_equations(poses, seen, work, texture)
+        both = NormalEquations(marks.diagonal + pixels.diagonal, marks.right + pixels.right)
+        step = solve_band(*smoothed_system(poses, both, seen))
+        poses = poses.stepped(step.reshape(-1, DOF))
+        progress((done + 1) / STEPS)
     return poses
+
+
+def weak_landmarks(poses: Poses, shape: np.ndarray, seen: Observations) -> NormalEquations:
+    """Landmark part of a pose step beside pixels: it only holds what these do not see."""
+    sigma = point_sigmas(poses, shape, seen) * np.sqrt(LANDMARK_INFLATION)
+    return landmark_equations(poses, shape, seen, sigma)
 
 
 def all_samples(poses: Poses, frames: np.ndarray, work: Alignment) -> np.ndarray:

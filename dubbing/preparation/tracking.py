@@ -14,7 +14,7 @@ import numpy as np
 from dubbing.errors import PreparationError
 from dubbing.media import MediaInfo, read_frames
 from dubbing.preparation.banded import second_difference_links
-from dubbing.preparation.bundle import Observations, fit_poses, fit_shape, start_poses, triangulate
+from dubbing.preparation.bundle import Observations, fit_poses, start_poses, triangulate
 from dubbing.preparation.camera import Poses, project, to_camera
 from dubbing.preparation.cropping import choose_windows, crop, to_crop
 from dubbing.preparation.face_strip import FaceStrip
@@ -22,6 +22,7 @@ from dubbing.preparation.landmarks import two_modes
 from dubbing.preparation.mesh_points import JAW, RIGID
 from dubbing.preparation.photometric import Alignment, refine, residual_shift
 from dubbing.preparation.procrustes import head_frame, mean_shape
+from dubbing.preparation.relief import solve_relief
 from dubbing.preparation.skin import reference_frame, skin_points
 from dubbing.preparation.survey import Survey, survey
 
@@ -30,6 +31,7 @@ APART = 3.0  # px at a crop of 512: tracking and static mode disagree, something
 HIDDEN = 2.0  # times as much: the frame is not used at all
 BRIDGE_SECONDS = 0.5  # smoothness carries a pose over gaps no longer than this
 SHAPE_FRAMES = 250
+RELIEF_FRAMES = 150
 LEAST_FRAMES = 5
 # From the ends of the jaw line to below the ear lobes, in units of 10 cm: out, down and back.
 LOBES = np.array([[-0.12, 0.1, 0.45], [0.12, 0.1, 0.45]])
@@ -118,18 +120,19 @@ def bridged(usable: np.ndarray, rate: float) -> np.ndarray:
 
 
 def bundle_step(seen: Observations, found: Arrays, progress: Progress) -> Arrays:
-    """Shape and poses from landmarks.
+    """Mean shape, and poses that fit it to the landmarks.
+
+    The shape stays what FaceMesh makes of the face: solved from landmarks together with the poses
+    it grows flat, as these follow a turn by too much.
 
     Returns:
         shape (478, 3) in the head frame, rotation (T, 3, 3), translation (T, 3).
     """
-    usable = np.flatnonzero(seen.usable)
-    spread = np.unique(np.linspace(0, len(usable) - 1, SHAPE_FRAMES).round().astype(int))
-    mean = head_frame(mean_shape(found["points"][usable[spread]].astype(np.float64), RIGID))
-    rigid = fit_shape(mean[list(RIGID)], seen, lambda share: progress(0.6 * share))
+    some = seen.spread(SHAPE_FRAMES)
+    shape = head_frame(mean_shape(found["points"][some].astype(np.float64), RIGID))
+    progress(0.3)
+    rigid = shape[list(RIGID)]
     poses = fit_poses(rigid, start_poses(rigid, seen), seen)
-    progress(0.9)
-    shape = triangulate(mean, found["points"][:, :, :2].astype(np.float64), poses, seen)
     progress(1.0)
     return {"shape": shape, "rotation": poses.rotation, "translation": poses.translation}
 
@@ -175,19 +178,30 @@ def refine_step(
     crops, scratch = footage
     size = round(observed.focal / FOCAL)
     shape, poses = bundle["shape"], Poses(bundle["rotation"], bundle["translation"])
+    rigid = shape[list(RIGID)]
     middle = reference_frame(poses, observed.usable)
-    at = slice(middle, middle + 1)
-    skin = skin_points(shape, poses[at], observed.focal, observed.centre[at], size)
+    view = poses[middle : middle + 1]
+    skin = skin_points(shape, view, observed.focal, observed.centre[middle : middle + 1], size)
     pixels = project(to_camera(poses, skin.points), observed.focal, observed.centre)
     strip = FaceStrip.record(scratch, crops(), pixels)
     progress(0.1)
     aligned = Alignment(skin.half(0), strip, observed.focal, observed.centre)
+    some = observed.spread(RELIEF_FRAMES)
+    relief, texture = solve_relief(
+        poses[some],
+        aligned.take(some),
+        rigid,
+        observed.take(some),
+        view,
+        lambda share: progress(0.1 + 0.3 * share),
+    )
+    aligned = aligned.with_skin(relief.bend(aligned.skin))
     poses = refine(
-        poses, aligned, shape[list(RIGID)], observed, lambda share: progress(0.1 + 0.8 * share)
+        poses, aligned, texture, rigid, observed, lambda share: progress(0.4 + 0.5 * share)
     )
     shape = triangulate(shape, found["points"][:, :, :2].astype(np.float64), poses, observed)
     # Scored on points that took no part in the alignment.
-    judged = Alignment(skin.half(1), strip, observed.focal, observed.centre)
+    judged = Alignment(relief.bend(skin.half(1)), strip, observed.focal, observed.centre)
     shift = np.full((len(poses), 2), np.nan)
     usable = np.flatnonzero(observed.usable)
     shift[usable] = residual_shift(poses, usable, judged)

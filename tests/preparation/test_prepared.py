@@ -11,7 +11,7 @@ from dubbing.errors import PreparationError
 from dubbing.media import VideoWriter, read_frames
 from dubbing.preparation import PreparedClip
 from dubbing.preparation.matting import hole
-from dubbing.preparation.prepared import BACKGROUND, MATTE
+from dubbing.preparation.prepared import BACKGROUND, MATTE, VERSION
 from dubbing.preparation.rotations import rotation_from_vector
 
 FRAMES, SIZE = 6, 64
@@ -74,7 +74,7 @@ def test_a_folder_that_is_not_prepared_says_so(tmp_path: Path, prepared: Prepare
         PreparedClip.load(tmp_path / "nothing")
     prepared.save()
     summary = prepared.folder / "prepared.json"
-    summary.write_text(summary.read_text().replace('"version": 1', '"version": 0'))
+    summary.write_text(summary.read_text().replace(f'"version": {VERSION}', '"version": 0'))
     with pytest.raises(PreparationError, match="version 0"):
         PreparedClip.load(prepared.folder)
 
