@@ -36,7 +36,7 @@ check: .venv/installed-dev
 
 # The tables of docs/speech.md: CLIPS of one talking person each, TEST clips never trained on.
 speech-table: .venv/installed
-	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.acoustics.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
+	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.teaching.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
 
 clean:
 	rm -rf .venv out

@@ -187,10 +187,10 @@ def train_speech(
 ) -> None:
     """Train the network of the speech features from nothing; resumes by itself."""
     from dubbing import console
-    from dubbing.acoustics.training import SpeechTraining
-    from dubbing.acoustics.training import train_speech as work
+    from dubbing.teaching.training import SpeechTraining
+    from dubbing.teaching.training import train_speech as work
 
-    settings = SpeechTraining(seed=seed, **({} if steps is None else {"steps": steps}))
+    settings = SpeechTraining(seed=seed, steps=steps or SpeechTraining.steps)
     folder = corpus or out.with_name(out.name + ".corpus")
     with console.Bar("train-speech") as progress:
         about = work(recordings or [], out, corpus=folder, settings=settings, progress=progress)

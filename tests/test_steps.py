@@ -67,7 +67,7 @@ def test_speech_then_heads(
     prepared, speech, out = tmp_path / "prepared", tmp_path / "speech", tmp_path / "heads"
     fakes.write_prepared(identity.clip, prepared)
     speech.mkdir()
-    steps.Listen(dub, "mel", Fraction(25), 1.6)(speech, quiet)
+    steps.Listen(dub, "mel", None, Fraction(25), 1.6)(speech, quiet)
     heard = Speech.load(speech)
     assert (heard.name, heard.frames, heard.rate) == ("mel", 40, 25)
     assert heard.features.shape == (80, 80)

@@ -1,1 +1,1 @@
-"""What is spoken: a recurrent acoustic network, how it is taught, and how well it hears."""
+"""What is spoken: a recurrent acoustic network and what it makes of a sound."""

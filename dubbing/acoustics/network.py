@@ -12,9 +12,10 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from dubbing.acoustics.front import BANDS, SPECTRA
-from dubbing.acoustics.phones import COUNT
-from dubbing.acoustics.teacher import SENONES
-from dubbing.speaker.visemes import CHANNELS
+
+# The teacher's context-independent states, `dubbing.teaching.phones.CLASSES`, and the channels of
+# `dubbing.speaker.visemes`.
+SENONES, PHONES, LIPS = 126, 41, 7
 
 
 class Heard(NamedTuple):
@@ -37,8 +38,8 @@ class AcousticNetwork(nn.Module):
         self.gru = nn.GRU(channels, width, 2, batch_first=True, bidirectional=True, dropout=dropout)
         self.dropout = nn.Dropout(dropout)
         self.senones = nn.Linear(2 * width, SENONES)
-        self.phones = nn.Linear(2 * width, COUNT)
-        self.lips = nn.Linear(2 * width, len(CHANNELS))
+        self.phones = nn.Linear(2 * width, PHONES)
+        self.lips = nn.Linear(2 * width, LIPS)
 
     def forward(self, spectra: Float[Tensor, "B T C"]) -> Heard:
         x = F.gelu(self.first(spectra.transpose(1, 2)))

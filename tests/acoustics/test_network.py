@@ -2,12 +2,17 @@
 
 import torch
 
-from dubbing.acoustics.network import AcousticNetwork, losses, parameters
-from dubbing.acoustics.phones import COUNT
+from dubbing.acoustics.network import LIPS, PHONES, AcousticNetwork, losses, parameters
+from dubbing.speaker.visemes import CHANNELS
+from dubbing.teaching.phones import COUNT
 
 
 def test_it_is_small() -> None:
     assert parameters(AcousticNetwork()) <= 1_500_000
+
+
+def test_its_heads_fit_what_it_is_taught() -> None:
+    assert (COUNT, len(CHANNELS)) == (PHONES, LIPS)
 
 
 def targets(batch: int = 2, count: int = 20) -> list[torch.Tensor]:

@@ -9,7 +9,7 @@ import pytest
 from dubbing import voice
 from dubbing.errors import DubbingError
 from dubbing.features import features_by_name, fingerprint, weights_file
-from tests.acoustics.made import spoken
+from tests.teaching.made import spoken
 from tests.test_voice import pieces, silence
 
 

@@ -9,11 +9,11 @@ from scipy.signal import resample_poly
 
 from dubbing import voice
 from dubbing.acoustics import listening
-from dubbing.acoustics.evaluation import cosine
 from dubbing.acoustics.paths import DEFAULT_WEIGHTS
 from dubbing.acoustics.recurrent import RnnFeatures, voice_gate
 from dubbing.features import features_by_name, features_of_file, windows
-from tests.acoustics.made import spoken
+from dubbing.teaching.evaluation import cosine
+from tests.teaching.made import spoken
 from tests.test_voice import pieces, silence
 
 LINE = "my father bought five yellow maps, and we move them away"

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 import torch
 
-from dubbing.acoustics import augmentation, training
-from dubbing.acoustics.augmentation import Batches
+from dubbing.acoustics import listening
 from dubbing.acoustics.network import AcousticNetwork
-from dubbing.acoustics.projection import project
-from dubbing.acoustics.training import SpeechTraining, train_network
 from dubbing.acoustics.weights import load_model, save_model
 from dubbing.errors import DubbingError, TrainingError
-from tests.acoustics.made import parts
+from dubbing.teaching import augmentation, training
+from dubbing.teaching.augmentation import Batches
+from dubbing.teaching.projection import project
+from dubbing.teaching.training import SpeechTraining, train_network
+from tests.teaching.made import parts
 
 SHORT = SpeechTraining(steps=3)
 
@@ -108,8 +109,6 @@ def test_features_are_scaled_in_speech() -> None:
     torch.manual_seed(0)
     model = project(AcousticNetwork(), parts()[:1], every=1, dim=12)
     made = parts()[0].utterances[0]
-    from dubbing.acoustics import listening
-
     spectra = listening.spectra_of([made.samples.astype(np.float32) / 32768])
     found = listening.hear(model.network, spectra, model.features)
     assert np.sqrt((found[made.classes != 0] ** 2).mean()) == pytest.approx(0.7, rel=0.1)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from dubbing.acoustics.network import SENONES
 from dubbing.errors import TrainingError
 from dubbing.voice import HOP, SAMPLE_RATE, steps
 
-SENONES = 126
 ALL_SENONES = 5126
 # A score of the dump is a negative logarithm to the base 1.0001, divided by 1024.
 NATS_PER_SCORE = -np.log(1.0001) * 1024

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from dubbing.acoustics import phones
-from dubbing.acoustics.phones import ARPABET, CLASSES, SILENCE, UNKNOWN, classes_at_steps
 from dubbing.speaker.visemes import Phone
-from tests.acoustics.made import spoken
+from dubbing.teaching import phones
+from dubbing.teaching.phones import ARPABET, CLASSES, SILENCE, UNKNOWN, classes_at_steps
+from tests.teaching.made import spoken
 
 
 def name(k: int) -> str:

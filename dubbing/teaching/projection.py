@@ -11,10 +11,11 @@ import torch
 from scipy.ndimage import minimum_filter1d
 
 from dubbing.acoustics import front
-from dubbing.acoustics.corpus import Part
 from dubbing.acoustics.network import AcousticNetwork
-from dubbing.acoustics.phones import SILENCE
 from dubbing.acoustics.weights import SpeechModel, outputs
+from dubbing.errors import TrainingError
+from dubbing.teaching.corpus import Part
+from dubbing.teaching.phones import SILENCE
 
 DIM = 64
 # Deviation of each principal direction to this power is divided out: 0 leaves the directions as
@@ -28,11 +29,14 @@ _INSIDE = 3
 
 @torch.no_grad()
 def project(
-    network: AcousticNetwork, parts: Sequence[Part], every: int = 4, dim: int = DIM
+    network: AcousticNetwork, parts: Sequence[Part], every: int = 8, dim: int = DIM
 ) -> SpeechModel:
     """Measures the clean corpus (one utterance of so many) and fixes directions and silence.
 
     A square root of a posterior weighs as much as a hidden value.
+
+    Raises:
+        TrainingError: nobody pauses.
     """
     network.eval()
     filters = front.filters()
@@ -47,8 +51,10 @@ def project(
             seen.append(found[~silent])
             inside = minimum_filter1d(silent.astype(np.uint8), 2 * _INSIDE + 1).astype(bool)
             quiet.append(found[inside])
-    speech = np.concatenate(seen)
-    silence = np.concatenate(quiet).mean(0)
+    speech, pauses = np.concatenate(seen), np.concatenate(quiet)
+    if not len(pauses):
+        raise TrainingError("no pause in what is taught", remedy="teach more sentences")
+    silence = pauses.mean(0)
     values, vectors = np.linalg.eigh(np.cov(speech.T))
     values, vectors = values[::-1][:dim], vectors[:, ::-1][:, :dim]
     projection = vectors.T / np.maximum(values, 1e-9)[:, None] ** (WHITENING / 2)

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import torch
 
-from dubbing.acoustics.augmentation import Batches
-from dubbing.acoustics.corpus import Amounts, Part, Progress, build_corpus
 from dubbing.acoustics.network import AcousticNetwork, losses
-from dubbing.acoustics.projection import project
 from dubbing.acoustics.weights import save_model
 from dubbing.errors import TrainingError
 from dubbing.files import atomic_path
+from dubbing.teaching.augmentation import Batches
+from dubbing.teaching.corpus import Amounts, Part, Progress, build_corpus
+from dubbing.teaching.projection import project
 from dubbing.voice import SAMPLE_RATE
 
 RATE = 2e-3

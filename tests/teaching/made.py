@@ -4,10 +4,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from dubbing.acoustics import corpus, synthesis
-from dubbing.acoustics.corpus import Part, Utterance
-from dubbing.acoustics.teacher import SENONES
-from dubbing.voice import steps
+from dubbing.speaker.visemes import Phone
+from dubbing.teaching import corpus, synthesis
+from dubbing.teaching.corpus import Part, Utterance
+from dubbing.teaching.teacher import SENONES
+from dubbing.voice import SAMPLE_RATE, steps
 
 
 def posteriors(samples: np.ndarray) -> np.ndarray:
@@ -25,8 +26,13 @@ def spoken(text: str = "a map of seven moons") -> synthesis.Spoken:
 
 def utterance() -> Utterance:
     said = spoken()
-    made = corpus.unheard(said)
-    return Utterance(made.samples, made.classes, made.lips, posteriors(said.samples))
+    assert said.phones is not None
+    # Half a second of pause behind it.
+    end = len(said.samples) / SAMPLE_RATE
+    phones = [*said.phones, Phone("", end, end + 0.5)]
+    samples = np.pad(said.samples, (0, SAMPLE_RATE // 2))
+    made = corpus.unheard(synthesis.Spoken(samples, phones))
+    return Utterance(made.samples, made.classes, made.lips, posteriors(samples))
 
 
 def parts() -> list[Part]:

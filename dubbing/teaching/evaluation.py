@@ -1,8 +1,8 @@
 """What the speech features know of the lips, and what spoils them: the tables of docs/speech.md.
 
-    python -m dubbing.acoustics.evaluation CLIP... [--test CLIP...]
+    python -m dubbing.teaching.evaluation CLIP... [--test CLIP...]
 
-Clips show one talking person each. The probe (`dubbing.acoustics.probe`) leaves each one out in
+Clips show one talking person each. The probe (`dubbing.teaching.probe`) leaves each one out in
 turn; --test clips are predicted from all of them. Rows that need pocketsphinx or flite are left
 out where these are not installed.
 """
@@ -19,12 +19,13 @@ import torch
 
 from dubbing import features as kinds
 from dubbing import media, voice
-from dubbing.acoustics import corpus, listening, probe, synthesis
-from dubbing.acoustics.phones import classes_at_steps
-from dubbing.acoustics.teacher import senone_posteriors
-from dubbing.acoustics.texts import sentence
+from dubbing.acoustics import listening
 from dubbing.acoustics.weights import load_model
 from dubbing.features import MelFeatures, SpeechFeatures
+from dubbing.teaching import corpus, probe, synthesis
+from dubbing.teaching.phones import classes_at_steps
+from dubbing.teaching.teacher import senone_posteriors
+from dubbing.teaching.texts import sentence
 
 NOISE_DB = 10.0
 RATES = (8000, 16_000, 44_100, 48_000)

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dubbing.acoustics import corpus, synthesis
-from dubbing.acoustics.corpus import Amounts, load_part, save_part, teaching_voices
-from dubbing.acoustics.texts import LANGUAGES, sentence
 from dubbing.errors import TrainingError
+from dubbing.teaching import corpus, synthesis
+from dubbing.teaching.corpus import Amounts, load_part, save_part, teaching_voices
+from dubbing.teaching.texts import LANGUAGES, sentence
 from dubbing.voice import steps
-from tests.acoustics.made import spoken, utterance
+from tests.teaching.made import spoken, utterance
 
 
 def test_an_utterance_covers_its_sound() -> None:
@@ -74,7 +74,7 @@ def test_sentences_hold_known_words() -> None:
 
 def test_the_teacher_tells_speech_from_silence() -> None:
     pytest.importorskip("pocketsphinx", reason="the teacher is not installed")
-    from dubbing.acoustics.teacher import senone_posteriors
+    from dubbing.teaching.teacher import senone_posteriors
 
     samples = np.concatenate([np.zeros(16_000, np.float32), spoken().samples])
     found = senone_posteriors(samples)
@@ -86,7 +86,7 @@ def test_the_teacher_tells_speech_from_silence() -> None:
 
 def test_a_long_sound_is_taught_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("pocketsphinx", reason="the teacher is not installed")
-    from dubbing.acoustics import teacher
+    from dubbing.teaching import teacher
 
     sound = spoken("a long line about the seven yellow moons over my home").samples
     whole = teacher.senone_posteriors(sound)
@@ -98,7 +98,7 @@ def test_a_long_sound_is_taught_in_pieces(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_without_the_teacher_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    from dubbing.acoustics.teacher import senone_posteriors
+    from dubbing.teaching.teacher import senone_posteriors
 
     monkeypatch.setitem(__import__("sys").modules, "pocketsphinx", None)
     with pytest.raises(TrainingError, match="pocketsphinx"):

@@ -15,14 +15,14 @@ import numpy as np
 from safetensors.numpy import load_file, save_file
 
 from dubbing import media
-from dubbing.acoustics import synthesis
-from dubbing.acoustics.phones import UNKNOWN, classes_at_steps
-from dubbing.acoustics.synthesis import Voice
-from dubbing.acoustics.teacher import senone_posteriors
-from dubbing.acoustics.texts import LANGUAGES, sentence
 from dubbing.errors import TrainingError
 from dubbing.files import atomic_path
 from dubbing.speaker.visemes import CHANNELS, mouth_curves
+from dubbing.teaching import synthesis
+from dubbing.teaching.phones import UNKNOWN, classes_at_steps
+from dubbing.teaching.synthesis import Voice
+from dubbing.teaching.teacher import senone_posteriors
+from dubbing.teaching.texts import LANGUAGES, sentence
 from dubbing.voice import HOP, SAMPLE_RATE, STEP_RATE, steps
 
 Progress = Callable[[str, float], None]

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.acoustics.phones import ARPABET
 from dubbing.errors import TrainingError
 from dubbing.speaker.visemes import Phone
 from dubbing.speaker.voice import synthesise
+from dubbing.teaching.phones import ARPABET
 from dubbing.voice import SAMPLE_RATE
 
 FLITE, ESPEAK, FESTIVAL = "flite", "espeak", "festival"

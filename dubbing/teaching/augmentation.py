@@ -14,9 +14,9 @@ import torch
 from torch import Tensor
 
 from dubbing.acoustics import front
-from dubbing.acoustics.corpus import Part, Utterance
-from dubbing.acoustics.phones import SILENCE, UNKNOWN
-from dubbing.acoustics.synthesis import ESPEAK, FESTIVAL, FLITE
+from dubbing.teaching.corpus import Part, Utterance
+from dubbing.teaching.phones import SILENCE, UNKNOWN
+from dubbing.teaching.synthesis import ESPEAK, FESTIVAL, FLITE
 from dubbing.voice import HOP, SAMPLE_RATE, STEP_RATE
 
 ITEMS = 32
