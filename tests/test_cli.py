@@ -14,7 +14,17 @@ from dubbing import cli, lock
 from tests import clips, fakes
 
 CONSENT = '{by: "the person on film", reference: "form 17"}'
-COMMANDS = ("dub", "plan", "init", "prepare", "sync", "evaluate", "train-base", "doctor")
+COMMANDS = (
+    "dub",
+    "plan",
+    "init",
+    "prepare",
+    "sync",
+    "evaluate",
+    "train-base",
+    "train-speech",
+    "doctor",
+)
 
 
 @pytest.fixture(scope="module")

@@ -58,18 +58,19 @@ def log_mel(
     return flat.clamp_min(1e-14).log10().unflatten(1, (-1, SPECTRA))
 
 
-def loud_average(mel: Float[Tensor, "B T R M"]) -> Float[Tensor, "B M"]:
-    """Average spectrum of the loud parts of each sound, T > 0.
+def loud(energy: Float[Tensor, "B TR"]) -> Float[Tensor, "B TR"]:
+    """1 for the spectra that count as loud, 0 for the others, from the largest band of each."""
+    rank = max(1, round(LOUD_SHARE * energy.shape[1]))
+    loudest = energy.topk(rank, 1).values[:, -1:]
+    return (energy >= loudest - _LOUD).float()
+
+
+def loud_average(total: Float[Tensor, "B M"], number: Float[Tensor, "B 1"]) -> Tensor:
+    """Average spectrum of the loud parts, (B, M), from the sum of so many spectra.
 
     A sound with few of them is pulled towards a typical one, a line that falls over the bands; a
     band that is empty even there (a telephone) counts as at most 25 dB below the average band.
     """
-    spectra = mel.flatten(1, 2)
-    energy = spectra.amax(2)
-    rank = max(1, round(LOUD_SHARE * energy.shape[1]))
-    loudest = energy.topk(rank, 1).values[:, -1:]
-    loud = (energy >= loudest - _LOUD).to(mel.dtype)[:, :, None]
-    total, number = (spectra * loud).sum(1), loud.sum(1)
     overall = total.mean(1, keepdim=True) / number
     prior = overall + _PRIOR_FALL * torch.linspace(0.5, -0.5, BANDS)
     average = (total + _PRIOR_SPECTRA * prior) / (number + _PRIOR_SPECTRA)
@@ -83,5 +84,7 @@ def levelled(mel: Float[Tensor, "B T R M"], average: Float[Tensor, "B M"]) -> Te
 
 
 def normalised(mel: Float[Tensor, "B T R M"]) -> Float[Tensor, "B T C"]:
-    """Both in one, for sounds that are held whole."""
-    return levelled(mel, loud_average(mel))
+    """`levelled` over their own averages, for short sounds, T > 0."""
+    spectra = mel.flatten(1, 2)
+    counted = loud(spectra.amax(2))[:, :, None]
+    return levelled(mel, loud_average((spectra * counted).sum(1), counted.sum(1)))

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from dubbing import voice
@@ -28,17 +29,30 @@ def spectra_of(blocks: Iterable[np.ndarray]) -> Tensor:
     return torch.cat(found) if found else torch.zeros(0, front.SPECTRA, front.BANDS).half()
 
 
+def average_of(spectra: Float[Tensor, "T R M"]) -> Float[Tensor, "1 M"]:
+    """`front.loud_average` of a long sound, T > 0, in pieces."""
+    counted = front.loud(spectra.amax(2).float().flatten()[None])[0].unflatten(
+        0, (len(spectra), -1)
+    )
+    total = torch.zeros(front.BANDS, dtype=torch.float64)
+    for part, counts in zip(spectra.split(PIECE), counted.split(PIECE), strict=True):
+        total += (part.float() * counts[:, :, None]).sum((0, 1))
+    return front.loud_average(total.float()[None], counted.sum()[None, None])
+
+
 @torch.no_grad()
 def hear(network: AcousticNetwork, spectra: Tensor, taken: Callable[[Heard], Tensor]) -> np.ndarray:
     """What `taken` makes of the network's outputs (1, T, ...), for all steps, (T, D) float32.
 
-    The level that is subtracted is that of the whole sound, so pieces fit together.
+    The level that is subtracted is that of the whole sound, so pieces fit together. T > 0.
     """
+    if not len(spectra):
+        raise ValueError("there is nothing to hear")
     found = []
-    levels = front.loud_average(spectra[None].float())
+    levels = average_of(spectra)
     for begin in range(0, len(spectra), PIECE):
         low, high = max(0, begin - AROUND), min(len(spectra), begin + PIECE + AROUND)
         part = front.levelled(spectra[None, low:high].float(), levels)
         made = taken(network(part))[0]
         found.append(made[begin - low :][:PIECE].numpy())
-    return np.concatenate(found) if found else np.zeros((0, 0), np.float32)
+    return np.concatenate(found)

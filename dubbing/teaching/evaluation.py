@@ -170,6 +170,29 @@ def invariance(path: Path, rnn: SpeechFeatures) -> str:
     return "\n".join(lines)
 
 
+def pause(samples: np.ndarray, rnn: SpeechFeatures) -> str:
+    """Markdown: features in 2 s of pause between two stretches of speech, (N,) at 16 kHz.
+
+    The pause is digital silence, or room noise so far below the speech.
+    """
+    rate = voice.SAMPLE_RATE
+    level = np.sqrt((samples**2).mean())
+    said = [samples[: 4 * rate], samples[4 * rate : 8 * rate]]
+    lines = ["| pause | largest value, speech | from 0.4 s into it | first step of 0 |"]
+    lines.append("|---|---|---|---|")
+    for name, decibel in (("silent", None), ("noise 60 dB below", -60), ("40 dB below", -40)):
+        gain = 0.0 if decibel is None else level * 10 ** (decibel / 20)
+        gap = pink_noise(2 * rate, np.random.default_rng(0)) * np.float32(gain)
+        found = np.abs(rnn.extract(np.concatenate([said[0], gap, said[1]]))).max(1)
+        begin = voice.steps(len(said[0]))
+        inside = found[begin : begin + 2 * voice.STEP_RATE]
+        zero = np.flatnonzero(inside == 0)
+        when = f"{zero[0] / voice.STEP_RATE:.2f} s" if len(zero) else "never"
+        deep = inside[round(0.4 * voice.STEP_RATE) : -round(0.4 * voice.STEP_RATE)].max()
+        lines.append(f"| {name} | {found[:begin].max():.2f} | {deep:.2f} | {when} |")
+    return "\n".join(lines)
+
+
 def real_time_factor(samples: np.ndarray, rnn: SpeechFeatures, seconds: float = 120.0) -> float:
     """Seconds of computing, on one thread, for a second of sound."""
     count = round(seconds * voice.SAMPLE_RATE)
@@ -199,6 +222,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(phone_errors(chosen.weights), end="\n\n")
     print(invariance(chosen.clips[0], rnn), end="\n\n")
     sound = media.read_audio(chosen.clips[0])
+    print(pause(sound, rnn), end="\n\n")
     print(f"Real-time factor on one core: {real_time_factor(sound, rnn):.4f}")
 
 

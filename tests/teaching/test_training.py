@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 import torch
 
+from dubbing import cli
 from dubbing.acoustics import listening
 from dubbing.acoustics.network import AcousticNetwork
 from dubbing.acoustics.weights import load_model, save_model
 from dubbing.errors import DubbingError, TrainingError
-from dubbing.teaching import augmentation, training
+from dubbing.features import features_by_name, fingerprint
+from dubbing.teaching import augmentation, corpus, synthesis, training
 from dubbing.teaching.augmentation import Batches
 from dubbing.teaching.projection import project
 from dubbing.teaching.training import SpeechTraining, train_network
-from tests.teaching.made import parts
+from tests import clips
+from tests.teaching.made import parts, posteriors
 
 SHORT = SpeechTraining(steps=3)
 
@@ -125,3 +128,26 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     save_file({"x": torch.zeros(1)}, tmp_path / "other")
     with pytest.raises(DubbingError, match="no weights of our speech network"):
         load_model(tmp_path / "other")
+
+
+def test_weights_are_made_from_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The command: corpus, training and weights that the features can be made with."""
+    voice = synthesis.espeak_voice("en-us")
+    monkeypatch.setattr(corpus, "teaching_voices", lambda amounts: [(voice, 6.0)])
+    monkeypatch.setattr(corpus, "senone_posteriors", posteriors)
+    clips.write_sound(tmp_path / "someone.wav", 2)
+    out = tmp_path / "speech.safetensors"
+    call = ["train-speech", str(out), "--recording", str(tmp_path / "someone.wav"), "--steps", "2"]
+    monkeypatch.setattr("sys.argv", ["dfrf", *call])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 0
+    assert "wrote" in capsys.readouterr().out
+    made = sorted(path.name for path in (tmp_path / "speech.safetensors.corpus").iterdir())
+    assert made == ["espeak-en-us.safetensors", "real-someone.safetensors"]
+    assert not out.with_name("speech.safetensors.resume").exists()
+    rnn = features_by_name("rnn", out)
+    assert rnn.extract(np.zeros(3200, np.float32)).shape == (10, rnn.dim)
+    assert fingerprint("rnn", out) != fingerprint("rnn")
