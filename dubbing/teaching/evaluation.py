@@ -88,9 +88,9 @@ def probe_table(
     for name, extract in compared(rnn).items():
         heard = [extract(s) for s in sounds]
         fitted = probe.fit(people, heard)
-        clean = probe.leave_one_out(people, heard)
+        clean = fitted.left_out
         plain = clean if plain is None else plain
-        spoilt = probe.leave_one_out(people, [extract(noisy(s)) for s in sounds])
+        spoilt = probe.fit(people, [extract(noisy(s)) for s in sounds]).left_out
         ahead = (clean > plain).sum(0)
         cells = [name, str(heard[0].shape[1]), *(f"{v:.3f}" for v in clean.mean(0))]
         cells.append(pair((clean - plain).mean(0), "+.3f") if name != "log-mel" else "")

@@ -98,12 +98,17 @@ class Fit:
     """Sums of all people, and each one's correlations (strengths, P, 2) when left out."""
 
     parts: list[Sums]
-    left_out: np.ndarray
+    by_strength: np.ndarray
 
     @property
     def best(self) -> np.ndarray:
         """Which strength serves all people best, for each measure, (2,)."""
-        return self.left_out.mean(1).argmax(0)
+        return self.by_strength.mean(1).argmax(0)
+
+    @property
+    def left_out(self) -> np.ndarray:
+        """Correlations (P, 2) with each person left out, at the best strengths."""
+        return np.stack([self.by_strength[self.best[m], :, m] for m in range(len(MEASURES))], 1)
 
 
 def fit(people: Sequence[Speaker], features: Sequence[np.ndarray]) -> Fit:
@@ -114,12 +119,6 @@ def fit(people: Sequence[Speaker], features: Sequence[np.ndarray]) -> Fit:
         for s, weights in enumerate(ridge(parts[:k] + parts[k + 1 :])):
             found[s, k] = correlations(xs[k], person.lips, weights)
     return Fit(parts, found)
-
-
-def leave_one_out(people: Sequence[Speaker], features: Sequence[np.ndarray]) -> np.ndarray:
-    """Correlations (P, 2) with each person left out."""
-    found = fit(people, features)
-    return np.stack([found.left_out[found.best[m], :, m] for m in range(len(MEASURES))], 1)
 
 
 def unseen(fitted: Fit, tests: Sequence[Speaker], features: Sequence[np.ndarray]) -> np.ndarray:
