@@ -6,6 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from dubbing import jobs
+from dubbing.acoustics.paths import DEFAULT_WEIGHTS
 from dubbing.errors import ManifestError
 from dubbing.manifest import Manifest, load
 from tests import clips
@@ -213,6 +215,15 @@ def test_speech_features_and_their_weights(folder: Path) -> None:
     host = read(folder, with_speech("speech: hubert, speech_weights: hubert")).identities["host"]
     assert host.speech_weights == (folder / "hubert").resolve()
     assert read(folder, with_speech("speech: rnn")).identities["host"].speech_weights is None
+
+
+def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:
+    """Other weights: the person is learned, and the sound heard, again."""
+    built = jobs.build(read(folder, with_speech("speech: rnn")))
+    stages = [built.identities["host"].stages["finetune"], built.dubs["host_it"].stages["speech"]]
+    assert [stage.inputs["speech_weights"] for stage in stages] == [DEFAULT_WEIGHTS] * 2
+    mel = jobs.build(read(folder, GOOD)).identities["host"].stages["finetune"]
+    assert "speech_weights" not in mel.inputs
 
 
 @pytest.mark.parametrize(

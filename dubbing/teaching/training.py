@@ -31,7 +31,7 @@ STATE = "state.pt"
 class SpeechTraining:
     """How long, and on how much."""
 
-    steps: int = 1500
+    steps: int = 1400
     seed: int = 0
     amounts: Amounts = field(default_factory=Amounts)
 
