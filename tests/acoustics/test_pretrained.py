@@ -13,13 +13,14 @@ from tests.teaching.made import spoken
 from tests.test_voice import pieces, silence
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def tiny(name: str, made: Path) -> Path:
+    """A random model of a few values, written as a user's would be."""
     transformers: Any = pytest.importorskip("transformers", reason="the extra is not installed")
     import torch
 
     torch.manual_seed(0)
-    config = transformers.HubertConfig(
+    kind = {"hubert": "Hubert", "wav2vec2": "Wav2Vec2"}[name]
+    config = getattr(transformers, f"{kind}Config")(
         hidden_size=16,
         num_hidden_layers=1,
         num_attention_heads=2,
@@ -28,9 +29,20 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         num_conv_pos_embeddings=16,
         num_conv_pos_embedding_groups=2,
     )
-    made = tmp_path_factory.mktemp("hubert")
-    transformers.HubertModel(config).save_pretrained(made)
+    getattr(transformers, f"{kind}Model")(config).save_pretrained(made)
     return made
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tiny("hubert", tmp_path_factory.mktemp("hubert"))
+
+
+def test_wav2vec2_is_heard_alike(tmp_path: Path) -> None:
+    sound = spoken().samples
+    found = features_by_name("wav2vec2", tiny("wav2vec2", tmp_path)).extract(sound)
+    assert found.shape == (voice.steps(len(sound)), 16)
+    assert np.isfinite(found).all()
 
 
 def test_features_of_a_folder(folder: Path) -> None:
