@@ -10,7 +10,7 @@ from pathlib import Path
 from dfrf import checkpoint, presets
 from dfrf.data import Identity as Person
 from dfrf.training import Progress, TrainingDivergedError, fit
-from dubbing import jobs, lock, stages
+from dubbing import jobs, lock, stages, steps
 from dubbing.errors import TrainingError
 from dubbing.files import atomic_write_json
 from dubbing.finetuning import FinetuneSettings, clip_windows, init_from_base, write_curve
@@ -117,10 +117,12 @@ def load_person(
     job = jobs.identity_job(manifest, name, identity, device)
     if job.blocked is not None:
         raise job.blocked
-    stage = job.stages["prepare"]
-    stages.run(stage, lambda message, share: progress(f"{name}: {message}", share))
-    clip = PreparedClip.load(stage.folder)
+    prepare, source = job.stages["prepare"], job.stages["source"]
+    for stage in (prepare, source):
+        stages.run(stage, lambda message, share: progress(f"{name}: {message}", share))
+    clip = PreparedClip.load(prepare.folder)
     first, count = round(identity.start * clip.rate), round(identity.seconds * clip.rate)
     every = max(1, math.ceil(min(count, clip.frames_count - first) / MOST_FRAMES))
-    windows = clip_windows(clip, settings.speech, settings.weights)
-    return load_identity(name, stage.folder, windows, first, count, every)
+    offset = steps.offset_of(source.folder)
+    windows = clip_windows(clip, settings.speech, settings.weights, offset)
+    return load_identity(name, prepare.folder, windows, first, count, every)

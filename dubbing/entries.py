@@ -65,7 +65,7 @@ class Identity(Entry):
     consent: Consent
     preset: Literal["fast", "ad-nerf", "nerf"] = "fast"
     seed: int = Field(default=0, ge=0, lt=2**31)
-    speech: Literal["mel", "rnn", "hubert", "wav2vec2"] = "mel"
+    speech: Literal["mel", "rnn", "hubert", "wav2vec2"] = "rnn"
     speech_weights: FilePath | None = None
     size: int = Field(default=512, ge=64, le=1024, multiple_of=8)
     base: FilePath | None = None

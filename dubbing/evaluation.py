@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from dubbing import jobs, lock, media, stages
+from dubbing import jobs, lock, media, stages, steps
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
 from dubbing.finetuning import MODEL_FILE, SUMMARY_FILE, clip_windows
@@ -87,11 +87,11 @@ def evaluate_one(
     job = jobs.identity_job(manifest, name, identity, device)
     if job.blocked is not None:
         raise job.blocked
-    prepare, finetune = job.stages["prepare"], job.stages["finetune"]
+    prepare, source, finetune = (job.stages[n] for n in ("prepare", "source", "finetune"))
     if method != "dfrf":
         # The model of the dubs stays where it is.
         finetune = replace(finetune, folder=finetune.folder.with_name(f"model-{method}"))
-    for stage in (prepare, finetune):
+    for stage in (prepare, source, finetune):
         stages.run(stage, progress)
     clip = PreparedClip.load(prepare.folder)
     first, count = held_out(clip, identity.start + identity.seconds)
@@ -105,7 +105,9 @@ def evaluate_one(
     figures = measure(
         finetune.folder / MODEL_FILE,
         prepare.folder,
-        clip_windows(clip, identity.speech, identity.speech_weights),
+        clip_windows(
+            clip, identity.speech, identity.speech_weights, steps.offset_of(source.folder)
+        ),
         first,
         count,
         out,

@@ -43,7 +43,7 @@ class FinetuneSettings:
     preset: str = "fast"
     iterations: int = presets.FINETUNE.iterations
     seed: int = 0
-    speech: str = "mel"
+    speech: str = "rnn"
     speech_weights: str | None = None
 
     @property
@@ -95,6 +95,7 @@ def finetune(
     settings: FinetuneSettings,
     base: Path | None,
     device: str = "auto",
+    offset: int = 0,
     progress: Callable[[Progress], None] | None = None,
 ) -> None:
     """Writes OUT/model.safetensors, OUT/loss.csv and OUT/finetune.json.
@@ -108,6 +109,7 @@ def finetune(
         settings: see `FinetuneSettings`.
         base: checkpoint to start from; None starts from random weights.
         device: auto, cpu or cuda.
+        offset: frames by which the clip's sound comes early; see `clip_windows`.
         progress: called after every step.
 
     Raises:
@@ -115,7 +117,7 @@ def finetune(
         CheckpointError: the base does not fit.
     """
     clip = PreparedClip.load(prepared)
-    windows = clip_windows(clip, settings.speech, settings.weights)
+    windows = clip_windows(clip, settings.speech, settings.weights, offset)
     first = round(start * clip.rate)
     person = load_identity(clip.clip.stem, prepared, windows, first, round(seconds * clip.rate))
     model = init_from_base(base, settings)
@@ -151,8 +153,14 @@ def finetune(
     shutil.rmtree(out / RESUME_FOLDER)
 
 
-def clip_windows(clip: PreparedClip, speech: str, weights: Path | None = None) -> np.ndarray:
+def clip_windows(
+    clip: PreparedClip, speech: str, weights: Path | None = None, offset: int = 0
+) -> np.ndarray:
     """Speech windows of every frame of a clip, (T, 16, D), from its own sound.
+
+    Args:
+        offset: frames by which the sound comes early: what belongs to frame i is heard at
+            frame i - offset. A person learned with it is dubbed in sync.
 
     Raises:
         TrainingError: the clip has no sound.
@@ -164,7 +172,7 @@ def clip_windows(clip: PreparedClip, speech: str, weights: Path | None = None) -
             "use a clip of the person speaking, with its sound",
         )
     heard, _ = features.features_of_file(clip.clip, features.features_by_name(speech, weights))
-    return features.windows(heard, clip.frames_count, clip.rate)
+    return features.windows(heard, clip.frames_count, clip.rate, first=-offset)
 
 
 def reference_frames(

@@ -18,18 +18,18 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 2,
-    "finetune": 1,
+    "finetune": 2,
     "source": 1,
     "speech": 1,
     "heads": 1,
     "video": 1,
     "sync": 1,
 }
-OF_IDENTITY = ("prepare", "finetune", "source")
+OF_IDENTITY = ("prepare", "source", "finetune")
 OF_DUB = ("speech", "heads", "video", "sync")
 NEEDS = {  # the stages of the identity that a dub's stage waits for
     "speech": (),
-    "heads": ("prepare", "finetune"),
+    "heads": ("prepare", "source", "finetune"),
     "video": ("prepare",),
     "sync": (),  # without the source's own figures it still says something
 }
@@ -112,14 +112,6 @@ def identity_job(manifest: Manifest, name: str, identity: Identity, device: str)
         "speech": identity.speech,
         "iterations": "of the preset" if iterations is None else iterations,
     }
-    finetune = Stage(
-        "finetune",
-        folder / "model",
-        VERSIONS["finetune"],
-        settings,
-        {"prepared": prepare, **({"base": base} if base else {}), **speech_input(identity)},
-        steps.Finetune(identity, prepare.folder, base, device),
-    )
     source = Stage(
         "source",
         folder / "source_sync",
@@ -128,7 +120,20 @@ def identity_job(manifest: Manifest, name: str, identity: Identity, device: str)
         {"clip": identity.clip},
         steps.Check(identity.clip),
     )
-    stages = {stage.name: stage for stage in (prepare, finetune, source)}
+    finetune = Stage(
+        "finetune",
+        folder / "model",
+        VERSIONS["finetune"],
+        settings,
+        {
+            "prepared": prepare,
+            "source": source,
+            **({"base": base} if base else {}),
+            **speech_input(identity),
+        },
+        steps.Finetune(identity, prepare.folder, source.folder, base, device),
+    )
+    stages = {stage.name: stage for stage in (prepare, source, finetune)}
     return Job("identity", name, stages, blocked=manifest.damaged.get(identity.clip))
 
 

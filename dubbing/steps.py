@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -17,6 +17,9 @@ from dubbing import timeline
 from dubbing.entries import Dub, Identity
 from dubbing.files import atomic_write_json
 from dubbing.stages import Progress
+
+if TYPE_CHECKING:
+    from dubbing.sync.result import SyncResult
 
 SYNC_FILE = "sync.json"
 
@@ -35,10 +38,11 @@ class Prepare:
 
 @dataclass(frozen=True)
 class Finetune:
-    """A person's model, from the base checkpoint and the prepared clip."""
+    """A person's model, from the base checkpoint, the prepared clip and its sync check."""
 
     identity: Identity
     prepared: Path
+    source: Path
     base: Path | None
     device: str
 
@@ -66,6 +70,7 @@ class Finetune:
             settings=settings,
             base=self.base,
             device=self.device,
+            offset=offset_of(self.source),
             progress=told,
         )
 
@@ -164,13 +169,27 @@ class Check:
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.sync.check import check
-        from dubbing.sync.result import SyncResult
 
         progress("listening and looking", 0.0)
-        own = None
-        if self.source is not None and self.source.is_file():
-            own = TypeAdapter(SyncResult).validate_json(self.source.read_bytes())
+        own = read_check(self.source) if self.source is not None else None
         atomic_write_json(out / SYNC_FILE, check(self.video, source=own).to_json())
+
+
+def read_check(path: Path) -> SyncResult | None:
+    """A sync check that a stage wrote; None where there is none."""
+    from dubbing.sync.result import SyncResult
+
+    if not path.is_file():
+        return None
+    return TypeAdapter(SyncResult).validate_json(path.read_bytes())
+
+
+def offset_of(folder: Path) -> int:
+    """Frames by which the sound of a clip comes early, from the folder of its source check."""
+    from dubbing.sync.result import sound_offset
+
+    found = read_check(folder / SYNC_FILE)
+    return sound_offset(found) if found is not None else 0
 
 
 def first_frame(dub: Dub, rate: Fraction) -> int:

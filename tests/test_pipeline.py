@@ -80,7 +80,7 @@ def test_a_dub_from_end_to_end(footage: Path, tmp_path: Path) -> None:
     result, began = dub(path)
     assert result.code == 0
     expected = (
-        "ann:prepare ann:finetune ann:source ann_it:speech ann_it:heads ann_it:video ann_it:sync"
+        "ann:prepare ann:source ann:finetune ann_it:speech ann_it:heads ann_it:video ann_it:sync"
     )
     assert began == expected.split()
     out = tmp_path / "out"

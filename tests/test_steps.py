@@ -12,6 +12,7 @@ import pytest
 
 from dubbing import steps
 from dubbing.entries import Consent, Dub, Finetune, Identity
+from dubbing.files import atomic_write_json
 from dubbing.speech import Speech
 from tests import clips, fakes
 
@@ -48,13 +49,21 @@ def test_prepare(identity: Identity, tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def test_finetune(identity: Identity, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from dubbing import finetuning
+    from dubbing.sync.result import Media, SyncResult
 
     work = create_autospec(finetuning.finetune)
     monkeypatch.setattr(finetuning, "finetune", work)
-    steps.Finetune(identity, tmp_path / "prepared", None, "cpu")(tmp_path, quiet)
+    media = Media(75, "25", 3.0, 3.0, 2.0, 3.0)
+    found = SyncResult("warn", "late", "lips", media, offset_frames=-3, confidence=0.2)
+    (tmp_path / "source").mkdir()
+    atomic_write_json(tmp_path / "source" / steps.SYNC_FILE, found.to_json())
+    steps.Finetune(identity, tmp_path / "prepared", tmp_path / "source", None, "cpu")(
+        tmp_path, quiet
+    )
     (positional, named) = work.call_args
     assert positional == (tmp_path / "prepared", tmp_path)
     assert (named["start"], named["seconds"], named["device"]) == (0.0, 1.0, "cpu")
+    assert named["offset"] == -3
     settings = named["settings"]
     assert (settings.preset, settings.iterations, settings.seed) == ("fast", 3, 0)
 

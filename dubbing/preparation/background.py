@@ -24,8 +24,8 @@ PROFILE = 96  # samples across the neck, over PROFILE_SPAN face widths to both s
 PROFILE_SPAN = 1.0
 PROFILE_DEPTH = 8  # px at S = 512 below the hole that are averaged
 NECK_HEIGHT = 0.38  # face widths
-NECK_HALF_WIDTH = 0.36  # face widths: further out the neck ends, what is there are shoulders
-NECK_ROUNDING = 0.14  # face widths over which its height falls to nothing
+NECK_HALF_WIDTH = 0.22  # face widths: further out the neck ends, what is there is a collar
+NECK_ROUNDING = 0.2  # face widths over which its height falls to nothing
 NECK_DARKENING = 0.12  # at its upper end, under the chin's shadow
 SEAM_ROWS = 3  # px below the hole whose colour the seam takes
 SEAM_DEPTH = 10.0  # px at S = 512 over which it goes over into the smoothed colour

@@ -46,11 +46,11 @@ RIGID: tuple[int, ...] = (
     *(33, 133, 362, 263),
 )
 
-# Outline of the skin that moves with the skull: an inner ring of the forehead and temples, cheek
-# bones, the sides of the nose. It ends above the upper lip.
+# Outline of the skin that moves with the skull: temples, cheek bones, the nose. It ends above the
+# upper lip and below the forehead, whose skin goes up and wrinkles with the brows.
 UPPER_FACE: tuple[int, ...] = (
-    *(151, 337, 299, 333, 298, 301, 368, 264, 447, 345, 330, 429, 278, 1),
-    *(48, 209, 101, 116, 227, 34, 139, 71, 68, 104, 69, 108),
+    *(8, 301, 368, 264, 447, 345, 330, 429, 278, 1),
+    *(48, 209, 101, 116, 227, 34, 139, 71),
 )
 
 # Eyes with their brows: inside the upper face, yet they move by themselves.

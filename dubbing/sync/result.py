@@ -114,6 +114,18 @@ class SyncResult:
         return values
 
 
+def sound_offset(result: SyncResult) -> int:
+    """Frames by which a clip's sound comes early (negative: late), as far as one can rely on it.
+
+    0 unless the sound is off by at least two frames, which a viewer notices and a network should
+    not learn, and the check is surer than of speech that does not belong.
+    """
+    if result.offset_frames is None or result.confidence is None:
+        return 0
+    sure = result.confidence >= PASS_SHARE * TYPICAL_CONFIDENCE
+    return result.offset_frames if sure and abs(result.offset_frames) > 1 else 0
+
+
 def reference_confidence(source: SyncResult | None, method: str) -> float | None:
     """The source's confidence, if it was measured by the same method."""
     return source.confidence if source is not None and source.method == method else None

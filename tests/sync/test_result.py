@@ -14,6 +14,7 @@ from dubbing.sync.result import (
     SyncResult,
     judge,
     reference_confidence,
+    sound_offset,
     unjudgeable,
 )
 
@@ -103,3 +104,14 @@ def test_json_round_trip() -> None:
     result = replace(source, segments=[Segment(0, 4, None, None, None, 0.5)], source=source)
     text = json.dumps(result.to_json())
     assert TypeAdapter(SyncResult).validate_json(text) == result
+
+
+@pytest.mark.parametrize(
+    ("offset", "confidence", "known"),
+    [(3, 0.5, 3), (-2, 0.2, -2), (1, 0.5, 0), (0, 0.5, 0), (4, 0.05, 0), (None, None, 0)],
+)
+def test_sound_is_moved_only_when_it_is_surely_off(
+    offset: int | None, confidence: float | None, known: int
+) -> None:
+    result = SyncResult("warn", "", "lips", FACTS, offset_frames=offset, confidence=confidence)
+    assert sound_offset(result) == known
