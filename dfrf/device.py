@@ -42,3 +42,9 @@ def table_type(device: torch.device) -> torch.dtype:
 def chunk_size(device: torch.device) -> int:
     """Points evaluated at once: on a CPU their activations must stay in the cache."""
     return 8192 if device.type == "cpu" else 1 << 18
+
+
+def finish(device: torch.device) -> None:
+    """Waits for work that a GPU still has before it, for honest timings."""
+    if device.type == "cuda":
+        torch.cuda.synchronize(device)

@@ -69,7 +69,7 @@ def march(
         jitter: (R,) in 0..1, shifts the samples of each ray by that part of a step; None is 0.5.
     """
     rays = origins.shape[0]
-    enter, leave = box_interval(origins, directions, grid.low, grid.high)
+    enter, leave = box_interval(origins, directions, *grid.bounds())
     span = (leave - enter).amax().clamp_min(0) if rays else enter.new_zeros(())
     steps = int(torch.ceil(span / config.step).item())
     phase = jitter if jitter is not None else torch.full_like(enter, 0.5)

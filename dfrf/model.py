@@ -106,6 +106,15 @@ def bilinear_rows(points: Tensor, height: int, width: int, first: Tensor) -> tup
     return rows, weights
 
 
+def of_points(values: Tensor, belongs: Tensor) -> Tensor:
+    """Values of frames (F, K) for each of M points, (M, K), or (1, K) where there is one frame.
+
+    A product with `belongs` (M, F) instead of an index: the gradient of indexing is added up by
+    several threads in any order, and training would not be the same twice.
+    """
+    return values if values.shape[0] == 1 else belongs @ values
+
+
 class ReferenceEncoder(nn.Module):
     """Two 3x3 convolutions without down-sampling, then a linear layer a pixel.
 
@@ -154,7 +163,7 @@ class Warp(nn.Module):
             belongs: (M, F) 1 where a point belongs to a frame.
             feature: (N, M, C) what each reference shows where the point projects.
         """
-        shared = self.point(point) + belongs @ self.speech(code)
+        shared = self.point(point) + of_points(self.speech(code), belongs)
         h = F.relu(self.feature(feature) + shared)
         raw = self.out(F.relu(self.hidden(h))).float()
         return self.max_offset * torch.tanh(raw * (10.0 / self.max_offset))
@@ -175,7 +184,7 @@ class Aggregation(nn.Module):
         self, feature: Tensor, view: Tensor, point: Tensor, code: Tensor, belongs: Tensor
     ) -> tuple[Tensor, Tensor]:
         """From features (N, M, C) and view differences (N, M, 4) to (M, out_dim) and (N, M)."""
-        shared = self.point(point) + belongs @ self.speech(code)
+        shared = self.point(point) + of_points(self.speech(code), belongs)
         token = F.relu(self.feature(torch.cat([feature, view], -1)) + shared)
         weight = self.logit(token).squeeze(-1).float().softmax(0)
         w = weight[..., None].to(feature.dtype)
@@ -245,8 +254,6 @@ class Field(nn.Module):
         """
         config = self.config
         encoded = frequency_encoding(points, config.point_octaves)
-        # A product instead of codes[frame]: the gradient of indexing is added up by several
-        # threads in any order, and training would not be the same twice.
         belongs = F.one_hot(frame, codes.shape[0]).to(codes.dtype)
         parts = [encoded]
         offset = points.new_zeros(0, points.shape[0], 2)
@@ -282,7 +289,7 @@ class Field(nn.Module):
             )
             blended = (weight[..., None] * feature[..., COLOUR].float()).sum(0)
             parts.append(fused.to(encoded.dtype))
-        h = F.relu(self.input(torch.cat(parts, -1)) + belongs @ self.speech(codes))
+        h = F.relu(self.input(torch.cat(parts, -1)) + of_points(self.speech(codes), belongs))
         for layer in self.hidden:
             h = F.relu(layer(h))
         centre, radii = points.new_tensor(PRIOR_CENTRE), points.new_tensor(PRIOR_RADII)

@@ -14,6 +14,8 @@ from torch import Tensor, nn
 from dfrf.config import BOX_HIGH, BOX_LOW
 
 OPEN_WEIGHT = 0.02
+# A trained head is rendered through its heavy cells alone; lighter ones add nothing one can see.
+RENDERED_WEIGHT = 0.005
 FADE = 0.7
 
 
@@ -47,6 +49,23 @@ class OccupancyGrid(nn.Module):
         axis = (torch.arange(self.resolution, device=self.low.device) + 0.5) / self.resolution
         unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
         return self.low + unit * (self.high - self.low)
+
+    def bounds(self) -> tuple[Tensor, Tensor]:
+        """Corners (3,) of the box that holds all open cells; the same twice where none is open."""
+        low, high = self.low.clone(), self.low.clone()
+        cell = (self.high - self.low) / self.resolution
+        for axis in range(3):
+            across = [other for other in range(3) if other != axis]
+            open_cells = torch.nonzero(self.occupied.any(across[1]).any(across[0])).view(-1)
+            if open_cells.numel():
+                low[axis] += cell[axis] * open_cells[0]
+                high[axis] += cell[axis] * (open_cells[-1] + 1)
+        return low, high
+
+    @torch.no_grad()
+    def tighten(self) -> None:
+        """Leaves only the cells open that carry weight: for rendering, when training is over."""
+        self.occupied.copy_(self.weight > RENDERED_WEIGHT)
 
     @torch.no_grad()
     def start_from(self, keep: Tensor) -> None:

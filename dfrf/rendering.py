@@ -18,7 +18,7 @@ from dfrf.marching import PackedSamples, march
 from dfrf.model import FieldOutput, Model, ReferenceMaps
 
 RAYS_AT_ONCE = 16384
-SLAB = 4  # slots evaluated before looking again which rays are opaque
+SLAB = 2  # slots evaluated before looking again which rays are opaque
 OPAQUE = 5.0  # optical thickness
 ROUND_CHUNK = 1024
 
@@ -165,7 +165,9 @@ def head_pixels(model: Model, c2w: Tensor, focal: float, centre: Tensor, size: i
         row[inside].round().long().clamp(0, size - 1),
         column[inside].round().long().clamp(0, size - 1),
     ] = 1
-    grown = F.max_pool2d(mask[None, None], 2 * radius + 1, stride=1, padding=radius)[0, 0]
+    wide, tall = (1, 2 * radius + 1), (2 * radius + 1, 1)
+    grown = F.max_pool2d(mask[None, None], wide, stride=1, padding=(0, radius))
+    grown = F.max_pool2d(grown, tall, stride=1, padding=(radius, 0))[0, 0]
     return torch.nonzero(grown.view(-1) > 0).view(-1)
 
 

@@ -20,7 +20,7 @@ LAYERS = (
     {"preparation", "sync", "speaker"},
     {"identity", "compositing"},
     {"finetuning", "heads", "video"},
-    {"measuring"},
+    {"measuring", "benchmark"},
     {"steps"},
     {"jobs"},
     {"running", "planning", "machine", "starting"},

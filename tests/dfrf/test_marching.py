@@ -4,7 +4,7 @@ import torch
 
 from dfrf.config import MarchConfig
 from dfrf.marching import box_interval, march
-from dfrf.occupancy import FADE, OPEN_WEIGHT, OccupancyGrid
+from dfrf.occupancy import FADE, OPEN_WEIGHT, RENDERED_WEIGHT, OccupancyGrid
 
 CONFIG = MarchConfig(resolution=8, step=0.2, max_samples=5)
 
@@ -17,11 +17,14 @@ def rays(count: int) -> tuple[torch.Tensor, torch.Tensor]:
 
 def test_march_keeps_what_a_loop_keeps() -> None:
     grid = OccupancyGrid(8)
-    grid.start_from(torch.rand(512) < 0.4)
+    occupied = torch.rand(8, 8, 8) < 0.4
+    occupied[:2] = False
+    occupied[:, :, 7] = False
+    grid.start_from(occupied)
     origins, directions = rays(40)
     jitter = torch.rand(40)
     packed = march(origins, directions, grid, CONFIG, jitter)
-    enter, leave = box_interval(origins, directions, grid.low, grid.high)
+    enter, leave = box_interval(origins, directions, *grid.bounds())
     expected = []
     for r in range(40):
         kept, step = 0, 0
@@ -84,3 +87,27 @@ def test_the_largest_weight_of_a_cell_counts() -> None:
     grid.observe(point[:1], torch.tensor([0.3]))
     assert grid.weight.view(-1)[77] == torch.tensor(0.6)
     assert grid.weight.sum() == torch.tensor(0.6)
+
+
+def test_bounds_hold_the_open_cells_and_nothing_more() -> None:
+    grid = OccupancyGrid(8)
+    occupied = torch.zeros(8, 8, 8, dtype=torch.bool)
+    assert torch.equal(*grid_bounds(grid, occupied))
+    occupied[2, 3, 7] = occupied[5, 3, 1] = True
+    low, high = grid_bounds(grid, occupied)
+    cell = (grid.high - grid.low) / 8
+    torch.testing.assert_close(low, grid.low + cell * torch.tensor([2.0, 3.0, 1.0]))
+    torch.testing.assert_close(high, grid.low + cell * torch.tensor([6.0, 4.0, 8.0]))
+
+
+def grid_bounds(grid: OccupancyGrid, occupied: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    grid.start_from(occupied)
+    return grid.bounds()
+
+
+def test_a_tightened_grid_keeps_what_carries_weight() -> None:
+    grid = OccupancyGrid(8)
+    grid.start_from(torch.zeros(512, dtype=torch.bool))
+    grid.observe(grid.centres()[[100, 300]], torch.tensor([0.9, RENDERED_WEIGHT / 2]))
+    grid.tighten()
+    assert grid.occupied.view(-1).nonzero().view(-1).tolist() == [100]
