@@ -222,7 +222,7 @@ def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:
     built = jobs.build(read(folder, with_speech("speech: rnn")))
     stages = [built.identities["host"].stages["finetune"], built.dubs["host_it"].stages["speech"]]
     assert [stage.inputs["speech_weights"] for stage in stages] == [DEFAULT_WEIGHTS] * 2
-    mel = jobs.build(read(folder, GOOD)).identities["host"].stages["finetune"]
+    mel = jobs.build(read(folder, with_speech("speech: mel"))).identities["host"].stages["finetune"]
     assert "speech_weights" not in mel.inputs
 
 
