@@ -14,8 +14,6 @@ from torch import Tensor, nn
 from dfrf.config import BOX_HIGH, BOX_LOW
 
 OPEN_WEIGHT = 0.02
-# A trained head is rendered through its heavy cells alone; lighter ones add nothing one can see.
-RENDERED_WEIGHT = 0.005
 FADE = 0.7
 
 
@@ -61,11 +59,6 @@ class OccupancyGrid(nn.Module):
                 low[axis] += cell[axis] * open_cells[0]
                 high[axis] += cell[axis] * (open_cells[-1] + 1)
         return low, high
-
-    @torch.no_grad()
-    def tighten(self) -> None:
-        """Leaves only the cells open that carry weight: for rendering, when training is over."""
-        self.occupied.copy_(self.weight > RENDERED_WEIGHT)
 
     @torch.no_grad()
     def start_from(self, keep: Tensor) -> None:

@@ -137,7 +137,6 @@ def finetune(
         raise TrainingError(
             str(error), person.name, "lower the learning rate or change the seed"
         ) from error
-    model.grid.tighten()
     views = None if references is None else cut_references(person, references)
     header = {
         **settings.heard_with(),

@@ -4,7 +4,7 @@ import torch
 
 from dfrf.config import MarchConfig
 from dfrf.marching import box_interval, march
-from dfrf.occupancy import FADE, OPEN_WEIGHT, RENDERED_WEIGHT, OccupancyGrid
+from dfrf.occupancy import FADE, OPEN_WEIGHT, OccupancyGrid
 
 CONFIG = MarchConfig(resolution=8, step=0.2, max_samples=5)
 
@@ -103,11 +103,3 @@ def test_bounds_hold_the_open_cells_and_nothing_more() -> None:
 def grid_bounds(grid: OccupancyGrid, occupied: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
     grid.start_from(occupied)
     return grid.bounds()
-
-
-def test_a_tightened_grid_keeps_what_carries_weight() -> None:
-    grid = OccupancyGrid(8)
-    grid.start_from(torch.zeros(512, dtype=torch.bool))
-    grid.observe(grid.centres()[[100, 300]], torch.tensor([0.9, RENDERED_WEIGHT / 2]))
-    grid.tighten()
-    assert grid.occupied.view(-1).nonzero().view(-1).tolist() == [100]
