@@ -185,7 +185,7 @@ def paper_row(scene: Scene) -> Row:
     """A frame of the published model, from some of its rays through the same head."""
     assert scene.maps is not None
     views, device, size = scene.maps.views, scene.device, scene.clip.size
-    model = PaperModel().to(device).eval()
+    model = PaperModel().to(device).eval().requires_grad_(False)
     references = References(views.images.float() / 255, views.c2w, views.focal, views.centres)
     maps = model.encode(references)
     frame = scene.frames[0]
