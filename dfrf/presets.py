@@ -15,7 +15,9 @@ BASE_TRAINING = TrainConfig(
     lip_iterations=500,
     lip_weight=0.01,
 )
-FINETUNE = TrainConfig(iterations=1000)
+# The speech networks stay the base's: fifteen seconds teach them by heart and cost what they know.
+FINETUNE = TrainConfig(iterations=1000, speech_rate=0.0)
+FROM_SCRATCH_SPEECH_RATE = 1.0  # without a base they have everything to learn
 
 
 def model_config(preset: str, speech_dim: int) -> ModelConfig:

@@ -122,6 +122,8 @@ def finetune(
     person = load_identity(clip.clip.stem, prepared, windows, first, round(seconds * clip.rate))
     model = init_from_base(base, settings)
     config = replace(presets.FINETUNE, iterations=settings.iterations, seed=settings.seed)
+    if base is None:
+        config = replace(config, speech_rate=presets.FROM_SCRATCH_SPEECH_RATE)
     references = reference_frames(person, clip, first, model.config.field.references)
     try:
         curve = fit(

@@ -18,7 +18,7 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 2,
-    "finetune": 2,
+    "finetune": 3,
     "source": 1,
     "speech": 1,
     "heads": 1,
