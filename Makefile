@@ -29,9 +29,9 @@ test: .venv/installed-dev
 	$(BIN)/python -m pytest -q
 
 # Times a person that was dubbed before; the demo's by default.
-BENCH ?= out/demo/work/identities/alba
+BENCH ?= manifests/demo.yaml alba
 bench: .venv/installed
-	$(BIN)/python -m dubbing.benchmark $(BENCH)/model/model.safetensors $(BENCH)/prepared out/bench.json
+	$(BIN)/python -m dubbing.benchmark $(BENCH) out/bench.json
 
 check: .venv/installed-dev
 	$(BIN)/ruff format --check .

@@ -1,8 +1,8 @@
 """Where the time of a frame and of a training step goes, on the device at hand.
 
-    python -m dubbing.benchmark MODEL PREPARED OUT.json
+    python -m dubbing.benchmark MANIFEST IDENTITY OUT.json
 
-MODEL is a fine-tuned person, PREPARED the folder of the clip. The published model (`paper` preset,
+IDENTITY is a person of the manifest who was fine-tuned before. The published model (`paper` preset,
 random weights, its own samples) renders a few rays of the same head, with the same references; its
 frame is that time for all rays of the picture. FLOP are of matrix products and convolutions.
 """
@@ -32,11 +32,13 @@ from dfrf.model import Model, ReferenceMaps
 from dfrf.paper import PaperModel, References
 from dfrf.rendering import evaluate, head_pixels, render_rays
 from dfrf.training import fit
-from dubbing import heads
+from dubbing import heads, jobs
 from dubbing.compositing import composite
+from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
-from dubbing.finetuning import clip_windows, reference_frames
+from dubbing.finetuning import MODEL_FILE, clip_windows, reference_frames
 from dubbing.identity import load_identity
+from dubbing.manifest import load
 from dubbing.preparation.prepared import PreparedClip
 
 FRAMES = 3
@@ -240,13 +242,19 @@ def table(rows: list[Row], rate: float) -> str:
 def main() -> None:
     """Prints the table and writes it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("model", type=Path)
-    parser.add_argument("prepared", type=Path)
+    parser.add_argument("manifest", type=Path)
+    parser.add_argument("identity")
     parser.add_argument("out", type=Path)
     parser.add_argument("--device", default="auto")
     asked = parser.parse_args()
-    model, maps, header = heads.load(asked.model, asked.device)
-    clip = PreparedClip.load(asked.prepared)
+    try:
+        people = jobs.build(load(asked.manifest), only=(asked.identity,)).identities
+        person = people[asked.identity].stages
+        prepared = person["prepare"].folder
+        clip = PreparedClip.load(prepared)
+        model, maps, header = heads.load(person["finetune"].folder / MODEL_FILE, asked.device)
+    except DubbingError as error:
+        parser.error(str(error))
     windows = clip_windows(clip, str(header["speech"]))
     usable = np.flatnonzero(clip.valid)
     frames = usable[np.linspace(0, len(usable) - 1, FRAMES + 2).round().astype(int)][1:-1]
@@ -255,7 +263,7 @@ def main() -> None:
     rows = frame_rows(scene)
     if maps is not None:
         rows.append(paper_row(scene))
-    rows.append(training_row(scene, asked.prepared))
+    rows.append(training_row(scene, prepared))
     march_row = next(r for r in rows if r.stage == "march")
     rays = next(r for r in rows if r.stage == "project the grid").count
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
