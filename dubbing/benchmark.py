@@ -248,7 +248,9 @@ def main() -> None:
     parser.add_argument("--device", default="auto")
     asked = parser.parse_args()
     try:
-        people = jobs.build(load(asked.manifest), only=(asked.identity,)).identities
+        people = jobs.build(load(asked.manifest)).identities
+        if asked.identity not in people:
+            parser.error(f"no identity {asked.identity!r}; there is {', '.join(people)}")
         person = people[asked.identity].stages
         prepared = person["prepare"].folder
         clip = PreparedClip.load(prepared)

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 # From low to high. A module may import what is on its own line or above, never below.
 LAYERS = (
     {"errors", "files", "overlap"},
-    {"media", "voice", "timeline", "provenance"},
+    {"media", "voice", "timeline", "provenance", "shipped_weights"},
     {"features", "acoustics", "speech", "yaml_lines", "entries", "inputs", "messages"},
     {"manifest", "stages", "lock"},
     {"preparation", "sync", "speaker"},

@@ -10,14 +10,11 @@ from typing import Any
 
 import torch
 from jaxtyping import Float
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import load_file, save_file
 from torch import Tensor
 
 from dubbing.acoustics.network import AcousticNetwork, Heard
 from dubbing.acoustics.paths import DEFAULT_WEIGHTS
-from dubbing.errors import DubbingError
-from dubbing.files import atomic_path
+from dubbing.shipped_weights import load_float, save_half
 
 FORMAT = "dfrf-speech-1"
 _PREFIX = "network."
@@ -47,13 +44,9 @@ class SpeechModel:
 
 def save_model(model: SpeechModel, path: Path, about: dict[str, Any]) -> None:
     """Weights in half precision, with what they are in the header."""
-    tensors = {_PREFIX + k: v.detach().half() for k, v in model.network.state_dict().items()}
-    tensors |= {"projection": model.projection.half(), "silence": model.silence.half()}
-    header = {"format": FORMAT, "about": json.dumps(about)}
-    with atomic_path(path) as temporary:
-        save_file({k: v.contiguous() for k, v in tensors.items()}, temporary, header)
-        # safetensors makes files only their owner may read; weights are for everyone.
-        temporary.chmod(0o644)
+    tensors = {_PREFIX + k: v for k, v in model.network.state_dict().items()}
+    tensors |= {"projection": model.projection, "silence": model.silence}
+    save_half(tensors, path, {"format": FORMAT, "about": json.dumps(about)})
 
 
 def load_model(path: Path = DEFAULT_WEIGHTS) -> SpeechModel:
@@ -63,14 +56,7 @@ def load_model(path: Path = DEFAULT_WEIGHTS) -> SpeechModel:
         DubbingError: the file is missing, damaged or holds something else.
     """
     remedy = "make one with 'dfrf train-speech', or reinstall the package"
-    try:
-        with safe_open(path, "pt") as file:
-            header = file.metadata() or {}
-    except (OSError, SafetensorError) as error:
-        raise DubbingError(f"speech weights cannot be read: {error}", str(path), remedy) from error
-    if header.get("format") != FORMAT:
-        raise DubbingError("these are no weights of our speech network", str(path), remedy)
-    tensors = {k: v.float() for k, v in load_file(path).items()}
+    tensors, _ = load_float(path, FORMAT, "speech", remedy)
     network = AcousticNetwork()
     network.load_state_dict(
         {k.removeprefix(_PREFIX): v for k, v in tensors.items() if k.startswith(_PREFIX)}

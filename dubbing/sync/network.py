@@ -13,13 +13,11 @@ from typing import Any
 
 import torch
 from jaxtyping import Float
-from safetensors import SafetensorError, safe_open
-from safetensors.torch import load_file, save_file
 from torch import Tensor, nn
 from torch.nn import functional as F
 
 from dubbing.errors import SyncError
-from dubbing.files import atomic_path
+from dubbing.shipped_weights import load_float, save_half
 from dubbing.sync.mouth import MOUTH, RIGID
 
 # Five frames of the 25 fps the network was made for; other rates are interpolated to it.
@@ -116,11 +114,7 @@ class SyncNetwork(nn.Module):
 def save_network(network: SyncNetwork, path: Path, about: dict[str, Any]) -> None:
     """Weights in half precision, with what they are in the header."""
     header = {"format": FORMAT, "members": str(len(network.members)), "about": json.dumps(about)}
-    tensors = {k: v.detach().half().contiguous() for k, v in network.state_dict().items()}
-    with atomic_path(path) as temporary:
-        save_file(tensors, temporary, header)
-        # safetensors makes files only their owner may read; weights are for everyone.
-        temporary.chmod(0o644)
+    save_half(network.state_dict(), path, header)
 
 
 def load_network(path: Path = DEFAULT_WEIGHTS) -> SyncNetwork:
@@ -130,13 +124,7 @@ def load_network(path: Path = DEFAULT_WEIGHTS) -> SyncNetwork:
         SyncError: the file is missing, damaged or holds something else.
     """
     remedy = "make one with 'dfrf train-sync', or leave the option out to use ours"
-    try:
-        with safe_open(path, "pt") as file:
-            header = file.metadata() or {}
-    except (OSError, SafetensorError) as error:
-        raise SyncError(f"sync weights cannot be read: {error}", str(path), remedy) from error
-    if header.get("format") != FORMAT:
-        raise SyncError("these are no weights of our sync network", str(path), remedy)
+    tensors, header = load_float(path, FORMAT, "sync", remedy, SyncError)
     network = SyncNetwork(int(header["members"]))
-    network.load_state_dict({k: v.float() for k, v in load_file(path).items()})
+    network.load_state_dict(tensors)
     return network.eval()

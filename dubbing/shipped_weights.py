@@ -1,0 +1,42 @@
+"""Weights of the package's own small networks on disk: half precision, a format in the header."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import load_file, save_file
+from torch import Tensor
+
+from dubbing.errors import DubbingError
+from dubbing.files import atomic_path
+
+
+def save_half(tensors: Mapping[str, Tensor], path: Path, header: dict[str, str]) -> None:
+    """Tensors in half precision; `header` holds at least `format`."""
+    halves = {name: value.detach().half().contiguous() for name, value in tensors.items()}
+    with atomic_path(path) as temporary:
+        save_file(halves, temporary, header)
+        # safetensors makes files only their owner may read; weights are for everyone.
+        temporary.chmod(0o644)
+
+
+def load_float(
+    path: Path, form: str, what: str, remedy: str, error: type[DubbingError] = DubbingError
+) -> tuple[dict[str, Tensor], dict[str, str]]:
+    """Tensors in float32, and the header.
+
+    Args:
+        form: the `format` the header must name.
+        what: whose weights they are, for messages: speech, sync.
+
+    Raises:
+        DubbingError: of the class `error`: the file is missing, damaged or holds something else.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            header = file.metadata() or {}
+    except (OSError, SafetensorError) as problem:
+        raise error(f"{what} weights cannot be read: {problem}", str(path), remedy) from problem
+    if header.get("format") != form:
+        raise error(f"these are no weights of our {what} network", str(path), remedy)
+    return {name: value.float() for name, value in load_file(path).items()}, header
