@@ -60,6 +60,10 @@ class OccupancyGrid(nn.Module):
                 high[axis] += cell[axis] * (open_cells[-1] + 1)
         return low, high
 
+    def near_open(self) -> Tensor:
+        """Cells (G, G, G) that are open or touch an open one."""
+        return F.max_pool3d(self.occupied[None, None].float(), 3, stride=1, padding=1)[0, 0] > 0
+
     @torch.no_grad()
     def start_from(self, keep: Tensor) -> None:
         """Opens exactly the cells of `keep` (G**3,) bool."""

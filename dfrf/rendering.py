@@ -113,6 +113,7 @@ def render_rays(
     *,
     jitter: Tensor | None = None,
     warp: bool = True,
+    group: int = 1,
 ) -> RayColours:
     """Volume rendering, equation (8), of rays (R, 3) through occupied cells.
 
@@ -123,8 +124,9 @@ def render_rays(
         maps: reference features, or None.
         jitter: (R,) in 0..1 shifts the samples of a ray by part of a step.
         warp: False in the coarse stage.
+        group: so many rays in turn are neighbours; see `march`.
     """
-    samples = march(origins, directions, model.grid, model.config.march, jitter)
+    samples = march(origins, directions, model.grid, model.config.march, jitter, group)
     look = evaluate if torch.is_grad_enabled() else evaluate_until_opaque
     out = look(model, samples, directions, frame, codes, maps, warp)
     thickness = out.density * model.config.march.step
@@ -145,8 +147,21 @@ def render_rays(
     )
 
 
-def head_pixels(model: Model, c2w: Tensor, focal: float, centre: Tensor, size: int) -> Tensor:
-    """Pixels (P,) (row-major) of a frame that occupied cells can cover, by projecting the grid.
+def tile_side(model: Model, c2w: Tensor, focal: float, size: int) -> int:
+    """Side in pixels of the square tiles whose rays stay within one cell of their mean."""
+    grid = model.grid
+    cell = float(((grid.high - grid.low) / grid.resolution).min())
+    far = float((c2w[:, 3] - (grid.low + grid.high) / 2).norm() + (grid.high - grid.low).norm() / 2)
+    for side in (8, 4, 2):
+        if size % side == 0 and (side - 1) / 2**0.5 * far / focal <= cell:
+            return side
+    return 1
+
+
+def head_tiles(
+    model: Model, c2w: Tensor, focal: float, centre: Tensor, size: int, side: int
+) -> Tensor:
+    """Pixels (P, side * side) (row-major) of the tiles that open cells can cover in a frame.
 
     Every open cell is splatted as a disc that covers its projection, so no ray that would meet an
     open cell is left out.
@@ -167,8 +182,11 @@ def head_pixels(model: Model, c2w: Tensor, focal: float, centre: Tensor, size: i
     ] = 1
     wide, tall = (1, 2 * radius + 1), (2 * radius + 1, 1)
     grown = F.max_pool2d(mask[None, None], wide, stride=1, padding=(0, radius))
-    grown = F.max_pool2d(grown, tall, stride=1, padding=(radius, 0))[0, 0]
-    return torch.nonzero(grown.view(-1) > 0).view(-1)
+    grown = F.max_pool2d(grown, tall, stride=1, padding=(radius, 0))
+    row, column = torch.nonzero(F.max_pool2d(grown, side)[0, 0] > 0).unbind(-1)
+    within = torch.arange(side, device=c2w.device)
+    first = row * side * size + column * side
+    return first[:, None] + (within[:, None] * size + within).view(-1)
 
 
 @torch.no_grad()
@@ -195,10 +213,11 @@ def render_frames(
     model.eval()
     for t in range(c2w.shape[0]):
         codes = model.field.speech_codes(windows[t : t + 1])
-        pixels = head_pixels(model, c2w[t], focal, centres[t], size)
+        side = tile_side(model, c2w[t], focal, size)
+        tiles = head_tiles(model, c2w[t], focal, centres[t], size, side)
         colour = torch.zeros(size * size, 3, device=c2w.device)
         opacity = torch.zeros(size * size, device=c2w.device)
-        for part in pixels.split(RAYS_AT_ONCE):
+        for part in tiles.view(-1).split(RAYS_AT_ONCE):
             position = torch.stack([part % size, part // size], -1).float()
             origins, directions = pixel_rays(
                 c2w[t].expand(part.numel(), 3, 4),
@@ -213,6 +232,7 @@ def render_frames(
                 torch.zeros_like(part),
                 codes,
                 maps,
+                group=side * side,
             )
             colour[part] = seen.colour
             opacity[part] = seen.opacity

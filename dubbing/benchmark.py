@@ -30,7 +30,7 @@ from dfrf.data import neighbour_windows
 from dfrf.marching import march
 from dfrf.model import Model, ReferenceMaps
 from dfrf.paper import PaperModel, References
-from dfrf.rendering import evaluate, head_pixels, render_rays
+from dfrf.rendering import evaluate, head_tiles, render_rays, tile_side
 from dfrf.training import fit
 from dubbing import heads, jobs
 from dubbing.compositing import composite
@@ -140,19 +140,21 @@ def frame_rows(scene: Scene) -> list[Row]:
     for frame in scene.frames:
         camera, heard = scene.camera(frame), scene.heard(frame)
         codes = model.field.speech_codes(heard)
-        pixels = head_pixels(model, camera[0], focal, camera[1], size)
+        side = tile_side(model, camera[0], focal, size)
+        pixels = head_tiles(model, camera[0], focal, camera[1], size, side).view(-1)
         rays, owner = scene.rays(frame, pixels), torch.zeros_like(pixels)
-        samples = march(*rays, model.grid, settings)
+        step_through = partial(march, *rays, model.grid, settings, group=side * side)
+        samples = step_through()
         found = samples.points.shape[0]
         note("speech code", partial(model.field.speech_codes, heard))
-        project = partial(head_pixels, model, camera[0], focal, camera[1], size)
+        project = partial(head_tiles, model, camera[0], focal, camera[1], size, side)
         note("project the grid", project, pixels.numel(), "rays")
-        note("march", partial(march, *rays, model.grid, settings), found, "samples")
+        note("march", step_through, found, "samples")
         field = partial(evaluate, model, samples, rays[1], owner, codes, scene.maps, True)
         note("field, every sample", field, found, "samples")
         note(
             "head, until opaque",
-            partial(render_rays, model, *rays, owner, codes, scene.maps),
+            partial(render_rays, model, *rays, owner, codes, scene.maps, group=side * side),
             pixels.numel(),
             "rays",
         )
@@ -191,9 +193,8 @@ def paper_row(scene: Scene) -> Row:
     references = References(views.images.float() / 255, views.c2w, views.focal, views.centres)
     maps = model.encode(references)
     frame = scene.frames[0]
-    head = head_pixels(
-        scene.model, *scene.camera(frame)[:1], float(scene.clip.focal), scene.camera(frame)[1], size
-    )
+    camera = scene.camera(frame)
+    head = head_tiles(scene.model, camera[0], float(scene.clip.focal), camera[1], size, 1).view(-1)
     pixels = head[torch.linspace(0, head.numel() - 1, PAPER_RAYS, device=device).long()]
     origins, directions = scene.rays(frame, pixels)
     near, far = float(scene.clip.near), float(scene.clip.far)

@@ -5,9 +5,11 @@ import torch
 from dfrf import presets
 from dfrf.cameras import pixel_rays
 from dfrf.data import cut_references, neighbour_windows
-from dfrf.marching import box_interval
+from dfrf.config import MarchConfig
+from dfrf.marching import box_interval, march
 from dfrf.model import Model, ReferenceMaps
-from dfrf.rendering import head_pixels, render_frames, render_rays
+from dfrf.occupancy import OccupancyGrid
+from dfrf.rendering import head_tiles, render_frames, render_rays, tile_side
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 
 
@@ -56,11 +58,13 @@ def test_the_grid_changes_nothing_where_it_covers_the_density() -> None:
     torch.testing.assert_close(packed.opacity, 1 - light, atol=0.25, rtol=0)
 
 
-def test_head_pixels_hold_every_pixel_that_sees_an_open_cell() -> None:
+def test_head_tiles_hold_every_pixel_that_sees_an_open_cell() -> None:
     model, maps = shown()
     someone = person()
     found = torch.zeros(SIZE * SIZE, dtype=torch.bool)
-    found[head_pixels(model, someone.c2w[1], FOCAL, someone.centres[1], SIZE)] = True
+    tiles = head_tiles(model, someone.c2w[1], FOCAL, someone.centres[1], SIZE, 2)
+    assert tiles.unique().numel() == tiles.numel()
+    found[tiles] = True
     assert 0.1 < found.float().mean() < 0.9
     rows, columns = torch.meshgrid(torch.arange(SIZE), torch.arange(SIZE), indexing="ij")
     pixels = torch.stack([columns, rows], -1).view(-1, 2).float()
@@ -74,6 +78,51 @@ def test_head_pixels_hold_every_pixel_that_sees_an_open_cell() -> None:
             model, origins, directions, torch.zeros(count).long(), torch.randn(1, 64), maps
         )
     assert not (seen.opacity[~found] > 0).any()
+
+
+def test_a_tile_lies_within_a_cell_and_shows_what_single_rays_show() -> None:
+    model, maps = shown()
+    someone = person()
+    camera = (someone.c2w[1], 4 * FOCAL, 4 * someone.centres[1], 4 * SIZE)
+    side = tile_side(model, camera[0], camera[1], camera[3])
+    assert side > 1
+    cell = float(((model.grid.high - model.grid.low) / model.grid.resolution).min())
+    assert 8.0 * (side - 1) / 2**0.5 / camera[1] < cell  # the head is 7 away
+    flat = head_tiles(model, *camera, side)[::40].flatten()
+    pixels = torch.stack([flat % camera[3], flat // camera[3]], -1).float()
+    count = len(pixels)
+    origins, directions = pixel_rays(
+        camera[0].expand(count, 3, 4), camera[1], camera[2].expand(count, 2), pixels
+    )
+    directions = torch.nn.functional.normalize(directions, dim=-1)
+    settings = model.config.march
+    together = march(origins, directions, model.grid, settings, group=side * side)
+    enter, _ = box_interval(origins, directions, *model.grid.bounds())
+    begin = enter.view(-1, side * side).amin(1).repeat_interleave(side * side)
+    # The same without looking at neighbours: rays moved to where their tile begins.
+    moved = origins + (begin - 0.1)[:, None] * directions
+    alone = brute_force(moved, directions, model.grid, settings, first=0.1)
+    assert together.points.shape[0] == sum(len(a) for a in alone) > 500
+    for r, expected in enumerate(alone):
+        mine = together.distance[together.ray == r] - (begin[r] - 0.1)
+        torch.testing.assert_close(mine, torch.tensor(expected), atol=1e-4, rtol=0)
+
+
+def brute_force(
+    origins: torch.Tensor,
+    directions: torch.Tensor,
+    grid: OccupancyGrid,
+    settings: MarchConfig,
+    first: float,
+) -> list[list[float]]:
+    """Distances of the samples of each ray, every step looked at."""
+    found: list[list[float]] = []
+    steps = first + (torch.arange(100) + 0.5) * settings.step
+    for o, d in zip(origins, directions, strict=True):
+        flat, inside = grid.cell(o + steps[:, None] * d)
+        kept = steps[inside & grid.occupied.view(-1)[flat]]
+        found.append(kept[: settings.max_samples].tolist())
+    return found
 
 
 def test_a_frame_does_not_depend_on_the_frames_beside_it() -> None:
