@@ -1,7 +1,7 @@
 """Batches for the two-stream network, varied as people, cameras and renders vary.
 
 Letters: B items of a batch, G = items of one stretch of one clip, V = 5 mouth frames,
-M mouth points, A = 10 sound steps, D = 80 mel bands.
+M mouth points, A = 10 sound steps, D = 144 channels, of which the first are log-mel.
 """
 
 from collections.abc import Sequence
@@ -11,14 +11,17 @@ import torch
 from torch import Tensor
 
 from dubbing.sync.clips import TalkingClip
+from dubbing.sync.hearing import CHANNELS, Take
 from dubbing.sync.mouth import MOUTH
 from dubbing.sync.network import MOUTH_STEP
-from dubbing.sync.windows import centred, mouth_windows, sound_windows
+from dubbing.sync.windows import centred, mouth_windows, take_windows
 
 STRETCHES = 24
 ITEMS = 12
 # A mouth is centred on its mean over +- one of these, so that short videos work as well.
 REACHES = (1.5, 2.5, 4.0, 8.0)
+# What is added to every speech feature, whose deviation is about 1.
+RNN_NOISE = 0.1
 # Each mouth point and the one opposite in the mirror.
 _ACROSS = {61: 291, 146: 375, 91: 321, 181: 405, 84: 314, 17: 17, 0: 0, 37: 267, 39: 269, 40: 270}
 _ACROSS |= {185: 409, 78: 308, 95: 324, 88: 318, 178: 402, 87: 317, 14: 14, 13: 13, 82: 312}
@@ -46,8 +49,15 @@ def vary_mouth(mouths: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return points.reshape(mouths.shape).astype(np.float32)
 
 
-def vary_sound(mel: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Another voice (bands shifted), microphone (tilt) and noise for mels (G, A, D)."""
+def vary_sound(sound: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Sounds (G, A, D) with both kinds of channels varied, each in its own way."""
+    parts = {"mel": vary_mel(sound[..., CHANNELS["mel"]], rng), "rnn": sound[..., CHANNELS["rnn"]]}
+    parts["rnn"] = parts["rnn"] + rng.normal(0, RNN_NOISE, parts["rnn"].shape)
+    return np.concatenate([parts[name] for name in CHANNELS], axis=-1).astype(np.float32)
+
+
+def vary_mel(mel: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Another voice (bands shifted), microphone (tilt) and noise for log-mels (G, A, 80)."""
     bands = np.arange(mel.shape[-1])
     place = (bands + rng.uniform(-2, 2)) * np.exp(rng.normal(0, 0.05))
     low = np.clip(place, 0, len(bands) - 2).astype(int)
@@ -80,8 +90,8 @@ class Batches:
     def draw(self) -> tuple[Tensor, Tensor]:
         """Mouths (B, V, 2 M) and the sounds (B, A, D) that belong to them."""
         pairs = [self._stretch() for _ in range(STRETCHES)]
-        mouths, mels = (np.concatenate(side) for side in zip(*pairs, strict=True))
-        return torch.from_numpy(mouths), torch.from_numpy(mels)
+        mouths, sounds = (np.concatenate(side) for side in zip(*pairs, strict=True))
+        return torch.from_numpy(mouths), torch.from_numpy(sounds)
 
     def _stretch(self) -> tuple[np.ndarray, np.ndarray]:
         rng = self._rng
@@ -95,5 +105,6 @@ class Batches:
         moments = rng.uniform(first, max(first + 0.01, last)) + span
         moments = np.minimum(moments, clip.times[-1] - 0.05)
         mouths = mouth_windows(shapes, clip.times, moments, tempo)
-        mels = sound_windows(clip.mel, moments + clip.offset, tempo)
-        return vary_mouth(mouths, rng), vary_sound(mels, rng)
+        take = (Take(1.0, clip.sound), *clip.takes)[rng.integers(len(clip.takes) + 1)]
+        sounds = take_windows(take, moments + clip.offset, tempo)
+        return vary_mouth(mouths, rng), vary_sound(sounds, rng)

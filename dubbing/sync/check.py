@@ -13,19 +13,11 @@ from dubbing.sync.curves import REACH, CurveSum, distances, estimate
 from dubbing.sync.measure import Block, measure
 from dubbing.sync.motion import MotionSum
 from dubbing.sync.network import SyncNetwork, load_network
-from dubbing.sync.result import (
-    FaceResult,
-    Media,
-    Segment,
-    SyncResult,
-    judge,
-    reference_confidence,
-    unjudgeable,
-)
+from dubbing.sync.result import FaceResult, Found, Media, Segment, SyncResult, conclude
 from dubbing.sync.windows import centred, mouth_windows, sound_windows
 from dubbing.voice import STEP_RATE, at_times
 
-METHOD = "lip geometry and log-mel, two streams"
+METHOD = "lip geometry against log-mel and speech features, two streams"
 SEGMENT_SECONDS = 5.0
 # A last segment shorter than this is joined to the one before.
 SHORTEST_SEGMENT = 3.0
@@ -44,9 +36,9 @@ def mouth_embeddings(network: SyncNetwork, shapes: np.ndarray, times: np.ndarray
 
 
 @torch.no_grad()
-def sound_embeddings(network: SyncNetwork, mel: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Embeddings (W, E) of the sound `mel` (T, D) at `moments` (W,) counted from its start."""
-    heard = sound_windows(mel, moments).astype(np.float32)
+def sound_embeddings(network: SyncNetwork, sound: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """Embeddings (W, E) of the channels `sound` (T, D) at `moments` (W,) from its start."""
+    heard = sound_windows(sound, moments).astype(np.float32)
     return network.embed_sound(torch.from_numpy(heard)).numpy()
 
 
@@ -88,9 +80,9 @@ class _Sums:
         around = (np.arange(-REACH, block.frames + REACH) + 0.5) / self.rate + (
             block.first / self.rate - block.sound.start
         )
-        heard = sound_embeddings(self._network, block.sound.mel, around)
+        heard = sound_embeddings(self._network, block.sound.heard, around)
         frame = block.first + np.arange(-REACH, block.frames + REACH)
-        beyond = around >= len(block.sound.mel) / STEP_RATE
+        beyond = around >= len(block.sound.heard) / STEP_RATE
         heard[(frame < 0) | beyond] = np.nan
         voice = at_times(block.sound.voice, times)
         segment = np.searchsorted(self.edges, block.first + np.arange(block.frames), "right") - 1
@@ -200,28 +192,17 @@ def check(
         speech_seconds=float(sums.voice.sum() / sums.rate),
         mouth_seconds=speaker.whole.rows / sums.rate if speaker else 0.0,
     )
-    reason = unjudgeable(facts, bool(sums.faces))
     best = estimate(speaker.whole.curve()) if speaker else None
-    if speaker is None or best is None or reason is not None:
-        reason = reason or "too little of a mouth and its sound to compare"
-        return SyncResult("unjudged", reason, METHOD, facts, source=source)
-    faces = _faces(sums)
-    motion = speaker.motion.result()
-    offset_ms = best.offset * 1000 / sums.rate
-    verdict, reason = judge(best, offset_ms, motion, reference_confidence(source, METHOD))
-    return SyncResult(
-        verdict,
-        reason,
-        METHOD,
-        facts,
-        offset_frames=best.offset,
-        offset_ms=offset_ms,
-        confidence=best.confidence,
-        distance=best.distance,
-        curve=[float(d) for d in speaker.whole.curve()],
-        segments=_segments(sums, speaker),
-        speaking_face=faces[0].track,
-        faces=faces,
-        motion=motion,
-        source=source,
-    )
+    found = None
+    if speaker is not None and best is not None:
+        faces = _faces(sums)
+        found = Found(
+            best,
+            speaker.whole.curve().tolist(),
+            sums.rate,
+            faces[0].track,
+            speaker.motion.result(),
+            _segments(sums, speaker),
+            faces,
+        )
+    return conclude(found, METHOD, facts, source, tracked=bool(sums.faces))

@@ -1,20 +1,20 @@
 """Talking heads to learn lip sync from: mouths and sounds of whole clips.
 
-Letters: F frames, M mouth points, T sound steps of 20 ms, D = 80 mel bands.
+Letters: F frames, M mouth points, N samples at 16 kHz, T sound steps of 20 ms, D = 144 channels.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from dubbing import media
 from dubbing.errors import SyncError
-from dubbing.features import MelFeatures
 from dubbing.files import atomic_path
 from dubbing.sync.faces import POINTS, track_faces
-from dubbing.sync.mouth import canonical_face, mouth_shape
+from dubbing.sync.hearing import Hearing, Take, another_take
+from dubbing.sync.mouth import mouth_shape
 from dubbing.voice import SAMPLE_RATE, voice_activity
 
 
@@ -25,20 +25,26 @@ class Recording:
     name: str
     meshes: np.ndarray
     times: np.ndarray
-    mel: np.ndarray  # (T, D)
+    samples: np.ndarray  # (N,)
     voice: np.ndarray  # (T,)
 
 
 @dataclass(frozen=True)
 class TalkingClip:
-    """Mouth shapes (F, M, 2) at `times` (F,), and the sound that belongs `offset` s later."""
+    """Mouth shapes (F, M, 2) at `times` (F,), and the sound (T, D) that belongs `offset` s later.
+
+    `takes` are other recordings of the same sound, to learn from. `exact`: the synthetic
+    speaker's, whose offset is 0 by making.
+    """
 
     name: str
     shapes: np.ndarray
     times: np.ndarray
-    mel: np.ndarray
+    sound: np.ndarray
     voice: np.ndarray
     offset: float = 0.0
+    takes: tuple[Take, ...] = ()
+    exact: bool = False
 
 
 def record(path: Path) -> Recording:
@@ -59,8 +65,7 @@ def record(path: Path) -> Recording:
         raise SyncError("no face in most of it", str(path), "leave this clip out")
     sound = media.read_audio(path, rate=SAMPLE_RATE)
     times = (np.arange(info.frames) + 0.5) / float(info.rate)
-    mel = MelFeatures().extract(sound)
-    return Recording(path.stem, meshes, times, mel, voice_activity(sound))
+    return Recording(path.stem, meshes, times, sound, voice_activity(sound))
 
 
 def recorded(path: Path, cache: Path | None) -> Recording:
@@ -71,29 +76,37 @@ def recorded(path: Path, cache: Path | None) -> Recording:
     if not kept.exists():
         new = record(path)
         with atomic_path(kept) as temporary:
-            np.savez(temporary, meshes=new.meshes, times=new.times, mel=new.mel, voice=new.voice)
+            np.savez(
+                temporary,
+                meshes=new.meshes,
+                times=new.times,
+                samples=new.samples,
+                voice=new.voice,
+            )
     with np.load(kept) as arrays:
         return Recording(path.stem, **arrays)
 
 
-def laid_on(recordings: Sequence[Recording], face: np.ndarray) -> list[TalkingClip]:
-    """Clips with their mouths laid on a canonical face (K, 3); frames without a face left out."""
+def laid_on(
+    recordings: Sequence[Recording],
+    face: np.ndarray,
+    *,
+    takes: int = 0,
+    seed: int = 0,
+    exact: bool = False,
+) -> list[TalkingClip]:
+    """Clips with their mouths laid on a canonical face (K, 3); frames without a face left out.
+
+    Args:
+        takes: how many other takes of each sound to make.
+        exact: whether they show the synthetic speaker.
+    """
+    hearing, rng = Hearing(), np.random.default_rng(seed)
     clips = []
     for r in recordings:
         shapes = mouth_shape(r.meshes, face)
         seen = np.isfinite(shapes).all((1, 2))
-        clips.append(TalkingClip(r.name, shapes[seen], r.times[seen], r.mel, r.voice))
+        others = tuple(another_take(r.samples, hearing, rng) for _ in range(takes))
+        clip = TalkingClip(r.name, shapes[seen], r.times[seen], hearing(r.samples), r.voice)
+        clips.append(replace(clip, takes=others, exact=exact))
     return clips
-
-
-def talking_clips(
-    paths: Sequence[Path], progress: Callable[[str], None] | None = None
-) -> tuple[list[TalkingClip], np.ndarray]:
-    """Clips with their mouths laid on one canonical face of their own, and that face (K, 3)."""
-    recordings = []
-    for path in paths:
-        recordings.append(record(path))
-        if progress is not None:
-            progress(f"measured {path.name}")
-    face = canonical_face(r.meshes for r in recordings)
-    return laid_on(recordings, face), face

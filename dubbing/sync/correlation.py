@@ -13,6 +13,7 @@ import numpy as np
 from scipy import linalg
 
 from dubbing.sync.clips import TalkingClip
+from dubbing.sync.hearing import CHANNELS
 from dubbing.sync.windows import centred, mouth_windows, sound_windows
 
 STEP = 0.04
@@ -81,7 +82,7 @@ def fit(clips: Sequence[TalkingClip], basis: np.ndarray) -> Correlator:
     xs, ys = [], []
     for clip in clips:
         x = _mouth_side(clip, basis)
-        y = _sound_side(clip, _cepstra(clip.mel), clip.offset)
+        y = _sound_side(clip, _cepstra(clip.sound[:, CHANNELS["mel"]]), clip.offset)
         # Long clips count more, but not in proportion.
         weight = min(1.0, (400 / len(x)) ** 0.5)
         xs.append(x * weight)
@@ -101,7 +102,7 @@ def fit(clips: Sequence[TalkingClip], basis: np.ndarray) -> Correlator:
 def correlation_curve(clip: TalkingClip, basis: np.ndarray, correlator: Correlator) -> np.ndarray:
     """Correlation of mouth and sound at every lag of LAGS, (L,)."""
     curve = []
-    cepstra = _cepstra(clip.mel)
+    cepstra = _cepstra(clip.sound[:, CHANNELS["mel"]])
     a = _mouth_side(clip, basis) @ correlator.mouth
     for lag in LAGS:
         b = _sound_side(clip, cepstra, float(lag)) @ correlator.sound
@@ -114,7 +115,8 @@ def align(clips: Sequence[TalkingClip]) -> tuple[list[TalkingClip], list[float]]
     """The clips with their own offsets, and how sure each one is (its correlation).
 
     Starts from no offsets; every round moves each clip to where the others' directions correlate
-    best. What all clips share cannot be found this way and stays.
+    best. What all clips share cannot be found this way: it is set by the clips that are exact,
+    whose median comes to 0, and stays where there are none.
 
     Raises:
         ValueError: fewer than three clips.
@@ -132,7 +134,16 @@ def align(clips: Sequence[TalkingClip]) -> tuple[list[TalkingClip], list[float]]
             if len(others) < 2:
                 others = [c for j, c in enumerate(before) if j != i]
             curve = correlation_curve(clip, basis, fit(others, basis))
-            best = int(curve.argmax())
-            found[i] = replace(clip, offset=float(LAGS[best]))
-            peaks[i] = float(curve[best])
-    return found, peaks
+            found[i] = replace(clip, offset=_peak(curve))
+            peaks[i] = float(curve.max())
+    zero = float(np.median([c.offset for c in found if c.exact] or [0.0]))
+    return [replace(c, offset=0.0 if c.exact else c.offset - zero) for c in found], peaks
+
+
+def _peak(curve: np.ndarray) -> float:
+    """Lag of the highest value of a curve (L,), between the lags by a parabola."""
+    best = int(np.clip(curve.argmax(), 1, len(curve) - 2))
+    low, middle, high = curve[best - 1 : best + 2]
+    bend = low - 2 * middle + high
+    part = np.clip((low - high) / (2 * bend), -0.5, 0.5) if bend < 0 else 0.0
+    return float(LAGS[best] + part * (LAGS[1] - LAGS[0]))

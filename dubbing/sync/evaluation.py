@@ -5,12 +5,14 @@
 
 A window is a stretch of a longer video. The clip's own offset is first estimated over its whole
 length and counted from there; then the sound is shifted by -10..10 frames and must be found, sign
-included, within one frame. Other speech is that of other clips, or of another moment.
+included, within one frame. Other speech is that of other clips, or of another moment. Synthetic
+speakers the network never saw follow in a table of their own, counted from their true offset, 0.
 
 Letters: F frames of a clip, E embedding size, K = 51 offsets (15 searched, 10 shifted each way).
 """
 
 import argparse
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +24,7 @@ from dubbing.sync.clips import TalkingClip, laid_on, recorded
 from dubbing.sync.curves import OFFSETS, REACH, CurveSum, distances
 from dubbing.sync.mouth import canonical_face
 from dubbing.sync.network import SyncNetwork, load_network
+from dubbing.sync.speakers import UNSEEN, speaker_clips
 from dubbing.sync.training import SyncTraining, train_network, usable_clips
 from dubbing.voice import STEP_RATE, at_times
 
@@ -35,7 +38,10 @@ APART = 2.0
 
 @dataclass(frozen=True)
 class Embedded:
-    """A clip through the network: mouths (F, E), distances (F, K), weights (F,), own offset."""
+    """A clip through the network: mouths (F, E), distances (F, K), weights (F,), own offset.
+
+    `offset` is what the whole length says, `truth` what windows are counted from.
+    """
 
     clip: TalkingClip
     rate: float
@@ -43,6 +49,10 @@ class Embedded:
     rows: np.ndarray
     weights: np.ndarray
     offset: int
+
+    @property
+    def truth(self) -> int:
+        return 0 if self.clip.exact else self.offset
 
 
 def embed(network: SyncNetwork, clip: TalkingClip) -> Embedded:
@@ -61,8 +71,8 @@ def sound_around(
     early = times[0] - np.arange(WIDE, 0, -1) / rate
     late = times[-1] + np.arange(1, WIDE + 1) / rate
     moments = np.concatenate([early, times, late])
-    sound = sound_embeddings(network, clip.mel, moments)
-    sound[(moments < 0) | (moments > len(clip.mel) / STEP_RATE)] = np.nan
+    sound = sound_embeddings(network, clip.sound, moments)
+    sound[(moments < 0) | (moments > len(clip.sound) / STEP_RATE)] = np.nan
     return sound
 
 
@@ -92,7 +102,7 @@ def shifts_found(seen: Embedded, seconds: float) -> list[bool]:
             moved = curve[np.array(OFFSETS) - shift + WIDE]
             if np.isfinite(moved).any():
                 best = OFFSETS[int(np.nanargmin(moved))]
-                hits.append(abs(best - (seen.offset + shift)) <= 1)
+                hits.append(abs(best - (seen.truth + shift)) <= 1)
     return hits
 
 
@@ -108,7 +118,7 @@ def other_confidences(
     found = []
     rng = np.random.default_rng(0)
     for other in others:
-        length = len(other.mel) / STEP_RATE
+        length = len(other.sound) / STEP_RATE
         for part in windows(seen, seconds):
             times = seen.clip.times[part]
             room = length - seconds - 2 * WIDE / seen.rate
@@ -167,17 +177,43 @@ def table(measured: Sequence[tuple[SyncNetwork, TalkingClip]]) -> str:
 
 
 def left_out(
-    clips: Sequence[TalkingClip], face: np.ndarray, folds: int, settings: SyncTraining
-) -> list[tuple[SyncNetwork, TalkingClip]]:
-    """Every clip with a network that was trained on the other folds' clips."""
+    clips: Sequence[TalkingClip],
+    face: np.ndarray,
+    folds: int,
+    settings: SyncTraining,
+    unseen: Sequence[TalkingClip],
+) -> tuple[list[tuple[SyncNetwork, TalkingClip]], list[tuple[SyncNetwork, TalkingClip]]]:
+    """Every person with a network trained on the other folds' people, and `unseen` in turn.
+
+    Synthetic speakers among `clips` are learned from in all folds.
+    """
     usable = usable_clips(clips)
-    pairs = []
+    people = [c for c in usable if not c.exact]
+    made = [c for c in usable if c.exact]
+    pairs, speakers = [], []
     for fold in range(folds):
-        network = train_network(
-            [c for i, c in enumerate(usable) if i % folds != fold], face, settings
-        )
-        pairs += [(network, c) for i, c in enumerate(usable) if i % folds == fold]
-    return pairs
+        others = [c for i, c in enumerate(people) if i % folds != fold]
+        network = train_network([*others, *made], face, settings)
+        pairs += [(network, c) for i, c in enumerate(people) if i % folds == fold]
+        speakers += [(network, c) for i, c in enumerate(unseen) if i % folds == fold]
+    return pairs, speakers
+
+
+def measured_clips(
+    paths: Sequence[Path], cache: Path, face: np.ndarray | None, settings: SyncTraining | None
+) -> tuple[list[TalkingClip], list[TalkingClip], np.ndarray]:
+    """The clips at `paths`, unseen synthetic speakers, and the face (K, 3) both are laid on.
+
+    With `settings`, as training takes them: other takes, and the speakers to learn from as well.
+    """
+    recordings = [recorded(path, cache) for path in paths]
+    face = canonical_face(r.meshes for r in recordings) if face is None else face
+    clips = laid_on(recordings, face, takes=settings.takes if settings else 0)
+    if settings:
+        made = [recorded(path, cache) for path in speaker_clips(cache, settings.speakers)]
+        clips += laid_on(made, face, takes=settings.takes, seed=1, exact=True)
+    unseen = [recorded(path, cache) for path in speaker_clips(cache, UNSEEN)]
+    return clips, laid_on(unseen, face, exact=True), face
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -187,15 +223,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--steps", type=int, default=SyncTraining.steps)
     parser.add_argument("--cache", type=Path, help="folder to keep the measured clips in")
     chosen = parser.parse_args(arguments)
-    recordings = [recorded(path, chosen.cache) for path in chosen.clips]
-    if chosen.folds:
-        face = canonical_face(r.meshes for r in recordings)
-        settings = SyncTraining(steps=chosen.steps)
-        print(table(left_out(laid_on(recordings, face), face, chosen.folds, settings)))
-    else:
-        network = load_network()
-        clips = laid_on(recordings, network.face.numpy())
-        print(table([(network, clip) for clip in clips]))
+    with tempfile.TemporaryDirectory() as folder:
+        cache = chosen.cache or Path(folder)
+        if chosen.folds:
+            settings = SyncTraining(steps=chosen.steps)
+            clips, unseen, face = measured_clips(chosen.clips, cache, None, settings)
+            people, speakers = left_out(clips, face, chosen.folds, settings, unseen)
+        else:
+            network = load_network()
+            clips, unseen, _ = measured_clips(chosen.clips, cache, network.face.numpy(), None)
+            people, speakers = ([(network, c) for c in some] for some in (clips, unseen))
+    print(table(people), table(speakers), sep="\n\n")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 A block is at most a minute, so memory does not grow with the length of the video. Faces keep
 their number from block to block.
 
-Letters: F frames of a block, M mouth points, T sound steps of 20 ms, D = 80 mel bands.
+Letters: F frames of a block, M mouth points, T sound steps of 20 ms, D = 144 channels.
 """
 
 from collections import defaultdict
@@ -17,8 +17,8 @@ import numpy as np
 
 from dubbing import media
 from dubbing.errors import MediaError
-from dubbing.features import MelFeatures
 from dubbing.sync.faces import track_faces
+from dubbing.sync.hearing import Hearing
 from dubbing.sync.mouth import MOUTH, mouth_shape
 from dubbing.voice import SAMPLE_RATE, voice_activity
 
@@ -32,7 +32,7 @@ class Sound:
     """A piece of sound: features and voice in steps of 20 ms, the first one starting at `start`."""
 
     start: float
-    mel: np.ndarray  # (T, D)
+    heard: np.ndarray  # (T, D)
     voice: np.ndarray  # (T,)
 
 
@@ -66,13 +66,13 @@ def block_lengths(frames: int, rate: Fraction) -> list[int]:
     return [b - a for a, b in pairwise(edges)]
 
 
-def measure_sound(path: Path, start: float, seconds: float) -> Sound:
+def measure_sound(path: Path, start: float, seconds: float, hearing: Hearing) -> Sound:
     """Sound of a stretch of a file; the features' level is that of the stretch."""
     begin = max(0.0, start - MARGIN_SECONDS)
     samples = media.read_audio(
         path, rate=SAMPLE_RATE, start=begin, seconds=start + seconds + MARGIN_SECONDS - begin
     )
-    return Sound(begin, MelFeatures().extract(samples), voice_activity(samples))
+    return Sound(begin, hearing(samples), voice_activity(samples))
 
 
 def measure(
@@ -99,6 +99,7 @@ def measure(
     rate, total = info.rate, info.frames
     pictures = media.read_frames(video)
     tracked = track_faces(pictures, float(rate))
+    hearing = Hearing()
     first = 0
     for length in block_lengths(total, rate):
         shapes: dict[int, np.ndarray] = {}
@@ -118,6 +119,7 @@ def measure(
             t: SeenFace(s, (float(middle[t][0]), float(middle[t][1])), float(middle[t][2]))
             for t, s in shapes.items()
         }
-        sound = measure_sound(sound_from or video, first / float(rate), length / float(rate))
+        start, seconds = first / float(rate), length / float(rate)
+        sound = measure_sound(sound_from or video, start, seconds, hearing)
         yield Block(first, length, rate, found, sound)
         first += length

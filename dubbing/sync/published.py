@@ -32,7 +32,7 @@ from dubbing.sync.published_network import (
     PublishedSyncNet,
     load_published,
 )
-from dubbing.sync.result import Media, SyncResult, judge, reference_confidence, unjudgeable
+from dubbing.sync.result import Found, Media, SyncResult, conclude
 from dubbing.voice import STEP_RATE, voice_activity_of_blocks
 
 RATE = Fraction(25)
@@ -207,33 +207,17 @@ def published_check(video: Path, weights: Path, *, source: SyncResult | None = N
     tracks = track_boxes(video, frames)
     measured = {}
     for track, boxes in tracks.items():
-        found = published_measure(network, video, face_boxes(boxes))
-        if found is not None:
-            measured[track] = found
+        one = published_measure(network, video, face_boxes(boxes))
+        if one is not None:
+            measured[track] = one
     speaker = max(measured, key=lambda t: measured[t][0].confidence, default=None)
     seen = int(np.isfinite(tracks[speaker][:, 0]).sum()) if speaker is not None else 0
     facts = replace(
         facts, speech_seconds=float(voice.sum() / STEP_RATE), mouth_seconds=float(seen / RATE)
     )
-    reason = unjudgeable(facts, bool(tracks))
-    if speaker is None or reason is not None:
-        reason = reason or "too short to compare"
-        return SyncResult("unjudged", reason, METHOD, facts, source=source)
-    best, curve = measured[speaker]
-    offset_ms = float(best.offset * 1000 / RATE)
-    verdict, reason = judge(
-        best, offset_ms, None, reference_confidence(source, METHOD), TYPICAL_CONFIDENCE
-    )
-    return SyncResult(
-        verdict,
-        reason,
-        METHOD,
-        facts,
-        offset_frames=best.offset,
-        offset_ms=offset_ms,
-        confidence=best.confidence,
-        distance=best.distance,
-        curve=[float(d) for d in curve],
-        speaking_face=speaker,
-        source=source,
-    )
+    found = None
+    if speaker is not None:
+        best, curve = measured[speaker]
+        found = Found(best, curve.tolist(), float(RATE), speaker)
+    tracked = bool(tracks)
+    return conclude(found, METHOD, facts, source, tracked=tracked, typical=TYPICAL_CONFIDENCE)

@@ -1,5 +1,6 @@
 """What the sync check found, and how it judges it."""
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
@@ -114,6 +115,19 @@ class SyncResult:
         return values
 
 
+@dataclass(frozen=True)
+class Found:
+    """What a method found of the speaking face: estimate, curve over OFFSETS, frames a second."""
+
+    best: Estimate
+    curve: Sequence[float]
+    rate: float
+    face: int
+    motion: Motion | None = None
+    segments: list[Segment] = field(default_factory=list)
+    faces: list[FaceResult] = field(default_factory=list)
+
+
 def sound_offset(result: SyncResult) -> int:
     """Frames by which a clip's sound comes early (negative: late), as far as one can rely on it.
 
@@ -173,3 +187,44 @@ def judge(
     if share < PASS_SHARE:
         return "warn", f"confidence {best.confidence:.3f} is {share:.0%} of {whose}"
     return "pass", f"offset {best.offset} frames, confidence {share:.0%} of {whose}"
+
+
+def conclude(
+    found: Found | None,
+    method: str,
+    media: Media,
+    source: SyncResult | None,
+    *,
+    tracked: bool,
+    typical: float = TYPICAL_CONFIDENCE,
+) -> SyncResult:
+    """The result of a video with sound.
+
+    Args:
+        found: None if there was too little to compare.
+        tracked: whether a face was found at all.
+        typical: the method's confidence that stands in for a source's.
+    """
+    reason = unjudgeable(media, tracked)
+    if found is None or reason is not None:
+        reason = reason or "too little of a mouth and its sound to compare"
+        return SyncResult("unjudged", reason, method, media, source=source)
+    offset_ms = found.best.offset * 1000 / found.rate
+    reference = reference_confidence(source, method)
+    verdict, reason = judge(found.best, offset_ms, found.motion, reference, typical)
+    return SyncResult(
+        verdict,
+        reason,
+        method,
+        media,
+        offset_frames=found.best.offset,
+        offset_ms=offset_ms,
+        confidence=found.best.confidence,
+        distance=found.best.distance,
+        curve=[float(d) for d in found.curve],
+        segments=found.segments,
+        speaking_face=found.face,
+        faces=found.faces,
+        motion=found.motion,
+        source=source,
+    )

@@ -1,5 +1,6 @@
 """Training of our sync network: about a minute a member on one core."""
 
+import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +11,11 @@ import torch
 
 from dubbing.errors import SyncError
 from dubbing.sync.augmentation import Batches
-from dubbing.sync.clips import TalkingClip, talking_clips
+from dubbing.sync.clips import TalkingClip, laid_on, record
 from dubbing.sync.correlation import TRUSTED_PEAK, align, lip_basis
+from dubbing.sync.mouth import canonical_face
 from dubbing.sync.network import SyncNetwork, TwoStream, save_network
+from dubbing.sync.speakers import LEARNED, Part, speaker_clips
 
 RATE = 2e-3
 WARM_UP = 0.1
@@ -27,7 +30,9 @@ class SyncTraining:
     """How long and how often."""
 
     steps: int = 1200
-    members: int = 2
+    members: tuple[str, ...] = ("mel", "rnn")  # what each one hears
+    takes: int = 8  # other takes of every sound
+    speakers: tuple[Part, ...] = LEARNED  # the synthetic ones that set the zero
     seed: int = 0
 
 
@@ -38,11 +43,15 @@ def usable_clips(clips: Sequence[TalkingClip]) -> list[TalkingClip]:
 
 
 def train_member(
-    clips: Sequence[TalkingClip], steps: int, seed: int, progress: Progress | None = None
+    clips: Sequence[TalkingClip],
+    hears: str,
+    steps: int,
+    seed: int,
+    progress: Progress | None = None,
 ) -> TwoStream:
     """One pair of streams, by InfoNCE with AdamW and a one-cycle rate."""
     torch.manual_seed(seed)
-    member = TwoStream()
+    member = TwoStream(hears)
     member.basis.copy_(torch.from_numpy(lip_basis(clips, member.basis.shape[1])))
     batches = Batches(clips, np.random.default_rng(seed))
     optimiser = torch.optim.AdamW(member.parameters(), lr=RATE, weight_decay=DECAY)
@@ -55,7 +64,7 @@ def train_member(
         optimiser.step()
         rates.step()
         if progress is not None and (step + 1) % 100 == 0:
-            progress(f"member of seed {seed}: step {step + 1} of {steps}, loss {loss.item():.3f}")
+            progress(f"{hears}, seed {seed}: step {step + 1} of {steps}, loss {loss.item():.3f}")
     return member.eval()
 
 
@@ -66,10 +75,11 @@ def train_network(
     progress: Progress | None = None,
 ) -> SyncNetwork:
     """The network of several members, from clips whose offsets are corrected."""
-    network = SyncNetwork(0)
+    network = SyncNetwork(())
     network.face.copy_(torch.from_numpy(face))
-    for k in range(settings.members):
-        network.members.append(train_member(clips, settings.steps, settings.seed + k, progress))
+    for k, hears in enumerate(settings.members):
+        seed = settings.seed + k
+        network.members.append(train_member(clips, hears, settings.steps, seed, progress))
     return network.eval()
 
 
@@ -94,7 +104,12 @@ def train_sync(
         raise SyncError(
             f"{len(clips)} clips are too few", remedy=f"give {MIN_CLIPS} people or more"
         )
-    measured, face = talking_clips(clips, progress)
+    recordings = [record(path) for path in clips]
+    face = canonical_face(r.meshes for r in recordings)
+    with tempfile.TemporaryDirectory() as folder:
+        made = [record(p) for p in speaker_clips(Path(folder), settings.speakers, progress)]
+    measured = laid_on(recordings, face, takes=settings.takes, seed=settings.seed)
+    measured += laid_on(made, face, takes=settings.takes, seed=settings.seed + 1, exact=True)
     used = usable_clips(measured)
     if len(used) < MIN_CLIPS:
         raise SyncError(
@@ -107,7 +122,7 @@ def train_sync(
         "clips": {clip.name: round(clip.offset, 3) for clip in used},
         "left_out": sorted(clip.name for clip in measured if clip.name not in names),
         "steps": settings.steps,
-        "members": settings.members,
+        "members": list(settings.members),
         "seed": settings.seed,
     }
     save_network(train_network(used, face, settings, progress), out, about)

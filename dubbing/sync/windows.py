@@ -1,10 +1,11 @@
 """What the network looks at: five mouth frames, and 0.2 s of sound, at given moments.
 
-Letters: F frames, W moments, V = 5 mouth frames, M mouth points, A = 10 sound steps, D bands.
+Letters: F frames, W moments, V = 5 mouth frames, M mouth points, A = 10 sound steps, D channels.
 """
 
 import numpy as np
 
+from dubbing.sync.hearing import Take
 from dubbing.sync.network import MOUTH_FRAMES, MOUTH_STEP, SOUND_STEPS
 from dubbing.voice import STEP_RATE, at_times
 
@@ -53,10 +54,19 @@ def mouth_windows(
     return early + late
 
 
-def sound_windows(mel: np.ndarray, moments: np.ndarray, stretch: float = 1.0) -> np.ndarray:
+def sound_windows(sound: np.ndarray, moments: np.ndarray, stretch: float = 1.0) -> np.ndarray:
     """Ten steps of 20 ms (times `stretch`) around each moment, (W, A, D).
 
     Args:
-        mel: (T, D), starting at 0 s of the clock `moments` (W,) count by; silence outside.
+        sound: (T, D), starting at 0 s of the clock `moments` (W,) count by; silence outside.
     """
-    return at_times(mel, moments[:, None] + _SOUND_OFFSETS * stretch)
+    return at_times(sound, moments[:, None] + _SOUND_OFFSETS * stretch)
+
+
+def take_windows(take: Take, moments: np.ndarray, tempo: float) -> np.ndarray:
+    """`sound_windows` of another take, whose clock runs `speed` times as fast, (W, A, D).
+
+    Args:
+        moments: (W,) on the clip's clock, tempo as well.
+    """
+    return sound_windows(take.sound, moments / take.speed, tempo / take.speed)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from dubbing.sync.clips import TalkingClip
+from dubbing.sync.hearing import CHANNELS
 from dubbing.sync.mouth import mouth_shape
 from tests.sync.meshes import canonical, talk
 
@@ -10,7 +11,8 @@ from tests.sync.meshes import canonical, talk
 def made_clip(name: str, seed: int, late: float = 0.0, seconds: float = 8.0) -> TalkingClip:
     """A clip at 25 fps whose sound comes `late` seconds after the mouth.
 
-    Opening and width are two smooth random curves; low bands follow one, high bands the other.
+    Opening and width are two smooth random curves; of each kind of channels the first half
+    follows one, the second half the other.
     """
     rng = np.random.default_rng(seed)
     grid = np.arange(-2, seconds + 2, 0.02)
@@ -23,9 +25,11 @@ def made_clip(name: str, seed: int, late: float = 0.0, seconds: float = 8.0) -> 
     shapes = mouth_shape(talk(0.1 + 0.03 * height, 0.5 + 0.05 * wide), canonical())
     heard = (np.arange(round(seconds * 50)) + 0.5) / 50 - late
     low, high = (np.interp(heard, grid, c) for c in curves)
-    mel = 0.8 + 0.2 * np.concatenate(
-        [np.repeat(low[:, None], 40, 1), np.repeat(high[:, None], 40, 1)], 1
-    )
-    mel = mel + 0.05 * rng.normal(size=mel.shape)
-    voice = np.ones(len(mel), np.float32)
-    return TalkingClip(name, shapes, times, mel.astype(np.float32), voice)
+    parts = []
+    for part, level, reach in (("mel", 0.8, 0.2), ("rnn", 0.0, 0.6)):
+        half = (CHANNELS[part].stop - CHANNELS[part].start) // 2
+        parts += [level + reach * np.repeat(curve[:, None], half, 1) for curve in (low, high)]
+    sound = np.concatenate(parts, axis=1)
+    sound = sound + 0.05 * rng.normal(size=sound.shape)
+    voice = np.ones(len(sound), np.float32)
+    return TalkingClip(name, shapes, times, sound.astype(np.float32), voice)

@@ -1,5 +1,6 @@
 """Own offsets, batches, the network's learning, and its file."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from dubbing.errors import SyncError
 from dubbing.sync.augmentation import MIRROR, Batches, vary_mouth, vary_sound
 from dubbing.sync.correlation import align
 from dubbing.sync.evaluation import area_under_roc, embed, shifts_found
+from dubbing.sync.hearing import CHANNELS, WIDTH
 from dubbing.sync.mouth import CORNERS, MOUTH
 from dubbing.sync.network import SyncNetwork, TwoStream, load_network, save_network
 from dubbing.sync.training import SyncTraining, train_network, train_sync, usable_clips
@@ -30,10 +32,22 @@ def test_own_offsets_are_found() -> None:
     assert abs(shared) < 0.05
 
 
+def test_exact_clips_set_the_zero() -> None:
+    """Two clips known to be in time, among others of which all but one are late or early."""
+    late = {"a": 0.12, "b": 0.12, "c": 0.08}
+    clips = [made_clip(name, seed, value) for seed, (name, value) in enumerate(late.items())]
+    exact = [replace(made_clip(f"exact{k}", 20 + k), exact=True) for k in range(2)]
+    aligned, _ = align([*clips, *exact])
+    found = {c.name: c.offset for c in aligned}
+    assert found["exact0"] == found["exact1"] == 0
+    for name, value in late.items():
+        assert found[name] == pytest.approx(value, abs=0.025)
+
+
 def test_a_clip_whose_sound_does_not_fit_is_left_out() -> None:
     stranger = made_clip("x", 99)
     wrong = made_clip("wrong", 100)
-    mixed = type(wrong)("wrong", wrong.shapes, wrong.times, stranger.mel, stranger.voice)
+    mixed = type(wrong)("wrong", wrong.shapes, wrong.times, stranger.sound, stranger.voice)
     assert "wrong" not in [c.name for c in usable_clips([*CLIPS, mixed])]
 
 
@@ -50,7 +64,7 @@ def test_mirror_is_its_own_inverse_and_swaps_the_corners() -> None:
 def test_batches_have_their_shapes_and_repeat() -> None:
     one, two = (Batches(CLIPS, np.random.default_rng(3)).draw() for _ in range(2))
     assert one[0].shape == (288, 5, 2 * len(MOUTH))
-    assert one[1].shape == (288, 10, 80)
+    assert one[1].shape == (288, 10, WIDTH)
     assert all(torch.equal(a, b) for a, b in zip(one, two, strict=True))
     assert torch.isfinite(one[0]).all()
     assert torch.isfinite(one[1]).all()
@@ -59,16 +73,17 @@ def test_batches_have_their_shapes_and_repeat() -> None:
 def test_variations_keep_shapes_and_change_values() -> None:
     rng = np.random.default_rng(0)
     mouths = rng.normal(0, 0.05, (3, 5, 2 * len(MOUTH))).astype(np.float32)
-    mels = rng.uniform(0, 1.5, (3, 10, 80)).astype(np.float32)
+    mels = rng.uniform(0, 1.5, (3, 10, WIDTH)).astype(np.float32)
     for before, after in ((mouths, vary_mouth(mouths, rng)), (mels, vary_sound(mels, rng))):
         assert after.shape == before.shape
         assert after.dtype == np.float32
         assert 0 < np.abs(after - before).mean() < 0.6
 
 
-def test_it_learns_and_finds_shifts_of_a_clip_it_never_saw(tmp_path: Path) -> None:
+@pytest.mark.parametrize("hears", ["mel", "rnn"])
+def test_it_learns_and_finds_shifts_of_a_clip_it_never_saw(tmp_path: Path, hears: str) -> None:
     used = usable_clips(CLIPS)
-    network = train_network(used, canonical(), SyncTraining(steps=30, members=1))
+    network = train_network(used, canonical(), SyncTraining(steps=30, members=(hears,)))
     unseen = embed(network, made_clip("unseen", 50))
     # Positive: the sound is early. What the clips' offsets have in common stays in the network.
     assert abs(unseen.offset) <= 1
@@ -77,14 +92,15 @@ def test_it_learns_and_finds_shifts_of_a_clip_it_never_saw(tmp_path: Path) -> No
     assert late.offset - unseen.offset == pytest.approx(-5, abs=1)
     path = tmp_path / "weights.safetensors"
     save_network(network, path, {"clips": []})
-    shapes, mel = Batches(CLIPS, np.random.default_rng(0)).draw()
+    shapes, sound = Batches(CLIPS, np.random.default_rng(0)).draw()
     again = load_network(path)
+    assert [member.hears for member in again.pairs()] == [hears]
     assert torch.allclose(network.embed_mouth(shapes), again.embed_mouth(shapes), atol=2e-2)
-    assert torch.allclose(network.embed_sound(mel), again.embed_sound(mel), atol=2e-2)
+    assert torch.allclose(network.embed_sound(sound), again.embed_sound(sound), atol=2e-2)
 
 
 def test_training_repeats_itself() -> None:
-    settings = SyncTraining(steps=3, members=1)
+    settings = SyncTraining(steps=3, members=("rnn",))
     one, two = (train_network(CLIPS, canonical(), settings).state_dict() for _ in range(2))
     assert all(torch.equal(one[k], two[k]) for k in one)
 
@@ -93,21 +109,48 @@ def test_loss_prefers_matching_pairs() -> None:
     torch.manual_seed(0)
     member = TwoStream().eval()
     member.basis.normal_()
-    mouth, mel = torch.randn(6, 5, 2 * len(MOUTH)), torch.rand(6, 10, 80)
-    v, a = member.embed_mouth(mouth), member.embed_sound(mel)
+    mouth, sound = torch.randn(6, 5, 2 * len(MOUTH)), torch.rand(6, 10, WIDTH)
+    v, a = member.embed_mouth(mouth), member.embed_sound(sound)
     logits = (member.sharpness.exp() * v @ a.T).detach()
     expected = 0.0
     for i in range(6):
         expected += float(torch.logsumexp(logits[i], 0) + torch.logsumexp(logits[:, i], 0))
         expected -= 2 * float(logits[i, i])
-    assert member.loss(mouth, mel).item() == pytest.approx(expected / 12, rel=1e-4)
+    assert member.loss(mouth, sound).item() == pytest.approx(expected / 12, rel=1e-4)
 
 
 def test_embeddings_have_length_one() -> None:
     network = load_network()
-    shapes, mel = Batches(CLIPS, np.random.default_rng(0)).draw()
-    for embedding in (network.embed_mouth(shapes), network.embed_sound(mel)):
+    shapes, sound = Batches(CLIPS, np.random.default_rng(0)).draw()
+    for embedding in (network.embed_mouth(shapes), network.embed_sound(sound)):
         assert torch.allclose(embedding.norm(dim=1), torch.ones(len(shapes)), atol=1e-5)
+
+
+def test_a_member_hears_its_own_channels_only() -> None:
+    torch.manual_seed(0)
+    for hears, other in (("mel", "rnn"), ("rnn", "mel")):
+        member = TwoStream(hears).eval()
+        sound = torch.rand(4, 10, WIDTH)
+        changed = sound.clone()
+        changed[..., CHANNELS[other]] += 1
+        assert torch.equal(member.embed_sound(sound), member.embed_sound(changed))
+        changed[..., CHANNELS[hears]] += torch.rand(4, 10, 1)
+        assert not torch.allclose(member.embed_sound(sound), member.embed_sound(changed))
+
+
+def test_the_channels_fill_the_width() -> None:
+    places = [k for part in CHANNELS.values() for k in range(part.start, part.stop)]
+    assert places == list(range(WIDTH))
+
+
+def test_weights_of_another_acoustic_network_say_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "weights.safetensors"
+    save_network(SyncNetwork(("rnn",)), path, {})
+    monkeypatch.setattr("dubbing.sync.network.fingerprint", lambda _: "another")
+    with pytest.raises(SyncError, match="acoustic network"):
+        load_network(path)
 
 
 def test_wrong_weights_say_so(tmp_path: Path) -> None:
@@ -131,11 +174,11 @@ def test_area_under_the_roc() -> None:
 
 
 def test_members_average_their_squared_distances() -> None:
-    network = SyncNetwork(2)
+    network = SyncNetwork(("mel", "rnn"))
     for member in network.members:
         torch.nn.init.normal_(member.get_buffer("basis"))
     network.eval()
-    shapes, mel = torch.randn(4, 5, 2 * len(MOUTH)), torch.rand(4, 10, 80)
-    joint = (network.embed_mouth(shapes) - network.embed_sound(mel)).pow(2).sum(1)
-    each = [(m.embed_mouth(shapes) - m.embed_sound(mel)).pow(2).sum(1) for m in network._pairs()]
+    shapes, sound = torch.randn(4, 5, 2 * len(MOUTH)), torch.rand(4, 10, WIDTH)
+    joint = (network.embed_mouth(shapes) - network.embed_sound(sound)).pow(2).sum(1)
+    each = [(m.embed_mouth(shapes) - m.embed_sound(sound)).pow(2).sum(1) for m in network.pairs()]
     assert torch.allclose(joint, torch.stack(each).mean(0), atol=1e-5)
