@@ -24,6 +24,7 @@ class FieldConfig:
     Attributes:
         speech_dim: width D of the speech features (windows of 16 x D).
         code_dim: width of the speech code A.
+        upper_dim: measures of the upper face that stand beside the code.
         references: number N of reference frames; 0 for a field without references.
         use_speech: False leaves A out (a plain NeRF).
         use_warp: False looks references up where they project, equation (1), without (3) and (4).
@@ -35,6 +36,7 @@ class FieldConfig:
 
     speech_dim: int = 80
     code_dim: int = 64
+    upper_dim: int = 4
     references: int = 4
     use_speech: bool = True
     use_warp: bool = True
@@ -46,6 +48,11 @@ class FieldConfig:
     point_octaves: int = 7
     direction_octaves: int = 2
     max_offset: float = 24.0
+
+    @property
+    def told_dim(self) -> int:
+        """Width of what the field is told of a frame: the speech code and the upper face."""
+        return self.code_dim + self.upper_dim
 
 
 @dataclass(frozen=True)
@@ -74,9 +81,7 @@ class TrainConfig:
         learning_rate: Adam's first rate; it falls to `final_rate` times itself, along a cosine.
         warp_weight: lambda of equation (9), in the paper's units (pixels at 512).
         opacity_weight, depth_weight, distortion_weight: what keeps the density compact.
-        lip_iterations: steps of teaching the speech networks on lip measures alone, first of all.
-        lip_weight: weight of the lip measures' error beside the pictures.
-        speech_rate: learning rate of the speech networks, as a share of the others'.
+        lip_iterations: steps of teaching the speech networks on lip measures, first of all.
         mouth_share, rim_share: shares of the rays drawn in the mouth box and at the head's rim.
         learn_references_every: steps between those in which the reference CNN learns; 0 never.
         occupancy_every: steps between two looks at which cells are open.
@@ -96,8 +101,6 @@ class TrainConfig:
     depth_weight: float = 0.05
     distortion_weight: float = 0.01
     lip_iterations: int = 0
-    lip_weight: float = 0.0
-    speech_rate: float = 0.1
     mouth_share: float = 0.4
     rim_share: float = 0.15
     learn_references_every: int = 0

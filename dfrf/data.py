@@ -1,6 +1,6 @@
 """One person's material, ready in memory as uint8, and the rays drawn from it.
 
-T frames, B rays, S the crop's side in pixels.
+T frames with pictures, C frames in a row, B rays, S the crop's side in pixels.
 """
 
 from __future__ import annotations
@@ -32,9 +32,12 @@ class Identity:
         c2w: (T, 3, 4) camera to head frame.
         focal: pixels.
         centres: (T, 2) principal points, (column, row).
-        windows: (T, 16, D) speech windows.
-        lips: (T, K) lip measures, each of mean 0 and variance 1 over the person's frames.
-        segment: (T,) which uncut run of the clip a frame belongs to.
+        upper: (T, U) measures of lids, brows and gaze, about 0 at rest.
+        number: (T,) which of the C frames each picture is of. Speech needs every frame, also where
+            only some are kept as pictures.
+        windows: (C, 16, D) speech windows.
+        lips: (C, K) lip measures, each of mean 0 and variance 1.
+        segment: (C,) which uncut run of the clip a frame belongs to.
         surface: (V, 3) rigid points of the mean face, head frame (y up).
     """
 
@@ -46,6 +49,8 @@ class Identity:
     c2w: Tensor
     focal: float
     centres: Tensor
+    upper: Tensor
+    number: Tensor
     windows: Tensor
     lips: Tensor
     segment: Tensor
@@ -91,7 +96,7 @@ class RayBatch:
 
 
 def neighbour_windows(windows: Tensor, segment: Tensor, frames: Tensor, count: int = 8) -> Tensor:
-    """Windows of the neighbours of frames, (F, count, 16, D), from windows (T, 16, D).
+    """Windows of the neighbours of frames, (F, count, 16, D), from windows (C, 16, D).
 
     Neighbours are frames i - count/2 .. i + count/2 - 1; beyond a cut or an end the nearest frame
     of the same uncut run stands in, so nothing reaches across a cut.

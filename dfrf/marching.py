@@ -69,14 +69,16 @@ def march(
         grid: which cells to keep.
         config: step and the largest number of samples a ray.
         jitter: (R,) in 0..1, shifts the samples of each ray by that part of a step; None is 0.5.
-        group: so many rays in turn lie within one cell of their mean everywhere. They start
-            together, and all of them are looked at only where the mean passes near an open cell:
-            the samples are the same as without that, found in a fraction of the time.
+        group: so many rays in turn lie within one cell of their mean everywhere. They are looked
+            at one by one only where the mean passes near an open cell: the samples are the same,
+            found in a fraction of the time.
     """
     groups = origins.shape[0] // group
     if jitter is None:
         jitter = origins.new_full((origins.shape[0],), 0.5)
     enter, leave = box_interval(origins, directions, *grid.bounds())
+    # Whole steps from the camera: where samples lie depends neither on the box nor on the group.
+    enter = (enter / config.step).floor() * config.step
     enter = enter.view(groups, group).amin(1)
     leave = leave.view(groups, group)
     span = (leave.amax(1) - enter).amax().clamp_min(0) if groups else enter.new_zeros(())

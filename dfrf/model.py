@@ -11,6 +11,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from dfrf import device as devices
 from dfrf.cameras import project
 from dfrf.config import FieldConfig, ModelConfig
 from dfrf.encodings import frequency_encoding
@@ -147,7 +148,7 @@ class Warp(nn.Module):
         super().__init__()
         self.max_offset = config.max_offset
         self.point = nn.Linear(point_dim, 64)
-        self.speech = nn.Linear(config.code_dim, 64, bias=False)
+        self.speech = nn.Linear(config.told_dim, 64, bias=False)
         self.feature = nn.Linear(config.feature_dim, 64, bias=False)
         self.hidden = nn.Linear(64, 32)
         self.out = nn.Linear(32, 2)
@@ -159,13 +160,13 @@ class Warp(nn.Module):
 
         Args:
             point: (M, P) encoded points.
-            code: (F, A) speech codes.
+            code: (F, A) what is told of each frame.
             belongs: (M, F) 1 where a point belongs to a frame.
             feature: (N, M, C) what each reference shows where the point projects.
         """
         shared = self.point(point) + of_points(self.speech(code), belongs)
-        h = F.relu(self.feature(feature) + shared)
-        raw = self.out(F.relu(self.hidden(h))).float()
+        h = F.relu(self.feature(feature) + shared, inplace=True)
+        raw = self.out(F.relu(self.hidden(h), inplace=True)).float()
         return self.max_offset * torch.tanh(raw * (10.0 / self.max_offset))
 
 
@@ -176,7 +177,7 @@ class Aggregation(nn.Module):
         super().__init__()
         self.feature = nn.Linear(config.feature_dim + 4, config.token_dim, bias=False)
         self.point = nn.Linear(point_dim, config.token_dim)
-        self.speech = nn.Linear(config.code_dim, config.token_dim, bias=False)
+        self.speech = nn.Linear(config.told_dim, config.token_dim, bias=False)
         self.logit = nn.Linear(config.token_dim, 1)
         self.out_dim = config.token_dim + config.feature_dim + 3
 
@@ -185,7 +186,7 @@ class Aggregation(nn.Module):
     ) -> tuple[Tensor, Tensor]:
         """From features (N, M, C) and view differences (N, M, 4) to (M, out_dim) and (N, M)."""
         shared = self.point(point) + of_points(self.speech(code), belongs)
-        token = F.relu(self.feature(torch.cat([feature, view], -1)) + shared)
+        token = F.relu(self.feature(torch.cat([feature, view], -1)) + shared, inplace=True)
         weight = self.logit(token).squeeze(-1).float().softmax(0)
         w = weight[..., None].to(feature.dtype)
         mean = (w * feature).sum(0)
@@ -220,7 +221,7 @@ class Field(nn.Module):
             if config.use_warp:
                 self.warp = Warp(config, point_dim)
         self.input = nn.Linear(point_dim + aggregated, width)
-        self.speech = nn.Linear(config.code_dim, width, bias=False)
+        self.speech = nn.Linear(config.told_dim, width, bias=False)
         self.hidden = nn.ModuleList(nn.Linear(width, width) for _ in range(config.depth - 1))
         self.density = nn.Linear(width, 1)
         self.view = nn.Linear(width + direction_dim, 64)
@@ -236,6 +237,10 @@ class Field(nn.Module):
         codes = self.audio(windows.flatten(0, 1) * 2 - 1).view(frames, near, -1)
         return self.attention(codes)
 
+    def told(self, windows: Tensor, upper: Tensor) -> Tensor:
+        """What the field is told of frames, (F, told_dim), from speech and upper face (F, U)."""
+        return torch.cat([self.speech_codes(windows), upper], -1)
+
     def forward(
         self,
         points: Tensor,
@@ -248,12 +253,14 @@ class Field(nn.Module):
         """Density and colour of points (M, 3) seen along unit directions (M, 3).
 
         Args:
-            frame: (M,) index of the frame of each point into codes (F, code_dim).
+            frame: (M,) index of the frame of each point into codes (F, told_dim).
             maps: references; None for a field without them.
             warp: False in the coarse stage.
         """
         config = self.config
-        encoded = frequency_encoding(points, config.point_octaves)
+        # Rounded once, not at every layer that reads them.
+        kind = devices.table_type(points.device)
+        encoded = frequency_encoding(points, config.point_octaves).to(kind)
         belongs = F.one_hot(frame, codes.shape[0]).to(codes.dtype)
         parts = [encoded]
         offset = points.new_zeros(0, points.shape[0], 2)
@@ -269,7 +276,7 @@ class Field(nn.Module):
                 row = first[:, None] + nearest[..., 1] * maps.width + nearest[..., 0]
                 # The published code feeds the warp with features it does not train, and so do we:
                 # their gradient would cost a second look-up and taught nothing there.
-                at = maps.table.detach()[row]
+                at = maps.table.detach().index_select(0, row.view(-1)).view(*row.shape, -1)
                 offset = self.warp(encoded, codes, belongs, at)
             rows, weights = bilinear_rows(
                 projected + offset * views.scale, maps.height, maps.width, first[:, None]
@@ -288,15 +295,16 @@ class Field(nn.Module):
                 feature, view.to(feature.dtype), encoded, codes, belongs
             )
             blended = (weight[..., None] * feature[..., COLOUR].float()).sum(0)
-            parts.append(fused.to(encoded.dtype))
-        h = F.relu(self.input(torch.cat(parts, -1)) + of_points(self.speech(codes), belongs))
+            parts.append(fused.to(kind))
+        told = of_points(self.speech(codes), belongs)
+        h = F.relu(self.input(torch.cat(parts, -1)) + told, inplace=True)
         for layer in self.hidden:
-            h = F.relu(layer(h))
+            h = F.relu(layer(h), inplace=True)
         centre, radii = points.new_tensor(PRIOR_CENTRE), points.new_tensor(PRIOR_RADII)
         prior = PRIOR_SLOPE * (0.9 - ((points - centre) / radii).norm(dim=-1))
         density = DENSITY_SCALE * F.softplus(4 * self.density(h).squeeze(-1).float() + prior)
-        seen = torch.cat([h, frequency_encoding(directions, config.direction_octaves)], -1)
-        raw = self.colour(F.relu(self.view(seen))).float()
+        towards = frequency_encoding(directions, config.direction_octaves).to(kind)
+        raw = self.colour(F.relu(self.view(torch.cat([h, towards], -1)), inplace=True)).float()
         own = raw[..., :3].sigmoid()
         if maps is None:
             return FieldOutput(density, own, offset)

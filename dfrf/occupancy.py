@@ -62,7 +62,13 @@ class OccupancyGrid(nn.Module):
 
     def near_open(self) -> Tensor:
         """Cells (G, G, G) that are open or touch an open one."""
-        return F.max_pool3d(self.occupied[None, None].float(), 3, stride=1, padding=1)[0, 0] > 0
+        near = self.occupied.clone()
+        for axis in range(3):
+            before = near.clone()
+            last = self.resolution - 1
+            near.narrow(axis, 1, last).logical_or_(before.narrow(axis, 0, last))
+            near.narrow(axis, 0, last).logical_or_(before.narrow(axis, 1, last))
+        return near
 
     @torch.no_grad()
     def start_from(self, keep: Tensor) -> None:

@@ -7,17 +7,15 @@ from dfrf.model import PRIOR_CENTRE, PRIOR_RADII, Model
 
 PRESETS = ("fast", "fast-nowarp", "ad-nerf", "nerf")
 
+LIP_ITERATIONS = 400  # where the speech networks do not come from a base
 BASE_TRAINING = TrainConfig(
     iterations=4000,
     coarse_iterations=3000,
     rays=3072,
     learn_references_every=4,
-    lip_iterations=500,
-    lip_weight=0.01,
+    lip_iterations=LIP_ITERATIONS,
 )
-# The speech networks stay the base's: fifteen seconds teach them by heart and cost what they know.
-FINETUNE = TrainConfig(iterations=1000, speech_rate=0.0)
-FROM_SCRATCH_SPEECH_RATE = 1.0  # without a base they have everything to learn
+FINETUNE = TrainConfig(iterations=1000)
 
 
 def model_config(preset: str, speech_dim: int) -> ModelConfig:

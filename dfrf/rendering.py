@@ -120,7 +120,7 @@ def render_rays(
     Args:
         origins, directions: (R, 3) head frame, directions of unit length.
         frame: (R,) index into codes.
-        codes: (F, A) speech codes.
+        codes: (F, A) what the field is told of each frame.
         maps: reference features, or None.
         jitter: (R,) in 0..1 shifts the samples of a ray by part of a step.
         warp: False in the coarse stage.
@@ -196,6 +196,7 @@ def render_frames(
     focal: float,
     centres: Tensor,
     windows: Tensor,
+    upper: Tensor,
     maps: ReferenceMaps | None,
     size: int,
 ) -> Iterator[tuple[Tensor, Tensor]]:
@@ -204,6 +205,7 @@ def render_frames(
     Args:
         c2w: (T, 3, 4); focal in pixels; centres (T, 2).
         windows: (T, 8, 16, D) speech windows of each frame's neighbours.
+        upper: (T, U) measures of the upper face.
         maps: reference features.
         size: side of the square picture.
 
@@ -212,7 +214,7 @@ def render_frames(
     """
     model.eval()
     for t in range(c2w.shape[0]):
-        codes = model.field.speech_codes(windows[t : t + 1])
+        codes = model.field.told(windows[t : t + 1], upper[t : t + 1])
         side = tile_side(model, c2w[t], focal, size)
         tiles = head_tiles(model, c2w[t], focal, centres[t], size, side)
         colour = torch.zeros(size * size, 3, device=c2w.device)

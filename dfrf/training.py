@@ -23,17 +23,15 @@ from dfrf.data import (
     RayBatch,
     cut_references,
     draw_rays,
-    neighbour_windows,
     surface_rays,
 )
-from dfrf.lips import learn_lips, lip_loss
+from dfrf.lips import learn_lips, shown_codes
 from dfrf.losses import weighted_warp_penalty
 from dfrf.model import Model, ReferenceMaps
 from dfrf.rendering import RayColours, render_rays
 
 SURFACE_RAYS = 24
 BAD_STEPS = 10
-LIP_FRAMES = 96
 SPEECH = ("field.audio.", "field.attention.", "field.lips.")
 
 
@@ -131,22 +129,42 @@ class References:
         return maps
 
 
+def told_of(model: Model, people: Sequence[Identity]) -> dict[str, Tensor]:
+    """What the field is told of every frame of each person, (T, told_dim), by name."""
+    device = model.grid.low.device
+    if model.config.field.use_speech:
+        codes = {p.name: shown_codes(model, p) for p in people}
+    else:
+        codes = {p.name: torch.zeros(p.frames, model.config.field.code_dim) for p in people}
+    return {p.name: torch.cat([codes[p.name].to(device), p.upper.to(device)], -1) for p in people}
+
+
 def step_loss(
     model: Model,
     person: Identity,
     batch: RayBatch,
+    told: Tensor,
     maps: ReferenceMaps | None,
     config: TrainConfig,
     warp: bool,
     generator: torch.Generator,
 ) -> tuple[Tensor, Tensor, RayColours]:
-    """Loss of equation (9) with what keeps the density compact; also the MSE alone."""
+    """Loss of equation (9) with what keeps the density compact; also the MSE alone.
+
+    Args:
+        told: (F, told_dim) what the field is told of the batch's frames.
+    """
     device = batch.origins.device
-    windows = neighbour_windows(person.windows, person.segment, batch.frames)
-    codes = model.field.speech_codes(windows.to(device))
     jitter = torch.rand(batch.frame.numel(), generator=generator).to(device)
     seen = render_rays(
-        model, batch.origins, batch.directions, batch.frame, codes, maps, jitter=jitter, warp=warp
+        model,
+        batch.origins,
+        batch.directions,
+        batch.frame,
+        told,
+        maps,
+        jitter=jitter,
+        warp=warp,
     )
     picture = seen.colour + (1 - seen.opacity[:, None]) * batch.background
     mse = F.mse_loss(picture, batch.colour)
@@ -161,7 +179,7 @@ def step_loss(
         origins, directions, frame, distance = (
             part.to(device) for part in surface_rays(person, batch.frames, SURFACE_RAYS, generator)
         )
-        face = render_rays(model, origins, directions, frame, codes, maps, warp=warp)
+        face = render_rays(model, origins, directions, frame, told, maps, warp=warp)
         loss = loss + config.depth_weight * surface_loss(face.depth, face.opacity, distance)
     return loss, mse.detach(), seen
 
@@ -208,11 +226,12 @@ def fit(
     model.train()
     if first == 0 and config.lip_iterations and model.config.field.use_speech:
         learn_lips(model, people, config.lip_iterations, generator)
+    known = told_of(model, people)
     began, spent = time.monotonic(), curve.seconds
     bad = 0
     for step in range(first, config.iterations):
         for group in optimiser.param_groups:
-            group["lr"] = learning_rate(step, config) * group["share"]
+            group["lr"] = learning_rate(step, config)
         person = people[int(torch.randint(len(people), (1,), generator=generator))]
         batch = draw_rays(person, config, generator).to(model.grid.low.device)
         chosen = references[person.name] if references is not None else None
@@ -220,9 +239,8 @@ def fit(
         learn = every > 0 and step % every == 0
         maps = views.maps(person, chosen, batch.frames, generator, learn)
         warp = step >= config.coarse_iterations
-        loss, mse, seen = step_loss(model, person, batch, maps, config, warp, generator)
-        if config.lip_weight and model.config.field.use_speech:
-            loss = loss + config.lip_weight * lip_loss(model, person, LIP_FRAMES, generator)
+        told = known[person.name][batch.frames]
+        loss, mse, seen = step_loss(model, person, batch, told, maps, config, warp, generator)
         optimiser.zero_grad(set_to_none=True)
         if torch.isfinite(loss):
             loss.backward()
@@ -257,25 +275,21 @@ def fit(
 
 
 def make_optimiser(model: Model, config: TrainConfig) -> torch.optim.Adam:
-    """Adam over what learns, the speech networks at their own rate; the rest is frozen."""
-    heard, others = [], []
+    """Adam over what learns from pictures; the rest is frozen."""
     for name, parameter in model.named_parameters():
-        parameter.requires_grad_(trains(name, config))
-        if name.startswith(SPEECH):
-            heard.append(parameter)
-        elif parameter.requires_grad:
-            others.append(parameter)
-    groups = [{"params": others, "share": 1.0}, {"params": heard, "share": config.speech_rate}]
+        parameter.requires_grad_(learns(name, config))
     return torch.optim.Adam(
-        [group for group in groups if group["params"]],
+        [p for p in model.parameters() if p.requires_grad],
         lr=config.learning_rate,
         betas=(0.9, 0.99),
         eps=1e-12,
     )
 
 
-def trains(name: str, config: TrainConfig) -> bool:
-    """Whether the parameter of that name learns."""
+def learns(name: str, config: TrainConfig) -> bool:
+    """Whether pictures teach the parameter of that name: not the speech networks, see `lips`."""
+    if name.startswith(SPEECH):
+        return False
     return config.learn_references_every > 0 or not name.startswith("field.encoder.")
 
 

@@ -37,7 +37,7 @@ from dubbing.compositing import composite
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
 from dubbing.finetuning import MODEL_FILE, clip_windows, reference_frames
-from dubbing.identity import load_identity
+from dubbing.identity import load_identity, upper_measures
 from dubbing.manifest import load
 from dubbing.preparation.prepared import PreparedClip
 
@@ -125,6 +125,10 @@ class Scene:
         near = neighbour_windows(windows, torch.zeros(len(windows)), torch.tensor([frame]))
         return near.to(self.device)
 
+    def upper(self, frame: int) -> Tensor:
+        """Measures of the upper face (1, U)."""
+        return torch.from_numpy(upper_measures(self.clip)[[frame]]).float().to(self.device)
+
 
 @torch.no_grad()
 def frame_rows(scene: Scene) -> list[Row]:
@@ -139,7 +143,7 @@ def frame_rows(scene: Scene) -> list[Row]:
     focal, settings = float(scene.clip.focal), model.config.march
     for frame in scene.frames:
         camera, heard = scene.camera(frame), scene.heard(frame)
-        codes = model.field.speech_codes(heard)
+        codes = model.field.told(heard, scene.upper(frame))
         side = tile_side(model, camera[0], focal, size)
         pixels = head_tiles(model, camera[0], focal, camera[1], size, side).view(-1)
         rays, owner = scene.rays(frame, pixels), torch.zeros_like(pixels)

@@ -13,9 +13,11 @@ import numpy as np
 import torch
 
 from dfrf import checkpoint, presets
+from dfrf import device as devices
+from dfrf.carving import carve
 from dfrf.data import Identity, cut_references
-from dfrf.model import Model
-from dfrf.training import Curve, Progress, TrainingDivergedError, fit
+from dfrf.model import Model, ReferenceViews
+from dfrf.training import Curve, Progress, TrainingDivergedError, fit, told_of
 from dubbing import features, media
 from dubbing.errors import CheckpointError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text
@@ -123,7 +125,7 @@ def finetune(
     model = init_from_base(base, settings)
     config = replace(presets.FINETUNE, iterations=settings.iterations, seed=settings.seed)
     if base is None:
-        config = replace(config, speech_rate=presets.FROM_SCRATCH_SPEECH_RATE)
+        config = replace(config, lip_iterations=presets.LIP_ITERATIONS)
     references = reference_frames(person, clip, first, model.config.field.references)
     try:
         curve = fit(
@@ -140,6 +142,7 @@ def finetune(
             str(error), person.name, "lower the learning rate or change the seed"
         ) from error
     views = None if references is None else cut_references(person, references)
+    close_air(model, person, views, config.seed)
     header = {
         **settings.heard_with(),
         "steps": config.iterations,
@@ -153,6 +156,18 @@ def finetune(
         {**header, "train": asdict(config), "frames": person.frames, "seconds": curve.seconds},
     )
     shutil.rmtree(out / RESUME_FOLDER)
+
+
+def close_air(model: Model, person: Identity, views: ReferenceViews | None, seed: int) -> None:
+    """Closes the cells of a finished person's grid that show nothing, so rendering skips them."""
+    device = model.grid.low.device
+    maps = None
+    if views is not None:
+        with torch.no_grad():
+            maps = model.field.encoder(views.to(device)).as_type(devices.table_type(device))
+    told = told_of(model, [person])[person.name]
+    generator = torch.Generator().manual_seed(seed)
+    carve(model.eval(), told, person.c2w, maps, generator)
 
 
 def clip_windows(

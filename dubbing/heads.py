@@ -15,6 +15,7 @@ from dfrf.data import neighbour_windows
 from dfrf.model import Model, ReferenceMaps
 from dfrf.rendering import render_frames
 from dubbing.errors import CheckpointError, RenderingError
+from dubbing.identity import upper_measures
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 
@@ -114,6 +115,7 @@ def frames(
         float(clip.focal),
         torch.from_numpy(clip.centre[poses]).float().to(device),
         near.to(device),
+        torch.from_numpy(upper_measures(clip)[poses]).float().to(device),
         maps,
         clip.size,
     )

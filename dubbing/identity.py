@@ -22,6 +22,9 @@ OUTER_LIPS = (
 UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
 # Inner gap in the middle, left and right; width; base of the nose to lower lip, upper lip and chin.
 LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2, 152))
+# Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.
+EYES = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
+UPPER_SCALE = (0.03, 0.03, 0.01, 0.01)  # what counts as 1: a blink is about -5
 RIM_WIDTH = 0.016  # of the crop's side
 
 
@@ -51,6 +54,31 @@ def lip_measures(landmarks: np.ndarray) -> np.ndarray:
     return (length - length.mean(0)) / (length.std(0) + 1e-6)
 
 
+def upper_measures(clip: PreparedClip) -> np.ndarray:
+    """How far lids and brows are up and where the eyes look, (T, 4), 0 where no face was found.
+
+    Opening of the lids, height of the brows over the eyes, gaze to the right and downwards: means
+    of both eyes in units of the distance between the eyes, less their medians over the clip. Speech
+    says nothing of them, so the field is told, as it is told the pose: a rendered frame takes both
+    from the same frame of the clip.
+    """
+    points = clip.landmarks
+    across = points[:, RIGHT_EYE_OUTER] - points[:, LEFT_EYE_OUTER]
+    unit = np.linalg.norm(across, axis=-1, keepdims=True)
+    right = across / unit
+    down = np.stack([-right[:, 1], right[:, 0]], -1)
+    sides = []
+    for inner, outer, upper, lower, brow, iris in EYES:
+        corners = (points[:, inner] + points[:, outer]) / 2
+        look = points[:, iris] - corners
+        opening = ((points[:, lower] - points[:, upper]) * down).sum(-1)
+        height = ((corners - points[:, brow]) * down).sum(-1)
+        sides.append([opening, height, (look * right).sum(-1), (look * down).sum(-1)])
+    measures = np.mean(sides, 0).T / unit
+    middle = np.median(measures[clip.valid], 0)
+    return np.where(clip.valid[:, None], (measures - middle) / UPPER_SCALE, 0.0)
+
+
 def region_map(matte: np.ndarray, mouth: np.ndarray) -> np.ndarray:
     """Where to draw rays, (S, S) uint8 codes of `dfrf.data`, from a matte (S, S) uint8.
 
@@ -77,21 +105,23 @@ def load_identity(
         folder: what `prepare` wrote.
         windows: (T, 16, D) speech windows of every frame of the clip.
         start, count: frames; the clip's end cuts them off.
-        every: keep one frame of so many.
+        every: keep the picture of one frame of so many.
 
     Raises:
         TrainingError: no frame shows a face.
     """
     clip = PreparedClip.load(folder)
     stop = min(start + count, clip.frames_count)
-    wanted = [k for k in range(start, stop) if clip.valid[k] and (k - start) % every == 0]
+    spoken = [k for k in range(start, stop) if clip.valid[k]]
+    number = [i for i, k in enumerate(spoken) if (k - start) % every == 0]
+    wanted = [spoken[i] for i in number]
     if not wanted:
         raise TrainingError(
             "no frame with a face to learn from",
             f"{clip.clip.name}, frames {start} to {stop}",
             "choose another start for this identity",
         )
-    index = np.asarray(wanted)
+    index, heard = np.asarray(wanted), np.asarray(spoken)
     keep = set(wanted)
     images, mattes, backgrounds = (
         torch.empty((len(wanted), clip.size, clip.size, *channels), dtype=torch.uint8)
@@ -117,9 +147,11 @@ def load_identity(
         c2w=torch.from_numpy(clip.c2w()[index]).float(),
         focal=float(clip.focal),
         centres=torch.from_numpy(clip.centre[index]).float(),
-        windows=torch.from_numpy(windows[index]).float(),
-        lips=torch.from_numpy(lip_measures(clip.landmarks[index])).float(),
-        segment=torch.from_numpy(clip.segment[index]).long(),
+        upper=torch.from_numpy(upper_measures(clip)[index]).float(),
+        number=torch.tensor(number),
+        windows=torch.from_numpy(windows[heard]).float(),
+        lips=torch.from_numpy(lip_measures(clip.landmarks[heard])).float(),
+        segment=torch.from_numpy(clip.segment[heard]).long(),
         surface=surface_points(clip),
     )
 

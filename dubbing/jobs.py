@@ -18,10 +18,10 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 2,
-    "finetune": 3,
+    "finetune": 4,
     "source": 1,
     "speech": 1,
-    "heads": 1,
+    "heads": 2,
     "video": 1,
     "sync": 1,
 }

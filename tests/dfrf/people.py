@@ -57,8 +57,10 @@ def person(frames: int = 6, seed: int = 0) -> Identity:
         c2w=c2w,
         focal=FOCAL,
         centres=torch.full((frames, 2), centre),
+        number=torch.arange(frames),
         windows=torch.randn(frames, 16, 8, generator=generator),
         lips=torch.randn(frames, 7, generator=generator),
+        upper=torch.randn(frames, 4, generator=generator),
         segment=torch.zeros(frames, dtype=torch.long),
         surface=torch.tensor([[0.0, 0.1, 0.89], [0.2, 0.2, 0.84]]),
     )

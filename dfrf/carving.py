@@ -1,0 +1,60 @@
+"""Closing the cells of the grid in which a finished model shows nothing.
+
+While a model learns, cells beside a surface stay open so that it can move. When it no longer
+learns, half of the samples of a frame would be spent on that air.
+
+F frames, M points.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from dfrf.marching import PackedSamples
+from dfrf.model import Model, ReferenceMaps
+from dfrf.rendering import evaluate
+
+THIN = 0.01  # opacity of a sample
+FRAMES = 64
+
+
+@torch.no_grad()
+def carve(
+    model: Model,
+    told: Tensor,
+    c2w: Tensor,
+    maps: ReferenceMaps | None,
+    generator: torch.Generator,
+) -> None:
+    """Closes open cells where no sample of any frame looked at would be `THIN` or more.
+
+    The density itself is asked, one random point a cell and frame, so a cell that rays seldom
+    reached stays open where there is something in it.
+
+    Args:
+        model: changed in place: only its grid.
+        told: (F, told_dim) what the field is told of each frame; at most `FRAMES` are looked at.
+        c2w: (F, 3, 4) their cameras.
+        maps: reference features, or None.
+        generator: draws frames and points.
+    """
+    grid = model.grid
+    device = grid.low.device
+    open_cells = torch.nonzero(grid.occupied.view(-1)).view(-1)
+    centres = grid.centres()[open_cells]
+    size = (grid.high - grid.low) / grid.resolution
+    count = len(open_cells)
+    ray = torch.arange(count, device=device)
+    zero = torch.zeros(count, dtype=torch.long, device=device)
+    thickest = torch.zeros(count, device=device)
+    for frame in torch.randperm(len(told), generator=generator)[:FRAMES].tolist():
+        where = torch.rand(count, 3, generator=generator).to(device) - 0.5
+        points = centres + where * size
+        directions = F.normalize(points - c2w[frame, :, 3].to(device), dim=-1)
+        samples = PackedSamples(points, ray, zero, torch.zeros_like(thickest), 1, count)
+        out = evaluate(model, samples, directions, zero, told[frame : frame + 1], maps, True)
+        opacity = -torch.expm1(-out.density * model.config.march.step)
+        thickest = torch.maximum(thickest, opacity)
+    grid.occupied.view(-1)[open_cells] = thickest >= THIN

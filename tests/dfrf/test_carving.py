@@ -1,0 +1,44 @@
+"""Cells that show nothing are closed, and the picture stays."""
+
+import torch
+import torch.nn.functional as F
+
+from dfrf import presets
+from dfrf.cameras import pixel_rays
+from dfrf.carving import carve
+from dfrf.data import cut_references
+from dfrf.model import PRIOR_CENTRE, PRIOR_RADII
+from dfrf.rendering import render_rays
+from tests.dfrf.people import FOCAL, SIZE, person, small_config
+
+
+def test_carving_closes_air_and_leaves_the_picture() -> None:
+    someone = person()
+    model = presets.build(small_config()).eval()
+    centre, radii = torch.tensor(PRIOR_CENTRE), torch.tensor(PRIOR_RADII)
+    reach = ((model.grid.centres() - centre) / radii).norm(dim=-1)
+    model.grid.start_from((reach > 0.8) & (reach < 1.4))
+    open_before = float(model.grid.occupied.float().mean())
+    told = torch.randn(6, 68)
+    with torch.no_grad():
+        maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
+        rows, columns = torch.meshgrid(torch.arange(SIZE), torch.arange(SIZE), indexing="ij")
+        pixels = torch.stack([columns, rows], -1).view(-1, 2).float()
+        count = len(pixels)
+        origins, directions = pixel_rays(
+            someone.c2w[2].expand(count, 3, 4), FOCAL, someone.centres[2].expand(count, 2), pixels
+        )
+        directions = F.normalize(directions, dim=-1)
+        frame = torch.zeros(count).long()
+
+        def look() -> torch.Tensor:
+            seen = render_rays(model, origins, directions, frame, told[:1], maps)
+            return torch.cat([seen.colour, seen.opacity[:, None]], 1)
+
+        before = look()
+        carve(model, told, someone.c2w, maps, torch.Generator().manual_seed(0))
+        after = look()
+    assert 0.3 * open_before < model.grid.occupied.float().mean() < 0.8 * open_before
+    assert before[:, 3].max() > 0.95
+    assert (before - after).abs().mean() < 0.003
+    assert (before - after).abs().max() < 0.1

@@ -1,0 +1,94 @@
+"""From a prepared clip to what is learned: measures of the face, and which frames count."""
+
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from dubbing.errors import TrainingError
+from dubbing.identity import EYES, UPPER_SCALE, load_identity, upper_measures
+from dubbing.media import VideoWriter
+from dubbing.preparation.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+from dubbing.preparation.prepared import PreparedClip
+from tests.fakes import write_prepared
+
+FRAMES, UNIT = 12, 100.0
+
+
+def face() -> np.ndarray:
+    """(478, 2): eyes 100 px apart, lids 10 px open, brows 20 px above, gaze straight."""
+    points = np.zeros((478, 2))
+    for side, (inner, outer, upper, lower, brow, iris) in zip((-1, 1), EYES, strict=True):
+        x = 250 + 35 * side
+        points[outer] = (250 + 50 * side, 200)
+        points[inner] = (250 + 20 * side, 200)
+        points[upper], points[lower] = (x, 195), (x, 205)
+        points[brow], points[iris] = (x, 180), (x, 200)
+    return points
+
+
+@pytest.fixture
+def prepared(tmp_path: Path) -> PreparedClip:
+    path = tmp_path / "clip.mkv"
+    with VideoWriter(path, 48, 40, Fraction(25), "ffv1") as writer:
+        for _ in range(FRAMES):
+            writer.write(np.full((40, 48, 3), 90, np.uint8))
+    (tmp_path / "prepared").mkdir()
+    return write_prepared(path, tmp_path / "prepared")
+
+
+@pytest.fixture
+def clip(prepared: PreparedClip) -> PreparedClip:
+    return replace(prepared, landmarks=np.tile(face(), (FRAMES, 1, 1)).astype(np.float32))
+
+
+def test_lids_brows_and_gaze_are_measured_from_rest_in_eye_distances(clip: PreparedClip) -> None:
+    marks = clip.landmarks
+    assert np.linalg.norm(marks[0, RIGHT_EYE_OUTER] - marks[0, LEFT_EYE_OUTER]) == UNIT
+    for _, _, upper, lower, brow, iris in EYES:
+        marks[1, upper, 1] += 4  # lids 10 px less open
+        marks[1, lower, 1] -= 6
+        marks[2, brow, 1] -= 3
+        marks[3, iris] += (2, 0)
+        marks[4, iris] += (0, 1)
+    expected = np.zeros((FRAMES, 4))
+    expected[1, 0], expected[2, 1], expected[3, 2], expected[4, 3] = -10, 3, 2, 1
+    found = upper_measures(clip)
+    np.testing.assert_allclose(found, expected / UNIT / UPPER_SCALE, atol=1e-3)
+
+
+def test_a_tilted_or_nearer_face_has_the_same_measures(clip: PreparedClip) -> None:
+    clip.landmarks[1, EYES[0][4], 1] -= 6
+    straight = upper_measures(clip)
+    turn = 1.5 * np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    tilted = replace(clip, landmarks=(clip.landmarks @ turn.T).astype(np.float32))
+    np.testing.assert_allclose(upper_measures(tilted), straight, atol=1e-3)
+
+
+def test_frames_without_a_face_are_at_rest(clip: PreparedClip) -> None:
+    clip.landmarks[5] = np.nan
+    clip.valid[5] = False
+    found = upper_measures(clip)
+    assert not np.isnan(found).any()
+    assert (found[5] == 0).all()
+
+
+def test_sound_and_lips_of_every_frame_stand_beside_some_of_the_pictures(
+    clip: PreparedClip,
+) -> None:
+    clip.save()
+    windows = np.arange(FRAMES * 16 * 2, dtype=np.float32).reshape(FRAMES, 16, 2)
+    person = load_identity("someone", clip.folder, windows, 1, 9, every=4)
+    assert person.frames == 3
+    assert person.number.tolist() == [0, 4, 8]
+    assert torch.equal(person.windows, torch.from_numpy(windows[1:10]))
+    assert person.lips.shape == (9, 7)
+    assert person.upper.shape == (3, 4)
+
+
+def test_a_part_without_a_face_is_refused(prepared: PreparedClip) -> None:
+    with pytest.raises(TrainingError, match="no frame with a face"):
+        load_identity("someone", prepared.folder, np.zeros((FRAMES, 16, 2)), 40, 5)
