@@ -30,11 +30,19 @@ _ACROSS |= {b: a for a, b in _ACROSS.items()}
 MIRROR = np.array([MOUTH.index(_ACROSS[p]) for p in MOUTH])
 
 
-def vary_mouth(mouths: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def mouth_sides(clips: Sequence[TalkingClip]) -> np.ndarray:
+    """Where each mouth point lies across the mean mouth, from -1 to 1, (M,)."""
+    across = np.mean([clip.shapes[..., 0].mean(0) for clip in clips], axis=0)
+    across = across - across.mean()
+    return (across / np.abs(across).max()).astype(np.float32)
+
+
+def vary_mouth(mouths: np.ndarray, sides: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Mirrors, scales, turns and shakes the mouths (G, V, 2 M) of one stretch.
 
-    The shake is that of landmarks on compressed or rendered pixels: of the whole mouth in every
-    frame, and of every point.
+    The pose: a turned face shows one side's motion larger than the other's (`sides`, (M,)), and
+    sheared. The shake is that of landmarks on compressed or rendered pixels: of the whole mouth
+    in every frame, and of every point.
     """
     points = mouths.reshape(*mouths.shape[:2], -1, 2)
     if rng.random() < 0.5:
@@ -46,6 +54,8 @@ def vary_mouth(mouths: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     whole, each = rng.uniform(0, 0.006), rng.uniform(0, 0.008)
     points = points + rng.normal(0, whole, (*points.shape[:2], 1, 2))
     points = points + rng.normal(0, each, points.shape)
+    points = points * (1 + np.clip(rng.normal(0, 0.2), -0.5, 0.5) * sides)[:, None]
+    points = points + points[..., ::-1] * rng.normal(0, 0.12, 2)
     return points.reshape(mouths.shape).astype(np.float32)
 
 
@@ -83,6 +93,7 @@ class Batches:
         self._clips = clips
         self._rng = rng
         self._shapes = [[centred(c.shapes, c.times, reach) for reach in REACHES] for c in clips]
+        self._sides = mouth_sides(clips)
         # A person with 10 s counts in full; more of the same person helps little.
         weights = np.array([min(1.0, c.times[-1] / 10) ** 0.5 for c in clips])
         self._weights = weights / weights.sum()
@@ -107,4 +118,4 @@ class Batches:
         mouths = mouth_windows(shapes, clip.times, moments, tempo)
         take = (Take(1.0, clip.sound), *clip.takes)[rng.integers(len(clip.takes) + 1)]
         sounds = take_windows(take, moments + clip.offset, tempo)
-        return vary_mouth(mouths, rng), vary_sound(sounds, rng)
+        return vary_mouth(mouths, self._sides, rng), vary_sound(sounds, rng)

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from dubbing.errors import SyncError
-from dubbing.sync.augmentation import MIRROR, Batches, vary_mouth, vary_sound
+from dubbing.sync.augmentation import MIRROR, Batches, mouth_sides, vary_mouth, vary_sound
 from dubbing.sync.correlation import align
 from dubbing.sync.evaluation import area_under_roc, embed, shifts_found
 from dubbing.sync.hearing import CHANNELS, WIDTH
@@ -61,6 +61,14 @@ def test_mirror_is_its_own_inverse_and_swaps_the_corners() -> None:
     assert np.allclose((mouth[MIRROR] * [-1, 1])[lips], mouth[lips], atol=1e-5)
 
 
+def test_sides_of_the_mouth() -> None:
+    sides = mouth_sides(CLIPS)
+    right, left = (sides[MOUTH.index(p)] for p in CORNERS)
+    assert right < -0.7
+    assert left > 0.7
+    assert np.abs(sides).max() == pytest.approx(1)
+
+
 def test_batches_have_their_shapes_and_repeat() -> None:
     one, two = (Batches(CLIPS, np.random.default_rng(3)).draw() for _ in range(2))
     assert one[0].shape == (288, 5, 2 * len(MOUTH))
@@ -74,7 +82,8 @@ def test_variations_keep_shapes_and_change_values() -> None:
     rng = np.random.default_rng(0)
     mouths = rng.normal(0, 0.05, (3, 5, 2 * len(MOUTH))).astype(np.float32)
     mels = rng.uniform(0, 1.5, (3, 10, WIDTH)).astype(np.float32)
-    for before, after in ((mouths, vary_mouth(mouths, rng)), (mels, vary_sound(mels, rng))):
+    varied = vary_mouth(mouths, mouth_sides(CLIPS), rng)
+    for before, after in ((mouths, varied), (mels, vary_sound(mels, rng))):
         assert after.shape == before.shape
         assert after.dtype == np.float32
         assert 0 < np.abs(after - before).mean() < 0.6
