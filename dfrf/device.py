@@ -30,8 +30,21 @@ def has_bfloat16(device: torch.device) -> bool:
 
 
 def arithmetic(device: torch.device) -> AbstractContextManager[object]:
-    """Autocast for matrix products, where it pays."""
-    return torch.autocast(device.type, dtype=torch.bfloat16, enabled=has_bfloat16(device))
+    """Autocast for matrix products, where it pays.
+
+    Without the cache of rounded weights, which threads would share: gradients of the chunks are
+    added up in float32 instead of bfloat16, too.
+    """
+    return torch.autocast(
+        device.type, dtype=torch.bfloat16, enabled=has_bfloat16(device), cache_enabled=False
+    )
+
+
+def matrix_type(device: torch.device) -> torch.dtype:
+    """Type that matrix products take here and now: that of `arithmetic` inside of it."""
+    if torch.is_autocast_enabled(device.type):
+        return torch.get_autocast_dtype(device.type)
+    return torch.float32
 
 
 def table_type(device: torch.device) -> torch.dtype:

@@ -259,7 +259,7 @@ class Field(nn.Module):
         """
         config = self.config
         # Rounded once, not at every layer that reads them.
-        kind = devices.table_type(points.device)
+        kind = devices.matrix_type(points.device)
         encoded = frequency_encoding(points, config.point_octaves).to(kind)
         belongs = F.one_hot(frame, codes.shape[0]).to(codes.dtype)
         parts = [encoded]

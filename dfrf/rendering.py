@@ -16,8 +16,10 @@ from dfrf import device as devices
 from dfrf.cameras import pixel_rays
 from dfrf.marching import PackedSamples, march
 from dfrf.model import FieldOutput, Model, ReferenceMaps
+from dfrf.workers import Workers
 
 RAYS_AT_ONCE = 16384
+FRAMES_AT_ONCE = 8
 SLAB = 2  # slots evaluated before looking again which rays are opaque
 OPAQUE = 5.0  # optical thickness
 ROUND_CHUNK = 1024
@@ -190,6 +192,40 @@ def head_tiles(
 
 
 @torch.no_grad()
+def render_frame(
+    model: Model,
+    c2w: Tensor,
+    focal: float,
+    centre: Tensor,
+    told: Tensor,
+    maps: ReferenceMaps | None,
+    size: int,
+) -> tuple[Tensor, Tensor]:
+    """The head of one frame; as `render_frames`, with c2w (3, 4), centre (2,), told (told_dim,)."""
+    side = tile_side(model, c2w, focal, size)
+    tiles = head_tiles(model, c2w, focal, centre, size, side)
+    colour = torch.zeros(size * size, 3, device=c2w.device)
+    opacity = torch.zeros(size * size, device=c2w.device)
+    for part in tiles.view(-1).split(RAYS_AT_ONCE):
+        count = part.numel()
+        position = torch.stack([part % size, part // size], -1).float()
+        origins, directions = pixel_rays(
+            c2w.expand(count, 3, 4), focal, centre.expand(count, 2), position
+        )
+        seen = render_rays(
+            model,
+            origins,
+            F.normalize(directions, dim=-1),
+            torch.zeros_like(part),
+            told[None],
+            maps,
+            group=side * side,
+        )
+        colour[part] = seen.colour
+        opacity[part] = seen.opacity
+    return colour.view(size, size, 3), opacity.view(size, size)
+
+
 def render_frames(
     model: Model,
     c2w: Tensor,
@@ -200,7 +236,7 @@ def render_frames(
     maps: ReferenceMaps | None,
     size: int,
 ) -> Iterator[tuple[Tensor, Tensor]]:
-    """Heads of frames, one by one.
+    """Heads of frames, in their order, on a CPU as many at once as there are cores.
 
     Args:
         c2w: (T, 3, 4); focal in pixels; centres (T, 2).
@@ -213,29 +249,11 @@ def render_frames(
         Premultiplied colour (size, size, 3) in 0..1 and opacity (size, size).
     """
     model.eval()
-    for t in range(c2w.shape[0]):
-        codes = model.field.told(windows[t : t + 1], upper[t : t + 1])
-        side = tile_side(model, c2w[t], focal, size)
-        tiles = head_tiles(model, c2w[t], focal, centres[t], size, side)
-        colour = torch.zeros(size * size, 3, device=c2w.device)
-        opacity = torch.zeros(size * size, device=c2w.device)
-        for part in tiles.view(-1).split(RAYS_AT_ONCE):
-            position = torch.stack([part % size, part // size], -1).float()
-            origins, directions = pixel_rays(
-                c2w[t].expand(part.numel(), 3, 4),
-                focal,
-                centres[t].expand(part.numel(), 2),
-                position,
-            )
-            seen = render_rays(
-                model,
-                origins,
-                F.normalize(directions, dim=-1),
-                torch.zeros_like(part),
-                codes,
-                maps,
-                group=side * side,
-            )
-            colour[part] = seen.colour
-            opacity[part] = seen.opacity
-        yield colour.view(size, size, 3), opacity.view(size, size)
+    with torch.no_grad():
+        told = model.field.told(windows, upper)
+
+    def one(t: int) -> tuple[Tensor, Tensor]:
+        return render_frame(model, c2w[t], focal, centres[t], told[t], maps, size)
+
+    with Workers(c2w.device, FRAMES_AT_ONCE) as workers:
+        yield from workers.map(one, range(c2w.shape[0]))

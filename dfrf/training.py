@@ -11,27 +11,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import torch
-import torch.nn.functional as F
 from torch import Tensor
 
 from dfrf import device as devices
 from dfrf.checkpoint import load_resume, save_resume
-from dfrf.compactness import distortion_loss, surface_loss
 from dfrf.config import TrainConfig
-from dfrf.data import (
-    Identity,
-    RayBatch,
-    cut_references,
-    draw_rays,
-    surface_rays,
-)
+from dfrf.data import Identity, cut_references
 from dfrf.lips import learn_lips, shown_codes
-from dfrf.losses import weighted_warp_penalty
 from dfrf.model import Model, ReferenceMaps
-from dfrf.rendering import RayColours, render_rays
+from dfrf.step import draw_shares, step_outcome
+from dfrf.workers import Workers
 
-SURFACE_RAYS = 24
 BAD_STEPS = 10
+SHARES = 4  # of a step's rays on a CPU: as many cores work side by side
 SPEECH = ("field.audio.", "field.attention.", "field.lips.")
 
 
@@ -139,51 +131,6 @@ def told_of(model: Model, people: Sequence[Identity]) -> dict[str, Tensor]:
     return {p.name: torch.cat([codes[p.name].to(device), p.upper.to(device)], -1) for p in people}
 
 
-def step_loss(
-    model: Model,
-    person: Identity,
-    batch: RayBatch,
-    told: Tensor,
-    maps: ReferenceMaps | None,
-    config: TrainConfig,
-    warp: bool,
-    generator: torch.Generator,
-) -> tuple[Tensor, Tensor, RayColours]:
-    """Loss of equation (9) with what keeps the density compact; also the MSE alone.
-
-    Args:
-        told: (F, told_dim) what the field is told of the batch's frames.
-    """
-    device = batch.origins.device
-    jitter = torch.rand(batch.frame.numel(), generator=generator).to(device)
-    seen = render_rays(
-        model,
-        batch.origins,
-        batch.directions,
-        batch.frame,
-        told,
-        maps,
-        jitter=jitter,
-        warp=warp,
-    )
-    picture = seen.colour + (1 - seen.opacity[:, None]) * batch.background
-    mse = F.mse_loss(picture, batch.colour)
-    loss = mse
-    if warp and seen.offset.numel():
-        loss = loss + config.warp_weight * weighted_warp_penalty(seen.offset, seen.alpha)
-    loss = loss + config.opacity_weight * F.mse_loss(seen.opacity, batch.matte)
-    loss = loss + config.distortion_weight * distortion_loss(
-        seen.weights, seen.distances, model.config.march.step
-    )
-    if config.depth_weight:
-        origins, directions, frame, distance = (
-            part.to(device) for part in surface_rays(person, batch.frames, SURFACE_RAYS, generator)
-        )
-        face = render_rays(model, origins, directions, frame, told, maps, warp=warp)
-        loss = loss + config.depth_weight * surface_loss(face.depth, face.opacity, distance)
-    return loss, mse.detach(), seen
-
-
 def fit(
     model: Model,
     people: Sequence[Identity],
@@ -214,7 +161,8 @@ def fit(
         TrainingDivergedError: ten steps on end whose loss was not finite.
         dfrf.checkpoint.CheckpointError: `resume` holds the state of another run.
     """
-    model.to(devices.choose(device))
+    target = devices.choose(device)
+    model.to(target)
     generator = torch.Generator().manual_seed(config.seed)
     optimiser = make_optimiser(model, config)
     trained = [p for group in optimiser.param_groups for p in group["params"]]
@@ -229,48 +177,52 @@ def fit(
     known = told_of(model, people)
     began, spent = time.monotonic(), curve.seconds
     bad = 0
-    for step in range(first, config.iterations):
-        for group in optimiser.param_groups:
-            group["lr"] = learning_rate(step, config)
-        person = people[int(torch.randint(len(people), (1,), generator=generator))]
-        batch = draw_rays(person, config, generator).to(model.grid.low.device)
-        chosen = references[person.name] if references is not None else None
-        every = config.learn_references_every
-        learn = every > 0 and step % every == 0
-        maps = views.maps(person, chosen, batch.frames, generator, learn)
-        warp = step >= config.coarse_iterations
-        told = known[person.name][batch.frames]
-        loss, mse, seen = step_loss(model, person, batch, told, maps, config, warp, generator)
-        optimiser.zero_grad(set_to_none=True)
-        if torch.isfinite(loss):
-            loss.backward()
-            torch.nn.utils.clip_grad_norm_(trained, 1.0)
-            optimiser.step()
-            model.grid.observe(seen.samples.points, _packed_weights(seen))
-            bad = 0
-        else:
-            bad += 1
-            if bad >= BAD_STEPS:
-                raise TrainingDivergedError(
-                    f"the loss was not finite for {bad} steps on end, up to step {step}"
+    count = SHARES if target.type == "cpu" else 1
+    with Workers(target, count) as workers:
+        for step in range(first, config.iterations):
+            for group in optimiser.param_groups:
+                group["lr"] = learning_rate(step, config)
+            person = people[int(torch.randint(len(people), (1,), generator=generator))]
+            shares = draw_shares(person, known[person.name], config, generator, count)
+            shown = torch.cat([share.batch.frames for share in shares])
+            chosen = references[person.name] if references is not None else None
+            every = config.learn_references_every
+            learn = every > 0 and step % every == 0
+            maps = views.maps(person, chosen, shown, generator, learn)
+            warp = step >= config.coarse_iterations
+            done = step_outcome(model, shares, maps, config, warp, trained, workers)
+            if torch.isfinite(done.loss):
+                for parameter, gradient in zip(trained, done.gradients, strict=True):
+                    parameter.grad = gradient
+                torch.nn.utils.clip_grad_norm_(trained, 1.0)
+                optimiser.step()
+                model.grid.observe(done.points, done.weights)
+                bad = 0
+            else:
+                bad += 1
+                if bad >= BAD_STEPS:
+                    raise TrainingDivergedError(
+                        f"the loss was not finite for {bad} steps on end, up to step {step}"
+                    )
+            if (step + 1) % config.occupancy_every == 0:
+                model.grid.refresh()
+            seconds = spent + time.monotonic() - began
+            psnr = -10 * math.log10(max(done.mse.item(), 1e-10))
+            curve.add(step, done.loss.item(), psnr, seconds)
+            if progress is not None:
+                pace = (time.monotonic() - began) / (step + 1 - first)
+                left = pace * (config.iterations - step - 1)
+                per_ray = len(done.points) / max(done.rays, 1)
+                progress(
+                    Progress(step + 1, config.iterations, done.loss.item(), psnr, left, per_ray)
                 )
-        if (step + 1) % config.occupancy_every == 0:
-            model.grid.refresh()
-        seconds = spent + time.monotonic() - began
-        psnr = -10 * math.log10(max(mse.item(), 1e-10))
-        curve.add(step, loss.item(), psnr, seconds)
-        if progress is not None:
-            pace = (time.monotonic() - began) / (step + 1 - first)
-            left = pace * (config.iterations - step - 1)
-            per_ray = seen.samples.points.shape[0] / max(seen.samples.rays, 1)
-            progress(Progress(step + 1, config.iterations, loss.item(), psnr, left, per_ray))
-        ends = stop is not None and stop()
-        if resume is not None and (
-            ends or (step + 1) % config.checkpoint_every == 0 or step + 1 == config.iterations
-        ):
-            save_resume(resume, model, optimiser, generator, config, curve, step + 1)
-        if ends:
-            break
+            ends = stop is not None and stop()
+            if resume is not None and (
+                ends or (step + 1) % config.checkpoint_every == 0 or step + 1 == config.iterations
+            ):
+                save_resume(resume, model, optimiser, generator, config, curve, step + 1)
+            if ends:
+                break
     return curve
 
 
@@ -291,8 +243,3 @@ def learns(name: str, config: TrainConfig) -> bool:
     if name.startswith(SPEECH):
         return False
     return config.learn_references_every > 0 or not name.startswith("field.encoder.")
-
-
-def _packed_weights(seen: RayColours) -> Tensor:
-    """The dense rendering weights, back in the order of the packed samples."""
-    return seen.weights.detach()[seen.samples.ray, seen.samples.slot]
