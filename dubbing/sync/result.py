@@ -17,7 +17,7 @@ PASS_SHARE = 0.6
 FAIL_SHARE = 0.3
 # Stands in for the source's confidence where there is no source: 60 % of it is the 95th percentile
 # of speech that does not belong, on people left out of training (docs/sync.md).
-TYPICAL_CONFIDENCE = 0.16
+TYPICAL_CONFIDENCE = 0.15
 MIN_SECONDS = 3.0
 MIN_SPEECH_SECONDS = 1.0
 MIN_MOUTH_SECONDS = 2.0

@@ -78,7 +78,7 @@ def train_network(
     network = SyncNetwork(())
     network.face.copy_(torch.from_numpy(face))
     for k, hears in enumerate(settings.members):
-        seed = settings.seed + settings.members[:k].count(hears)
+        seed = settings.seed + k
         network.members.append(train_member(clips, hears, settings.steps, seed, progress))
     return network.eval()
 

@@ -14,6 +14,7 @@ from dubbing.sync.evaluation import area_under_roc, embed, shifts_found
 from dubbing.sync.hearing import CHANNELS, WIDTH
 from dubbing.sync.mouth import CORNERS, MOUTH
 from dubbing.sync.network import SyncNetwork, TwoStream, load_network, save_network
+from dubbing.sync.speakers import LEARNED, UNSEEN
 from dubbing.sync.training import SyncTraining, train_network, train_sync, usable_clips
 from tests.sync.made import made_clip
 from tests.sync.meshes import canonical
@@ -99,6 +100,9 @@ def test_it_learns_and_finds_shifts_of_a_clip_it_never_saw(tmp_path: Path, hears
     assert np.mean(shifts_found(unseen, 3.0)) > 0.95
     late = embed(network, made_clip("late", 51, late=0.2))
     assert late.offset - unseen.offset == pytest.approx(-5, abs=1)
+    # A clip that is said to be exact is counted from 0, not from what it reads.
+    wrong = embed(network, replace(made_clip("late", 51, late=0.2), exact=True))
+    assert np.mean(shifts_found(wrong, 3.0)) < 0.1
     path = tmp_path / "weights.safetensors"
     save_network(network, path, {"clips": []})
     shapes, sound = Batches(CLIPS, np.random.default_rng(0)).draw()
@@ -174,6 +178,13 @@ def test_wrong_weights_say_so(tmp_path: Path) -> None:
 def test_too_few_clips(tmp_path: Path) -> None:
     with pytest.raises(SyncError, match="too few"):
         train_sync([], tmp_path / "out.safetensors")
+
+
+def test_the_unseen_speakers_are_others() -> None:
+    for field in ("seed", "voice", "text"):
+        learned, unseen = ({getattr(p, field) for p in parts} for parts in (LEARNED, UNSEEN))
+        assert len(unseen) == len(UNSEEN)
+        assert not learned & unseen
 
 
 def test_area_under_the_roc() -> None:
