@@ -28,8 +28,8 @@ def shifted(sound: np.ndarray, early: int) -> np.ndarray:
 
 def test_a_clip_in_sync_passes(speaker: Speaker) -> None:
     result = check(speaker.clip)
-    assert result.offset_frames is not None
-    assert abs(result.offset_frames) <= 1
+    # Neither its face nor its text was learned from.
+    assert result.offset_frames == 0
     assert result.verdict == "pass"
     assert result.media.frames == 100
     assert result.media.picture_seconds == pytest.approx(4.0, abs=0.01)
