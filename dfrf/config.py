@@ -36,7 +36,7 @@ class FieldConfig:
 
     speech_dim: int = 80
     code_dim: int = 64
-    upper_dim: int = 4
+    upper_dim: int = 6
     references: int = 4
     use_speech: bool = True
     use_warp: bool = True
@@ -82,7 +82,8 @@ class TrainConfig:
         warp_weight: lambda of equation (9), in the paper's units (pixels at 512).
         opacity_weight, depth_weight, distortion_weight: what keeps the density compact.
         lip_iterations: steps of teaching the speech networks on lip measures, first of all.
-        mouth_share, rim_share: shares of the rays drawn in the mouth box and at the head's rim.
+        mouth_share, eyes_share, rim_share: shares of the rays drawn round the mouth, round the eyes
+            and at the head's rim.
         learn_references_every: steps between those in which the reference CNN learns; 0 never.
         occupancy_every: steps between two looks at which cells are open.
         checkpoint_every: steps between two saves of the state.
@@ -101,7 +102,8 @@ class TrainConfig:
     depth_weight: float = 0.05
     distortion_weight: float = 0.01
     lip_iterations: int = 0
-    mouth_share: float = 0.4
+    mouth_share: float = 0.35
+    eyes_share: float = 0.15
     rim_share: float = 0.15
     learn_references_every: int = 0
     occupancy_every: int = 20

@@ -16,7 +16,7 @@ from dfrf.config import TrainConfig
 from dfrf.model import ReferenceViews
 
 # Codes of the region map: where rays are drawn.
-OUTSIDE, RIM, HEAD, MOUTH = 0, 1, 2, 3
+OUTSIDE, RIM, HEAD, MOUTH, EYES = 0, 1, 2, 3, 4
 HEAD_MATTE = 13  # of 255: what counts as head
 
 
@@ -32,7 +32,7 @@ class Identity:
         c2w: (T, 3, 4) camera to head frame.
         focal: pixels.
         centres: (T, 2) principal points, (column, row).
-        upper: (T, U) measures of lids, brows and gaze, about 0 at rest.
+        upper: (T, U) measures of lids, brows and gaze, 0 at rest.
         number: (T,) which of the C frames each picture is of. Speech needs every frame, also where
             only some are kept as pictures.
         windows: (C, 16, D) speech windows.
@@ -114,13 +114,14 @@ def neighbour_windows(windows: Tensor, segment: Tensor, frames: Tensor, count: i
 
 
 def draw_rays(person: Identity, config: TrainConfig, generator: torch.Generator) -> RayBatch:
-    """Rays by importance: mouth, head, rim, over a few random frames."""
+    """Rays by importance: mouth, eyes, rim, the rest of the head, over a few random frames."""
     frames = torch.randint(person.frames, (config.frames,), generator=generator)
     per_frame = config.rays // config.frames
     shares = (
         (MOUTH, config.mouth_share),
+        (EYES, config.eyes_share),
         (RIM, config.rim_share),
-        (HEAD, 1 - config.mouth_share - config.rim_share),
+        (HEAD, 1 - config.mouth_share - config.eyes_share - config.rim_share),
     )
     pixels, owner = [], []
     for i, t in enumerate(frames.tolist()):

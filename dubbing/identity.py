@@ -9,7 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dfrf.data import HEAD, HEAD_MATTE, MOUTH, RIM, Identity
+from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, Identity
 from dubbing.errors import TrainingError
 from dubbing.preparation.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.preparation.prepared import PreparedClip
@@ -23,8 +23,9 @@ UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
 # Inner gap in the middle, left and right; width; base of the nose to lower lip, upper lip and chin.
 LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2, 152))
 # Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.
-EYES = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
-UPPER_SCALE = (0.03, 0.03, 0.01, 0.01)  # what counts as 1: a blink is about -5
+EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
+# What counts as 1, in eye distances: a blink is about -5.
+LIDS, BROWS, GAZE = 0.03, 0.03, 0.01
 RIM_WIDTH = 0.016  # of the crop's side
 
 
@@ -55,43 +56,56 @@ def lip_measures(landmarks: np.ndarray) -> np.ndarray:
 
 
 def upper_measures(clip: PreparedClip) -> np.ndarray:
-    """How far lids and brows are up and where the eyes look, (T, 4), 0 where no face was found.
+    """How far lids and brows are up and where the eyes look, (T, 6), 0 where no face was found.
 
-    Opening of the lids, height of the brows over the eyes, gaze to the right and downwards: means
-    of both eyes in units of the distance between the eyes, less their medians over the clip. Speech
-    says nothing of them, so the field is told, as it is told the pose: a rendered frame takes both
-    from the same frame of the clip.
+    Opening of the lids and height of the brow of the left and of the right eye, gaze of both to the
+    right and downwards: in units of the distance between the eyes, less their medians over the
+    clip. Speech says nothing of them, so the field is told, as it is told the pose: a rendered
+    frame takes both from the same frame of the clip.
     """
     points = clip.landmarks
     across = points[:, RIGHT_EYE_OUTER] - points[:, LEFT_EYE_OUTER]
-    unit = np.linalg.norm(across, axis=-1, keepdims=True)
-    right = across / unit
+    unit = np.linalg.norm(across, axis=-1)
+    right = across / unit[:, None]
     down = np.stack([-right[:, 1], right[:, 0]], -1)
-    sides = []
-    for inner, outer, upper, lower, brow, iris in EYES:
+    lids, brows, looks = [], [], []
+    for inner, outer, upper, lower, brow, iris in EYES_POINTS:
         corners = (points[:, inner] + points[:, outer]) / 2
-        look = points[:, iris] - corners
-        opening = ((points[:, lower] - points[:, upper]) * down).sum(-1)
-        height = ((corners - points[:, brow]) * down).sum(-1)
-        sides.append([opening, height, (look * right).sum(-1), (look * down).sum(-1)])
-    measures = np.mean(sides, 0).T / unit
+        lids.append(((points[:, lower] - points[:, upper]) * down).sum(-1) / LIDS)
+        brows.append(((corners - points[:, brow]) * down).sum(-1) / BROWS)
+        looks.append((points[:, iris] - corners) / GAZE)
+    look = (looks[0] + looks[1]) / 2
+    gaze = [(look * right).sum(-1), (look * down).sum(-1)]
+    measures = np.stack([*lids, *brows, *gaze], -1) / unit[:, None]
     middle = np.median(measures[clip.valid], 0)
-    return np.where(clip.valid[:, None], (measures - middle) / UPPER_SCALE, 0.0)
+    return np.where(clip.valid[:, None], measures - middle, 0.0)
 
 
-def region_map(matte: np.ndarray, mouth: np.ndarray) -> np.ndarray:
+def eye_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
+    """Boxes round each eye with its brow, (T, 2, 4) left, top, right, bottom, of (T, 478, 2)."""
+    boxes = []
+    for points in EYES_POINTS:
+        eye = landmarks[:, points]
+        low, high = eye.min(1), eye.max(1)
+        margin = (high[:, 0] - low[:, 0]) * 0.25
+        boxes.append(np.concatenate([low - margin[:, None], high + margin[:, None]], -1))
+    return np.clip(np.nan_to_num(np.stack(boxes, 1)).round(), 0, size).astype(np.int64)
+
+
+def region_map(matte: np.ndarray, mouth: np.ndarray, eyes: np.ndarray) -> np.ndarray:
     """Where to draw rays, (S, S) uint8 codes of `dfrf.data`, from a matte (S, S) uint8.
 
-    The rim lies on both sides of the head's outline; `mouth` is left, top, right, bottom in pixels.
+    The rim lies on both sides of the head's outline; boxes are left, top, right, bottom in pixels,
+    one of the mouth (4,) and two of the eyes (2, 4).
     """
     width = max(2, round(RIM_WIDTH * matte.shape[0]))
     kernel = np.ones((2 * width + 1, 2 * width + 1), np.uint8)
     head = (matte > HEAD_MATTE).astype(np.uint8)
     region = np.where(cv2.dilate(head, kernel) > 0, RIM, 0).astype(np.uint8)
     region[cv2.erode(head, kernel, borderValue=0) > 0] = HEAD
-    left, top, right, bottom = mouth
-    box = region[top:bottom, left:right]
-    box[box == HEAD] = MOUTH
+    for code, (left, top, right, bottom) in ((EYES, eyes[0]), (EYES, eyes[1]), (MOUTH, mouth)):
+        box = region[top:bottom, left:right]
+        box[box == HEAD] = code
     return region
 
 
@@ -134,9 +148,13 @@ def load_identity(
             mattes[at] = torch.from_numpy(matte)
             backgrounds[at] = torch.from_numpy(background)
             at += 1
-    boxes = mouth_boxes(clip.landmarks[index], clip.size)
+    mouths = mouth_boxes(clip.landmarks[index], clip.size)
+    eyes = eye_boxes(clip.landmarks[index], clip.size)
     regions = torch.stack(
-        [torch.from_numpy(region_map(m.numpy(), b)) for m, b in zip(mattes, boxes, strict=True)]
+        [
+            torch.from_numpy(region_map(matte.numpy(), *boxes))
+            for matte, *boxes in zip(mattes, mouths, eyes, strict=True)
+        ]
     )
     return Identity(
         name=name,

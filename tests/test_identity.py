@@ -8,8 +8,19 @@ import numpy as np
 import pytest
 import torch
 
+from dfrf.data import EYES, HEAD, MOUTH, RIM
 from dubbing.errors import TrainingError
-from dubbing.identity import EYES, UPPER_SCALE, load_identity, upper_measures
+from dubbing.identity import (
+    BROWS,
+    EYES_POINTS,
+    GAZE,
+    LIDS,
+    eye_boxes,
+    load_identity,
+    mouth_boxes,
+    region_map,
+    upper_measures,
+)
 from dubbing.media import VideoWriter
 from dubbing.preparation.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.preparation.prepared import PreparedClip
@@ -21,7 +32,7 @@ FRAMES, UNIT = 12, 100.0
 def face() -> np.ndarray:
     """(478, 2): eyes 100 px apart, lids 10 px open, brows 20 px above, gaze straight."""
     points = np.zeros((478, 2))
-    for side, (inner, outer, upper, lower, brow, iris) in zip((-1, 1), EYES, strict=True):
+    for side, (inner, outer, upper, lower, brow, iris) in zip((-1, 1), EYES_POINTS, strict=True):
         x = 250 + 35 * side
         points[outer] = (250 + 50 * side, 200)
         points[inner] = (250 + 20 * side, 200)
@@ -48,20 +59,21 @@ def clip(prepared: PreparedClip) -> PreparedClip:
 def test_lids_brows_and_gaze_are_measured_from_rest_in_eye_distances(clip: PreparedClip) -> None:
     marks = clip.landmarks
     assert np.linalg.norm(marks[0, RIGHT_EYE_OUTER] - marks[0, LEFT_EYE_OUTER]) == UNIT
-    for _, _, upper, lower, brow, iris in EYES:
+    for _, _, upper, lower, brow, iris in EYES_POINTS[1:]:
         marks[1, upper, 1] += 4  # lids 10 px less open
         marks[1, lower, 1] -= 6
         marks[2, brow, 1] -= 3
         marks[3, iris] += (2, 0)
         marks[4, iris] += (0, 1)
-    expected = np.zeros((FRAMES, 4))
-    expected[1, 0], expected[2, 1], expected[3, 2], expected[4, 3] = -10, 3, 2, 1
+    expected = np.zeros((FRAMES, 6))
+    expected[1, 1], expected[2, 3], expected[3, 4], expected[4, 5] = -10, 3, 1, 0.5
     found = upper_measures(clip)
-    np.testing.assert_allclose(found, expected / UNIT / UPPER_SCALE, atol=1e-3)
+    scale = np.array([LIDS, LIDS, BROWS, BROWS, GAZE, GAZE])
+    np.testing.assert_allclose(found, expected / UNIT / scale, atol=1e-3)
 
 
 def test_a_tilted_or_nearer_face_has_the_same_measures(clip: PreparedClip) -> None:
-    clip.landmarks[1, EYES[0][4], 1] -= 6
+    clip.landmarks[1, EYES_POINTS[0][4], 1] -= 6
     straight = upper_measures(clip)
     turn = 1.5 * np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
     tilted = replace(clip, landmarks=(clip.landmarks @ turn.T).astype(np.float32))
@@ -86,7 +98,25 @@ def test_sound_and_lips_of_every_frame_stand_beside_some_of_the_pictures(
     assert person.number.tolist() == [0, 4, 8]
     assert torch.equal(person.windows, torch.from_numpy(windows[1:10]))
     assert person.lips.shape == (9, 7)
-    assert person.upper.shape == (3, 4)
+    assert person.upper.shape == (3, 6)
+
+
+def test_rays_are_drawn_round_mouth_and_eyes_and_at_the_rim() -> None:
+    points = face()
+    points[[61, 291]] = (220, 280), (280, 280)
+    points[[0, 17]] = (250, 270), (250, 290)
+    for k in range(478):
+        if not points[k].any():
+            points[k] = (250, 280)
+    matte = np.zeros((400, 400), np.uint8)
+    matte[100:350, 150:350] = 255
+    (mouth,), (eyes,) = mouth_boxes(points[None], 400), eye_boxes(points[None], 400)
+    region = region_map(matte, mouth, eyes)
+    assert region[280, 250] == MOUTH
+    assert region[200, 215] == region[200, 285] == region[182, 215] == EYES
+    assert region[200, 250] == region[230, 250] == HEAD
+    assert region[200, 150] == region[346, 250] == RIM
+    assert region[50, 50] == 0
 
 
 def test_a_part_without_a_face_is_refused(prepared: PreparedClip) -> None:

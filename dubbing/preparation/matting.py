@@ -13,6 +13,7 @@ import numpy as np
 
 REFERENCE_SIZE = 512
 CUT_SOFTNESS = 1.5  # px, Gaussian
+CUT_REACH = 4  # px below the jaw line: further down the neck is the neck, whatever it looks like
 EDGE_LOW, EDGE_WIDTH = 0.4, 0.5  # of the person mask: from here, over this much, to opaque
 CORE = 0.8  # of the matte before it is sharpened: above this it may only grow
 OPAQUE = 128  # of 255
@@ -74,13 +75,14 @@ def head_matte(
     guide = cv2.cvtColor(image, GREY).astype(np.float32) / 255
     refined = cv2.ximgproc.guidedFilter(guide, person, max(1, round(4 * unit)), 1e-4)
     alpha = np.clip((refined - EDGE_LOW) / EDGE_WIDTH, 0, 1)
-    above = cv2.GaussianBlur(
-        fill_polygon(above_jaw(outline, size), size), (0, 0), CUT_SOFTNESS * unit
-    )
+    face = fill_polygon(above_jaw(outline, size), size)
+    above = cv2.GaussianBlur(face, (0, 0), CUT_SOFTNESS * unit)
     alpha = cv2.GaussianBlur(alpha * above, (0, 0), 1.2 * unit)
     sharp = cv2.ximgproc.guidedFilter(guide, alpha, max(1, round(6 * unit)), 4e-4)
     # The filter also follows edges between hair and ear well inside the head: keep that opaque.
     alpha = np.maximum(sharp, (alpha - CORE) / (1 - CORE))
+    within = dilate(face > 0.5, CUT_REACH * unit).astype(np.float32)
+    alpha *= cv2.GaussianBlur(within, (0, 0), CUT_SOFTNESS * unit)
     matte = (np.clip(alpha, 0, 1) * 255).round().astype(np.uint8)
     return np.where(component_at(matte > 5, inside), without_holes(matte), 0).astype(np.uint8)
 
@@ -105,9 +107,17 @@ def component_at(mask: np.ndarray, point: np.ndarray) -> np.ndarray:
 
 
 def hole(matte: np.ndarray) -> np.ndarray:
-    """Where the background is restored, (S, S) bool: the matte above .02, widened by 7 px."""
+    """Where the background is restored, (S, S) bool: the matte above .02, widened.
+
+    By 11 px upwards, where hair is finer than a matte, and by 3 px downwards, where neck and collar
+    are in the picture already.
+    """
     unit = len(matte) / REFERENCE_SIZE
-    return dilate(matte > 0.02 * 255, 7 * unit)
+    head = matte > 0.02 * 255
+    higher = np.zeros_like(head)
+    rise = max(1, round(4 * unit))
+    higher[:-rise] = head[rise:]
+    return dilate(higher, 7 * unit) | dilate(head, 3 * unit)
 
 
 def dilate(mask: np.ndarray, radius: float) -> np.ndarray:

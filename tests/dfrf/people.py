@@ -5,7 +5,7 @@ from __future__ import annotations
 import torch
 
 from dfrf.config import FieldConfig, MarchConfig, ModelConfig
-from dfrf.data import HEAD, MOUTH, RIM, Identity
+from dfrf.data import EYES, HEAD, MOUTH, RIM, Identity
 from dfrf.model import PRIOR_CENTRE, PRIOR_RADII
 
 SIZE = 48
@@ -48,6 +48,7 @@ def person(frames: int = 6, seed: int = 0) -> Identity:
         mattes[t][hit] = 255
     regions = torch.where(mattes > 0, HEAD, RIM).to(torch.uint8)
     regions[:, 26:32, 20:28] = MOUTH
+    regions[:, 18:21, 18:30] = EYES
     return Identity(
         name="ellipsoid",
         images=images,
@@ -60,7 +61,7 @@ def person(frames: int = 6, seed: int = 0) -> Identity:
         number=torch.arange(frames),
         windows=torch.randn(frames, 16, 8, generator=generator),
         lips=torch.randn(frames, 7, generator=generator),
-        upper=torch.randn(frames, 4, generator=generator),
+        upper=torch.randn(frames, 6, generator=generator),
         segment=torch.zeros(frames, dtype=torch.long),
         surface=torch.tensor([[0.0, 0.1, 0.89], [0.2, 0.2, 0.84]]),
     )

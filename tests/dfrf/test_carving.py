@@ -19,7 +19,7 @@ def test_carving_closes_air_and_leaves_the_picture() -> None:
     reach = ((model.grid.centres() - centre) / radii).norm(dim=-1)
     model.grid.start_from((reach > 0.8) & (reach < 1.4))
     open_before = float(model.grid.occupied.float().mean())
-    told = torch.randn(6, 68)
+    told = torch.randn(6, 70)
     with torch.no_grad():
         maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
         rows, columns = torch.meshgrid(torch.arange(SIZE), torch.arange(SIZE), indexing="ij")

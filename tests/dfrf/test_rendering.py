@@ -30,7 +30,7 @@ def test_the_grid_changes_nothing_where_it_covers_the_density() -> None:
     )
     directions = torch.nn.functional.normalize(directions, dim=-1)
     frame = torch.zeros(count, dtype=torch.long)
-    codes = torch.randn(1, 68)
+    codes = torch.randn(1, 70)
     with torch.no_grad():
         packed = render_rays(model, origins, directions, frame, codes, maps)
         # A slow dense pass: every step of every ray, one after the other.
@@ -73,7 +73,7 @@ def test_head_tiles_hold_every_pixel_that_sees_an_open_cell() -> None:
     directions = torch.nn.functional.normalize(directions, dim=-1)
     with torch.no_grad():
         seen = render_rays(
-            model, origins, directions, torch.zeros(count).long(), torch.randn(1, 68), maps
+            model, origins, directions, torch.zeros(count).long(), torch.randn(1, 70), maps
         )
     assert not (seen.opacity[~found] > 0).any()
 
@@ -122,7 +122,7 @@ def test_stopping_at_opaque_rays_loses_less_than_it_may() -> None:
     model, maps = shown()
     origins = torch.tensor([0.0, 0.1, 6.0]) + 0.3 * torch.randn(300, 3)
     directions = torch.nn.functional.normalize(torch.randn(300, 3) * 0.1 - origins, dim=-1)
-    frame, codes = torch.zeros(300).long(), torch.randn(1, 68)
+    frame, codes = torch.zeros(300).long(), torch.randn(1, 70)
     whole = render_rays(model, origins, directions, frame, codes, maps)
     with torch.no_grad():
         stopped = render_rays(model, origins, directions, frame, codes, maps)
@@ -136,7 +136,7 @@ def test_opacity_and_weights_agree() -> None:
     model, maps = shown()
     origins = torch.tensor([[0.0, 0.1, 6.0], [0.3, 0.1, 6.0]])
     directions = torch.tensor([[0.0, 0.0, -1.0], [0.0, 0.0, -1.0]])
-    seen = render_rays(model, origins, directions, torch.zeros(2).long(), torch.randn(1, 68), maps)
+    seen = render_rays(model, origins, directions, torch.zeros(2).long(), torch.randn(1, 70), maps)
     torch.testing.assert_close(seen.opacity, seen.weights.sum(-1))
     assert ((seen.opacity > 0.9) & (seen.opacity <= 1.0001)).all()
     # The prior's skin is at reach 0.9: depth 6 - (0.9 * 1.05 - 0.05) = 5.1 for the middle ray.

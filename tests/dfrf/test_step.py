@@ -19,14 +19,14 @@ CONFIG = TrainConfig(iterations=3, rays=192, frames=4, warmup=2, occupancy_every
 
 def shares(count: int) -> list[Share]:
     generator = torch.Generator().manual_seed(0)
-    known = torch.randn(6, 68, generator=generator)
+    known = torch.randn(6, 70, generator=generator)
     return draw_shares(person(), known, CONFIG, generator, count)
 
 
 def test_shares_divide_the_rays_and_the_frames() -> None:
     dealt = shares(4)
     assert [s.batch.frame.numel() for s in dealt] == [48] * 4
-    assert [s.told.shape for s in dealt] == [(1, 68)] * 4
+    assert [s.told.shape for s in dealt] == [(1, 70)] * 4
 
 
 def test_gradients_are_those_of_the_mean_loss_and_reach_the_reference_network() -> None:
