@@ -34,7 +34,7 @@ TRAINING_TEXTS = (
     "Why would anyone borrow a blue umbrella on a bright day in May? "
     "My father thought about it, shook his head, and put both of them back.",
 )
-VOICES = ("en-us", "en-us+f2", "en-gb+m3", "en-us+f4", "en-gb+f3", "en-us+m7")
+VOICES = ("en-us", "en-us+f2", "en-gb-x-rp+m3", "en-us+f4", "en-gb-scotland+f3", "en-us+m7")
 
 
 def demo(out: Path, size: int) -> None:

@@ -9,6 +9,7 @@ import soundfile
 
 from dubbing.errors import DubbingError
 from dubbing.speaker import speak, synthesise
+from dubbing.speaker.__main__ import VOICES
 
 
 def test_phones_are_ordered_and_cover_the_sound() -> None:
@@ -57,3 +58,9 @@ def test_unknown_voice_and_empty_text() -> None:
         synthesise("Hello", "klingonish")
     with pytest.raises(DubbingError, match="nothing to say"):
         synthesise("  ", "en-us")
+
+
+def test_every_voice_of_the_many_identities_is_there() -> None:
+    for voice in VOICES:
+        samples, _, _ = synthesise("Yes.", voice)
+        assert np.abs(samples).max() > 0.01
