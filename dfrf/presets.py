@@ -15,7 +15,7 @@ BASE_TRAINING = TrainConfig(
     learn_references_every=4,
     lip_iterations=LIP_ITERATIONS,
 )
-FINETUNE = TrainConfig(iterations=1000)
+FINETUNE = TrainConfig(iterations=2000)
 
 
 def model_config(preset: str, speech_dim: int) -> ModelConfig:
