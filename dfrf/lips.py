@@ -29,6 +29,8 @@ SPOILT = 0.1  # features left out of a window
 RIDGE = 1.0  # times the mean power of a feature, for all people together
 TEACHER = 0.7  # share of the teacher's answer in what is to be learned
 AT_ONCE = 256
+OPENING = 0  # of the lip measures: the gap in the middle
+SHUT = 0.05  # share of the frames that are taken for shut
 
 
 @dataclass(frozen=True)
@@ -148,8 +150,19 @@ def shown_codes(model: Model, person: Identity) -> Tensor:
     lips move as far on speech as the real ones did.
     """
     codes = spoken_codes(model, person)
-    read = model.field.lips
-    said = read(codes)
-    wanted = said.mean(0) + said.std(0) * person.lips.to(codes.device)
-    shown = codes + (wanted - said) @ torch.linalg.pinv(read.weight).T
+    shown = model.field.saying(codes, wanted_lips(model, person, codes))
     return shown[person.number.to(codes.device)]
+
+
+@torch.no_grad()
+def shut_lips(model: Model, person: Identity) -> Tensor:
+    """What is read off the codes (K,) where the mouth is shut: in the least open of the frames."""
+    wanted = wanted_lips(model, person, spoken_codes(model, person))
+    least = person.lips[:, OPENING].argsort()[: max(1, round(SHUT * len(person.lips)))]
+    return wanted[least.to(wanted.device)].mean(0)
+
+
+def wanted_lips(model: Model, person: Identity, codes: Tensor) -> Tensor:
+    """The measured lips (C, K) with mean and spread of those read off the codes (C, A)."""
+    said = model.field.lips(codes)
+    return said.mean(0) + said.std(0) * person.lips.to(codes.device)

@@ -197,6 +197,8 @@ class Aggregation(nn.Module):
 class Field(nn.Module):
     """F_theta of equation (7), with everything that feeds it."""
 
+    shut: Tensor
+
     def __init__(self, config: FieldConfig) -> None:
         super().__init__()
         self.config = config
@@ -206,8 +208,10 @@ class Field(nn.Module):
         if config.use_speech:
             self.audio = AudioNet(config.speech_dim, config.code_dim)
             self.attention = AudioAttNet()
-            # Reads lip measures off the code, to teach the speech networks; pictures do not use it.
+            # Reads lip measures off the code; pictures do not use it.
             self.lips = nn.Linear(config.code_dim, LIP_MEASURES)
+            # What it reads where the person's mouth is shut.
+            self.register_buffer("shut", torch.zeros(LIP_MEASURES))
             for layer in self.audio.modules():
                 if isinstance(layer, nn.Conv1d | nn.Linear) and layer.bias is not None:
                     # The default start gives the same code for every sound.
@@ -237,9 +241,22 @@ class Field(nn.Module):
         codes = self.audio(windows.flatten(0, 1) * 2 - 1).view(frames, near, -1)
         return self.attention(codes)
 
+    def saying(self, codes: Tensor, lips: Tensor) -> Tensor:
+        """Codes (F, A) moved by the shortest way to where the lip measures (F, K) are read off."""
+        return codes + (lips - self.lips(codes)) @ torch.linalg.pinv(self.lips.weight).T
+
     def told(self, windows: Tensor, upper: Tensor) -> Tensor:
-        """What the field is told of frames, (F, told_dim), from speech and upper face (F, U)."""
-        return torch.cat([self.speech_codes(windows), upper], -1)
+        """What the field is told of frames, (F, told_dim), from speech and upper face (F, U).
+
+        Where nothing is heard, features are 0 and the mouth is shut.
+        """
+        codes = self.speech_codes(windows)
+        if self.config.use_speech:
+            own = windows[:, windows.shape[1] // 2]
+            quarter = own.shape[1] // 4
+            silent = (own[:, quarter:-quarter] == 0).all(-1).to(codes.dtype).mean(1, keepdim=True)
+            codes = codes + silent * (self.saying(codes, self.shut) - codes)
+        return torch.cat([codes, upper], -1)
 
     def forward(
         self,

@@ -16,6 +16,7 @@ from dfrf import checkpoint, presets
 from dfrf import device as devices
 from dfrf.carving import carve
 from dfrf.data import Identity, cut_references
+from dfrf.lips import shut_lips
 from dfrf.model import Model, ReferenceViews
 from dfrf.training import Curve, Progress, TrainingDivergedError, fit, told_of
 from dubbing import features, media
@@ -142,6 +143,8 @@ def finetune(
             str(error), person.name, "lower the learning rate or change the seed"
         ) from error
     views = None if references is None else cut_references(person, references)
+    if model.config.field.use_speech:
+        model.field.shut.copy_(shut_lips(model, person))
     close_air(model, person, views, config.seed)
     header = {
         **settings.heard_with(),

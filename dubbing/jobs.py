@@ -18,7 +18,7 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 3,
-    "finetune": 4,
+    "finetune": 5,
     "source": 1,
     "speech": 1,
     "heads": 2,

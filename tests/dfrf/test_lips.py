@@ -6,7 +6,15 @@ import torch
 
 from dfrf import presets
 from dfrf.data import Identity
-from dfrf.lips import TEACHER, context, learn_lips, lessons, shown_codes, spoken_codes
+from dfrf.lips import (
+    TEACHER,
+    context,
+    learn_lips,
+    lessons,
+    shown_codes,
+    shut_lips,
+    spoken_codes,
+)
 from tests.dfrf.people import person, small_config
 
 
@@ -83,3 +91,22 @@ def test_different_sounds_have_different_codes_from_the_start() -> None:
     windows = (torch.rand(32, 1, 1, 8) * 1.2).expand(32, 8, 16, 8)
     codes = model.field.speech_codes(windows)
     assert codes.std(0).norm() > 0.3 * codes.mean(0).norm()
+
+
+def test_the_mouth_is_shut_where_nothing_is_heard_and_only_there() -> None:
+    someone = talking(0)
+    model = presets.build(small_config())
+    learn_lips(model, [someone], 50, torch.Generator().manual_seed(0))
+    shut = shut_lips(model, someone)
+    assert shut[0] < model.field.lips(spoken_codes(model, someone))[:, 0].mean()
+    model.field.shut.copy_(shut)
+    windows = torch.rand(3, 8, 16, 8) + 0.1
+    windows[1] = 0  # silence
+    windows[2, 4, 4:8] = 0  # speech ends within the middle half of the window
+    upper = torch.zeros(3, 6)
+    codes, told = model.field.speech_codes(windows), model.field.told(windows, upper)[:, :-6]
+    assert torch.equal(told[0], codes[0])
+    read = model.field.lips(told)
+    torch.testing.assert_close(read[1], shut, atol=1e-4, rtol=1e-4)
+    half = (model.field.lips(codes)[2] + shut) / 2
+    torch.testing.assert_close(read[2], half, atol=1e-4, rtol=1e-4)
