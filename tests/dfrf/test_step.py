@@ -1,5 +1,6 @@
 """A step in shares: the gradient of the mean loss, however many threads work on it."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
@@ -56,6 +57,16 @@ def test_gradients_are_those_of_the_mean_loss_and_reach_the_reference_network() 
         torch.testing.assert_close(mine, expected[k], rtol=2e-2, atol=1e-4)
 
 
+@pytest.fixture
+def plain_operations() -> Iterator[None]:
+    """Operations of one thread each: what is spread over threads is not added up in one order."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+@pytest.mark.usefixtures("plain_operations")
 @pytest.mark.parametrize("every", [0, 1])
 def test_one_thread_and_four_give_the_same_model(
     monkeypatch: pytest.MonkeyPatch, every: int
