@@ -23,7 +23,7 @@ MEASURES = ("opening", "width")
 _COLUMNS = (0, 3)
 # Context: 0.24 s each way in steps of a frame at 25 fps.
 CONTEXT = np.arange(-6, 7) * 0.04
-# Strengths of the ridge, in units of the mean variance of a regressor times the number of people.
+# Strengths of the ridge, in units of the mean variance of a regressor times the number of frames.
 STRENGTHS = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 
 
@@ -66,17 +66,15 @@ def regressors(features: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Sums:
-    """What ridge regression needs of a person: X'X / F and X'Y / F.
-
-    Means, so that each person counts alike however long the clip, as each does in the result.
-    """
+    """What ridge regression needs of a person: X'X, X'Y and the number of frames."""
 
     xx: np.ndarray
     xy: np.ndarray
+    frames: int
 
 
 def sums(x: np.ndarray, y: np.ndarray) -> Sums:
-    return Sums(x.T @ x / len(x), x.T @ y / len(x))
+    return Sums(x.T @ x, x.T @ y, len(x))
 
 
 def ridge(parts: Sequence[Sums]) -> list[np.ndarray]:
