@@ -14,12 +14,16 @@ from dfrf import device as devices
 from dfrf.data import neighbour_windows
 from dfrf.model import Model, ReferenceMaps
 from dfrf.rendering import render_frames
-from dubbing.errors import CheckpointError, RenderingError
+from dfrf.speech import NEIGHBOURS
+from dubbing.errors import CheckpointError
 from dubbing.identity import upper_measures
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 
 SEGMENT = 50  # frames a file: what a kill costs at most
+AROUND = NEIGHBOURS // 2  # frames beyond a segment that its speech codes look at
+# Speech windows (count, 16, D) of frames first .. first + count.
+Heard = Callable[[int, int], np.ndarray]
 
 
 def load(
@@ -46,7 +50,7 @@ def load(
 def render(
     model: Path,
     prepared: Path,
-    windows: np.ndarray,
+    heard: Heard,
     out: Path,
     *,
     pose_index: np.ndarray,
@@ -60,23 +64,16 @@ def render(
     Args:
         model: of the person, written by `finetune`.
         prepared: the clip whose poses are taken.
-        windows: (T, 16, D) speech windows of the frames to render.
+        heard: speech windows of the frames to render, asked for a segment at a time.
         out: folder.
         pose_index: (T,) frame of the clip each frame takes its pose from.
         device: auto, cpu or cuda.
         progress: called with frames done and T.
 
     Raises:
-        RenderingError: windows and poses differ in number.
         CheckpointError: the model cannot be used.
     """
     count = len(pose_index)
-    if len(windows) != count:
-        raise RenderingError(
-            f"{len(windows)} frames of speech and {count} poses",
-            str(out),
-            "run with --force speech",
-        )
     person, maps, _ = load(model, device)
     clip = PreparedClip.load(prepared)
     out.mkdir(parents=True, exist_ok=True)
@@ -85,7 +82,9 @@ def render(
         path = out / f"{first:06d}.mkv"
         if not path.exists():
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
-                heads = frames(person, maps, clip, windows, pose_index, first, stop)
+                low, high = max(0, first - AROUND), min(count, stop + AROUND)
+                some = (heard(low, high - low), pose_index[low:high])
+                heads = frames(person, maps, clip, *some, first - low, stop - low)
                 for done, (colour, opacity) in enumerate(heads, first + 1):
                     video.write(to_rgba(colour, opacity))
                     if progress is not None:

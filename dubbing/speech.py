@@ -42,9 +42,9 @@ class Speech:
             voice=tensors["voice"],
         )
 
-    def windows(self, frames: int) -> np.ndarray:
-        """(frames, 16, D) float32 around each of the first ``frames`` video frames."""
-        return features.windows(self.features, frames, self.rate)
+    def windows(self, first: int, count: int) -> np.ndarray:
+        """(count, 16, D) float32 around each video frame first .. first + count."""
+        return features.windows(self.features, count, self.rate, first)
 
 
 def listen(

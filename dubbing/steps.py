@@ -119,7 +119,7 @@ class Render:
         render(
             self.model / MODEL_FILE,
             self.prepared,
-            Speech.load(self.speech).windows(len(poses)),
+            Speech.load(self.speech).windows,
             out,
             pose_index=poses,
             device=self.device,

@@ -84,9 +84,11 @@ def test_speech_then_heads(
     work = create_autospec(heads.render)
     monkeypatch.setattr(heads, "render", work)
     steps.Render(dub, tmp_path / "model", prepared, speech, "cpu")(out, quiet)
-    model, folder, windows, target = work.call_args[0]
+    model, folder, listen, target = work.call_args[0]
     assert (model.name, folder, target) == ("model.safetensors", prepared, out)
-    assert windows.shape == (40, 16, 80)
+    whole = listen(0, 40)
+    assert whole.shape == (40, 16, 80)
+    np.testing.assert_array_equal(listen(13, 9), whole[13:22])
     np.testing.assert_array_equal(work.call_args[1]["pose_index"], [*range(30), *range(28, 18, -1)])
 
 
