@@ -13,7 +13,7 @@ import numpy as np
 
 REFERENCE_SIZE = 512
 CUT_SOFTNESS = 1.5  # px, Gaussian
-CUT_REACH = 8  # px below the jaw line, room for a beard: further down all is neck
+CUT_REACH = 6  # px below the jaw line, room for a beard: further down all is neck
 EDGE_LOW, EDGE_WIDTH = 0.4, 0.5  # of the person mask: from here, over this much, to opaque
 CORE = 0.8  # of the matte before it is sharpened: above this it may only grow
 OPAQUE = 128  # of 255
@@ -109,7 +109,7 @@ def component_at(mask: np.ndarray, point: np.ndarray) -> np.ndarray:
 def hole(matte: np.ndarray) -> np.ndarray:
     """Where the background is restored, (S, S) bool: the matte above .02, widened.
 
-    By 11 px upwards, where hair is finer than a matte, and by 5 px downwards, where neck and collar
+    By 11 px upwards, where hair is finer than a matte, and by 4 px downwards, where neck and collar
     are in the picture already.
     """
     unit = len(matte) / REFERENCE_SIZE
@@ -117,7 +117,7 @@ def hole(matte: np.ndarray) -> np.ndarray:
     higher = np.zeros_like(head)
     rise = max(1, round(4 * unit))
     higher[:-rise] = head[rise:]
-    return dilate(higher, 7 * unit) | dilate(head, 5 * unit)
+    return dilate(higher, 7 * unit) | dilate(head, 4 * unit)
 
 
 def dilate(mask: np.ndarray, radius: float) -> np.ndarray:
