@@ -17,6 +17,8 @@ from dubbing.sync.hearing import Hearing, Take, another_take
 from dubbing.sync.mouth import mouth_shape
 from dubbing.voice import SAMPLE_RATE, voice_activity
 
+KEPT = frozenset({"meshes", "times", "samples", "voice"})  # of a recording, in a file
+
 
 @dataclass(frozen=True)
 class Recording:
@@ -73,18 +75,14 @@ def recorded(path: Path, cache: Path | None) -> Recording:
     if cache is None:
         return record(path)
     kept = cache / f"{path.stem}.npz"
-    if not kept.exists():
-        new = record(path)
-        with atomic_path(kept) as temporary:
-            np.savez(
-                temporary,
-                meshes=new.meshes,
-                times=new.times,
-                samples=new.samples,
-                voice=new.voice,
-            )
-    with np.load(kept) as arrays:
-        return Recording(path.stem, **arrays)
+    if kept.exists():
+        with np.load(kept) as arrays:
+            if set(arrays.files) == KEPT:  # else it was kept by another version
+                return Recording(path.stem, **arrays)
+    new = record(path)
+    with atomic_path(kept) as temporary:
+        np.savez(temporary, **{name: getattr(new, name) for name in KEPT})
+    return new
 
 
 def laid_on(

@@ -8,7 +8,9 @@ import pytest
 import torch
 
 from dubbing.errors import SyncError
+from dubbing.sync import clips
 from dubbing.sync.augmentation import MIRROR, Batches, mouth_sides, vary_mouth, vary_sound
+from dubbing.sync.clips import Recording
 from dubbing.sync.correlation import align
 from dubbing.sync.evaluation import area_under_roc, embed, shifts_found
 from dubbing.sync.hearing import CHANNELS, WIDTH
@@ -202,3 +204,19 @@ def test_members_average_their_squared_distances() -> None:
     joint = (network.embed_mouth(shapes) - network.embed_sound(sound)).pow(2).sum(1)
     each = [(m.embed_mouth(shapes) - m.embed_sound(sound)).pow(2).sum(1) for m in network.pairs()]
     assert torch.allclose(joint, torch.stack(each).mean(0), atol=1e-5)
+
+
+def test_what_another_version_kept_of_a_clip_is_measured_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    measured = Recording(
+        "someone", np.zeros((4, 478, 3)), np.arange(4.0), np.zeros(80), np.ones(2, bool)
+    )
+    monkeypatch.setattr(clips, "record", lambda path: measured)
+    np.savez(tmp_path / "someone.npz", meshes=measured.meshes, mel=np.zeros((4, 80)))
+    for _ in range(2):
+        found = clips.recorded(Path("someone.mp4"), tmp_path)
+        np.testing.assert_array_equal(found.times, measured.times)
+        assert found.voice.all()
+    monkeypatch.setattr(clips, "record", lambda path: pytest.fail("kept, but measured again"))
+    clips.recorded(Path("someone.mp4"), tmp_path)
