@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from types import TracebackType
+from contextlib import ExitStack
 from typing import Self, TypeVar
 
 import torch
@@ -18,7 +18,7 @@ Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-class Workers:
+class Workers(ExitStack):
     """A pool of threads that share the cores out among them; none on a GPU.
 
     Args:
@@ -27,6 +27,7 @@ class Workers:
     """
 
     def __init__(self, device: torch.device, most: int) -> None:
+        super().__init__()
         cores = torch.get_num_threads() if device.type == "cpu" else 1
         self.count = min(most, cores)
         self._each = cores // self.count
@@ -34,20 +35,9 @@ class Workers:
 
     def __enter__(self) -> Self:
         if self.count > 1:
-            self._pool = ThreadPoolExecutor(
-                self.count, "dfrf", torch.set_num_threads, (self._each,)
-            )
+            pool = ThreadPoolExecutor(self.count, "dfrf", torch.set_num_threads, (self._each,))
+            self._pool = self.enter_context(pool)
         return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
-            self._pool = None
 
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
         """Results in the order of the items, at most one a thread begun ahead of time."""
