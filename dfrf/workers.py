@@ -6,13 +6,14 @@ for one another. Two operations on one core each gain nearly a factor of two.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from typing import Self, TypeVar
 
 import torch
+
+from dfrf.ordered import ordered
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -44,10 +45,4 @@ class Workers(ExitStack):
         if self._pool is None:
             yield from map(work, items)
             return
-        begun: deque[Future[Result]] = deque()
-        for item in items:
-            begun.append(self._pool.submit(work, item))
-            if len(begun) > self.count:
-                yield begun.popleft().result()
-        while begun:
-            yield begun.popleft().result()
+        yield from ordered(self._pool, work, items, ahead=self.count)

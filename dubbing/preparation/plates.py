@@ -7,9 +7,8 @@ the side of the crop in px.
 from __future__ import annotations
 
 import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from dfrf.ordered import ordered
 from dubbing.media import MediaInfo, VideoWriter, read_frames
 from dubbing.preparation.background import (
     PLATE_FRAMES,
@@ -75,14 +75,8 @@ def all_crops(info: MediaInfo, window: np.ndarray, size: int) -> Iterator[np.nda
 def in_order(work: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
     """Results of work(*job) in the order of the jobs, computed by threads, few in flight."""
     threads = max(1, min(MOST_THREADS, os.cpu_count() or 1))
-    waiting: deque[Future[Any]] = deque()
     with ThreadPoolExecutor(threads) as pool:
-        for job in jobs:
-            waiting.append(pool.submit(work, *job))
-            if len(waiting) >= 2 * threads:
-                yield waiting.popleft().result()
-        while waiting:
-            yield waiting.popleft().result()
+        yield from ordered(pool, lambda job: work(*job), jobs, ahead=2 * threads - 1)
 
 
 def matte_step(footage: Footage, matte: Path, person: Path, progress: Progress) -> np.ndarray:
