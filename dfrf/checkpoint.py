@@ -109,6 +109,7 @@ def save_person(
             "reference.mattes": views.mattes,
             "reference.c2w": views.c2w,
             "reference.centres": views.centres,
+            "reference.brows": views.brows,
         }
         header = {**header, "focal": views.focal, "scale": views.scale}
     write_tensors(path, tensors, {"format": FORMAT, "config": model.config.to_dict(), **header})

@@ -11,6 +11,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from dfrf import brows
 from dfrf.cameras import pixel_rays
 from dfrf.config import TrainConfig
 from dfrf.model import ReferenceViews
@@ -213,5 +214,6 @@ def cut_references(person: Identity, frames: Tensor) -> ReferenceViews:
         c2w=person.c2w[frames],
         focal=person.focal,
         centres=torch.stack(centres),
+        brows=person.upper[frames][:, brows.MEASURES],
         scale=person.size / 512,
     )
