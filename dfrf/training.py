@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from dfrf import device as devices
+from dfrf.augmentation import Look, draw_look
 from dfrf.checkpoint import load_resume, save_resume
 from dfrf.config import TrainConfig
 from dfrf.data import Identity, cut_references
@@ -92,8 +93,9 @@ class References:
         exclude: Tensor,
         generator: torch.Generator,
         learn: bool,
+        look: Look | None = None,
     ) -> ReferenceMaps | None:
-        """Maps of `chosen` frames; of random frames other than `exclude` when None.
+        """Maps of `chosen` frames, in a look; of random frames other than `exclude` when None.
 
         Only maps that `learn` carry a gradient to the CNN: its backward pass costs as much as the
         rest of the step.
@@ -101,7 +103,7 @@ class References:
         count = self.model.config.field.references
         if not count:
             return None
-        fixed = chosen is not None and not self.config.learn_references_every
+        fixed = chosen is not None and look is None and not self.config.learn_references_every
         if fixed and person.name in self.fixed:
             return self.fixed[person.name]
         frames = chosen
@@ -110,7 +112,10 @@ class References:
             frames = order[~torch.isin(order, exclude)][:count]
             if frames.numel() < count:
                 frames = order[:count]
-        views = cut_references(person, frames).to(self.model.grid.low.device)
+        views = cut_references(person, frames)
+        if look is not None:
+            views = look.of_views(views)
+        views = views.to(self.model.grid.low.device)
         if learn:
             return self.model.field.encoder(views)
         with torch.no_grad():
@@ -183,12 +188,14 @@ def fit(
             for group in optimiser.param_groups:
                 group["lr"] = learning_rate(step, config)
             person = people[int(torch.randint(len(people), (1,), generator=generator))]
+            look = draw_look(generator) if config.augment else None
             shares = draw_shares(person, known[person.name], config, generator, count)
+            shares = [share if look is None else look.of_share(share) for share in shares]
             shown = torch.cat([share.batch.frames for share in shares])
             chosen = references[person.name] if references is not None else None
             every = config.learn_references_every
             learn = every > 0 and step % every == 0
-            maps = views.maps(person, chosen, shown, generator, learn)
+            maps = views.maps(person, chosen, shown, generator, learn, look)
             warp = step >= config.coarse_iterations
             done = step_outcome(model, shares, maps, config, warp, trained, workers)
             if torch.isfinite(done.loss):
