@@ -87,7 +87,9 @@ class TrainConfig:
         augment: whether each step changes its person's looks (`augmentation`).
         learn_references_every: steps between those in which the reference CNN learns; 0 never.
         occupancy_every: steps between two looks at which cells are open.
-        checkpoint_every: steps between two saves of the state.
+        checkpoint_every: steps between two saves of the state, and between two measurements on
+            people held out.
+        patience: measurements on people held out without a better one that end the run.
         seed: of everything that is drawn while training.
     """
 
@@ -110,7 +112,12 @@ class TrainConfig:
     learn_references_every: int = 0
     occupancy_every: int = 20
     checkpoint_every: int = 200
+    patience: int = 10
     seed: int = 0
+
+    def pauses(self, done: int) -> bool:
+        """Whether, after so many steps, the state is saved and the model is measured."""
+        return done % self.checkpoint_every == 0 or done == self.iterations
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ from dfrf.data import Identity, cut_references
 from dfrf.lips import learn_lips, shown_codes
 from dfrf.model import Model, ReferenceMaps
 from dfrf.step import draw_shares, step_outcome
+from dfrf.validation import Validation
 from dfrf.workers import Workers
 
 BAD_STEPS = 10
@@ -146,6 +147,7 @@ def fit(
     progress: Callable[[Progress], None] | None = None,
     stop: Callable[[], bool] | None = None,
     device: str = "auto",
+    validation: Validation | None = None,
 ) -> Curve:
     """Trains a model on people, for the base and for a fine-tune alike.
 
@@ -158,6 +160,8 @@ def fit(
         progress: called after every step.
         device: auto, cpu or cuda. The people stay where they are; each step's rays go there.
         stop: asked after every step; True ends the run early with its state saved.
+        validation: people held out, who end the run when it no longer serves them better; holds
+            the best model afterwards.
 
     Returns:
         The curve of the whole run, resumed steps included.
@@ -172,19 +176,21 @@ def fit(
     optimiser = make_optimiser(model, config)
     trained = [p for group in optimiser.param_groups for p in group["params"]]
     curve = Curve()
+    held = validation or Validation()
     first = 0
     if resume is not None:
-        first = load_resume(resume, model, optimiser, generator, config, curve)
+        first = load_resume(resume, model, optimiser, generator, config, curve, held)
     views = References(model, config)
     model.train()
     if first == 0 and config.lip_iterations and model.config.field.use_speech:
         learn_lips(model, people, config.lip_iterations, generator)
-    known = told_of(model, people)
+    known = told_of(model, [*people, *held.people])
+    last = first if held.over(config.patience) else config.iterations
     began, spent = time.monotonic(), curve.seconds
     bad = 0
     count = SHARES if target.type == "cpu" else 1
     with Workers(target, count) as workers:
-        for step in range(first, config.iterations):
+        for step in range(first, last):
             for group in optimiser.param_groups:
                 group["lr"] = learning_rate(step, config)
             person = people[int(torch.randint(len(people), (1,), generator=generator))]
@@ -223,11 +229,10 @@ def fit(
                 progress(
                     Progress(step + 1, config.iterations, done.loss.item(), psnr, left, per_ray)
                 )
-            ends = stop is not None and stop()
-            if resume is not None and (
-                ends or (step + 1) % config.checkpoint_every == 0 or step + 1 == config.iterations
-            ):
-                save_resume(resume, model, optimiser, generator, config, curve, step + 1)
+            held.measure(model, known, config, step + 1, workers)
+            ends = held.over(config.patience) or (stop is not None and stop())
+            if resume is not None and (ends or config.pauses(step + 1)):
+                save_resume(resume, model, optimiser, generator, config, curve, step + 1, held)
             if ends:
                 break
     return curve
