@@ -12,6 +12,7 @@ BASE_TRAINING = TrainConfig(
     iterations=4000,
     coarse_iterations=3000,
     rays=3072,
+    augment=True,
     learn_references_every=4,
     lip_iterations=LIP_ITERATIONS,
 )

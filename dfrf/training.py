@@ -14,12 +14,14 @@ import torch
 from torch import Tensor
 
 from dfrf import device as devices
+from dfrf.augmentation import Look, draw_look
 from dfrf.checkpoint import load_resume, save_resume
 from dfrf.config import TrainConfig
 from dfrf.data import Identity, cut_references
 from dfrf.lips import learn_lips, shown_codes
 from dfrf.model import Model, ReferenceMaps
 from dfrf.step import draw_shares, step_outcome
+from dfrf.validation import Validation
 from dfrf.workers import Workers
 
 BAD_STEPS = 10
@@ -92,8 +94,9 @@ class References:
         exclude: Tensor,
         generator: torch.Generator,
         learn: bool,
+        look: Look | None = None,
     ) -> ReferenceMaps | None:
-        """Maps of `chosen` frames; of random frames other than `exclude` when None.
+        """Maps of `chosen` frames, in a look; of random frames other than `exclude` when None.
 
         Only maps that `learn` carry a gradient to the CNN: its backward pass costs as much as the
         rest of the step.
@@ -101,7 +104,7 @@ class References:
         count = self.model.config.field.references
         if not count:
             return None
-        fixed = chosen is not None and not self.config.learn_references_every
+        fixed = chosen is not None and look is None and not self.config.learn_references_every
         if fixed and person.name in self.fixed:
             return self.fixed[person.name]
         frames = chosen
@@ -110,7 +113,10 @@ class References:
             frames = order[~torch.isin(order, exclude)][:count]
             if frames.numel() < count:
                 frames = order[:count]
-        views = cut_references(person, frames).to(self.model.grid.low.device)
+        views = cut_references(person, frames)
+        if look is not None:
+            views = look.of_views(views)
+        views = views.to(self.model.grid.low.device)
         if learn:
             return self.model.field.encoder(views)
         with torch.no_grad():
@@ -141,6 +147,7 @@ def fit(
     progress: Callable[[Progress], None] | None = None,
     stop: Callable[[], bool] | None = None,
     device: str = "auto",
+    validation: Validation | None = None,
 ) -> Curve:
     """Trains a model on people, for the base and for a fine-tune alike.
 
@@ -153,6 +160,8 @@ def fit(
         progress: called after every step.
         device: auto, cpu or cuda. The people stay where they are; each step's rays go there.
         stop: asked after every step; True ends the run early with its state saved.
+        validation: people held out, who end the run when it no longer serves them better; holds
+            the best model afterwards.
 
     Returns:
         The curve of the whole run, resumed steps included.
@@ -167,28 +176,32 @@ def fit(
     optimiser = make_optimiser(model, config)
     trained = [p for group in optimiser.param_groups for p in group["params"]]
     curve = Curve()
+    held = validation or Validation()
     first = 0
     if resume is not None:
-        first = load_resume(resume, model, optimiser, generator, config, curve)
+        first = load_resume(resume, model, optimiser, generator, config, curve, held)
     views = References(model, config)
     model.train()
     if first == 0 and config.lip_iterations and model.config.field.use_speech:
         learn_lips(model, people, config.lip_iterations, generator)
-    known = told_of(model, people)
+    known = told_of(model, [*people, *held.people])
+    last = first if held.over(config.patience) else config.iterations
     began, spent = time.monotonic(), curve.seconds
     bad = 0
     count = SHARES if target.type == "cpu" else 1
     with Workers(target, count) as workers:
-        for step in range(first, config.iterations):
+        for step in range(first, last):
             for group in optimiser.param_groups:
                 group["lr"] = learning_rate(step, config)
             person = people[int(torch.randint(len(people), (1,), generator=generator))]
+            look = draw_look(generator) if config.augment else None
             shares = draw_shares(person, known[person.name], config, generator, count)
+            shares = [share if look is None else look.of_share(share) for share in shares]
             shown = torch.cat([share.batch.frames for share in shares])
             chosen = references[person.name] if references is not None else None
             every = config.learn_references_every
             learn = every > 0 and step % every == 0
-            maps = views.maps(person, chosen, shown, generator, learn)
+            maps = views.maps(person, chosen, shown, generator, learn, look)
             warp = step >= config.coarse_iterations
             done = step_outcome(model, shares, maps, config, warp, trained, workers)
             if torch.isfinite(done.loss):
@@ -216,11 +229,10 @@ def fit(
                 progress(
                     Progress(step + 1, config.iterations, done.loss.item(), psnr, left, per_ray)
                 )
-            ends = stop is not None and stop()
-            if resume is not None and (
-                ends or (step + 1) % config.checkpoint_every == 0 or step + 1 == config.iterations
-            ):
-                save_resume(resume, model, optimiser, generator, config, curve, step + 1)
+            held.measure(model, known, config, step + 1, workers)
+            ends = held.over(config.patience) or (stop is not None and stop())
+            if resume is not None and (ends or config.pauses(step + 1)):
+                save_resume(resume, model, optimiser, generator, config, curve, step + 1, held)
             if ends:
                 break
     return curve

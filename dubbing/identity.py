@@ -60,9 +60,9 @@ def upper_measures(clip: PreparedClip) -> np.ndarray:
     """How far lids and brows are up and where the eyes look, (T, 6), 0 where no face was found.
 
     Opening of the lids and height of the brow of the left and of the right eye, gaze of both to the
-    right and downwards: in units of the distance between the eyes, less their medians over the
-    clip. Speech says nothing of them, so the field is told, as it is told the pose: a rendered
-    frame takes both from the same frame of the clip.
+    right and downwards, the order of `dfrf.data.MIRRORED_UPPER`: in units of the distance between
+    the eyes, less their medians over the clip. Speech says nothing of them, so the field is told,
+    as it is told the pose: a rendered frame takes both from the same frame of the clip.
     """
     points = clip.landmarks
     across = points[:, RIGHT_EYE_OUTER] - points[:, LEFT_EYE_OUTER]
