@@ -126,6 +126,7 @@ def mirrored_views(views: ReferenceViews) -> ReferenceViews:
         c2w=torch.cat([rotation, mirror(views.c2w[:, :, 3])[..., None]], -1),
         # Integers are pixel centres: the last column is the first one's mirror image.
         centres=torch.stack([views.images.shape[2] - 1 - column, row], -1),
+        brows=views.brows.flip(1),
     )
 
 

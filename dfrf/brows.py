@@ -12,8 +12,9 @@ from torch import Tensor
 MEASURES = slice(2, 4)  # of the upper face: the left and the right brow, in LENGTH
 LENGTH = 0.03  # of the distance between the outer corners of the eyes: what counts as 1
 EYE_DISTANCE = 0.9  # head units
-# Head units, y up, z to the front: brows are at (+-.42, .49, .65), lids below .34, the hair at .8.
-LID, BROW, FOREHEAD, HAIR = 0.34, 0.44, 0.62, 1.0
+# Head units, y up, z to the front: brows are at (+-.42, .49, .65), lids below .33, the hair at .8.
+LID, BROW, FOREHEAD, HAIR = 0.3, 0.48, 0.62, 1.0
+MOST = 4.0  # a measure beyond that is taken for this: skin would fold
 MIDDLE = 0.12  # half the width of the strip between the brows where both count
 TEMPLE, SIDE = 0.6, 0.9  # from here to there outwards the skin comes to rest
 EAR, FRONT = 0.0, 0.3  # from here to there forwards it begins to move
@@ -40,7 +41,7 @@ def lifts(share: Tensor, measures: Tensor) -> Tensor:
     Args:
         share: (M, 2), see `shares`.
     """
-    return (share * measures).sum(-1) * (LENGTH * EYE_DISTANCE)
+    return (share * measures.clamp(-MOST, MOST)).sum(-1) * (LENGTH * EYE_DISTANCE)
 
 
 def lowered(points: Tensor, lift: Tensor) -> Tensor:
