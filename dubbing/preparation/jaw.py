@@ -19,8 +19,8 @@ POINTS = 96  # of the line
 INSIDE, OUTSIDE, SPACING = 5.0, 30.0, 1.0  # px along a normal
 ABOVE, BELOW = 2.5, 14.0  # px: how far from FaceMesh's line the edge is expected
 STEP = 5  # px on either side whose means are compared
-CLEAR = 30.0  # grey levels: a step as high as that is worth as much as ABOVE or BELOW is far
-MOST = 2.0  # a step is worth no more: the white of a collar is no clearer a chin
+CLEAR = 60.0  # grey levels: a step as high as that is worth half of MOST
+MOST = 3.0  # no step is worth more: the white of a collar is no clearer a chin
 CROSSED = 0.012  # a px and grey level, for steps passed over on the way outwards
 BEND = 0.5  # cost of a step of one px from point to point, squared
 ENDS = 0.06  # share of the line at each end, beside the ears, that stays where it was
@@ -59,7 +59,7 @@ def edge_offsets(image: np.ndarray, outline: np.ndarray) -> np.ndarray:
     outward = np.where(offset >= 0, step, 0)
     passed = np.cumsum(outward, axis=1) - step
     passed = np.pad(passed, ((0, 0), (STEP, 0)))[:, : len(offset)]
-    cost = far**2 / 2 - np.minimum(step / CLEAR, MOST) + CROSSED * SPACING * passed
+    cost = far**2 / 2 - MOST * step / (step + CLEAR) + CROSSED * SPACING * passed
     still = round(ENDS * POINTS)
     for end in (slice(0, still), slice(POINTS - still, None)):
         cost[end] = offset**2
