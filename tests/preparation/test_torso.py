@@ -8,7 +8,7 @@ from dubbing.preparation.torso import follow, reached, torso
 SIZE = 256
 RNG = np.random.default_rng(0)
 SHIRT = cv2.GaussianBlur(RNG.integers(0, 255, (400, 400, 3), np.uint8), (0, 0), 2.5)
-SHIRT = cv2.normalize(SHIRT, None, 30, 220, cv2.NORM_MINMAX)
+SHIRT = np.clip(4 * (SHIRT.astype(float) - 128) + 128, 30, 220).astype(np.uint8)
 
 
 def frame(shift: float, jaw: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
