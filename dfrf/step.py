@@ -22,6 +22,7 @@ from dfrf.rendering import render_rays
 from dfrf.workers import Workers
 
 SURFACE_RAYS = 24
+UNSURE = 0.05  # a matte further than that from 0 and 1 is not sure
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,16 @@ def draw_shares(
     return shares
 
 
+def matte_loss(opacity: Tensor, matte: Tensor) -> Tensor:
+    """Mean squared difference of opacity and matte, (B,) in 0..1, where the matte is sure.
+
+    A soft edge of a matte is a guess. What is behind it is known there, so the picture itself says
+    how opaque the head is.
+    """
+    sure = ((matte - 0.5).abs() > 0.5 - UNSURE).to(matte.dtype)
+    return (sure * (opacity - matte) ** 2).mean()
+
+
 def share_outcome(
     model: Model,
     share: Share,
@@ -98,7 +109,7 @@ def share_outcome(
     )
     picture = seen.colour + (1 - seen.opacity[:, None]) * batch.background
     mse = F.mse_loss(picture, batch.colour)
-    loss = mse + config.opacity_weight * F.mse_loss(seen.opacity, batch.matte)
+    loss = mse + config.opacity_weight * matte_loss(seen.opacity, batch.matte)
     if warp and seen.offset.numel():
         loss = loss + config.warp_weight * weighted_warp_penalty(seen.offset, seen.alpha)
     loss = loss + config.distortion_weight * distortion_loss(
