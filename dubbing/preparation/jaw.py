@@ -57,7 +57,7 @@ def edge_offsets(image: np.ndarray, outline: np.ndarray) -> np.ndarray:
     step = np.linalg.norm(steps(colour.astype(np.float32), STEP), axis=2)
     far = np.where(offset < 0, offset / ABOVE, offset / BELOW)
     outward = np.where(offset >= 0, step, 0)
-    passed = np.cumsum(outward, axis=1) - step
+    passed = np.cumsum(outward, axis=1) - outward
     passed = np.pad(passed, ((0, 0), (STEP, 0)))[:, : len(offset)]
     cost = far**2 / 2 - MOST * step / (step + CLEAR) + CROSSED * SPACING * passed
     still = round(ENDS * POINTS)

@@ -25,7 +25,7 @@ def test_the_edge_is_found_where_it_is() -> None:
         offset = edge_offsets(picture(below), LINE)
         line = moved(LINE, offset)[MIDDLE]
         truth = 300 + 80 * np.sin((line[:, 0] - 120) / 272 * np.pi) + below
-        assert np.abs(line[:, 1] - truth).max() < 2.5
+        assert np.abs(line[:, 1] - truth).max() < 1.6
 
 
 def test_a_collar_further_down_is_no_chin() -> None:
