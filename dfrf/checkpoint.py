@@ -17,13 +17,15 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
-from dfrf.config import ModelConfig, TrainConfig
+from dfrf.config import TrainConfig
+from dfrf.head import HeadModel
+from dfrf.model import Model, ReferenceViews
+from dfrf.paper import PaperModel
 
 if TYPE_CHECKING:
-    from dfrf.model import Model, ReferenceViews
     from dfrf.training import Curve
 
-FORMAT = "dfrf-1"
+KINDS: dict[str, type[HeadModel]] = {kind.FORMAT: kind for kind in (Model, PaperModel)}
 STATE_FILE = "state.safetensors"
 
 
@@ -64,16 +66,16 @@ def read_tensors(path: str | Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     return tensors, json.loads(metadata["dfrf"])
 
 
-def save_model(path: str | Path, model: Model, header: dict[str, Any] | None = None) -> None:
+def save_model(path: str | Path, model: HeadModel, header: dict[str, Any] | None = None) -> None:
     """Keeps a model: weights, grid, sizes, and what the caller adds to the header."""
     write_tensors(
         path,
         model.state_dict(),
-        {"format": FORMAT, "config": model.config.to_dict(), **(header or {})},
+        {"format": model.FORMAT, "config": model.config.to_dict(), **(header or {})},
     )
 
 
-def load_model(path: str | Path) -> tuple[Model, dict[str, Any]]:
+def load_model(path: str | Path) -> tuple[HeadModel, dict[str, Any]]:
     """A model and the header it was kept with.
 
     Raises:
@@ -83,14 +85,12 @@ def load_model(path: str | Path) -> tuple[Model, dict[str, Any]]:
     return _build(path, tensors, header), header
 
 
-def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> Model:
-    from dfrf.model import Model
-
-    if header.get("format") != FORMAT:
-        raise CheckpointError(
-            f"{path}: format {header.get('format')!r}, this version reads {FORMAT!r}"
-        )
-    model = Model(ModelConfig.from_dict(header["config"]))
+def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> HeadModel:
+    kind = KINDS.get(header.get("format", ""))
+    if kind is None:
+        found, known = header.get("format"), " and ".join(map(repr, KINDS))
+        raise CheckpointError(f"{path}: format {found!r}, this version reads {known}")
+    model = kind.from_dict(header["config"])
     try:
         model.load_state_dict(tensors)
     except RuntimeError as error:
@@ -99,7 +99,7 @@ def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any])
 
 
 def save_person(
-    path: str | Path, model: Model, views: ReferenceViews | None, header: dict[str, Any]
+    path: str | Path, model: HeadModel, views: ReferenceViews | None, header: dict[str, Any]
 ) -> None:
     """Keeps a person's model together with the references it looks at."""
     tensors = model.state_dict()
@@ -111,17 +111,16 @@ def save_person(
             "reference.centres": views.centres,
         }
         header = {**header, "focal": views.focal, "scale": views.scale}
-    write_tensors(path, tensors, {"format": FORMAT, "config": model.config.to_dict(), **header})
+    about = {"format": model.FORMAT, "config": model.config.to_dict()}
+    write_tensors(path, tensors, {**about, **header})
 
 
-def load_person(path: str | Path) -> tuple[Model, ReferenceViews | None, dict[str, Any]]:
+def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dict[str, Any]]:
     """A person's model, references (None where the method has none) and header.
 
     Raises:
         CheckpointError: as `load_model`.
     """
-    from dfrf.model import ReferenceViews
-
     tensors, header = read_tensors(path)
     views = None
     if "reference.images" in tensors:
@@ -133,7 +132,7 @@ def load_person(path: str | Path) -> tuple[Model, ReferenceViews | None, dict[st
 
 def save_resume(
     folder: str | Path,
-    model: Model,
+    model: HeadModel,
     optimiser: torch.optim.Optimizer,
     generator: torch.Generator,
     config: TrainConfig,
@@ -151,13 +150,18 @@ def save_resume(
     write_tensors(
         Path(folder) / STATE_FILE,
         tensors,
-        {"format": FORMAT, "step": step, "train": asdict(config), "config": model.config.to_dict()},
+        {
+            "format": model.FORMAT,
+            "step": step,
+            "train": asdict(config),
+            "config": model.config.to_dict(),
+        },
     )
 
 
 def load_resume(
     folder: str | Path,
-    model: Model,
+    model: HeadModel,
     optimiser: torch.optim.Optimizer,
     generator: torch.Generator,
     config: TrainConfig,

@@ -84,6 +84,7 @@ class TrainConfig:
         lip_iterations: steps of teaching the speech networks on lip measures, first of all.
         mouth_share, eyes_share, rim_share: shares of the rays drawn round the mouth, round the eyes
             and at the head's rim.
+        outside_share: share of the rays drawn further out; what is left falls on the head.
         learn_references_every: steps between those in which the reference CNN learns; 0 never.
         occupancy_every: steps between two looks at which cells are open.
         checkpoint_every: steps between two saves of the state.
@@ -105,6 +106,7 @@ class TrainConfig:
     mouth_share: float = 0.35
     eyes_share: float = 0.15
     rim_share: float = 0.15
+    outside_share: float = 0.0
     learn_references_every: int = 0
     occupancy_every: int = 20
     checkpoint_every: int = 200

@@ -55,7 +55,7 @@ def train_base(
             for name in sorted(manifest.identities)
         ]
     model = init_from_base(init, settings)
-    config = replace(presets.BASE_TRAINING, seed=settings.seed)
+    config = replace(presets.trainings(settings.preset).base, seed=settings.seed)
     if iterations is not None:
         config = replace(
             config, iterations=iterations, coarse_iterations=math.ceil(iterations * 3 / 4)

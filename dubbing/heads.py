@@ -12,8 +12,9 @@ from torch import Tensor
 from dfrf import checkpoint
 from dfrf import device as devices
 from dfrf.data import neighbour_windows
-from dfrf.model import Model, ReferenceMaps
-from dfrf.rendering import render_frames
+from dfrf.head import HeadModel
+from dfrf.method import Maps
+from dfrf.methods import method_of
 from dfrf.speech import NEIGHBOURS
 from dubbing.errors import CheckpointError
 from dubbing.identity import upper_measures
@@ -26,9 +27,7 @@ AROUND = NEIGHBOURS // 2  # frames beyond a segment that its speech codes look a
 Heard = Callable[[int, int], np.ndarray]
 
 
-def load(
-    model: Path, device: str = "auto"
-) -> tuple[Model, ReferenceMaps | None, dict[str, object]]:
+def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dict[str, object]]:
     """A person's model on a device with its reference maps, computed once; and its header.
 
     Raises:
@@ -40,10 +39,7 @@ def load(
         raise CheckpointError(str(error), remedy="run with --force finetune") from error
     target = devices.choose(device)
     person.to(target).eval()
-    maps = None
-    if views is not None:
-        with torch.no_grad():
-            maps = person.field.encoder(views.to(target)).as_type(devices.table_type(target))
+    maps = None if views is None else method_of(person).maps(views)
     return person, maps, header
 
 
@@ -94,8 +90,8 @@ def render(
 
 
 def frames(
-    model: Model,
-    maps: ReferenceMaps | None,
+    model: HeadModel,
+    maps: Maps | None,
     clip: PreparedClip,
     windows: np.ndarray,
     pose_index: np.ndarray,
@@ -103,13 +99,12 @@ def frames(
     stop: int,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop."""
-    device = model.grid.low.device
+    device = model.device
     number = torch.arange(first, stop)
     # Speech does not stop at a cut of the picture, so all frames count as one run.
     near = neighbour_windows(torch.from_numpy(windows).float(), torch.zeros(len(windows)), number)
     poses = pose_index[first:stop]
-    yield from render_frames(
-        model,
+    yield from method_of(model).frames(
         torch.from_numpy(clip.c2w()[poses]).float().to(device),
         float(clip.focal),
         torch.from_numpy(clip.centre[poses]).float().to(device),

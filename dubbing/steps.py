@@ -47,16 +47,17 @@ class Finetune:
     device: str
 
     def __call__(self, out: Path, progress: Progress) -> None:
+        from dfrf import presets
         from dubbing.finetuning import FinetuneSettings, finetune
 
         wanted = self.identity
-        chosen = {} if wanted.finetune.iterations is None else wanted.finetune.model_dump()
+        usual = presets.trainings(wanted.preset).finetune.iterations
         settings = FinetuneSettings(
             preset=wanted.preset,
+            iterations=wanted.finetune.iterations or usual,
             seed=wanted.seed,
             speech=wanted.speech,
             speech_weights=None if wanted.speech_weights is None else str(wanted.speech_weights),
-            **chosen,
         )
 
         def told(state: Any) -> None:
