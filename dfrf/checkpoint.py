@@ -17,7 +17,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
-from dfrf.config import TrainConfig
+from dfrf.config import FORMATS, TrainConfig
 from dfrf.head import HeadModel
 from dfrf.model import Model, ReferenceViews
 from dfrf.paper import PaperModel
@@ -25,7 +25,7 @@ from dfrf.paper import PaperModel
 if TYPE_CHECKING:
     from dfrf.training import Curve
 
-KINDS: dict[str, type[HeadModel]] = {kind.FORMAT: kind for kind in (Model, PaperModel)}
+KINDS: dict[str, type[HeadModel]] = {FORMATS[k.FAMILY]: k for k in (Model, PaperModel)}
 STATE_FILE = "state.safetensors"
 
 
@@ -71,7 +71,7 @@ def save_model(path: str | Path, model: HeadModel, header: dict[str, Any] | None
     write_tensors(
         path,
         model.state_dict(),
-        {"format": model.FORMAT, "config": model.config.to_dict(), **(header or {})},
+        {"format": FORMATS[model.FAMILY], "config": model.config.to_dict(), **(header or {})},
     )
 
 
@@ -111,7 +111,7 @@ def save_person(
             "reference.centres": views.centres,
         }
         header = {**header, "focal": views.focal, "scale": views.scale}
-    about = {"format": model.FORMAT, "config": model.config.to_dict()}
+    about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
     write_tensors(path, tensors, {**about, **header})
 
 
@@ -151,7 +151,7 @@ def save_resume(
         Path(folder) / STATE_FILE,
         tensors,
         {
-            "format": model.FORMAT,
+            "format": FORMATS[model.FAMILY],
             "step": step,
             "train": asdict(config),
             "config": model.config.to_dict(),

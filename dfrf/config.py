@@ -10,11 +10,21 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 Method = Literal["dfrf", "dfrf-nowarp", "ad-nerf", "nerf"]
+# The two families of presets: what the headers of their checkpoints say, and how many steps a
+# person learns by default.
+FORMATS = {"fast": "dfrf-1", "paper": "dfrf-paper-1"}
+STEPS = {"fast": 2000, "paper": 40_000}
+PUBLISHED_SPEECH = "deepspeech"  # the features that published checkpoints hear
 
 # Half sizes of the box round the head, head frame, y up, face towards +z. Hair reaches higher than
 # the chin reaches low; the centre lies between the ears.
 BOX_LOW = (-1.5, -1.8, -1.6)
 BOX_HIGH = (1.5, 2.0, 1.5)
+
+
+def family(preset: str) -> str:
+    """The preset whose bases a preset can start from: `fast`, its ablations' too, or `paper`."""
+    return "paper" if preset == "paper" else "fast"
 
 
 @dataclass(frozen=True)

@@ -20,12 +20,10 @@ class HeadModel(nn.Module, ABC):
     """A model that can be kept and made anew from its sizes.
 
     Attributes:
-        FORMAT: what the headers of its checkpoints say.
-        FAMILY: the preset whose bases it can start from.
+        FAMILY: the preset whose bases it can start from, see `config.family`.
         config: its sizes.
     """
 
-    FORMAT: ClassVar[str]
     FAMILY: ClassVar[str]
     config: Config
 

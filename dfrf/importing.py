@@ -17,10 +17,8 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from dfrf.checkpoint import CheckpointError, load_model, write_tensors
+from dfrf.config import FORMATS, PUBLISHED_SPEECH
 from dfrf.paper import PaperConfig, PaperModel
-
-# The speech features that the published model hears.
-PUBLISHED_SPEECH = "deepspeech"
 
 COARSE = "network_fn_state_dict"
 FINE = "network_fine_state_dict"
@@ -228,7 +226,7 @@ def import_checkpoint(file: Path, out: Path) -> Imported:
     except CheckpointError as error:
         raise CheckpointError(f"{file}: {error}") from error
     header = {
-        "format": PaperModel.FORMAT,
+        "format": FORMATS["paper"],
         "preset": "paper",
         "speech": PUBLISHED_SPEECH,
         "config": PaperConfig().to_dict(),
@@ -247,5 +245,5 @@ def load_paper(file: Path) -> PaperModel:
     """
     model, header = load_model(file)
     if not isinstance(model, PaperModel):
-        raise CheckpointError(f"{file}: format {header['format']!r}, not {PaperModel.FORMAT!r}")
+        raise CheckpointError(f"{file}: format {header['format']!r}, not {FORMATS['paper']!r}")
     return model.eval()

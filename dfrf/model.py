@@ -343,7 +343,6 @@ class Field(nn.Module):
 class Model(HeadModel):
     """A field and the grid that says where it is."""
 
-    FORMAT: ClassVar[str] = "dfrf-1"
     FAMILY: ClassVar[str] = "fast"
     config: ModelConfig
 

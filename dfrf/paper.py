@@ -45,7 +45,6 @@ class PaperModel(HeadModel):
         config: one of `PAPER_PRESETS`, or your own sizes.
     """
 
-    FORMAT: ClassVar[str] = "dfrf-paper-1"
     FAMILY: ClassVar[str] = "paper"
     config: PaperConfig
 

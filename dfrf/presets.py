@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import overload
 
-from dfrf.config import FieldConfig, MarchConfig, ModelConfig, TrainConfig
+from dfrf.config import STEPS, FieldConfig, MarchConfig, ModelConfig, TrainConfig
 from dfrf.head import HeadModel
 from dfrf.model import PRIOR_CENTRE, PRIOR_RADII, Model
 from dfrf.paper import PaperModel
@@ -25,7 +25,7 @@ BASE_TRAINING = TrainConfig(
     learn_references_every=4,
     lip_iterations=LIP_ITERATIONS,
 )
-FINETUNE = TrainConfig(iterations=2000)
+FINETUNE = TrainConfig(iterations=STEPS["fast"])
 # The paper's 300,000 + 100,000 steps of 850 rays, dealt out to 17 frames so that the samples of 50
 # rays are all that is in memory at once. Rates as published: 5e-4 falls to .29 times that in
 # 400,000 steps, from where a person goes on.
@@ -44,7 +44,7 @@ PAPER_BASE_TRAINING = TrainConfig(
 )
 PAPER_FINETUNE = replace(
     PAPER_BASE_TRAINING,
-    iterations=40_000,
+    iterations=STEPS["paper"],
     coarse_iterations=0,
     learning_rate=1.5e-4,
     final_rate=0.9,
@@ -64,11 +64,6 @@ class Trainings:
     base: TrainConfig
     finetune: TrainConfig
     alone: TrainConfig
-
-
-def family(preset: str) -> str:
-    """The preset whose bases a preset can start from."""
-    return (PaperModel if preset == "paper" else Model).FAMILY
 
 
 def trainings(preset: str) -> Trainings:

@@ -24,14 +24,16 @@ MapsT = TypeVar("MapsT", bound=Maps)
 def total(outcomes: Iterable[Outcome]) -> Outcome:
     """Means of losses and gradients of shares alike in size, added up in their order as they come.
 
-    A gradient of the references' features is large: no more of them are kept than are worked on.
+    A gradient of the references' features is large: none is kept beside the sum while the next
+    share is worked on.
     """
     sums: list[Tensor | None] = []
     small: list[Outcome] = []
     for outcome in outcomes:
-        gradients = outcome.gradients
-        sums = [_sum(*pair) for pair in zip(sums, gradients, strict=True)] if small else gradients
+        pairs = zip(sums or [None] * len(outcome.gradients), outcome.gradients, strict=True)
+        sums = [_sum(*pair) for pair in pairs]
         small.append(replace(outcome, gradients=[]))
+        del outcome, pairs
     return Outcome(
         torch.stack([o.loss for o in small]).mean(),
         torch.stack([o.mse for o in small]).mean(),

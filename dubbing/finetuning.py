@@ -13,9 +13,9 @@ import numpy as np
 import torch
 
 from dfrf import checkpoint, presets
+from dfrf.config import PUBLISHED_SPEECH, family
 from dfrf.data import Identity
 from dfrf.head import HeadModel
-from dfrf.importing import PUBLISHED_SPEECH
 from dfrf.methods import method_of
 from dfrf.training import Curve, Progress, TrainingDivergedError, fit
 from dubbing import features, media
@@ -76,8 +76,7 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
         model, header = checkpoint.load_model(base)
     except checkpoint.CheckpointError as error:
         raise CheckpointError(str(error), remedy="name another base checkpoint") from error
-    family = presets.family(settings.preset)
-    if family != model.FAMILY:
+    if family(settings.preset) != model.FAMILY:
         raise CheckpointError(
             f"is a base of preset {model.FAMILY!r}, asked for {settings.preset!r}",
             base.name,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from dfrf.config import STEPS, family
 from dubbing import timeline
 from dubbing.entries import Dub, Identity
 from dubbing.files import atomic_write_json
@@ -47,14 +48,12 @@ class Finetune:
     device: str
 
     def __call__(self, out: Path, progress: Progress) -> None:
-        from dfrf import presets
         from dubbing.finetuning import FinetuneSettings, finetune
 
         wanted = self.identity
-        usual = presets.trainings(wanted.preset).finetune.iterations
         settings = FinetuneSettings(
             preset=wanted.preset,
-            iterations=wanted.finetune.iterations or usual,
+            iterations=wanted.finetune.iterations or STEPS[family(wanted.preset)],
             seed=wanted.seed,
             speech=wanted.speech,
             speech_weights=None if wanted.speech_weights is None else str(wanted.speech_weights),

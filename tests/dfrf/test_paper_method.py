@@ -1,6 +1,7 @@
 """The `paper` preset through the one fit() and the one renderer, with sizes made tiny."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -241,11 +242,11 @@ def test_a_rendered_frame_is_what_the_model_says_of_all_its_pixels(
         with torch.no_grad():
             behind = torch.rand(SIZE * SIZE, 3)
             whole = model(origins, directions, 0.5, 1.1, near, maps, behind)
-        close = {"atol": 1e-5, "rtol": 1e-4}
-        torch.testing.assert_close(colour.view(-1, 3), whole["head"], **close)
-        torch.testing.assert_close(opacity.view(-1), whole["opacity"], **close)
+        close = partial(torch.testing.assert_close, atol=1e-5, rtol=1e-4)
+        close(colour.view(-1, 3), whole["head"])
+        close(opacity.view(-1), whole["opacity"])
         over = colour.view(-1, 3) + (1 - opacity.view(-1, 1)) * behind
-        torch.testing.assert_close(over, whole["colour"], **close)
+        close(over, whole["colour"])
     assert 0.05 < frames[0][1].mean() < 1
     assert not torch.allclose(frames[0][0], frames[1][0], atol=1e-3)
 
