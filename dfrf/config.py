@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
-Method = Literal["dfrf", "dfrf-nowarp", "ad-nerf", "nerf"]
 # The two families of presets: what the headers of their checkpoints say, and how many steps a
 # person learns by default.
 FORMATS = {"fast": "dfrf-1", "paper": "dfrf-paper-1"}

@@ -197,6 +197,27 @@ def test_the_gradient_is_that_of_equation_9_over_all_shares() -> None:
     assert ((found.points[:, 2] > 7 - 11.01) & (found.points[:, 2] < 7 - 4.99)).all()
 
 
+def test_a_base_draws_references_anew_and_resumes_bit_for_bit(tmp_path: Path) -> None:
+    people = [person(frames=9), replace(person(frames=9, seed=1), name="other")]
+
+    def learned(folder: Path | None, steps: int) -> PaperModel:
+        model, left = made(), iter(range(steps - 1, -1, -1))
+        fit(
+            model,
+            people,
+            CONFIG,
+            resume=None if folder is None else str(folder),
+            stop=lambda: next(left) == 0,
+            device="cpu",
+        )
+        return model
+
+    whole = learned(None, 6)
+    learned(tmp_path, 2)
+    for name, value in learned(tmp_path, 4).state_dict().items():
+        assert torch.equal(value, whole.state_dict()[name]), name
+
+
 def test_rays_fall_inside_and_outside_of_the_head() -> None:
     someone = person()
     far = torch.zeros_like(someone.regions, dtype=torch.bool)
