@@ -119,6 +119,7 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
     """The field that knows where it is, and learns speech from lip measures (`lips`)."""
 
     side_by_side = SHARES
+    segment = 50
 
     def __init__(self, model: Model) -> None:
         self._model = model

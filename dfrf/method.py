@@ -67,9 +67,11 @@ class Method(ABC, Generic[ShareT, MapsT]):
 
     Attributes:
         side_by_side: shares of a step that are worked on at once, at most.
+        segment: frames that are rendered before they are kept: what a kill costs at most.
     """
 
     side_by_side: int
+    segment: int
 
     @property
     @abstractmethod

@@ -21,7 +21,6 @@ from dubbing.identity import upper_measures
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 
-SEGMENT = 50  # frames a file: what a kill costs at most
 AROUND = NEIGHBOURS // 2  # frames beyond a segment that its speech codes look at
 # Speech windows (count, 16, D) of frames first .. first + count.
 Heard = Callable[[int, int], np.ndarray]
@@ -55,7 +54,8 @@ def render(
 ) -> None:
     """Writes OUT/000000.mkv, OUT/000050.mkv ...: premultiplied colour and opacity (FFV1 RGBA).
 
-    A file appears only when it is whole, and one that is there is not rendered again.
+    A file appears only when it is whole, and one that is there is not rendered again. It holds
+    `dfrf.method.Method.segment` frames: of a slow preset every single one is kept.
 
     Args:
         model: of the person, written by `finetune`.
@@ -73,8 +73,9 @@ def render(
     person, maps, _ = load(model, device)
     clip = PreparedClip.load(prepared)
     out.mkdir(parents=True, exist_ok=True)
-    for first in range(0, count, SEGMENT):
-        stop = min(first + SEGMENT, count)
+    segment = method_of(person).segment
+    for first in range(0, count, segment):
+        stop = min(first + segment, count)
         path = out / f"{first:06d}.mkv"
         if not path.exists():
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:

@@ -16,10 +16,10 @@ from dubbing.entries import Identity
 from dubbing.timeline import frame_count
 
 PRESET = "paper"
-# On two processor cores at 512 pixels (docs/performance.md): a frame as measured, a step half of
-# what it took one core.
+# On two processor cores at 512 pixels (docs/performance.md): a frame as measured; a step as half of
+# what one core took, for its rays and for the references' features.
 SIZE = 512
-FRAME_SECONDS, STEP_SECONDS = 744.0, 34.0
+FRAME_SECONDS, RAYS_SECONDS, FEATURES_SECONDS = 744.0, 12.0, 22.0
 HOUR, DAY = 3600.0, 86400.0
 
 
@@ -49,7 +49,8 @@ def identity_notes(identity: Identity) -> list[str]:
     if identity.preset != PRESET:
         return []
     steps = identity.finetune.iterations or STEPS[PRESET]
-    notes = [f"preset {PRESET} learns {steps} steps in {lasts(steps * STEP_SECONDS)}"]
+    each = RAYS_SECONDS + FEATURES_SECONDS * (identity.size / SIZE) ** 2
+    notes = [f"preset {PRESET} learns {steps} steps in {lasts(steps * each)}"]
     if identity.base is None:
         notes.append(
             f"no base of preset {PRESET} comes with this tool, so learning starts from random"
@@ -77,4 +78,4 @@ def lasts(seconds: float) -> str:
     for unit, length in (("days", DAY), ("hours", HOUR)):
         if seconds >= 2 * length:
             return f"about {seconds / length:.0f} {unit} on two processor cores"
-    return f"about {max(seconds / 60, 1):.0f} minutes on two processor cores"
+    return f"about {max(2, round(seconds / 60))} minutes on two processor cores"

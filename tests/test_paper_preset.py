@@ -156,7 +156,6 @@ def test_a_person_is_learned_resumed_and_rendered(
     assert summary["train"]["coarse_iterations"] == 0
 
     monkeypatch.setattr(paper_method, "RAYS_AT_ONCE", 300)
-    monkeypatch.setattr(heads, "SEGMENT", 2)
     windows = random.random((3, 16, 80)).astype(np.float32)
     heads.render(
         out / MODEL_FILE,
@@ -167,7 +166,7 @@ def test_a_person_is_learned_resumed_and_rendered(
         device="cpu",
     )
     files = sorted((tmp_path / "heads").glob("*.mkv"))
-    assert [file.name for file in files] == ["000000.mkv", "000002.mkv"]
+    assert [file.name for file in files] == [f"00000{k}.mkv" for k in range(3)]
     pictures = [p for file in files for p in read_frames(file, pixels="rgba")]
     assert [p.shape for p in pictures] == [(32, 32, 4)] * 3
     assert max(p[..., 3].max() for p in pictures) > 4  # a haze, so early
