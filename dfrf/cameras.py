@@ -67,13 +67,22 @@ def project(
     Returns:
         (column, row), not clamped to the image. Points behind a camera project through its centre.
     """
-    views = c2w.shape[0]
+    flat = points.reshape(1, -1, 3).expand(c2w.shape[0], -1, -1)
+    return project_each(flat, c2w, focal, centre).reshape(c2w.shape[0], *points.shape[:-1], 2)
+
+
+def project_each(
+    points: Float[Tensor, "N P 3"],
+    c2w: Float[Tensor, "N 3 4"],
+    focal: float | Float[Tensor, "#N"],
+    centre: Float[Tensor, "#N 2"],
+) -> Float[Tensor, "N P 2"]:
+    """`project` where every view has its own points: it may have been taken of another shape."""
     focal = torch.as_tensor(focal, dtype=points.dtype, device=points.device).reshape(-1, 1)
-    flat = points.reshape(1, -1, 3)
     # The inverse of a rigid motion: R^T (p - t), written for row vectors.
-    local = (flat - c2w[:, None, :, 3]) @ c2w[:, :, :3]
+    local = (points - c2w[:, None, :, 3]) @ c2w[:, :, :3]
     depth = local[..., 2]
     depth = torch.where(depth.abs() < MIN_DEPTH, torch.full_like(depth, -MIN_DEPTH), depth)
     columns = centre[:, None, 0] - focal * local[..., 0] / depth
     rows = centre[:, None, 1] + focal * local[..., 1] / depth
-    return torch.stack([columns, rows], -1).reshape(views, *points.shape[:-1], 2)
+    return torch.stack([columns, rows], -1)

@@ -24,6 +24,7 @@ from dfrf.paper import PaperModel
 
 if TYPE_CHECKING:
     from dfrf.training import Curve
+    from dfrf.validation import Validation
 
 KINDS: dict[str, type[HeadModel]] = {FORMATS[k.FAMILY]: k for k in (Model, PaperModel)}
 STATE_FILE = "state.safetensors"
@@ -109,6 +110,7 @@ def save_person(
             "reference.mattes": views.mattes,
             "reference.c2w": views.c2w,
             "reference.centres": views.centres,
+            "reference.brows": views.brows,
         }
         header = {**header, "focal": views.focal, "scale": views.scale}
     about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
@@ -138,6 +140,7 @@ def save_resume(
     config: TrainConfig,
     curve: Curve,
     step: int,
+    held: Validation,
 ) -> None:
     """Keeps the whole state of a run after `step` steps, in one file."""
     tensors = {f"model.{k}": v for k, v in model.state_dict().items()}
@@ -147,16 +150,18 @@ def save_resume(
             tensors[f"optimiser.{index}.{name}"] = torch.as_tensor(value)
     tensors["generator"] = generator.get_state()
     tensors["curve"] = torch.tensor(curve.rows, dtype=torch.float64)
+    tensors["held"] = torch.tensor(held.rows, dtype=torch.float64)
+    tensors |= {f"best.{k}": v for k, v in held.best.items()}
     write_tensors(
         Path(folder) / STATE_FILE,
         tensors,
-        {
-            "format": FORMATS[model.FAMILY],
-            "step": step,
-            "train": asdict(config),
-            "config": model.config.to_dict(),
-        },
+        {"format": FORMATS[model.FAMILY], "step": step, **_settings(model, config, held)},
     )
+
+
+def _settings(model: HeadModel, config: TrainConfig, held: Validation) -> dict[str, Any]:
+    """What two runs have in common if the one can go on from the other's state."""
+    return {"train": asdict(config), "config": model.config.to_dict(), "held": held.names}
 
 
 def load_resume(
@@ -166,6 +171,7 @@ def load_resume(
     generator: torch.Generator,
     config: TrainConfig,
     curve: Curve,
+    held: Validation,
 ) -> int:
     """Restores a run in place and returns its step; 0, and nothing is touched, where none is kept.
 
@@ -176,13 +182,16 @@ def load_resume(
     if not path.exists():
         return 0
     tensors, header = read_tensors(path)
-    if header["train"] != asdict(config) or header["config"] != model.config.to_dict():
+    settings = _settings(model, config, held)
+    if any(header.get(key) != value for key, value in settings.items()):
         raise CheckpointError(
             f"{path}: holds the state of a run with other settings; remove it to start afresh"
         )
     model.load_state_dict(
         {k.removeprefix("model."): v for k, v in tensors.items() if k.startswith("model.")}
     )
+    held.best = {k.removeprefix("best."): v for k, v in tensors.items() if k.startswith("best.")}
+    held.rows = [tuple(row) for row in tensors["held"].tolist()]
     state = optimiser.state_dict()
     for name, value in tensors.items():
         if name.startswith("optimiser."):

@@ -94,9 +94,12 @@ class TrainConfig:
         mouth_share, eyes_share, rim_share: shares of the rays drawn round the mouth, round the eyes
             and at the head's rim.
         outside_share: share of the rays drawn further out; what is left falls on the head.
+        augment: whether each step changes its person's looks (`augmentation`).
         learn_references_every: steps between those in which the reference CNN learns; 0 never.
         occupancy_every: steps between two looks at which cells are open.
-        checkpoint_every: steps between two saves of the state.
+        checkpoint_every: steps between two saves of the state, and between two measurements on
+            people held out.
+        patience: measurements on people held out without a better one that end the run.
         seed: of everything that is drawn while training.
     """
 
@@ -116,10 +119,16 @@ class TrainConfig:
     eyes_share: float = 0.15
     rim_share: float = 0.15
     outside_share: float = 0.0
+    augment: bool = False
     learn_references_every: int = 0
     occupancy_every: int = 20
     checkpoint_every: int = 200
+    patience: int = 10
     seed: int = 0
+
+    def pauses(self, done: int) -> bool:
+        """Whether, after so many steps, the state is saved and the model is measured."""
+        return done % self.checkpoint_every == 0 or done == self.iterations
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from dfrf import brows
 from dfrf.cameras import pixel_rays
 from dfrf.config import TrainConfig
 from dfrf.model import ReferenceViews
@@ -18,6 +19,9 @@ from dfrf.model import ReferenceViews
 # Codes of the region map: where rays are drawn.
 OUTSIDE, RIM, HEAD, MOUTH, EYES = 0, 1, 2, 3, 4
 HEAD_MATTE = 13  # of 255: what counts as head
+# The measures of the upper face of a mirrored person: which measure each one is, and its sign.
+# Lids left, right, brows left, right, gaze to the right, gaze downwards.
+MIRRORED_UPPER = ((1, 1), (0, 1), (3, 1), (2, 1), (4, -1), (5, 1))
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,8 @@ class Identity:
         c2w: (T, 3, 4) camera to head frame.
         focal: pixels.
         centres: (T, 2) principal points, (column, row).
-        upper: (T, U) measures of lids, brows and gaze, 0 at rest.
+        upper: (T, U) measures of lids, brows and gaze, 0 at rest; their order is that of
+            `MIRRORED_UPPER`.
         number: (T,) which of the C frames each picture is of. Speech needs every frame, also where
             only some are kept as pictures.
         windows: (C, 16, D) speech windows.
@@ -217,5 +222,6 @@ def cut_references(person: Identity, frames: Tensor) -> ReferenceViews:
         c2w=person.c2w[frames],
         focal=person.focal,
         centres=torch.stack(centres),
+        brows=person.upper[frames][:, brows.MEASURES],
         scale=person.size / 512,
     )

@@ -25,6 +25,7 @@ from dfrf.rendering import render_frames, render_rays
 
 SHARES = 4  # of a step's rays on a CPU: as many cores work side by side
 SURFACE_RAYS = 24
+UNSURE = 0.05  # a matte further than that from 0 and 1 is not sure
 SPEECH = ("field.audio.", "field.attention.", "field.lips.")
 
 
@@ -61,6 +62,16 @@ def draw_shares(
     return shares
 
 
+def matte_loss(opacity: Tensor, matte: Tensor) -> Tensor:
+    """Mean squared difference of opacity and matte, (B,) in 0..1, where the matte is sure.
+
+    A soft edge of a matte is a guess. What is behind it is known there, so the picture itself says
+    how opaque the head is.
+    """
+    sure = ((matte - 0.5).abs() > 0.5 - UNSURE).to(matte.dtype)
+    return (sure * (opacity - matte) ** 2).mean()
+
+
 def share_outcome(
     model: Model,
     share: FastShare,
@@ -83,7 +94,7 @@ def share_outcome(
     )
     picture = seen.colour + (1 - seen.opacity[:, None]) * batch.background
     mse = F.mse_loss(picture, batch.colour)
-    loss = mse + config.opacity_weight * F.mse_loss(seen.opacity, batch.matte)
+    loss = mse + config.opacity_weight * matte_loss(seen.opacity, batch.matte)
     if warp and seen.offset.numel():
         loss = loss + config.warp_weight * weighted_warp_penalty(seen.offset, seen.alpha)
     loss = loss + config.distortion_weight * distortion_loss(
@@ -116,14 +127,18 @@ def told_of(model: Model, people: Sequence[Identity]) -> dict[str, Tensor]:
 
 
 class FastMethod(Method[FastShare, ReferenceMaps]):
-    """The field that knows where it is, and learns speech from lip measures (`lips`)."""
+    """The field that knows where it is, and learns speech from lip measures (`lips`).
+
+    Attributes:
+        known: what the field is told of every frame of each person of a run, (T, told_dim).
+    """
 
     side_by_side = SHARES
     segment = 50
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._known: dict[str, Tensor] = {}
+        self.known: dict[str, Tensor] = {}
 
     @property
     def model(self) -> Model:
@@ -152,18 +167,19 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
     def begin(
         self,
         people: Sequence[Identity],
+        held: Sequence[Identity],
         config: TrainConfig,
         generator: torch.Generator,
         resumed: bool,
     ) -> None:
         if not resumed and config.lip_iterations and self.model.config.field.use_speech:
             learn_lips(self.model, people, config.lip_iterations, generator)
-        self._known = told_of(self.model, people)
+        self.known = told_of(self.model, [*people, *held])
 
     def draw(
         self, person: Identity, config: TrainConfig, generator: torch.Generator
     ) -> list[FastShare]:
-        known = self._known[person.name]
+        known = self.known[person.name]
         count = SHARES if known.device.type == "cpu" else 1
         return draw_shares(person, known, config, generator, count)
 
@@ -177,6 +193,13 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
     ) -> Outcome:
         warp = step >= config.coarse_iterations
         return share_outcome(self.model, share, maps, config, warp, wanted)
+
+    @torch.no_grad()
+    def picture(self, person: Identity, batch: RayBatch, maps: ReferenceMaps | None) -> Tensor:
+        known = self.known[person.name]
+        told = known[batch.frames.to(known.device)]
+        seen = render_rays(self.model, batch.origins, batch.directions, batch.frame, told, maps)
+        return seen.colour + (1 - seen.opacity[:, None]) * batch.background
 
     def learned(self, done: Outcome) -> None:
         self.model.grid.observe(done.points, done.weights)

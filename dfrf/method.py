@@ -108,11 +108,17 @@ class Method(ABC, Generic[ShareT, MapsT]):
     def begin(
         self,
         people: Sequence[Identity],
+        held: Sequence[Identity],
         config: TrainConfig,
         generator: torch.Generator,
         resumed: bool,
     ) -> None:
-        """What precedes the first step of a run; less of it where a run is resumed."""
+        """What precedes the first step of a run; less of it where a run is resumed.
+
+        Args:
+            people: who is learned from.
+            held: who is held out.
+        """
 
     @abstractmethod
     def draw(
@@ -133,6 +139,10 @@ class Method(ABC, Generic[ShareT, MapsT]):
 
         Called by threads at once: everything random has been drawn before.
         """
+
+    @abstractmethod
+    def picture(self, person: Identity, batch: RayBatch, maps: MapsT | None) -> Tensor:
+        """Colours (B, 3) of rays of a person over the background, as the model is; no gradient."""
 
     @abstractmethod
     def learned(self, done: Outcome) -> None:

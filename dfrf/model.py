@@ -12,8 +12,9 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
+from dfrf import brows
 from dfrf import device as devices
-from dfrf.cameras import project
+from dfrf.cameras import project_each
 from dfrf.config import FieldConfig, ModelConfig
 from dfrf.encodings import frequency_encoding
 from dfrf.head import HeadModel
@@ -36,6 +37,7 @@ class ReferenceViews:
         images: (N, H, W, 3) uint8.
         mattes: (N, H, W) uint8.
         c2w: (N, 3, 4); focal in pixels; centres (N, 2), of the cut.
+        brows: (N, 2) measures of the left and of the right brow, see `brows`.
         scale: pixels of the reference for one pixel at a 512 crop (the unit of the warp).
     """
 
@@ -44,6 +46,7 @@ class ReferenceViews:
     c2w: Tensor
     focal: float
     centres: Tensor
+    brows: Tensor
     scale: float
 
     def to(self, device: torch.device) -> ReferenceViews:
@@ -54,6 +57,7 @@ class ReferenceViews:
             self.c2w.to(device),
             self.focal,
             self.centres.to(device),
+            self.brows.to(device),
             self.scale,
         )
 
@@ -288,15 +292,21 @@ class Field(nn.Module):
         config = self.config
         # Rounded once, not at every layer that reads them.
         kind = devices.matrix_type(points.device)
-        encoded = frequency_encoding(points, config.point_octaves).to(kind)
         belongs = F.one_hot(frame, codes.shape[0]).to(codes.dtype)
+        share = brows.shares(points)
+        own = of_points(codes[:, config.code_dim :][:, brows.MEASURES], belongs)
+        rest = brows.lowered(points, brows.lifts(share, own))
+        encoded = frequency_encoding(rest, config.point_octaves).to(kind)
         parts = [encoded]
         offset = points.new_zeros(0, points.shape[0], 2)
         if maps is not None:
             views = maps.views
             count = views.c2w.shape[0]
             first = torch.arange(count, device=points.device) * (maps.height * maps.width)
-            projected = project(points, views.c2w, views.focal, views.centres)
+            there = brows.lowered(
+                points.expand(count, -1, -1), brows.lifts(share, own - views.brows[:, None])
+            )
+            projected = project_each(there, views.c2w, views.focal, views.centres)
             offset = torch.zeros_like(projected)
             if warp and config.use_warp:
                 limit = projected.new_tensor([maps.width - 1, maps.height - 1])
@@ -329,7 +339,7 @@ class Field(nn.Module):
         for layer in self.hidden:
             h = F.relu(layer(h), inplace=True)
         centre, radii = points.new_tensor(PRIOR_CENTRE), points.new_tensor(PRIOR_RADII)
-        prior = PRIOR_SLOPE * (0.9 - ((points - centre) / radii).norm(dim=-1))
+        prior = PRIOR_SLOPE * (0.9 - ((rest - centre) / radii).norm(dim=-1))
         density = DENSITY_SCALE * F.softplus(4 * self.density(h).squeeze(-1).float() + prior)
         towards = frequency_encoding(directions, config.direction_octaves).to(kind)
         raw = self.colour(F.relu(self.view(torch.cat([h, towards], -1)), inplace=True)).float()

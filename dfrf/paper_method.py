@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
+from dfrf import brows
 from dfrf.cameras import pixel_grid, pixel_rays
 from dfrf.config import TrainConfig
 from dfrf.data import Identity, RayBatch, draw_rays, neighbour_windows
@@ -45,6 +46,11 @@ def bounds(c2w: Tensor) -> tuple[float, float]:
     """
     depth = METRES * float((c2w[:, 3] * c2w[:, 2]).sum())
     return max(depth - BEFORE, NEAREST), depth + BEHIND
+
+
+def along_axis(directions: Tensor, c2w: Tensor) -> Tensor:
+    """Directions (B, 3) made so long that their component along a camera's axis is 1."""
+    return directions / -(directions * c2w[:, 2].to(directions)).sum(-1, keepdim=True)
 
 
 @dataclass(frozen=True)
@@ -97,6 +103,7 @@ class PaperMethod(Method[PaperShare, ReferenceMaps]):
             c2w=person.c2w[frames],
             focal=person.focal,
             centres=person.centres[frames],
+            brows=person.upper[frames][:, brows.MEASURES],
             scale=person.size / PAPER_SIZE,
         )
 
@@ -115,6 +122,7 @@ class PaperMethod(Method[PaperShare, ReferenceMaps]):
     def begin(
         self,
         people: Sequence[Identity],
+        held: Sequence[Identity],
         config: TrainConfig,
         generator: torch.Generator,
         resumed: bool,
@@ -131,20 +139,37 @@ class PaperMethod(Method[PaperShare, ReferenceMaps]):
     def _share(
         self, person: Identity, config: TrainConfig, generator: torch.Generator
     ) -> PaperShare:
-        batch = draw_rays(person, config, generator)
-        c2w = person.c2w[batch.frames[0]]
-        along = -(batch.directions * c2w[:, 2]).sum(-1, keepdim=True)
-        number = person.number[batch.frames]
-        (windows,) = neighbour_windows(person.windows, person.segment, number)
-        device = self.model.device
+        batch = draw_rays(person, config, generator).to(self.model.device)
+        frame = int(batch.frames[0])
         return PaperShare(
-            batch=batch.to(device),
-            directions=(batch.directions / along).to(device),
-            bounds=bounds(c2w),
-            windows=windows.to(device),
+            batch=batch,
+            directions=along_axis(batch.directions, person.c2w[frame]),
+            bounds=bounds(person.c2w[frame]),
+            windows=self._heard(person, frame),
             seed=int(torch.randint(2**62, (1,), generator=generator)),
             size=person.size,
         )
+
+    def _heard(self, person: Identity, frame: int) -> Tensor:
+        """Speech windows (8, 16, D) of a frame with a picture and of its neighbours."""
+        number = person.number[frame : frame + 1]
+        (windows,) = neighbour_windows(person.windows, person.segment, number)
+        return windows.to(self.model.device)
+
+    @torch.no_grad()
+    def picture(self, person: Identity, batch: RayBatch, maps: ReferenceMaps | None) -> Tensor:
+        training = self.model.training
+        self.model.eval()
+        colours = torch.zeros_like(batch.colour)
+        for k, frame in enumerate(batch.frames.tolist()):
+            c2w, windows = person.c2w[frame], self._heard(person, frame)
+            for rays in torch.nonzero(batch.frame == k).view(-1).split(RAYS_AT_ONCE):
+                directions = along_axis(batch.directions[rays], c2w)
+                origins, behind = METRES * batch.origins[rays], batch.background[rays]
+                seen = self.model(origins, directions, *bounds(c2w), windows, maps, behind)
+                colours[rays] = seen["colour"]
+        self.model.train(training)
+        return colours
 
     def outcome(
         self,

@@ -22,6 +22,7 @@ BASE_TRAINING = TrainConfig(
     iterations=4000,
     coarse_iterations=3000,
     rays=3072,
+    augment=True,
     learn_references_every=4,
     lip_iterations=LIP_ITERATIONS,
 )
@@ -41,6 +42,7 @@ PAPER_BASE_TRAINING = TrainConfig(
     outside_share=0.2,
     learn_references_every=1,
     checkpoint_every=20,
+    patience=2500,
 )
 PAPER_FINETUNE = replace(
     PAPER_BASE_TRAINING,

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from dfrf import device as devices
+from dfrf.augmentation import Look, draw_look
 from dfrf.checkpoint import load_resume, save_resume
 from dfrf.config import TrainConfig
 from dfrf.data import Identity
@@ -22,6 +23,7 @@ from dfrf.head import HeadModel
 from dfrf.method import Maps, Method
 from dfrf.methods import method_of
 from dfrf.step import step_outcome
+from dfrf.validation import Validation
 from dfrf.workers import Workers
 
 BAD_STEPS = 10
@@ -92,8 +94,9 @@ class References:
         exclude: Tensor,
         generator: torch.Generator,
         learn: bool,
+        look: Look | None = None,
     ) -> Maps | None:
-        """Maps of `chosen` frames; of random frames other than `exclude` when None.
+        """Maps of `chosen` frames, in a look; of random frames other than `exclude` when None.
 
         Only maps that `learn` carry a gradient to the CNN: its backward pass costs as much as the
         rest of the step.
@@ -101,7 +104,7 @@ class References:
         count = self.method.references
         if not count:
             return None
-        fixed = chosen is not None and not self.config.learn_references_every
+        fixed = chosen is not None and look is None and not self.config.learn_references_every
         if fixed and person.name in self.fixed:
             return self.fixed[person.name]
         frames = chosen
@@ -111,6 +114,8 @@ class References:
             if frames.numel() < count:
                 frames = order[:count]
         views = self.method.views(person, frames)
+        if look is not None:
+            views = look.of_views(views)
         if learn:
             return self.method.encode(views.to(self.method.model.device))
         maps = self.method.maps(views)
@@ -129,6 +134,7 @@ def fit(
     progress: Callable[[Progress], None] | None = None,
     stop: Callable[[], bool] | None = None,
     device: str = "auto",
+    validation: Validation | None = None,
 ) -> Curve:
     """Trains a model of any preset on people, for the base and for a fine-tune alike.
 
@@ -141,6 +147,8 @@ def fit(
         progress: called after every step.
         device: auto, cpu or cuda. The people stay where they are; each step's rays go there.
         stop: asked after every step; True ends the run early with its state saved.
+        validation: people held out, who end the run when it no longer serves them better; holds
+            the best model afterwards.
 
     Returns:
         The curve of the whole run, resumed steps included.
@@ -156,25 +164,29 @@ def fit(
     optimiser = make_optimiser(method, config)
     trained = [p for group in optimiser.param_groups for p in group["params"]]
     curve = Curve()
+    held = validation or Validation()
     first = 0
     if resume is not None:
-        first = load_resume(resume, model, optimiser, generator, config, curve)
+        first = load_resume(resume, model, optimiser, generator, config, curve, held)
     views = References(method, config)
     model.train()
-    method.begin(people, config, generator, resumed=first > 0)
+    method.begin(people, held.people, config, generator, resumed=first > 0)
+    last = first if held.over(config.patience) else config.iterations
     began, spent = time.monotonic(), curve.seconds
     bad = 0
     with Workers(target, method.side_by_side) as workers:
-        for step in range(first, config.iterations):
+        for step in range(first, last):
             for group in optimiser.param_groups:
                 group["lr"] = learning_rate(step, config)
             person = people[int(torch.randint(len(people), (1,), generator=generator))]
+            look = draw_look(generator) if config.augment else None
             shares = method.draw(person, config, generator)
+            shares = [share if look is None else look.of_share(share) for share in shares]
             shown = torch.cat([share.batch.frames for share in shares])
             chosen = references[person.name] if references is not None else None
             every = config.learn_references_every
             learn = every > 0 and step % every == 0
-            maps = views.maps(person, chosen, shown, generator, learn)
+            maps = views.maps(person, chosen, shown, generator, learn, look)
             done = step_outcome(method, shares, maps, config, step, trained, workers)
             if torch.isfinite(done.loss):
                 for parameter, gradient in zip(trained, done.gradients, strict=True):
@@ -200,11 +212,10 @@ def fit(
                 progress(
                     Progress(step + 1, config.iterations, done.loss.item(), psnr, left, per_ray)
                 )
-            ends = stop is not None and stop()
-            if resume is not None and (
-                ends or (step + 1) % config.checkpoint_every == 0 or step + 1 == config.iterations
-            ):
-                save_resume(resume, model, optimiser, generator, config, curve, step + 1)
+            held.measure(method, config, step + 1, workers)
+            ends = held.over(config.patience) or (stop is not None and stop())
+            if resume is not None and (ends or config.pauses(step + 1)):
+                save_resume(resume, model, optimiser, generator, config, curve, step + 1, held)
             if ends:
                 break
     return curve

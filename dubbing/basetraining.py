@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -10,9 +12,10 @@ from pathlib import Path
 from dfrf import checkpoint, presets
 from dfrf.data import Identity as Person
 from dfrf.training import Progress, TrainingDivergedError, fit
+from dfrf.validation import Validation
 from dubbing import jobs, lock, stages, steps
-from dubbing.errors import TrainingError
-from dubbing.files import atomic_write_json
+from dubbing.errors import DubbingError, TrainingError
+from dubbing.files import atomic_write_json, atomic_write_text
 from dubbing.finetuning import FinetuneSettings, clip_windows, init_from_base, write_curve
 from dubbing.identity import load_identity
 from dubbing.manifest import Manifest
@@ -28,9 +31,13 @@ def train_base(
     device: str = "auto",
     iterations: int | None = None,
     init: Path | None = None,
+    hold_out: tuple[str, ...] = (),
     progress: Callable[[str, float], None],
 ) -> None:
     """Writes OUT and, beside it, its curve (.csv) and its history (.json).
+
+    With people held out, OUT is the model that served them best on the way (.held_out.csv), and
+    training ends early once it no longer gets better.
 
     An interrupted run leaves its state in OUT.resume and is continued by the next call. Preset,
     speech features and seed are those of the manifest's identities, which must agree in them.
@@ -42,18 +49,21 @@ def train_base(
         iterations: optimiser steps in all; three quarters of them without the warp, as the paper
             divides its 300k and 100k. The preset's by default.
         init: a base checkpoint to start from instead of random weights.
+        hold_out: names of identities that are not learned from but measured on.
         progress: told a message and the share done.
 
     Raises:
+        DubbingError: an unknown name is held out, or nobody is left to learn from.
         TrainingError: the identities disagree, one has no usable frame, or the loss diverged.
         LockedError: another run works in the manifest's output.
     """
+    learned = learned_names(manifest, hold_out)
     settings = common_settings(manifest)
     with lock.hold(manifest.work):
-        people = [
-            load_person(manifest, name, device, settings, progress)
-            for name in sorted(manifest.identities)
-        ]
+        people, held = (
+            [load_person(manifest, name, device, settings, progress) for name in names]
+            for names in (learned, sorted(set(hold_out)))
+        )
     model = init_from_base(init, settings)
     config = replace(presets.trainings(settings.preset).base, seed=settings.seed)
     if iterations is not None:
@@ -65,8 +75,17 @@ def train_base(
         progress(str(state), state.step / state.iterations)
 
     resume = out.with_name(out.name + ".resume")
+    validation = Validation(held)
     try:
-        curve = fit(model, people, config, resume=str(resume), progress=told, device=device)
+        curve = fit(
+            model,
+            people,
+            config,
+            resume=str(resume),
+            progress=told,
+            device=device,
+            validation=validation,
+        )
     except TrainingDivergedError as error:
         raise TrainingError(str(error), out.name, "change the seed or the clips") from error
     header = {
@@ -76,9 +95,37 @@ def train_base(
         "frames": sum(p.frames for p in people),
         "seconds": round(curve.seconds),
     }
+    if held:
+        step, *psnr = validation.rows[validation.best_row()]
+        model.load_state_dict(validation.best)
+        header |= {"steps": int(step), "held_out": dict(zip(validation.names, psnr, strict=True))}
+        write_validation(out.with_suffix(".held_out.csv"), validation)
     checkpoint.save_model(out, model.cpu(), header)
     write_curve(out.with_suffix(".csv"), curve)
     atomic_write_json(out.with_suffix(".json"), {**header, "train": asdict(config)})
+
+
+def learned_names(manifest: Manifest, hold_out: tuple[str, ...]) -> list[str]:
+    """Identities that are learned from, in the order of their names.
+
+    Raises:
+        DubbingError: an unknown name is held out, or nobody is left.
+    """
+    if unknown := [name for name in hold_out if name not in manifest.identities]:
+        raise DubbingError(f"no identity is called {', '.join(unknown)}", "--hold-out")
+    learned = sorted(set(manifest.identities) - set(hold_out))
+    if not learned:
+        raise DubbingError("everyone is held out", "--hold-out", "leave somebody to learn from")
+    return learned
+
+
+def write_validation(path: Path, validation: Validation) -> None:
+    """Measurements on people held out as CSV: step, PSNR in dB of each of them."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(["step", *validation.names])
+    rows.writerows([int(step), *psnr] for step, *psnr in validation.rows)
+    atomic_write_text(path, text.getvalue())
 
 
 def common_settings(manifest: Manifest) -> FinetuneSettings:

@@ -237,6 +237,10 @@ def train_base(
         Path | None,
         typer.Option("--init", exists=True, dir_okay=False, help="A checkpoint to start from."),
     ] = None,
+    hold_out: Annotated[
+        list[str] | None,
+        typer.Option("--hold-out", help="Measured on instead of learned from; repeatable."),
+    ] = None,
     device: Device = "auto",
 ) -> None:
     """Train the shared base checkpoint across the identities of a manifest; resumes by itself."""
@@ -246,7 +250,15 @@ def train_base(
 
     loaded, chosen = load(manifest), _device(device)
     with console.Bar("train-base") as progress:
-        work(loaded, out, device=chosen, iterations=iterations, init=init, progress=progress)
+        work(
+            loaded,
+            out,
+            device=chosen,
+            iterations=iterations,
+            init=init,
+            hold_out=tuple(hold_out or ()),
+            progress=progress,
+        )
     typer.echo(f"wrote {out}")
 
 

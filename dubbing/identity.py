@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dfrf import brows
 from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, Identity
 from dubbing.errors import TrainingError
 from dubbing.preparation.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
@@ -25,7 +26,7 @@ LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2
 # Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.
 EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 # What counts as 1, in eye distances: a blink is about -5.
-LIDS, BROWS, GAZE = 0.03, 0.03, 0.01
+LIDS, BROWS, GAZE = 0.03, brows.LENGTH, 0.01
 RIM_WIDTH = 0.016  # of the crop's side
 
 
@@ -59,24 +60,24 @@ def upper_measures(clip: PreparedClip) -> np.ndarray:
     """How far lids and brows are up and where the eyes look, (T, 6), 0 where no face was found.
 
     Opening of the lids and height of the brow of the left and of the right eye, gaze of both to the
-    right and downwards: in units of the distance between the eyes, less their medians over the
-    clip. Speech says nothing of them, so the field is told, as it is told the pose: a rendered
-    frame takes both from the same frame of the clip.
+    right and downwards, the order of `dfrf.data.MIRRORED_UPPER`: in units of the distance between
+    the eyes, less their medians over the clip. Speech says nothing of them, so the field is told,
+    as it is told the pose: a rendered frame takes both from the same frame of the clip.
     """
     points = clip.landmarks
     across = points[:, RIGHT_EYE_OUTER] - points[:, LEFT_EYE_OUTER]
     unit = np.linalg.norm(across, axis=-1)
     right = across / unit[:, None]
     down = np.stack([-right[:, 1], right[:, 0]], -1)
-    lids, brows, looks = [], [], []
+    lids, raised, looks = [], [], []
     for inner, outer, upper, lower, brow, iris in EYES_POINTS:
         corners = (points[:, inner] + points[:, outer]) / 2
         lids.append(((points[:, lower] - points[:, upper]) * down).sum(-1) / LIDS)
-        brows.append(((corners - points[:, brow]) * down).sum(-1) / BROWS)
+        raised.append(((corners - points[:, brow]) * down).sum(-1) / BROWS)
         looks.append((points[:, iris] - corners) / GAZE)
     look = (looks[0] + looks[1]) / 2
     gaze = [(look * right).sum(-1), (look * down).sum(-1)]
-    measures = np.stack([*lids, *brows, *gaze], -1) / unit[:, None]
+    measures = np.stack([*lids, *raised, *gaze], -1) / unit[:, None]
     middle = np.median(measures[clip.valid], 0)
     return np.where(clip.valid[:, None], measures - middle, 0.0)
 

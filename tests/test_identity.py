@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from dfrf.data import EYES, HEAD, MOUTH, RIM
+from dfrf.data import EYES, HEAD, MIRRORED_UPPER, MOUTH, RIM
 from dubbing.errors import TrainingError
 from dubbing.identity import (
     BROWS,
@@ -70,6 +70,19 @@ def test_lids_brows_and_gaze_are_measured_from_rest_in_eye_distances(clip: Prepa
     found = upper_measures(clip)
     scale = np.array([LIDS, LIDS, BROWS, BROWS, GAZE, GAZE])
     np.testing.assert_allclose(found, expected / UNIT / scale, atol=1e-3)
+
+
+def test_a_mirrored_face_has_the_mirrored_measures(clip: PreparedClip) -> None:
+    left, right = map(list, EYES_POINTS)
+    noise = np.random.default_rng(0).normal(0, 2, (FRAMES, 2, len(left), 2))
+    clip.landmarks[:, left] += noise[:, 0]
+    clip.landmarks[:, right] += noise[:, 1]
+    mirrored = clip.landmarks.copy()
+    mirrored[:, left], mirrored[:, right] = clip.landmarks[:, right], clip.landmarks[:, left]
+    mirrored[..., 0] = clip.size - 1 - mirrored[..., 0]
+    order, signs = map(list, zip(*MIRRORED_UPPER, strict=True))
+    found = upper_measures(replace(clip, landmarks=mirrored))
+    np.testing.assert_allclose(found, upper_measures(clip)[:, order] * signs, atol=1e-3)
 
 
 def test_a_tilted_or_nearer_face_has_the_same_measures(clip: PreparedClip) -> None:

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
+from dubbing.preparation.known_median import known_median
 from dubbing.preparation.matting import REFERENCE_SIZE, dilate
 from dubbing.preparation.mesh_points import LEFT_EAR, RIGHT_EAR
 from dubbing.preparation.pull_push import pull_push
@@ -43,17 +44,8 @@ def plate(images: np.ndarray, known: np.ndarray) -> np.ndarray:
     Args:
         images: (K, H, W, 3) uint8, one camera. known: (K, H, W) bool.
     """
-    out = np.zeros(images.shape[1:], np.float32)
-    count = known.sum(0)
-    for row in range(images.shape[1]):  # row by row: constant memory
-        values = np.where(known[:, row, :, None], images[:, row], 255).astype(np.uint8)
-        order = np.sort(np.where(known[:, row, :, None], values, 255), axis=0)
-        middle = np.maximum(count[row] - 1, 0)
-        low = np.take_along_axis(order, (middle // 2)[None, :, None], 0)[0]
-        high = np.take_along_axis(order, ((middle + 1) // 2)[None, :, None], 0)[0]
-        out[row] = (low.astype(np.float32) + high) / 2
-    seen = (count > 0).astype(np.float32)
-    return pull_push(out, seen)
+    seen = np.any(known, axis=0).astype(np.float32)
+    return pull_push(known_median(images, known), np.asarray(seen))
 
 
 @dataclass(frozen=True)
@@ -138,22 +130,25 @@ def smooth_profiles(profiles: np.ndarray, segment: np.ndarray) -> np.ndarray:
     return out
 
 
+def wall_of(image: np.ndarray, behind: np.ndarray, person: np.ndarray) -> np.ndarray:
+    """The plate (S, S, 3) float32 in the light of a frame (S, S, 3) with its person mask (S, S)."""
+    return behind + slow_difference(image, behind, background_pixels(person))
+
+
 def restore(
     image: np.ndarray,
-    person: np.ndarray,
     region: np.ndarray,
-    behind: np.ndarray,
+    wall: np.ndarray,
     growing: tuple[np.ndarray, np.ndarray],
 ) -> np.ndarray:
     """The frame without its head: (S, S, 3) uint8, equal to the image outside of the region.
 
     Args:
-        image: (S, S, 3) uint8. person: (S, S) person mask. region: (S, S) bool hole.
-        behind: (S, S, 3) float32 plate. growing: colour and share of the :func:`neck`.
+        image: (S, S, 3) uint8. region: (S, S) bool hole. wall: (S, S, 3) from :func:`wall_of`.
+        growing: colour and share of the :func:`neck`.
     """
-    filled = behind + slow_difference(image, behind, background_pixels(person))
     colour, share = growing
-    filled += share[..., None] * (colour - filled)
+    filled = wall + share[..., None] * (colour - wall)
     filled = np.clip(filled.round(), 0, 255).astype(np.uint8)
     return np.where(region[..., None], filled, image)
 

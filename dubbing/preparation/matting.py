@@ -12,8 +12,8 @@ import cv2
 import numpy as np
 
 REFERENCE_SIZE = 512
-CUT_SOFTNESS = 1.5  # px, Gaussian
-CUT_REACH = 6  # px below the jaw line, room for a beard: further down all is neck
+CUT_SOFTNESS = 1.2  # px, Gaussian
+CUT_BELOW = 1.0  # px below the edge of the jaw: what the lens blurs of it
 EDGE_LOW, EDGE_WIDTH = 0.4, 0.5  # of the person mask: from here, over this much, to opaque
 CORE = 0.8  # of the matte before it is sharpened: above this it may only grow
 OPAQUE = 128  # of 255
@@ -75,14 +75,13 @@ def head_matte(
     guide = cv2.cvtColor(image, GREY).astype(np.float32) / 255
     refined = cv2.ximgproc.guidedFilter(guide, person, max(1, round(4 * unit)), 1e-4)
     alpha = np.clip((refined - EDGE_LOW) / EDGE_WIDTH, 0, 1)
-    face = fill_polygon(above_jaw(outline, size), size)
-    above = cv2.GaussianBlur(face, (0, 0), CUT_SOFTNESS * unit)
-    alpha = cv2.GaussianBlur(alpha * above, (0, 0), 1.2 * unit)
+    alpha = cv2.GaussianBlur(alpha, (0, 0), 1.2 * unit)
     sharp = cv2.ximgproc.guidedFilter(guide, alpha, max(1, round(6 * unit)), 4e-4)
     # The filter also follows edges between hair and ear well inside the head: keep that opaque.
     alpha = np.maximum(sharp, (alpha - CORE) / (1 - CORE))
-    within = dilate(face > 0.5, CUT_REACH * unit).astype(np.float32)
-    alpha *= cv2.GaussianBlur(within, (0, 0), CUT_SOFTNESS * unit)
+    below = np.array([0, CUT_BELOW * unit])
+    face = fill_polygon(above_jaw(outline, size) + below, size)
+    alpha *= cv2.GaussianBlur(face, (0, 0), CUT_SOFTNESS * unit)
     matte = (np.clip(alpha, 0, 1) * 255).round().astype(np.uint8)
     return np.where(component_at(matte > 5, inside), without_holes(matte), 0).astype(np.uint8)
 

@@ -26,10 +26,13 @@ from dubbing.preparation.background import (
     plate,
     restore,
     smooth_profiles,
+    wall_of,
 )
 from dubbing.preparation.cropping import crop
+from dubbing.preparation.jaw import edge_offsets, moved, smooth_offsets
 from dubbing.preparation.matting import head_matte, hole, person_mask
 from dubbing.preparation.mesh_points import NOSE_BRIDGE
+from dubbing.preparation.torso import Torso, torso
 
 Progress = Callable[[float], None]
 MOST_THREADS = 8
@@ -79,6 +82,28 @@ def in_order(work: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> Itera
         yield from ordered(pool, lambda job: work(*job), jobs, ahead=2 * threads - 1)
 
 
+@dataclass(frozen=True)
+class Shot:
+    """What is behind the head in a shot: wall (H, W, 3) float32 on its canvas, and the torso."""
+
+    wall: np.ndarray
+    torso: Torso | None
+
+
+def jaw_lines(footage: Footage, progress: Progress) -> np.ndarray:
+    """The outlines moved to the edge of the jaw that is seen, (T, POINTS, 2) px."""
+
+    def work(image: np.ndarray, t: int) -> np.ndarray:
+        return edge_offsets(image, footage.outline[t])
+
+    offsets = []
+    for offset in in_order(work, ((image, t) for t, image in enumerate(footage.crops()))):
+        offsets.append(offset)
+        progress(len(offsets) / len(footage.window))
+    smooth = smooth_offsets(np.stack(offsets), footage.segment)
+    return np.stack([moved(*pair) for pair in zip(footage.outline, smooth, strict=True)])
+
+
 def matte_step(footage: Footage, matte: Path, person: Path, progress: Progress) -> np.ndarray:
     """Write matte and person mask; frames that do not show the head get an empty matte.
 
@@ -87,12 +112,13 @@ def matte_step(footage: Footage, matte: Path, person: Path, progress: Progress) 
     """
     size, rate = footage.size, footage.info.rate
     assert rate is not None
+    lines = jaw_lines(footage, lambda share: progress(0.2 * share))
 
     def work(image: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         mask = person_mask(image)
         if footage.shown[t]:
             bridge = footage.landmarks[t, NOSE_BRIDGE]
-            alpha = head_matte(image, mask, footage.outline[t], bridge)
+            alpha = head_matte(image, mask, lines[t], bridge)
         else:
             alpha = np.zeros((size, size), np.uint8)
         profile = neck_profile(image, mask, hole(alpha), footage.landmarks[t])
@@ -107,12 +133,12 @@ def matte_step(footage: Footage, matte: Path, person: Path, progress: Progress) 
             mattes.write(alpha)
             people.write(mask)
             profiles.append(profile)
-            progress(len(profiles) / len(footage.window))
+            progress(0.2 + 0.8 * len(profiles) / len(footage.window))
     return np.stack(profiles)
 
 
-def plates(footage: Footage, person: Path) -> list[np.ndarray]:
-    """Background (H, W, 3) float32 of every shot, on the canvas that its windows cover."""
+def shots(footage: Footage, masks: tuple[Path, Path]) -> list[Shot]:
+    """What is behind the head in every shot, from the mattes and person masks of some frames."""
     offsets, size = footage.offsets(), footage.size
     chosen: dict[int, list[int]] = {}
     for shot in np.unique(footage.segment):
@@ -120,23 +146,50 @@ def plates(footage: Footage, person: Path) -> list[np.ndarray]:
         spread = np.linspace(0, len(index) - 1, PLATE_FRAMES).round().astype(int)
         chosen[int(shot)] = sorted({int(t) for t in index[spread]})
     wanted = {t: shot for shot, frames in chosen.items() for t in frames}
-    out: list[np.ndarray] = []
-    images: list[np.ndarray] = []
-    known: list[np.ndarray] = []
-    masks = read_frames(person, pixels="gray")
-    for t, (image, mask) in enumerate(zip(footage.crops(), masks, strict=True)):
+    out: list[Shot] = []
+    seen: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    mattes, people = (read_frames(path, pixels="gray") for path in masks)
+    for t, (image, alpha, mask) in enumerate(zip(footage.crops(), mattes, people, strict=True)):
         if t not in wanted:
             continue
-        width, height = offsets[footage.segment == wanted[t]].max(0) + size
-        x, y = offsets[t]
-        canvas, seen = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), bool)
-        canvas[y : y + size, x : x + size] = image
-        seen[y : y + size, x : x + size] = background_pixels(mask.astype(np.float32) / 255)
-        images.append(canvas)
-        known.append(seen)
-        if t == chosen[wanted[t]][-1]:
-            out.append(plate(np.stack(images), np.stack(known)))
-            images, known = [], []
+        seen.append((image, mask.astype(np.float32) / 255, hole(alpha)))
+        frames = chosen[wanted[t]]
+        if t == frames[-1]:
+            images, person, holes = (np.stack(part) for part in zip(*seen, strict=True))
+            width, height = offsets[footage.segment == wanted[t]].max(0) + size
+            canvas = np.zeros((len(frames), height, width, 3), np.uint8)
+            known = np.zeros((len(frames), height, width), bool)
+            for k, (x, y) in enumerate(offsets[frames]):
+                canvas[k, y : y + size, x : x + size] = images[k]
+                known[k, y : y + size, x : x + size] = background_pixels(person[k])
+            out.append(Shot(plate(canvas, known), torso(images, person, holes)))
+            seen = []
+    return out
+
+
+def torso_motions(footage: Footage, behind: list[Shot], progress: Progress) -> np.ndarray:
+    """What lays the torso of its shot over each frame, (T, 2, 3), NaN where there is none.
+
+    Frames in which it is not found take what lies between their neighbours.
+    """
+
+    def work(image: np.ndarray, t: int) -> np.ndarray | None:
+        found = behind[footage.segment[t]].torso
+        return None if found is None else found.motion(image)
+
+    out = np.full((len(footage.window), 2, 3), np.nan)
+    for t, motion in enumerate(in_order(work, ((i, t) for t, i in enumerate(footage.crops())))):
+        if motion is not None:
+            out[t] = motion
+        progress((t + 1) / len(out))
+    for shot in np.unique(footage.segment):
+        index = np.flatnonzero(footage.segment == shot)
+        part = out[index].reshape(-1, 6)
+        known = np.flatnonzero(np.isfinite(part[:, 0]))
+        if len(known):
+            every = np.arange(len(index))
+            filled = [np.interp(every, known, part[known, k]) for k in range(6)]
+            out[index] = np.stack(filled, -1).reshape(-1, 2, 3)
     return out
 
 
@@ -154,21 +207,24 @@ def background_step(
     """
     size, rate = footage.size, footage.info.rate
     assert rate is not None
-    behind, offsets = plates(footage, masks[1]), footage.offsets()
+    behind, offsets = shots(footage, masks), footage.offsets()
+    motions = torso_motions(footage, behind, lambda share: progress(0.3 * share))
     smooth = smooth_profiles(profiles, footage.segment)
 
     def work(image: np.ndarray, alpha: np.ndarray, mask: np.ndarray, t: int) -> np.ndarray:
         x, y = offsets[t]
-        canvas = behind[footage.segment[t]][y : y + size, x : x + size]
+        shot = behind[footage.segment[t]]
         region = hole(alpha)
-        person = mask.astype(np.float32) / 255
-        growing = neck(image, region, footage.landmarks[t], smooth[t])
-        filled = restore(image, person, region, canvas, growing)
-        return np.where(region[..., None], filled, 0).astype(np.uint8)
+        wall = wall_of(image, shot.wall[y : y + size, x : x + size], mask.astype(np.float32) / 255)
+        left, under = region, image
+        if shot.torso is not None:
+            under, left = shot.torso.fill(image, region, wall, motions[t])
+        growing = neck(under, left, footage.landmarks[t], smooth[t])
+        return np.where(region[..., None], restore(under, left, wall, growing), 0).astype(np.uint8)
 
     mattes, people = (read_frames(path, pixels="gray") for path in masks)
     frames = zip(footage.crops(), mattes, people, range(len(footage.window)), strict=True)
     with VideoWriter(background, size, size, rate, "ffv1") as writer:
         for filled in in_order(work, frames):
             writer.write(filled)
-            progress(writer.frames / len(footage.window))
+            progress(0.3 + 0.7 * writer.frames / len(footage.window))

@@ -18,6 +18,7 @@ from dfrf.paper import PaperConfig, PaperModel, ReferenceMaps, paper_loss
 from dfrf.paper_method import PaperMethod, bounds
 from dfrf.step import step_outcome
 from dfrf.training import Curve, TrainingDivergedError, fit
+from dfrf.validation import Validation, draw_exam
 from dfrf.workers import Workers
 from tests.dfrf.people import FOCAL, SIZE, person
 
@@ -216,6 +217,30 @@ def test_a_base_draws_references_anew_and_resumes_bit_for_bit(tmp_path: Path) ->
     learned(tmp_path, 2)
     for name, value in learned(tmp_path, 4).state_dict().items():
         assert torch.equal(value, whole.state_dict()[name]), name
+
+
+def test_people_held_out_are_measured_by_what_the_model_says_of_their_rays() -> None:
+    someone, held = person(), replace(person(seed=1), name="held")
+    model, validation = made(), Validation([held])
+    config = replace(CONFIG, iterations=4, checkpoint_every=2)
+    fit(model, [someone], config, references=REFERENCES, device="cpu", validation=validation)
+    assert [row[0] for row in validation.rows] == [2, 4]
+    assert model.training
+    method = PaperMethod(model)
+    exam = draw_exam(held, method, config)
+    assert exam.psnr(method) == pytest.approx(validation.rows[1][1])
+    assert exam.views is not None
+    maps, one = method.maps(exam.views), int(exam.batch.frames[1])
+    seen = method.picture(held, exam.batch, maps)
+    near = neighbour_windows(held.windows, held.segment, torch.tensor([one]))[0]
+    model.eval()
+    colour, opacity = method.frame(held.c2w[one], FOCAL, held.centres[one], near, maps, SIZE)
+    rays = exam.batch.frame == 1
+    local = exam.batch.directions[rays] @ held.c2w[one, :, :3]
+    plane = local[:, :2] / -local[:, 2:] * torch.tensor([1.0, -1.0])
+    column, row = (held.centres[one] + FOCAL * plane).round().long().unbind(-1)
+    over = colour[row, column] + (1 - opacity[row, column, None]) * exam.batch.background[rays]
+    torch.testing.assert_close(seen[rays], over, atol=1e-3, rtol=0)
 
 
 def test_rays_fall_inside_and_outside_of_the_head() -> None:

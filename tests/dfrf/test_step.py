@@ -9,7 +9,7 @@ import torch
 from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data import cut_references
-from dfrf.fast import FastMethod, FastShare, draw_shares, share_outcome
+from dfrf.fast import FastMethod, FastShare, draw_shares, matte_loss, share_outcome
 from dfrf.step import step_outcome
 from dfrf.training import fit
 from dfrf.workers import Workers
@@ -83,3 +83,11 @@ def test_one_thread_and_four_give_the_same_model(
         trained.append(model.state_dict())
     for name, value in trained[0].items():
         assert torch.equal(value, trained[1][name]), name
+
+
+def test_a_matte_teaches_only_where_it_is_sure() -> None:
+    opacity = torch.tensor([0.5, 0.5, 0.5, 0.5], requires_grad=True)
+    loss = matte_loss(opacity, torch.tensor([0.0, 0.3, 0.9, 1.0]))
+    (gradient,) = torch.autograd.grad(loss, opacity)
+    torch.testing.assert_close(gradient, torch.tensor([0.25, 0, 0, -0.25]))
+    torch.testing.assert_close(loss.detach(), torch.tensor(0.125))

@@ -9,6 +9,7 @@ from dubbing.preparation.background import (
     plate,
     restore,
     smooth_profiles,
+    wall_of,
 )
 from dubbing.preparation.pull_push import pull_push
 
@@ -36,7 +37,8 @@ def test_nothing_of_the_head_is_in_the_background_and_the_rest_is_untouched() ->
     measured = neck_profile(image, person, region, landmarks)
     profile = smooth_profiles(np.stack([measured] * 3), np.zeros(3, int))[1]
     behind = np.tile(WALL.astype(np.float32), (SIZE, SIZE, 1))
-    out = restore(image, person, region, behind, neck(image, region, landmarks, profile))
+    wall = wall_of(image, behind, person)
+    out = restore(image, region, wall, neck(image, region, landmarks, profile))
     assert np.array_equal(out[~region], image[~region])
     # Red stays below the skin's, and green above the wall's shade: no trace of 250, 0, 250.
     assert out[region][:, 0].max() <= 205

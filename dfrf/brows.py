@@ -1,0 +1,49 @@
+"""Brows move as skin does: what a field has learned of a brow is moved with it, not learned anew.
+
+A field that is only told how high a brow is has to guess a brow higher than it ever saw. Told where
+the skin came from, it need not. M points, N references, F frames.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+MEASURES = slice(2, 4)  # of the upper face: the left and the right brow, in LENGTH
+LENGTH = 0.03  # of the distance between the outer corners of the eyes: what counts as 1
+EYE_DISTANCE = 0.9  # head units
+# Head units, y up, z to the front: brows are at (+-.42, .49, .65), lids below .33, the hair at .8.
+LID, BROW, FOREHEAD, HAIR = 0.3, 0.48, 0.62, 1.0
+MOST = 4.0  # a measure beyond that is taken for this: skin would fold
+MIDDLE = 0.12  # half the width of the strip between the brows where both count
+TEMPLE, SIDE = 0.6, 0.9  # from here to there outwards the skin comes to rest
+EAR, FRONT = 0.0, 0.3  # from here to there forwards it begins to move
+
+
+def ramp(values: Tensor, start: float, end: float) -> Tensor:
+    """0 at the start, 1 at the end, smooth between and constant beyond."""
+    x = ((values - start) / (end - start)).clamp(0, 1)
+    return x * x * (3 - 2 * x)
+
+
+def shares(points: Tensor) -> Tensor:
+    """How much of the motion of the left and of the right brow each point takes part in, (M, 2)."""
+    x, y, z = points.unbind(-1)
+    height = ramp(y, LID, BROW) * ramp(y, HAIR, FOREHEAD)
+    both = height * ramp(x.abs(), SIDE, TEMPLE) * ramp(z, EAR, FRONT)
+    right = ramp(x, -MIDDLE, MIDDLE)
+    return torch.stack([both * (1 - right), both * right], -1)
+
+
+def lifts(share: Tensor, measures: Tensor) -> Tensor:
+    """How far up skin is moved, (..., M) head units, by brow measures (..., M or 1, 2).
+
+    Args:
+        share: (M, 2), see `shares`.
+    """
+    return (share * measures.clamp(-MOST, MOST)).sum(-1) * (LENGTH * EYE_DISTANCE)
+
+
+def lowered(points: Tensor, lift: Tensor) -> Tensor:
+    """Points (..., M, 3) moved down by lifts (..., M)."""
+    return torch.cat([points[..., :1], points[..., 1:2] - lift[..., None], points[..., 2:]], -1)
