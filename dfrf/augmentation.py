@@ -14,8 +14,8 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from dfrf.data import MIRRORED_UPPER, RayBatch
+from dfrf.fast import FastShare
 from dfrf.model import ReferenceViews
-from dfrf.step import Share
 
 # Largest changes, up and down alike: the person as filmed lies in the middle.
 GAIN = 0.25  # of the logarithm of the exposure
@@ -53,7 +53,7 @@ class Look:
         lit = mixed.add_(0.5).clamp_(0, 255).to(torch.uint8)
         return lit.view(planes.shape).movedim(0, -1)
 
-    def of_share(self, share: Share) -> Share:
+    def of_share(self, share: FastShare) -> FastShare:
         """What is drawn for a step, of the person who looks like this; its speech stays."""
         both = torch.stack([share.batch.colour, share.batch.background])
         colour, background = self.colour((255 * both).round().to(torch.uint8)).float() / 255
@@ -95,7 +95,7 @@ def mirror(vectors: Tensor) -> Tensor:
     return vectors * vectors.new_tensor([-1, 1, 1])
 
 
-def mirrored_share(share: Share) -> Share:
+def mirrored_share(share: FastShare) -> FastShare:
     """Rays that see, mirrored, what they saw: a pixel and its mirror image have one colour."""
     batch: RayBatch = replace(
         share.batch,

@@ -17,14 +17,16 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
-from dfrf.config import ModelConfig, TrainConfig
+from dfrf.config import FORMATS, TrainConfig
+from dfrf.head import HeadModel
+from dfrf.model import Model, ReferenceViews
+from dfrf.paper import PaperModel
 
 if TYPE_CHECKING:
-    from dfrf.model import Model, ReferenceViews
     from dfrf.training import Curve
     from dfrf.validation import Validation
 
-FORMAT = "dfrf-1"
+KINDS: dict[str, type[HeadModel]] = {FORMATS[k.FAMILY]: k for k in (Model, PaperModel)}
 STATE_FILE = "state.safetensors"
 
 
@@ -65,16 +67,16 @@ def read_tensors(path: str | Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     return tensors, json.loads(metadata["dfrf"])
 
 
-def save_model(path: str | Path, model: Model, header: dict[str, Any] | None = None) -> None:
+def save_model(path: str | Path, model: HeadModel, header: dict[str, Any] | None = None) -> None:
     """Keeps a model: weights, grid, sizes, and what the caller adds to the header."""
     write_tensors(
         path,
         model.state_dict(),
-        {"format": FORMAT, "config": model.config.to_dict(), **(header or {})},
+        {"format": FORMATS[model.FAMILY], "config": model.config.to_dict(), **(header or {})},
     )
 
 
-def load_model(path: str | Path) -> tuple[Model, dict[str, Any]]:
+def load_model(path: str | Path) -> tuple[HeadModel, dict[str, Any]]:
     """A model and the header it was kept with.
 
     Raises:
@@ -84,14 +86,12 @@ def load_model(path: str | Path) -> tuple[Model, dict[str, Any]]:
     return _build(path, tensors, header), header
 
 
-def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> Model:
-    from dfrf.model import Model
-
-    if header.get("format") != FORMAT:
-        raise CheckpointError(
-            f"{path}: format {header.get('format')!r}, this version reads {FORMAT!r}"
-        )
-    model = Model(ModelConfig.from_dict(header["config"]))
+def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> HeadModel:
+    kind = KINDS.get(header.get("format", ""))
+    if kind is None:
+        found, known = header.get("format"), " and ".join(map(repr, KINDS))
+        raise CheckpointError(f"{path}: format {found!r}, this version reads {known}")
+    model = kind.from_dict(header["config"])
     try:
         model.load_state_dict(tensors)
     except RuntimeError as error:
@@ -100,7 +100,7 @@ def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any])
 
 
 def save_person(
-    path: str | Path, model: Model, views: ReferenceViews | None, header: dict[str, Any]
+    path: str | Path, model: HeadModel, views: ReferenceViews | None, header: dict[str, Any]
 ) -> None:
     """Keeps a person's model together with the references it looks at."""
     tensors = model.state_dict()
@@ -113,17 +113,16 @@ def save_person(
             "reference.brows": views.brows,
         }
         header = {**header, "focal": views.focal, "scale": views.scale}
-    write_tensors(path, tensors, {"format": FORMAT, "config": model.config.to_dict(), **header})
+    about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
+    write_tensors(path, tensors, {**about, **header})
 
 
-def load_person(path: str | Path) -> tuple[Model, ReferenceViews | None, dict[str, Any]]:
+def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dict[str, Any]]:
     """A person's model, references (None where the method has none) and header.
 
     Raises:
         CheckpointError: as `load_model`.
     """
-    from dfrf.model import ReferenceViews
-
     tensors, header = read_tensors(path)
     views = None
     if "reference.images" in tensors:
@@ -135,7 +134,7 @@ def load_person(path: str | Path) -> tuple[Model, ReferenceViews | None, dict[st
 
 def save_resume(
     folder: str | Path,
-    model: Model,
+    model: HeadModel,
     optimiser: torch.optim.Optimizer,
     generator: torch.Generator,
     config: TrainConfig,
@@ -156,18 +155,18 @@ def save_resume(
     write_tensors(
         Path(folder) / STATE_FILE,
         tensors,
-        {"format": FORMAT, "step": step, **_settings(model, config, held)},
+        {"format": FORMATS[model.FAMILY], "step": step, **_settings(model, config, held)},
     )
 
 
-def _settings(model: Model, config: TrainConfig, held: Validation) -> dict[str, Any]:
+def _settings(model: HeadModel, config: TrainConfig, held: Validation) -> dict[str, Any]:
     """What two runs have in common if the one can go on from the other's state."""
     return {"train": asdict(config), "config": model.config.to_dict(), "held": held.names}
 
 
 def load_resume(
     folder: str | Path,
-    model: Model,
+    model: HeadModel,
     optimiser: torch.optim.Optimizer,
     generator: torch.Generator,
     config: TrainConfig,

@@ -7,14 +7,23 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
-Method = Literal["dfrf", "dfrf-nowarp", "ad-nerf", "nerf"]
+# The two families of presets: what the headers of their checkpoints say, and how many steps a
+# person learns by default.
+FORMATS = {"fast": "dfrf-1", "paper": "dfrf-paper-1"}
+STEPS = {"fast": 2000, "paper": 40_000}
+PUBLISHED_SPEECH = "deepspeech"  # the features that published checkpoints hear
 
 # Half sizes of the box round the head, head frame, y up, face towards +z. Hair reaches higher than
 # the chin reaches low; the centre lies between the ears.
 BOX_LOW = (-1.5, -1.8, -1.6)
 BOX_HIGH = (1.5, 2.0, 1.5)
+
+
+def family(preset: str) -> str:
+    """The preset whose bases a preset can start from: `fast`, its ablations' too, or `paper`."""
+    return "paper" if preset == "paper" else "fast"
 
 
 @dataclass(frozen=True)
@@ -84,6 +93,7 @@ class TrainConfig:
         lip_iterations: steps of teaching the speech networks on lip measures, first of all.
         mouth_share, eyes_share, rim_share: shares of the rays drawn round the mouth, round the eyes
             and at the head's rim.
+        outside_share: share of the rays drawn further out; what is left falls on the head.
         augment: whether each step changes its person's looks (`augmentation`).
         learn_references_every: steps between those in which the reference CNN learns; 0 never.
         occupancy_every: steps between two looks at which cells are open.
@@ -108,6 +118,7 @@ class TrainConfig:
     mouth_share: float = 0.35
     eyes_share: float = 0.15
     rim_share: float = 0.15
+    outside_share: float = 0.0
     augment: bool = False
     learn_references_every: int = 0
     occupancy_every: int = 20

@@ -119,20 +119,24 @@ def neighbour_windows(windows: Tensor, segment: Tensor, frames: Tensor, count: i
 
 
 def draw_rays(person: Identity, config: TrainConfig, generator: torch.Generator) -> RayBatch:
-    """Rays by importance: mouth, eyes, rim, the rest of the head, over a few random frames."""
+    """Rays by importance: mouth, eyes, rim, the rest of the head, outside; of a few frames."""
     frames = torch.randint(person.frames, (config.frames,), generator=generator)
     per_frame = config.rays // config.frames
+    beside = config.rim_share + config.outside_share
     shares = (
         (MOUTH, config.mouth_share),
         (EYES, config.eyes_share),
         (RIM, config.rim_share),
-        (HEAD, 1 - config.mouth_share - config.eyes_share - config.rim_share),
+        (HEAD, 1 - config.mouth_share - config.eyes_share - beside),
+        (OUTSIDE, config.outside_share),
     )
     pixels, owner = [], []
     for i, t in enumerate(frames.tolist()):
         region = person.regions[t].view(-1)
         drawn = []
         for code, share in shares:
+            if not share:
+                continue
             where = torch.nonzero(region == code).view(-1)
             if where.numel():
                 pick = torch.randint(

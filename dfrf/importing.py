@@ -16,10 +16,9 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import Tensor
 
-from dfrf.checkpoint import CheckpointError, read_tensors, write_tensors
+from dfrf.checkpoint import CheckpointError, load_model, write_tensors
+from dfrf.config import FORMATS, PUBLISHED_SPEECH
 from dfrf.paper import PaperConfig, PaperModel
-
-FORMAT = "dfrf-paper-1"
 
 COARSE = "network_fn_state_dict"
 FINE = "network_fine_state_dict"
@@ -227,8 +226,9 @@ def import_checkpoint(file: Path, out: Path) -> Imported:
     except CheckpointError as error:
         raise CheckpointError(f"{file}: {error}") from error
     header = {
-        "format": FORMAT,
+        "format": FORMATS["paper"],
         "preset": "paper",
+        "speech": PUBLISHED_SPEECH,
         "config": PaperConfig().to_dict(),
         "step": step,
         "warp": "imported" if warp else "untrained",
@@ -243,12 +243,7 @@ def load_paper(file: Path) -> PaperModel:
     Raises:
         CheckpointError: unreadable, or of another format.
     """
-    tensors, header = read_tensors(file)
-    if header.get("format") != FORMAT:
-        raise CheckpointError(f"{file}: format {header.get('format')!r}, not {FORMAT!r}")
-    model = PaperModel(PaperConfig(**header["config"]))
-    try:
-        model.load_state_dict(tensors)
-    except RuntimeError as error:
-        raise CheckpointError(f"{file}: tensors do not fit the sizes in its header") from error
+    model, header = load_model(file)
+    if not isinstance(model, PaperModel):
+        raise CheckpointError(f"{file}: format {header['format']!r}, not {FORMATS['paper']!r}")
     return model.eval()

@@ -5,7 +5,8 @@ M points, N references, F frames in a batch, C feature channels, D speech featur
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 import torch
 import torch.nn.functional as F
@@ -16,6 +17,7 @@ from dfrf import device as devices
 from dfrf.cameras import project_each
 from dfrf.config import FieldConfig, ModelConfig
 from dfrf.encodings import frequency_encoding
+from dfrf.head import HeadModel
 from dfrf.occupancy import OccupancyGrid
 from dfrf.speech import LEAK, AudioAttNet, AudioNet
 
@@ -71,7 +73,16 @@ class ReferenceMaps:
 
     def as_type(self, kind: torch.dtype) -> ReferenceMaps:
         """The same maps with a table of another type."""
-        return ReferenceMaps(self.table.to(kind), self.height, self.width, self.views)
+        return self.with_features(self.table.to(kind))
+
+    @property
+    def features(self) -> Tensor:
+        """The table, through which the CNN learns."""
+        return self.table
+
+    def with_features(self, features: Tensor) -> Self:
+        """The same references with another table."""
+        return replace(self, table=features)
 
 
 @dataclass(frozen=True)
@@ -339,11 +350,18 @@ class Field(nn.Module):
         return FieldOutput(density, gate * blended + (1 - gate) * own, offset)
 
 
-class Model(nn.Module):
+class Model(HeadModel):
     """A field and the grid that says where it is."""
+
+    FAMILY: ClassVar[str] = "fast"
+    config: ModelConfig
 
     def __init__(self, config: ModelConfig) -> None:
         super().__init__()
         self.config = config
         self.field = Field(config.field)
         self.grid = OccupancyGrid(config.march.resolution)
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        return cls(ModelConfig.from_dict(values))

@@ -8,12 +8,16 @@ R rays of one frame, S samples a ray, N references of H x W pixels, D speech fea
 
 from __future__ import annotations
 
+from typing import Any, ClassVar, Self
+
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float
-from torch import Tensor, nn
+from torch import Tensor
+from torch.utils.checkpoint import checkpoint
 
 from dfrf import field, losses, sampling, volrend
+from dfrf.head import HeadModel
 from dfrf.paper_field import (
     PAPER_PRESETS,
     PaperConfig,
@@ -34,12 +38,15 @@ __all__ = [
 ]
 
 
-class PaperModel(nn.Module):
+class PaperModel(HeadModel):
     """The whole published model: speech, field, sampling, equation (8).
 
     Args:
         config: one of `PAPER_PRESETS`, or your own sizes.
     """
+
+    FAMILY: ClassVar[str] = "paper"
+    config: PaperConfig
 
     def __init__(self, config: PaperConfig | None = None) -> None:
         super().__init__()
@@ -48,6 +55,10 @@ class PaperModel(nn.Module):
         if self.config.use_speech:
             self.audio = AudioNet(self.config.speech_dim, self.config.code_dim)
             self.smoothing = AudioAttNet(attended=self.config.code_dim // 2)
+
+    @classmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        return cls(PaperConfig(**values))
 
     def speech_code(
         self, windows: Float[Tensor, "K W D"] | None, smooth: bool = True
@@ -70,10 +81,17 @@ class PaperModel(nn.Module):
         return self.smoothing(self.audio(windows))
 
     def encode(self, references: References) -> ReferenceMaps:
-        """Runs the CNN over the references, once for all frames where they stay the same."""
-        return ReferenceMaps(
-            self.field.encoder(references.images, references.c2w[:, :, 3]), references
-        )
+        """Runs the CNN over the references, once for all frames where they stay the same.
+
+        One reference after the other; a backward pass runs it again instead of keeping all that
+        was in between, a gigabyte for each at 512 pixels.
+        """
+        pairs = zip(references.images.split(1), references.c2w[:, :, 3].split(1), strict=True)
+        maps = [
+            checkpoint(self.field.encoder, *pair, use_reentrant=False, preserve_rng_state=False)
+            for pair in pairs
+        ]
+        return ReferenceMaps(torch.cat(maps), references)
 
     def forward(
         self,

@@ -6,8 +6,8 @@ R rays of one frame, S samples a ray, M points, N references of H x W pixels, D 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Self
 
 import torch
 from jaxtyping import Float
@@ -97,6 +97,15 @@ class ReferenceMaps:
 
     maps: Float[Tensor, "N H W C"]
     views: References
+
+    @property
+    def features(self) -> Float[Tensor, "N H W C"]:
+        """The features, through which the CNN learns."""
+        return self.maps
+
+    def with_features(self, features: Float[Tensor, "N H W C"]) -> Self:
+        """The same references with other features."""
+        return replace(self, maps=features)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import torch
 from torch import Tensor
@@ -17,16 +18,15 @@ from dfrf import device as devices
 from dfrf.augmentation import Look, draw_look
 from dfrf.checkpoint import load_resume, save_resume
 from dfrf.config import TrainConfig
-from dfrf.data import Identity, cut_references
-from dfrf.lips import learn_lips, shown_codes
-from dfrf.model import Model, ReferenceMaps
-from dfrf.step import draw_shares, step_outcome
+from dfrf.data import Identity
+from dfrf.head import HeadModel
+from dfrf.method import Maps, Method
+from dfrf.methods import method_of
+from dfrf.step import step_outcome
 from dfrf.validation import Validation
 from dfrf.workers import Workers
 
 BAD_STEPS = 10
-SHARES = 4  # of a step's rays on a CPU: as many cores work side by side
-SPEECH = ("field.audio.", "field.attention.", "field.lips.")
 
 
 @dataclass
@@ -82,10 +82,10 @@ def learning_rate(step: int, config: TrainConfig) -> float:
 class References:
     """Which frames a person is shown by, and their feature maps."""
 
-    def __init__(self, model: Model, config: TrainConfig) -> None:
-        self.model = model
+    def __init__(self, method: Method[Any, Any], config: TrainConfig) -> None:
+        self.method = method
         self.config = config
-        self.fixed: dict[str, ReferenceMaps] = {}
+        self.fixed: dict[str, Maps] = {}
 
     def maps(
         self,
@@ -95,13 +95,13 @@ class References:
         generator: torch.Generator,
         learn: bool,
         look: Look | None = None,
-    ) -> ReferenceMaps | None:
+    ) -> Maps | None:
         """Maps of `chosen` frames, in a look; of random frames other than `exclude` when None.
 
         Only maps that `learn` carry a gradient to the CNN: its backward pass costs as much as the
         rest of the step.
         """
-        count = self.model.config.field.references
+        count = self.method.references
         if not count:
             return None
         fixed = chosen is not None and look is None and not self.config.learn_references_every
@@ -113,32 +113,19 @@ class References:
             frames = order[~torch.isin(order, exclude)][:count]
             if frames.numel() < count:
                 frames = order[:count]
-        views = cut_references(person, frames)
+        views = self.method.views(person, frames)
         if look is not None:
             views = look.of_views(views)
-        views = views.to(self.model.grid.low.device)
         if learn:
-            return self.model.field.encoder(views)
-        with torch.no_grad():
-            maps = self.model.field.encoder(views)
-        maps = maps.as_type(devices.table_type(maps.table.device))
+            return self.method.encode(views.to(self.method.model.device))
+        maps = self.method.maps(views)
         if fixed:
             self.fixed[person.name] = maps
         return maps
 
 
-def told_of(model: Model, people: Sequence[Identity]) -> dict[str, Tensor]:
-    """What the field is told of every frame of each person, (T, told_dim), by name."""
-    device = model.grid.low.device
-    if model.config.field.use_speech:
-        codes = {p.name: shown_codes(model, p) for p in people}
-    else:
-        codes = {p.name: torch.zeros(p.frames, model.config.field.code_dim) for p in people}
-    return {p.name: torch.cat([codes[p.name].to(device), p.upper.to(device)], -1) for p in people}
-
-
 def fit(
-    model: Model,
+    model: HeadModel,
     people: Sequence[Identity],
     config: TrainConfig,
     *,
@@ -149,7 +136,7 @@ def fit(
     device: str = "auto",
     validation: Validation | None = None,
 ) -> Curve:
-    """Trains a model on people, for the base and for a fine-tune alike.
+    """Trains a model of any preset on people, for the base and for a fine-tune alike.
 
     Args:
         model: changed in place.
@@ -173,43 +160,40 @@ def fit(
     target = devices.choose(device)
     model.to(target)
     generator = torch.Generator().manual_seed(config.seed)
-    optimiser = make_optimiser(model, config)
+    method = method_of(model)
+    optimiser = make_optimiser(method, config)
     trained = [p for group in optimiser.param_groups for p in group["params"]]
     curve = Curve()
     held = validation or Validation()
     first = 0
     if resume is not None:
         first = load_resume(resume, model, optimiser, generator, config, curve, held)
-    views = References(model, config)
+    views = References(method, config)
     model.train()
-    if first == 0 and config.lip_iterations and model.config.field.use_speech:
-        learn_lips(model, people, config.lip_iterations, generator)
-    known = told_of(model, [*people, *held.people])
+    method.begin(people, held.people, config, generator, resumed=first > 0)
     last = first if held.over(config.patience) else config.iterations
     began, spent = time.monotonic(), curve.seconds
     bad = 0
-    count = SHARES if target.type == "cpu" else 1
-    with Workers(target, count) as workers:
+    with Workers(target, method.side_by_side) as workers:
         for step in range(first, last):
             for group in optimiser.param_groups:
                 group["lr"] = learning_rate(step, config)
             person = people[int(torch.randint(len(people), (1,), generator=generator))]
             look = draw_look(generator) if config.augment else None
-            shares = draw_shares(person, known[person.name], config, generator, count)
+            shares = method.draw(person, config, generator)
             shares = [share if look is None else look.of_share(share) for share in shares]
             shown = torch.cat([share.batch.frames for share in shares])
             chosen = references[person.name] if references is not None else None
             every = config.learn_references_every
             learn = every > 0 and step % every == 0
             maps = views.maps(person, chosen, shown, generator, learn, look)
-            warp = step >= config.coarse_iterations
-            done = step_outcome(model, shares, maps, config, warp, trained, workers)
+            done = step_outcome(method, shares, maps, config, step, trained, workers)
             if torch.isfinite(done.loss):
                 for parameter, gradient in zip(trained, done.gradients, strict=True):
                     parameter.grad = gradient
                 torch.nn.utils.clip_grad_norm_(trained, 1.0)
                 optimiser.step()
-                model.grid.observe(done.points, done.weights)
+                method.learned(done)
                 bad = 0
             else:
                 bad += 1
@@ -217,8 +201,7 @@ def fit(
                     raise TrainingDivergedError(
                         f"the loss was not finite for {bad} steps on end, up to step {step}"
                     )
-            if (step + 1) % config.occupancy_every == 0:
-                model.grid.refresh()
+            method.stepped(step, config)
             seconds = spent + time.monotonic() - began
             psnr = -10 * math.log10(max(done.mse.item(), 1e-10))
             curve.add(step, done.loss.item(), psnr, seconds)
@@ -229,7 +212,7 @@ def fit(
                 progress(
                     Progress(step + 1, config.iterations, done.loss.item(), psnr, left, per_ray)
                 )
-            held.measure(model, known, config, step + 1, workers)
+            held.measure(method, config, step + 1, workers)
             ends = held.over(config.patience) or (stop is not None and stop())
             if resume is not None and (ends or config.pauses(step + 1)):
                 save_resume(resume, model, optimiser, generator, config, curve, step + 1, held)
@@ -238,20 +221,14 @@ def fit(
     return curve
 
 
-def make_optimiser(model: Model, config: TrainConfig) -> torch.optim.Adam:
+def make_optimiser(method: Method[Any, Any], config: TrainConfig) -> torch.optim.Adam:
     """Adam over what learns from pictures; the rest is frozen."""
+    model = method.model
     for name, parameter in model.named_parameters():
-        parameter.requires_grad_(learns(name, config))
+        parameter.requires_grad_(method.learns(name, config))
     return torch.optim.Adam(
         [p for p in model.parameters() if p.requires_grad],
         lr=config.learning_rate,
         betas=(0.9, 0.99),
         eps=1e-12,
     )
-
-
-def learns(name: str, config: TrainConfig) -> bool:
-    """Whether pictures teach the parameter of that name: not the speech networks, see `lips`."""
-    if name.startswith(SPEECH):
-        return False
-    return config.learn_references_every > 0 or not name.startswith("field.encoder.")

@@ -65,7 +65,7 @@ def train_base(
             for names in (learned, sorted(set(hold_out)))
         )
     model = init_from_base(init, settings)
-    config = replace(presets.BASE_TRAINING, seed=settings.seed)
+    config = replace(presets.trainings(settings.preset).base, seed=settings.seed)
     if iterations is not None:
         config = replace(
             config, iterations=iterations, coarse_iterations=math.ceil(iterations * 3 / 4)

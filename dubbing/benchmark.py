@@ -262,6 +262,8 @@ def main() -> None:
         model, maps, header = heads.load(person["finetune"].folder / MODEL_FILE, asked.device)
     except DubbingError as error:
         parser.error(str(error))
+    if not (isinstance(model, Model) and isinstance(maps, ReferenceMaps | None)):
+        parser.error(f"{asked.identity!r} is a person of preset 'paper'; choose one of 'fast'")
     windows = clip_windows(clip, str(header["speech"]))
     usable = np.flatnonzero(clip.valid)
     frames = usable[np.linspace(0, len(usable) - 1, FRAMES + 2).round().astype(int)][1:-1]

@@ -202,7 +202,9 @@ def evaluate(
     manifest: ManifestPath,
     method: Annotated[
         list[str] | None,
-        typer.Option("--method", help="dfrf, dfrf-nowarp, ad-nerf or nerf; may be repeated."),
+        typer.Option(
+            "--method", help="dfrf, dfrf-nowarp, paper, ad-nerf or nerf; may be repeated."
+        ),
     ] = None,
     only: Only = None,
     device: Device = "auto",

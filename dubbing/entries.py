@@ -63,7 +63,7 @@ class Identity(Entry):
     start: float = Field(default=0.0, ge=0, allow_inf_nan=False)
     seconds: float = Field(default=15.0, gt=0, allow_inf_nan=False)
     consent: Consent
-    preset: Literal["fast", "ad-nerf", "nerf"] = "fast"
+    preset: Literal["fast", "paper", "ad-nerf", "nerf"] = "fast"
     seed: int = Field(default=0, ge=0, lt=2**31)
     speech: Literal["mel", "rnn", "hubert", "wav2vec2"] = "rnn"
     speech_weights: FilePath | None = None

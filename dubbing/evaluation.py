@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from dfrf.config import family
 from dubbing import jobs, lock, media, stages, steps
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
@@ -20,6 +21,7 @@ RESULT_FILE = "evaluate.json"
 PRESET_OF_METHOD = {
     "dfrf": "fast",
     "dfrf-nowarp": "fast-nowarp",
+    "paper": "paper",
     "ad-nerf": "ad-nerf",
     "nerf": "nerf",
 }
@@ -41,7 +43,7 @@ def evaluate(
 
     Args:
         manifest: its dubs are not needed.
-        methods: dfrf, dfrf-nowarp, ad-nerf, nerf.
+        methods: dfrf (the `fast` preset), dfrf-nowarp, paper, ad-nerf, nerf.
         only: names of identities; all when empty.
         device: auto, cpu or cuda.
         progress: told a message and the share done.
@@ -83,12 +85,15 @@ def evaluate_one(
 ) -> dict[str, Any]:
     """Figures of one identity and method."""
     preset = PRESET_OF_METHOD[method]
-    identity = manifest.identities[name].model_copy(update={"preset": preset})
+    own = manifest.identities[name]
+    # A base of the identity's own serves its own family of presets.
+    base = own.base if family(preset) == family(own.preset) else None
+    identity = own.model_copy(update={"preset": preset, "base": base})
     job = jobs.identity_job(manifest, name, identity, device)
     if job.blocked is not None:
         raise job.blocked
     prepare, source, finetune = (job.stages[n] for n in ("prepare", "source", "finetune"))
-    if method != "dfrf":
+    if preset != own.preset:
         # The model of the dubs stays where it is.
         finetune = replace(finetune, folder=finetune.folder.with_name(f"model-{method}"))
     for stage in (prepare, source, finetune):

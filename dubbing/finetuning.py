@@ -13,12 +13,11 @@ import numpy as np
 import torch
 
 from dfrf import checkpoint, presets
-from dfrf import device as devices
-from dfrf.carving import carve
-from dfrf.data import Identity, cut_references
-from dfrf.lips import shut_lips
-from dfrf.model import Model, ReferenceViews
-from dfrf.training import Curve, Progress, TrainingDivergedError, fit, told_of
+from dfrf.config import PUBLISHED_SPEECH, family
+from dfrf.data import Identity
+from dfrf.head import HeadModel
+from dfrf.methods import method_of
+from dfrf.training import Curve, Progress, TrainingDivergedError, fit
 from dubbing import features, media
 from dubbing.errors import CheckpointError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text
@@ -59,11 +58,14 @@ class FinetuneSettings:
         return {"speech": self.speech, **({"speech_digest": digest} if digest else {})}
 
 
-def init_from_base(base: Path | None, settings: FinetuneSettings) -> Model:
+def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
     """A model to start a person from: the base's weights, warp and occupancy prior included.
 
+    A published checkpoint heard features that this tool does not have: the layer of its AudioNet
+    that reads them begins anew, all else is taken.
+
     Raises:
-        CheckpointError: unreadable, or trained with other speech features.
+        CheckpointError: unreadable, of another preset, or trained with other speech features.
     """
     torch.manual_seed(settings.seed)
     dim = features.features_by_name(settings.speech, settings.weights).dim
@@ -74,6 +76,14 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> Model:
         model, header = checkpoint.load_model(base)
     except checkpoint.CheckpointError as error:
         raise CheckpointError(str(error), remedy="name another base checkpoint") from error
+    if family(settings.preset) != model.FAMILY:
+        raise CheckpointError(
+            f"is a base of preset {model.FAMILY!r}, asked for {settings.preset!r}",
+            base.name,
+            "name a base of that preset, or change the preset",
+        )
+    if header.get("speech") == PUBLISHED_SPEECH:
+        return presets.adapt(model, config)
     if header.get("speech") != settings.speech:
         raise CheckpointError(
             f"was trained with {header.get('speech')!r} speech, asked for {settings.speech!r}",
@@ -124,10 +134,11 @@ def finetune(
     first = round(start * clip.rate)
     person = load_identity(clip.clip.stem, prepared, windows, first, round(seconds * clip.rate))
     model = init_from_base(base, settings)
-    config = replace(presets.FINETUNE, iterations=settings.iterations, seed=settings.seed)
-    if base is None:
-        config = replace(config, lip_iterations=presets.LIP_ITERATIONS)
-    references = reference_frames(person, clip, first, model.config.field.references)
+    trainings = presets.trainings(settings.preset)
+    config = trainings.alone if base is None else trainings.finetune
+    config = replace(presets.lasting(config, settings.iterations), seed=settings.seed)
+    method = method_of(model)
+    references = reference_frames(person, clip, first, method.references)
     try:
         curve = fit(
             model,
@@ -142,10 +153,8 @@ def finetune(
         raise TrainingError(
             str(error), person.name, "lower the learning rate or change the seed"
         ) from error
-    views = None if references is None else cut_references(person, references)
-    if model.config.field.use_speech:
-        model.field.shut.copy_(shut_lips(model, person))
-    close_air(model, person, views, config.seed)
+    views = None if references is None else method.views(person, references)
+    method.finish(person, views, config.seed)
     header = {
         **settings.heard_with(),
         "steps": config.iterations,
@@ -159,18 +168,6 @@ def finetune(
         {**header, "train": asdict(config), "frames": person.frames, "seconds": curve.seconds},
     )
     shutil.rmtree(out / RESUME_FOLDER)
-
-
-def close_air(model: Model, person: Identity, views: ReferenceViews | None, seed: int) -> None:
-    """Closes the cells of a finished person's grid that show nothing, so rendering skips them."""
-    device = model.grid.low.device
-    maps = None
-    if views is not None:
-        with torch.no_grad():
-            maps = model.field.encoder(views.to(device)).as_type(devices.table_type(device))
-    told = told_of(model, [person])[person.name]
-    generator = torch.Generator().manual_seed(seed)
-    carve(model.eval(), told, person.c2w, maps, generator)
 
 
 def clip_windows(

@@ -12,23 +12,21 @@ from torch import Tensor
 from dfrf import checkpoint
 from dfrf import device as devices
 from dfrf.data import neighbour_windows
-from dfrf.model import Model, ReferenceMaps
-from dfrf.rendering import render_frames
+from dfrf.head import HeadModel
+from dfrf.method import Maps
+from dfrf.methods import method_of
 from dfrf.speech import NEIGHBOURS
 from dubbing.errors import CheckpointError
 from dubbing.identity import upper_measures
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 
-SEGMENT = 50  # frames a file: what a kill costs at most
 AROUND = NEIGHBOURS // 2  # frames beyond a segment that its speech codes look at
 # Speech windows (count, 16, D) of frames first .. first + count.
 Heard = Callable[[int, int], np.ndarray]
 
 
-def load(
-    model: Path, device: str = "auto"
-) -> tuple[Model, ReferenceMaps | None, dict[str, object]]:
+def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dict[str, object]]:
     """A person's model on a device with its reference maps, computed once; and its header.
 
     Raises:
@@ -40,10 +38,7 @@ def load(
         raise CheckpointError(str(error), remedy="run with --force finetune") from error
     target = devices.choose(device)
     person.to(target).eval()
-    maps = None
-    if views is not None:
-        with torch.no_grad():
-            maps = person.field.encoder(views.to(target)).as_type(devices.table_type(target))
+    maps = None if views is None else method_of(person).maps(views)
     return person, maps, header
 
 
@@ -59,7 +54,8 @@ def render(
 ) -> None:
     """Writes OUT/000000.mkv, OUT/000050.mkv ...: premultiplied colour and opacity (FFV1 RGBA).
 
-    A file appears only when it is whole, and one that is there is not rendered again.
+    A file appears only when it is whole, and one that is there is not rendered again. It holds
+    `dfrf.method.Method.segment` frames: of a slow preset every single one is kept.
 
     Args:
         model: of the person, written by `finetune`.
@@ -77,8 +73,9 @@ def render(
     person, maps, _ = load(model, device)
     clip = PreparedClip.load(prepared)
     out.mkdir(parents=True, exist_ok=True)
-    for first in range(0, count, SEGMENT):
-        stop = min(first + SEGMENT, count)
+    segment = method_of(person).segment
+    for first in range(0, count, segment):
+        stop = min(first + segment, count)
         path = out / f"{first:06d}.mkv"
         if not path.exists():
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
@@ -94,8 +91,8 @@ def render(
 
 
 def frames(
-    model: Model,
-    maps: ReferenceMaps | None,
+    model: HeadModel,
+    maps: Maps | None,
     clip: PreparedClip,
     windows: np.ndarray,
     pose_index: np.ndarray,
@@ -103,13 +100,12 @@ def frames(
     stop: int,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop."""
-    device = model.grid.low.device
+    device = model.device
     number = torch.arange(first, stop)
     # Speech does not stop at a cut of the picture, so all frames count as one run.
     near = neighbour_windows(torch.from_numpy(windows).float(), torch.zeros(len(windows)), number)
     poses = pose_index[first:stop]
-    yield from render_frames(
-        model,
+    yield from method_of(model).frames(
         torch.from_numpy(clip.c2w()[poses]).float().to(device),
         float(clip.focal),
         torch.from_numpy(clip.centre[poses]).float().to(device),

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dubbing import features
+from dubbing import features, published
 from dubbing.entries import Dub, Identity
 from dubbing.errors import DubbingError, MediaError
 from dubbing.media.probing import MediaInfo, probe
@@ -51,6 +51,9 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
     at: KeyPath = ("identities", name)
     if identity.base is not None and not identity.base.is_file():
         findings.problems.append(((*at, "base"), f"no such file: {identity.base}"))
+    elif said := published.base_problem(identity):
+        findings.problems.append(((*at, "base"), said))
+    findings.warnings += [f"identities.{name}: {n}" for n in published.identity_notes(identity)]
     _speech(findings, at, identity)
     info = findings.look(identity.clip, (*at, "clip"))
     if info is None:
@@ -109,3 +112,8 @@ def _dub(findings: Findings, place: int, dub: Dub, identity: Identity | None) ->
     if clip is not None and clip.rate is not None and dub.video_start >= clip.duration:
         message = f"{dub.video_start:g} s is past the end: the clip is {clip.duration:.1f} s long"
         findings.problems.append(((*at, "video_start"), message))
+    if identity is not None and sound is not None and clip is not None and clip.rate is not None:
+        left = sound.sound_seconds - dub.audio_start
+        seconds = min(left, dub.audio_seconds or left)
+        note = published.dub_note(dub.name, identity, clip.rate, seconds)
+        findings.warnings += [] if note is None else [note]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from dfrf.config import STEPS, family
 from dubbing import timeline
 from dubbing.entries import Dub, Identity
 from dubbing.files import atomic_write_json
@@ -50,13 +51,12 @@ class Finetune:
         from dubbing.finetuning import FinetuneSettings, finetune
 
         wanted = self.identity
-        chosen = {} if wanted.finetune.iterations is None else wanted.finetune.model_dump()
         settings = FinetuneSettings(
             preset=wanted.preset,
+            iterations=wanted.finetune.iterations or STEPS[family(wanted.preset)],
             seed=wanted.seed,
             speech=wanted.speech,
             speech_weights=None if wanted.speech_weights is None else str(wanted.speech_weights),
-            **chosen,
         )
 
         def told(state: Any) -> None:

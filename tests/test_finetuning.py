@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from dfrf import checkpoint, presets
+from dfrf.model import Model
 from dubbing import features
 from dubbing.errors import CheckpointError
 from dubbing.finetuning import FinetuneSettings, init_from_base
@@ -22,7 +23,9 @@ def base(tmp_path: Path) -> Path:
 
 
 def test_a_base_starts_a_person_with_the_same_features(base: Path) -> None:
-    assert init_from_base(base, RNN).config.field.speech_dim == features.features_by_name("rnn").dim
+    model = init_from_base(base, RNN)
+    assert isinstance(model, Model)
+    assert model.config.field.speech_dim == features.features_by_name("rnn").dim
 
 
 def test_other_features_are_refused(base: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dfrf import checkpoint, presets
+from dfrf.fast import FastMethod
 from dubbing import heads
 from dubbing.media import VideoWriter, read_frames
 from tests.dfrf.people import small_config
@@ -49,7 +50,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
 
     whole = made(tmp_path / "one")
     assert asked == [(0, count)]
-    monkeypatch.setattr(heads, "SEGMENT", 3)
+    monkeypatch.setattr(FastMethod, "segment", 3)
     parts = made(tmp_path / "three")
     assert asked[1:] == [(0, 7), (0, 9), (2, 7)]
     assert len(whole) == len(parts) == count

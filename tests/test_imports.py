@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 LAYERS = (
     {"errors", "files", "overlap"},
     {"media", "voice", "timeline", "provenance", "shipped_weights"},
-    {"features", "acoustics", "speech", "yaml_lines", "entries", "inputs", "messages"},
+    {"features", "acoustics", "speech", "yaml_lines", "entries", "inputs", "published", "messages"},
     {"manifest", "stages", "lock"},
     {"preparation", "sync", "speaker"},
     {"identity", "compositing"},

@@ -112,7 +112,7 @@ def test_everything_wrong_is_said_at_once_with_key_and_line(folder: Path) -> Non
         "line 1: output: is required",
         "line 1: version: must be 1",
         "line 2: outptu: unknown key; did you mean 'output'?",
-        "line 3: defaults.preset: must be one of 'fast', 'ad-nerf' or 'nerf'",
+        "line 3: defaults.preset: must be one of 'fast', 'paper', 'ad-nerf' or 'nerf'",
         "line 3: defaults.sed: unknown key; did you mean 'seed'?",
         "line 6: identities.host.clip: no picture in",
         "line 7: identities.host.start: must be a valid number, not 'soon'",

@@ -13,9 +13,9 @@ from dfrf.brows import MEASURES as BROWS
 from dfrf.cameras import project
 from dfrf.config import TrainConfig
 from dfrf.data import cut_references
+from dfrf.fast import FastShare, draw_shares
 from dfrf.model import ReferenceViews
 from dfrf.references import bilinear
-from dfrf.step import Share, draw_shares
 from dfrf.training import fit
 from tests.dfrf.people import SIZE, person, small_config
 
@@ -39,7 +39,7 @@ def views() -> ReferenceViews:
 
 
 @pytest.fixture
-def share() -> Share:
+def share() -> FastShare:
     someone = person()
     known = torch.arange(someone.frames * 10.0).view(-1, 10)
     generator = torch.Generator().manual_seed(3)
@@ -87,7 +87,7 @@ def test_mirrored_rays_are_those_of_mirrored_pictures() -> None:
     assert column.max() < SIZE
 
 
-def test_a_mirrored_person_looks_the_other_way_and_says_the_same(share: Share) -> None:
+def test_a_mirrored_person_looks_the_other_way_and_says_the_same(share: FastShare) -> None:
     told = replace(PLAIN, mirrored=True).of_share(share).told
     assert torch.equal(told[:, :4], share.told[:, :4])
     lids, brows, right, down = (share.told[:, 4:6], share.told[:, 6:8], *share.told[:, 8:].T)
@@ -95,7 +95,7 @@ def test_a_mirrored_person_looks_the_other_way_and_says_the_same(share: Share) -
     assert torch.equal(told[:, 4:], expected)
 
 
-def test_rays_through_the_face_meet_its_mirrored_points(share: Share) -> None:
+def test_rays_through_the_face_meet_its_mirrored_points(share: FastShare) -> None:
     origins, directions, _, distance = share.surface
     found = replace(PLAIN, mirrored=True).of_share(share).surface
     met = found[0] + found[3][:, None] * found[1]
@@ -103,7 +103,7 @@ def test_rays_through_the_face_meet_its_mirrored_points(share: Share) -> None:
     torch.testing.assert_close(met, expected)
 
 
-def test_rays_and_references_are_in_the_same_light(views: ReferenceViews, share: Share) -> None:
+def test_rays_and_references_are_in_the_same_light(views: ReferenceViews, share: FastShare) -> None:
     look = draw_look(torch.Generator().manual_seed(1))
     look = replace(PLAIN, gamma=look.gamma, mixing=look.mixing)
     assert not torch.allclose(look.mixing, torch.eye(3), atol=0.02)
@@ -148,7 +148,7 @@ def test_what_is_cut_off_is_missing_and_the_rest_stays(views: ReferenceViews) ->
     )
 
 
-def test_the_plain_look_changes_nothing(views: ReferenceViews, share: Share) -> None:
+def test_the_plain_look_changes_nothing(views: ReferenceViews, share: FastShare) -> None:
     after = PLAIN.of_views(views)
     assert torch.equal(after.images, views.images)
     assert torch.equal(after.mattes, views.mattes)

@@ -9,7 +9,8 @@ import torch
 from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data import cut_references
-from dfrf.step import Share, draw_shares, matte_loss, share_outcome, step_outcome
+from dfrf.fast import FastMethod, FastShare, draw_shares, matte_loss, share_outcome
+from dfrf.step import step_outcome
 from dfrf.training import fit
 from dfrf.workers import Workers
 from tests.dfrf.people import person, small_config
@@ -18,7 +19,7 @@ CPU = torch.device("cpu")
 CONFIG = TrainConfig(iterations=3, rays=192, frames=4, warmup=2, occupancy_every=2)
 
 
-def shares(count: int) -> list[Share]:
+def shares(count: int) -> list[FastShare]:
     generator = torch.Generator().manual_seed(0)
     known = torch.randn(6, 70, generator=generator)
     return draw_shares(person(), known, CONFIG, generator, count)
@@ -37,7 +38,7 @@ def test_gradients_are_those_of_the_mean_loss_and_reach_the_reference_network() 
     references = cut_references(person(), torch.tensor([0, 5]))
     maps = model.field.encoder(references)
     with Workers(CPU, 2) as workers:
-        found = step_outcome(model, dealt, maps, CONFIG, True, parameters, workers)
+        found = step_outcome(FastMethod(model), dealt, maps, CONFIG, 0, parameters, workers)
     # The same by one graph: each share's loss to the encoder's weights, one after the other.
     expected: dict[int, torch.Tensor] = {}
     for share in dealt:

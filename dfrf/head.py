@@ -1,0 +1,42 @@
+"""What checkpoints ask of a model of a head, whatever its preset."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Protocol, Self
+
+import torch
+from torch import nn
+
+
+class Config(Protocol):
+    """Sizes of a model, frozen."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain types, for the JSON header of a checkpoint."""
+
+
+class HeadModel(nn.Module, ABC):
+    """A model that can be kept and made anew from its sizes.
+
+    Attributes:
+        FAMILY: the preset whose bases it can start from, see `config.family`.
+        config: its sizes.
+    """
+
+    FAMILY: ClassVar[str]
+    config: Config
+
+    @classmethod
+    @abstractmethod
+    def from_dict(cls, values: dict[str, Any]) -> Self:
+        """A model of the sizes that `config.to_dict` gave.
+
+        Raises:
+            TypeError: a key this version does not know.
+        """
+
+    @property
+    def device(self) -> torch.device:
+        """Where its weights are."""
+        return next(self.parameters()).device

@@ -1,0 +1,199 @@
+"""`preset: paper` from the manifest to the heads: what is said beforehand, bases, a person."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from dfrf import checkpoint, paper_method, presets
+from dfrf.config import PUBLISHED_SPEECH, ModelConfig
+from dfrf.paper import PaperConfig, PaperModel
+from dfrf.paper_field import PAPER_PRESETS
+from dubbing import heads, jobs, published, steps
+from dubbing.entries import Finetune, Identity
+from dubbing.errors import CheckpointError, ManifestError
+from dubbing.files import atomic_write_json
+from dubbing.finetuning import MODEL_FILE, SUMMARY_FILE, FinetuneSettings, finetune, init_from_base
+from dubbing.manifest import Manifest, load
+from dubbing.media import read_frames
+from tests import clips, fakes
+from tests.dfrf.people import small_config
+from tests.dfrf.test_paper_method import TINY
+
+CONSENT = '{by: "the person on film", reference: "form 17"}'
+PAPER = FinetuneSettings(preset="paper", iterations=4, speech="mel")
+
+
+@pytest.fixture(autouse=True)
+def _tiny(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The published sizes and numbers of rays made small; everything else as it is."""
+    small = {name: replace(TINY, slot_noise=c.slot_noise) for name, c in PAPER_PRESETS.items()}
+    monkeypatch.setattr(presets, "PAPER_PRESETS", small)
+    for name in ("PAPER_BASE_TRAINING", "PAPER_FINETUNE"):
+        usual = getattr(presets, name)
+        monkeypatch.setattr(presets, name, replace(usual, rays=40, frames=2))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    found = tmp_path_factory.mktemp("paper")
+    clips.write_clip(found / "ann.mp4", 30)
+    clips.write_sound(found / "it.wav", 1.6)
+    return found
+
+
+def manifest_of(folder: Path, keys: str = "") -> Manifest:
+    text = f"""
+version: 1
+output: out
+defaults: {{preset: paper, seconds: 1, speech: mel, size: 64}}
+identities:
+  ann: {{clip: ann.mp4, consent: {CONSENT}{keys}}}
+dubs:
+  - {{identity: ann, audio: it.wav}}
+"""
+    path = folder / "manifest.yaml"
+    path.write_text(text)
+    return load(path)
+
+
+def base_of(path: Path, config: ModelConfig | PaperConfig, speech: str = "mel") -> Path:
+    torch.manual_seed(5)
+    checkpoint.save_model(path, presets.build(config), {"speech": speech})
+    return path
+
+
+def test_the_manifest_takes_it_and_says_what_it_costs(folder: Path) -> None:
+    manifest = manifest_of(folder)
+    assert manifest.identities["ann"].preset == "paper"
+    assert "base" not in jobs.build(manifest).identities["ann"].stages["finetune"].inputs
+    said = "\n".join(manifest.warnings)
+    assert "identities.ann: preset paper learns 40000 steps in about " in said
+    assert "identities.ann: no base of preset paper comes with this tool" in said
+    assert "ann_it: preset paper renders 40 frames in about 8 minutes" in said  # 744 s / 64 each
+    fast = manifest_of(folder, ", preset: fast")
+    assert not any("paper" in warning for warning in fast.warnings)
+
+
+def test_times_are_told_in_fitting_units() -> None:
+    minutes, hours, days = (published.lasts(60.0 * m) for m in (90, 240, 40 * 60 * 24))
+    assert minutes.startswith("about 90 minutes")
+    assert hours.startswith("about 4 hours")
+    assert days.startswith("about 40 days")
+
+
+def test_a_base_of_another_preset_is_a_mistake_in_the_manifest(folder: Path) -> None:
+    fast = base_of(folder / "fast.safetensors", small_config())
+    paper = base_of(folder / "paper.safetensors", replace(TINY, speech_dim=80))
+    with pytest.raises(ManifestError, match=r"ann\.base: is a base of preset 'fast', but the iden"):
+        manifest_of(folder, ", base: fast.safetensors")
+    with pytest.raises(ManifestError, match=r"base: is a base of preset 'paper'.* preset 'nerf'"):
+        manifest_of(folder, ", preset: nerf, base: paper.safetensors")
+    assert len(manifest_of(folder, ", base: paper.safetensors").warnings) == 2  # the two times
+    for base, preset in ((fast, "paper"), (paper, "fast")):
+        with pytest.raises(CheckpointError, match=f"asked for '{preset}'"):
+            init_from_base(base, replace(PAPER, preset=preset))
+
+
+def test_a_base_gives_all_it_has_to_a_person(folder: Path) -> None:
+    base = base_of(folder / "own.safetensors", replace(TINY, speech_dim=80))
+    kept, _ = checkpoint.load_model(base)
+    model = init_from_base(base, PAPER)
+    assert all(torch.equal(v, kept.state_dict()[n]) for n, v in model.state_dict().items())
+    with pytest.raises(CheckpointError, match="'mel' speech, asked for 'rnn'"):
+        init_from_base(base, replace(PAPER, speech="rnn"))
+
+
+def test_an_imported_base_gives_all_but_the_layer_that_hears_deepspeech(folder: Path) -> None:
+    config = replace(TINY, speech_dim=29)
+    base = base_of(folder / "imported.safetensors", config, PUBLISHED_SPEECH)
+    kept = checkpoint.load_model(base)[0].state_dict()
+    model = init_from_base(base, PAPER).state_dict()
+    other = {n for n in kept if kept[n].shape != model[n].shape or not kept[n].equal(model[n])}
+    assert other == {"audio.convolutions.0.weight"}
+    assert model["audio.convolutions.0.weight"].shape[1] == 80
+    warnings = manifest_of(folder, ", base: imported.safetensors").warnings
+    assert any("imported.safetensors heard DeepSpeech features" in said for said in warnings)
+
+
+def test_a_person_is_learned_resumed_and_rendered(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    prepared = tmp_path / "prepared"
+    prepared.mkdir()
+    clip = fakes.write_prepared(folder / "ann.mp4", prepared)
+    random = np.random.default_rng(0)
+    replace(clip, landmarks=random.random((30, 478, 2)) * 32).save()
+    base = base_of(tmp_path / "base.safetensors", replace(TINY, speech_dim=80))
+    out, again = tmp_path / "model", tmp_path / "again"
+    asked = {"start": 0.0, "seconds": 1.0, "settings": PAPER, "base": base, "device": "cpu"}
+    finetune(prepared, out, **asked)  # type: ignore[arg-type]
+
+    # Killed after two steps, with a state kept after every one: it goes on to the same model.
+    def stop(state: object) -> None:
+        if getattr(state, "step", 0) == 3:
+            raise KeyboardInterrupt
+
+    often = replace(presets.PAPER_FINETUNE, checkpoint_every=1)
+    monkeypatch.setattr(presets, "PAPER_FINETUNE", often)
+    with pytest.raises(KeyboardInterrupt):
+        finetune(prepared, again, **asked, progress=stop)  # type: ignore[arg-type]
+    assert (again / "resume").is_dir()
+    finetune(prepared, again, **asked)  # type: ignore[arg-type]
+    one, views, header = checkpoint.load_person(out / MODEL_FILE)
+    other, _, _ = checkpoint.load_person(again / MODEL_FILE)
+    assert isinstance(one, PaperModel)
+    for name, value in one.state_dict().items():
+        assert torch.equal(value, other.state_dict()[name]), name
+    assert (header["speech"], header["steps"]) == ("mel", 4)
+    assert views is not None
+    assert views.images.shape == (4, 32, 32, 3)
+    assert len((out / "loss.csv").read_text().splitlines()) == 5
+    summary = json.loads((out / SUMMARY_FILE).read_text())
+    assert summary["train"]["coarse_iterations"] == 0
+
+    monkeypatch.setattr(paper_method, "RAYS_AT_ONCE", 300)
+    windows = random.random((3, 16, 80)).astype(np.float32)
+    heads.render(
+        out / MODEL_FILE,
+        prepared,
+        lambda first, count: windows[first : first + count],
+        tmp_path / "heads",
+        pose_index=np.array([4, 5, 6]),
+        device="cpu",
+    )
+    files = sorted((tmp_path / "heads").glob("*.mkv"))
+    assert [file.name for file in files] == [f"00000{k}.mkv" for k in range(3)]
+    pictures = [p for file in files for p in read_frames(file, pixels="rgba")]
+    assert [p.shape for p in pictures] == [(32, 32, 4)] * 3
+    assert max(p[..., 3].max() for p in pictures) > 4  # a haze, so early
+
+
+def test_from_nothing_the_coarse_stage_comes_first(folder: Path, tmp_path: Path) -> None:
+    prepared = tmp_path / "prepared"
+    prepared.mkdir()
+    clip = fakes.write_prepared(folder / "ann.mp4", prepared)
+    replace(clip, landmarks=np.random.default_rng(0).random((30, 478, 2)) * 32).save()
+    finetune(prepared, tmp_path, start=0.0, seconds=1.0, settings=PAPER, base=None, device="cpu")
+    train = json.loads((tmp_path / SUMMARY_FILE).read_text())["train"]
+    assert (train["iterations"], train["coarse_iterations"]) == (4, 3)
+    assert train["lip_iterations"] == 0
+
+
+def test_the_stage_asks_for_the_steps_of_the_preset(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dubbing import finetuning
+
+    asked: list[FinetuneSettings] = []
+    monkeypatch.setattr(finetuning, "finetune", lambda *_, settings, **__: asked.append(settings))
+    (tmp_path / "source").mkdir()
+    atomic_write_json(tmp_path / "source" / "none.json", {})
+    person = Identity.model_construct(clip=folder / "ann.mp4", preset="paper", finetune=Finetune())
+    step = steps.Finetune(person, tmp_path, tmp_path / "source", None, "cpu")
+    step(tmp_path, lambda _message, _share: None)
+    assert (asked[0].preset, asked[0].iterations) == ("paper", 40_000)
+    assert presets.trainings("paper").finetune.iterations == 40_000
