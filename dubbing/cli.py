@@ -205,6 +205,15 @@ def evaluate(
         typer.Option("--method", help="dfrf, dfrf-nowarp, ad-nerf or nerf; may be repeated."),
     ] = None,
     only: Only = None,
+    lpips_weights: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--lpips-weights",
+            exists=True,
+            dir_okay=False,
+            help="AlexNet, and once more the heads of LPIPS: measures it, too.",
+        ),
+    ] = None,
     device: Device = "auto",
 ) -> None:
     """Held-out metrics of every identity, into OUTPUT/evaluate.json."""
@@ -218,6 +227,7 @@ def evaluate(
             loaded,
             methods=tuple(method or ("dfrf",)),
             only=tuple(only or ()),
+            lpips_weights=tuple(lpips_weights or ()),
             device=_device(device),
             progress=progress,
         )
