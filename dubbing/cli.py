@@ -207,6 +207,15 @@ def evaluate(
         ),
     ] = None,
     only: Only = None,
+    lpips_weights: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--lpips-weights",
+            exists=True,
+            dir_okay=False,
+            help="AlexNet, and once more the heads of LPIPS: measures it, too.",
+        ),
+    ] = None,
     device: Device = "auto",
 ) -> None:
     """Held-out metrics of every identity, into OUTPUT/evaluate.json."""
@@ -220,6 +229,7 @@ def evaluate(
             loaded,
             methods=tuple(method or ("dfrf",)),
             only=tuple(only or ()),
+            lpips_weights=tuple(lpips_weights or ()),
             device=_device(device),
             progress=progress,
         )

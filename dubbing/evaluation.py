@@ -5,15 +5,20 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+from dfrf import device as devices
+from dfrf import lpips
+from dfrf.checkpoint import CheckpointError
 from dfrf.config import family
-from dubbing import jobs, lock, media, stages, steps
+from dfrf.lpips import Lpips
+from dubbing import jobs, lock, media, stages, steps, tiles
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
 from dubbing.finetuning import MODEL_FILE, SUMMARY_FILE, clip_windows
 from dubbing.manifest import Manifest
-from dubbing.measuring import held_out, mean_figures, measure
+from dubbing.measuring import held_out, measure
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sync.check import check
 
@@ -34,6 +39,7 @@ def evaluate(
     *,
     methods: tuple[str, ...] = ("dfrf",),
     only: tuple[str, ...] = (),
+    lpips_weights: tuple[Path, ...] = (),
     device: str = "auto",
     progress: Progress,
 ) -> dict[str, dict[str, dict[str, Any]]]:
@@ -45,6 +51,7 @@ def evaluate(
         manifest: its dubs are not needed.
         methods: dfrf (the `fast` preset), dfrf-nowarp, paper, ad-nerf, nerf.
         only: names of identities; all when empty.
+        lpips_weights: files with the published weights of LPIPS; not measured when empty.
         device: auto, cpu or cuda.
         progress: told a message and the share done.
 
@@ -52,7 +59,7 @@ def evaluate(
         identity -> method -> figure -> value: what the file then holds.
 
     Raises:
-        DubbingError: an unknown method or identity, or a stage failed.
+        DubbingError: an unknown method or identity, other weights, or a stage failed.
         LockedError: another run works in the manifest's output.
     """
     if unknown := [m for m in methods if m not in PRESET_OF_METHOD]:
@@ -63,6 +70,12 @@ def evaluate(
         )
     if unknown := [name for name in only if name not in manifest.identities]:
         raise DubbingError(f"no identity is called {', '.join(unknown)}", "--only")
+    network = None
+    if lpips_weights:
+        try:
+            network = lpips.load(lpips_weights, devices.choose(device))
+        except CheckpointError as error:
+            raise DubbingError(str(error), "--lpips-weights") from error
     path = manifest.output / RESULT_FILE
     found: dict[str, dict[str, dict[str, Any]]] = {}
     if path.is_file():
@@ -74,16 +87,21 @@ def evaluate(
                 def told(message: str, share: float, title: str = f"{name}, {method}") -> None:
                     progress(f"{title}: {message}", share)
 
-                figures = evaluate_one(manifest, name, method, device, told)
+                figures = evaluate_one(manifest, name, method, network, device, told)
                 found.setdefault(name, {})[method] = figures
                 atomic_write_json(path, found)
     return found
 
 
 def evaluate_one(
-    manifest: Manifest, name: str, method: str, device: str, progress: Progress
+    manifest: Manifest,
+    name: str,
+    method: str,
+    network: Lpips | None,
+    device: str,
+    progress: Progress,
 ) -> dict[str, Any]:
-    """Figures of one identity and method."""
+    """Figures of one identity and method; leaves a picture beside the methods measured so far."""
     preset = PRESET_OF_METHOD[method]
     own = manifest.identities[name]
     # A base of the identity's own serves its own family of presets.
@@ -107,7 +125,7 @@ def evaluate_one(
             "learn fewer seconds, or use a longer clip",
         )
     out = manifest.work / "evaluation" / name / method
-    figures = measure(
+    means = measure(
         finetune.folder / MODEL_FILE,
         prepare.folder,
         clip_windows(
@@ -116,9 +134,11 @@ def evaluate_one(
         first,
         count,
         out,
+        lpips=network,
         device=device,
         progress=progress,
     )
+    tiles.write_methods(out.parent, PRESET_OF_METHOD, method, clip, first, count)
     start, seconds = float(first / clip.rate), float(count / clip.rate)
     checks = {}
     for kind in ("render", "source"):
@@ -129,12 +149,11 @@ def evaluate_one(
         checks[kind] = check(video)
     learned = json.loads((finetune.folder / SUMMARY_FILE).read_text(encoding="utf-8"))
     return {
-        **mean_figures(figures),
+        **means,
         "offset_frames": checks["render"].offset_frames,
         "confidence": checks["render"].confidence,
         "source_offset_frames": checks["source"].offset_frames,
         "source_confidence": checks["source"].confidence,
         "steps": learned["steps"],
         "seconds": learned["seconds"],
-        "frames": len(figures),
     }

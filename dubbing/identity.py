@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
+from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
 from dfrf import brows
@@ -27,6 +28,7 @@ LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2
 EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 # What counts as 1, in eye distances: a blink is about -5.
 LIDS, BROWS, GAZE = 0.03, brows.LENGTH, 0.01
+BROWS_SMOOTH = 1.5  # frames: skin is moved by them, so their jitter would be seen
 RIM_WIDTH = 0.016  # of the crop's side
 
 
@@ -61,8 +63,9 @@ def upper_measures(clip: PreparedClip) -> np.ndarray:
 
     Opening of the lids and height of the brow of the left and of the right eye, gaze of both to the
     right and downwards, the order of `dfrf.data.MIRRORED_UPPER`: in units of the distance between
-    the eyes, less their medians over the clip. Speech says nothing of them, so the field is told,
-    as it is told the pose: a rendered frame takes both from the same frame of the clip.
+    the eyes, less their medians over the clip, brows smoothed in time. Speech says nothing of them,
+    so the field is told, as it is told the pose: a rendered frame takes both from the same frame of
+    the clip.
     """
     points = clip.landmarks
     across = points[:, RIGHT_EYE_OUTER] - points[:, LEFT_EYE_OUTER]
@@ -79,7 +82,13 @@ def upper_measures(clip: PreparedClip) -> np.ndarray:
     gaze = [(look * right).sum(-1), (look * down).sum(-1)]
     measures = np.stack([*lids, *raised, *gaze], -1) / unit[:, None]
     middle = np.median(measures[clip.valid], 0)
-    return np.where(clip.valid[:, None], measures - middle, 0.0)
+    measures = np.where(clip.valid[:, None], measures - middle, 0.0)
+    for shot in np.unique(clip.segment):
+        index = clip.segment == shot
+        measures[index, brows.MEASURES] = gaussian_filter1d(
+            measures[index, brows.MEASURES], BROWS_SMOOTH, axis=0, mode="nearest"
+        )
+    return np.where(clip.valid[:, None], measures, 0.0)
 
 
 def eye_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:

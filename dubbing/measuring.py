@@ -8,14 +8,15 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
-import cv2
 import numpy as np
 import torch
 from torch import Tensor
 
 from dfrf import metrics
-from dubbing import heads
+from dfrf.lpips import Lpips
+from dubbing import heads, tiles
 from dubbing.files import atomic_write_text
+from dubbing.flicker import Flicker, brow_skin
 from dubbing.identity import OUTER_LIPS, mouth_boxes
 from dubbing.media import VideoWriter
 from dubbing.preparation.landmarks import FaceMesh
@@ -24,17 +25,20 @@ from dubbing.preparation.prepared import PreparedClip
 
 LONG_CLIP = 30.0  # seconds; a longer clip is tested on more of it
 PAPER_SIZE = 512
-TILES = 20
+NOT_KNOWN = float("nan")
 
 
 @dataclass(frozen=True)
 class FrameFigures:
-    """One frame: PSNR in dB of the frame, the face and the mouth box, SSIM, LMD in px at 512, and
-    the gradient energy in the mouth and eye boxes as a share of the source's."""
+    """One frame: PSNR in dB of the frame, the face and the mouth box, SSIM, HaarPSI, LPIPS, LMD in
+    px at 512, and the gradient energy in the mouth and eye boxes as a share of the source's. What
+    could not be measured is not a number."""
 
     frame: int
     psnr: float
     ssim: float
+    haarpsi: float
+    lpips: float
     psnr_face: float
     psnr_mouth: float
     lmd: float
@@ -68,9 +72,10 @@ def measure(
     count: int,
     out: Path,
     *,
+    lpips: Lpips | None = None,
     device: str = "auto",
     progress: Callable[[str, float], None],
-) -> list[FrameFigures]:
+) -> dict[str, float]:
     """Renders held-out frames over their own background and compares them with the source.
 
     Leaves OUT/frames.csv, OUT/render_picture.mp4, OUT/source_picture.mp4 and OUT/tiles.png (source
@@ -81,14 +86,20 @@ def measure(
         prepared: the clip, whose speech windows are `windows` (T, 16, D).
         first, count: frames to test.
         out: folder.
+        lpips: the network, where its weights are at hand.
         device: auto, cpu or cuda.
         progress: told a message and the share done.
+
+    Returns:
+        Means over the frames; `flicker` of the render as a multiple of the source's, which is
+        `source_flicker` in grey levels; and `frames`, how many were compared.
     """
     person, maps, _ = heads.load(model, device)
     clip = PreparedClip.load(prepared)
     out.mkdir(parents=True, exist_ok=True)
     figures: list[FrameFigures] = []
-    tiles: list[np.ndarray] = []
+    shown_tiles: list[np.ndarray] = []
+    flicker = Flicker(clip, brow_skin(clip))
     index = np.arange(clip.frames_count)
     rendered = heads.frames(person, maps, clip, windows, index, first, first + count)
     with (
@@ -103,15 +114,16 @@ def measure(
             shown = over(colour, opacity, background)
             render.write(shown)
             source.write(image)
-            if (k - first) % max(1, count // TILES) == 0:
-                tiles.append(np.concatenate([image, shown]))
+            flicker.add(k, shown, image)
+            if k in tiles.shown_frames(first, count):
+                shown_tiles.append(np.concatenate([image, shown]))
             if clip.valid[k]:
                 found, truth = render_mesh(shown), source_mesh(image)
-                figures.append(compare(k, shown, image, clip.landmarks[k], found, truth))
+                figures.append(compare(k, shown, image, clip.landmarks[k], found, truth, lpips))
             progress(f"frame {k - first + 1} of {count}", (k - first + 1) / count)
     write_csv(out / "frames.csv", figures)
-    cv2.imwrite(str(out / "tiles.png"), np.concatenate(tiles, 1)[..., ::-1])
-    return figures
+    tiles.write_tiles(out, shown_tiles)
+    return {**mean_figures(figures), **flicker.figures(), "frames": len(figures)}
 
 
 def over(colour: Tensor, opacity: Tensor, background: np.ndarray) -> np.ndarray:
@@ -128,14 +140,15 @@ def compare(
     landmarks: np.ndarray,
     found: list[np.ndarray],
     truth: list[np.ndarray],
+    lpips: Lpips | None = None,
 ) -> FrameFigures:
-    """Figures of one frame; LMD is not a number where a face is missed."""
+    """Figures of one frame; LMD is not known where a face is missed, LPIPS without its network."""
     size = image.shape[0]
     a, b = torch.from_numpy(shown).float() / 255, torch.from_numpy(image).float() / 255
     mouth = torch.from_numpy(mouth_boxes(landmarks[None], size)[0])
     face = box_of(landmarks[list(FACE_OVAL)], size)
     eyes = box_of(landmarks[[*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW]], size)
-    lmd = float("nan")
+    lmd = NOT_KNOWN
     if found and truth:
         lips = list(OUTER_LIPS)
         lmd = metrics.landmark_distance(
@@ -150,6 +163,8 @@ def compare(
         frame=frame,
         psnr=metrics.psnr(a, b),
         ssim=metrics.ssim(a, b),
+        haarpsi=metrics.haarpsi(a, b),
+        lpips=lpips(a, b) if lpips is not None else NOT_KNOWN,
         psnr_face=metrics.psnr(metrics.crop(a, face), metrics.crop(b, face)),
         psnr_mouth=metrics.psnr(metrics.crop(a, mouth), metrics.crop(b, mouth)),
         lmd=lmd * PAPER_SIZE / size,
@@ -159,13 +174,18 @@ def compare(
 
 
 def mean_figures(figures: list[FrameFigures]) -> dict[str, float]:
-    """Mean of every figure over the frames, missing ones left out; `sharpness` is that of both."""
-    means = {
-        f.name: float(np.nanmean([getattr(x, f.name) for x in figures]))
-        for f in fields(FrameFigures)
-        if f.name != "frame"
-    }
-    return {**means, "sharpness": (means["sharpness_mouth"] + means["sharpness_eyes"]) / 2}
+    """Mean of every figure over the frames that have it; `sharpness` is that of both.
+
+    A figure that no frame has is left out.
+    """
+    means: dict[str, float] = {}
+    for name in (f.name for f in fields(FrameFigures) if f.name != "frame"):
+        known = [value for x in figures if not np.isnan(value := getattr(x, name))]
+        if known:
+            means[name] = float(np.mean(known))
+    if figures:
+        means["sharpness"] = (means["sharpness_mouth"] + means["sharpness_eyes"]) / 2
+    return means
 
 
 def write_csv(path: Path, figures: list[FrameFigures]) -> None:

@@ -113,6 +113,7 @@ def test_dub_then_plan(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped
         (["dub", "{m}", "--jobs", "0"], "--jobs"),
         (["dub"], "MANIFEST"),
         (["sync", "nothing.mp4"], "nothing.mp4"),
+        (["evaluate", "{m}", "--lpips-weights", "{m}"], "m.yaml: weights cannot be read"),
         (["paint"], "paint"),
     ],
 )

@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from scipy.ndimage import gaussian_filter1d
 
 from dfrf.data import EYES, HEAD, MIRRORED_UPPER, MOUTH, RIM
 from dubbing.errors import TrainingError
 from dubbing.identity import (
     BROWS,
+    BROWS_SMOOTH,
     EYES_POINTS,
     GAZE,
     LIDS,
@@ -67,9 +69,21 @@ def test_lids_brows_and_gaze_are_measured_from_rest_in_eye_distances(clip: Prepa
         marks[4, iris] += (0, 1)
     expected = np.zeros((FRAMES, 6))
     expected[1, 1], expected[2, 3], expected[3, 4], expected[4, 5] = -10, 3, 1, 0.5
+    expected[:, 2:4] = gaussian_filter1d(expected[:, 2:4], BROWS_SMOOTH, axis=0, mode="nearest")
     found = upper_measures(clip)
     scale = np.array([LIDS, LIDS, BROWS, BROWS, GAZE, GAZE])
     np.testing.assert_allclose(found, expected / UNIT / scale, atol=1e-3)
+
+
+def test_brows_do_not_jitter_and_cuts_are_not_smoothed_over(clip: PreparedClip) -> None:
+    half = FRAMES // 2
+    clip.segment[half:] = 1
+    clip.landmarks[half:, EYES_POINTS[0][4], 1] -= 6
+    jump = upper_measures(clip)[:, 2]
+    np.testing.assert_allclose(np.diff(jump)[half - 1], 6 / UNIT / BROWS, rtol=1e-3)
+    assert np.abs(np.delete(np.diff(jump), half - 1)).max() < 1e-3
+    clip.segment[:] = 0
+    assert np.abs(np.diff(upper_measures(clip)[:, 2])).max() < 0.5 * 6 / UNIT / BROWS
 
 
 def test_a_mirrored_face_has_the_mirrored_measures(clip: PreparedClip) -> None:

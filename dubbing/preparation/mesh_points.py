@@ -63,6 +63,15 @@ RIGHT_EYE_AND_BROW: tuple[int, ...] = (
     *(300, 293, 334, 296, 336, 276, 283, 282, 295, 285),
 )
 
+# The rims of the lids: the first points of the eyes above.
+LEFT_LIDS, RIGHT_LIDS = LEFT_EYE_AND_BROW[:16], RIGHT_EYE_AND_BROW[:16]
+
+# Outline of the brows, the forehead just above them, and the nose down to the end of its bridge.
+BROWS_AND_BRIDGE: tuple[int, ...] = (
+    *(68, 104, 69, 108, 151, 337, 299, 333, 298),
+    *(301, 263, 5, 33, 71),
+)
+
 # The jaw from one ear lobe to the other, left to right.
 JAW: tuple[int, ...] = (
     *(132, 58, 172, 136, 150, 149, 176, 148, 152),

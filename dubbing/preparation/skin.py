@@ -17,6 +17,7 @@ from dubbing.preparation.mesh_points import LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BRO
 from dubbing.preparation.rotations import vector_from_rotation
 
 EYE_MARGIN = 0.03  # face widths around eyes and brows that are left out
+EYES_AND_BROWS = (LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW)
 MOST_POINTS = 5000
 
 
@@ -40,13 +41,15 @@ def reference_frame(poses: Poses, usable: np.ndarray) -> int:
     return int(np.flatnonzero(usable)[distance.argmin()])
 
 
-def upper_face_mask(pixels: np.ndarray, size: int) -> np.ndarray:
-    """Where the rigid skin is in a frame with landmarks (478, 2) px: (S, S) bool."""
+def skin_mask(
+    pixels: np.ndarray, size: int, outline: tuple[int, ...], holes: tuple[tuple[int, ...], ...]
+) -> np.ndarray:
+    """What an outline holds in a frame with landmarks (478, 2) px, but for holes: (S, S) bool."""
     mask = np.zeros((size, size), np.uint8)
-    cv2.fillPoly(mask, [pixels[list(UPPER_FACE)].round().astype(np.int32)], 1)
+    cv2.fillPoly(mask, [pixels[list(outline)].round().astype(np.int32)], 1)
     margin = max(1, round(EYE_MARGIN * float(np.ptp(pixels[:, 0]))))
-    for eye in (LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW):
-        hull = cv2.convexHull(pixels[list(eye)].astype(np.float32))[:, 0]
+    for hole in holes:
+        hull = cv2.convexHull(pixels[list(hole)].astype(np.float32))[:, 0]
         out = np.zeros_like(mask)
         cv2.fillConvexPoly(out, hull.round().astype(np.int32), 1)
         disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * margin + 1, 2 * margin + 1))
@@ -55,19 +58,27 @@ def upper_face_mask(pixels: np.ndarray, size: int) -> np.ndarray:
 
 
 def skin_points(
-    shape: np.ndarray, pose: Poses, focal: float, centre: np.ndarray, size: int
+    shape: np.ndarray,
+    pose: Poses,
+    focal: float,
+    centre: np.ndarray,
+    size: int,
+    *,
+    outline: tuple[int, ...] = UPPER_FACE,
+    holes: tuple[tuple[int, ...], ...] = EYES_AND_BROWS,
 ) -> Skin:
-    """Back-project the upper face's pixels of one frame onto the shape (478, 3).
+    """Back-project the pixels of one frame onto the shape (478, 3): the rigid skin if not told.
 
     Args:
         pose: of that frame, (1,). centre: (1, 2) px.
+        outline, holes: landmarks round the part wanted, and round what is left out of it.
     """
     in_camera = to_camera(pose, shape)[0]
     pixels = project(in_camera[None], focal, centre)[0]
     mesh = Delaunay(pixels)
     normals = vertex_normals(in_camera, mesh.simplices)
     surface = LinearNDInterpolator(mesh, np.concatenate((in_camera[:, 2:], normals), axis=1))
-    rows, columns = np.nonzero(upper_face_mask(pixels, size))
+    rows, columns = np.nonzero(skin_mask(pixels, size, outline, holes))
     stride = max(1, round(np.sqrt(len(rows) / MOST_POINTS)))
     kept = (rows % stride == 0) & (columns % stride == 0)
     at = np.stack((columns[kept], rows[kept]), axis=1).astype(np.float64)

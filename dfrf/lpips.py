@@ -1,0 +1,102 @@
+"""LPIPS: how far apart two pictures are to a network that has seen a million of them.
+
+Zhang et al., *The Unreasonable Effectiveness of Deep Features as a Perceptual Metric* (CVPR 2018),
+AlexNet, version 0.1. The weights are the user's own: the modules are laid out so that the tensor
+names of the two published files fit.
+
+H, W are the sides of a picture, C the channels of a layer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from pickle import UnpicklingError
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from dfrf.checkpoint import CheckpointError
+
+CHANNELS = (64, 192, 384, 256, 256)
+SHIFT = (-0.030, -0.088, -0.188)
+SCALE = (0.458, 0.448, 0.450)
+EPSILON = 1e-10
+FILES = "torchvision's AlexNet (alexnet-owt-7be5be79.pth) and the heads of lpips 0.1 (alex.pth)"
+
+
+class Lpips(nn.Module):
+    """The distance of two pictures: 0 for equal ones, the smaller the more alike they look."""
+
+    shift: Tensor
+    scale: Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.features = nn.Sequential(
+            *(nn.Conv2d(3, CHANNELS[0], 11, stride=4, padding=2), nn.ReLU(), nn.MaxPool2d(3, 2)),
+            *(nn.Conv2d(CHANNELS[0], CHANNELS[1], 5, padding=2), nn.ReLU(), nn.MaxPool2d(3, 2)),
+            *(nn.Conv2d(CHANNELS[1], CHANNELS[2], 3, padding=1), nn.ReLU()),
+            *(nn.Conv2d(CHANNELS[2], CHANNELS[3], 3, padding=1), nn.ReLU()),
+            *(nn.Conv2d(CHANNELS[3], CHANNELS[4], 3, padding=1), nn.ReLU()),
+        )
+        self.lin0, self.lin1, self.lin2, self.lin3, self.lin4 = map(_head, CHANNELS)
+        shape = (3, 1, 1)
+        self.register_buffer("shift", torch.tensor(SHIFT).view(shape), persistent=False)
+        self.register_buffer("scale", torch.tensor(SCALE).view(shape), persistent=False)
+
+    @torch.no_grad()
+    def forward(self, image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> float:
+        """Distance of two pictures in 0..1, at least 31 px a side."""
+        here = self.shift.device
+        x = torch.stack([image, truth]).permute(0, 3, 1, 2).to(here, torch.float32) * 2 - 1
+        x = (x - self.shift) / self.scale
+        heads = iter((self.lin0, self.lin1, self.lin2, self.lin3, self.lin4))
+        distance = 0.0
+        for layer in self.features:
+            x = layer(x)
+            if isinstance(layer, nn.ReLU):
+                unit = x / (x.square().sum(1, keepdim=True).sqrt() + EPSILON)
+                difference = (unit[:1] - unit[1:]).square()
+                distance += float(next(heads)["model"](difference).mean())
+        return distance
+
+
+def _head(channels: int) -> nn.ModuleDict:
+    """Weights of the channels of a layer; dropout stood before them while they were learned."""
+    weights = nn.Conv2d(channels, 1, 1, bias=False)
+    return nn.ModuleDict({"model": nn.Sequential(nn.Identity(), weights)})
+
+
+def load(files: Sequence[Path], device: torch.device) -> Lpips:
+    """The distance with published weights, from files on the user's disk.
+
+    Args:
+        files: state dicts that hold, together, AlexNet and the heads.
+
+    Raises:
+        CheckpointError: a file is no state dict, or together they are not this network.
+    """
+    state: dict[str, Tensor] = {}
+    for file in files:
+        try:
+            found = torch.load(file, map_location="cpu", weights_only=True)
+        except (OSError, RuntimeError, ValueError, EOFError, UnpicklingError) as error:
+            # UnpicklingError: anything but plain tensors is refused, whatever it would do.
+            raise CheckpointError(f"{file}: weights cannot be read; give {FILES}") from error
+        if not isinstance(found, dict):
+            raise CheckpointError(f"{file}: not a state dict; give {FILES}")
+        state |= found
+    # The layers that tell a thousand things apart take no part.
+    kept = {name: value for name, value in state.items() if not name.startswith("classifier.")}
+    network = Lpips()
+    try:
+        network.load_state_dict(kept)
+    except RuntimeError as error:
+        wanted = network.state_dict()
+        missing = [name for name in wanted if name not in kept]
+        what = f"no {missing[0]} in them" if missing else "tensors of another network"
+        names = ", ".join(str(file) for file in files)
+        raise CheckpointError(f"{names}: {what}; give {FILES}") from error
+    return network.to(device).eval()
