@@ -16,6 +16,8 @@ from typing import Annotated, Any
 
 import typer
 
+from dubbing import training_commands
+from dubbing.arguments import FORCEABLE, Device, Force, ManifestPath, Only, checked_device
 from dubbing.errors import DubbingError, LockedError, ManifestError
 
 FAILED, WRONG_CALL, INTERRUPTED = 1, 2, 130
@@ -24,7 +26,6 @@ ENVIRONMENT = {
     "GLOG_minloglevel": "2",  # mediapipe's notes on its own insides
     "TF_CPP_MIN_LOG_LEVEL": "2",
 }
-FORCEABLE = ("prepare", "finetune", "source", "speech", "heads", "video", "sync")
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -33,16 +34,6 @@ app = typer.Typer(
     help="Dub consenting people on film into another language.",
 )
 
-ManifestPath = Annotated[Path, typer.Argument(metavar="MANIFEST", help="A manifest (YAML).")]
-Only = Annotated[
-    list[str] | None,
-    typer.Option("--only", metavar="NAME", help="This dub or identity only; may be repeated."),
-]
-Force = Annotated[
-    list[str] | None,
-    typer.Option("--force", metavar="STAGE", help=f"Do again: {', '.join(FORCEABLE)}."),
-]
-Device = Annotated[str, typer.Option("--device", help="auto, cpu or cuda.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
@@ -66,7 +57,7 @@ def dub(
     loaded = load(manifest)
     with console.Bars(loaded.warnings) as reporter:
         result = pipeline.dub(
-            loaded, reporter, options, only=tuple(only or ()), device=_device(device)
+            loaded, reporter, options, only=tuple(only or ()), device=checked_device(device)
         )
     console.summary(result)
     raise typer.Exit(result.code)
@@ -156,47 +147,6 @@ def sync(
         raise typer.Exit(3)
 
 
-@app.command(name="train-sync")
-def train_sync(
-    clips: Annotated[
-        list[Path],
-        typer.Argument(metavar="CLIP...", exists=True, dir_okay=False, help="One person each."),
-    ],
-    out: Annotated[Path, typer.Option("--out", help="The weights to write.")],
-) -> None:
-    """Train the network of the sync check on clips of people who talk."""
-    from dubbing.sync.training import train_sync as work
-
-    about = work(clips, out, progress=typer.echo)
-    typer.echo(f"wrote {out}, from {len(about['clips'])} clips")
-
-
-@app.command(name="train-speech")
-def train_speech(
-    out: Annotated[Path, typer.Argument(metavar="OUT", help="The weights to write.")],
-    recordings: Annotated[
-        list[Path] | None,
-        typer.Option("--recording", exists=True, dir_okay=False, help="Of a person; repeatable."),
-    ] = None,
-    corpus: Annotated[
-        Path | None,
-        typer.Option("--corpus", help="Folder of what is taught; OUT.corpus by default."),
-    ] = None,
-    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Of the optimiser.")] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
-) -> None:
-    """Train the network of the speech features from nothing; resumes by itself."""
-    from dubbing import console
-    from dubbing.teaching.training import SpeechTraining
-    from dubbing.teaching.training import train_speech as work
-
-    settings = SpeechTraining(seed=seed, steps=steps or SpeechTraining.steps)
-    folder = corpus or out.with_name(out.name + ".corpus")
-    with console.Bar("train-speech") as progress:
-        about = work(recordings or [], out, corpus=folder, settings=settings, progress=progress)
-    typer.echo(f"wrote {out}, from {about['seconds'] / 60:.0f} minutes of speech")
-
-
 @app.command()
 def evaluate(
     manifest: ManifestPath,
@@ -230,46 +180,10 @@ def evaluate(
             methods=tuple(method or ("dfrf",)),
             only=tuple(only or ()),
             lpips_weights=tuple(lpips_weights or ()),
-            device=_device(device),
+            device=checked_device(device),
             progress=progress,
         )
     console.metrics(found)
-
-
-@app.command(name="train-base")
-def train_base(
-    manifest: ManifestPath,
-    out: Annotated[Path, typer.Option("--out", help="The checkpoint to write.")],
-    iterations: Annotated[
-        int | None, typer.Option("--iterations", min=1, help="Steps in all.")
-    ] = None,
-    init: Annotated[
-        Path | None,
-        typer.Option("--init", exists=True, dir_okay=False, help="A checkpoint to start from."),
-    ] = None,
-    hold_out: Annotated[
-        list[str] | None,
-        typer.Option("--hold-out", help="Measured on instead of learned from; repeatable."),
-    ] = None,
-    device: Device = "auto",
-) -> None:
-    """Train the shared base checkpoint across the identities of a manifest; resumes by itself."""
-    from dubbing import console
-    from dubbing.basetraining import train_base as work
-    from dubbing.manifest import load
-
-    loaded, chosen = load(manifest), _device(device)
-    with console.Bar("train-base") as progress:
-        work(
-            loaded,
-            out,
-            device=chosen,
-            iterations=iterations,
-            init=init,
-            hold_out=tuple(hold_out or ()),
-            progress=progress,
-        )
-    typer.echo(f"wrote {out}")
 
 
 @app.command(name="import-checkpoint")
@@ -304,6 +218,11 @@ def doctor() -> None:
     raise typer.Exit(int(any(finding.state == "lacking" for finding in findings)))
 
 
+app.command(name="train-base")(training_commands.train_base)
+app.command(name="train-speech")(training_commands.train_speech)
+app.command(name="train-sync")(training_commands.train_sync)
+
+
 def main() -> None:
     """Entry point: every user mistake ends in words and an exit code."""
     signal.signal(signal.SIGTERM, _interrupt)
@@ -330,9 +249,3 @@ def _stages(names: list[str] | None) -> tuple[str, ...]:
         if name not in FORCEABLE:
             raise DubbingError(f"no stage {name!r}", "--force", f"use {', '.join(FORCEABLE)}")
     return tuple(names or ())
-
-
-def _device(name: str) -> str:
-    if name not in ("auto", "cpu", "cuda"):
-        raise DubbingError(f"no device {name!r}", "--device", "use auto, cpu or cuda")
-    return name

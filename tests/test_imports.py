@@ -29,6 +29,8 @@ LAYERS = (
     {"pipeline"},
     {"evaluation", "basetraining", "benchmark", "teaching"},
     {"console"},
+    {"arguments"},
+    {"training_commands"},
     {"cli"},
 )
 HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}
