@@ -16,8 +16,8 @@ from dfrf.data import cut_references
 from dfrf.fast import FastShare, draw_shares
 from dfrf.model import ReferenceViews
 from dfrf.references import bilinear
-from dfrf.training import fit
 from tests.dfrf.people import SIZE, person, small_config
+from tests.dfrf.runs import run_fit
 
 PLAIN = Look(False, 1.0, torch.eye(3), 1.0, (0, 0, 0, 0))
 CONFIG = TrainConfig(rays=192, frames=4)
@@ -182,16 +182,7 @@ def test_a_run_in_changing_looks_resumes_bit_for_bit(tmp_path: Path) -> None:
     def run(resume: Path | None, steps: int) -> dict[str, Tensor]:
         torch.manual_seed(1)
         model = presets.build(small_config())
-        left = iter(range(steps - 1))
-        folder = None if resume is None else str(resume)
-        fit(
-            model,
-            [person()],
-            config,
-            resume=folder,
-            stop=lambda: next(left, None) is None,
-            device="cpu",
-        )
+        run_fit(model, config, resume, steps)
         return model.state_dict()
 
     whole = run(None, 4)

@@ -17,10 +17,11 @@ from dfrf.methods import method_of
 from dfrf.paper import PaperConfig, PaperModel, ReferenceMaps, paper_loss
 from dfrf.paper_method import PaperMethod, bounds
 from dfrf.step import step_outcome
-from dfrf.training import Curve, TrainingDivergedError, fit
+from dfrf.training import TrainingDivergedError, fit
 from dfrf.validation import Validation, draw_exam
 from dfrf.workers import Workers
 from tests.dfrf.people import FOCAL, SIZE, person
+from tests.dfrf.runs import run_fit
 
 TINY = PaperConfig(
     speech_dim=8,
@@ -60,25 +61,7 @@ def made(seed: int = 1, config: PaperConfig = TINY) -> PaperModel:
     return model
 
 
-def run(
-    model: PaperModel, config: TrainConfig, resume: Path | None = None, steps: int | None = None
-) -> Curve:
-    done = 0
-
-    def enough() -> bool:
-        nonlocal done
-        done += 1
-        return steps is not None and done >= steps
-
-    return fit(
-        model,
-        [person()],
-        config,
-        references=REFERENCES,
-        resume=None if resume is None else str(resume),
-        stop=enough,
-        device="cpu",
-    )
+run = partial(run_fit, references=REFERENCES)
 
 
 def moved(before: dict[str, Tensor], model: PaperModel) -> set[str]:

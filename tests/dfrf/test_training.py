@@ -1,6 +1,7 @@
 """One fit() for base and fine-tune: it learns, resumes bit for bit and guards against NaN."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -12,8 +13,9 @@ from dfrf.checkpoint import CheckpointError
 from dfrf.config import TrainConfig
 from dfrf.data import Identity
 from dfrf.model import Model
-from dfrf.training import Curve, TrainingDivergedError, fit, learning_rate
+from dfrf.training import TrainingDivergedError, fit, learning_rate
 from tests.dfrf.people import person, small_config
+from tests.dfrf.runs import run_fit
 
 CONFIG = TrainConfig(
     iterations=4, coarse_iterations=2, rays=96, frames=2, warmup=2, occupancy_every=2
@@ -26,25 +28,7 @@ def made(seed: int = 1) -> Model:
     return presets.build(small_config())
 
 
-def run(
-    model: Model, config: TrainConfig, resume: Path | None = None, steps: int | None = None
-) -> Curve:
-    done = 0
-
-    def enough() -> bool:
-        nonlocal done
-        done += 1
-        return steps is not None and done >= steps
-
-    return fit(
-        model,
-        [person()],
-        config,
-        references=REFERENCES,
-        resume=None if resume is None else str(resume),
-        stop=enough,
-        device="cpu",
-    )
+run = partial(run_fit, references=REFERENCES)
 
 
 @pytest.mark.parametrize("every", [0, 2])

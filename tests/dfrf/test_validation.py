@@ -12,9 +12,10 @@ from dfrf.config import TrainConfig
 from dfrf.data import Identity
 from dfrf.fast import FastMethod
 from dfrf.model import Model
-from dfrf.training import Curve, fit
+from dfrf.training import Curve
 from dfrf.validation import Exam, Validation, draw_exam
 from tests.dfrf.people import person, small_config
+from tests.dfrf.runs import run_fit
 
 CONFIG = TrainConfig(
     iterations=12, coarse_iterations=2, rays=96, frames=2, occupancy_every=2, checkpoint_every=2
@@ -33,16 +34,7 @@ def run(
 ) -> tuple[Model, Curve]:
     torch.manual_seed(1)
     model = presets.build(small_config())
-    done = iter(range(10**6 if steps is None else steps - 1))
-    curve = fit(
-        model,
-        [person()],
-        config,
-        resume=None if resume is None else str(resume),
-        stop=lambda: next(done, None) is None,
-        device="cpu",
-        validation=validation,
-    )
+    curve = run_fit(model, config, resume, steps, validation=validation)
     return model, curve
 
 
