@@ -41,7 +41,8 @@ def lifts(share: Tensor, measures: Tensor) -> Tensor:
     Args:
         share: (M, 2), see `shares`.
     """
-    return (share * measures.clamp(-MOST, MOST)).sum(-1) * (LENGTH * EYE_DISTANCE)
+    (left, right), measured = share.unbind(-1), measures.clamp(-MOST, MOST)
+    return (left * measured[..., 0] + right * measured[..., 1]) * (LENGTH * EYE_DISTANCE)
 
 
 def lowered(points: Tensor, lift: Tensor) -> Tensor:

@@ -55,6 +55,7 @@ def project(
     c2w: Float[Tensor, "N 3 4"],
     focal: float | Float[Tensor, "#N"],
     centre: Float[Tensor, "#N 2"],
+    below: Float[Tensor, " N *P"] | None = None,
 ) -> Float[Tensor, "N *P 2"]:
     """M(p, K_n, R_n, T_n) of equation (1): where each view sees each point.
 
@@ -63,26 +64,22 @@ def project(
         c2w: camera to world of N views.
         focal: pixels, of all views or of each.
         centre: principal points (column, row), of all views or of each.
+        below: how far below (along y of the world) each point was when a view was taken.
 
     Returns:
         (column, row), not clamped to the image. Points behind a camera project through its centre.
     """
-    flat = points.reshape(1, -1, 3).expand(c2w.shape[0], -1, -1)
-    return project_each(flat, c2w, focal, centre).reshape(c2w.shape[0], *points.shape[:-1], 2)
-
-
-def project_each(
-    points: Float[Tensor, "N P 3"],
-    c2w: Float[Tensor, "N 3 4"],
-    focal: float | Float[Tensor, "#N"],
-    centre: Float[Tensor, "#N 2"],
-) -> Float[Tensor, "N P 2"]:
-    """`project` where every view has its own points: it may have been taken of another shape."""
+    count = c2w.shape[0]
     focal = torch.as_tensor(focal, dtype=points.dtype, device=points.device).reshape(-1, 1)
-    # The inverse of a rigid motion: R^T (p - t), written for row vectors.
-    local = (points - c2w[:, None, :, 3]) @ c2w[:, :, :3]
-    depth = local[..., 2]
+    axes = c2w[:, :, :3].transpose(1, 2)
+    # Rounded to bfloat16, a product would be half a pixel off at the edge of a face.
+    with torch.autocast(points.device.type, enabled=False):
+        # The inverse of a rigid motion: R^T p - R^T t, a column a point.
+        local = axes @ points.reshape(-1, 3).T - axes @ c2w[:, :, 3:]
+    if below is not None:
+        local = local - axes[:, :, 1:2] * below.reshape(count, 1, -1)
+    across, up, depth = local.unbind(1)
     depth = torch.where(depth.abs() < MIN_DEPTH, torch.full_like(depth, -MIN_DEPTH), depth)
-    columns = centre[:, None, 0] - focal * local[..., 0] / depth
-    rows = centre[:, None, 1] + focal * local[..., 1] / depth
-    return torch.stack([columns, rows], -1)
+    columns = centre[:, None, 0] - focal * across / depth
+    rows = centre[:, None, 1] + focal * up / depth
+    return torch.stack([columns, rows], -1).reshape(count, *points.shape[:-1], 2)

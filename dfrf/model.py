@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from dfrf import brows
 from dfrf import device as devices
-from dfrf.cameras import project_each
+from dfrf.cameras import project
 from dfrf.config import FieldConfig, ModelConfig
 from dfrf.encodings import frequency_encoding
 from dfrf.head import HeadModel
@@ -303,10 +303,8 @@ class Field(nn.Module):
             views = maps.views
             count = views.c2w.shape[0]
             first = torch.arange(count, device=points.device) * (maps.height * maps.width)
-            there = brows.lowered(
-                points.expand(count, -1, -1), brows.lifts(share, own - views.brows[:, None])
-            )
-            projected = project_each(there, views.c2w, views.focal, views.centres)
+            lift = brows.lifts(share, own - views.brows[:, None])
+            projected = project(points, views.c2w, views.focal, views.centres, lift)
             offset = torch.zeros_like(projected)
             if warp and config.use_warp:
                 limit = projected.new_tensor([maps.width - 1, maps.height - 1])

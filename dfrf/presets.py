@@ -6,13 +6,21 @@ import math
 from dataclasses import dataclass, replace
 from typing import overload
 
-from dfrf.config import STEPS, FieldConfig, MarchConfig, ModelConfig, TrainConfig
+from dfrf.config import (
+    FEWER_OR_MORE,
+    FROM_BASE,
+    STEPS,
+    FieldConfig,
+    MarchConfig,
+    ModelConfig,
+    TrainConfig,
+)
 from dfrf.head import HeadModel
 from dfrf.model import PRIOR_CENTRE, PRIOR_RADII, Model
 from dfrf.paper import PaperModel
 from dfrf.paper_field import PAPER_PRESETS, PaperConfig
 
-PRESETS = ("fast", "fast-nowarp", "paper", "ad-nerf", "nerf")
+PRESETS = (*FROM_BASE, "fast-alone", "paper", "ad-nerf", "nerf")
 
 # The one layer of the published model whose size is that of the speech features: where a base heard
 # others (DeepSpeech, in a published checkpoint), a person begins with a new one.
@@ -92,8 +100,11 @@ def model_config(preset: str, speech_dim: int) -> ModelConfig | PaperConfig:
     """
     if preset == "paper":
         return replace(PAPER_PRESETS[preset], speech_dim=speech_dim)
+    fast = FieldConfig(speech_dim=speech_dim)
     fields = {
-        "fast": FieldConfig(speech_dim=speech_dim),
+        "fast": fast,
+        "fast-alone": fast,
+        **{name: replace(fast, references=count) for name, count in FEWER_OR_MORE.items()},
         "fast-nowarp": FieldConfig(speech_dim=speech_dim, use_warp=False),
         "ad-nerf": FieldConfig(speech_dim=speech_dim, references=0, use_warp=False),
         "nerf": FieldConfig(speech_dim=speech_dim, references=0, use_warp=False, use_speech=False),

@@ -153,10 +153,16 @@ def evaluate(
     method: Annotated[
         list[str] | None,
         typer.Option(
-            "--method", help="dfrf, dfrf-nowarp, paper, ad-nerf or nerf; may be repeated."
+            "--method",
+            help="dfrf, dfrf-nowarp, dfrf-alone (no base), dfrf-1, dfrf-2 or dfrf-6 (so many "
+            "references), paper, ad-nerf or nerf; may be repeated.",
         ),
     ] = None,
     only: Only = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=0.1, help="Test so many seconds of what is held out, its first."),
+    ] = None,
     lpips_weights: Annotated[
         list[Path] | None,
         typer.Option(
@@ -179,6 +185,7 @@ def evaluate(
             loaded,
             methods=tuple(method or ("dfrf",)),
             only=tuple(only or ()),
+            seconds=seconds,
             lpips_weights=tuple(lpips_weights or ()),
             device=checked_device(device),
             progress=progress,

@@ -26,6 +26,10 @@ RESULT_FILE = "evaluate.json"
 PRESET_OF_METHOD = {
     "dfrf": "fast",
     "dfrf-nowarp": "fast-nowarp",
+    "dfrf-alone": "fast-alone",
+    "dfrf-1": "fast-1",
+    "dfrf-2": "fast-2",
+    "dfrf-6": "fast-6",
     "paper": "paper",
     "ad-nerf": "ad-nerf",
     "nerf": "nerf",
@@ -39,6 +43,7 @@ def evaluate(
     *,
     methods: tuple[str, ...] = ("dfrf",),
     only: tuple[str, ...] = (),
+    seconds: float | None = None,
     lpips_weights: tuple[Path, ...] = (),
     device: str = "auto",
     progress: Progress,
@@ -49,8 +54,10 @@ def evaluate(
 
     Args:
         manifest: its dubs are not needed.
-        methods: dfrf (the `fast` preset), dfrf-nowarp, paper, ad-nerf, nerf.
+        methods: dfrf (the `fast` preset), dfrf-nowarp, dfrf-alone (without a base), dfrf-1, -2, -6
+            (so many references), paper, ad-nerf, nerf.
         only: names of identities; all when empty.
+        seconds: of the held-out part that are tested, its first; all when None.
         lpips_weights: files with the published weights of LPIPS; not measured when empty.
         device: auto, cpu or cuda.
         progress: told a message and the share done.
@@ -87,7 +94,7 @@ def evaluate(
                 def told(message: str, share: float, title: str = f"{name}, {method}") -> None:
                     progress(f"{title}: {message}", share)
 
-                figures = evaluate_one(manifest, name, method, network, device, told)
+                figures = evaluate_one(manifest, name, method, seconds, network, device, told)
                 found.setdefault(name, {})[method] = figures
                 atomic_write_json(path, found)
     return found
@@ -97,6 +104,7 @@ def evaluate_one(
     manifest: Manifest,
     name: str,
     method: str,
+    seconds: float | None,
     network: Lpips | None,
     device: str,
     progress: Progress,
@@ -117,7 +125,7 @@ def evaluate_one(
     for stage in (prepare, source, finetune):
         stages.run(stage, progress)
     clip = PreparedClip.load(prepare.folder)
-    first, count = held_out(clip, identity.start + identity.seconds)
+    first, count = held_out(clip, identity.start + identity.seconds, seconds)
     if count <= 0:
         raise DubbingError(
             f"nothing of the clip is held out after {identity.start + identity.seconds:g} s",
@@ -139,12 +147,12 @@ def evaluate_one(
         progress=progress,
     )
     tiles.write_methods(out.parent, PRESET_OF_METHOD, method, clip, first, count)
-    start, seconds = float(first / clip.rate), float(count / clip.rate)
+    start, length = float(first / clip.rate), float(count / clip.rate)
     checks = {}
     for kind in ("render", "source"):
         video = out / f"{kind}.mp4"
         picture = out / f"{kind}_picture.mp4"
-        media.mux(picture, clip.clip, video, audio_start=start, seconds=seconds)
+        media.mux(picture, clip.clip, video, audio_start=start, seconds=length)
         picture.unlink()
         checks[kind] = check(video)
     learned = json.loads((finetune.folder / SUMMARY_FILE).read_text(encoding="utf-8"))

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dfrf.config import FROM_BASE
 from dubbing import features, steps, timeline
 from dubbing.entries import Dub, Identity
 from dubbing.errors import DubbingError, RenderingError
@@ -18,10 +19,10 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 4,
-    "finetune": 6,
+    "finetune": 7,
     "source": 1,
     "speech": 1,
-    "heads": 3,
+    "heads": 4,
     "video": 1,
     "sync": 1,
 }
@@ -35,7 +36,6 @@ NEEDS = {  # the stages of the identity that a dub's stage waits for
 }
 SUFFIX = {"h264": ".mp4", "prores": ".mov", "ffv1": ".mkv"}
 BASE = Path(__file__).with_name("base.safetensors")
-BASE_PRESETS = ("fast", "fast-nowarp")  # what can start from the checkpoint of the package
 
 
 @dataclass(frozen=True)
@@ -208,8 +208,8 @@ def speech_input(identity: Identity) -> dict[str, Path]:
 
 
 def shipped_base(preset: str) -> Path | None:
-    """The base checkpoint of the package, for the preset it was trained as and its ablation."""
-    return BASE if preset in BASE_PRESETS and BASE.is_file() else None
+    """The base checkpoint of the package, for the preset it was trained as and its ablations."""
+    return BASE if preset in FROM_BASE and BASE.is_file() else None
 
 
 def video_file(video: Stage, dub: Dub) -> Path:

@@ -2,7 +2,10 @@
 
 import csv
 from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
@@ -10,10 +13,13 @@ import pytest
 from dfrf import checkpoint, presets
 from dfrf.lpips import Lpips
 from dubbing import measuring, tiles
-from dubbing.measuring import FrameFigures, mean_figures, measure
+from dubbing.measuring import FrameFigures, held_out, mean_figures, measure
 from tests import clips
 from tests.dfrf.people import small_config
 from tests.fakes import write_prepared
+
+if TYPE_CHECKING:
+    from dubbing.preparation.prepared import PreparedClip
 
 FIRST, COUNT = 4, 5
 
@@ -31,6 +37,24 @@ def test_means_are_of_the_frames_that_have_the_figure() -> None:
     assert "lpips" not in means
     assert "frame" not in means
     assert mean_figures([figures(sharpness_mouth=0.5)])["sharpness"] == 0.75
+
+
+@pytest.mark.parametrize(
+    ("seconds", "learned", "most", "expected"),
+    [
+        (20, 15, None, (375, 125)),
+        (40, 15, None, (750, 250)),
+        (18, 15, None, (375, 75)),
+        (20, 15, 2.0, (375, 50)),
+        (20, 15, 60.0, (375, 125)),
+        (15, 15, 2.0, (375, 0)),
+    ],
+)
+def test_the_end_of_a_clip_is_held_out(
+    seconds: float, learned: float, most: float | None, expected: tuple[int, int]
+) -> None:
+    clip = SimpleNamespace(frames_count=25 * seconds, rate=Fraction(25))
+    assert held_out(cast("PreparedClip", clip), learned, most) == expected
 
 
 def test_every_frame_and_every_figure_is_reported(tmp_path: Path) -> None:

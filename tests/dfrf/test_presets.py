@@ -1,0 +1,32 @@
+"""Presets: what they leave out, and that all of `fast`'s family start from its base."""
+
+import pytest
+
+from dfrf import presets
+from dfrf.config import FROM_BASE, ModelConfig
+
+
+def fast(preset: str) -> ModelConfig:
+    config = presets.model_config(preset, 8)
+    assert isinstance(config, ModelConfig)
+    return config
+
+
+@pytest.mark.parametrize(("preset", "count"), [("fast-1", 1), ("fast", 4), ("fast-6", 6)])
+def test_numbers_of_references(preset: str, count: int) -> None:
+    assert fast(preset).field.references == count
+
+
+def test_everything_that_a_base_serves_takes_all_it_has() -> None:
+    base = presets.build(fast("fast"))
+    for preset in FROM_BASE:
+        model = presets.adapt(base, fast(preset))
+        known = base.state_dict()
+        for name, value in model.state_dict().items():
+            assert value.equal(known[name]), name
+    assert "fast-alone" not in FROM_BASE
+
+
+def test_an_unknown_preset() -> None:
+    with pytest.raises(ValueError, match="fast-nowarp"):
+        presets.model_config("quick", 8)
