@@ -23,8 +23,6 @@ from dubbing.errors import DubbingError, LockedError, ManifestError
 FAILED, WRONG_CALL, INTERRUPTED = 1, 2, 130
 ENVIRONMENT = {
     "OMP_WAIT_POLICY": "PASSIVE",  # threads that spin on a shared core cost ten times the work
-    "GLOG_minloglevel": "2",  # mediapipe's notes on its own insides
-    "TF_CPP_MIN_LOG_LEVEL": "2",
 }
 
 app = typer.Typer(

@@ -7,20 +7,19 @@ covers the face.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from types import TracebackType
-from typing import Any
 
 import numpy as np
 
 from dubbing.preparation.mesh_points import LANDMARKS
+from dubbing.solution import Solution
 
 MOST_FACES = 4
 CONFIDENCE = 0.5
 FAR_OFF = 0.25  # face widths: modes that differ by more look at different faces
-os.environ.setdefault("GLOG_minloglevel", "2")  # MediaPipe reports every start at level 1
 
 
 class FaceMesh:
@@ -33,7 +32,7 @@ class FaceMesh:
             "refine_landmarks": True,
             "min_detection_confidence": confidence,
         }
-        self._mesh: Any = None
+        self._mesh: Solution | None = None
 
     def __enter__(self) -> FaceMesh:
         self.restart()
@@ -55,12 +54,13 @@ class FaceMesh:
 
         if self._mesh is not None:
             self._mesh.close()
-        self._mesh = face_mesh.FaceMesh(**self._settings)
+        self._mesh = Solution(partial(face_mesh.FaceMesh, **self._settings))
 
     def __call__(self, image: np.ndarray) -> list[np.ndarray]:
         """Faces of an RGB frame: (478, 3) float64 each; an empty list where there is none."""
         height, width = image.shape[:2]
-        found = self._mesh.process(np.ascontiguousarray(image)).multi_face_landmarks or []
+        assert self._mesh is not None  # inside of `with` only
+        found = self._mesh.process(image).multi_face_landmarks or []
         # MediaPipe counts from the edge of the first pixel, we from its middle.
         scale, half = np.array([width, height, width]), np.array([0.5, 0.5, 0.0])
         return [np.array([(p.x, p.y, p.z) for p in face.landmark]) * scale - half for face in found]

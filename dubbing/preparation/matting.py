@@ -6,10 +6,12 @@ S is the side of the crop in px. Lengths are given for S = 512 and scale with it
 from __future__ import annotations
 
 import threading
-from typing import Any
+from functools import partial
 
 import cv2
 import numpy as np
+
+from dubbing.solution import Solution
 
 REFERENCE_SIZE = 512
 CUT_SOFTNESS = 1.2  # px, Gaussian
@@ -26,11 +28,12 @@ def person_mask(image: np.ndarray) -> np.ndarray:
 
     MediaPipe's SelfieSegmentation, which looks at 256 x 256; one network a thread.
     """
-    network: Any = getattr(_thread, "network", None)
+    network: Solution | None = getattr(_thread, "network", None)
     if network is None:
         from mediapipe.python.solutions import selfie_segmentation
 
-        network = _thread.network = selfie_segmentation.SelfieSegmentation(model_selection=0)
+        make = partial(selfie_segmentation.SelfieSegmentation, model_selection=0)
+        network = _thread.network = Solution(make)
     small = cv2.resize(image, (256, 256), interpolation=cv2.INTER_AREA)
     mask = network.process(small).segmentation_mask
     return cv2.resize(mask, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)

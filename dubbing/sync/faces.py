@@ -5,10 +5,13 @@ Letters: T frames, P = 478 points of the face mesh, H and W pixels.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
+
+from dubbing.solution import Solution
 
 POINTS = 478
 MAX_FACES = 4
@@ -47,8 +50,13 @@ class FaceTracker:
         import mediapipe as mp
 
         solutions: Any = mp.solutions
-        self._mesh = solutions.face_mesh.FaceMesh(
-            static_image_mode=False, refine_landmarks=True, max_num_faces=max_faces
+        self._mesh = Solution(
+            partial(
+                solutions.face_mesh.FaceMesh,
+                static_image_mode=False,
+                refine_landmarks=True,
+                max_num_faces=max_faces,
+            )
         )
         self._memory = max(1, round(rate * MEMORY_SECONDS))
         self._tracks: list[_Track] = []
@@ -70,7 +78,7 @@ class FaceTracker:
         """Faces of the next frame, RGB uint8 (H, W, 3)."""
         self._frame += 1
         height, width = frame.shape[:2]
-        found = self._mesh.process(np.ascontiguousarray(frame)).multi_face_landmarks or []
+        found = self._mesh.process(frame).multi_face_landmarks or []
         # FaceMesh gives depth in the unit of the columns.
         scale = np.array([width, height, width], np.float32)
         meshes = [

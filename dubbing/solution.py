@@ -1,0 +1,59 @@
+"""A network of MediaPipe, which calls them solutions, that keeps its notes to itself.
+
+MediaPipe writes several lines about its own insides past Python to the terminal at every start, and
+has no setting to be silent.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
+from typing import Any
+
+import numpy as np
+
+_LOCK = threading.Lock()
+
+
+@contextmanager
+def without_native_messages() -> Iterator[None]:
+    """Drops whatever the process writes to its standard error; exceptions pass as ever.
+
+    One thread at a time: the descriptor is the whole process's.
+    """
+    with _LOCK:
+        sys.stderr.flush()
+        kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 2)
+        try:
+            yield
+        finally:
+            sys.stderr.flush()
+            os.dup2(kept, 2)
+            os.close(kept)
+            os.close(nowhere)
+
+
+class Solution:
+    """A solution that is begun by `make`, say `partial(face_mesh.FaceMesh, max_num_faces=1)`."""
+
+    def __init__(self, make: Callable[[], Any]) -> None:
+        with without_native_messages():
+            self._network = make()
+        self._silent = False
+
+    def process(self, image: np.ndarray) -> Any:
+        """What it finds in an RGB image (H, W, 3) uint8.
+
+        The second half of its parts starts, and reports, when something is found first.
+        """
+        with nullcontext() if self._silent else without_native_messages():
+            result = self._network.process(np.ascontiguousarray(image))
+        self._silent = self._silent or any(getattr(result, f) is not None for f in result._fields)
+        return result
+
+    def close(self) -> None:
+        self._network.close()
