@@ -7,7 +7,7 @@ import numpy as np
 from dubbing.media import MediaInfo
 from dubbing.preparation.camera import Poses
 from dubbing.preparation.landmarks import face_width
-from dubbing.preparation.tracking import APART, Arrays
+from dubbing.preparation.tracking import APART, HIDDEN, Arrays
 
 SMALL_FACE = 64  # source px: the landmarks are 1.7 px off
 LARGE_YAW = 35.0  # degrees
@@ -23,11 +23,18 @@ def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: 
             f"no face in {missing} of {frames} frames, the first at "
             f"{seconds(info, np.flatnonzero(~valid)[0])}; they are left as filmed"
         )
-    covered = np.flatnonzero(valid & (found["apart"] > APART * size / 512))
+    apart = found["apart"] / (APART * size / 512)
+    covered = np.flatnonzero(valid & (apart >= HIDDEN))
     if len(covered):
         out.append(
             f"something may cover the face in {len(covered)} frames, the first at "
             f"{seconds(info, covered[0])}; their poses are carried over from around them"
+        )
+    unsure = np.flatnonzero(valid & (apart > 1) & (apart < HIDDEN))
+    if len(unsure):
+        out.append(
+            f"the landmarks are unsure in {len(unsure)} frames, the first at "
+            f"{seconds(info, unsure[0])}; their poses lean on the frames around them"
         )
     if int(seen["most_faces"]) > 1:
         out.append(
