@@ -20,11 +20,11 @@ from dubbing.stages import Stage
 VERSIONS = {
     "prepare": 4,
     "finetune": 7,
-    "source": 1,
+    "source": 2,
     "speech": 1,
     "heads": 4,
     "video": 1,
-    "sync": 1,
+    "sync": 2,
 }
 OF_IDENTITY = ("prepare", "source", "finetune")
 OF_DUB = ("speech", "heads", "video", "sync")

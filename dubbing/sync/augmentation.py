@@ -1,25 +1,17 @@
-"""Batches for the two-stream network, varied as people, cameras and renders vary.
+"""Lips and sounds, varied as people, cameras, microphones and renders vary them.
 
-Letters: B items of a batch, G = items of one stretch of one clip, V = 5 mouth frames,
-M mouth points, A = 10 sound steps, D = 144 channels, of which the first are log-mel.
+Letters: G = items of one stretch of one clip, V = 5 mouth frames, M mouth points, A = 10 sound
+steps, D = 144 channels, of which the first are log-mel.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
-import torch
-from torch import Tensor
 
 from dubbing.sync.clips import TalkingClip
-from dubbing.sync.hearing import CHANNELS, Take
+from dubbing.sync.hearing import CHANNELS
 from dubbing.sync.mouth import MOUTH
-from dubbing.sync.network import MOUTH_STEP
-from dubbing.sync.windows import centred, mouth_windows, take_windows
 
-STRETCHES = 24
-ITEMS = 12
-# A mouth is centred on its mean over +- one of these, so that short videos work as well.
-REACHES = (1.5, 2.5, 4.0, 8.0)
 # What is added to every speech feature, whose deviation is about 1.
 RNN_NOISE = 0.1
 # Each mouth point and the one opposite in the mirror.
@@ -81,41 +73,3 @@ def vary_mel(mel: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         # Powers add: a soft maximum of the logarithms (8 is about ln 10 times the range in bels).
         mel = np.logaddexp(8 * mel, 8 * noise) / 8
     return mel.astype(np.float32)
-
-
-class Batches:
-    """Batches of matching mouths and sounds: stretches of the clips, a few frames apart.
-
-    Items of one stretch are the hard negatives of one another, those of other clips the easy ones.
-    """
-
-    def __init__(self, clips: Sequence[TalkingClip], rng: np.random.Generator) -> None:
-        self._clips = clips
-        self._rng = rng
-        self._shapes = [[centred(c.shapes, c.times, reach) for reach in REACHES] for c in clips]
-        self._sides = mouth_sides(clips)
-        # A person with 10 s counts in full; more of the same person helps little.
-        weights = np.array([min(1.0, c.times[-1] / 10) ** 0.5 for c in clips])
-        self._weights = weights / weights.sum()
-
-    def draw(self) -> tuple[Tensor, Tensor]:
-        """Mouths (B, V, 2 M) and the sounds (B, A, D) that belong to them."""
-        pairs = [self._stretch() for _ in range(STRETCHES)]
-        mouths, sounds = (np.concatenate(side) for side in zip(*pairs, strict=True))
-        return torch.from_numpy(mouths), torch.from_numpy(sounds)
-
-    def _stretch(self) -> tuple[np.ndarray, np.ndarray]:
-        rng = self._rng
-        index = rng.choice(len(self._clips), p=self._weights)
-        clip = self._clips[index]
-        shapes = self._shapes[index][rng.integers(len(REACHES))]
-        # Speaking faster or slower: mouth and sound stretch alike.
-        tempo = np.exp(rng.uniform(-0.12, 0.12))
-        span = np.arange(ITEMS) * MOUTH_STEP * rng.choice([1, 2, 3, 4]) * tempo
-        first, last = clip.times[0] + 0.15, clip.times[-1] - 0.15 - span[-1]
-        moments = rng.uniform(first, max(first + 0.01, last)) + span
-        moments = np.minimum(moments, clip.times[-1] - 0.05)
-        mouths = mouth_windows(shapes, clip.times, moments, tempo)
-        take = (Take(1.0, clip.sound), *clip.takes)[rng.integers(len(clip.takes) + 1)]
-        sounds = take_windows(take, moments + clip.offset, tempo)
-        return vary_mouth(mouths, self._sides, rng), vary_sound(sounds, rng)

@@ -14,10 +14,11 @@ from dubbing.sync.measure import Block, measure
 from dubbing.sync.motion import MotionSum
 from dubbing.sync.network import SyncNetwork, load_network
 from dubbing.sync.result import FaceResult, Found, Media, Segment, SyncResult, conclude
-from dubbing.sync.windows import centred, mouth_windows, sound_windows
+from dubbing.sync.sight import look
+from dubbing.sync.windows import mouth_windows, sound_windows
 from dubbing.voice import STEP_RATE, at_times
 
-METHOD = "lip geometry against log-mel and speech features, two streams"
+METHOD = "lip geometry and mouth pixels against log-mel and speech features, two streams"
 SEGMENT_SECONDS = 5.0
 # A last segment shorter than this is joined to the one before.
 SHORTEST_SEGMENT = 3.0
@@ -26,13 +27,27 @@ SHORTEST_SEGMENT = 3.0
 SILENT_WEIGHT = 0.2
 # A segment or a face needs this many compared frames to have an offset of its own.
 MIN_ROWS = 40
+# Moments that go through the network at once.
+TOGETHER = 256
 
 
 @torch.no_grad()
-def mouth_embeddings(network: SyncNetwork, shapes: np.ndarray, times: np.ndarray) -> np.ndarray:
-    """Embeddings (F, E) of mouth shapes (F, M, 2) at `times` (F,); NaN where a frame is missing."""
-    looked = mouth_windows(centred(shapes, times), times, times)
-    return network.embed_mouth(torch.from_numpy(looked)).numpy()
+def mouth_embeddings(
+    network: SyncNetwork, shapes: np.ndarray, crops: np.ndarray, times: np.ndarray
+) -> np.ndarray:
+    """Embeddings (F, E) of mouth shapes (F, M, 2) and crops (F, R, C) at `times` (F,).
+
+    NaN where a frame is missing.
+    """
+    seen = look(shapes, crops, times)
+    there = np.flatnonzero(np.isfinite(seen).all(1))
+    found = np.full((len(times), network.size), np.nan, np.float32)
+    # A few moments at a time: five frames of pixels each are much in memory.
+    for first in range(0, len(there), TOGETHER):
+        chosen = there[first : first + TOGETHER]
+        looked = mouth_windows(seen, times, times[chosen])
+        found[chosen] = network.embed_mouth(torch.from_numpy(looked)).numpy()
+    return found
 
 
 @torch.no_grad()
@@ -91,7 +106,8 @@ class _Sums:
             if track not in self.faces:
                 self.faces[track] = _FaceSum.empty(len(self.voice), self.rate)
             total = self.faces[track]
-            rows = distances(mouth_embeddings(self._network, face.shapes, times), heard)
+            mouth = mouth_embeddings(self._network, face.shapes, face.crops, times)
+            rows = distances(mouth, heard)
             weights = SILENT_WEIGHT + voice
             total.whole.add(rows, weights)
             for s in np.unique(segment):

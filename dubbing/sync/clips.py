@@ -1,10 +1,11 @@
 """Talking heads to learn lip sync from: mouths and sounds of whole clips.
 
-Letters: F frames, M mouth points, N samples at 16 kHz, T sound steps of 20 ms, D = 144 channels.
+Letters: F frames, M mouth points, R rows and C columns of a crop, N samples at 16 kHz, T sound
+steps of 20 ms, D = 144 channels.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from dubbing import media
 from dubbing.errors import SyncError
 from dubbing.files import atomic_path
+from dubbing.sync.crop import COLUMNS, ROWS, mouth_crops
 from dubbing.sync.faces import POINTS, track_faces
 from dubbing.sync.hearing import Hearing, Take, another_take
 from dubbing.sync.mouth import mouth_shape
@@ -24,7 +26,7 @@ KEPT = frozenset({"meshes", "times", "samples", "voice"})  # of a recording, in 
 class Recording:
     """One clip as measured: the largest face's mesh (F, 478, 3) at `times` (F,), and its sound."""
 
-    name: str
+    path: Path
     meshes: np.ndarray
     times: np.ndarray
     samples: np.ndarray  # (N,)
@@ -35,8 +37,9 @@ class Recording:
 class TalkingClip:
     """Mouth shapes (F, M, 2) at `times` (F,), and the sound (T, D) that belongs `offset` s later.
 
-    `takes` are other recordings of the same sound, to learn from. `exact`: the synthetic
-    speaker's, whose offset is 0 by making.
+    `crops` (F, R, C) are the mouth's pixels, none where nobody looks at them. `takes` are other
+    recordings of the same sound, to learn from. `exact`: the synthetic speaker's, whose offset is
+    0 by making.
     """
 
     name: str
@@ -47,6 +50,7 @@ class TalkingClip:
     offset: float = 0.0
     takes: tuple[Take, ...] = ()
     exact: bool = False
+    crops: np.ndarray = field(default_factory=lambda: np.zeros((0, ROWS, COLUMNS), np.uint8))
 
 
 def record(path: Path) -> Recording:
@@ -67,7 +71,7 @@ def record(path: Path) -> Recording:
         raise SyncError("no face in most of it", str(path), "leave this clip out")
     sound = media.read_audio(path, rate=SAMPLE_RATE)
     times = (np.arange(info.frames) + 0.5) / float(info.rate)
-    return Recording(path.stem, meshes, times, sound, voice_activity(sound))
+    return Recording(path, meshes, times, sound, voice_activity(sound))
 
 
 def recorded(path: Path, cache: Path | None) -> Recording:
@@ -78,7 +82,7 @@ def recorded(path: Path, cache: Path | None) -> Recording:
     if kept.exists():
         with np.load(kept) as arrays:
             if set(arrays.files) == KEPT:  # else it was kept by another version
-                return Recording(path.stem, **arrays)
+                return Recording(path, **arrays)
     new = record(path)
     with atomic_path(kept) as temporary:
         np.savez(temporary, **{name: getattr(new, name) for name in KEPT})
@@ -92,12 +96,14 @@ def laid_on(
     takes: int = 0,
     seed: int = 0,
     exact: bool = False,
+    pixels: bool = True,
 ) -> list[TalkingClip]:
     """Clips with their mouths laid on a canonical face (K, 3); frames without a face left out.
 
     Args:
         takes: how many other takes of each sound to make.
         exact: whether they show the synthetic speaker.
+        pixels: whether to cut out the mouths as well, for which the clips are read again.
     """
     hearing, rng = Hearing(), np.random.default_rng(seed)
     clips = []
@@ -105,6 +111,10 @@ def laid_on(
         shapes = mouth_shape(r.meshes, face)
         seen = np.isfinite(shapes).all((1, 2))
         others = tuple(another_take(r.samples, hearing, rng) for _ in range(takes))
-        clip = TalkingClip(r.name, shapes[seen], r.times[seen], hearing(r.samples), r.voice)
-        clips.append(replace(clip, takes=others, exact=exact))
+        name, heard = r.path.stem, hearing(r.samples)
+        clip = TalkingClip(name, shapes[seen], r.times[seen], heard, r.voice, exact=exact)
+        if pixels:
+            crops = mouth_crops(media.read_frames(r.path), r.meshes, face)
+            clip = replace(clip, crops=crops[seen])
+        clips.append(replace(clip, takes=others))
     return clips

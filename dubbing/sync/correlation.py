@@ -14,7 +14,8 @@ from scipy import linalg
 
 from dubbing.sync.clips import TalkingClip
 from dubbing.sync.hearing import CHANNELS
-from dubbing.sync.windows import centred, mouth_windows, sound_windows
+from dubbing.sync.sight import centred
+from dubbing.sync.windows import mouth_windows, sound_windows
 
 STEP = 0.04
 # Lags that are tried: +-0.6 s in steps of a sound feature.

@@ -57,7 +57,7 @@ class Embedded:
 
 def embed(network: SyncNetwork, clip: TalkingClip) -> Embedded:
     rate = 1 / float(np.median(np.diff(clip.times)))
-    mouth = mouth_embeddings(network, clip.shapes, clip.times)
+    mouth = mouth_embeddings(network, clip.shapes, clip.crops, clip.times)
     rows = distances(mouth, sound_around(network, clip, clip.times, rate), WIDE)
     weights = SILENT_WEIGHT + at_times(clip.voice, clip.times)
     best = OFFSETS[int(np.nanargmin(mean_curve(rows, weights)[NEAR]))]

@@ -1,14 +1,14 @@
-"""What a video shows and says: mouth shapes of every face, and the sound, block by block.
+"""What a video shows and says: the mouth of every face, and the sound, block by block.
 
 A block is at most a minute, so memory does not grow with the length of the video. Faces keep
 their number from block to block.
 
-Letters: F frames of a block, M mouth points, T sound steps of 20 ms, D = 144 channels.
+Letters: F frames of a block, M mouth points, R rows and C columns of a crop, T sound steps of
+20 ms, D = 144 channels.
 """
 
-from collections import defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import islice, pairwise
 from pathlib import Path
@@ -17,7 +17,8 @@ import numpy as np
 
 from dubbing import media
 from dubbing.errors import MediaError
-from dubbing.sync.faces import track_faces
+from dubbing.sync.crop import COLUMNS, ROWS, mouth_crop
+from dubbing.sync.faces import FaceTracker
 from dubbing.sync.hearing import Hearing
 from dubbing.sync.mouth import MOUTH, mouth_shape
 from dubbing.voice import SAMPLE_RATE, voice_activity
@@ -38,11 +39,42 @@ class Sound:
 
 @dataclass(frozen=True)
 class SeenFace:
-    """One face in one block: mouth shapes (F, M, 2), NaN where unseen, and where it mostly is."""
+    """One face in one block: mouth shapes (F, M, 2), NaN where unseen, and where it mostly is.
+
+    `crops` (F, R, C) uint8 are the pixels of its mouth, 0 where unseen.
+    """
 
     shapes: np.ndarray
+    crops: np.ndarray
     centre: tuple[float, float]  # column and row as shares of the picture
     width: float  # of the face, pixels
+
+
+@dataclass
+class _Gathered:
+    """What comes together of one face over the frames of a block."""
+
+    shapes: np.ndarray
+    crops: np.ndarray
+    places: list[np.ndarray] = field(default_factory=list)
+
+    @classmethod
+    def empty(cls, frames: int) -> "_Gathered":
+        shapes = np.full((frames, len(MOUTH), 2), np.nan, np.float32)
+        return cls(shapes, np.zeros((frames, ROWS, COLUMNS), np.uint8))
+
+    def add(self, k: int, frame: np.ndarray, points: np.ndarray, face: np.ndarray) -> None:
+        """The mesh (478, 3) of frame k (H, W, 3)."""
+        self.shapes[k] = mouth_shape(points[None], face)[0]
+        self.crops[k] = mouth_crop(frame, points, face)
+        low, high = points[:, :2].min(0), points[:, :2].max(0)
+        self.places.append(np.array([*(low + high) / 2, high[0] - low[0]]))
+
+    def seen(self, width: int, height: int) -> SeenFace:
+        """Args: of the picture, pixels."""
+        column, row, reach = np.median(self.places, axis=0)
+        place = float(column / width), float(row / height)
+        return SeenFace(self.shapes, self.crops, place, float(reach))
 
 
 @dataclass(frozen=True)
@@ -98,28 +130,20 @@ def measure(
         raise MediaError("no picture in it", str(video))
     rate, total = info.rate, info.frames
     pictures = media.read_frames(video)
-    tracked = track_faces(pictures, float(rate))
     hearing = Hearing()
     first = 0
-    for length in block_lengths(total, rate):
-        shapes: dict[int, np.ndarray] = {}
-        places: dict[int, list[np.ndarray]] = defaultdict(list)
-        for k, faces in enumerate(islice(tracked, length)):
-            for seen in faces:
-                if seen.track not in shapes:
-                    shapes[seen.track] = np.full((length, len(MOUTH), 2), np.nan, np.float32)
-                shapes[seen.track][k] = mouth_shape(seen.points[None], face)[0]
-                low, high = seen.points[:, :2].min(0), seen.points[:, :2].max(0)
-                places[seen.track].append(np.array([*(low + high) / 2, high[0] - low[0]]))
-            if progress is not None:
-                progress((first + k + 1) / total)
-        size = np.array([info.width, info.height, 1.0])
-        middle = {t: np.median(p, axis=0) / size for t, p in places.items()}
-        found = {
-            t: SeenFace(s, (float(middle[t][0]), float(middle[t][1])), float(middle[t][2]))
-            for t, s in shapes.items()
-        }
-        start, seconds = first / float(rate), length / float(rate)
-        sound = measure_sound(sound_from or video, start, seconds, hearing)
-        yield Block(first, length, rate, found, sound)
-        first += length
+    with FaceTracker(float(rate)) as tracker:
+        for length in block_lengths(total, rate):
+            gathered: dict[int, _Gathered] = {}
+            for k, frame in enumerate(islice(pictures, length)):
+                for found in tracker(frame):
+                    if found.track not in gathered:
+                        gathered[found.track] = _Gathered.empty(length)
+                    gathered[found.track].add(k, frame, found.points, face)
+                if progress is not None:
+                    progress((first + k + 1) / total)
+            faces = {track: g.seen(info.width, info.height) for track, g in gathered.items()}
+            start, seconds = first / float(rate), length / float(rate)
+            sound = measure_sound(sound_from or video, start, seconds, hearing)
+            yield Block(first, length, rate, faces, sound)
+            first += length

@@ -1,4 +1,4 @@
-"""Training of our sync network: about a minute a member on one core."""
+"""Training of our sync network: minutes a member on one core."""
 
 import tempfile
 from collections.abc import Callable, Sequence
@@ -10,30 +10,38 @@ import numpy as np
 import torch
 
 from dubbing.errors import SyncError
-from dubbing.sync.augmentation import Batches
+from dubbing.sync.batches import Batches
 from dubbing.sync.clips import TalkingClip, laid_on, record
 from dubbing.sync.correlation import TRUSTED_PEAK, align, lip_basis
 from dubbing.sync.mouth import canonical_face
-from dubbing.sync.network import SyncNetwork, TwoStream, save_network
+from dubbing.sync.network import Senses, SyncNetwork, TwoStream, save_network
 from dubbing.sync.speakers import LEARNED, Part, speaker_clips
+from dubbing.sync.streams import LipStream
 
 RATE = 2e-3
 WARM_UP = 0.1
 DECAY = 0.05
 MIN_CLIPS = 3
 
+MEMBERS = (Senses("lips", "mel"), Senses("lips", "rnn"), Senses("pixels", "mel"))
+# A step of a member that sees pixels takes five times as long: it makes this share of them.
+PIXEL_STEPS = 1 / 3
+
 Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
 class SyncTraining:
-    """How long and how often."""
+    """How long and how often. `steps` are those of a member that sees lips."""
 
     steps: int = 1200
-    members: tuple[str, ...] = ("mel", "rnn")  # what each one hears
+    members: tuple[Senses, ...] = MEMBERS
     takes: int = 8  # other takes of every sound
     speakers: tuple[Part, ...] = LEARNED  # the synthetic ones that set the zero
     seed: int = 0
+
+    def steps_of(self, senses: Senses) -> int:
+        return round(self.steps * (PIXEL_STEPS if senses.sees == "pixels" else 1))
 
 
 def usable_clips(clips: Sequence[TalkingClip]) -> list[TalkingClip]:
@@ -44,16 +52,18 @@ def usable_clips(clips: Sequence[TalkingClip]) -> list[TalkingClip]:
 
 def train_member(
     clips: Sequence[TalkingClip],
-    hears: str,
+    senses: Senses,
     steps: int,
     seed: int,
     progress: Progress | None = None,
 ) -> TwoStream:
     """One pair of streams, by InfoNCE with AdamW and a one-cycle rate."""
     torch.manual_seed(seed)
-    member = TwoStream(hears)
-    member.basis.copy_(torch.from_numpy(lip_basis(clips, member.basis.shape[1])))
-    batches = Batches(clips, np.random.default_rng(seed))
+    member = TwoStream(senses)
+    if isinstance(member.mouth, LipStream):
+        basis = member.mouth.basis
+        basis.copy_(torch.from_numpy(lip_basis(clips, basis.shape[1])))
+    batches = Batches(clips, senses.sees, np.random.default_rng(seed))
     optimiser = torch.optim.AdamW(member.parameters(), lr=RATE, weight_decay=DECAY)
     rates = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, steps, pct_start=WARM_UP)
     member.train()
@@ -64,7 +74,8 @@ def train_member(
         optimiser.step()
         rates.step()
         if progress is not None and (step + 1) % 100 == 0:
-            progress(f"{hears}, seed {seed}: step {step + 1} of {steps}, loss {loss.item():.3f}")
+            what = f"{senses.sees} against {senses.hears}, seed {seed}"
+            progress(f"{what}: step {step + 1} of {steps}, loss {loss.item():.3f}")
     return member.eval()
 
 
@@ -77,9 +88,9 @@ def train_network(
     """The network of several members, from clips whose offsets are corrected."""
     network = SyncNetwork(())
     network.face.copy_(torch.from_numpy(face))
-    for k, hears in enumerate(settings.members):
-        seed = settings.seed + k
-        network.members.append(train_member(clips, hears, settings.steps, seed, progress))
+    for k, senses in enumerate(settings.members):
+        seed, steps = settings.seed + k, settings.steps_of(senses)
+        network.members.append(train_member(clips, senses, steps, seed, progress))
     return network.eval()
 
 
@@ -106,10 +117,11 @@ def train_sync(
         )
     recordings = [record(path) for path in clips]
     face = canonical_face(r.meshes for r in recordings)
+    takes, seed = settings.takes, settings.seed
+    measured = laid_on(recordings, face, takes=takes, seed=seed)
     with tempfile.TemporaryDirectory() as folder:
         made = [record(p) for p in speaker_clips(Path(folder), settings.speakers, progress)]
-    measured = laid_on(recordings, face, takes=settings.takes, seed=settings.seed)
-    measured += laid_on(made, face, takes=settings.takes, seed=settings.seed + 1, exact=True)
+        measured += laid_on(made, face, takes=takes, seed=seed + 1, exact=True)
     used = usable_clips(measured)
     if len(used) < MIN_CLIPS:
         raise SyncError(
@@ -122,7 +134,7 @@ def train_sync(
         "clips": {clip.name: round(clip.offset, 3) for clip in used},
         "left_out": sorted(clip.name for clip in measured if clip.name not in names),
         "steps": settings.steps,
-        "members": list(settings.members),
+        "members": [f"{sees} against {hears}" for sees, hears in settings.members],
         "seed": settings.seed,
     }
     save_network(train_network(used, face, settings, progress), out, about)

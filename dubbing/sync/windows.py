@@ -1,56 +1,36 @@
 """What the network looks at: five mouth frames, and 0.2 s of sound, at given moments.
 
-Letters: F frames, W moments, V = 5 mouth frames, M mouth points, A = 10 sound steps, D channels.
+Letters: F frames, W moments, V = 5 mouth frames, X values a frame, A = 10 sound steps, D channels.
 """
 
 import numpy as np
 
 from dubbing.sync.hearing import Take
-from dubbing.sync.network import MOUTH_FRAMES, MOUTH_STEP, SOUND_STEPS
+from dubbing.sync.streams import MOUTH_FRAMES, MOUTH_STEP, SOUND_STEPS
 from dubbing.voice import STEP_RATE, at_times
 
-# A mouth is compared with its own mean over this long before and after.
-MEAN_SECONDS = 4.0
 _MOUTH_OFFSETS = (np.arange(MOUTH_FRAMES) - (MOUTH_FRAMES - 1) / 2) * MOUTH_STEP
 _SOUND_OFFSETS = (np.arange(SOUND_STEPS) - (SOUND_STEPS - 1) / 2) / STEP_RATE
 
 
-def centred(shapes: np.ndarray, times: np.ndarray, reach: float = MEAN_SECONDS) -> np.ndarray:
-    """Mouth shapes (F, M, 2) less their mean over +-`reach` seconds; NaN stays and is left out.
-
-    This takes away the person and the slow change of pose, and does not depend on how a long
-    video is cut into blocks.
-    """
-    flat = shapes.reshape(len(shapes), -1)
-    seen = np.isfinite(flat).all(1)
-    running = np.zeros((len(flat) + 1, flat.shape[1]))
-    running[1:] = np.cumsum(np.where(seen[:, None], flat, 0), axis=0)
-    count = np.concatenate([[0], np.cumsum(seen)])
-    low = np.searchsorted(times, times - reach)
-    high = np.searchsorted(times, times + reach, side="right")
-    # Where nothing was seen the sum is 0 and the shape NaN: any divisor does.
-    mean = (running[high] - running[low]) / np.maximum(count[high] - count[low], 1)[:, None]
-    return (flat - mean).astype(np.float32)
-
-
 def mouth_windows(
-    shapes: np.ndarray, times: np.ndarray, moments: np.ndarray, stretch: float = 1.0
+    mouths: np.ndarray, times: np.ndarray, moments: np.ndarray, stretch: float = 1.0
 ) -> np.ndarray:
-    """Five mouth shapes 40 ms (times `stretch`) apart around each moment, (W, V, 2 M).
+    """Five mouths 40 ms (times `stretch`) apart around each moment, (W, V, X).
 
     Args:
-        shapes: (F, 2 M) at `times`, increasing.
-        moments: seconds, (W,). At the ends of the video the outermost shape is repeated.
+        mouths: (F, X) at `times`, increasing: shapes or pixels.
+        moments: seconds, (W,). At the ends of the video the outermost one is repeated.
     """
     if len(times) == 1:
-        return np.broadcast_to(shapes[:, None], (len(moments), MOUTH_FRAMES, shapes.shape[1]))
+        return np.broadcast_to(mouths[:, None], (len(moments), MOUTH_FRAMES, mouths.shape[1]))
     wanted = np.clip(moments[:, None] + _MOUTH_OFFSETS * stretch, times[0], times[-1])
     after = np.clip(np.searchsorted(times, wanted), 1, len(times) - 1)
     step = times[after] - times[after - 1]
     weight = ((wanted - times[after - 1]) / step).astype(np.float32)[..., None]
     # A neighbour of weight 0 must not spread its NaN.
-    early = np.where(weight < 1, shapes[after - 1] * (1 - weight), 0)
-    late = np.where(weight > 0, shapes[after] * weight, 0)
+    early = np.where(weight < 1, mouths[after - 1] * (1 - weight), 0)
+    late = np.where(weight > 0, mouths[after] * weight, 0)
     return early + late
 
 

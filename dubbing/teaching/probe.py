@@ -45,7 +45,7 @@ def speakers(paths: Sequence[Path], cache: Path | None = None) -> list[Speaker]:
         SyncError: a clip shows no face.
     """
     found = [recorded(path, cache) for path in paths]
-    aligned, _ = align(laid_on(found, canonical_face(r.meshes for r in found)))
+    aligned, _ = align(laid_on(found, canonical_face(r.meshes for r in found), pixels=False))
     return [
         _speaker(path, recording, clip.offset)
         for path, recording, clip in zip(paths, found, aligned, strict=True)

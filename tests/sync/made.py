@@ -3,6 +3,7 @@
 import numpy as np
 
 from dubbing.sync.clips import TalkingClip
+from dubbing.sync.crop import COLUMNS, ROWS
 from dubbing.sync.hearing import CHANNELS
 from dubbing.sync.mouth import mouth_shape
 from tests.sync.meshes import canonical, talk
@@ -32,4 +33,14 @@ def made_clip(name: str, seed: int, late: float = 0.0, seconds: float = 8.0) -> 
     sound = np.concatenate(parts, axis=1)
     sound = sound + 0.05 * rng.normal(size=sound.shape)
     voice = np.ones(len(sound), np.float32)
-    return TalkingClip(name, shapes, times, sound.astype(np.float32), voice)
+    crops = made_crops(8 + 2.5 * height, 18 + 2 * wide)
+    return TalkingClip(name, shapes, times, sound.astype(np.float32), voice, crops=crops)
+
+
+def made_crops(height: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """Crops (F, R, C) of a dark mouth opening, with half height and half width (F,) in pixels."""
+    row, column = np.mgrid[:ROWS, :COLUMNS]
+    down = (row - ROWS / 2) / np.maximum(height, 1)[:, None, None]
+    across = (column - COLUMNS / 2) / np.maximum(width, 1)[:, None, None]
+    inside = np.clip(4 * (1 - np.hypot(down, across)), 0, 1)
+    return np.round(160 - 120 * inside).astype(np.uint8)

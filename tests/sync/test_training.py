@@ -9,15 +9,19 @@ import torch
 
 from dubbing.errors import SyncError
 from dubbing.sync import clips
-from dubbing.sync.augmentation import MIRROR, Batches, mouth_sides, vary_mouth, vary_sound
-from dubbing.sync.clips import Recording
+from dubbing.sync.augmentation import MIRROR, mouth_sides, vary_mouth, vary_sound
+from dubbing.sync.batches import Batches
+from dubbing.sync.clips import Recording, TalkingClip
 from dubbing.sync.correlation import align
 from dubbing.sync.evaluation import area_under_roc, embed, shifts_found
 from dubbing.sync.hearing import CHANNELS, WIDTH
 from dubbing.sync.mouth import CORNERS, MOUTH
-from dubbing.sync.network import SyncNetwork, TwoStream, load_network, save_network
+from dubbing.sync.network import Senses, SyncNetwork, TwoStream, load_network, save_network
+from dubbing.sync.sight import SIGHTS, look
 from dubbing.sync.speakers import LEARNED, UNSEEN
+from dubbing.sync.streams import LipStream
 from dubbing.sync.training import SyncTraining, train_network, train_sync, usable_clips
+from dubbing.sync.windows import mouth_windows
 from tests.sync.made import made_clip
 from tests.sync.meshes import canonical
 
@@ -72,9 +76,16 @@ def test_sides_of_the_mouth() -> None:
     assert np.abs(sides).max() == pytest.approx(1)
 
 
-def test_batches_have_their_shapes_and_repeat() -> None:
-    one, two = (Batches(CLIPS, np.random.default_rng(3)).draw() for _ in range(2))
-    assert one[0].shape == (288, 5, 2 * len(MOUTH))
+def some_mouths(clip: TalkingClip, count: int) -> torch.Tensor:
+    """The first windows (count, 5, S) of all that a network looks at."""
+    seen = look(clip.shapes, clip.crops, clip.times)
+    return torch.from_numpy(mouth_windows(seen, clip.times, clip.times[:count]))
+
+
+@pytest.mark.parametrize("sees", SIGHTS)
+def test_batches_have_their_shapes_and_repeat(sees: str) -> None:
+    one, two = (Batches(CLIPS, sees, np.random.default_rng(3)).draw() for _ in range(2))
+    assert one[0].shape == (288, 5, SIGHTS[sees].stop - SIGHTS[sees].start)
     assert one[1].shape == (288, 10, WIDTH)
     assert all(torch.equal(a, b) for a, b in zip(one, two, strict=True))
     assert torch.isfinite(one[0]).all()
@@ -92,10 +103,16 @@ def test_variations_keep_shapes_and_change_values() -> None:
         assert 0 < np.abs(after - before).mean() < 0.6
 
 
-@pytest.mark.parametrize("hears", ["mel", "rnn"])
-def test_it_learns_and_finds_shifts_of_a_clip_it_never_saw(tmp_path: Path, hears: str) -> None:
+STEPS = {"lips": 30, "pixels": 120}  # of which pixels take a third
+SENSES = (Senses("lips", "mel"), Senses("lips", "rnn"), Senses("pixels", "mel"))
+
+
+@pytest.mark.parametrize("senses", SENSES)
+def test_it_learns_and_finds_shifts_of_a_clip_it_never_saw(tmp_path: Path, senses: Senses) -> None:
     used = usable_clips(CLIPS)
-    network = train_network(used, canonical(), SyncTraining(steps=30, members=(hears,)))
+    network = train_network(
+        used, canonical(), SyncTraining(steps=STEPS[senses.sees], members=(senses,))
+    )
     unseen = embed(network, made_clip("unseen", 50))
     # Positive: the sound is early. What the clips' offsets have in common stays in the network.
     assert abs(unseen.offset) <= 1
@@ -107,23 +124,25 @@ def test_it_learns_and_finds_shifts_of_a_clip_it_never_saw(tmp_path: Path, hears
     assert np.mean(shifts_found(wrong, 3.0)) < 0.1
     path = tmp_path / "weights.safetensors"
     save_network(network, path, {"clips": []})
-    shapes, sound = Batches(CLIPS, np.random.default_rng(0)).draw()
+    mouths = some_mouths(CLIPS[0], 50)
+    _, sound = Batches(CLIPS, "lips", np.random.default_rng(0)).draw()
     again = load_network(path)
-    assert [member.hears for member in again.pairs()] == [hears]
-    assert torch.allclose(network.embed_mouth(shapes), again.embed_mouth(shapes), atol=2e-2)
+    assert [member.senses for member in again.pairs()] == [senses]
+    assert torch.allclose(network.embed_mouth(mouths), again.embed_mouth(mouths), atol=2e-2)
     assert torch.allclose(network.embed_sound(sound), again.embed_sound(sound), atol=2e-2)
 
 
 def test_training_repeats_itself() -> None:
-    settings = SyncTraining(steps=3, members=("rnn",))
+    settings = SyncTraining(steps=3, members=(Senses("pixels", "rnn"),))
     one, two = (train_network(CLIPS, canonical(), settings).state_dict() for _ in range(2))
     assert all(torch.equal(one[k], two[k]) for k in one)
 
 
 def test_loss_prefers_matching_pairs() -> None:
     torch.manual_seed(0)
-    member = TwoStream().eval()
-    member.basis.normal_()
+    member = TwoStream(Senses("lips", "mel")).eval()
+    assert isinstance(member.mouth, LipStream)
+    member.mouth.basis.normal_()
     mouth, sound = torch.randn(6, 5, 2 * len(MOUTH)), torch.rand(6, 10, WIDTH)
     v, a = member.embed_mouth(mouth), member.embed_sound(sound)
     logits = (member.sharpness.exp() * v @ a.T).detach()
@@ -136,15 +155,17 @@ def test_loss_prefers_matching_pairs() -> None:
 
 def test_embeddings_have_length_one() -> None:
     network = load_network()
-    shapes, sound = Batches(CLIPS, np.random.default_rng(0)).draw()
-    for embedding in (network.embed_mouth(shapes), network.embed_sound(sound)):
-        assert torch.allclose(embedding.norm(dim=1), torch.ones(len(shapes)), atol=1e-5)
+    _, sound = Batches(CLIPS, "lips", np.random.default_rng(0)).draw()
+    mouths = some_mouths(CLIPS[0], 50)
+    for embedding in (network.embed_mouth(mouths), network.embed_sound(sound)):
+        assert embedding.shape[1] == network.size
+        assert torch.allclose(embedding.norm(dim=1), torch.ones(len(embedding)), atol=1e-5)
 
 
 def test_a_member_hears_its_own_channels_only() -> None:
     torch.manual_seed(0)
     for hears, other in (("mel", "rnn"), ("rnn", "mel")):
-        member = TwoStream(hears).eval()
+        member = TwoStream(Senses("lips", hears)).eval()
         sound = torch.rand(4, 10, WIDTH)
         changed = sound.clone()
         changed[..., CHANNELS[other]] += 1
@@ -162,7 +183,7 @@ def test_weights_of_another_acoustic_network_say_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "weights.safetensors"
-    save_network(SyncNetwork(("rnn",)), path, {})
+    save_network(SyncNetwork(SENSES[1:2]), path, {})
     monkeypatch.setattr("dubbing.sync.network.fingerprint", lambda _: "another")
     with pytest.raises(SyncError, match="acoustic network"):
         load_network(path)
@@ -196,13 +217,18 @@ def test_area_under_the_roc() -> None:
 
 
 def test_members_average_their_squared_distances() -> None:
-    network = SyncNetwork(("mel", "rnn"))
+    network = SyncNetwork(SENSES)
     for member in network.members:
-        torch.nn.init.normal_(member.get_buffer("basis"))
+        for name, basis in member.named_buffers():
+            if name.endswith("basis"):
+                torch.nn.init.normal_(basis)
     network.eval()
-    shapes, sound = torch.randn(4, 5, 2 * len(MOUTH)), torch.rand(4, 10, WIDTH)
-    joint = (network.embed_mouth(shapes) - network.embed_sound(sound)).pow(2).sum(1)
-    each = [(m.embed_mouth(shapes) - m.embed_sound(sound)).pow(2).sum(1) for m in network.pairs()]
+    mouth, sound = torch.randn(4, 5, SIGHTS["pixels"].stop), torch.rand(4, 10, WIDTH)
+    joint = (network.embed_mouth(mouth) - network.embed_sound(sound)).pow(2).sum(1)
+    each = [
+        (m.embed_mouth(mouth[..., SIGHTS[m.senses.sees]]) - m.embed_sound(sound)).pow(2).sum(1)
+        for m in network.pairs()
+    ]
     assert torch.allclose(joint, torch.stack(each).mean(0), atol=1e-5)
 
 
@@ -210,7 +236,7 @@ def test_what_another_version_kept_of_a_clip_is_measured_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     measured = Recording(
-        "someone", np.zeros((4, 478, 3)), np.arange(4.0), np.zeros(80), np.ones(2, bool)
+        Path("someone.mp4"), np.zeros((4, 478, 3)), np.arange(4.0), np.zeros(80), np.ones(2, bool)
     )
     monkeypatch.setattr(clips, "record", lambda path: measured)
     np.savez(tmp_path / "someone.npz", meshes=measured.meshes, mel=np.zeros((4, 80)))
