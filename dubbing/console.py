@@ -149,14 +149,13 @@ def sync(found: dict[str, Any]) -> None:
 
 
 def metrics(found: dict[str, dict[str, dict[str, Any]]]) -> None:
-    """Held-out figures: identity -> method -> figure."""
-    names = sorted({key for methods in found.values() for row in methods.values() for key in row})
-    table = Table("identity", "method", *names)
+    """Held-out figures: identity -> method -> figure. A table a person, a column a method."""
     for identity, methods in found.items():
-        for method, row in methods.items():
-            cells = [_figure(row.get(name)) for name in names]
-            table.add_row(identity, method, *cells)
-    out.print(table)
+        table = Table(identity, *methods)
+        # In the order in which they were measured.
+        for name in dict.fromkeys(key for row in methods.values() for key in row):
+            table.add_row(name, *(_figure(row.get(name)) for row in methods.values()))
+        out.print(table)
 
 
 def doctor(findings: Sequence[Finding]) -> None:
