@@ -13,10 +13,9 @@ from typing import Any
 # person learns by default.
 FORMATS = {"fast": "dfrf-1", "paper": "dfrf-paper-1"}
 STEPS = {"fast": 2000, "paper": 40_000}
-# What `fast` is compared with: the same with other numbers of references, or without the warp. They
-# start from its base.
-FEWER_OR_MORE = {"fast-1": 1, "fast-2": 2, "fast-6": 6}
-FROM_BASE = ("fast", "fast-nowarp", *FEWER_OR_MORE)
+# References of the variants that `fast` is compared with, and all presets that start from its base.
+REFERENCE_COUNTS = {"fast-1": 1, "fast-2": 2, "fast-6": 6}
+FROM_BASE = ("fast", "fast-nowarp", *REFERENCE_COUNTS)
 PUBLISHED_SPEECH = "deepspeech"  # the features that published checkpoints hear
 
 # Half sizes of the box round the head, head frame, y up, face towards +z. Hair reaches higher than
