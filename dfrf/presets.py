@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from typing import overload
 
 from dfrf.config import (
-    REFERENCE_COUNTS,
     FROM_BASE,
+    REFERENCE_COUNTS,
     STEPS,
     FieldConfig,
     MarchConfig,
