@@ -19,6 +19,7 @@ from dfrf.config import FieldConfig, ModelConfig
 from dfrf.encodings import frequency_encoding
 from dfrf.head import HeadModel
 from dfrf.occupancy import OccupancyGrid
+from dfrf.references import sharpened
 from dfrf.speech import LEAK, AudioAttNet, AudioNet
 
 COLOUR = slice(0, 3)
@@ -134,8 +135,8 @@ def of_points(values: Tensor, belongs: Tensor) -> Tensor:
 class ReferenceEncoder(nn.Module):
     """Two 3x3 convolutions without down-sampling, then a linear layer a pixel.
 
-    The first four channels of the result are the colour and the matte themselves, so that the field
-    can blend what the references really show.
+    The first four channels of the result are the colour, sharpened, and the matte themselves, so
+    that the field can blend what the references really show.
     """
 
     def __init__(self, config: FieldConfig) -> None:
@@ -148,10 +149,11 @@ class ReferenceEncoder(nn.Module):
     def forward(self, views: ReferenceViews) -> ReferenceMaps:
         """Feature table of the references, (N * H * W, C) float32."""
         matte = views.mattes[..., None].float() / 255
-        raw = torch.cat([views.images.float() / 255, matte], -1)
+        colours = views.images.float() / 255
+        raw = torch.cat([colours, matte], -1)
         x = raw.permute(0, 3, 1, 2).contiguous(memory_format=torch.channels_last)
         learned = self.head(F.relu(self.conv2(F.relu(self.conv1(x * 2 - 1)))))
-        table = torch.cat([raw, learned.permute(0, 2, 3, 1)], -1)
+        table = torch.cat([sharpened(colours), matte, learned.permute(0, 2, 3, 1)], -1)
         count, height, width, channels = table.shape
         return ReferenceMaps(table.reshape(count * height * width, channels), height, width, views)
 

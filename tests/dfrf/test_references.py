@@ -5,7 +5,15 @@ from torch import Tensor
 from torch.autograd import gradcheck
 
 from dfrf.encodings import frequency_encoding
-from dfrf.references import ReferenceCNN, bilinear, clamp_to_image, nearest, reference_input
+from dfrf.references import (
+    SPREAD,
+    ReferenceCNN,
+    bilinear,
+    clamp_to_image,
+    nearest,
+    reference_input,
+    sharpened,
+)
 
 # Inside, between, on the border, and outside of a picture of 6 rows and 9 columns.
 PLACES = [[2.3, 4.9], [0.0, 0.0], [7.6, 3.2], [8.0, 5.0], [-3.0, 2.5], [4.2, 11.0], [30.0, -7.0]]
@@ -51,6 +59,40 @@ def test_both_read_the_same_at_pixel_centres_and_keep_leading_shapes() -> None:
     ).float()
     torch.testing.assert_close(bilinear(maps, places), nearest(maps, places))
     assert nearest(maps, places).shape == (3, 2, 5, 4)
+
+
+def test_sharpening_keeps_means_and_ramps_and_takes_back_a_variance() -> None:
+    point = torch.zeros(1, 9, 9, 3)
+    point[0, 4, 4] = 1
+    kernel = sharpened(point)[0, :, :, 1]
+    away = torch.arange(9.0) - 4
+    torch.testing.assert_close(kernel.sum(), torch.tensor(1.0))
+    for along in (kernel.sum(0), kernel.sum(1)):
+        torch.testing.assert_close((along * away**2).sum(), torch.tensor(-SPREAD))
+    ramp = torch.arange(9.0)[None, None, :, None].expand(1, 5, 9, 3)
+    torch.testing.assert_close(sharpened(ramp)[:, :, 1:-1], ramp[:, :, 1:-1])
+    torch.testing.assert_close(sharpened(torch.ones(2, 4, 5, 3)), torch.ones(2, 4, 5, 3))
+
+
+def test_colours_read_between_pixels_and_mixed_keep_their_gradients() -> None:
+    """Two images of one smooth texture, read at the same random places a little apart."""
+    generator = torch.Generator().manual_seed(0)
+    noise = torch.rand(1, 3, 60, 60, generator=generator)
+    image = torch.nn.functional.avg_pool2d(noise, 3, stride=1).permute(0, 2, 3, 1)
+    start = torch.rand(400, 2, generator=generator) * 50 + 3
+
+    def gradients(of: Tensor) -> float:
+        apart = torch.randn(4, 400, 2, generator=torch.Generator().manual_seed(1)) * 0.4
+        mixed = [
+            bilinear(of.expand(4, -1, -1, -1), start + apart + shift).mean(0)
+            for shift in (torch.zeros(2), torch.tensor([1.0, 0.0]))
+        ]
+        return float(((mixed[1] - mixed[0]) ** 2).mean())
+
+    exact = float(((image[:, :, 1:] - image[:, :, :-1]) ** 2).mean())
+    plain, sharp = gradients(image) / exact, gradients(sharpened(image)) / exact
+    assert plain < 0.6
+    assert 0.7 < sharp < 1.1
 
 
 def test_gradients_of_bilinear() -> None:
