@@ -19,14 +19,15 @@ from dfrf.config import TrainConfig
 from dfrf.data import Identity, RayBatch, cut_references, draw_rays, surface_rays
 from dfrf.lips import learn_lips, shown_codes, shut_lips
 from dfrf.losses import weighted_warp_penalty
+from dfrf.manner import learn_manner
 from dfrf.method import Method, Outcome
-from dfrf.model import Model, ReferenceMaps, ReferenceViews
+from dfrf.model import REACH, Model, ReferenceMaps, ReferenceViews
 from dfrf.rendering import render_frames, render_rays
 
 SHARES = 4  # of a step's rays on a CPU: as many cores work side by side
 SURFACE_RAYS = 24
 UNSURE = 0.05  # a matte further than that from 0 and 1 is not sure
-SPEECH = ("field.audio.", "field.attention.", "field.lips.")
+SPEECH = ("field.audio.", "field.attention.", "field.lips.", "field.manner.")
 
 
 @dataclass(frozen=True)
@@ -135,6 +136,7 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
 
     side_by_side = SHARES
     segment = 50
+    reach = REACH
 
     def __init__(self, model: Model) -> None:
         self._model = model
@@ -209,9 +211,10 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
             self.model.grid.refresh()
 
     def finish(self, person: Identity, views: ReferenceViews | None, seed: int) -> None:
-        """Notes what a shut mouth is, and closes the cells that show nothing."""
+        """Notes the person's manner and what a shut mouth is; closes cells that show nothing."""
         model = self.model
         if model.config.field.use_speech:
+            learn_manner(model, person)
             model.field.shut.copy_(shut_lips(model, person))
         maps = None if views is None else self.maps(views)
         told = told_of(model, [person])[person.name]

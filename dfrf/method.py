@@ -68,10 +68,12 @@ class Method(ABC, Generic[ShareT, MapsT]):
     Attributes:
         side_by_side: shares of a step that are worked on at once, at most.
         segment: frames that are rendered before they are kept: what a kill costs at most.
+        reach: frames before and after those to render whose speech is asked for too.
     """
 
     side_by_side: int
     segment: int
+    reach: int
 
     @property
     @abstractmethod
@@ -171,7 +173,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
 
         Args:
             c2w: (T, 3, 4); focal in pixels; centres (T, 2).
-            windows: (T, 8, 16, D) speech windows of each frame's neighbours.
+            windows: (T + 2 reach, 8, 16, D) speech windows of each frame's neighbours.
             upper: (T, U) measures of the upper face.
             maps: reference features.
             size: S.

@@ -24,6 +24,7 @@ from dfrf.speech import LEAK, AudioAttNet, AudioNet
 
 COLOUR = slice(0, 3)
 LIP_MEASURES = 7
+REACH = 3  # frames to each side whose lips have a say in a frame's, see `manner`
 PRIOR_CENTRE = (0.0, 0.1, -0.05)
 PRIOR_RADII = (0.85, 1.25, 1.05)
 PRIOR_SLOPE = 20.0
@@ -229,6 +230,13 @@ class Field(nn.Module):
             self.lips = nn.Linear(config.code_dim, LIP_MEASURES)
             # What it reads where the person's mouth is shut.
             self.register_buffer("shut", torch.zeros(LIP_MEASURES))
+            # What the lips do where a frame and its neighbours say so much: at first, just that.
+            self.manner = nn.Linear((2 * REACH + 1) * LIP_MEASURES, LIP_MEASURES)
+            nn.init.zeros_(self.manner.bias)
+            own = torch.zeros(2 * REACH + 1)
+            own[REACH] = 1
+            eye = torch.eye(LIP_MEASURES)
+            self.manner.weight.data.copy_((eye[:, None] * own[:, None]).flatten(1))
             for layer in self.audio.modules():
                 if isinstance(layer, nn.Conv1d | nn.Linear) and layer.bias is not None:
                     # The default start gives the same code for every sound.
@@ -263,17 +271,25 @@ class Field(nn.Module):
         return codes + (lips - self.lips(codes)) @ torch.linalg.pinv(self.lips.weight).T
 
     def told(self, windows: Tensor, upper: Tensor) -> Tensor:
-        """What the field is told of frames, (F, told_dim), from speech and upper face (F, U).
+        """What the field is told of frames in a row, (F, told_dim), when they speak.
 
         Where nothing is heard, features are 0 and the mouth is shut.
+
+        Args:
+            windows: (F + 2 REACH, 8, 16, D) of these frames and of those beside them.
+            upper: (F, U) measures of the upper face.
         """
         codes = self.speech_codes(windows)
+        count = upper.shape[0]
         if self.config.use_speech:
+            said = self.lips(codes).unfold(0, 2 * REACH + 1, 1).mT.flatten(1)
+            codes = self.saying(codes[REACH : REACH + count], self.manner(said))
+            windows = windows[REACH : REACH + count]
             own = windows[:, windows.shape[1] // 2]
             quarter = own.shape[1] // 4
             silent = (own[:, quarter:-quarter] == 0).all(-1).to(codes.dtype).mean(1, keepdim=True)
             codes = codes + silent * (self.saying(codes, self.shut) - codes)
-        return torch.cat([codes, upper], -1)
+        return torch.cat([codes[:count], upper], -1)
 
     def forward(
         self,

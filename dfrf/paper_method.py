@@ -83,6 +83,7 @@ class PaperMethod(Method[PaperShare, ReferenceMaps]):
 
     side_by_side = 1
     segment = 1
+    reach = 0
 
     def __init__(self, model: PaperModel) -> None:
         self._model = model

@@ -240,7 +240,7 @@ def render_frames(
 
     Args:
         c2w: (T, 3, 4); focal in pixels; centres (T, 2).
-        windows: (T, 8, 16, D) speech windows of each frame's neighbours.
+        windows: (T + 2 REACH, 8, 16, D) speech windows of each frame's neighbours.
         upper: (T, U) measures of the upper face.
         maps: reference features.
         size: side of the square picture.

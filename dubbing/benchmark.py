@@ -28,7 +28,7 @@ from dfrf import presets
 from dfrf.cameras import pixel_rays
 from dfrf.data import neighbour_windows
 from dfrf.marching import march
-from dfrf.model import Model, ReferenceMaps
+from dfrf.model import REACH, Model, ReferenceMaps
 from dfrf.paper import PaperModel, References
 from dfrf.rendering import evaluate, head_tiles, render_rays, tile_side
 from dfrf.training import fit
@@ -120,9 +120,10 @@ class Scene:
         return origins, F.normalize(directions, dim=-1)
 
     def heard(self, frame: int) -> Tensor:
-        """Speech windows (1, 8, 16, D) of a frame and its neighbours."""
+        """Speech windows (2 REACH + 1, 8, 16, D) of a frame, those beside it, and neighbours."""
         windows = torch.from_numpy(self.windows).float()
-        near = neighbour_windows(windows, torch.zeros(len(windows)), torch.tensor([frame]))
+        number = torch.arange(frame - REACH, frame + REACH + 1).clamp(0, len(windows) - 1)
+        near = neighbour_windows(windows, torch.zeros(len(windows)), number)
         return near.to(self.device)
 
     def upper(self, frame: int) -> Tensor:

@@ -21,7 +21,6 @@ from dubbing.identity import upper_measures
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 
-AROUND = NEIGHBOURS // 2  # frames beyond a segment that its speech codes look at
 # Speech windows (count, 16, D) of frames first .. first + count.
 Heard = Callable[[int, int], np.ndarray]
 
@@ -74,12 +73,13 @@ def render(
     clip = PreparedClip.load(prepared)
     out.mkdir(parents=True, exist_ok=True)
     segment = method_of(person).segment
+    around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
     for first in range(0, count, segment):
         stop = min(first + segment, count)
         path = out / f"{first:06d}.mkv"
         if not path.exists():
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
-                low, high = max(0, first - AROUND), min(count, stop + AROUND)
+                low, high = max(0, first - around), min(count, stop + around)
                 some = (heard(low, high - low), pose_index[low:high])
                 heads = frames(person, maps, clip, *some, first - low, stop - low)
                 for done, (colour, opacity) in enumerate(heads, first + 1):
@@ -101,11 +101,12 @@ def frames(
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop."""
     device = model.device
-    number = torch.arange(first, stop)
+    method = method_of(model)
+    number = torch.arange(first - method.reach, stop + method.reach).clamp(0, len(windows) - 1)
     # Speech does not stop at a cut of the picture, so all frames count as one run.
     near = neighbour_windows(torch.from_numpy(windows).float(), torch.zeros(len(windows)), number)
     poses = pose_index[first:stop]
-    yield from method_of(model).frames(
+    yield from method.frames(
         torch.from_numpy(clip.c2w()[poses]).float().to(device),
         float(clip.focal),
         torch.from_numpy(clip.centre[poses]).float().to(device),

@@ -19,10 +19,10 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 4,
-    "finetune": 7,
+    "finetune": 8,
     "source": 2,
     "speech": 1,
-    "heads": 4,
+    "heads": 5,
     "video": 1,
     "sync": 2,
 }

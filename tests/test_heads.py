@@ -18,7 +18,7 @@ from tests.fakes import write_prepared
 def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    count = 9
+    count = 24
     path = tmp_path / "clip.mkv"
     with VideoWriter(path, 48, 40, Fraction(25), "ffv1") as writer:
         for _ in range(count):
@@ -50,9 +50,9 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
 
     whole = made(tmp_path / "one")
     assert asked == [(0, count)]
-    monkeypatch.setattr(FastMethod, "segment", 3)
+    monkeypatch.setattr(FastMethod, "segment", 8)
     parts = made(tmp_path / "three")
-    assert asked[1:] == [(0, 7), (0, 9), (2, 7)]
+    assert asked[1:] == [(0, 15), (1, 22), (9, 15)]
     assert len(whole) == len(parts) == count
     for a, b in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(a, b)

@@ -6,7 +6,7 @@ from dfrf import presets
 from dfrf.cameras import pixel_rays
 from dfrf.data import cut_references, neighbour_windows
 from dfrf.marching import box_interval, march
-from dfrf.model import Model, ReferenceMaps
+from dfrf.model import REACH, Model, ReferenceMaps
 from dfrf.rendering import head_tiles, render_frames, render_rays, tile_side
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 
@@ -104,14 +104,22 @@ def test_a_tile_lies_within_a_cell_and_shows_what_single_rays_show() -> None:
 def test_a_frame_does_not_depend_on_the_frames_beside_it() -> None:
     model, maps = shown()
     someone = person()
-    near = neighbour_windows(someone.windows, someone.segment, torch.arange(3))
+    reached = torch.arange(-REACH, 3 + REACH).clamp(0, len(someone.windows) - 1)
+    near = neighbour_windows(someone.windows, someone.segment, reached)
     upper = someone.upper[:3]
     cameras = (someone.c2w[:3], FOCAL, someone.centres[:3])
     together = list(render_frames(model, *cameras, near, upper, maps, SIZE))
     one = slice(1, 2)
     alone = next(
         render_frames(
-            model, cameras[0][one], FOCAL, cameras[2][one], near[one], upper[one], maps, SIZE
+            model,
+            cameras[0][one],
+            FOCAL,
+            cameras[2][one],
+            near[1 : 2 + 2 * REACH],
+            upper[one],
+            maps,
+            SIZE,
         )
     )
     assert torch.equal(together[1][0], alone[0])
