@@ -24,6 +24,7 @@ from dubbing.preparation.banded import (
 )
 from dubbing.preparation.camera import Poses, point_jacobian, pose_jacobian, project, to_camera
 from dubbing.preparation.rotations import relative_vectors
+from dubbing.preparation.silhouette import Silhouette
 
 HUBER = 1.345
 SHAPE_SIGMA = 0.05
@@ -42,7 +43,7 @@ class Observations:
 
     pixels (T, P, 2), confidence (T,) in 0..1: 0 where the face is hidden, linked (T,) bool:
     smoothness joins the frame with those before and after it, focal px, centre (T, 2) px, rate
-    frames a second.
+    frames a second, silhouette the outline of the head where it was looked for.
     """
 
     pixels: np.ndarray
@@ -51,6 +52,7 @@ class Observations:
     focal: float
     centre: np.ndarray
     rate: float
+    silhouette: Silhouette | None = None
 
     @property
     def usable(self) -> np.ndarray:
@@ -70,6 +72,7 @@ class Observations:
             confidence=self.confidence[index],
             linked=np.zeros(len(index), bool),
             centre=self.centre[index],
+            silhouette=None if self.silhouette is None else self.silhouette.take(index),
         )
 
 

@@ -62,6 +62,23 @@ def fill_polygon(polygon: np.ndarray, size: int) -> np.ndarray:
     return out.astype(np.float32) / 255
 
 
+def opacity(image: np.ndarray, person: np.ndarray) -> np.ndarray:
+    """Opacity (S, S) float32 in 0..1 of a person, its edges where the picture has them.
+
+    Args:
+        image: (S, S, 3) RGB uint8.
+        person: (S, S) from :func:`person_mask`.
+    """
+    unit = len(image) / REFERENCE_SIZE
+    guide = cv2.cvtColor(image, GREY).astype(np.float32) / 255
+    refined = cv2.ximgproc.guidedFilter(guide, person, max(1, round(4 * unit)), 1e-4)
+    alpha = np.clip((refined - EDGE_LOW) / EDGE_WIDTH, 0, 1)
+    alpha = cv2.GaussianBlur(alpha, (0, 0), 1.2 * unit)
+    sharp = cv2.ximgproc.guidedFilter(guide, alpha, max(1, round(6 * unit)), 4e-4)
+    # The filter also follows edges between hair and ear well inside the head: keep that opaque.
+    return np.asarray(np.maximum(sharp, (alpha - CORE) / (1 - CORE)))
+
+
 def head_matte(
     image: np.ndarray, person: np.ndarray, outline: np.ndarray, inside: np.ndarray
 ) -> np.ndarray:
@@ -75,13 +92,7 @@ def head_matte(
     """
     size = len(image)
     unit = size / REFERENCE_SIZE
-    guide = cv2.cvtColor(image, GREY).astype(np.float32) / 255
-    refined = cv2.ximgproc.guidedFilter(guide, person, max(1, round(4 * unit)), 1e-4)
-    alpha = np.clip((refined - EDGE_LOW) / EDGE_WIDTH, 0, 1)
-    alpha = cv2.GaussianBlur(alpha, (0, 0), 1.2 * unit)
-    sharp = cv2.ximgproc.guidedFilter(guide, alpha, max(1, round(6 * unit)), 4e-4)
-    # The filter also follows edges between hair and ear well inside the head: keep that opaque.
-    alpha = np.maximum(sharp, (alpha - CORE) / (1 - CORE))
+    alpha = opacity(image, person)
     below = np.array([0, CUT_BELOW * unit])
     face = fill_polygon(above_jaw(outline, size) + below, size)
     alpha *= cv2.GaussianBlur(face, (0, 0), CUT_SOFTNESS * unit)

@@ -11,6 +11,7 @@ LANDMARKS = 478
 LEFT_EYE_OUTER, RIGHT_EYE_OUTER = 33, 263
 LEFT_EAR, RIGHT_EAR = 234, 454
 FOREHEAD_TOP, CHIN = 10, 152
+EYE_CORNERS = (33, 133, 362, 263)
 NOSE_BRIDGE = 168
 
 # Points that speech, blinks and brows leave where they are: forehead, temples, nose, cheek bones
@@ -43,7 +44,7 @@ RIGID: tuple[int, ...] = (
     ),
     *(127, 34, 162, 139, 234, 227, 116, 117, 118, 119, 100, 101, 50, 36, 143, 156, 111),
     *(356, 264, 389, 368, 454, 447, 345, 346, 347, 348, 329, 330, 280, 266, 372, 383, 340),
-    *(33, 133, 362, 263),
+    *EYE_CORNERS,  # stay last
 )
 
 # Outline of the skin that moves with the skull: temples, cheek bones, the nose. It ends above the

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dubbing.preparation import silhouette
 from dubbing.preparation.banded import DOF, solve_band
 from dubbing.preparation.bundle import (
     NormalEquations,
@@ -25,6 +26,7 @@ from dubbing.preparation.bundle import (
 )
 from dubbing.preparation.camera import Poses, point_jacobian, pose_jacobian, project, to_camera
 from dubbing.preparation.face_strip import FaceStrip
+from dubbing.preparation.mesh_points import EYE_CORNERS
 from dubbing.preparation.skin import Skin
 
 STEPS = 8  # of Gauss-Newton
@@ -182,19 +184,28 @@ def refine(
         shape: (P, 3) rigid landmarks, observed by ``seen``.
     """
     for done in range(STEPS):
-        marks = weak_landmarks(poses, shape, seen)
+        rest = beside_pixels(poses, shape, seen)
         pixels = pixel_equations(poses, seen, work, texture)
-        both = NormalEquations(marks.diagonal + pixels.diagonal, marks.right + pixels.right)
+        both = NormalEquations(rest.diagonal + pixels.diagonal, rest.right + pixels.right)
         step = solve_band(*smoothed_system(poses, both, seen))
         poses = poses.stepped(step.reshape(-1, DOF))
         progress((done + 1) / STEPS)
     return poses
 
 
-def weak_landmarks(poses: Poses, shape: np.ndarray, seen: Observations) -> NormalEquations:
-    """Landmark part of a pose step beside pixels: it only holds what these do not see."""
+def beside_pixels(poses: Poses, shape: np.ndarray, seen: Observations) -> NormalEquations:
+    """What holds a pose where pixels do not see: weak landmarks, and the outline of the head.
+
+    Args:
+        shape: (P, 3) rigid landmarks; the last are the corners of the eyes.
+    """
     sigma = point_sigmas(poses, shape, seen) * np.sqrt(LANDMARK_INFLATION)
-    return landmark_equations(poses, shape, seen, sigma)
+    marks = landmark_equations(poses, shape, seen, sigma)
+    if seen.silhouette is None:
+        return marks
+    corners = shape[-len(EYE_CORNERS) :]
+    diagonal, right = silhouette.equations(seen.silhouette, poses, corners, seen.focal, seen.centre)
+    return NormalEquations(marks.diagonal + diagonal, marks.right + right)
 
 
 def all_samples(poses: Poses, frames: np.ndarray, work: Alignment) -> np.ndarray:

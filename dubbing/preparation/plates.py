@@ -30,8 +30,9 @@ from dubbing.preparation.background import (
 )
 from dubbing.preparation.cropping import crop
 from dubbing.preparation.jaw import edge_offsets, moved, smooth_offsets
-from dubbing.preparation.matting import head_matte, hole, person_mask
-from dubbing.preparation.mesh_points import NOSE_BRIDGE
+from dubbing.preparation.matting import component_at, head_matte, hole, opacity, person_mask
+from dubbing.preparation.mesh_points import EYE_CORNERS, NOSE_BRIDGE
+from dubbing.preparation.silhouette import Silhouette, measure
 from dubbing.preparation.torso import Torso, torso
 
 Progress = Callable[[float], None]
@@ -104,8 +105,53 @@ def jaw_lines(footage: Footage, progress: Progress) -> np.ndarray:
     return np.stack([moved(*pair) for pair in zip(footage.outline, smooth, strict=True)])
 
 
+def person_step(
+    crops: Iterable[np.ndarray],
+    landmarks: np.ndarray,
+    valid: np.ndarray,
+    info: MediaInfo,
+    person: Path,
+    progress: Progress,
+) -> Silhouette:
+    """Write the person mask of every crop (S, S, 3), and measure the outlines of the heads.
+
+    Args:
+        landmarks: (T, 478, 2) px of the crop. valid: (T,) bool: they are known.
+    """
+    assert info.rate is not None
+    corners = landmarks[:, list(EYE_CORNERS)]
+
+    def work(image: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray]:
+        mask = person_mask(image)
+        seen = np.full((2, 2), np.nan)
+        if valid[t]:
+            alpha = opacity(image, mask)
+            # Somebody beside them is no part of the outline.
+            alpha = np.where(component_at(alpha > 0.1, corners[t].mean(0)), alpha, 0)
+            seen = np.stack(measure(alpha, corners[t]))
+        return (mask * 255).round().astype(np.uint8), seen
+
+    seen = []
+    with ExitStack() as stack:
+        writer = None
+        for mask, outline in in_order(work, ((image, t) for t, image in enumerate(crops))):
+            if writer is None:
+                size = len(mask)
+                writer = stack.enter_context(
+                    VideoWriter(person, size, size, info.rate, "ffv1-gray")
+                )
+            writer.write(mask)
+            seen.append(outline)
+            progress(len(seen) / len(valid))
+    middle, top = np.stack(seen, axis=1)
+    return Silhouette(middle, top)
+
+
 def matte_step(footage: Footage, matte: Path, person: Path, progress: Progress) -> np.ndarray:
-    """Write matte and person mask; frames that do not show the head get an empty matte.
+    """Write the matte; frames that do not show the head get an empty one.
+
+    Args:
+        person: masks, from :func:`person_step`.
 
     Returns:
         (T, PROFILE, 4) neck profiles as measured, NaN where unknown.
@@ -114,24 +160,22 @@ def matte_step(footage: Footage, matte: Path, person: Path, progress: Progress) 
     assert rate is not None
     lines = jaw_lines(footage, lambda share: progress(0.2 * share))
 
-    def work(image: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        mask = person_mask(image)
+    def work(image: np.ndarray, seen: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray]:
+        mask = seen.astype(np.float32) / 255
         if footage.shown[t]:
             bridge = footage.landmarks[t, NOSE_BRIDGE]
             alpha = head_matte(image, mask, lines[t], bridge)
         else:
             alpha = np.zeros((size, size), np.uint8)
         profile = neck_profile(image, mask, hole(alpha), footage.landmarks[t])
-        return alpha, (mask * 255).round().astype(np.uint8), profile
+        return alpha, profile
 
     profiles = []
-    with ExitStack() as stack:
-        mattes = stack.enter_context(VideoWriter(matte, size, size, rate, "ffv1-gray"))
-        people = stack.enter_context(VideoWriter(person, size, size, rate, "ffv1-gray"))
-        jobs = ((image, t) for t, image in enumerate(footage.crops()))
-        for alpha, mask, profile in in_order(work, jobs):
+    people = read_frames(person, pixels="gray")
+    jobs = zip(footage.crops(), people, range(len(footage.window)), strict=True)
+    with VideoWriter(matte, size, size, rate, "ffv1-gray") as mattes:
+        for alpha, profile in in_order(work, jobs):
             mattes.write(alpha)
-            people.write(mask)
             profiles.append(profile)
             progress(0.2 + 0.8 * len(profiles) / len(footage.window))
     return np.stack(profiles)
@@ -203,7 +247,7 @@ def background_step(
     """Write the restored background: the hole's pixels, black elsewhere.
 
     Args:
-        profiles: (T, PROFILE, 4) and masks (matte, person), from :func:`matte_step`.
+        profiles: (T, PROFILE, 4), from :func:`matte_step`. masks: matte and person.
     """
     size, rate = footage.size, footage.info.rate
     assert rate is not None

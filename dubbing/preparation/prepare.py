@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from dubbing.preparation import tracking
 from dubbing.preparation.camera import Poses
 from dubbing.preparation.contact_sheet import contact_sheet
 from dubbing.preparation.photometric import root_mean_square
-from dubbing.preparation.plates import Footage, all_crops, background_step, matte_step
+from dubbing.preparation.plates import Footage, all_crops, background_step, matte_step, person_step
 from dubbing.preparation.prepared import (
     BACKGROUND,
     CONTACT_SHEET,
@@ -31,6 +32,7 @@ from dubbing.preparation.prepared import (
     VERSION,
     PreparedClip,
 )
+from dubbing.preparation.silhouette import Silhouette
 from dubbing.preparation.tracking import FOCAL, Arrays
 from dubbing.preparation.warnings import warnings_of
 
@@ -69,6 +71,13 @@ def prepare(
     observed = tracking.observations(info, size, seen, found)
     bundle = steps.run("poses", partial(tracking.bundle_step, observed, found))
     crops = partial(all_crops, info, seen["window"], size)
+    person, matte, background = steps.folder / "person.mkv", out / MATTE, out / BACKGROUND
+
+    def write_person(report: Callable[[float], None]) -> Arrays:
+        points = found["points"][..., :2]
+        return asdict(person_step(crops(), points, found["valid"], info, person, report))
+
+    observed = replace(observed, silhouette=Silhouette(**steps.run("person", write_person)))
     pictures = (crops, steps.folder / "strip.npy")
     track = steps.run(
         "refinement", partial(tracking.refine_step, observed, found, bundle, pictures)
@@ -80,7 +89,6 @@ def prepare(
     outline = tracking.jaw_outline(landmarks, shape, poses, observed)
     shown = tracking.bridged(found["valid"], observed.rate)
     footage = Footage(info, size, seen["window"], landmarks, outline, shown, seen["segment"])
-    person, matte, background = steps.folder / "person.mkv", out / MATTE, out / BACKGROUND
 
     def write_matte(report: Callable[[float], None]) -> Arrays:
         return {"profiles": matte_step(footage, matte, person, report)}

@@ -26,9 +26,9 @@ from dubbing.preparation.photometric import (
     Alignment,
     Texture,
     all_samples,
+    beside_pixels,
     frame_equations,
     texture_of,
-    weak_landmarks,
 )
 from dubbing.preparation.skin import Skin
 
@@ -111,8 +111,8 @@ def solve_relief(
         texture = texture_of(all_samples(poses, usable, bent))
         for step in range(STEPS):
             bent = work.with_skin(relief.bend(work.skin))
-            marks = weak_landmarks(poses, shape, seen)
-            diagonal, right = marks.diagonal.copy(), marks.right.copy()
+            rest = beside_pixels(poses, shape, seen)
+            diagonal, right = rest.diagonal.copy(), rest.right.copy()
             border = np.zeros((len(poses), DOF, basis.shape[1]))
             corner, low = prior.copy(), -prior @ relief.height
             for one in frame_equations(poses, seen, bent, texture, (rays, basis)):
