@@ -90,27 +90,39 @@ def measure(alpha: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndar
     return middle, top
 
 
-def equations(
+def places(
     seen: Silhouette, poses: Poses, corners: np.ndarray, focal: float, centre: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What the outline adds to a step of the poses: (T, 6, 6) and right-hand side (T, 6).
+    """Middle (T,) to the right of the eyes and top (T,) above them.
 
-    Each side of it lies on a line, value = TURN or NOD times the angle + a constant of the clip.
-    Only the turn's part of the derivative is taken: the pixels hold the eyes where they are.
+    In distances of the corners of the eyes as they are from the front: turned, they come nearer
+    together.
 
     Args:
         corners: (4, 3) of the eyes, head frame.
         centre: (T, 2) principal points; focal in px.
     """
     eyes, right, apart = eye_axes(project(to_camera(poses, corners), focal, centre))
+    unit = apart / np.sqrt(1 - poses.rotation[:, 2, 0] ** 2)
+    middle = ((seen.middle - eyes) * right).sum(-1) / unit
+    return middle, ((seen.top - eyes) * upwards(right)).sum(-1) / unit
+
+
+def equations(
+    seen: Silhouette, poses: Poses, corners: np.ndarray, focal: float, centre: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What the outline adds to a step of the poses: (T, 6, 6) and right-hand side (T, 6).
+
+    Each of its places lies on a line, TURN or NOD times the angle + a constant of the clip.
+    Only the turn's part of the derivative is taken: the pixels hold the eyes where they are.
+    Arguments are those of :func:`places`.
+    """
     rotation, zero = poses.rotation, np.zeros(len(poses))
     diagonal, right_side = np.zeros((len(poses), 6, 6)), np.zeros((len(poses), 6))
-    sides = (
-        (seen.middle, right, 0, TURN, TURN_SIGMA),
-        (seen.top, upwards(right), 1, NOD, NOD_SIGMA),
-    )
-    for place, axis, k, slope, sigma in sides:
-        value = ((place - eyes) * axis).sum(-1) / apart
+    lines = ((0, TURN, TURN_SIGMA), (1, NOD, NOD_SIGMA))
+    for value, (k, slope, sigma) in zip(
+        places(seen, poses, corners, focal, centre), lines, strict=True
+    ):
         known = np.isfinite(value)
         if known.mean() < LEAST_SEEN:
             continue

@@ -14,6 +14,7 @@ from dubbing.preparation.silhouette import (
     equations,
     eye_axes,
     measure,
+    places,
     upwards,
 )
 
@@ -76,10 +77,25 @@ def outline_of(poses: Poses) -> Silhouette:
     """Silhouettes that lie exactly on their lines."""
     middle, right, apart = eye_axes(project(to_camera(poses, CORNERS), FOCAL, CENTRE[None]))
     turn, nod = poses.rotation[:, 2, 0], poses.rotation[:, 2, 1]
+    apart = apart / np.sqrt(1 - turn**2)
     return Silhouette(
         middle + right * ((TURN * turn + 0.03) * apart)[:, None],
         middle + upwards(right) * ((NOD * nod + 1.1) * apart)[:, None],
     )
+
+
+def test_the_outline_of_a_ball_keeps_to_its_line_however_far_it_turns() -> None:
+    """Seen from far away, a ball's middle is that of its outline, and its top is its radius up."""
+    angles = np.deg2rad(np.linspace(-40, 40, 17))
+    turned = rotation_from_vector(angles[:, None] * [0.0, 1.0, 0.0])
+    poses = Poses(turned, np.tile([0.0, 0.0, 800.0], (17, 1)))
+    focal = 100 * FOCAL
+    eyes = np.array([[-0.45, 0, -0.8], [-0.16, 0, -0.8], [0.16, 0, -0.8], [0.45, 0, -0.8]])
+    ball = project(to_camera(poses, np.zeros((1, 3))), focal, CENTRE[None])[:, 0]
+    seen = Silhouette(ball, ball - [0, 1.2 * focal / 800])
+    middle, top = places(seen, poses, eyes, focal, CENTRE[None])
+    np.testing.assert_allclose(middle, -0.8 / 0.9 * poses.rotation[:, 2, 0], atol=2e-3)
+    np.testing.assert_allclose(top, 1.2 / 0.9, atol=2e-3)
 
 
 def test_turns_are_drawn_to_what_the_outline_says() -> None:
