@@ -12,7 +12,7 @@ from torch import Tensor
 
 from dfrf.data import Identity
 from dfrf.lips import spoken_codes
-from dfrf.model import REACH, Model
+from dfrf.model import OWN, REACH, Model, rows_of_neighbours
 
 # Frames that "as it is said" counts for. On 13 people whom networks taught for this had not heard,
 # learning 60 % of each clip (3 to 36 s), what the codes say of the rest has a correlation of .36
@@ -23,7 +23,7 @@ PRIOR = 400
 def beside(said: Tensor) -> Tensor:
     """Measures (C, K) of each frame and of its neighbours, the ends going on: (C, (2R+1) K)."""
     ends = said[:1].expand(REACH, -1), said[-1:].expand(REACH, -1)
-    return torch.cat([ends[0], said, ends[1]]).unfold(0, 2 * REACH + 1, 1).mT.flatten(1)
+    return rows_of_neighbours(torch.cat([ends[0], said, ends[1]]))
 
 
 @torch.no_grad()
@@ -42,8 +42,7 @@ def learn_manner(model: Model, person: Identity) -> None:
     square = near.T @ near
     square.diagonal().add_(PRIOR)
     total = torch.linalg.solve(square, near.T @ (wanted - unit))
-    own = slice(REACH * said.shape[1], (REACH + 1) * said.shape[1])
-    total[own] += torch.eye(said.shape[1]).to(total)
+    total[OWN] += torch.eye(said.shape[1]).to(total)
     answer = near @ total
     scale = spread / answer.std(0).clamp_min(1e-6)
     weight = (total / spread.repeat(2 * REACH + 1)[:, None] * scale).T

@@ -25,6 +25,7 @@ from dfrf.speech import LEAK, AudioAttNet, AudioNet
 COLOUR = slice(0, 3)
 LIP_MEASURES = 7
 REACH = 3  # frames to each side whose lips have a say in a frame's, see `manner`
+OWN = slice(REACH * LIP_MEASURES, (REACH + 1) * LIP_MEASURES)  # the frame's own in such a row
 PRIOR_CENTRE = (0.0, 0.1, -0.05)
 PRIOR_RADII = (0.85, 1.25, 1.05)
 PRIOR_SLOPE = 20.0
@@ -133,6 +134,15 @@ def of_points(values: Tensor, belongs: Tensor) -> Tensor:
     return values if values.shape[0] == 1 else belongs @ values
 
 
+def rows_of_neighbours(said: Tensor) -> Tensor:
+    """Measures (C + 2R, K) of frames in a row: each frame's with those of R = REACH to each side.
+
+    Returns:
+        (C, (2R + 1) K), the earliest first.
+    """
+    return said.unfold(0, 2 * REACH + 1, 1).mT.flatten(1)
+
+
 class ReferenceEncoder(nn.Module):
     """Two 3x3 convolutions without down-sampling, then a linear layer a pixel.
 
@@ -233,10 +243,8 @@ class Field(nn.Module):
             # What the lips do where a frame and its neighbours say so much: at first, just that.
             self.manner = nn.Linear((2 * REACH + 1) * LIP_MEASURES, LIP_MEASURES)
             nn.init.zeros_(self.manner.bias)
-            own = torch.zeros(2 * REACH + 1)
-            own[REACH] = 1
-            eye = torch.eye(LIP_MEASURES)
-            self.manner.weight.data.copy_((eye[:, None] * own[:, None]).flatten(1))
+            nn.init.zeros_(self.manner.weight)
+            nn.init.eye_(self.manner.weight[:, OWN])
             for layer in self.audio.modules():
                 if isinstance(layer, nn.Conv1d | nn.Linear) and layer.bias is not None:
                     # The default start gives the same code for every sound.
@@ -282,8 +290,8 @@ class Field(nn.Module):
         codes = self.speech_codes(windows)
         count = upper.shape[0]
         if self.config.use_speech:
-            said = self.lips(codes).unfold(0, 2 * REACH + 1, 1).mT.flatten(1)
-            codes = self.saying(codes[REACH : REACH + count], self.manner(said))
+            said = self.manner(rows_of_neighbours(self.lips(codes)))
+            codes = self.saying(codes[REACH : REACH + count], said)
             windows = windows[REACH : REACH + count]
             own = windows[:, windows.shape[1] // 2]
             quarter = own.shape[1] // 4

@@ -12,6 +12,7 @@ prior by |X_p - X0_p|^2 / .05^2.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -24,7 +25,9 @@ from dubbing.preparation.banded import (
 )
 from dubbing.preparation.camera import Poses, point_jacobian, pose_jacobian, project, to_camera
 from dubbing.preparation.rotations import relative_vectors
-from dubbing.preparation.silhouette import Silhouette
+
+if TYPE_CHECKING:
+    from dubbing.preparation.silhouette import Silhouette
 
 HUBER = 1.345
 SHAPE_SIGMA = 0.05

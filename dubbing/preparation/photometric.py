@@ -204,8 +204,8 @@ def beside_pixels(poses: Poses, shape: np.ndarray, seen: Observations) -> Normal
     if seen.silhouette is None:
         return marks
     corners = shape[-len(EYE_CORNERS) :]
-    diagonal, right = silhouette.equations(seen.silhouette, poses, corners, seen.focal, seen.centre)
-    return NormalEquations(marks.diagonal + diagonal, marks.right + right)
+    outline = silhouette.equations(seen.silhouette, poses, corners, seen.focal, seen.centre)
+    return NormalEquations(marks.diagonal + outline.diagonal, marks.right + outline.right)
 
 
 def all_samples(poses: Poses, frames: np.ndarray, work: Alignment) -> np.ndarray:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -106,19 +105,21 @@ def jaw_lines(footage: Footage, progress: Progress) -> np.ndarray:
 
 
 def person_step(
-    crops: Iterable[np.ndarray],
-    landmarks: np.ndarray,
-    valid: np.ndarray,
     info: MediaInfo,
+    window: np.ndarray,
+    size: int,
+    found: tuple[np.ndarray, np.ndarray],
     person: Path,
     progress: Progress,
 ) -> Silhouette:
-    """Write the person mask of every crop (S, S, 3), and measure the outlines of the heads.
+    """Write the person mask of every crop, and measure the outlines of the heads.
 
     Args:
-        landmarks: (T, 478, 2) px of the crop. valid: (T,) bool: they are known.
+        window: (T, 3), see :class:`Footage`.
+        found: landmarks (T, 478, 2) px of the crop, and (T,) bool where they are known.
     """
     assert info.rate is not None
+    landmarks, valid = found
     corners = landmarks[:, list(EYE_CORNERS)]
 
     def work(image: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray]:
@@ -131,19 +132,14 @@ def person_step(
             seen = np.stack(measure(alpha, corners[t]))
         return (mask * 255).round().astype(np.uint8), seen
 
-    seen = []
-    with ExitStack() as stack:
-        writer = None
-        for mask, outline in in_order(work, ((image, t) for t, image in enumerate(crops))):
-            if writer is None:
-                size = len(mask)
-                writer = stack.enter_context(
-                    VideoWriter(person, size, size, info.rate, "ffv1-gray")
-                )
-            writer.write(mask)
-            seen.append(outline)
-            progress(len(seen) / len(valid))
-    middle, top = np.stack(seen, axis=1)
+    outlines = []
+    jobs = ((image, t) for t, image in enumerate(all_crops(info, window, size)))
+    with VideoWriter(person, size, size, info.rate, "ffv1-gray") as people:
+        for mask, outline in in_order(work, jobs):
+            people.write(mask)
+            outlines.append(outline)
+            progress(len(outlines) / len(window))
+    middle, top = np.stack(outlines, axis=1)
     return Silhouette(middle, top)
 
 

@@ -74,8 +74,8 @@ def prepare(
     person, matte, background = steps.folder / "person.mkv", out / MATTE, out / BACKGROUND
 
     def write_person(report: Callable[[float], None]) -> Arrays:
-        points = found["points"][..., :2]
-        return asdict(person_step(crops(), points, found["valid"], info, person, report))
+        points = found["points"][..., :2], found["valid"]
+        return asdict(person_step(info, seen["window"], size, points, person, report))
 
     observed = replace(observed, silhouette=Silhouette(**steps.run("person", write_person)))
     pictures = (crops, steps.folder / "strip.npy")

@@ -15,12 +15,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from dubbing.preparation.banded import DOF
+from dubbing.preparation.bundle import NormalEquations, huber_weight
 from dubbing.preparation.camera import Poses, project, to_camera
 
 TURN, NOD = -0.94, 0.96
 # Of an outline about its line, in eye distances: hair is no part of the skull, least of all above.
 TURN_SIGMA, NOD_SIGMA = 0.006, 0.012
-HUBER = 1.345
 LEAST_SEEN = 0.5  # share of the frames that must show a side of the outline
 # Where it is looked at, in eye distances: heights above the eyes, places beside their middle.
 HEIGHTS = np.arange(0.15, 0.75, 0.03)
@@ -110,15 +111,15 @@ def places(
 
 def equations(
     seen: Silhouette, poses: Poses, corners: np.ndarray, focal: float, centre: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """What the outline adds to a step of the poses: (T, 6, 6) and right-hand side (T, 6).
+) -> NormalEquations:
+    """What the outline adds to a step of the poses.
 
     Each of its places lies on a line, TURN or NOD times the angle + a constant of the clip.
     Only the turn's part of the derivative is taken: the pixels hold the eyes where they are.
     Arguments are those of :func:`places`.
     """
     rotation, zero = poses.rotation, np.zeros(len(poses))
-    diagonal, right_side = np.zeros((len(poses), 6, 6)), np.zeros((len(poses), 6))
+    diagonal, right = np.zeros((len(poses), DOF, DOF)), np.zeros((len(poses), DOF))
     lines = ((0, TURN, TURN_SIGMA), (1, NOD, NOD_SIGMA))
     for value, (k, slope, sigma) in zip(
         places(seen, poses, corners, focal, centre), lines, strict=True
@@ -128,11 +129,10 @@ def equations(
             continue
         residual = value - slope * rotation[:, 2, k]
         residual = np.where(known, residual - np.median(residual[known]), 0)
-        robust = np.minimum(1, HUBER * sigma / np.maximum(np.abs(residual), 1e-12))
-        weight = np.where(known, robust / sigma**2, 0)
+        weight = np.where(known, huber_weight(np.abs(residual) / sigma) / sigma**2, 0)
         # A turn of R by w on its left changes its last row by w_x R[1] - w_y R[0].
         turned = np.stack((rotation[:, 1, k], -rotation[:, 0, k], zero), axis=-1)
         jacobian = np.concatenate((-slope * turned, np.zeros((len(poses), 3))), axis=1)
         diagonal += weight[:, None, None] * jacobian[:, :, None] * jacobian[:, None, :]
-        right_side -= (weight * residual)[:, None] * jacobian
-    return diagonal, right_side
+        right -= (weight * residual)[:, None] * jacobian
+    return NormalEquations(diagonal, right)
