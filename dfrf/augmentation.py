@@ -13,9 +13,10 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from dfrf import lids
 from dfrf.data import MIRRORED_UPPER, RayBatch
 from dfrf.fast import FastShare
-from dfrf.model import ReferenceViews
+from dfrf.views import ReferenceViews
 
 # Largest changes, up and down alike: the person as filmed lies in the middle.
 GAIN = 0.25  # of the logarithm of the exposure
@@ -95,6 +96,12 @@ def mirror(vectors: Tensor) -> Tensor:
     return vectors * vectors.new_tensor([-1, 1, 1])
 
 
+def mirrored_upper(upper: Tensor) -> Tensor:
+    """Measures of the upper face (..., U) of a mirrored person."""
+    order, signs = zip(*MIRRORED_UPPER, strict=True)
+    return upper[..., list(order)] * upper.new_tensor(signs)
+
+
 def mirrored_share(share: FastShare) -> FastShare:
     """Rays that see, mirrored, what they saw: a pixel and its mirror image have one colour."""
     batch: RayBatch = replace(
@@ -103,9 +110,8 @@ def mirrored_share(share: FastShare) -> FastShare:
         directions=mirror(share.batch.directions),
     )
     origins, directions, frame, distance = share.surface
-    order, signs = zip(*MIRRORED_UPPER, strict=True)
-    codes, upper = share.told[:, : -len(order)], share.told[:, -len(order) :]
-    upper = upper[:, list(order)] * upper.new_tensor(signs)
+    told = len(MIRRORED_UPPER)
+    codes, upper = share.told[:, :-told], mirrored_upper(share.told[:, -told:])
     return replace(
         share,
         batch=batch,
@@ -126,7 +132,8 @@ def mirrored_views(views: ReferenceViews) -> ReferenceViews:
         c2w=torch.cat([rotation, mirror(views.c2w[:, :, 3])[..., None]], -1),
         # Integers are pixel centres: the last column is the first one's mirror image.
         centres=torch.stack([views.images.shape[2] - 1 - column, row], -1),
-        brows=views.brows.flip(1),
+        upper=mirrored_upper(views.upper),
+        eyes=lids.mirrored(views.eyes),
     )
 
 

@@ -13,8 +13,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from dfrf.marching import PackedSamples
-from dfrf.model import Model, ReferenceMaps
+from dfrf.model import Model
 from dfrf.rendering import evaluate
+from dfrf.views import ReferenceMaps
 
 THIN = 0.01  # opacity of a sample
 FRAMES = 64

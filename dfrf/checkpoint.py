@@ -19,8 +19,9 @@ from torch import Tensor
 
 from dfrf.config import FORMATS, TrainConfig
 from dfrf.head import HeadModel
-from dfrf.model import Model, ReferenceViews
+from dfrf.model import Model
 from dfrf.paper import PaperModel
+from dfrf.views import ReferenceViews
 
 if TYPE_CHECKING:
     from dfrf.training import Curve
@@ -110,7 +111,8 @@ def save_person(
             "reference.mattes": views.mattes,
             "reference.c2w": views.c2w,
             "reference.centres": views.centres,
-            "reference.brows": views.brows,
+            "reference.upper": views.upper,
+            "reference.eyes": views.eyes,
         }
         header = {**header, "focal": views.focal, "scale": views.scale}
     about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
@@ -121,13 +123,19 @@ def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dic
     """A person's model, references (None where the method has none) and header.
 
     Raises:
-        CheckpointError: as `load_model`.
+        CheckpointError: as `load_model`, or its references are another version's.
     """
     tensors, header = read_tensors(path)
     views = None
     if "reference.images" in tensors:
         part = {k.removeprefix("reference."): v for k, v in tensors.items() if "reference." in k}
-        views = ReferenceViews(**part, focal=header["focal"], scale=header["scale"])
+        try:
+            views = ReferenceViews(**part, focal=header["focal"], scale=header["scale"])
+        except TypeError as error:
+            raise CheckpointError(
+                f"{path}: keeps other things of its references than this version reads; learn the "
+                "person again"
+            ) from error
     weights = {k: v for k, v in tensors.items() if not k.startswith("reference.")}
     return _build(path, weights, header), views, header
 

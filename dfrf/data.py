@@ -12,10 +12,9 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from dfrf import brows
 from dfrf.cameras import pixel_rays
 from dfrf.config import TrainConfig
-from dfrf.model import ReferenceViews
+from dfrf.views import ReferenceViews
 
 # Codes of the region map: where rays are drawn.
 OUTSIDE, RIM, HEAD, MOUTH, EYES = 0, 1, 2, 3, 4
@@ -44,6 +43,7 @@ class Identity:
         windows: (C, 16, D) speech windows.
         lips: (C, K) lip measures, each of mean 0 and variance 1.
         segment: (C,) which uncut run of the clip a frame belongs to.
+        eyes: (2, 7) where the eyes are, see `dfrf.lids`.
         surface: (V, 3) rigid points of the mean face, head frame (y up).
     """
 
@@ -60,6 +60,7 @@ class Identity:
     windows: Tensor
     lips: Tensor
     segment: Tensor
+    eyes: Tensor
     surface: Tensor
 
     @property
@@ -222,6 +223,7 @@ def cut_references(person: Identity, frames: Tensor) -> ReferenceViews:
         c2w=person.c2w[frames],
         focal=person.focal,
         centres=torch.stack(centres),
-        brows=person.upper[frames][:, brows.MEASURES],
+        upper=person.upper[frames],
+        eyes=person.eyes,
         scale=person.size / 512,
     )

@@ -21,8 +21,9 @@ from dfrf.lips import learn_lips, shown_codes, shut_lips
 from dfrf.losses import weighted_warp_penalty
 from dfrf.manner import learn_manner
 from dfrf.method import Method, Outcome
-from dfrf.model import REACH, Model, ReferenceMaps, ReferenceViews
+from dfrf.model import REACH, Model
 from dfrf.rendering import render_frames, render_rays
+from dfrf.views import ReferenceMaps, ReferenceViews
 
 SHARES = 4  # of a step's rays on a CPU: as many cores work side by side
 SURFACE_RAYS = 24

@@ -17,7 +17,7 @@ from torch import Tensor
 from dfrf.config import TrainConfig
 from dfrf.data import Identity, RayBatch
 from dfrf.head import HeadModel
-from dfrf.model import ReferenceViews
+from dfrf.views import ReferenceViews
 
 
 class Share(Protocol):

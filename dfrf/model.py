@@ -5,14 +5,14 @@ M points, N references, F frames in a batch, C feature channels, D speech featur
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from dfrf import brows
+from dfrf import brows, lids
 from dfrf import device as devices
 from dfrf.cameras import project
 from dfrf.config import FieldConfig, ModelConfig
@@ -21,6 +21,7 @@ from dfrf.head import HeadModel
 from dfrf.occupancy import OccupancyGrid
 from dfrf.references import sharpened
 from dfrf.speech import LEAK, AudioAttNet, AudioNet
+from dfrf.views import ReferenceMaps, ReferenceViews
 
 COLOUR = slice(0, 3)
 LIP_MEASURES = 7
@@ -30,62 +31,6 @@ PRIOR_CENTRE = (0.0, 0.1, -0.05)
 PRIOR_RADII = (0.85, 1.25, 1.05)
 PRIOR_SLOPE = 20.0
 DENSITY_SCALE = 25.0
-
-
-@dataclass(frozen=True)
-class ReferenceViews:
-    """Reference frames, cut to the head, before the CNN.
-
-    Attributes:
-        images: (N, H, W, 3) uint8.
-        mattes: (N, H, W) uint8.
-        c2w: (N, 3, 4); focal in pixels; centres (N, 2), of the cut.
-        brows: (N, 2) measures of the left and of the right brow, see `brows`.
-        scale: pixels of the reference for one pixel at a 512 crop (the unit of the warp).
-    """
-
-    images: Tensor
-    mattes: Tensor
-    c2w: Tensor
-    focal: float
-    centres: Tensor
-    brows: Tensor
-    scale: float
-
-    def to(self, device: torch.device) -> ReferenceViews:
-        """The same views on a device."""
-        return ReferenceViews(
-            self.images.to(device),
-            self.mattes.to(device),
-            self.c2w.to(device),
-            self.focal,
-            self.centres.to(device),
-            self.brows.to(device),
-            self.scale,
-        )
-
-
-@dataclass(frozen=True)
-class ReferenceMaps:
-    """Reference features F_n as one channels-last table, (N * H * W, C), with their cameras."""
-
-    table: Tensor
-    height: int
-    width: int
-    views: ReferenceViews
-
-    def as_type(self, kind: torch.dtype) -> ReferenceMaps:
-        """The same maps with a table of another type."""
-        return self.with_features(self.table.to(kind))
-
-    @property
-    def features(self) -> Tensor:
-        """The table, through which the CNN learns."""
-        return self.table
-
-    def with_features(self, features: Tensor) -> Self:
-        """The same references with another table."""
-        return replace(self, table=features)
 
 
 @dataclass(frozen=True)
@@ -320,8 +265,14 @@ class Field(nn.Module):
         kind = devices.matrix_type(points.device)
         belongs = F.one_hot(frame, codes.shape[0]).to(codes.dtype)
         share = brows.shares(points)
-        own = of_points(codes[:, config.code_dim :][:, brows.MEASURES], belongs)
-        rest = brows.lowered(points, brows.lifts(share, own))
+        own = of_points(codes[:, config.code_dim :], belongs)
+        raised, opened = own[:, brows.MEASURES], own[:, lids.MEASURES]
+        lift = brows.lifts(share, raised)
+        if maps is not None:
+            eyes = maps.views.eyes
+            at_eyes = lids.near(points, eyes)
+            lids.add_lifts(lift[None], points, at_eyes, eyes, opened, opened.new_zeros(1, 2))
+        rest = brows.lowered(points, lift)
         encoded = frequency_encoding(rest, config.point_octaves).to(kind)
         parts = [encoded]
         offset = points.new_zeros(0, points.shape[0], 2)
@@ -329,7 +280,9 @@ class Field(nn.Module):
             views = maps.views
             count = views.c2w.shape[0]
             first = torch.arange(count, device=points.device) * (maps.height * maps.width)
-            lift = brows.lifts(share, own - views.brows[:, None])
+            lift = brows.lifts(share, raised - views.upper[:, None, brows.MEASURES])
+            theirs = views.upper[:, lids.MEASURES]
+            lids.add_lifts(lift, points, at_eyes, eyes, opened, theirs)
             projected = project(points, views.c2w, views.focal, views.centres, lift)
             offset = torch.zeros_like(projected)
             if warp and config.use_warp:

@@ -14,15 +14,14 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dfrf import brows
 from dfrf.cameras import pixel_grid, pixel_rays
 from dfrf.config import TrainConfig
 from dfrf.data import Identity, RayBatch, draw_rays, neighbour_windows
 from dfrf.losses import PAPER_SIZE, mse
 from dfrf.method import Method, Outcome
-from dfrf.model import ReferenceViews
 from dfrf.paper import PaperModel, paper_loss
 from dfrf.paper_field import ReferenceMaps, References
+from dfrf.views import ReferenceViews
 
 METRES = 0.1  # in a head unit
 # Where rays are sampled, metres before and behind the middle of the head.
@@ -104,7 +103,8 @@ class PaperMethod(Method[PaperShare, ReferenceMaps]):
             c2w=person.c2w[frames],
             focal=person.focal,
             centres=person.centres[frames],
-            brows=person.upper[frames][:, brows.MEASURES],
+            upper=person.upper[frames],
+            eyes=person.eyes,
             scale=person.size / PAPER_SIZE,
         )
 

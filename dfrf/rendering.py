@@ -15,7 +15,8 @@ from torch import Tensor
 from dfrf import device as devices
 from dfrf.cameras import pixel_rays
 from dfrf.marching import PackedSamples, march
-from dfrf.model import FieldOutput, Model, ReferenceMaps
+from dfrf.model import FieldOutput, Model
+from dfrf.views import ReferenceMaps
 from dfrf.workers import Workers
 
 RAYS_AT_ONCE = 16384

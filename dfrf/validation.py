@@ -17,7 +17,7 @@ from torch import Tensor
 from dfrf.config import TrainConfig
 from dfrf.data import Identity, RayBatch, draw_rays
 from dfrf.method import Method
-from dfrf.model import ReferenceViews
+from dfrf.views import ReferenceViews
 from dfrf.workers import Workers
 
 SEED = 0

@@ -28,10 +28,11 @@ from dfrf import presets
 from dfrf.cameras import pixel_rays
 from dfrf.data import neighbour_windows
 from dfrf.marching import march
-from dfrf.model import REACH, Model, ReferenceMaps
+from dfrf.model import REACH, Model
 from dfrf.paper import PaperModel, References
 from dfrf.rendering import evaluate, head_tiles, render_rays, tile_side
 from dfrf.training import fit
+from dfrf.views import ReferenceMaps
 from dubbing import heads, jobs
 from dubbing.compositing import composite
 from dubbing.errors import DubbingError

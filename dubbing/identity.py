@@ -10,7 +10,7 @@ import torch
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
-from dfrf import brows
+from dfrf import brows, lids
 from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, Identity
 from dubbing.errors import TrainingError
 from dubbing.preparation.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
@@ -26,8 +26,8 @@ UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
 LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2, 152))
 # Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.
 EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
-# What counts as 1, in eye distances: a blink is about -5.
-LIDS, BROWS, GAZE = 0.03, brows.LENGTH, 0.01
+# What counts as 1, in eye distances.
+LIDS, BROWS, GAZE = lids.LENGTH, brows.LENGTH, 0.01
 BROWS_SMOOTH = 1.5  # frames: skin is moved by them, so their jitter would be seen
 RIM_WIDTH = 0.016  # of the crop's side
 
@@ -58,6 +58,21 @@ def lip_measures(landmarks: np.ndarray) -> np.ndarray:
     return (length - length.mean(0)) / (length.std(0) + 1e-6)
 
 
+def eye_axes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distance of the eyes (T,), directions to the right and down (T, 2), of (T, 478, 2)."""
+    across = points[:, RIGHT_EYE_OUTER] - points[:, LEFT_EYE_OUTER]
+    unit = np.linalg.norm(across, axis=-1)
+    right = across / unit[:, None]
+    return unit, right, np.stack([-right[:, 1], right[:, 0]], -1)
+
+
+def lid_openings(points: np.ndarray) -> np.ndarray:
+    """How far the left and the right eye are open, (T, 2) in eye distances, of (T, 478, 2)."""
+    unit, _, down = eye_axes(points)
+    upper, lower = ([eye[k] for eye in EYES_POINTS] for k in (2, 3))
+    return ((points[:, lower] - points[:, upper]) * down[:, None]).sum(-1) / unit[:, None]
+
+
 def upper_measures(clip: PreparedClip) -> np.ndarray:
     """How far lids and brows are up and where the eyes look, (T, 6), 0 where no face was found.
 
@@ -68,19 +83,16 @@ def upper_measures(clip: PreparedClip) -> np.ndarray:
     the clip.
     """
     points = clip.landmarks
-    across = points[:, RIGHT_EYE_OUTER] - points[:, LEFT_EYE_OUTER]
-    unit = np.linalg.norm(across, axis=-1)
-    right = across / unit[:, None]
-    down = np.stack([-right[:, 1], right[:, 0]], -1)
-    lids, raised, looks = [], [], []
-    for inner, outer, upper, lower, brow, iris in EYES_POINTS:
+    unit, right, down = eye_axes(points)
+    raised, looks = [], []
+    for inner, outer, _, _, brow, iris in EYES_POINTS:
         corners = (points[:, inner] + points[:, outer]) / 2
-        lids.append(((points[:, lower] - points[:, upper]) * down).sum(-1) / LIDS)
         raised.append(((corners - points[:, brow]) * down).sum(-1) / BROWS)
         looks.append((points[:, iris] - corners) / GAZE)
     look = (looks[0] + looks[1]) / 2
     gaze = [(look * right).sum(-1), (look * down).sum(-1)]
-    measures = np.stack([*lids, *raised, *gaze], -1) / unit[:, None]
+    measures = np.stack([*raised, *gaze], -1) / unit[:, None]
+    measures = np.concatenate([lid_openings(points) / LIDS, measures], -1)
     middle = np.median(measures[clip.valid], 0)
     measures = np.where(clip.valid[:, None], measures - middle, 0.0)
     for shot in np.unique(clip.segment):
@@ -180,8 +192,25 @@ def load_identity(
         windows=torch.from_numpy(windows[heard]).float(),
         lips=torch.from_numpy(lip_measures(clip.landmarks[heard])).float(),
         segment=torch.from_numpy(clip.segment[heard]).long(),
+        eyes=eye_shapes(clip),
         surface=surface_points(clip),
     )
+
+
+def eye_shapes(clip: PreparedClip) -> Tensor:
+    """Where the person's eyes are in the head frame, (2, 7), see `dfrf.lids`.
+
+    Lids move as far up as halfway from the upper rim to the brow.
+    """
+    shape = clip.shape * np.array([1.0, -1.0, -1.0])
+    rest = np.median(lid_openings(clip.landmarks[clip.valid]), 0) * brows.EYE_DISTANCE
+    eyes = []
+    for (inner, outer, upper, lower, brow, _), apart in zip(EYES_POINTS, rest, strict=True):
+        corners = sorted((shape[inner], shape[outer]), key=lambda point: float(point[0]))
+        middle = (corners[0][1] + corners[1][1]) / 2
+        end = (shape[upper, 1] + shape[brow, 1]) / 2 - middle
+        eyes.append([*corners[0][:2], *corners[1][:2], middle - shape[lower, 1], end, apart])
+    return torch.tensor(np.array(eyes)).float()
 
 
 def surface_points(clip: PreparedClip) -> Tensor:

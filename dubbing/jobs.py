@@ -19,10 +19,10 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 5,
-    "finetune": 8,
+    "finetune": 9,
     "source": 2,
     "speech": 1,
-    "heads": 5,
+    "heads": 6,
     "video": 1,
     "sync": 2,
 }

@@ -9,6 +9,7 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter1d
 
+from dfrf.brows import EYE_DISTANCE
 from dfrf.data import EYES, HEAD, MIRRORED_UPPER, MOUTH, RIM
 from dubbing.errors import TrainingError
 from dubbing.identity import (
@@ -18,6 +19,8 @@ from dubbing.identity import (
     GAZE,
     LIDS,
     eye_boxes,
+    eye_shapes,
+    lid_openings,
     load_identity,
     mouth_boxes,
     region_map,
@@ -149,3 +152,15 @@ def test_rays_are_drawn_round_mouth_and_eyes_and_at_the_rim() -> None:
 def test_a_part_without_a_face_is_refused(prepared: PreparedClip) -> None:
     with pytest.raises(TrainingError, match="no frame with a face"):
         load_identity("someone", prepared.folder, np.zeros((FRAMES, 16, 2)), 40, 5)
+
+
+def test_eyes_are_where_the_mean_face_has_them(clip: PreparedClip) -> None:
+    eyes = eye_shapes(clip).numpy()
+    shape = clip.shape * [1, -1, -1]
+    for (inner, outer, _, lower, *_), eye in zip(EYES_POINTS, eyes, strict=True):
+        left, right = sorted((inner, outer), key=lambda k: shape[k, 0])
+        np.testing.assert_allclose(eye[:4], [*shape[left, :2], *shape[right, :2]], rtol=1e-5)
+        line = (eye[1] + eye[3]) / 2
+        np.testing.assert_allclose(line - eye[4], shape[lower, 1], atol=1e-5)
+    rest = np.median(lid_openings(clip.landmarks[clip.valid]), 0)
+    np.testing.assert_allclose(eyes[:, 6], rest * EYE_DISTANCE, rtol=1e-5)

@@ -63,5 +63,11 @@ def person(frames: int = 6, seed: int = 0) -> Identity:
         lips=torch.randn(frames, 7, generator=generator),
         upper=torch.randn(frames, 6, generator=generator),
         segment=torch.zeros(frames, dtype=torch.long),
+        eyes=torch.tensor(
+            [
+                [-0.46, 0.28, -0.17, 0.27, 0.03, 0.14, 0.09],
+                [0.17, 0.27, 0.46, 0.28, 0.03, 0.14, 0.09],
+            ]
+        ),
         surface=torch.tensor([[0.0, 0.1, 0.89], [0.2, 0.2, 0.84]]),
     )

@@ -9,13 +9,12 @@ from torch import Tensor
 
 from dfrf import augmentation, presets
 from dfrf.augmentation import Look, draw_look
-from dfrf.brows import MEASURES as BROWS
 from dfrf.cameras import project
 from dfrf.config import TrainConfig
 from dfrf.data import cut_references
 from dfrf.fast import FastShare, draw_shares
-from dfrf.model import ReferenceViews
 from dfrf.references import bilinear
+from dfrf.views import ReferenceViews
 from tests.dfrf.people import SIZE, person, small_config
 from tests.dfrf.runs import run_fit
 
@@ -70,9 +69,15 @@ def test_mirrored_rays_are_those_of_mirrored_pictures() -> None:
     someone = person()
     share = draw_shares(someone, torch.zeros(6, 10), CONFIG, torch.Generator().manual_seed(3), 1)[0]
     found = replace(PLAIN, mirrored=True).of_share(share).batch
-    brows = someone.upper[:, BROWS]
     whole = ReferenceViews(
-        someone.images, someone.mattes, someone.c2w, someone.focal, someone.centres, brows, 1.0
+        someone.images,
+        someone.mattes,
+        someone.c2w,
+        someone.focal,
+        someone.centres,
+        someone.upper,
+        someone.eyes,
+        1.0,
     )
     flipped = augmentation.mirrored_views(whole)
     other = replace(someone, images=flipped.images, c2w=flipped.c2w, centres=flipped.centres)

@@ -6,7 +6,8 @@ import torch
 
 from dfrf import brows
 from dfrf.data import cut_references
-from dfrf.model import Model, ReferenceViews
+from dfrf.model import Model
+from dfrf.views import ReferenceViews
 from tests.dfrf.people import person, small_config
 
 LEFT, RIGHT, LID, BACK = (
@@ -77,4 +78,4 @@ def test_a_reference_is_looked_up_where_its_own_brow_is() -> None:
 
 def at_height(views: ReferenceViews, measure: float) -> ReferenceViews:
     """The views with all brows as high as a measure says."""
-    return replace(views, brows=torch.full((len(views.c2w), 2), measure))
+    return replace(views, upper=torch.full((len(views.c2w), 6), measure))

@@ -40,6 +40,18 @@ def test_a_person_comes_back_with_the_references(tmp_path: Path) -> None:
     assert torch.equal(again.images, views.images)
     assert again.focal == views.focal
     assert torch.equal(again.centres, views.centres)
+    assert torch.equal(again.eyes, views.eyes)
+
+
+def test_a_person_of_another_version_is_to_be_learned_again(tmp_path: Path) -> None:
+    path = tmp_path / "p.safetensors"
+    save_person(
+        path, presets.build(small_config()), cut_references(person(), torch.tensor([1])), {}
+    )
+    tensors, header = read_tensors(path)
+    write_tensors(path, {k: v for k, v in tensors.items() if k != "reference.eyes"}, header)
+    with pytest.raises(CheckpointError, match=r"p\.safetensors: .*learn the person again"):
+        load_person(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"not a checkpoint", b"\x80\x04K\x01."])

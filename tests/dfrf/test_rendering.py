@@ -6,8 +6,9 @@ from dfrf import presets
 from dfrf.cameras import pixel_rays
 from dfrf.data import cut_references, neighbour_windows
 from dfrf.marching import box_interval, march
-from dfrf.model import REACH, Model, ReferenceMaps
+from dfrf.model import REACH, Model
 from dfrf.rendering import head_tiles, render_frames, render_rays, tile_side
+from dfrf.views import ReferenceMaps
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 
 

@@ -1,0 +1,98 @@
+"""Lids close as skin does: the lid of a shut eye is the reference's upper lid, drawn down.
+
+Fifteen seconds show two or three blinks, and references hardly ever one. A field that is only told
+how far the lids are open has to paint a shut eye from those few frames. Told where the skin of the
+lid came from, it need not.
+
+Above the rim of the upper lid, up to where its motion ends below the brow, skin is stretched; below
+it the eye stays where it is and disappears behind the lid. A rim is a parabola between the corners
+of its eye.
+
+The eyes of a person are a (2, 7) tensor in head units, y up, the image's left one first: x and y of
+the left corner, x and y of the right corner, how far below the line between them the lower rim lies
+in the middle, how far above it the motion of the lid ends, and how far the rims are apart at rest.
+M points, N references.
+"""
+
+from __future__ import annotations
+
+import torch
+from torch import Tensor
+
+from dfrf import brows
+
+MEASURES = slice(0, 2)  # of the upper face: the left and the right lid, in LENGTH
+LENGTH = 0.1  # of the distance between the outer corners of the eyes: a blink is about -1
+SHUT = 0.02 * brows.EYE_DISTANCE  # head units: as far open FaceMesh finds an eye that is shut
+WIDEST = 1.5  # times the opening at rest: what is measured beyond is taken for this
+LEAST = 1e-3  # head units, no length is divided by less
+BESIDE = 0.1  # head units above the motion's end that brows may have lifted its skin
+
+
+def openings(eyes: Tensor, measures: Tensor) -> Tensor:
+    """How far apart the rims of the lids are in the middle, (..., 2) head units.
+
+    Args:
+        eyes: (2, 7).
+        measures: (..., 2) of the left and of the right lid.
+    """
+    rest = eyes[:, 6]
+    measured = rest + measures * (LENGTH * brows.EYE_DISTANCE)
+    share = (measured - SHUT) / (rest - SHUT).clamp_min(LEAST)
+    return rest * share.clamp(0, WIDEST)
+
+
+def lifts(points: Tensor, eyes: Tensor, own: Tensor, theirs: Tensor) -> Tensor:
+    """How much further up skin is than where each reference shows it, (N, M) head units.
+
+    Args:
+        points: (N or 1, M, 3), with their brows where each reference has them.
+        eyes: (2, 7).
+        own: (M or 1, 2) measures of the lids in the frame of each point.
+        theirs: (N, 2) measures in the references.
+    """
+    x, y, z = points.unbind(-1)
+    side = (x[0] > 0).long()
+    left, left_height, right, right_height, lower, end, _ = eyes[side].unbind(-1)
+    u = (2 * x[0] - left - right) / (right - left).clamp_min(LEAST)
+    bulge = (1 - u * u).clamp_min(0) * brows.ramp(z[0], brows.EAR, brows.FRONT)
+    line = (left_height + right_height) / 2 + u * (right_height - left_height) / 2
+    height = y - (line - lower * bulge)
+    mine = openings(eyes, own).expand(len(side), 2).gather(1, side[:, None])[:, 0] * bulge
+    their = openings(eyes, theirs)[:, side] * bulge
+    # From the rim to the end of the motion, the skin of the lid comes to rest.
+    way = (end + lower * bulge - mine).clamp_min(LEAST)
+    lid = (1 - ((height - mine) / way).clamp(0, 1)) * (mine - their)
+    # An eye stays where it is, unless it is opened wider than there is of it to see.
+    eye = height.clamp_min(0) * (1 - their / mine.clamp_min(LEAST)).clamp_min(0)
+    return torch.where(height > mine, lid, eye)
+
+
+def near(points: Tensor, eyes: Tensor) -> Tensor:
+    """Which of the points (M, 3) lids (2, 7) may move, (K,): one in twenty of a head's."""
+    x, y, z = points.unbind(-1)
+    lowest = (eyes[:, [1, 3]].amin(1) - eyes[:, 4]).amin()
+    highest = (eyes[:, [1, 3]].amax(1) + eyes[:, 5]).amax() + BESIDE
+    high = (y > lowest) & (y < highest)
+    return (high & (x > eyes[0, 0]) & (x < eyes[1, 2]) & (z > brows.EAR)).nonzero().squeeze(1)
+
+
+def add_lifts(
+    lift: Tensor, points: Tensor, at: Tensor, eyes: Tensor, own: Tensor, theirs: Tensor
+) -> None:
+    """Adds the motion of the lids to that of the brows, in place.
+
+    Args:
+        lift: (N, M) by the brows.
+        points: (M, 3).
+        at: (K,) which points to treat, see `near`.
+        eyes: (2, 7).
+        own: (M or 1, 2), theirs: (N, 2), as in `lifts`.
+    """
+    skin = brows.lowered(points[at].expand(len(lift), -1, -1), lift[:, at])
+    lift[:, at] += lifts(skin, eyes, own if len(own) == 1 else own[at], theirs)
+
+
+def mirrored(eyes: Tensor) -> Tensor:
+    """The eyes (2, 7) of a mirrored person."""
+    return eyes.flip(0)[:, [2, 3, 0, 1, 4, 5, 6]] * eyes.new_tensor([-1, 1, -1, 1, 1, 1, 1])

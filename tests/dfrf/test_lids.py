@@ -1,0 +1,124 @@
+"""Lids: a shut eye is read off the reference's upper lid, and the eye itself stays where it is."""
+
+from dataclasses import replace
+
+import torch
+from torch import Tensor
+
+from dfrf import brows, lids
+from dfrf.augmentation import mirror
+from dfrf.data import cut_references
+from dfrf.model import Model
+from tests.dfrf.people import person, small_config
+
+LINE, LOWER, END, REST = 0.28, 0.03, 0.145, 0.09
+EYES = torch.tensor(
+    [[-0.46, LINE, -0.16, LINE, LOWER, END, REST], [0.16, LINE, 0.46, LINE, LOWER, END, REST]]
+)
+OPEN = torch.zeros(1, 2)
+# As far as measures go down where FaceMesh finds the eye 0.02 eye distances open.
+CLOSED = OPEN + (0.02 - REST / brows.EYE_DISTANCE) / lids.LENGTH
+
+
+def column(x: float = 0.31, count: int = 200) -> Tensor:
+    """Points one above the other through the middle of an eye, (count, 3)."""
+    height = torch.linspace(LINE - 2 * LOWER, LINE + 2 * END, count)
+    return torch.stack([torch.full_like(height, x), height, torch.full_like(height, 0.6)], -1)
+
+
+def read(points: Tensor, own: Tensor, theirs: Tensor) -> Tensor:
+    """The heights (M,) at which one reference shows points."""
+    return points[:, 1] - lids.lifts(points[None], EYES, own, theirs)[0]
+
+
+def test_a_reference_with_the_same_lids_is_read_where_the_points_are() -> None:
+    points = column()
+    for measure in (-2.0, 0.0, 0.7):
+        same = torch.full((1, 2), measure)
+        torch.testing.assert_close(read(points, same, same), points[:, 1])
+
+
+def test_a_shut_eye_shows_the_upper_lid_and_nothing_of_the_eye() -> None:
+    points = column()
+    rim = LINE - LOWER + REST
+    over = (points[:, 1] > LINE - LOWER + 1e-4) & (points[:, 1] < LINE + END)
+    found = read(points, CLOSED, OPEN)
+    assert (found[over] > rim).all()
+    assert (found[over] < LINE + END).all()
+    # Skin is stretched evenly, and neither folds nor moves beyond the end of the motion.
+    assert (found[over].diff() > 0).all()
+    torch.testing.assert_close(found[over].diff(), found[over].diff()[:1].expand(sum(over) - 1))
+    torch.testing.assert_close(found[~over], points[~over, 1])
+
+
+def test_half_a_blink_hides_the_upper_half_of_the_eye_and_leaves_the_lower() -> None:
+    half = CLOSED / 2
+    points, opening = column(), float(lids.openings(EYES, half)[0, 1])
+    assert abs(opening - REST / 2) < 1e-3
+    below = points[:, 1] < LINE - LOWER + opening - 1e-3
+    found = read(points, half, OPEN)
+    torch.testing.assert_close(found[below], points[below, 1])
+    assert (found[~below] > LINE - LOWER + REST - 1e-3).all()
+
+
+def test_an_eye_wider_than_the_references_is_all_of_the_eye_there_is() -> None:
+    points = column()
+    found = read(points, OPEN, CLOSED / 2)
+    inside = (points[:, 1] > LINE - LOWER) & (points[:, 1] < LINE - LOWER + REST - 1e-3)
+    assert (found[inside] < LINE - LOWER + REST / 2).all()
+    assert (found.diff() > 0).all()
+
+
+def test_each_eye_follows_its_own_lids_and_corners_do_not_move() -> None:
+    wink = torch.stack([CLOSED[:, 0], OPEN[:, 1]], 1)
+    left, right = column(-0.31), column(0.31)
+    torch.testing.assert_close(read(right, wink, OPEN), right[:, 1])
+    assert (read(left, wink, OPEN) - left[:, 1]).abs().max() > 0.08
+    for x in (-0.47, -0.46, -0.16, 0.0, 0.16, 0.46, 0.5):
+        torch.testing.assert_close(read(column(x), CLOSED, OPEN), column(x)[:, 1])
+
+
+def test_only_points_round_the_eyes_are_lifted_and_as_by_all_points() -> None:
+    generator = torch.Generator().manual_seed(0)
+    points = torch.rand(4000, 3, generator=generator) * 2 - 1
+    own = torch.randn(4000, 2, generator=generator)
+    theirs = torch.randn(3, 2, generator=generator)
+    lift = 0.05 * torch.randn(3, 4000, generator=generator) * (points[:, 1] > 0.3)
+    skin = brows.lowered(points.expand(3, -1, -1), lift)
+    expected = lift + lids.lifts(skin, EYES, own, theirs)
+    lids.add_lifts(lift, points, lids.near(points, EYES), EYES, own, theirs)
+    front = points[:, 2] > brows.FRONT
+    near = (points[:, 1] < LINE + END + lids.BESIDE) & (points[:, 1] > LINE - LOWER)
+    torch.testing.assert_close(lift[:, front & near], expected[:, front & near])
+
+
+def test_a_mirrored_person_has_mirrored_lids() -> None:
+    eyes = EYES + 0.01 * torch.arange(14).view(2, 7)
+    points, measures = torch.cat([column(-0.3), column(0.25)]), torch.tensor([[-2.0, -0.5]])
+    expected = lids.lifts(points[None], eyes, measures, OPEN)
+    found = lids.lifts(mirror(points)[None], lids.mirrored(eyes), measures.flip(1), OPEN)
+    torch.testing.assert_close(found, expected)
+    torch.testing.assert_close(lids.mirrored(lids.mirrored(eyes)), eyes)
+
+
+def test_a_field_shows_the_lid_of_the_references_where_an_eye_is_shut() -> None:
+    torch.manual_seed(0)
+    model, someone = Model(small_config(use_warp=False)), person()
+    views = cut_references(someone, torch.tensor([0, 1, 2, 3]))
+    views = replace(views, eyes=EYES, upper=torch.zeros(4, 6))
+    maps = replace(model.field.encoder(views), views=views)
+    points = column()[60:120]
+    towards = torch.tensor([[0.0, 0.0, -1.0]]).expand(len(points), -1)
+    frame = torch.zeros(len(points), dtype=torch.long)
+    told = torch.zeros(1, model.config.field.told_dim)
+    told[:, model.config.field.code_dim :][:, lids.MEASURES] = CLOSED
+    with torch.no_grad():
+        # What the field makes of the measure, and of where a point is, beyond the motion of skin.
+        for layer in (model.field.speech, model.field.aggregation.speech):
+            layer.weight.zero_()
+        moved = points.clone()
+        moved[:, 1] = read(points, CLOSED, OPEN)
+        shut = model.field(points, towards, frame, told, maps)
+        lid = model.field(moved, towards, frame, torch.zeros_like(told), maps)
+        eye = model.field(points, towards, frame, torch.zeros_like(told), maps)
+    assert (shut.colour - lid.colour).abs().mean() < 0.5 * (eye.colour - lid.colour).abs().mean()
