@@ -23,7 +23,9 @@ from dfrf import brows
 
 MEASURES = slice(0, 2)  # of the upper face: the left and the right lid, in LENGTH
 LENGTH = 0.1  # of the distance between the outer corners of the eyes: a blink is about -1
-SHUT = 0.02 * brows.EYE_DISTANCE  # head units: as far open FaceMesh finds an eye that is shut
+WHITE = 0.012  # head units: the eye's white is seen so far below the points of the lower lid
+# Head units: as far open FaceMesh finds an eye that is shut, from the same line.
+SHUT = 0.02 * brows.EYE_DISTANCE + WHITE
 WIDEST = 1.5  # times the opening at rest: what is measured beyond is taken for this
 LEAST = 1e-3  # head units, no length is divided by less
 BESIDE = 0.1  # head units above the motion's end that brows may have lifted its skin
@@ -66,6 +68,20 @@ def lifts(points: Tensor, eyes: Tensor, own: Tensor, theirs: Tensor) -> Tensor:
     # An eye stays where it is, unless it is opened wider than there is of it to see.
     eye = height.clamp_min(0) * (1 - their / mine.clamp_min(LEAST)).clamp_min(0)
     return torch.where(height > mine, lid, eye)
+
+
+def untold(codes: Tensor, first: int) -> Tensor:
+    """What is told of frames (F, told_dim) as if their lids were at rest.
+
+    Where points are moved with the lids, there is nothing left to tell: a field that is told of a
+    blink as well makes up colours for it, from the few frames that show one.
+
+    Args:
+        first: where the measures of the upper face begin.
+    """
+    rest = torch.ones(codes.shape[1], dtype=codes.dtype, device=codes.device)
+    rest[first:][MEASURES] = 0
+    return codes * rest
 
 
 def near(points: Tensor, eyes: Tensor) -> Tensor:

@@ -269,7 +269,7 @@ class Field(nn.Module):
         raised, opened = own[:, brows.MEASURES], own[:, lids.MEASURES]
         lift = brows.lifts(share, raised)
         if maps is not None:
-            eyes = maps.views.eyes
+            eyes, codes = maps.views.eyes, lids.untold(codes, config.code_dim)
             at_eyes = lids.near(points, eyes)
             lids.add_lifts(lift[None], points, at_eyes, eyes, opened, opened.new_zeros(1, 2))
         rest = brows.lowered(points, lift)

@@ -209,7 +209,8 @@ def eye_shapes(clip: PreparedClip) -> Tensor:
         corners = sorted((shape[inner], shape[outer]), key=lambda point: float(point[0]))
         middle = (corners[0][1] + corners[1][1]) / 2
         end = (shape[upper, 1] + shape[brow, 1]) / 2 - middle
-        eyes.append([*corners[0][:2], *corners[1][:2], middle - shape[lower, 1], end, apart])
+        below = middle - shape[lower, 1] + lids.WHITE
+        eyes.append([*corners[0][:2], *corners[1][:2], below, end, apart + lids.WHITE])
     return torch.tensor(np.array(eyes)).float()
 
 

@@ -11,6 +11,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from dfrf.brows import EYE_DISTANCE
 from dfrf.data import EYES, HEAD, MIRRORED_UPPER, MOUTH, RIM
+from dfrf.lids import WHITE
 from dubbing.errors import TrainingError
 from dubbing.identity import (
     BROWS,
@@ -161,6 +162,6 @@ def test_eyes_are_where_the_mean_face_has_them(clip: PreparedClip) -> None:
         left, right = sorted((inner, outer), key=lambda k: shape[k, 0])
         np.testing.assert_allclose(eye[:4], [*shape[left, :2], *shape[right, :2]], rtol=1e-5)
         line = (eye[1] + eye[3]) / 2
-        np.testing.assert_allclose(line - eye[4], shape[lower, 1], atol=1e-5)
+        np.testing.assert_allclose(line - eye[4] + WHITE, shape[lower, 1], atol=1e-5)
     rest = np.median(lid_openings(clip.landmarks[clip.valid]), 0)
-    np.testing.assert_allclose(eyes[:, 6], rest * EYE_DISTANCE, rtol=1e-5)
+    np.testing.assert_allclose(eyes[:, 6], rest * EYE_DISTANCE + WHITE, rtol=1e-5)
