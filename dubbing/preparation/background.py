@@ -30,6 +30,7 @@ NECK_ROUNDING = 0.2  # face widths over which its height falls to nothing
 NECK_DARKENING = 0.12  # at its upper end, under the chin's shadow
 SEAM_ROWS = 3  # px below the hole whose colour the seam takes
 SEAM_DEPTH = 10.0  # px at S = 512 over which it goes over into the smoothed colour
+RIM_FULL, RIM_END = 5.0, 10.0  # px at S = 512 inside the hole: what lies beside it fades out
 MEDIAN_FRAMES, SMOOTH_FRAMES = 9, 4.0
 
 
@@ -145,12 +146,46 @@ def restore(
 
     Args:
         image: (S, S, 3) uint8. region: (S, S) bool hole. wall: (S, S, 3) from :func:`wall_of`.
-        growing: colour and share of the :func:`neck`.
+        growing: colour and share of what grows into the hole.
     """
     colour, share = growing
     filled = wall + share[..., None] * (colour - wall)
     filled = np.clip(filled.round(), 0, 255).astype(np.uint8)
     return np.where(region[..., None], filled, image)
+
+
+def rim(
+    image: np.ndarray,
+    region: np.ndarray,
+    person: np.ndarray,
+    growing: tuple[np.ndarray, np.ndarray],
+) -> tuple[np.ndarray, np.ndarray]:
+    """What grows into the hole, with what lies beside the hole going on into its rim.
+
+    A neck grows from below; beside a jaw that rises steeply there is more of it, or a collar or
+    hair, just across the hole's edge.
+
+    Args:
+        image: (S, S, 3) uint8. region: (S, S) bool hole. person: (S, S) mask, 0..1.
+        growing: colour (S, S, 3) and share (S, S) of the :func:`neck`.
+    """
+    colour, share = growing
+    if not region.any() or region.all():
+        return growing
+    distance, label = cv2.distanceTransformWithLabels(
+        region.astype(np.uint8), cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    # Labels count the pixels outside in no promised order: look up which is which.
+    outside = np.flatnonzero(~region)
+    of_label = np.zeros(label.max() + 1, int)
+    of_label[label.ravel()[outside]] = outside
+    nearest = of_label[label]
+    unit = len(image) / REFERENCE_SIZE
+    near = np.clip((RIM_END * unit - distance) / ((RIM_END - RIM_FULL) * unit), 0, 1) * region
+    beside = image.reshape(-1, 3)[nearest].astype(np.float32)
+    there = near * person.ravel()[nearest]
+    mixed = colour + there[..., None] * (beside - colour)
+    return mixed.astype(np.float32), np.maximum(share, there).astype(np.float32)
 
 
 def slow_difference(image: np.ndarray, behind: np.ndarray, known: np.ndarray) -> np.ndarray:

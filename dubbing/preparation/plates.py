@@ -24,6 +24,7 @@ from dubbing.preparation.background import (
     neck_profile,
     plate,
     restore,
+    rim,
     smooth_profiles,
     wall_of,
 )
@@ -255,11 +256,13 @@ def background_step(
         x, y = offsets[t]
         shot = behind[footage.segment[t]]
         region = hole(alpha)
-        wall = wall_of(image, shot.wall[y : y + size, x : x + size], mask.astype(np.float32) / 255)
+        person = mask.astype(np.float32) / 255
+        wall = wall_of(image, shot.wall[y : y + size, x : x + size], person)
         left, under = region, image
         if shot.torso is not None:
             under, left = shot.torso.fill(image, region, wall, motions[t])
         growing = neck(under, left, footage.landmarks[t], smooth[t])
+        growing = rim(under, left, person, growing)
         return np.where(region[..., None], restore(under, left, wall, growing), 0).astype(np.uint8)
 
     mattes, people = (read_frames(path, pixels="gray") for path in masks)

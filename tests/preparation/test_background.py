@@ -8,6 +8,7 @@ from dubbing.preparation.background import (
     neck_profile,
     plate,
     restore,
+    rim,
     smooth_profiles,
     wall_of,
 )
@@ -45,6 +46,37 @@ def test_nothing_of_the_head_is_in_the_background_and_the_rest_is_untouched() ->
     assert out[region][:, 1].min() >= 80
     assert np.abs(out[58, 48].astype(int) - SKIN).max() < 25  # the neck goes on upwards
     assert np.abs(out[20, 48].astype(int) - WALL).max() < 5  # not into the middle of the face
+
+
+def test_what_lies_beside_a_steep_jaw_goes_on_into_the_rim_of_the_hole() -> None:
+    # A column of skin stands beside the hole, and nothing is below it: no neck grows there.
+    image = np.tile(WALL, (512, 512, 1))
+    image[100:300, 300:340] = SKIN
+    person = np.zeros((512, 512), np.float32)
+    person[100:300, 300:340] = 1
+    region = np.zeros((512, 512), bool)
+    region[100:300, 200:300] = True
+    image[region] = HEAD
+    nothing = np.zeros((512, 512, 3), np.float32), np.zeros((512, 512), np.float32)
+    colour, share = rim(image, region, person, nothing)
+    wall = np.tile(WALL.astype(np.float32), (512, 512, 1))
+    out = restore(image, region, wall, (colour, share))
+    assert np.array_equal(out[~region], image[~region])
+    np.testing.assert_array_equal(out[150:250, 295:300], np.tile(SKIN, (100, 5, 1)))
+    # It fades out, and where there is wall beside the hole the wall goes on.
+    np.testing.assert_array_equal(out[150:250, 289], np.tile(WALL, (100, 1)))
+    np.testing.assert_array_equal(out[150:250, 200:205], np.tile(WALL, (100, 5, 1)))
+    assert (share[150:250, 290:300] > 0).all()
+
+
+def test_a_rim_without_a_hole_is_what_grows() -> None:
+    image = np.tile(WALL, (SIZE, SIZE, 1))
+    growing = np.zeros((SIZE, SIZE, 3), np.float32), np.zeros((SIZE, SIZE), np.float32)
+    person = np.ones((SIZE, SIZE), np.float32)
+    for region in (np.zeros((SIZE, SIZE), bool), np.ones((SIZE, SIZE), bool)):
+        colour, share = rim(image, region, person, growing)
+        assert not colour.any()
+        assert not share.any()
 
 
 def test_plate_is_the_median_of_what_is_known_and_smooth_elsewhere() -> None:
