@@ -19,6 +19,8 @@ CUT_BELOW = 1.0  # px below the edge of the jaw: what the lens blurs of it
 EDGE_LOW, EDGE_WIDTH = 0.4, 0.5  # of the person mask: from here, over this much, to opaque
 CORE = 0.8  # of the matte before it is sharpened: above this it may only grow
 OPAQUE = 128  # of 255
+SEEN = 0.02  # of the matte: what is less is no head
+JAW_MARGIN = 2.0  # px outside of the matte that may still show some of a jaw
 GREY = cv2.COLOR_RGB2GRAY
 _thread = threading.local()
 
@@ -126,11 +128,27 @@ def hole(matte: np.ndarray) -> np.ndarray:
     are in the picture already.
     """
     unit = len(matte) / REFERENCE_SIZE
-    head = matte > 0.02 * 255
+    head = matte > SEEN * 255
     higher = np.zeros_like(head)
     rise = max(1, round(4 * unit))
     higher[:-rise] = head[rise:]
     return dilate(higher, 7 * unit) | dilate(head, 4 * unit)
+
+
+def covered(matte: np.ndarray, outline: np.ndarray) -> np.ndarray:
+    """What of the hole is to be restored, (S, S) bool: not the neck and collar beside the jaw.
+
+    Below the ear lobes there is no hair that a matte could miss, so what is 2 px from it or more
+    can be seen.
+
+    Args:
+        outline: (K, 2) px, see :func:`above_jaw`.
+    """
+    size = len(matte)
+    lobes = above_jaw(outline[[0, -1]], size)
+    hair = fill_polygon(lobes, size) > 0.5
+    jaw = dilate(matte > SEEN * 255, JAW_MARGIN * size / REFERENCE_SIZE)
+    return hole(matte) & (hair | jaw)
 
 
 def dilate(mask: np.ndarray, radius: float) -> np.ndarray:

@@ -30,7 +30,14 @@ from dubbing.preparation.background import (
 )
 from dubbing.preparation.cropping import crop
 from dubbing.preparation.jaw import edge_offsets, moved, smooth_offsets
-from dubbing.preparation.matting import component_at, head_matte, hole, opacity, person_mask
+from dubbing.preparation.matting import (
+    component_at,
+    covered,
+    head_matte,
+    hole,
+    opacity,
+    person_mask,
+)
 from dubbing.preparation.mesh_points import EYE_CORNERS, NOSE_BRIDGE
 from dubbing.preparation.silhouette import Silhouette, measure
 from dubbing.preparation.torso import Torso, torso
@@ -255,7 +262,7 @@ def background_step(
     def work(image: np.ndarray, alpha: np.ndarray, mask: np.ndarray, t: int) -> np.ndarray:
         x, y = offsets[t]
         shot = behind[footage.segment[t]]
-        region = hole(alpha)
+        region = covered(alpha, footage.outline[t])
         person = mask.astype(np.float32) / 255
         wall = wall_of(image, shot.wall[y : y + size, x : x + size], person)
         left, under = region, image
@@ -263,7 +270,8 @@ def background_step(
             under, left = shot.torso.fill(image, region, wall, motions[t])
         growing = neck(under, left, footage.landmarks[t], smooth[t])
         growing = rim(under, left, person, growing)
-        return np.where(region[..., None], restore(under, left, wall, growing), 0).astype(np.uint8)
+        restored = restore(under, left, wall, growing)
+        return np.where(hole(alpha)[..., None], restored, 0).astype(np.uint8)
 
     mattes, people = (read_frames(path, pixels="gray") for path in masks)
     frames = zip(footage.crops(), mattes, people, range(len(footage.window)), strict=True)

@@ -5,6 +5,8 @@ import numpy as np
 from dubbing.preparation.matting import (
     above_jaw,
     component_at,
+    covered,
+    dilate,
     fill_polygon,
     head_matte,
     hole,
@@ -68,3 +70,22 @@ def test_glints_are_closed_and_gaps_at_the_edge_stay() -> None:
     assert (closed[50:53, 50:53] == 255).all()
     assert np.array_equal(closed[20:40, 60:64], matte[20:40, 60:64])
     assert closed[0].max() == 0
+
+
+def test_neck_and_collar_beside_the_jaw_are_not_restored_where_they_are_seen() -> None:
+    size = 512
+    rows, columns = np.indices((size, size))
+    matte = np.where(np.hypot(rows - 240, columns - 256) < 120, 255, 0).astype(np.uint8)
+    outline = np.array([[140.0, 250], [256, 360], [372, 250]])
+    region = covered(matte, outline)
+    above = rows < 248
+    assert np.array_equal(region[above], hole(matte)[above])
+    below = rows > 252
+    jaw = dilate(matte > 0, 2)
+    assert np.array_equal(region[below], (hole(matte) & jaw)[below])
+    assert (hole(matte) & ~region)[below].sum() > 500
+
+
+def test_without_a_head_nothing_is_covered() -> None:
+    outline = np.array([[140.0, 250], [256, 360], [372, 250]])
+    assert not covered(np.zeros((512, 512), np.uint8), outline).any()
