@@ -40,7 +40,9 @@ def openings(eyes: Tensor, measures: Tensor) -> Tensor:
     """
     rest = eyes[:, 6]
     measured = rest + measures * (LENGTH * brows.EYE_DISTANCE)
-    share = (measured - SHUT) / (rest - SHUT).clamp_min(LEAST)
+    # Eyes that are hardly open at rest do not flutter with every error of the measure.
+    way = torch.maximum(rest - SHUT, rest / 3).clamp_min(LEAST)
+    share = (measured - SHUT) / way
     return rest * share.clamp(0, WIDEST)
 
 
