@@ -13,8 +13,9 @@ from torch import Tensor
 from dfrf import brows, lids
 from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, Identity
 from dubbing.errors import TrainingError
-from dubbing.preparation.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
+from dubbing.preparation.mesh_points import EYE_CORNERS, LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.preparation.silhouette import eye_axes, upwards
 
 # The outer rim of the lips.
 OUTER_LIPS = (
@@ -58,19 +59,12 @@ def lip_measures(landmarks: np.ndarray) -> np.ndarray:
     return (length - length.mean(0)) / (length.std(0) + 1e-6)
 
 
-def eye_axes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distance of the eyes (T,), directions to the right and down (T, 2), of (T, 478, 2)."""
-    across = points[:, RIGHT_EYE_OUTER] - points[:, LEFT_EYE_OUTER]
-    unit = np.linalg.norm(across, axis=-1)
-    right = across / unit[:, None]
-    return unit, right, np.stack([-right[:, 1], right[:, 0]], -1)
-
-
 def lid_openings(points: np.ndarray) -> np.ndarray:
     """How far the left and the right eye are open, (T, 2) in eye distances, of (T, 478, 2)."""
-    unit, _, down = eye_axes(points)
+    _, right, unit = eye_axes(points[:, list(EYE_CORNERS)])
     upper, lower = ([eye[k] for eye in EYES_POINTS] for k in (2, 3))
-    return ((points[:, lower] - points[:, upper]) * down[:, None]).sum(-1) / unit[:, None]
+    between = (points[:, upper] - points[:, lower]) * upwards(right)[:, None]
+    return between.sum(-1) / unit[:, None]
 
 
 def upper_measures(clip: PreparedClip) -> np.ndarray:
@@ -83,7 +77,8 @@ def upper_measures(clip: PreparedClip) -> np.ndarray:
     the clip.
     """
     points = clip.landmarks
-    unit, right, down = eye_axes(points)
+    _, right, unit = eye_axes(points[:, list(EYE_CORNERS)])
+    down = -upwards(right)
     raised, looks = [], []
     for inner, outer, _, _, brow, iris in EYES_POINTS:
         corners = (points[:, inner] + points[:, outer]) / 2
