@@ -114,7 +114,7 @@ def save_person(
             "reference.upper": views.upper,
             "reference.eyes": views.eyes,
         }
-        header = {**header, "focal": views.focal, "scale": views.scale}
+        header = {**header, "focal": views.focal, "scale": views.scale, "blinks": views.blinks}
     about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
     write_tensors(path, tensors, {**about, **header})
 
@@ -130,8 +130,10 @@ def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dic
     if "reference.images" in tensors:
         part = {k.removeprefix("reference."): v for k, v in tensors.items() if "reference." in k}
         try:
-            views = ReferenceViews(**part, focal=header["focal"], scale=header["scale"])
-        except TypeError as error:
+            views = ReferenceViews(
+                **part, focal=header["focal"], scale=header["scale"], blinks=header["blinks"]
+            )
+        except (KeyError, TypeError) as error:
             raise CheckpointError(
                 f"{path}: keeps other things of its references than this version reads; learn the "
                 "person again"

@@ -12,6 +12,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from dfrf import lids
 from dfrf.cameras import pixel_rays
 from dfrf.config import TrainConfig
 from dfrf.views import ReferenceViews
@@ -195,7 +196,14 @@ def surface_rays(
 
 
 def cut_references(person: Identity, frames: Tensor) -> ReferenceViews:
-    """Reference views of frames (N,), cut to the box that holds their heads."""
+    """Reference views of frames (N,), cut to the box that holds their heads.
+
+    Where the person blinks, a frame with shut eyes is added for the lids.
+    """
+    forward = person.c2w[:, :, 2]
+    blink = lids.shut_frame(person.eyes, person.upper[:, lids.MEASURES], forward)
+    if blink is not None:
+        frames = torch.cat([frames, frames.new_tensor([blink])])
     margin = round(0.03 * person.size)
     heads = person.mattes[frames] > HEAD_MATTE
     rows, columns = heads.any(2), heads.any(1)
@@ -226,4 +234,5 @@ def cut_references(person: Identity, frames: Tensor) -> ReferenceViews:
         upper=person.upper[frames],
         eyes=person.eyes,
         scale=person.size / 512,
+        blinks=int(blink is not None),
     )

@@ -14,7 +14,6 @@ from torch import Tensor, nn
 
 from dfrf import brows, lids
 from dfrf import device as devices
-from dfrf.cameras import project
 from dfrf.config import FieldConfig, ModelConfig
 from dfrf.encodings import frequency_encoding
 from dfrf.head import HeadModel
@@ -48,26 +47,52 @@ class FieldOutput:
     offset: Tensor
 
 
-def bilinear_rows(points: Tensor, height: int, width: int, first: Tensor) -> tuple[Tensor, Tensor]:
-    """The four table rows round each position and their bilinear weights.
+@dataclass(frozen=True)
+class Asked:
+    """M points that the field is asked of.
 
-    Args:
-        points: (..., 2) column, row; clamped to the image.
-        first: (...,) row of the table where the image of each point begins.
-
-    Returns:
-        (..., 4) int64 and (..., 4) weights, differentiable in the points.
+    Attributes:
+        points, directions: (M, 3), the latter of unit length.
+        encoded: (M, P) the points where they are at rest.
+        belongs: (M, F) 1 where a point belongs to a frame.
+        raised, opened: (M or 1, 2) measures of the brows and of the lids in its frame.
+        shares: (M, 2) how much brows move it.
+        at_eyes: (K,) the points that lids may move.
     """
-    # Not a number would become any index: the loss says so without reading outside the table.
-    column, row = points.nan_to_num().unbind(-1)
-    column, row = column.clamp(0, width - 1), row.clamp(0, height - 1)
-    left = column.detach().floor().clamp_(max=width - 2)
-    top = row.detach().floor().clamp_(max=height - 2)
-    a, b = column - left, row - top
-    index = first + top.long() * width + left.long()
-    rows = torch.stack([index, index + 1, index + width, index + width + 1], -1)
-    weights = torch.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b], -1)
-    return rows, weights
+
+    points: Tensor
+    directions: Tensor
+    encoded: Tensor
+    belongs: Tensor
+    raised: Tensor
+    opened: Tensor
+    shares: Tensor
+    at_eyes: Tensor
+
+    def only(self, at: Tensor) -> Asked:
+        """The points `at` (K,), all of which lids may move."""
+
+        def rows(values: Tensor) -> Tensor:
+            return values if len(values) == 1 else values.index_select(0, at)
+
+        return Asked(
+            self.points[at],
+            self.directions[at],
+            self.encoded[at],
+            self.belongs[at],
+            rows(self.raised),
+            rows(self.opened),
+            self.shares[at],
+            torch.arange(len(at), device=at.device),
+        )
+
+    def lifts(self, views: ReferenceViews, which: slice) -> Tensor:
+        """How much higher than in n of the views the points are, (n, M) head units."""
+        upper = views.upper[which]
+        lift = brows.lifts(self.shares, self.raised - upper[:, None, brows.MEASURES])
+        theirs = upper[:, lids.MEASURES]
+        lids.add_lifts(lift, self.points, self.at_eyes, views.eyes, self.opened, theirs)
+        return lift
 
 
 def of_points(values: Tensor, belongs: Tensor) -> Tensor:
@@ -244,6 +269,38 @@ class Field(nn.Module):
             codes = codes + silent * (self.saying(codes, self.shut) - codes)
         return torch.cat([codes[:count], upper], -1)
 
+    def looked_up(
+        self, asked: Asked, maps: ReferenceMaps, which: slice, codes: Tensor, warp: bool
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """What n views show of M points: F~ (M, out_dim), colour (M, 3), offset (n, M, 2)."""
+        views = maps.views
+        projected = views.project(asked.points, which, asked.lifts(views, which))
+        offset = torch.zeros_like(projected)
+        if warp and self.config.use_warp:
+            at = maps.nearest(projected, which)
+            offset = self.warp(asked.encoded, codes, asked.belongs, at)
+        feature = maps.read(projected + offset * views.scale, which)
+        towards = views.differences(asked.points, asked.directions, which).to(feature.dtype)
+        fused, weight = self.aggregation(feature, towards, asked.encoded, codes, asked.belongs)
+        return fused, (weight[..., None] * feature[..., COLOUR].float()).sum(0), offset
+
+    def seen(
+        self, asked: Asked, maps: ReferenceMaps, codes: Tensor, warp: bool
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """What the references show of M points, as `looked_up`: of lids that shut, a blink."""
+        views = maps.views
+        fused, colour, offset = self.looked_up(asked, maps, views.faces, codes, warp)
+        if not views.blinks:
+            return fused, colour, offset
+        share = lids.shut_shares(asked.points, asked.at_eyes, views.eyes, asked.opened)
+        some = share.nonzero().squeeze(1)
+        if len(some):
+            at, share = asked.at_eyes[some], share[some, None]
+            blink, shown, _ = self.looked_up(asked.only(at), maps, views.shut, codes, False)
+            fused = fused.index_add(0, at, (share * (blink - fused[at])).to(fused.dtype))
+            colour = colour.index_add(0, at, share * (shown - colour[at]))
+        return fused, colour, offset
+
     def forward(
         self,
         points: Tensor,
@@ -264,10 +321,10 @@ class Field(nn.Module):
         # Rounded once, not at every layer that reads them.
         kind = devices.matrix_type(points.device)
         belongs = F.one_hot(frame, codes.shape[0]).to(codes.dtype)
-        share = brows.shares(points)
-        own = of_points(codes[:, config.code_dim :], belongs)
-        raised, opened = own[:, brows.MEASURES], own[:, lids.MEASURES]
-        lift = brows.lifts(share, raised)
+        shares = brows.shares(points)
+        upper = of_points(codes[:, config.code_dim :], belongs)
+        raised, opened = upper[:, brows.MEASURES], upper[:, lids.MEASURES]
+        lift = brows.lifts(shares, raised)
         if maps is not None:
             eyes, codes = maps.views.eyes, lids.untold(codes, config.code_dim)
             at_eyes = lids.near(points, eyes)
@@ -277,39 +334,8 @@ class Field(nn.Module):
         parts = [encoded]
         offset = points.new_zeros(0, points.shape[0], 2)
         if maps is not None:
-            views = maps.views
-            count = views.c2w.shape[0]
-            first = torch.arange(count, device=points.device) * (maps.height * maps.width)
-            lift = brows.lifts(share, raised - views.upper[:, None, brows.MEASURES])
-            theirs = views.upper[:, lids.MEASURES]
-            lids.add_lifts(lift, points, at_eyes, eyes, opened, theirs)
-            projected = project(points, views.c2w, views.focal, views.centres, lift)
-            offset = torch.zeros_like(projected)
-            if warp and config.use_warp:
-                limit = projected.new_tensor([maps.width - 1, maps.height - 1])
-                nearest = torch.minimum(projected.round().clamp_min(0), limit).long()
-                row = first[:, None] + nearest[..., 1] * maps.width + nearest[..., 0]
-                # The published code feeds the warp with features it does not train, and so do we:
-                # their gradient would cost a second look-up and taught nothing there.
-                at = maps.table.detach().index_select(0, row.view(-1)).view(*row.shape, -1)
-                offset = self.warp(encoded, codes, belongs, at)
-            rows, weights = bilinear_rows(
-                projected + offset * views.scale, maps.height, maps.width, first[:, None]
-            )
-            feature = F.embedding_bag(
-                rows.view(-1, 4),
-                maps.table,
-                mode="sum",
-                per_sample_weights=weights.view(-1, 4).to(maps.table.dtype),
-            ).view(count, -1, config.feature_dim)
-            towards = F.normalize(points - views.c2w[:, None, :, 3], dim=-1)
-            view = torch.cat(
-                [directions - towards, (directions * towards).sum(-1, keepdim=True)], -1
-            )
-            fused, weight = self.aggregation(
-                feature, view.to(feature.dtype), encoded, codes, belongs
-            )
-            blended = (weight[..., None] * feature[..., COLOUR].float()).sum(0)
+            asked = Asked(points, directions, encoded, belongs, raised, opened, shares, at_eyes)
+            fused, blended, offset = self.seen(asked, maps, codes, warp)
             parts.append(fused.to(kind))
         told = of_points(self.speech(codes), belongs)
         h = F.relu(self.input(torch.cat(parts, -1)) + told, inplace=True)

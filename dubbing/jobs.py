@@ -19,10 +19,10 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 6,
-    "finetune": 9,
+    "finetune": 10,
     "source": 2,
     "speech": 1,
-    "heads": 6,
+    "heads": 7,
     "video": 1,
     "sync": 2,
 }

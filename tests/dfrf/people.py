@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import torch
 
+from dfrf import lids
 from dfrf.config import FieldConfig, MarchConfig, ModelConfig
 from dfrf.data import EYES, HEAD, MOUTH, RIM, Identity
 from dfrf.model import PRIOR_CENTRE, PRIOR_RADII
@@ -49,6 +50,10 @@ def person(frames: int = 6, seed: int = 0) -> Identity:
     regions = torch.where(mattes > 0, HEAD, RIM).to(torch.uint8)
     regions[:, 26:32, 20:28] = MOUTH
     regions[:, 18:21, 18:30] = EYES
+    windows = torch.randn(frames, 16, 8, generator=generator)
+    lips = torch.randn(frames, 7, generator=generator)
+    upper = torch.randn(frames, 6, generator=generator)
+    upper[:, lids.MEASURES].clamp_(min=-0.5)  # nobody blinks
     return Identity(
         name="ellipsoid",
         images=images,
@@ -59,9 +64,9 @@ def person(frames: int = 6, seed: int = 0) -> Identity:
         focal=FOCAL,
         centres=torch.full((frames, 2), centre),
         number=torch.arange(frames),
-        windows=torch.randn(frames, 16, 8, generator=generator),
-        lips=torch.randn(frames, 7, generator=generator),
-        upper=torch.randn(frames, 6, generator=generator),
+        windows=windows,
+        lips=lips,
+        upper=upper,
         segment=torch.zeros(frames, dtype=torch.long),
         eyes=torch.tensor(
             [

@@ -6,7 +6,7 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from dfrf import presets
+from dfrf import lids, presets
 from dfrf.checkpoint import (
     CheckpointError,
     load_model,
@@ -43,13 +43,24 @@ def test_a_person_comes_back_with_the_references(tmp_path: Path) -> None:
     assert torch.equal(again.eyes, views.eyes)
 
 
+def test_the_view_of_a_blink_comes_back_as_such(tmp_path: Path) -> None:
+    someone = person()
+    someone.upper[2, lids.MEASURES] = -2.0
+    views = cut_references(someone, torch.tensor([1, 4]))
+    save_person(tmp_path / "p.safetensors", presets.build(small_config()), views, {})
+    _, again, _ = load_person(tmp_path / "p.safetensors")
+    assert again is not None
+    assert (again.blinks, again.shut) == (1, slice(2, 3))
+
+
 def test_a_person_of_another_version_is_to_be_learned_again(tmp_path: Path) -> None:
     path = tmp_path / "p.safetensors"
     save_person(
         path, presets.build(small_config()), cut_references(person(), torch.tensor([1])), {}
     )
     tensors, header = read_tensors(path)
-    write_tensors(path, {k: v for k, v in tensors.items() if k != "reference.eyes"}, header)
+    del tensors["reference.eyes"], header["blinks"]
+    write_tensors(path, tensors, header)
     with pytest.raises(CheckpointError, match=r"p\.safetensors: .*learn the person again"):
         load_person(path)
 

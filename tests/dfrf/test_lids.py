@@ -120,3 +120,78 @@ def test_a_field_shows_the_lid_of_the_references_where_an_eye_is_shut() -> None:
         eye = model.field(points, towards, frame, torch.zeros_like(told), maps)
     # All that is left is the direction each place is seen in.
     assert (shut.colour - lid.colour).abs().mean() < 0.1 * (eye.colour - lid.colour).abs().mean()
+
+
+def test_a_view_of_shut_eyes_is_read_where_a_lid_is_shut_and_nowhere_else() -> None:
+    points = torch.cat([column(-0.31), column(0.31), torch.tensor([[0.0, LINE, 0.6]])])
+    at = torch.arange(len(points))
+    assert not lids.shut_shares(points, at, EYES, OPEN).any()
+    wink = torch.stack([OPEN[:, 0], CLOSED[:, 1]], 1)
+    share = lids.shut_shares(points, at, EYES, wink)
+    assert not share[:200].any()
+    assert not share[-1].any()
+    height = points[200:400, 1]
+    lid = (height > LINE - LOWER) & (height < LINE - LOWER + (1 - lids.SOFT) * (END + LOWER))
+    torch.testing.assert_close(share[200:400][lid], torch.ones(int(lid.sum())))
+    assert not share[200:400][(height > LINE + END) | (height < LINE - LOWER - lids.BELOW)].any()
+    assert share[200:400].diff().abs().max() < 0.1
+
+
+def test_of_half_a_blink_the_lid_is_read_off_it_and_the_eye_is_not() -> None:
+    points, half = column(), CLOSED * 0.6
+    share = lids.shut_shares(points, torch.arange(len(points)), EYES, half)
+    rim = LINE - LOWER + float(lids.openings(EYES, half)[0, 1])
+    above, below = points[:, 1] > rim + 1e-3, points[:, 1] < rim - 1e-3
+    assert share[above].max() > 0.9
+    assert not share[below].any()
+
+
+def test_the_frame_of_shut_eyes_is_one_where_both_are_shut_in_the_most_usual_pose() -> None:
+    measures = torch.cat([OPEN, CLOSED, CLOSED / 2, CLOSED, OPEN])
+    measures[1, 0] = 0
+    forward = torch.tensor([[0.0, 0, 1]]).repeat(5, 1)
+    assert lids.shut_frame(EYES, measures, forward) == 3
+    measures[4] = CLOSED
+    forward[3, 0] = 0.3
+    assert lids.shut_frame(EYES, measures, forward) == 4
+    assert lids.shut_frame(EYES, measures[:3], forward[:3]) is None
+
+
+def test_a_person_who_blinks_has_a_view_of_it_and_one_who_does_not_has_none() -> None:
+    someone = person()
+    someone.upper[:, lids.MEASURES] = 0
+    frames = torch.tensor([1, 4])
+    assert cut_references(someone, frames).blinks == 0
+    someone.upper[2, lids.MEASURES] = -2.0
+    views = cut_references(someone, frames)
+    assert views.blinks == 1
+    assert torch.equal(views.c2w, someone.c2w[torch.tensor([1, 4, 2])])
+
+
+def test_a_shut_lid_has_the_colours_of_the_blink_and_an_open_one_those_of_the_faces() -> None:
+    torch.manual_seed(0)
+    model, someone = Model(small_config(use_warp=False)), person()
+    someone = replace(someone, eyes=EYES, upper=torch.zeros(6, 6))
+    someone.upper[2, lids.MEASURES] = CLOSED
+    views = cut_references(someone, torch.tensor([0, 1]))
+    points = column()[25:80]  # up to where the lid goes over into its surroundings
+    towards = torch.tensor([[0.0, 0.0, -1.0]]).expand(len(points), -1)
+    frame = torch.zeros(len(points), dtype=torch.long)
+
+    @torch.no_grad()
+    def colour(measure: Tensor, black: slice) -> Tensor:
+        images = views.images.clone()
+        images[black] = 0
+        maps = model.field.encoder(replace(views, images=images))
+        told = torch.zeros(1, model.config.field.told_dim)
+        told[:, model.config.field.code_dim :][:, lids.MEASURES] = measure
+        return model.field(points, towards, frame, told, maps).colour
+
+    nothing = slice(0, 0)
+    for measure, read_off, rest in (
+        (CLOSED, views.shut, views.faces),
+        (OPEN, views.faces, views.shut),
+    ):
+        whole = colour(measure, nothing)
+        torch.testing.assert_close(colour(measure, rest), whole, atol=1e-5, rtol=0)
+        assert (colour(measure, read_off) - whole).abs().min() > 0.1
