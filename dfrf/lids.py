@@ -25,6 +25,7 @@ from dfrf import brows
 
 MEASURES = slice(0, 2)  # of the upper face: the left and the right lid, in LENGTH
 LENGTH = 0.1  # of the distance between the outer corners of the eyes: a blink is about -1
+RIM = 0.012  # head units from lid to eye: a pixel or two
 WHITE = 0.012  # head units: the eye's white is seen so far below the points of the lower lid
 # Head units: as far open FaceMesh finds an eye that is shut, from the same line.
 SHUT = 0.02 * brows.EYE_DISTANCE + WHITE
@@ -89,8 +90,11 @@ def lifts(points: Tensor, eyes: Tensor, own: Tensor, theirs: Tensor) -> Tensor:
     way = (at.top - mine).clamp_min(LEAST)
     lid = (1 - ((at.height - mine) / way).clamp(0, 1)) * (mine - their)
     # An eye stays where it is, unless it is opened wider than there is of it to see.
-    eye = at.height.clamp_min(0) * (1 - their / mine.clamp_min(LEAST)).clamp_min(0)
-    return torch.where(at.height > mine, lid, eye)
+    seen = torch.minimum(at.height, mine).clamp_min(0)
+    eye = seen * (1 - their / mine.clamp_min(LEAST)).clamp_min(0)
+    # A rim as sharp as a step would have steps, pixel by pixel.
+    above = ((at.height - mine) / RIM + 0.5).clamp(0, 1)
+    return eye + above * (lid - eye)
 
 
 def shut_shares(points: Tensor, at: Tensor, eyes: Tensor, own: Tensor) -> Tensor:

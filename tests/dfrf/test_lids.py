@@ -41,24 +41,28 @@ def test_a_reference_with_the_same_lids_is_read_where_the_points_are() -> None:
 def test_a_shut_eye_shows_the_upper_lid_and_nothing_of_the_eye() -> None:
     points = column()
     rim = LINE - LOWER + REST
-    over = (points[:, 1] > LINE - LOWER + 1e-4) & (points[:, 1] < LINE + END)
+    edge = LINE - LOWER
+    over = (points[:, 1] > edge + lids.RIM / 2) & (points[:, 1] < LINE + END)
+    under = (points[:, 1] < edge - lids.RIM / 2) | (points[:, 1] > LINE + END)
     found = read(points, CLOSED, OPEN)
     assert (found[over] > rim).all()
     assert (found[over] < LINE + END).all()
+    assert (found.diff() > 0).all()
     # Skin is stretched evenly, and neither folds nor moves beyond the end of the motion.
     assert (found[over].diff() > 0).all()
     torch.testing.assert_close(found[over].diff(), found[over].diff()[:1].expand(sum(over) - 1))
-    torch.testing.assert_close(found[~over], points[~over, 1])
+    torch.testing.assert_close(found[under], points[under, 1])
 
 
 def test_half_a_blink_hides_the_upper_half_of_the_eye_and_leaves_the_lower() -> None:
     half = CLOSED / 2
     points, opening = column(), float(lids.openings(EYES, half)[0, 1])
     assert abs(opening - REST / 2) < 1e-3
-    below = points[:, 1] < LINE - LOWER + opening - 1e-3
+    rim = LINE - LOWER + opening
+    below, above = (points[:, 1] < rim - lids.RIM / 2), (points[:, 1] > rim + lids.RIM / 2)
     found = read(points, half, OPEN)
     torch.testing.assert_close(found[below], points[below, 1])
-    assert (found[~below] > LINE - LOWER + REST - 1e-3).all()
+    assert (found[above] > LINE - LOWER + REST - 1e-3).all()
 
 
 def test_an_eye_wider_than_the_references_is_all_of_the_eye_there_is() -> None:
