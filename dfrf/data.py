@@ -195,15 +195,18 @@ def surface_rays(
     return origins, gap / distance[:, None], frame, distance
 
 
-def cut_references(person: Identity, frames: Tensor) -> ReferenceViews:
+def cut_references(person: Identity, frames: Tensor, asked: Tensor | None = None) -> ReferenceViews:
     """Reference views of frames (N,), cut to the box that holds their heads.
 
-    Where the person blinks, a frame with shut eyes is added for the lids.
+    Where the person blinks, a frame with shut eyes is added for the lids, none of those `asked`.
     """
-    forward = person.c2w[:, :, 2]
-    blink = lids.shut_frame(person.eyes, person.upper[:, lids.MEASURES], forward)
+    among = torch.arange(person.frames)
+    if asked is not None:
+        among = among[~torch.isin(among, asked)]
+    measures, forward = person.upper[among][:, lids.MEASURES], person.c2w[among][:, :, 2]
+    blink = lids.shut_frame(person.eyes, measures, forward)
     if blink is not None:
-        frames = torch.cat([frames, frames.new_tensor([blink])])
+        frames = torch.cat([frames, among[blink : blink + 1]])
     margin = round(0.03 * person.size)
     heads = person.mattes[frames] > HEAD_MATTE
     rows, columns = heads.any(2), heads.any(1)

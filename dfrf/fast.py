@@ -151,8 +151,10 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
     def references(self) -> int:
         return self.model.config.field.references
 
-    def views(self, person: Identity, frames: Tensor) -> ReferenceViews:
-        return cut_references(person, frames)
+    def views(
+        self, person: Identity, frames: Tensor, asked: Tensor | None = None
+    ) -> ReferenceViews:
+        return cut_references(person, frames, asked)
 
     def encode(self, views: ReferenceViews) -> ReferenceMaps:
         maps: ReferenceMaps = self.model.field.encoder(views)

@@ -1,8 +1,9 @@
-"""Lids close as skin does: the lid of a shut eye is the reference's upper lid, drawn down.
+"""Lids close as skin does, and a shut eye is the person's own.
 
 Fifteen seconds show two or three blinks, and references hardly ever one. A field that is only told
 how far the lids are open has to paint a shut eye from those few frames. Told where the skin of the
-lid came from, it need not.
+lid came from, it need not; and the skin that unfolds as a lid shuts, which open eyes do not show,
+is read off a frame of a blink, kept beside the references.
 
 Above the rim of the upper lid, up to where its motion ends below the brow, skin is stretched; below
 it the eye stays where it is and disappears behind the lid. A rim is a parabola between the corners

@@ -86,8 +86,14 @@ class Method(ABC, Generic[ShareT, MapsT]):
         """Number N of reference frames; 0 for a model without references."""
 
     @abstractmethod
-    def views(self, person: Identity, frames: Tensor) -> ReferenceViews:
-        """Reference views of frames (N,) of a person."""
+    def views(
+        self, person: Identity, frames: Tensor, asked: Tensor | None = None
+    ) -> ReferenceViews:
+        """Reference views of frames (N,) of a person.
+
+        Args:
+            asked: frames that the model is to be asked of, which none may be added from.
+        """
 
     @abstractmethod
     def encode(self, views: ReferenceViews) -> MapsT:

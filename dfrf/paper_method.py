@@ -95,7 +95,9 @@ class PaperMethod(Method[PaperShare, ReferenceMaps]):
     def references(self) -> int:
         return REFERENCES if self.model.config.use_references else 0
 
-    def views(self, person: Identity, frames: Tensor) -> ReferenceViews:
+    def views(
+        self, person: Identity, frames: Tensor, asked: Tensor | None = None
+    ) -> ReferenceViews:
         """Whole pictures: the published aggregation is told the pixel that it reads."""
         return ReferenceViews(
             images=person.images[frames],

@@ -107,13 +107,14 @@ class References:
         fixed = chosen is not None and look is None and not self.config.learn_references_every
         if fixed and person.name in self.fixed:
             return self.fixed[person.name]
-        frames = chosen
+        frames, asked = chosen, None
         if frames is None:
+            asked = exclude
             order = torch.randperm(person.frames, generator=generator)
             frames = order[~torch.isin(order, exclude)][:count]
             if frames.numel() < count:
                 frames = order[:count]
-        views = self.method.views(person, frames)
+        views = self.method.views(person, frames, asked)
         if look is not None:
             views = look.of_views(views)
         if learn:

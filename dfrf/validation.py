@@ -57,7 +57,7 @@ def draw_exam(person: Identity, method: Method[Any, Any], config: TrainConfig) -
     order = torch.randperm(person.frames, generator=generator)
     others = order[~torch.isin(order, batch.frames)]
     chosen = (others if len(others) >= references else order)[:references]
-    return Exam(person, batch, method.views(person, chosen))
+    return Exam(person, batch, method.views(person, chosen, batch.frames))
 
 
 class Validation:

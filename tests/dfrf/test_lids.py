@@ -170,6 +170,10 @@ def test_a_person_who_blinks_has_a_view_of_it_and_one_who_does_not_has_none() ->
     views = cut_references(someone, frames)
     assert views.blinks == 1
     assert torch.equal(views.c2w, someone.c2w[torch.tensor([1, 4, 2])])
+    assert cut_references(someone, frames, asked=torch.tensor([2, 3])).blinks == 0
+    someone.upper[5, lids.MEASURES] = -2.0
+    others = cut_references(someone, frames, asked=torch.tensor([2, 3]))
+    assert torch.equal(others.c2w, someone.c2w[torch.tensor([1, 4, 5])])
 
 
 def test_a_shut_lid_has_the_colours_of_the_blink_and_an_open_one_those_of_the_faces() -> None:
