@@ -168,11 +168,13 @@ def dub_job(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
         steps.Render(dub, finetune.folder, prepare.folder, speech.folder, device),
     )
     look = {"frame": dub.frame, "label": dub.label, "codec": dub.codec}
+    # Nothing of the picture depends on it, but the record of a result says who agreed to it.
+    consent = {"consent": identity.consent.model_dump(mode="json")}
     video = Stage(
         "video",
         folder / "video",
         VERSIONS["video"],
-        {**look, "audio_rate": dub.audio_rate, **poses, **cut},
+        {**look, "audio_rate": dub.audio_rate, **poses, **cut, **consent},
         {"heads": heads, "prepared": prepare, "clip": identity.clip, "audio": dub.audio},
         steps.Compose(dub, heads.folder, prepare.folder, speech.folder, seconds),
     )

@@ -131,6 +131,18 @@ def test_a_lost_result_is_put_back(footage: Path, tmp_path: Path) -> None:
     assert (tmp_path / "out" / "ann_it.mp4").is_file()
 
 
+def test_consent_is_in_the_record_of_a_dub(footage: Path, tmp_path: Path) -> None:
+    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
+    record = tmp_path / "out" / "work" / "dubs" / "ann_it" / "video" / "stage.json"
+    dub(path)
+    consent = json.loads(record.read_text())["parameters"]["consent"]
+    assert consent == {"by": "the person on film", "date": None, "reference": "form 17"}
+    path.write_text(path.read_text().replace("form 17", "form 18"))
+    _, began = dub(path)
+    assert began == ["ann_it:video"]
+    assert json.loads(record.read_text())["parameters"]["consent"]["reference"] == "form 18"
+
+
 @pytest.mark.parametrize("broken", ["noface.mp4", "damaged.mp4"])
 def test_one_broken_clip_among_three(footage: Path, tmp_path: Path, broken: str) -> None:
     people = {"ann": "ann.mp4", "bad": broken, "bob": "bob.mp4"}
