@@ -13,7 +13,7 @@ from dfrf import lpips
 from dfrf.checkpoint import CheckpointError
 from dfrf.config import family
 from dfrf.lpips import Lpips
-from dubbing import jobs, lock, media, stages, steps, tiles
+from dubbing import jobs, lock, media, provenance, stages, steps, tiles
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
 from dubbing.finetuning import MODEL_FILE, SUMMARY_FILE, clip_windows
@@ -152,7 +152,14 @@ def evaluate_one(
     for kind in ("render", "source"):
         video = out / f"{kind}.mp4"
         picture = out / f"{kind}_picture.mp4"
-        media.mux(picture, clip.clip, video, audio_start=start, seconds=length)
+        media.mux(
+            picture,
+            clip.clip,
+            video,
+            audio_start=start,
+            seconds=length,
+            metadata=provenance.tags() if kind == "render" else None,
+        )
         picture.unlink()
         checks[kind] = check(video)
     learned = json.loads((finetune.folder / SUMMARY_FILE).read_text(encoding="utf-8"))
