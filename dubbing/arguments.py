@@ -26,8 +26,13 @@ def checked_device(name: str) -> str:
     """The device asked for.
 
     Raises:
-        DubbingError: there is none of that name.
+        DubbingError: there is none of that name, or not here.
     """
     if name not in ("auto", "cpu", "cuda"):
         raise DubbingError(f"no device {name!r}", "--device", "use auto, cpu or cuda")
+    if name == "cuda":
+        import torch  # only to ask for a GPU: the command line is quick without it
+
+        if not torch.cuda.is_available():
+            raise DubbingError("torch sees no GPU here", "--device cuda", "use auto or cpu")
     return name

@@ -124,6 +124,16 @@ def test_a_wrong_call_is_2(dfrf, manifest: Path, arguments: list[str], said: str
     assert not (manifest.parent / "out").exists()  # nothing was started
 
 
+def test_a_gpu_that_is_not_there_is_2(  # type: ignore[no-untyped-def]
+    dfrf, manifest: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    code, _, err = dfrf("dub", manifest, "--device", "cuda")
+    assert code == 2
+    assert "torch sees no GPU here (--device cuda): use auto or cpu" in err
+    assert not (manifest.parent / "out").exists()
+
+
 def test_a_wrong_manifest_is_2_and_all_is_said(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
     manifest.write_text(manifest.read_text().replace("version: 1", "version: 3\nlabel: x"))
     code, _, err = dfrf("dub", manifest)
