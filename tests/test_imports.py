@@ -24,7 +24,7 @@ LAYERS = (
     {"measuring"},
     {"steps"},
     {"jobs"},
-    {"running", "planning", "machine", "starting"},
+    {"processes", "running", "planning", "machine", "starting"},
     {"report", "report_page"},
     {"pipeline"},
     {"evaluation", "basetraining", "benchmark", "teaching"},
