@@ -150,6 +150,21 @@ def test_a_locked_folder_is_2(dfrf, manifest: Path) -> None:  # type: ignore[no-
     assert f"process {os.getpid()}" in err
 
 
+def test_a_folder_that_cannot_be_made_is_said(  # type: ignore[no-untyped-def]
+    dfrf, manifest: Path, footage: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (manifest.parent / "file").touch()
+    code, _, err = dfrf("prepare", footage / "ann.mp4", "--out", manifest.parent / "file" / "out")
+    assert code == 1
+    assert "the folder cannot be made: Not a directory" in err
+    # Whoever runs the tests may be allowed everything.
+    monkeypatch.setattr(os, "access", lambda _, mode: not mode & os.W_OK)
+    for arguments in (("dub", manifest), ("init", footage)):
+        code, _, err = dfrf(*arguments)
+        assert code == 1
+        assert "nothing may be written there" in err
+
+
 def test_a_failed_job_is_1(dfrf, manifest: Path, footage: Path) -> None:  # type: ignore[no-untyped-def]
     (footage / "noface.mp4").write_bytes((footage / "ann.mp4").read_bytes())
     manifest.write_text(manifest.read_text().replace("ann.mp4", "noface.mp4"))
