@@ -15,8 +15,22 @@ def _resolve(value: Any, info: ValidationInfo) -> Any:
     """A path relative to the folder of the manifest."""
     if not isinstance(value, str) or not value.strip():
         raise ValueError("must be the path of a file")
-    folder: Path = (info.context or {})["folder"]
-    return (folder / Path(value).expanduser()).resolve()
+    return place_of(value, (info.context or {})["folder"])
+
+
+def place_of(written: str, folder: Path) -> Path:
+    """The full path that is meant by what a manifest in a folder says; there may be nothing yet.
+
+    Raises:
+        ValueError: there can be no such path, or it may not be looked at.
+    """
+    try:
+        path = (folder / Path(written).expanduser()).resolve()
+        path.exists()
+    except (OSError, RuntimeError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ValueError(f"cannot be a path: {reason}") from error
+    return path
 
 
 def check_name(value: Any) -> Any:
