@@ -122,6 +122,16 @@ def test_only_what_depends_on_a_change_is_made_again(footage: Path, tmp_path: Pa
     assert began == ["ann:finetune", "ann_it:heads"]
 
 
+def test_the_report_shows_the_codec_that_was_asked_for(footage: Path, tmp_path: Path) -> None:
+    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
+    dub(path)
+    path.write_text(path.read_text().replace("it.wav}", "it.wav, codec: ffv1}"))
+    dub(path)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["dubs"]["ann_it"]["video"] == "ann_it.mkv"
+    assert (tmp_path / "out" / "ann_it.mp4").is_file()  # whoever put it there may want it
+
+
 def test_a_lost_result_is_put_back(footage: Path, tmp_path: Path) -> None:
     path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
     dub(path)
