@@ -10,6 +10,7 @@ import av
 import pytest
 
 from dubbing import evaluation, steps, tiles
+from dubbing.errors import DubbingError, MediaError
 from dubbing.manifest import Manifest, load
 from tests import clips, fakes
 
@@ -63,3 +64,22 @@ def test_figures_are_kept_and_the_render_says_that_it_is_generated(manifest: Man
             said[kind] = file.metadata.get("comment", "")
     assert "AI-generated" in said["render"]
     assert said["source"] == ""
+
+
+def test_before_anybody_is_learned_everybody_must_have_something_held_out(
+    manifest: Manifest,
+) -> None:
+    ann = manifest.identities["ann"]
+    people = {"ann": ann, "all": ann.model_copy(update={"seconds": 1.2})}
+    both = manifest.model_copy(update={"identities": people})
+    with pytest.raises(DubbingError, match=r"nothing of the clip is held out after 1\.2 s \(all\)"):
+        evaluation.evaluate(both, device="cpu", progress=quiet)
+    assert not manifest.output.exists()
+    evaluation.evaluate(both, only=("ann",), device="cpu", progress=quiet)
+
+
+def test_a_damaged_clip_is_said(manifest: Manifest) -> None:
+    clip = manifest.identities["ann"].clip
+    damaged = manifest.model_copy(update={"media": {}, "damaged": {clip: MediaError("torn")}})
+    with pytest.raises(MediaError, match="torn"):
+        evaluation.evaluate(damaged, device="cpu", progress=quiet)
