@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 LONGEST_NAME = 100
+SIZES = range(64, 1025, 8)  # sides of the head crop, pixels
 
 
 def _resolve(value: Any, info: ValidationInfo) -> Any:
@@ -81,7 +82,7 @@ class Identity(Entry):
     seed: int = Field(default=0, ge=0, lt=2**31)
     speech: Literal["mel", "rnn", "hubert", "wav2vec2"] = "rnn"
     speech_weights: FilePath | None = None
-    size: int = Field(default=512, ge=64, le=1024, multiple_of=8)
+    size: int = Field(default=512, ge=SIZES.start, le=SIZES[-1], multiple_of=SIZES.step)
     base: FilePath | None = None
     finetune: Finetune = Finetune()
 
