@@ -193,7 +193,7 @@ def dub_job(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
 def _too_long(dub: Dub, clip: Any, seconds: float) -> DubbingError | None:
     """With ``on_longer_audio: fail`` it is known beforehand that a dub cannot be made."""
     frames = timeline.frame_count(seconds, clip.rate)
-    left = clip.frames - steps.first_frame(dub, clip.rate)
+    left = clip.frames - timeline.first_frame(dub.video_start, clip.rate)
     if dub.on_longer_audio != "fail" or frames <= left:
         return None
     return RenderingError(

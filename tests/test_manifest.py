@@ -130,7 +130,7 @@ def test_everything_wrong_is_said_at_once_with_key_and_line(folder: Path) -> Non
         "line 16: dubs[2].frame: must be one of 'full' or 'crop', not 'half'",
         "line 17: dubs[3].label: must be true or false, not 'no'",
         "line 17: dubs[3].name: the name 'A' is taken by dubs[2].name (line 16)",
-        "line 17: dubs[3].video_start: 9 s is past the end: the clip is 3.0 s long",
+        "line 17: dubs[3].video_start: 9 s is past the end: the last frame of the clip is at 2.96",
         "line 18: dubs[4]: must hold keys, not text",
     ]
     assert len(found) == len(expected), "\n".join(found)
@@ -200,6 +200,17 @@ def test_aliases_cannot_explode(folder: Path) -> None:
 def test_names_stay_in_the_output_folder(folder: Path, name: str) -> None:
     text = GOOD.replace("{identity: host,", f'{{name: "{name}", identity: host,')
     assert all("dubs[0].name" in problem for problem in problems(folder, text))
+
+
+def test_a_dub_begins_with_a_frame_that_there_is(folder: Path) -> None:
+    """75 frames at 25 a second: frame 74 is at 2.96 s, and times are rounded to the next frame."""
+    for start, fits in ((2.97, True), (2.99, False)):
+        text = GOOD.replace("audio: it.wav", f"audio: it.wav, video_start: {start}")
+        if fits:
+            read(folder, text)
+        else:
+            (said,) = problems(folder, text)
+            assert said.startswith("line 6: dubs[0].video_start: 2.99 s is past the end")
 
 
 def test_two_dubs_need_two_names(folder: Path) -> None:
