@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 # From low to high. A module may import what is on its own line or above, never below.
 LAYERS = (
     {"errors", "files", "overlap", "solution"},
-    {"media", "voice", "timeline", "provenance", "shipped_weights"},
+    {"media", "voice", "timeline", "provenance", "shipped_base", "shipped_weights"},
     {"features", "acoustics", "speech", "yaml_lines", "entries", "inputs", "published", "messages"},
     {"manifest", "stages", "lock"},
     {"preparation", "sync", "speaker"},
