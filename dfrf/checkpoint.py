@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +30,8 @@ if TYPE_CHECKING:
 
 KINDS: dict[str, type[HeadModel]] = {FORMATS[k.FAMILY]: k for k in (Model, PaperModel)}
 STATE_FILE = "state.safetensors"
+# Of the settings that a kept state is compared by.
+WORDS = {"train": "training", "config": "sizes of the model", "held": "people held out"}
 
 
 class CheckpointError(RuntimeError):
@@ -149,10 +152,14 @@ def save_resume(
     generator: torch.Generator,
     config: TrainConfig,
     curve: Curve,
-    step: int,
     held: Validation,
+    about: Mapping[str, Any],
+    step: int,
 ) -> None:
-    """Keeps the whole state of a run after `step` steps, in one file."""
+    """Keeps the whole state of a run after `step` steps, in one file.
+
+    `about`: plain data by name; whoever goes on from the state must say the same.
+    """
     tensors = {f"model.{k}": v for k, v in model.state_dict().items()}
     state = optimiser.state_dict()
     for index, values in state["state"].items():
@@ -165,13 +172,16 @@ def save_resume(
     write_tensors(
         Path(folder) / STATE_FILE,
         tensors,
-        {"format": FORMATS[model.FAMILY], "step": step, **_settings(model, config, held)},
+        {"format": FORMATS[model.FAMILY], "step": step, **_settings(model, config, held, about)},
     )
 
 
-def _settings(model: HeadModel, config: TrainConfig, held: Validation) -> dict[str, Any]:
+def _settings(
+    model: HeadModel, config: TrainConfig, held: Validation, about: Mapping[str, Any]
+) -> dict[str, Any]:
     """What two runs have in common if the one can go on from the other's state."""
-    return {"train": asdict(config), "config": model.config.to_dict(), "held": held.names}
+    own = {"train": asdict(config), "config": model.config.to_dict(), "held": held.names}
+    return {**own, **about}
 
 
 def load_resume(
@@ -182,21 +192,21 @@ def load_resume(
     config: TrainConfig,
     curve: Curve,
     held: Validation,
+    about: Mapping[str, Any],
 ) -> int:
     """Restores a run in place and returns its step; 0, and nothing is touched, where none is kept.
 
     Raises:
-        CheckpointError: the state is of a run with other settings.
+        CheckpointError: unreadable, or the state is of a run with other settings, which are named.
     """
     path = Path(folder) / STATE_FILE
     if not path.exists():
         return 0
     tensors, header = read_tensors(path)
-    settings = _settings(model, config, held)
-    if any(header.get(key) != value for key, value in settings.items()):
-        raise CheckpointError(
-            f"{path}: holds the state of a run with other settings; remove it to start afresh"
-        )
+    settings = _settings(model, config, held, about)
+    if others := [key for key, value in settings.items() if header.get(key) != value]:
+        named = ", ".join(WORDS.get(key, key) for key in others)
+        raise CheckpointError(f"{path}: holds the state of a run with other settings ({named})")
     model.load_state_dict(
         {k.removeprefix("model."): v for k, v in tensors.items() if k.startswith("model.")}
     )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -136,6 +136,7 @@ def fit(
     stop: Callable[[], bool] | None = None,
     device: str = "auto",
     validation: Validation | None = None,
+    about: Mapping[str, Any] | None = None,
 ) -> Curve:
     """Trains a model of any preset on people, for the base and for a fine-tune alike.
 
@@ -150,6 +151,8 @@ def fit(
         stop: asked after every step; True ends the run early with its state saved.
         validation: people held out, who end the run when it no longer serves them better; holds
             the best model afterwards.
+        about: what else a state in `resume` must agree in, plain data by name: who the people are
+            and what the model began from.
 
     Returns:
         The curve of the whole run, resumed steps included.
@@ -166,9 +169,8 @@ def fit(
     trained = [p for group in optimiser.param_groups for p in group["params"]]
     curve = Curve()
     held = validation or Validation()
-    first = 0
-    if resume is not None:
-        first = load_resume(resume, model, optimiser, generator, config, curve, held)
+    run = model, optimiser, generator, config, curve, held, about or {}
+    first = 0 if resume is None else load_resume(resume, *run)
     views = References(method, config)
     model.train()
     method.begin(people, held.people, config, generator, resumed=first > 0)
@@ -216,7 +218,7 @@ def fit(
             held.measure(method, config, step + 1, workers)
             ends = held.over(config.patience) or (stop is not None and stop())
             if resume is not None and (ends or config.pauses(step + 1)):
-                save_resume(resume, model, optimiser, generator, config, curve, step + 1, held)
+                save_resume(resume, *run, step + 1)
             if ends:
                 break
     return curve

@@ -26,8 +26,27 @@ def checked_device(name: str) -> str:
     """The device asked for.
 
     Raises:
-        DubbingError: there is none of that name.
+        DubbingError: there is none of that name, or not here.
     """
     if name not in ("auto", "cpu", "cuda"):
         raise DubbingError(f"no device {name!r}", "--device", "use auto, cpu or cuda")
+    if name == "cuda":
+        import torch  # only to ask for a GPU: the command line is quick without it
+
+        if not torch.cuda.is_available():
+            raise DubbingError("torch sees no GPU here", "--device cuda", "use auto or cpu")
     return name
+
+
+def checked_size(size: int) -> int:
+    """The side of the head crop asked for, pixels.
+
+    Raises:
+        DubbingError: it is none that a manifest may ask for.
+    """
+    from dubbing.entries import SIZES
+
+    if size not in SIZES:
+        remedy = f"use {SIZES.start} to {SIZES[-1]} in steps of {SIZES.step}"
+        raise DubbingError(f"no head crop of {size} px", "--size", remedy)
+    return size

@@ -5,17 +5,19 @@ from __future__ import annotations
 import csv
 import io
 import math
+import shutil
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
+from typing import Any
 
 from dfrf import checkpoint, presets
 from dfrf.data import Identity as Person
 from dfrf.training import Progress, TrainingDivergedError, fit
 from dfrf.validation import Validation
 from dubbing import jobs, lock, stages, steps
-from dubbing.errors import DubbingError, TrainingError
-from dubbing.files import atomic_write_json, atomic_write_text
+from dubbing.errors import CheckpointError, DubbingError, TrainingError
+from dubbing.files import atomic_write_json, atomic_write_text, digest_file
 from dubbing.finetuning import FinetuneSettings, clip_windows, init_from_base, write_curve
 from dubbing.identity import load_identity
 from dubbing.manifest import Manifest
@@ -39,8 +41,9 @@ def train_base(
     With people held out, OUT is the model that served them best on the way (.held_out.csv), and
     training ends early once it no longer gets better.
 
-    An interrupted run leaves its state in OUT.resume and is continued by the next call. Preset,
-    speech features and seed are those of the manifest's identities, which must agree in them.
+    An interrupted run leaves its state in OUT.resume and is continued by the next call, which must
+    ask for the same. Preset, speech features and seed are those of the manifest's identities,
+    which must agree in them.
 
     Args:
         manifest: `start` and `seconds` of each identity say which part of its clip is learned.
@@ -55,14 +58,15 @@ def train_base(
     Raises:
         DubbingError: an unknown name is held out, or nobody is left to learn from.
         TrainingError: the identities disagree, one has no usable frame, or the loss diverged.
+        CheckpointError: `init` does not fit, or OUT.resume is of another run.
         LockedError: another run works in the manifest's output.
     """
-    learned = learned_names(manifest, hold_out)
+    learned, asked = learned_names(manifest, hold_out), sorted(set(hold_out))
     settings = common_settings(manifest)
     with lock.hold(manifest.work):
         people, held = (
             [load_person(manifest, name, device, settings, progress) for name in names]
-            for names in (learned, sorted(set(hold_out)))
+            for names in (learned, asked)
         )
     model = init_from_base(init, settings)
     config = replace(presets.trainings(settings.preset).base, seed=settings.seed)
@@ -85,9 +89,20 @@ def train_base(
             progress=told,
             device=device,
             validation=validation,
+            about={
+                **settings.heard_with(),
+                "people": [person_key(manifest, name) for name in (*learned, *asked)],
+                "init": "" if init is None else digest_file(init),
+            },
         )
     except TrainingDivergedError as error:
         raise TrainingError(str(error), out.name, "change the seed or the clips") from error
+    except checkpoint.CheckpointError as error:
+        raise CheckpointError(
+            str(error),
+            remedy="go on with the same people, --iterations, --hold-out and --init, or remove"
+            f" {resume} to start afresh",
+        ) from error
     header = {
         **settings.heard_with(),
         "steps": config.iterations,
@@ -103,6 +118,13 @@ def train_base(
     checkpoint.save_model(out, model.cpu(), header)
     write_curve(out.with_suffix(".csv"), curve)
     atomic_write_json(out.with_suffix(".json"), {**header, "train": asdict(config)})
+    shutil.rmtree(resume)
+
+
+def person_key(manifest: Manifest, name: str) -> list[Any]:
+    """What of an identity is learned or measured on: name, digest of the clip, and which part."""
+    identity = manifest.identities[name]
+    return [name, digest_file(identity.clip), identity.size, identity.start, identity.seconds]
 
 
 def learned_names(manifest: Manifest, hold_out: tuple[str, ...]) -> list[str]:

@@ -17,7 +17,15 @@ from typing import Annotated, Any
 import typer
 
 from dubbing import training_commands
-from dubbing.arguments import FORCEABLE, Device, Force, ManifestPath, Only, checked_device
+from dubbing.arguments import (
+    FORCEABLE,
+    Device,
+    Force,
+    ManifestPath,
+    Only,
+    checked_device,
+    checked_size,
+)
 from dubbing.errors import DubbingError, LockedError, ManifestError
 
 FAILED, WRONG_CALL, INTERRUPTED = 1, 2, 130
@@ -108,7 +116,7 @@ def prepare(
 
     folder = out or clip.with_suffix(".prepared")
     with console.Bar(f"prepare {clip.name}") as progress:
-        found = work(clip.resolve(), folder, size=size, progress=progress)
+        found = work(clip.resolve(), folder, size=checked_size(size), progress=progress)
     for warning in found.warnings:
         typer.echo(f"warning: {warning}")
     typer.echo(f"{folder / 'contact_sheet.png'}: residual shift {found.residual_shift:.3f} px")

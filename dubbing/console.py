@@ -5,18 +5,20 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from dubbing.jobs import Job
-from dubbing.machine import Finding
-from dubbing.pipeline import Result
-from dubbing.planning import Row
-from dubbing.running import Failure
-from dubbing.stages import Stage
+# `dfrf doctor` prints without the packages that these import.
+if TYPE_CHECKING:
+    from dubbing.jobs import Job
+    from dubbing.machine import Finding
+    from dubbing.pipeline import Result
+    from dubbing.planning import Row
+    from dubbing.running import Failure
+    from dubbing.stages import Stage
 
 COLOURS = {
     **dict.fromkeys(("made", "kept", "pass", "up to date", "fine"), "green"),

@@ -9,14 +9,29 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
 LONGEST_NAME = 100
+SIZES = range(64, 1025, 8)  # sides of the head crop, pixels
 
 
 def _resolve(value: Any, info: ValidationInfo) -> Any:
     """A path relative to the folder of the manifest."""
     if not isinstance(value, str) or not value.strip():
         raise ValueError("must be the path of a file")
-    folder: Path = (info.context or {})["folder"]
-    return (folder / Path(value).expanduser()).resolve()
+    return place_of(value, (info.context or {})["folder"])
+
+
+def place_of(written: str, folder: Path) -> Path:
+    """The full path that is meant by what a manifest in a folder says; there may be nothing yet.
+
+    Raises:
+        ValueError: there can be no such path, or it may not be looked at.
+    """
+    try:
+        path = (folder / Path(written).expanduser()).resolve()
+        path.exists()
+    except (OSError, RuntimeError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ValueError(f"cannot be a path: {reason}") from error
+    return path
 
 
 def check_name(value: Any) -> Any:
@@ -67,7 +82,7 @@ class Identity(Entry):
     seed: int = Field(default=0, ge=0, lt=2**31)
     speech: Literal["mel", "rnn", "hubert", "wav2vec2"] = "rnn"
     speech_weights: FilePath | None = None
-    size: int = Field(default=512, ge=64, le=1024, multiple_of=8)
+    size: int = Field(default=512, ge=SIZES.start, le=SIZES[-1], multiple_of=SIZES.step)
     base: FilePath | None = None
     finetune: Finetune = Finetune()
 

@@ -13,7 +13,7 @@ from dfrf import lpips
 from dfrf.checkpoint import CheckpointError
 from dfrf.config import family
 from dfrf.lpips import Lpips
-from dubbing import jobs, lock, media, stages, steps, tiles
+from dubbing import jobs, lock, media, provenance, stages, steps, tiles
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
 from dubbing.finetuning import MODEL_FILE, SUMMARY_FILE, clip_windows
@@ -66,7 +66,8 @@ def evaluate(
         identity -> method -> figure -> value: what the file then holds.
 
     Raises:
-        DubbingError: an unknown method or identity, other weights, or a stage failed.
+        DubbingError: an unknown method or identity, other weights, nothing held out, or a stage
+            failed.
         LockedError: another run works in the manifest's output.
     """
     if unknown := [m for m in methods if m not in PRESET_OF_METHOD]:
@@ -77,6 +78,7 @@ def evaluate(
         )
     if unknown := [name for name in only if name not in manifest.identities]:
         raise DubbingError(f"no identity is called {', '.join(unknown)}", "--only")
+    parts = {name: tested_part(manifest, name, seconds) for name in only or manifest.identities}
     network = None
     if lpips_weights:
         try:
@@ -88,36 +90,60 @@ def evaluate(
     if path.is_file():
         found = json.loads(path.read_text(encoding="utf-8"))
     with lock.hold(manifest.work):
-        for name in only or manifest.identities:
+        for name, part in parts.items():
             for method in methods:
 
                 def told(message: str, share: float, title: str = f"{name}, {method}") -> None:
                     progress(f"{title}: {message}", share)
 
-                figures = evaluate_one(manifest, name, method, seconds, network, device, told)
+                figures = evaluate_one(manifest, name, method, part, network, device, told)
                 found.setdefault(name, {})[method] = figures
                 atomic_write_json(path, found)
     return found
+
+
+def tested_part(manifest: Manifest, name: str, seconds: float | None) -> tuple[int, int]:
+    """First frame and number of frames of an identity's clip to test on, `seconds` at most.
+
+    Raises:
+        DubbingError: the clip is damaged, or nothing of it is held out.
+    """
+    identity = manifest.identities[name]
+    if damaged := manifest.damaged.get(identity.clip):
+        raise damaged
+    clip = manifest.media[identity.clip]
+    assert clip.rate is not None  # a clip without a picture is no valid manifest
+    learned_to = identity.start + identity.seconds
+    first, count = held_out(clip.frames, clip.rate, learned_to, seconds)
+    if count <= 0:
+        raise DubbingError(
+            f"nothing of the clip is held out after {learned_to:g} s",
+            name,
+            "learn fewer seconds, or use a longer clip",
+        )
+    return first, count
 
 
 def evaluate_one(
     manifest: Manifest,
     name: str,
     method: str,
-    seconds: float | None,
+    part: tuple[int, int],
     network: Lpips | None,
     device: str,
     progress: Progress,
 ) -> dict[str, Any]:
-    """Figures of one identity and method; leaves a picture beside the methods measured so far."""
+    """Figures of one identity and method; leaves a picture beside the methods measured so far.
+
+    Args:
+        part: first frame and number of frames to test on; see `tested_part`.
+    """
     preset = PRESET_OF_METHOD[method]
     own = manifest.identities[name]
     # A base of the identity's own serves its own family of presets.
     base = own.base if family(preset) == family(own.preset) else None
     identity = own.model_copy(update={"preset": preset, "base": base})
     job = jobs.identity_job(manifest, name, identity, device)
-    if job.blocked is not None:
-        raise job.blocked
     prepare, source, finetune = (job.stages[n] for n in ("prepare", "source", "finetune"))
     if preset != own.preset:
         # The model of the dubs stays where it is.
@@ -125,13 +151,7 @@ def evaluate_one(
     for stage in (prepare, source, finetune):
         stages.run(stage, progress)
     clip = PreparedClip.load(prepare.folder)
-    first, count = held_out(clip, identity.start + identity.seconds, seconds)
-    if count <= 0:
-        raise DubbingError(
-            f"nothing of the clip is held out after {identity.start + identity.seconds:g} s",
-            name,
-            "learn fewer seconds, or use a longer clip",
-        )
+    first, count = part
     out = manifest.work / "evaluation" / name / method
     means = measure(
         finetune.folder / MODEL_FILE,
@@ -152,7 +172,14 @@ def evaluate_one(
     for kind in ("render", "source"):
         video = out / f"{kind}.mp4"
         picture = out / f"{kind}_picture.mp4"
-        media.mux(picture, clip.clip, video, audio_start=start, seconds=length)
+        media.mux(
+            picture,
+            clip.clip,
+            video,
+            audio_start=start,
+            seconds=length,
+            metadata=provenance.tags() if kind == "render" else None,
+        )
         picture.unlink()
         checks[kind] = check(video)
     learned = json.loads((finetune.folder / SUMMARY_FILE).read_text(encoding="utf-8"))

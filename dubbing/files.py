@@ -1,4 +1,6 @@
-"""Files that appear whole or not at all (write, fsync, rename), and what they hold (digests)."""
+"""Files that appear whole or not at all (write, fsync, rename), what they hold (digests), and the
+folders they go to.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +12,25 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from dubbing.errors import DubbingError
+
 BLOCK = 1 << 20  # bytes read at a time
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder for results, if need be.
+
+    Raises:
+        DubbingError: it cannot be made, or nothing can be written there.
+    """
+    remedy = "choose another folder"
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        what = f"the folder cannot be made: {error.strerror}"
+        raise DubbingError(what, str(path), remedy) from error
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise DubbingError("nothing may be written there", str(path), remedy)
 
 
 @contextmanager

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dubbing import features, published
+from dubbing import features, published, timeline
 from dubbing.entries import Dub, Identity
 from dubbing.errors import DubbingError, MediaError
 from dubbing.media.probing import MediaInfo, probe
@@ -109,10 +109,13 @@ def _dub(findings: Findings, place: int, dub: Dub, identity: Identity | None) ->
             message = f"there are only {sound.sound_seconds - dub.audio_start:.1f} s of sound"
             findings.problems.append(((*at, "audio_seconds"), message))
     clip = findings.media.get(identity.clip) if identity else None
-    if clip is not None and clip.rate is not None and dub.video_start >= clip.duration:
-        message = f"{dub.video_start:g} s is past the end: the clip is {clip.duration:.1f} s long"
-        findings.problems.append(((*at, "video_start"), message))
-    if identity is not None and sound is not None and clip is not None and clip.rate is not None:
+    if clip is None or clip.rate is None:
+        return
+    if timeline.first_frame(dub.video_start, clip.rate) >= clip.frames:
+        last = float((clip.frames - 1) / clip.rate)
+        message = f"{dub.video_start:g} s is past the end: the last frame of the clip is at"
+        findings.problems.append(((*at, "video_start"), f"{message} {last:.2f} s"))
+    if identity is not None and sound is not None:
         left = sound.sound_seconds - dub.audio_start
         seconds = min(left, dub.audio_seconds or left)
         note = published.dub_note(dub.name, identity, clip.rate, seconds)

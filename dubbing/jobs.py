@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dfrf.config import FROM_BASE
 from dubbing import features, steps, timeline
 from dubbing.entries import Dub, Identity
 from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest import Manifest
+from dubbing.shipped_base import shipped_base
 from dubbing.stages import Stage
 
 # Raised when a stage would give something else for the same inputs.
@@ -35,7 +35,6 @@ NEEDS = {  # the stages of the identity that a dub's stage waits for
     "sync": (),  # without the source's own figures it still says something
 }
 SUFFIX = {"h264": ".mp4", "prores": ".mov", "ffv1": ".mkv"}
-BASE = Path(__file__).with_name("base.safetensors")
 
 
 @dataclass(frozen=True)
@@ -168,11 +167,13 @@ def dub_job(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
         steps.Render(dub, finetune.folder, prepare.folder, speech.folder, device),
     )
     look = {"frame": dub.frame, "label": dub.label, "codec": dub.codec}
+    # Nothing of the picture depends on it, but the record of a result says who agreed to it.
+    consent = {"consent": identity.consent.model_dump(mode="json")}
     video = Stage(
         "video",
         folder / "video",
         VERSIONS["video"],
-        {**look, "audio_rate": dub.audio_rate, **poses, **cut},
+        {**look, "audio_rate": dub.audio_rate, **poses, **cut, **consent},
         {"heads": heads, "prepared": prepare, "clip": identity.clip, "audio": dub.audio},
         steps.Compose(dub, heads.folder, prepare.folder, speech.folder, seconds),
     )
@@ -191,7 +192,7 @@ def dub_job(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
 def _too_long(dub: Dub, clip: Any, seconds: float) -> DubbingError | None:
     """With ``on_longer_audio: fail`` it is known beforehand that a dub cannot be made."""
     frames = timeline.frame_count(seconds, clip.rate)
-    left = clip.frames - steps.first_frame(dub, clip.rate)
+    left = clip.frames - timeline.first_frame(dub.video_start, clip.rate)
     if dub.on_longer_audio != "fail" or frames <= left:
         return None
     return RenderingError(
@@ -205,11 +206,6 @@ def speech_input(identity: Identity) -> dict[str, Path]:
     """The weights of an identity's speech features, where they have any."""
     file = features.weights_file(identity.speech, identity.speech_weights)
     return {} if file is None else {"speech_weights": file}
-
-
-def shipped_base(preset: str) -> Path | None:
-    """The base checkpoint of the package, for the preset it was trained as and its ablations."""
-    return BASE if preset in FROM_BASE and BASE.is_file() else None
 
 
 def video_file(video: Stage, dub: Dub) -> Path:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from dubbing.errors import LockedError
+from dubbing.files import make_folder
 
 
 @contextmanager
@@ -16,9 +17,10 @@ def hold(work: Path) -> Iterator[None]:
     """Hold the lock on ``work`` (made if need be). The system frees it even after kill -9.
 
     Raises:
+        DubbingError: there can be no such folder.
         LockedError: another run holds it.
     """
-    work.mkdir(parents=True, exist_ok=True)
+    make_folder(work)
     with open(work / ".lock", "a+") as handle:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

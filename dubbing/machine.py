@@ -1,4 +1,4 @@
-"""What this machine has and lacks for dubbing."""
+"""What this machine has and lacks for dubbing. What may be missing is imported late, if at all."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from importlib import metadata
 from pathlib import Path
 
 from dubbing.errors import MediaError
-from dubbing.jobs import BASE
+from dubbing.shipped_base import BASE
 
 PINNED_MEDIAPIPE = "0.10.21"  # the last version that carries its models in the wheel
 ENOUGH_MEMORY, ENOUGH_DISK = 6.0, 5.0  # GiB
@@ -106,8 +106,10 @@ def _disk() -> Finding:
 
 
 def _ffmpeg() -> Finding:
-    from dubbing.media import ffmpeg
-
+    try:
+        from dubbing.media import ffmpeg
+    except ImportError as error:
+        return Finding("ffmpeg", "lacking", f"{error.name} is not installed", INSTALL)
     try:
         return Finding("ffmpeg", "fine", f"{ffmpeg.version()} ({ffmpeg.binary()})")
     except MediaError as error:

@@ -14,7 +14,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from dubbing import inputs, yaml_lines
-from dubbing.entries import Dub, Entry, Identity, check_name
+from dubbing.entries import Dub, Entry, Identity, check_name, place_of
 from dubbing.errors import ManifestError, MediaError, Problem
 from dubbing.media.probing import MediaInfo
 from dubbing.messages import describe, plain, suggestion
@@ -118,9 +118,14 @@ class _Reader:
         if not isinstance(value, str) or not value.strip():
             self._say(("output",), "is required: the folder for the results")
             return None
-        output = (self.path.parent / Path(value).expanduser()).resolve()
-        if output.exists() and not output.is_dir():
-            self._say(("output",), f"{output} is a file, not a folder")
+        try:
+            output = place_of(value, self.path.parent)
+        except ValueError as error:
+            self._say(("output",), str(error))
+            return None
+        there = next(path for path in (output, *output.parents) if path.exists())
+        if not there.is_dir():
+            self._say(("output",), f"{there} is a file, not a folder")
         return output
 
     def _identities(self) -> dict[str, Identity]:

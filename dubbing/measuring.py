@@ -6,6 +6,7 @@ import csv
 import io
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
+from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -46,19 +47,21 @@ class FrameFigures:
     sharpness_eyes: float
 
 
-def held_out(clip: PreparedClip, learned_to: float, most: float | None = None) -> tuple[int, int]:
+def held_out(
+    frames: int, rate: Fraction, learned_to: float, most: float | None = None
+) -> tuple[int, int]:
     """First frame and number of frames to test on: the last 5 s, or 10 s of a clip over 30 s.
 
     Frames that were learned from (up to `learned_to` seconds) are left out.
 
     Args:
+        frames, rate: of the clip, frames a second.
         most: seconds; of a longer part, its beginning is taken.
     """
-    length = float(clip.frames_count / clip.rate)
-    seconds = 10 if length > LONG_CLIP else 5
-    first = max(clip.frames_count - round(seconds * clip.rate), round(learned_to * clip.rate))
-    count = clip.frames_count - first
-    return first, count if most is None else min(count, max(1, round(most * clip.rate)))
+    seconds = 10 if frames / rate > LONG_CLIP else 5
+    first = max(frames - round(seconds * rate), round(learned_to * rate))
+    count = frames - first
+    return first, count if most is None else min(count, max(1, round(most * rate)))
 
 
 def box_of(points: np.ndarray, size: int, margin: float = 0.0) -> Tensor:

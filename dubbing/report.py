@@ -88,18 +88,13 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
 
 
 def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
-    video = next(
-        (
-            manifest.output / f"{job.name}{suffix}"
-            for suffix in all_jobs.SUFFIX.values()
-            if (manifest.output / f"{job.name}{suffix}").is_file()
-        ),
-        None,
-    )
+    codec = next(dub.codec for dub in manifest.dubs if dub.name == job.name)
+    # One of another codec may lie beside it, from before the manifest was changed.
+    video = manifest.output / f"{job.name}{all_jobs.SUFFIX[codec]}"
     return {
         **_common(job, outcome),
         "identity": job.waits_for,
-        "video": _relative(manifest, video) if video else None,
+        "video": _relative(manifest, video) if video.is_file() else None,
         "sync": _brief(sync_of(job)),
     }
 

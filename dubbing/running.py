@@ -5,14 +5,12 @@ A failed stage stops its own job and the dubs that wait for it, nothing else.
 
 from __future__ import annotations
 
-import os
-import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field, replace
-from multiprocessing import get_context
 from typing import Protocol
 
 import cv2
@@ -20,6 +18,7 @@ import cv2
 from dubbing import stages
 from dubbing.errors import DubbingError
 from dubbing.jobs import NEEDS, OF_DUB, OF_IDENTITY, Job, Jobs
+from dubbing.processes import Processes
 from dubbing.stages import Progress, Stage
 
 # What libraries raise at data they cannot deal with: it fails one job, and its trace is kept.
@@ -189,20 +188,19 @@ class _Runner:
     def _side_by_side(
         self, waiting: list[tuple[Job, Stage, list[str]]], force: bool
     ) -> Iterator[tuple[Job, Failure | None, float, list[str]]]:
-        pool = ProcessPoolExecutor(
-            min(self.options.workers, len(waiting)),
-            mp_context=get_context("spawn"),
-            initializer=_end_with_parent,
-            initargs=(os.getpid(),),
-        )
-        with pool:
+        with Processes(min(self.options.workers, len(waiting))) as processes:
             futures = {}
             for job, stage, reasons in waiting:
                 self.reporter.begin(job, stage, reasons)
-                futures[pool.submit(attempt, stage, force, _silent)] = (job, reasons)
+                futures[processes.submit(attempt, stage, force, _silent)] = (job, stage, reasons)
             for future in as_completed(futures):
-                job, reasons = futures[future]
-                failure, seconds = future.result()
+                job, stage, reasons = futures[future]
+                try:
+                    failure, seconds = future.result()
+                except BrokenProcessPool:
+                    remedy = "run again, with fewer --jobs if memory ran short"
+                    failure = Failure(stage.name, "its process was killed", remedy=remedy)
+                    seconds = 0.0
                 yield job, failure, seconds, reasons
 
 
@@ -223,14 +221,3 @@ def _progress(reporter: Reporter, job: Job, stage: Stage) -> Callable[[str, floa
 
 def _silent(_message: str, _share: float) -> None:
     """Workers do not write to the terminal."""
-
-
-def _end_with_parent(parent: int) -> None:
-    """A worker must not go on writing after its parent was killed and the lock is free."""
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.2)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

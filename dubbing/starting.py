@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from dubbing.errors import ManifestError, MediaError, Problem
-from dubbing.files import atomic_write_text
+from dubbing.files import atomic_write_text, make_folder
 from dubbing.media.probing import MediaInfo, probe
 
 NAME = "manifest.yaml"
@@ -28,7 +28,9 @@ def write_manifest(folder: Path) -> Path:
 
     Raises:
         ManifestError: there is a manifest already, or nothing to write one from.
+        DubbingError: nothing can be written there.
     """
+    make_folder(folder)
     target = folder / NAME
     if target.exists():
         raise ManifestError(str(target), [Problem(0, "", "it is there already; nothing written")])

@@ -192,11 +192,6 @@ def offset_of(folder: Path) -> int:
     return sound_offset(found) if found is not None else 0
 
 
-def first_frame(dub: Dub, rate: Fraction) -> int:
-    """Frame of the clip at ``video_start``."""
-    return round(Fraction(dub.video_start) * rate)
-
-
 def poses_of(dub: Dub, prepared: Path, speech: Path) -> np.ndarray:
     """Frame of the clip for every frame of a dub, int64 (F,); see ``timeline.pose_index``."""
     from dubbing.preparation.prepared import PreparedClip
@@ -204,5 +199,5 @@ def poses_of(dub: Dub, prepared: Path, speech: Path) -> np.ndarray:
 
     clip = PreparedClip.load(prepared)
     frames = Speech.load(speech).frames
-    first = first_frame(dub, clip.rate)
+    first = timeline.first_frame(dub.video_start, clip.rate)
     return timeline.pose_index(frames, clip.segment, first, dub.on_longer_audio)

@@ -18,6 +18,11 @@ def frame_count(seconds: float, rate: Fraction) -> int:
     return max(1, math.floor(Fraction(seconds).limit_denominator(10**9) * rate + Fraction(1, 2)))
 
 
+def first_frame(start: float, rate: Fraction) -> int:
+    """Frame of a clip at ``start`` seconds."""
+    return round(Fraction(start) * rate)
+
+
 def pose_index(frames: int, segment: np.ndarray, first: int, policy: str) -> np.ndarray:
     """Frame of the clip for every frame of the dub, int64 (F,).
 

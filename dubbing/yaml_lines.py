@@ -10,6 +10,8 @@ import yaml
 from dubbing.errors import Problem
 
 Path = tuple[str | int, ...]
+# What PyYAML raises at a value that is not of its kind, as the date 2026-13-45.
+UNFIT = (ArithmeticError, AttributeError, LookupError, ValueError)
 MOST_NODES = 100_000  # aliases can make a short file describe an endless tree
 
 
@@ -39,18 +41,25 @@ def key_path(path: Path) -> str:
 def read(text: str) -> Document:
     """Parse ``text``; broken syntax, unsafe tags and keys given twice become problems."""
     document = Document()
-    loader = yaml.SafeLoader(text)
+    try:
+        loader = yaml.SafeLoader(text)
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        said = f"not valid YAML: the character {chr(error.character)!r} is not allowed"
+        document.problems.append(Problem(line, "", said))
+        return document
     try:
         root = loader.get_single_node()
         if root is not None:
             document.data = _Builder(loader, document).build(root, ())
+    except RecursionError:
+        said = "not valid YAML: too many brackets in one another"
+        document.problems.append(Problem(loader.line + 1, "", said))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else 1
         what = " ".join(part for part in (error.context, error.problem) if part)
         document.problems.append(Problem(line, "", f"not valid YAML: {what}"))
-    except yaml.YAMLError as error:
-        document.problems.append(Problem(1, "", f"not valid YAML: {error}"))
     finally:
         loader.dispose()
     return document
@@ -78,7 +87,17 @@ class _Builder:
             return [self.build(item, (*path, k)) for k, item in enumerate(node.value)]
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path)
-        return self.loader.construct_object(node)
+        return self._constructed(node, path)
+
+    def _constructed(self, node: yaml.Node, path: Path) -> Any:
+        try:
+            return self.loader.construct_object(node, deep=True)
+        except UNFIT:
+            kind = node.tag.removeprefix("tag:yaml.org,2002:")
+            what = f"{node.value!r:.60} cannot be read as {kind}"
+            raise yaml.constructor.ConstructorError(
+                key_path(path), None, what, node.start_mark
+            ) from None
 
     def _mapping(self, node: yaml.MappingNode, path: Path) -> dict[Any, Any]:
         own: set[Any] = set()
@@ -90,7 +109,7 @@ class _Builder:
         self.loader.flatten_mapping(node)
         data: dict[Any, Any] = {}
         for key, value in node.value:
-            name = self.loader.construct_object(key, deep=True)
+            name = self._constructed(key, path)
             if not isinstance(name, str):
                 self._problem(key, path, f"the key {key.value!r} is not text: put it in quotes")
                 continue

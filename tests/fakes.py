@@ -125,6 +125,7 @@ def install(patch: Any) -> None:
                 kill("finetune")
         PreparedClip.load(self.prepared)
         atomic_write_text(out / "model.safetensors", f"seed {self.identity.seed}")
+        atomic_write_json(out / "finetune.json", {"steps": 6, "seconds": 1.0})
         atomic_write_text(out / "loss.csv", "step,loss,psnr,seconds\n1,0.5,20,1\n2,0.25,22,2\n")
 
     def render(self: steps.Render, out: Path, progress: Any) -> None:

@@ -4,17 +4,20 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import torch
 
-from dfrf import presets
-from dfrf.checkpoint import load_model, read_tensors
+from dfrf import presets, training
+from dfrf.checkpoint import load_model
 from dfrf.config import TrainConfig
 from dfrf.data import Identity
+from dfrf.head import HeadModel
+from dfrf.training import Curve
 from dfrf.validation import Exam
 from dubbing import basetraining
-from dubbing.errors import DubbingError
+from dubbing.errors import CheckpointError, DubbingError
 from dubbing.manifest import Manifest, load
 from tests import clips
 from tests.dfrf.people import person, small_config
@@ -52,8 +55,18 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("small")
 def test_the_model_that_serves_who_is_held_out_best_is_written(
-    manifest: Manifest, tmp_path: Path
+    manifest: Manifest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    best: dict[str, torch.Tensor] = {}
+    last: dict[str, torch.Tensor] = {}
+
+    def fit(model: HeadModel, *arguments: Any, **named: Any) -> Curve:
+        curve = training.fit(model, *arguments, **named)
+        best.update(named["validation"].best)
+        last.update({name: value.clone() for name, value in model.state_dict().items()})
+        return curve
+
+    monkeypatch.setattr(basetraining, "fit", fit)
     out = tmp_path / "base.safetensors"
     basetraining.train_base(
         manifest, out, device="cpu", iterations=20, hold_out=("bob",), progress=lambda *_: None
@@ -65,10 +78,9 @@ def test_the_model_that_serves_who_is_held_out_best_is_written(
     rows = list(csv.reader((tmp_path / "base.held_out.csv").open()))
     assert rows == [["step", "bob"], *([str(2 * k + 2), str(p)] for k, p in enumerate(PSNR))]
     assert len((tmp_path / "base.csv").read_text().splitlines()) == 1 + 8
-    state, _ = read_tensors(tmp_path / "base.safetensors.resume" / "state.safetensors")
     model, _ = load_model(out)
-    assert all(torch.equal(v, state[f"best.{name}"]) for name, v in model.state_dict().items())
-    assert any(not torch.equal(v, state[f"model.{n}"]) for n, v in model.state_dict().items())
+    assert all(torch.equal(value, best[name]) for name, value in model.state_dict().items())
+    assert any(not torch.equal(value, last[name]) for name, value in model.state_dict().items())
 
 
 @pytest.mark.usefixtures("small")
@@ -80,6 +92,45 @@ def test_with_nobody_held_out_the_last_model_is_written(manifest: Manifest, tmp_
     assert history["steps"] == 3
     assert "held_out" not in history
     assert not (tmp_path / "base.held_out.csv").exists()
+    # The next run begins afresh, whoever it learns from.
+    assert not (tmp_path / "base.safetensors.resume").exists()
+
+
+@pytest.mark.usefixtures("small")
+def test_an_unfinished_run_goes_on_with_the_same_people_and_settings_only(
+    manifest: Manifest, tmp_path: Path
+) -> None:
+    def train(
+        who: Manifest, iterations: int = 6, stop_at: float = 1.0, **asked: Any
+    ) -> list[float]:
+        shares: list[float] = []
+
+        def progress(_message: str, share: float) -> None:
+            shares.append(share)
+            if stop_at <= share < 1:
+                raise KeyboardInterrupt
+
+        out = tmp_path / "base.safetensors"
+        basetraining.train_base(
+            who, out, device="cpu", iterations=iterations, progress=progress, **asked
+        )
+        return shares
+
+    with pytest.raises(KeyboardInterrupt):
+        train(manifest, stop_at=0.5)  # the state after two steps is kept
+    (init := tmp_path / "init.safetensors").write_bytes(b"another start")
+    clips.write_clip(tmp_path / "other.mp4", 31)
+    other = manifest.identities["bob"].model_copy(update={"clip": tmp_path / "other.mp4"})
+    swapped = manifest.model_copy(update={"identities": {**manifest.identities, "bob": other}})
+    for said, who, asked in (
+        ("training", manifest, {"iterations": 8}),
+        ("people held out, people", manifest, {"hold_out": ("bob",)}),
+        ("people", swapped, {}),
+        ("init", manifest, {"init": init}),
+    ):
+        with pytest.raises(CheckpointError, match=rf"settings \({said}\).* remove .*\.resume"):
+            train(who, **asked)
+    assert train(manifest) == pytest.approx([k / 6 for k in (3, 4, 5, 6)])
 
 
 @pytest.mark.parametrize(("held", "message"), [(("dee",), "dee"), (NAMES, "everyone")])

@@ -114,6 +114,8 @@ def test_dub_then_plan(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped
         (["dub"], "MANIFEST"),
         (["sync", "nothing.mp4"], "nothing.mp4"),
         (["evaluate", "{m}", "--lpips-weights", "{m}"], "m.yaml: weights cannot be read"),
+        (["prepare", "{m}", "--size", "60"], "use 64 to 1024 in steps of 8"),
+        (["prepare", "{m}", "--size", "100"], "no head crop of 100 px"),
         (["paint"], "paint"),
     ],
 )
@@ -122,6 +124,16 @@ def test_a_wrong_call_is_2(dfrf, manifest: Path, arguments: list[str], said: str
     assert code == 2
     assert said in out + err
     assert not (manifest.parent / "out").exists()  # nothing was started
+
+
+def test_a_gpu_that_is_not_there_is_2(  # type: ignore[no-untyped-def]
+    dfrf, manifest: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    code, _, err = dfrf("dub", manifest, "--device", "cuda")
+    assert code == 2
+    assert "torch sees no GPU here (--device cuda): use auto or cpu" in err
+    assert not (manifest.parent / "out").exists()
 
 
 def test_a_wrong_manifest_is_2_and_all_is_said(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
@@ -138,6 +150,21 @@ def test_a_locked_folder_is_2(dfrf, manifest: Path) -> None:  # type: ignore[no-
         code, _, err = dfrf("dub", manifest)
     assert code == 2
     assert f"process {os.getpid()}" in err
+
+
+def test_a_folder_that_cannot_be_made_is_said(  # type: ignore[no-untyped-def]
+    dfrf, manifest: Path, footage: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (manifest.parent / "file").touch()
+    code, _, err = dfrf("prepare", footage / "ann.mp4", "--out", manifest.parent / "file" / "out")
+    assert code == 1
+    assert "the folder cannot be made: Not a directory" in err
+    # Whoever runs the tests may be allowed everything.
+    monkeypatch.setattr(os, "access", lambda _, mode: not mode & os.W_OK)
+    for arguments in (("dub", manifest), ("init", footage)):
+        code, _, err = dfrf(*arguments)
+        assert code == 1
+        assert "nothing may be written there" in err
 
 
 def test_a_failed_job_is_1(dfrf, manifest: Path, footage: Path) -> None:  # type: ignore[no-untyped-def]
@@ -208,3 +235,49 @@ def test_doctor_says_what_is_there(dfrf) -> None:  # type: ignore[no-untyped-def
     _, out, _ = dfrf("doctor")
     for what in ("Python", "torch", "ffmpeg", "mediapipe", "OpenCV", "base checkpoint"):
         assert what in out
+
+
+def test_doctor_works_where_everything_is_missing() -> None:
+    """It is there for a machine on which the installation went wrong."""
+    code = (
+        "import sys; sys.modules.update(dict.fromkeys(sys.argv[1].split(',')))\n"
+        "from dubbing import machine\n"
+        "machine._version = lambda package: ''\n"
+        "from dubbing.cli import app\n"
+        "app(['doctor'])"
+    )
+    missing = "av,cv2,ffmpeg,imageio_ffmpeg,mediapipe,numpy,scipy,torch,webrtcvad,yaml"
+    done = subprocess.run(
+        [sys.executable, "-c", code, missing],
+        env={**os.environ, "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (1, "")
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in done.stdout.splitlines()]
+    assert ["OpenCV", "lacking", "not installed", "make install"] in rows
+    assert ["graphics card", "lacking", "torch is not there", "make install"] in rows
+    assert any(row[:2] == ["ffmpeg", "lacking"] for row in rows if row)
+
+
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [
+        ("/bin/false", "it ended with 1"),
+        ("/bin/true", "it ended with 0"),
+        ("nothing", "no ffmpeg found"),
+    ],
+)
+def test_doctor_says_that_ffmpeg_is_broken(
+    program: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dubbing import machine
+    from dubbing.media import ffmpeg
+
+    ffmpeg.version.cache_clear()
+    monkeypatch.setenv("DFRF_FFMPEG", program)
+    (found,) = (finding for finding in machine.examine() if finding.what == "ffmpeg")
+    assert found.state == "lacking"
+    assert said in found.found
+    assert "DFRF_FFMPEG" in found.remedy

@@ -1,9 +1,10 @@
+import os
 from pathlib import Path
 
 import pytest
 
 from dubbing.errors import DubbingError, ManifestError, Problem
-from dubbing.files import atomic_path, atomic_write_text, digest_data, digest_file
+from dubbing.files import atomic_path, atomic_write_text, digest_data, digest_file, make_folder
 
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
@@ -27,6 +28,21 @@ def test_the_suffix_is_kept_for_ffmpeg(tmp_path: Path) -> None:
     with atomic_path(tmp_path / "a.tar.mkv") as temporary:
         assert temporary.suffix == ".mkv"
         temporary.write_bytes(b"x")
+
+
+def test_a_folder_that_cannot_be_written_to_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make_folder(tmp_path / "a" / "b")
+    assert (tmp_path / "a" / "b").is_dir()
+    (tmp_path / "file").touch()
+    for path, said in (("file", "File exists"), ("file/out", "Not a directory")):
+        with pytest.raises(DubbingError, match=rf"{said} .*: choose another folder"):
+            make_folder(tmp_path / path)
+    # Whoever runs the tests may be allowed everything.
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    with pytest.raises(DubbingError, match="nothing may be written there"):
+        make_folder(tmp_path / "a")
 
 
 def test_digests(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 # From low to high. A module may import what is on its own line or above, never below.
 LAYERS = (
     {"errors", "files", "overlap", "solution"},
-    {"media", "voice", "timeline", "provenance", "shipped_weights"},
+    {"media", "voice", "timeline", "provenance", "shipped_base", "shipped_weights"},
     {"features", "acoustics", "speech", "yaml_lines", "entries", "inputs", "published", "messages"},
     {"manifest", "stages", "lock"},
     {"preparation", "sync", "speaker"},
@@ -24,7 +24,7 @@ LAYERS = (
     {"measuring"},
     {"steps"},
     {"jobs"},
-    {"running", "planning", "machine", "starting"},
+    {"processes", "running", "planning", "machine", "starting"},
     {"report", "report_page"},
     {"pipeline"},
     {"evaluation", "basetraining", "benchmark", "teaching"},

@@ -130,7 +130,7 @@ def test_everything_wrong_is_said_at_once_with_key_and_line(folder: Path) -> Non
         "line 16: dubs[2].frame: must be one of 'full' or 'crop', not 'half'",
         "line 17: dubs[3].label: must be true or false, not 'no'",
         "line 17: dubs[3].name: the name 'A' is taken by dubs[2].name (line 16)",
-        "line 17: dubs[3].video_start: 9 s is past the end: the clip is 3.0 s long",
+        "line 17: dubs[3].video_start: 9 s is past the end: the last frame of the clip is at 2.96",
         "line 18: dubs[4]: must hold keys, not text",
     ]
     assert len(found) == len(expected), "\n".join(found)
@@ -158,10 +158,36 @@ def test_consent_is_required(folder: Path) -> None:
         ("version: 1\noutput: out", "identities: is required"),
         ("version: 1\noutput: out\nidentities: [a]", "identities: must be a mapping"),
         ("version: 1\noutput: host.mp4", "is a file, not a folder"),
+        ("version: 1\noutput: host.mp4/out", "line 2: output: .*host.mp4 is a file, not a folder"),
+        (
+            "version: 1\noutput: ~no_such_user/x",
+            "line 2: output: cannot be a path: Could not determine",
+        ),
+        ('version: 1\noutput: "a\\0b"', "line 2: output: cannot be a path: embedded null"),
+        (f"version: 1\noutput: {'x' * 300}", "line 2: output: cannot be a path: File name too"),
+        ("version: 1\nb: \x07", "line 2: not valid YAML: the character '.x07' is not allowed"),
+        ("version: 1\na: " + "[" * 3000, "line 2: not valid YAML: too many brackets"),
+        ('version: 1\na: {b: !!int "c"}', "line 2: not valid YAML: a.b 'c' cannot be read as int"),
+        ("version: 1\na: !!bool x", "line 2: not valid YAML: a 'x' cannot be read as bool"),
     ],
 )
 def test_what_is_no_manifest(folder: Path, written: str, said: str) -> None:
-    assert any(said in problem for problem in problems(folder, written))
+    assert any(re.search(said, problem) for problem in problems(folder, written))
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ("~no_such_user/x.mp4", "Could not determine home directory"),
+        ("x" * 300, "File name too long"),
+        ("a\\0b", "embedded null byte"),
+    ],
+)
+def test_what_cannot_be_a_path(folder: Path, path: str, said: str) -> None:
+    text = GOOD.replace("host.mp4", f'"{path}"')
+    found = problems(folder, text)
+    assert len(found) == 1
+    assert found[0].startswith(f"line 4: identities.host.clip: cannot be a path: {said}")
 
 
 def test_aliases_cannot_explode(folder: Path) -> None:
@@ -174,6 +200,17 @@ def test_aliases_cannot_explode(folder: Path) -> None:
 def test_names_stay_in_the_output_folder(folder: Path, name: str) -> None:
     text = GOOD.replace("{identity: host,", f'{{name: "{name}", identity: host,')
     assert all("dubs[0].name" in problem for problem in problems(folder, text))
+
+
+def test_a_dub_begins_with_a_frame_that_there_is(folder: Path) -> None:
+    """75 frames at 25 a second: frame 74 is at 2.96 s, and times are rounded to the next frame."""
+    for start, fits in ((2.97, True), (2.99, False)):
+        text = GOOD.replace("audio: it.wav", f"audio: it.wav, video_start: {start}")
+        if fits:
+            read(folder, text)
+        else:
+            (said,) = problems(folder, text)
+            assert said.startswith("line 6: dubs[0].video_start: 2.99 s is past the end")
 
 
 def test_two_dubs_need_two_names(folder: Path) -> None:
@@ -202,6 +239,8 @@ def test_date_of_consent(folder: Path) -> None:
     assert str(read(folder, text).identities["host"].consent.date) == "2026-11-02"
     (said,) = problems(folder, text.replace("2026-11-02", "yesterday"))
     assert said.startswith("line 4: identities.host.consent.date")
+    (said,) = problems(folder, text.replace("2026-11-02", "2026-13-45"))
+    assert said.startswith("line 4: not valid YAML: identities.host.consent.date '2026-13-45'")
 
 
 def with_speech(keys: str) -> str:

@@ -4,8 +4,6 @@ import csv
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
@@ -17,9 +15,6 @@ from dubbing.measuring import FrameFigures, held_out, mean_figures, measure
 from tests import clips
 from tests.dfrf.people import small_config
 from tests.fakes import write_prepared
-
-if TYPE_CHECKING:
-    from dubbing.preparation.prepared import PreparedClip
 
 FIRST, COUNT = 4, 5
 
@@ -51,10 +46,9 @@ def test_means_are_of_the_frames_that_have_the_figure() -> None:
     ],
 )
 def test_the_end_of_a_clip_is_held_out(
-    seconds: float, learned: float, most: float | None, expected: tuple[int, int]
+    seconds: int, learned: float, most: float | None, expected: tuple[int, int]
 ) -> None:
-    clip = SimpleNamespace(frames_count=25 * seconds, rate=Fraction(25))
-    assert held_out(cast("PreparedClip", clip), learned, most) == expected
+    assert held_out(25 * seconds, Fraction(25), learned, most) == expected
 
 
 def test_every_frame_and_every_figure_is_reported(tmp_path: Path) -> None:

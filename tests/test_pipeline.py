@@ -122,6 +122,16 @@ def test_only_what_depends_on_a_change_is_made_again(footage: Path, tmp_path: Pa
     assert began == ["ann:finetune", "ann_it:heads"]
 
 
+def test_the_report_shows_the_codec_that_was_asked_for(footage: Path, tmp_path: Path) -> None:
+    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
+    dub(path)
+    path.write_text(path.read_text().replace("it.wav}", "it.wav, codec: ffv1}"))
+    dub(path)
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["dubs"]["ann_it"]["video"] == "ann_it.mkv"
+    assert (tmp_path / "out" / "ann_it.mp4").is_file()  # whoever put it there may want it
+
+
 def test_a_lost_result_is_put_back(footage: Path, tmp_path: Path) -> None:
     path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
     dub(path)
@@ -129,6 +139,18 @@ def test_a_lost_result_is_put_back(footage: Path, tmp_path: Path) -> None:
     _, began = dub(path)
     assert began == []
     assert (tmp_path / "out" / "ann_it.mp4").is_file()
+
+
+def test_consent_is_in_the_record_of_a_dub(footage: Path, tmp_path: Path) -> None:
+    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
+    record = tmp_path / "out" / "work" / "dubs" / "ann_it" / "video" / "stage.json"
+    dub(path)
+    consent = json.loads(record.read_text())["parameters"]["consent"]
+    assert consent == {"by": "the person on film", "date": None, "reference": "form 17"}
+    path.write_text(path.read_text().replace("form 17", "form 18"))
+    _, began = dub(path)
+    assert began == ["ann_it:video"]
+    assert json.loads(record.read_text())["parameters"]["consent"]["reference"] == "form 18"
 
 
 @pytest.mark.parametrize("broken", ["noface.mp4", "damaged.mp4"])

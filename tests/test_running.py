@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,6 +28,8 @@ class Write:
             raise MediaError("cannot", "bad.mp4", "do this")
         if self.name == "worse":
             raise ValueError("nobody thought of this")
+        if self.name == "killed":
+            os.kill(os.getpid(), signal.SIGKILL)
         (out / "pid").write_text(str(os.getpid()))
 
 
@@ -58,3 +61,14 @@ def test_jobs_side_by_side(tmp_path: Path, workers: int) -> None:
     assert set(outcomes["identity/a"].seconds) == set(OF_IDENTITY)
     where = int((tmp_path / "a" / "prepare" / "pid").read_text())
     assert (where == os.getpid()) == (workers == 1)
+
+
+def test_a_killed_worker_fails_its_own_job_alone(tmp_path: Path) -> None:
+    jobs = jobs_of(tmp_path, ("killed", "a"))
+    outcomes = running.run(jobs, Options(workers=2), Listener())
+    assert outcomes["identity/a"].state == "made"
+    assert outcomes["identity/killed"].state == "failed"
+    failure = outcomes["identity/killed"].failure
+    assert failure is not None
+    assert (failure.stage, failure.what) == ("prepare", "its process was killed")
+    assert "--jobs" in failure.remedy

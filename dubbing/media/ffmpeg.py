@@ -19,6 +19,8 @@ import imageio_ffmpeg
 
 from dubbing.errors import MediaError
 
+REMEDY = "unset DFRF_FFMPEG to use the one that came with imageio-ffmpeg"
+BEGINS = "ffmpeg version "  # what every ffmpeg says of itself
 QUIET = {"hide_banner": None, "loglevel": "error", "nostdin": None}
 
 
@@ -26,26 +28,41 @@ def binary() -> str:
     """Path of the ffmpeg to run.
 
     Raises:
-        MediaError: ``DFRF_FFMPEG`` names something that is not there.
+        MediaError: ``DFRF_FFMPEG`` names something that is not there, or the wheel has none.
     """
     wanted = os.environ.get("DFRF_FFMPEG", "")
     if not wanted:
-        return str(imageio_ffmpeg.get_ffmpeg_exe())
+        try:
+            return str(imageio_ffmpeg.get_ffmpeg_exe())
+        except RuntimeError as error:
+            remedy = "set DFRF_FFMPEG to the path of an ffmpeg"
+            raise MediaError("no ffmpeg found", "imageio-ffmpeg", remedy) from error
     found = shutil.which("ffmpeg" if wanted == "system" else wanted)
     if found is None:
         raise MediaError(
             "no ffmpeg found",
             f"DFRF_FFMPEG={wanted}",
-            "unset DFRF_FFMPEG to use the one that came with imageio-ffmpeg",
+            REMEDY,
         )
     return found
 
 
 @lru_cache(maxsize=1)
 def version() -> str:
-    """First line of ``ffmpeg -version``, without the copyright."""
-    text = subprocess.run([binary(), "-version"], capture_output=True, text=True, check=True).stdout
-    return text.splitlines()[0].split(" Copyright")[0].removeprefix("ffmpeg version ")
+    """First line of ``ffmpeg -version``, without the copyright.
+
+    Raises:
+        MediaError: there is no ffmpeg, or it is none that runs.
+    """
+    program = binary()
+    try:
+        done = subprocess.run([program, "-version"], capture_output=True, check=False)
+        text, what = done.stdout.decode(errors="replace"), f"it ended with {done.returncode}"
+    except OSError as error:
+        text, what = "", str(error.strerror)
+    if not text.startswith(BEGINS):
+        raise MediaError(f"ffmpeg does not run: {what}", program, REMEDY)
+    return text.splitlines()[0].split(" Copyright")[0].removeprefix(BEGINS)
 
 
 class Process:

@@ -127,6 +127,9 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     if video is not None:
         width, height, matrix, transfer = _picture(path, video)
         times.sort()
+        if len(times) > 1 and times[0] == times[-1]:
+            same = "all its frames have the same time stamp"
+            raise MediaError(same, str(path), "convert the file again")
         hints = [r for r in (video.average_rate, video.guessed_rate) if r]
         rate, variable = choose_rate(times, hints)
         span = ends["video"] - times[0] if variable else float(len(times) / rate)
@@ -156,13 +159,16 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
 def choose_rate(times: Sequence[float], hints: Sequence[Fraction]) -> tuple[Fraction, bool]:
     """The constant frame rate that sorted time stamps (seconds) follow, and whether they vary.
 
+    The last of several is later than the first.
+
     Constant: the first of the snapped hints, the hints and the snapped mean that puts every
     stamp within ``JITTER`` frames of its place. Variable: the common rate nearest to the
     usual interval, so that a clip with dropped frames keeps the rate it was filmed at.
     """
     if len(times) < 2:
         return (hints[0] if hints else Fraction(25)), False
-    mean = Fraction((len(times) - 1) / (times[-1] - times[0])).limit_denominator(1001)
+    pace = (len(times) - 1) / (times[-1] - times[0])
+    mean = Fraction(pace).limit_denominator(1001)
     candidates = [_snap(hint) for hint in hints] + list(hints) + [_snap(mean), mean]
     for rate in candidates:
         if all(abs((t - times[0]) * rate - k) < JITTER for k, t in enumerate(times)):
@@ -171,7 +177,7 @@ def choose_rate(times: Sequence[float], hints: Sequence[Fraction]) -> tuple[Frac
     median = statistics.median(intervals)
     # Their mean, because time stamps in whole milliseconds make 33 and 34 of 1/30 s.
     usual = [interval for interval in intervals if abs(interval - median) < 0.5 * median]
-    typical = 1 / statistics.fmean(usual) if median > 0 else float(mean)
+    typical = 1 / statistics.fmean(usual) if median > 0 else pace
     return min(COMMON_RATES, key=lambda r: max(r / typical, typical / r)), True
 
 

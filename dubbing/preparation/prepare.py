@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from dubbing.errors import PreparationError
-from dubbing.files import atomic_path, atomic_write_json, digest_file
+from dubbing.files import atomic_path, atomic_write_json, digest_file, make_folder
 from dubbing.media import probe
 from dubbing.preparation import tracking
 from dubbing.preparation.camera import Poses
@@ -55,6 +55,7 @@ def prepare(
         progress: called with the name of the step and the share of it that is done.
 
     Raises:
+        DubbingError: `out` cannot be made.
         MediaError: the clip cannot be read.
         PreparationError: no face, or nothing else to work with; the message says what to do.
     """
@@ -62,6 +63,7 @@ def prepare(
     info = probe(clip)
     if info.rate is None:
         raise PreparationError("no picture in it", str(clip), "give a video file")
+    make_folder(out)
     steps = Steps(out / STEPS, clip, size, progress or (lambda step, share: None))
 
     seen = steps.run("faces", partial(tracking.survey_step, info))

@@ -85,6 +85,15 @@ def test_choose_rate_bears_jitter_but_not_gaps() -> None:
     assert choose_rate(rounded, []) == (Fraction(24000, 1001), False)
 
 
+def test_frames_that_are_all_shown_at_once_are_said(tmp_path: Path) -> None:
+    plain, still = clips.write_video(tmp_path / "plain.mp4", 5), tmp_path / "still.mkv"
+    clips.ffmpeg("-i", plain, "-c", "copy", "-bsf:v", "setts=ts=0", still)
+    with pytest.raises(MediaError, match=r"the same time stamp \(.*still\.mkv\): convert"):
+        media.probe(still)
+    # Most at once, and the last of them far away.
+    assert choose_rate([0.0, 0.0, 0.0, 1e5], []) == (10, True)
+
+
 def test_a_file_that_was_cut_off_is_said(tmp_path: Path) -> None:
     whole = clips.write_clip(tmp_path / "whole.mp4", 60).read_bytes()
     (tmp_path / "torn.mp4").write_bytes(whole[: len(whole) // 2])
