@@ -21,7 +21,7 @@ LAYERS = (
     {"identity", "compositing", "flicker"},
     {"finetuning", "heads", "video"},
     {"tiles"},
-    {"measuring"},
+    {"measuring", "timing"},
     {"steps"},
     {"jobs"},
     {"running", "planning", "machine", "starting"},
