@@ -103,14 +103,13 @@ def identity_job(manifest: Manifest, name: str, identity: Identity, device: str)
         steps.Prepare(identity),
     )
     base = identity.base or shipped_base(identity.preset)
-    iterations = identity.finetune.iterations
     settings = {
         "start": identity.start,
         "seconds": identity.seconds,
         "preset": identity.preset,
         "seed": identity.seed,
         "speech": identity.speech,
-        "iterations": "of the preset" if iterations is None else iterations,
+        "iterations": steps.iterations_of(identity),
     }
     source = Stage(
         "source",

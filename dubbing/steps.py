@@ -37,6 +37,11 @@ class Prepare:
         prepare(self.identity.clip, out, size=self.identity.size, progress=progress)
 
 
+def iterations_of(identity: Identity) -> int:
+    """Steps that a person learns: as the manifest says, or the default of their preset."""
+    return identity.finetune.iterations or STEPS[family(identity.preset)]
+
+
 @dataclass(frozen=True)
 class Finetune:
     """A person's model, from the base checkpoint, the prepared clip and its sync check."""
@@ -53,7 +58,7 @@ class Finetune:
         wanted = self.identity
         settings = FinetuneSettings(
             preset=wanted.preset,
-            iterations=wanted.finetune.iterations or STEPS[family(wanted.preset)],
+            iterations=iterations_of(wanted),
             seed=wanted.seed,
             speech=wanted.speech,
             speech_weights=None if wanted.speech_weights is None else str(wanted.speech_weights),
