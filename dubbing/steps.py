@@ -175,9 +175,12 @@ class Check:
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.sync.check import check
 
-        progress("listening and looking", 0.0)
+        def told(share: float) -> None:
+            progress("listening and looking", share)
+
         own = read_check(self.source) if self.source is not None else None
-        atomic_write_json(out / SYNC_FILE, check(self.video, source=own).to_json())
+        found = check(self.video, source=own, progress=told)
+        atomic_write_json(out / SYNC_FILE, found.to_json())
 
 
 def read_check(path: Path) -> SyncResult | None:
