@@ -20,13 +20,11 @@ def mse(colour: Float[Tensor, "*B 3"], target: Float[Tensor, "*B 3"]) -> Float[T
 
 
 def warp_length(offsets: Float[Tensor, "N *P 2"]) -> Float[Tensor, "*P"]:
-    """sqrt(du^2 + dv^2), mean over the references; its gradient at an offset of zero is zero."""
+    """sqrt(du^2 + dv^2), mean over the references; its mean over points is L_r of equation (5).
+
+    Its gradient at an offset of zero is zero.
+    """
     return torch.linalg.vector_norm(offsets, dim=-1).mean(0)
-
-
-def warp_penalty(offsets: Float[Tensor, "N *P 2"]) -> Float[Tensor, ""]:
-    """L_r of equation (5): mean length of the offsets of at least one point, pixels at 512."""
-    return warp_length(offsets).mean()
 
 
 def weighted_warp_penalty(

@@ -66,7 +66,7 @@ class PaperModel(HeadModel):
         """A of a frame from the windows of frames i - 4 .. i + 3; empty without speech.
 
         Args:
-            windows: see `speech.neighbour_windows`.
+            windows: see `data.neighbour_windows`.
             smooth: False takes the frame's own code, as published training does for 100,000 steps.
 
         Raises:

@@ -69,12 +69,6 @@ def shift_rows(mouth: Tensor, sound: Tensor) -> Tensor:
     return torch.stack([torch.linalg.norm(mouth - c + EPSILON, dim=1) for c in columns], dim=1)
 
 
-def published_curve(mouth: Tensor, sound: Tensor) -> Tensor:
-    """Mean distance at the shifts -15 .. 15 of mouth (n, E) and sound (n, E), (K,)."""
-    nothing = sound.new_zeros(REACH, sound.shape[1])
-    return shift_rows(mouth, torch.cat([nothing, sound, nothing])).mean(0)
-
-
 def published_estimate(curve: Tensor) -> Estimate:
     """Offset = 15 - argmin, confidence = median - minimum, and the minimum, of a curve (K,)."""
     distance, best = curve.min(0)
