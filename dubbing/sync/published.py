@@ -180,7 +180,7 @@ def published_measure(
     return published_estimate(curve), curve.flip(0).numpy()
 
 
-def published_check(video: Path, weights: Path, *, source: SyncResult | None = None) -> SyncResult:
+def published_check(video: Path, weights: Path) -> SyncResult:
     """The published SyncNet's figures for a video, and our verdict on them.
 
     Several faces: the one whose confidence is highest. Offsets are frames at 25 fps, as there.
@@ -196,7 +196,7 @@ def published_check(video: Path, weights: Path, *, source: SyncResult | None = N
     frames = round(info.duration * RATE)
     facts = Media(info.frames, str(info.rate), info.duration, info.sound_seconds, 0.0, 0.0)
     if info.audio_rate is None:
-        return SyncResult("unjudged", "no sound in it", METHOD, facts, source=source)
+        return SyncResult("unjudged", "no sound in it", METHOD, facts)
     voice = voice_activity_of_blocks(lambda: media.iter_audio(video, rate=SAMPLE_RATE))
     tracks = track_boxes(video, frames)
     measured = {}
@@ -214,4 +214,4 @@ def published_check(video: Path, weights: Path, *, source: SyncResult | None = N
         best, curve = measured[speaker]
         found = Found(best, curve.tolist(), float(RATE), speaker)
     tracked = bool(tracks)
-    return conclude(found, METHOD, facts, source, tracked=tracked, typical=TYPICAL_CONFIDENCE)
+    return conclude(found, METHOD, facts, None, tracked=tracked, typical=TYPICAL_CONFIDENCE)
