@@ -1,6 +1,7 @@
 """The loss of equation (9): L = MSE + lambda * L_r'.
 
-Offsets are in pixels of a 512 pixel picture, the paper's unit, in which lambda is 5e-8.
+Offsets are in pixels of a 512 pixel picture, the paper's unit, which lambda is given for
+(`TrainConfig.warp_weight`).
 N references, P points.
 """
 
@@ -10,7 +11,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-WARP_WEIGHT = 5e-8
 PAPER_SIZE = 512
 
 

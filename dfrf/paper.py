@@ -190,7 +190,7 @@ def paper_loss(
     rendered: dict[str, Tensor],
     target: Float[Tensor, "R 3"],
     size: int,
-    warp_weight: float = losses.WARP_WEIGHT,
+    warp_weight: float,
 ) -> Float[Tensor, ""]:
     """Equation (9) over both passes, L_r' over the fine samples as published.
 

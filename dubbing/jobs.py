@@ -14,6 +14,7 @@ from dubbing import features, steps, timeline
 from dubbing.entries import Dub, Identity
 from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest import Manifest
+from dubbing.media import SUFFIX
 from dubbing.stages import Stage
 
 # Raised when a stage would give something else for the same inputs.
@@ -26,15 +27,12 @@ VERSIONS = {
     "video": 1,
     "sync": 2,
 }
-OF_IDENTITY = ("prepare", "source", "finetune")
-OF_DUB = ("speech", "heads", "video", "sync")
 NEEDS = {  # the stages of the identity that a dub's stage waits for
     "speech": (),
     "heads": ("prepare", "source", "finetune"),
     "video": ("prepare",),
     "sync": (),  # without the source's own figures it still says something
 }
-SUFFIX = {"h264": ".mp4", "prores": ".mov", "ffv1": ".mkv"}
 BASE = Path(__file__).with_name("base.safetensors")
 
 

@@ -7,6 +7,7 @@ from torch import Tensor, nn
 
 from dfrf import field
 from dfrf.cameras import pixel_rays
+from dfrf.config import TrainConfig
 from dfrf.encodings import frequency_encoding
 from dfrf.paper import (
     PaperConfig,
@@ -111,7 +112,7 @@ def test_a_few_steps_of_training_bring_the_picture_closer() -> None:
     curve = []
     for _ in range(40):
         seen = model(o, d, NEAR, FAR, windows, views, background, jitter=True)
-        loss = paper_loss(seen, target, size=12)
+        loss = paper_loss(seen, target, size=12, warp_weight=TrainConfig().warp_weight)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
