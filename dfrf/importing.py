@@ -16,7 +16,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import Tensor
 
-from dfrf.checkpoint import CheckpointError, load_model, write_tensors
+from dfrf.checkpoint import CheckpointError, write_tensors
 from dfrf.config import FORMATS, PUBLISHED_SPEECH
 from dfrf.paper import PaperConfig, PaperModel
 
@@ -235,15 +235,3 @@ def import_checkpoint(file: Path, out: Path) -> Imported:
     }
     write_tensors(out, state, header)
     return Imported(state, step, warp)
-
-
-def load_paper(file: Path) -> PaperModel:
-    """The model of a file written by `import_checkpoint`, ready to render.
-
-    Raises:
-        CheckpointError: unreadable, or of another format.
-    """
-    model, header = load_model(file)
-    if not isinstance(model, PaperModel):
-        raise CheckpointError(f"{file}: format {header['format']!r}, not {FORMATS['paper']!r}")
-    return model.eval()

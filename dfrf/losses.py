@@ -1,6 +1,7 @@
 """The loss of equation (9): L = MSE + lambda * L_r'.
 
-Offsets are in pixels of a 512 pixel picture, the paper's unit, in which lambda is 5e-8.
+Offsets are in pixels of a 512 pixel picture, the paper's unit, which lambda is given for
+(`TrainConfig.warp_weight`).
 N references, P points.
 """
 
@@ -10,7 +11,6 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-WARP_WEIGHT = 5e-8
 PAPER_SIZE = 512
 
 
@@ -20,13 +20,11 @@ def mse(colour: Float[Tensor, "*B 3"], target: Float[Tensor, "*B 3"]) -> Float[T
 
 
 def warp_length(offsets: Float[Tensor, "N *P 2"]) -> Float[Tensor, "*P"]:
-    """sqrt(du^2 + dv^2), mean over the references; its gradient at an offset of zero is zero."""
+    """sqrt(du^2 + dv^2), mean over the references; its mean over points is L_r of equation (5).
+
+    Its gradient at an offset of zero is zero.
+    """
     return torch.linalg.vector_norm(offsets, dim=-1).mean(0)
-
-
-def warp_penalty(offsets: Float[Tensor, "N *P 2"]) -> Float[Tensor, ""]:
-    """L_r of equation (5): mean length of the offsets of at least one point, pixels at 512."""
-    return warp_length(offsets).mean()
 
 
 def weighted_warp_penalty(

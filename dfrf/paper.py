@@ -1,7 +1,7 @@
 """The `paper` preset: the parts assembled as the published code has them, one frame at a time.
 
-Its checkpoints load (see `importing`) and its pictures come out. `ad-nerf` (no references) and
-`nerf` (neither references nor speech) are the same parts with some left out.
+Its checkpoints load (see `importing`) and its pictures come out. References, warp and speech can be
+left out.
 
 R rays of one frame, S samples a ray, N references of H x W pixels, D speech features.
 """
@@ -19,7 +19,6 @@ from torch.utils.checkpoint import checkpoint
 from dfrf import field, losses, sampling, volrend
 from dfrf.head import HeadModel
 from dfrf.paper_field import (
-    PAPER_PRESETS,
     PaperConfig,
     PaperField,
     ReferenceMaps,
@@ -28,7 +27,6 @@ from dfrf.paper_field import (
 from dfrf.speech import AudioAttNet, AudioNet
 
 __all__ = [
-    "PAPER_PRESETS",
     "PaperConfig",
     "PaperField",
     "PaperModel",
@@ -42,7 +40,7 @@ class PaperModel(HeadModel):
     """The whole published model: speech, field, sampling, equation (8).
 
     Args:
-        config: one of `PAPER_PRESETS`, or your own sizes.
+        config: sizes, and what is left out; the published ones by default.
     """
 
     FAMILY: ClassVar[str] = "paper"
@@ -66,7 +64,7 @@ class PaperModel(HeadModel):
         """A of a frame from the windows of frames i - 4 .. i + 3; empty without speech.
 
         Args:
-            windows: see `speech.neighbour_windows`.
+            windows: see `data.neighbour_windows`.
             smooth: False takes the frame's own code, as published training does for 100,000 steps.
 
         Raises:
@@ -192,7 +190,7 @@ def paper_loss(
     rendered: dict[str, Tensor],
     target: Float[Tensor, "R 3"],
     size: int,
-    warp_weight: float = losses.WARP_WEIGHT,
+    warp_weight: float,
 ) -> Float[Tensor, ""]:
     """Equation (9) over both passes, L_r' over the fine samples as published.
 

@@ -66,14 +66,6 @@ class PaperConfig:
         return dataclasses.asdict(self)
 
 
-PAPER_PRESETS: dict[str, PaperConfig] = {
-    "paper": PaperConfig(),
-    "paper-nowarp": PaperConfig(use_warp=False),
-    "ad-nerf": PaperConfig(use_references=False, use_warp=False),
-    "nerf": PaperConfig(use_references=False, use_warp=False, use_speech=False),
-}
-
-
 @dataclass(frozen=True)
 class References:
     """Reference frames and their cameras.

@@ -18,8 +18,9 @@ from dfrf.config import (
 from dfrf.head import HeadModel
 from dfrf.model import PRIOR_CENTRE, PRIOR_RADII, Model
 from dfrf.paper import PaperModel
-from dfrf.paper_field import PAPER_PRESETS, PaperConfig
+from dfrf.paper_field import PaperConfig
 
+PAPER = PaperConfig()
 PRESETS = (*FROM_BASE, "fast-alone", "paper", "ad-nerf", "nerf")
 
 # The one layer of the published model whose size is that of the speech features: where a base heard
@@ -99,7 +100,7 @@ def model_config(preset: str, speech_dim: int) -> ModelConfig | PaperConfig:
         ValueError: an unknown preset.
     """
     if preset == "paper":
-        return replace(PAPER_PRESETS[preset], speech_dim=speech_dim)
+        return replace(PAPER, speech_dim=speech_dim)
     fast = FieldConfig(speech_dim=speech_dim)
     fields = {
         "fast": fast,

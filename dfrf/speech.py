@@ -7,30 +7,13 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-import torch
 import torch.nn.functional as F
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from torch import Tensor, nn
 
 WINDOW = 16
 NEIGHBOURS = 8
 LEAK = 0.02
-
-
-def neighbour_windows(
-    windows: Float[Tensor, "T W D"], frames: Int[Tensor, " B"], count: int = NEIGHBOURS
-) -> Float[Tensor, "B K W D"]:
-    """Windows of frames i - K/2 .. i + K/2 - 1; zeros beyond the first and the last frame.
-
-    Args:
-        windows: of all T frames of a clip.
-        frames: i, in 0..T-1.
-        count: K.
-    """
-    index = frames[:, None] + torch.arange(count, device=frames.device) - count // 2
-    inside = (index >= 0) & (index < windows.shape[0])
-    near = windows[index.clamp(0, windows.shape[0] - 1)]
-    return near * inside[..., None, None].to(near.dtype)
 
 
 def attend(codes: Float[Tensor, "*B K C"], logits: Float[Tensor, "*B K"]) -> Float[Tensor, "*B C"]:

@@ -49,7 +49,8 @@ class Progress:
 
     def __str__(self) -> str:
         left = f"{self.seconds_left:.0f} s left"
-        return f"step {self.step}, loss {self.loss:.4g}, {self.psnr:.1f} dB, {left}"
+        samples = f"{self.samples_per_ray:.1f} samples a ray"
+        return f"step {self.step}, loss {self.loss:.4g}, {self.psnr:.1f} dB, {samples}, {left}"
 
 
 @dataclass

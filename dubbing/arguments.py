@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from dubbing.errors import DubbingError
+from dubbing.stage_names import OF_DUB, OF_IDENTITY
 
-FORCEABLE = ("prepare", "finetune", "source", "speech", "heads", "video", "sync")
+FORCEABLE = (*OF_IDENTITY, *OF_DUB)
 ManifestPath = Annotated[Path, typer.Argument(metavar="MANIFEST", help="A manifest (YAML).")]
 Only = Annotated[
     list[str] | None,

@@ -144,7 +144,11 @@ def sync(
     from dubbing.sync.check import check
     from dubbing.sync.published import published_check
 
-    found = check(video) if weights is None else published_check(video, weights)
+    with console.Bar(f"sync {video.name}") as progress:
+        if weights is None:
+            found = check(video, progress=lambda share: progress("listening and looking", share))
+        else:
+            found = published_check(video, weights)
     if as_json:
         typer.echo(json.dumps(found.to_json(), indent=2))
     else:

@@ -8,7 +8,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-REFERENCE_SIZE = 512
+from dubbing.preparation.matting import REFERENCE_SIZE
+
 FLOOR = 6  # of 255: a lower opacity is haze, not head
 REACH = 30  # px beyond the hole where a head (an open jaw) may lie; over as much again it fades
 FEATHER = 5  # px, inside the edge of the mask; less than the hole is wider than the old head

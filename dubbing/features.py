@@ -138,8 +138,7 @@ FEATURES: dict[str, Callable[[Path | None], SpeechFeatures]] = {
     "hubert": _transformer("hubert"),
     "wav2vec2": _transformer("wav2vec2"),
 }
-# What comes without weights of its own, and what has no weights at all.
-NEED_WEIGHTS, WITHOUT_WEIGHTS = ("hubert", "wav2vec2"), ("mel",)
+WITHOUT_WEIGHTS = ("mel",)
 
 
 def features_by_name(name: str, weights: Path | None = None) -> SpeechFeatures:

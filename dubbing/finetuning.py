@@ -198,8 +198,7 @@ def reference_frames(
     """Which frames of `person` become references; None for a method without them."""
     if not count:
         return None
-    stop = min(first + round(1e9), clip.frames_count)
-    index = np.flatnonzero(clip.valid[first:stop])[: person.frames] + first
+    index = np.flatnonzero(clip.valid[first:])[: person.frames] + first
     return choose_references(person, clip.landmarks[index], count)
 
 

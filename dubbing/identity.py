@@ -16,12 +16,8 @@ from dubbing.errors import TrainingError
 from dubbing.preparation.mesh_points import EYE_CORNERS, LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.silhouette import eye_axes, upwards
+from dubbing.sync.mouth import OUTER_LIP
 
-# The outer rim of the lips.
-OUTER_LIPS = (
-    *(61, 146, 91, 181, 84, 17, 314, 405, 321, 375),
-    *(291, 409, 270, 269, 267, 0, 37, 39, 40, 185),
-)
 UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
 # Inner gap in the middle, left and right; width; base of the nose to lower lip, upper lip and chin.
 LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2, 152))
@@ -35,7 +31,7 @@ RIM_WIDTH = 0.016  # of the crop's side
 
 def mouth_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
     """Box round the lips with a margin, (T, 4) left, top, right, bottom, from (T, 478, 2)."""
-    lips = landmarks[:, OUTER_LIPS]
+    lips = landmarks[:, OUTER_LIP]
     low, high = lips.min(1), lips.max(1)
     half = (high - low) / 2
     centre = (high + low) / 2
@@ -224,7 +220,7 @@ def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Te
         count: how many.
     """
     forward = person.c2w[:, :, 2].double().numpy()
-    lips = landmarks[:, OUTER_LIPS]
+    lips = landmarks[:, OUTER_LIP]
     width = lips[:, :, 0].max(1) - lips[:, :, 0].min(1)
     gap = np.linalg.norm(landmarks[:, UPPER_LIP] - landmarks[:, LOWER_LIP], axis=-1)
     scale = np.median(width)

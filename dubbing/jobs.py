@@ -13,6 +13,7 @@ from dubbing import features, steps, timeline
 from dubbing.entries import Dub, Identity
 from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest import Manifest
+from dubbing.media import SUFFIX
 from dubbing.shipped_base import shipped_base
 from dubbing.stages import Stage
 
@@ -26,15 +27,12 @@ VERSIONS = {
     "video": 1,
     "sync": 2,
 }
-OF_IDENTITY = ("prepare", "source", "finetune")
-OF_DUB = ("speech", "heads", "video", "sync")
 NEEDS = {  # the stages of the identity that a dub's stage waits for
     "speech": (),
     "heads": ("prepare", "source", "finetune"),
     "video": ("prepare",),
     "sync": (),  # without the source's own figures it still says something
 }
-SUFFIX = {"h264": ".mp4", "prores": ".mov", "ffv1": ".mkv"}
 
 
 @dataclass(frozen=True)
@@ -102,14 +100,13 @@ def identity_job(manifest: Manifest, name: str, identity: Identity, device: str)
         steps.Prepare(identity),
     )
     base = identity.base or shipped_base(identity.preset)
-    iterations = identity.finetune.iterations
     settings = {
         "start": identity.start,
         "seconds": identity.seconds,
         "preset": identity.preset,
         "seed": identity.seed,
         "speech": identity.speech,
-        "iterations": "of the preset" if iterations is None else iterations,
+        "iterations": steps.iterations_of(identity),
     }
     source = Stage(
         "source",

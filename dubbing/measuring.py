@@ -14,18 +14,19 @@ import torch
 from torch import Tensor
 
 from dfrf import metrics
+from dfrf.losses import PAPER_SIZE
 from dfrf.lpips import Lpips
 from dubbing import heads, tiles
 from dubbing.files import atomic_write_text
 from dubbing.flicker import Flicker, brow_skin
-from dubbing.identity import OUTER_LIPS, mouth_boxes
+from dubbing.identity import mouth_boxes
 from dubbing.media import VideoWriter
 from dubbing.preparation.landmarks import FaceMesh
 from dubbing.preparation.mesh_points import FACE_OVAL, LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.sync.mouth import OUTER_LIP
 
 LONG_CLIP = 30.0  # seconds; a longer clip is tested on more of it
-PAPER_SIZE = 512
 NOT_KNOWN = float("nan")
 
 
@@ -157,7 +158,7 @@ def compare(
     eyes = box_of(landmarks[[*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW]], size)
     lmd = NOT_KNOWN
     if found and truth:
-        lips = list(OUTER_LIPS)
+        lips = list(OUTER_LIP)
         lmd = metrics.landmark_distance(
             torch.from_numpy(found[0][lips, :2]), torch.from_numpy(truth[0][lips, :2])
         )

@@ -17,8 +17,9 @@ import cv2
 
 from dubbing import stages
 from dubbing.errors import DubbingError
-from dubbing.jobs import NEEDS, OF_DUB, OF_IDENTITY, Job, Jobs
+from dubbing.jobs import NEEDS, Job, Jobs
 from dubbing.processes import Processes
+from dubbing.stage_names import OF_DUB, OF_IDENTITY
 from dubbing.stages import Progress, Stage
 
 # What libraries raise at data they cannot deal with: it fails one job, and its trace is kept.

@@ -37,6 +37,11 @@ class Prepare:
         prepare(self.identity.clip, out, size=self.identity.size, progress=progress)
 
 
+def iterations_of(identity: Identity) -> int:
+    """Steps that a person learns: as the manifest says, or the default of their preset."""
+    return identity.finetune.iterations or STEPS[family(identity.preset)]
+
+
 @dataclass(frozen=True)
 class Finetune:
     """A person's model, from the base checkpoint, the prepared clip and its sync check."""
@@ -53,7 +58,7 @@ class Finetune:
         wanted = self.identity
         settings = FinetuneSettings(
             preset=wanted.preset,
-            iterations=wanted.finetune.iterations or STEPS[family(wanted.preset)],
+            iterations=iterations_of(wanted),
             seed=wanted.seed,
             speech=wanted.speech,
             speech_weights=None if wanted.speech_weights is None else str(wanted.speech_weights),
@@ -170,9 +175,12 @@ class Check:
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.sync.check import check
 
-        progress("listening and looking", 0.0)
+        def told(share: float) -> None:
+            progress("listening and looking", share)
+
         own = read_check(self.source) if self.source is not None else None
-        atomic_write_json(out / SYNC_FILE, check(self.video, source=own).to_json())
+        found = check(self.video, source=own, progress=told)
+        atomic_write_json(out / SYNC_FILE, found.to_json())
 
 
 def read_check(path: Path) -> SyncResult | None:

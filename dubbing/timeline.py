@@ -26,11 +26,11 @@ def first_frame(start: float, rate: Fraction) -> int:
 def pose_index(frames: int, segment: np.ndarray, first: int, policy: str) -> np.ndarray:
     """Frame of the clip for every frame of the dub, int64 (F,).
 
-    While the clip lasts it is followed, its own cuts included. What happens after it ends:
+    A dub that is no longer than the clip follows it, its own cuts included. For a longer one:
 
-    * ``bounce``: back and forth between ``first`` and the end of its segment, so the pose path
-      is continuous and never crosses a cut backwards;
-    * ``loop``: from ``first`` again; ``hold``: the last frame stays;
+    * ``bounce``: back and forth between ``first`` and the end of its shot, from the beginning on;
+      later shots are not used, so the pose path is continuous and crosses no cut;
+    * ``loop``: to the end of the clip, then from ``first`` again; ``hold``: its last frame stays;
     * ``cut``: the dub ends with the clip, so fewer frames come back; ``fail``: an error.
 
     Args:

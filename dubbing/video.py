@@ -24,7 +24,6 @@ from dubbing.preparation.prepared import PreparedClip
 
 SEGMENT = 250  # frames a file
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
-SUFFIX = {"h264": ".mp4", "prores": ".mov", "ffv1": ".mkv"}
 SOUND = {"h264": "aac", "prores": "pcm", "ffv1": "flac"}
 # Containers with exact time stamps, to be joined without decoding.
 SEGMENT_SUFFIX = {"h264": ".mov", "prores": ".mov", "ffv1": ".nut"}
@@ -69,7 +68,7 @@ def make(
         RenderingError: fewer heads than frames, or the finished file is not what it should be.
     """
     clip = PreparedClip.load(prepared)
-    result = out / f"video{SUFFIX[settings.codec]}"
+    result = out / f"video{media.SUFFIX[settings.codec]}"
     segments = out / "segments"
     frames = len(pose_index)
     if not result.exists():

@@ -5,7 +5,6 @@ Letters: N samples at 16 kHz, T steps of 20 ms (50 a second). Step t covers the 
 """
 
 from collections.abc import Callable, Iterable, Iterator
-from fractions import Fraction
 
 import numpy as np
 import webrtcvad
@@ -128,8 +127,3 @@ def at_times(series: np.ndarray, times: np.ndarray, outside: float = 0.0) -> np.
     low = np.minimum(np.floor(place).astype(np.int64), count)
     weight = (place - low).astype(np.float32).reshape(place.shape + (1,) * (series.ndim - 1))
     return padded[low] * (1 - weight) + padded[low + 1] * weight
-
-
-def voice_per_frame(activity: np.ndarray, frames: int, rate: Fraction) -> np.ndarray:
-    """Voice activity (T,) at the middle of each video frame, (frames,) float32."""
-    return at_times(activity, (np.arange(frames) + 0.5) / float(rate))

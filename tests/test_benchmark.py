@@ -1,9 +1,14 @@
 """What the benchmark counts; how long things take is not tested."""
 
+from dataclasses import replace
+
 import torch
 import torch.nn.functional as F
 
-from dubbing.benchmark import Row, flop_of, mean_row, table
+from dfrf.data import cut_references
+from dubbing.benchmark import table
+from dubbing.timing import Row, flop_of, mean_row, whole_faces
+from tests.dfrf.people import person
 
 
 def test_flop_are_those_of_matrix_products() -> None:
@@ -21,3 +26,12 @@ def test_the_table_tells_pace_work_and_share() -> None:
     field, composite = text.splitlines()[1:]
     assert field.split() == ["field", "0.5000", "1,000", "samples", "2,000", "2.000", "40%"]
     assert composite.split() == ["composite", "0.2500"]
+
+
+def test_the_published_model_is_not_shown_the_view_of_shut_eyes() -> None:
+    views = cut_references(person(), torch.tensor([0, 2, 5]))
+    whole = whole_faces(replace(views, blinks=1))
+    torch.testing.assert_close(whole.images * 255, views.images[:2].float())
+    torch.testing.assert_close(whole.c2w, views.c2w[:2])
+    torch.testing.assert_close(whole.centre, views.centres[:2])
+    assert whole_faces(views).images.shape[0] == 3

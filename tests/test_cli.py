@@ -23,6 +23,7 @@ COMMANDS = (
     "evaluate",
     "train-base",
     "train-speech",
+    "train-sync",
     "doctor",
 )
 

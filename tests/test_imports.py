@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # From low to high. A module may import what is on its own line or above, never below.
 LAYERS = (
-    {"errors", "files", "overlap", "solution"},
+    {"errors", "files", "overlap", "solution", "stage_names"},
     {"media", "voice", "timeline", "provenance", "shipped_base", "shipped_weights"},
     {"features", "acoustics", "speech", "yaml_lines", "entries", "inputs", "published", "messages"},
     {"manifest", "stages", "lock"},
@@ -21,7 +21,7 @@ LAYERS = (
     {"identity", "compositing", "flicker"},
     {"finetuning", "heads", "video"},
     {"tiles"},
-    {"measuring"},
+    {"measuring", "timing"},
     {"steps"},
     {"jobs"},
     {"processes", "running", "planning", "machine", "starting"},

@@ -6,10 +6,12 @@ from pathlib import Path
 
 import pytest
 
+from dfrf.config import STEPS
 from dubbing import jobs
 from dubbing.acoustics.paths import DEFAULT_WEIGHTS
 from dubbing.errors import ManifestError
 from dubbing.manifest import Manifest, load
+from dubbing.stages import Stage
 from tests import clips
 
 
@@ -254,6 +256,19 @@ def test_speech_features_and_their_weights(folder: Path) -> None:
     host = read(folder, with_speech("speech: hubert, speech_weights: hubert")).identities["host"]
     assert host.speech_weights == (folder / "hubert").resolve()
     assert read(folder, with_speech("speech: rnn")).identities["host"].speech_weights is None
+
+
+def test_a_changed_number_of_steps_is_seen(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stage() -> Stage:
+        return jobs.build(read(folder, GOOD)).identities["host"].stages["finetune"]
+
+    before = stage()
+    assert before.parameters["iterations"] == STEPS["fast"]
+    monkeypatch.setitem(STEPS, "fast", 7)
+    assert stage().parameters["iterations"] == 7
+    assert stage().key() != before.key()
+    monkeypatch.undo()
+    assert stage().key() == before.key()
 
 
 def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:

@@ -11,7 +11,6 @@ import torch
 from dfrf import checkpoint, paper_method, presets
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
 from dfrf.paper import PaperConfig, PaperModel
-from dfrf.paper_field import PAPER_PRESETS
 from dubbing import heads, jobs, published, steps
 from dubbing.entries import Finetune, Identity
 from dubbing.errors import CheckpointError, ManifestError
@@ -30,8 +29,7 @@ PAPER = FinetuneSettings(preset="paper", iterations=4, speech="mel")
 @pytest.fixture(autouse=True)
 def _tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     """The published sizes and numbers of rays made small; everything else as it is."""
-    small = {name: replace(TINY, slot_noise=c.slot_noise) for name, c in PAPER_PRESETS.items()}
-    monkeypatch.setattr(presets, "PAPER_PRESETS", small)
+    monkeypatch.setattr(presets, "PAPER", replace(TINY, slot_noise=presets.PAPER.slot_noise))
     for name in ("PAPER_BASE_TRAINING", "PAPER_FINETUNE"):
         usual = getattr(presets, name)
         monkeypatch.setattr(presets, name, replace(usual, rays=40, frames=2))

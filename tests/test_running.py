@@ -11,8 +11,9 @@ import pytest
 
 from dubbing import running
 from dubbing.errors import MediaError
-from dubbing.jobs import OF_IDENTITY, Job, Jobs
+from dubbing.jobs import Job, Jobs
 from dubbing.running import Options
+from dubbing.stage_names import OF_IDENTITY
 from dubbing.stages import Progress, Stage
 from tests.test_pipeline import Listener
 

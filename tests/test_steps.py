@@ -106,8 +106,11 @@ def test_check_is_told_the_sources_figures(tmp_path: Path, monkeypatch: pytest.M
     module = sys.modules["dubbing.sync.check"]
     work = create_autospec(module.check, return_value=found)
     monkeypatch.setattr(module, "check", work)
-    steps.Check(tmp_path / "clip.mp4")(tmp_path, quiet)
+    told: list[float] = []
+    steps.Check(tmp_path / "clip.mp4")(tmp_path, lambda _message, share: told.append(share))
     assert work.call_args[1]["source"] is None
+    work.call_args[1]["progress"](0.25)
+    assert told == [0.25]
     (tmp_path / "dub").mkdir()
     steps.Check(tmp_path / "dub.mp4", tmp_path / "sync.json")(tmp_path / "dub", quiet)
     assert work.call_args[1]["source"] == found

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from dubbing import tiles
-from dubbing.identity import OUTER_LIPS
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.sync.mouth import OUTER_LIP
 from tests import clips
 from tests.fakes import write_prepared
 
@@ -23,8 +23,8 @@ def clip(tmp_path: Path) -> PreparedClip:
     (tmp_path / "prepared").mkdir()
     prepared = write_prepared(tmp_path / "clip.mkv", tmp_path / "prepared")
     landmarks = prepared.landmarks.copy()
-    turns = np.linspace(0, 2 * np.pi, len(OUTER_LIPS))
-    landmarks[:, OUTER_LIPS] = np.stack([16 + 4 * np.cos(turns), 24 + 2 * np.sin(turns)], 1)
+    turns = np.linspace(0, 2 * np.pi, len(OUTER_LIP))
+    landmarks[:, OUTER_LIP] = np.stack([16 + 4 * np.cos(turns), 24 + 2 * np.sin(turns)], 1)
     return replace(prepared, landmarks=landmarks)
 
 

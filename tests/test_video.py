@@ -129,7 +129,7 @@ def test_codecs_and_rates(
     frames = frame_count(seconds, rate)
     out = scene.make(np.arange(frames), codec=codec, seconds=seconds, audio_rate=None)
     info = media.probe(out)
-    assert out.suffix == video.SUFFIX[codec]
+    assert out.suffix == media.SUFFIX[codec]
     assert media.count_frames(out) == frames
     assert info.rate == rate
     assert abs(info.video_start - info.audio_start) < 1e-3

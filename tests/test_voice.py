@@ -93,13 +93,13 @@ def test_interpolation_at_steps_and_between() -> None:
     assert np.allclose(voice.at_times(series, times), [1, 3, 2, 0, 0], atol=1e-6)
 
 
-def test_voice_per_frame_at_any_rate() -> None:
+def test_voice_at_the_middle_of_frames_of_any_rate() -> None:
     activity = np.zeros(100, np.float32)
     activity[50:] = 1
     for rate in (Fraction(25), Fraction(30000, 1001), Fraction(60)):
         frames = int(2 * rate)
         middle = (np.arange(frames) + 0.5) / float(rate)
-        got = voice.voice_per_frame(activity, frames, rate)
+        got = voice.at_times(activity, middle)
         clear = np.abs(middle - 1) > 0.02
         clear &= middle < 1.98
         assert np.array_equal(got[clear], (middle > 1)[clear].astype(np.float32))

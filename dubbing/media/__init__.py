@@ -8,10 +8,11 @@ from dubbing.media.ffmpeg import binary, version
 from dubbing.media.muxing import mux
 from dubbing.media.probing import MediaInfo, count_frames, probe
 from dubbing.media.reading import iter_audio, read_audio, read_frames
-from dubbing.media.writing import CODECS, VideoWriter
+from dubbing.media.writing import CODECS, SUFFIX, VideoWriter
 
 __all__ = [
     "CODECS",
+    "SUFFIX",
     "MediaInfo",
     "VideoWriter",
     "binary",

@@ -25,7 +25,6 @@ def read_frames(
     start: int = 0,
     count: int | None = None,
     rate: Fraction | None = None,
-    size: tuple[int, int] | None = None,
     pixels: str = "rgb24",
 ) -> Iterator[np.ndarray]:
     """Frames ``start`` .. ``start + count`` at a constant rate; to the end by default.
@@ -38,7 +37,6 @@ def read_frames(
         start: first frame, counted at ``rate``.
         count: number of frames; never more than there are.
         rate: frames a second; the clip's own by default.
-        size: (width, height) to scale to.
         pixels: ``rgb24`` (H, W, 3), ``rgba`` (H, W, 4) or ``gray`` (H, W); uint8.
 
     Raises:
@@ -52,11 +50,8 @@ def read_frames(
     count = max(0, total - start if count is None else min(count, total - start))
     if count == 0:
         return
-    width, height = size or (info.width, info.height)
-    shape = (height, width, *CHANNELS[pixels])
-    graph = _frame_graph(
-        info, start=start, count=count, rate=rate, size=(width, height), pixels=pixels
-    )
+    shape = (info.height, info.width, *CHANNELS[pixels])
+    graph = _frame_graph(info, start=start, count=count, rate=rate, pixels=pixels)
     with Process(graph, str(path), pipe_out=True) as process:
         for index in range(count):
             frame = np.empty(shape, np.uint8)
@@ -111,7 +106,7 @@ def iter_audio(
 
 
 def _frame_graph(
-    info: MediaInfo, *, start: int, count: int, rate: Fraction, size: tuple[int, int], pixels: str
+    info: MediaInfo, *, start: int, count: int, rate: Fraction, pixels: str
 ) -> ffmpeg.nodes.OutputStream:
     # Seek to the key frame before the wanted time, without the exact trim: the picture on screen
     # then may have begun before it, and fps with start_time=0 drops what is earlier. A file whose
@@ -124,11 +119,9 @@ def _frame_graph(
         picture = picture.filter("trim", start_frame=lead).filter("setpts", "PTS-STARTPTS")
     # The last picture stays on screen to the end of the clip.
     picture = picture.filter("tpad", stop_mode="clone", stop=2)
-    scaled = {"w": size[0], "h": size[1], "flags": SCALER}
     if pixels == "rgb24":
-        scaled["in_color_matrix"] = info.matrix
-    if pixels == "rgb24" or size != (info.width, info.height):
-        picture = picture.filter("scale", **scaled)
+        size = {"w": info.width, "h": info.height}
+        picture = picture.filter("scale", **size, flags=SCALER, in_color_matrix=info.matrix)
     return picture.output("pipe:", format="rawvideo", pix_fmt=pixels, vframes=count)
 
 

@@ -48,6 +48,8 @@ CODECS = {
     "ffv1-gray": Codec("gray", {"vcodec": "ffv1", "level": 3, "slices": 4, "pix_fmt": "gray"}),
 }
 
+SUFFIX = {"h264": ".mp4", "prores": ".mov", "ffv1": ".mkv"}  # of files for people
+
 
 class VideoWriter:
     """Context manager: ``write`` frames; the file appears, whole, when the block ends well.

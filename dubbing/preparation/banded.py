@@ -41,15 +41,6 @@ def solve_band(band: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.asarray(solveh_banded(band, right, lower=True, check_finite=False))
 
 
-def multiply_band(band: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A @ vector for a symmetric A in lower band storage; vector (6 T,)."""
-    out = band[0] * vector
-    for depth in range(1, len(band)):
-        out[depth:] += band[depth, :-depth] * vector[:-depth]
-        out[:-depth] += band[depth, :-depth] * vector[depth:]
-    return out
-
-
 def second_difference_links(
     segment: np.ndarray, usable: np.ndarray, repeated: np.ndarray
 ) -> np.ndarray:

@@ -14,7 +14,8 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-REFERENCE_SIZE = 512
+from dubbing.preparation.matting import REFERENCE_SIZE
+
 POINTS = 96  # of the line
 INSIDE, OUTSIDE, SPACING = 5.0, 30.0, 1.0  # px along a normal
 ABOVE, BELOW = 2.5, 14.0  # px: how far from FaceMesh's line the edge is expected

@@ -22,6 +22,7 @@ SCRIPT = (
     "I move my lips and blink, so that a program can learn how I speak. "
     "Most people pause before a big promise. "
 )
+VOICE = "en-us+f3"
 DUBS = {
     "italian": ("it+f3", "Buongiorno! Adesso parlo italiano, e la mia bocca segue le parole."),
     "german": ("de+f2", "Guten Abend! Jetzt spreche ich Deutsch, und mein Mund bewegt sich mit."),
@@ -50,7 +51,7 @@ def demo(out: Path, size: int) -> None:
                 text=SCRIPT,
                 size=size,
                 face="alba",
-                voice="en-us+f3",
+                voice=VOICE,
                 progress=lambda _, done: bar.update(round(100 * done) - bar.n),
             )
 

@@ -13,7 +13,6 @@ from dubbing.speaker.mesh import smoothstep
 
 IRIS = 0.66  # cm
 BALL = EYE_RADIUS - 0.02
-_STREAKS = 97.0
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from scipy.spatial import ConvexHull
 
-from dubbing.speaker.camera import Camera, Pose
+from dubbing.speaker.camera import DISTANCE, Camera, Pose
 from dubbing.speaker.face import Face
 from dubbing.speaker.head import NECK, HeadModel, Trunk
 from dubbing.speaker.lips import MouthShape
@@ -28,7 +28,7 @@ SHADOW_RAYS = 4
 OPEN_GAP = 0.09  # units of 10 cm between the lips that let all light in
 DEPTH_STEP = 0.7  # cm between neighbouring pixels that count as an edge
 SCATTER_CM = (0.24, 0.12, 0.07)  # blur of red, green and blue light under the skin
-REST_SHIFT = np.array([0.0, 0.6, -78.0])  # where the body stands, camera axes, cm
+REST_SHIFT = np.array([0.0, 0.6, -DISTANCE])  # where the body stands, camera axes, cm
 
 
 @dataclass(frozen=True)
@@ -252,7 +252,7 @@ class _Frame:
         total, weight = np.zeros(small, np.float32), np.zeros(small, np.float32)
         where = (row[chosen] // SHADOW_STEP, col[chosen] // SHADOW_STEP)
         total[where], weight[where] = lit / SHADOW_RAYS, 1.0
-        sigma = 0.16 * self.camera.focal / 78.0 / SHADOW_STEP + 0.4
+        sigma = 0.16 * self.camera.focal / DISTANCE / SHADOW_STEP + 0.4
         near = cv2.GaussianBlur(weight, (0, 0), sigma)
         smooth = cv2.GaussianBlur(total, (0, 0), sigma) / np.maximum(near, 1e-4)
         grid = np.meshgrid(
@@ -271,7 +271,7 @@ class _Frame:
         mask[hits.index[skin]] = 1.0
         out = shaded.light.copy()
         for channel, spread in enumerate(SCATTER_CM):
-            sigma = spread * self.camera.focal / 78.0
+            sigma = spread * self.camera.focal / DISTANCE
             light = cv2.GaussianBlur(image[:, channel].reshape(h, w), (0, 0), sigma)
             weight = cv2.GaussianBlur(mask.reshape(h, w), (0, 0), sigma)
             out[skin, channel] = (light / np.maximum(weight, 1e-4)).ravel()[hits.index[skin]]

@@ -59,7 +59,6 @@ VISEMES: dict[str, tuple[float, ...]] = {
     **dict.fromkeys("rɹɻʀ", APPROX_R),
 }
 ROUNDED_FRONT = "øœyʏ"
-CLOSING = "pbm"
 
 
 def targets(symbol: str) -> list[tuple[float, ...]]:

@@ -69,12 +69,6 @@ def shift_rows(mouth: Tensor, sound: Tensor) -> Tensor:
     return torch.stack([torch.linalg.norm(mouth - c + EPSILON, dim=1) for c in columns], dim=1)
 
 
-def published_curve(mouth: Tensor, sound: Tensor) -> Tensor:
-    """Mean distance at the shifts -15 .. 15 of mouth (n, E) and sound (n, E), (K,)."""
-    nothing = sound.new_zeros(REACH, sound.shape[1])
-    return shift_rows(mouth, torch.cat([nothing, sound, nothing])).mean(0)
-
-
 def published_estimate(curve: Tensor) -> Estimate:
     """Offset = 15 - argmin, confidence = median - minimum, and the minimum, of a curve (K,)."""
     distance, best = curve.min(0)
@@ -186,7 +180,7 @@ def published_measure(
     return published_estimate(curve), curve.flip(0).numpy()
 
 
-def published_check(video: Path, weights: Path, *, source: SyncResult | None = None) -> SyncResult:
+def published_check(video: Path, weights: Path) -> SyncResult:
     """The published SyncNet's figures for a video, and our verdict on them.
 
     Several faces: the one whose confidence is highest. Offsets are frames at 25 fps, as there.
@@ -202,7 +196,7 @@ def published_check(video: Path, weights: Path, *, source: SyncResult | None = N
     frames = round(info.duration * RATE)
     facts = Media(info.frames, str(info.rate), info.duration, info.sound_seconds, 0.0, 0.0)
     if info.audio_rate is None:
-        return SyncResult("unjudged", "no sound in it", METHOD, facts, source=source)
+        return SyncResult("unjudged", "no sound in it", METHOD, facts)
     voice = voice_activity_of_blocks(lambda: media.iter_audio(video, rate=SAMPLE_RATE))
     tracks = track_boxes(video, frames)
     measured = {}
@@ -220,4 +214,4 @@ def published_check(video: Path, weights: Path, *, source: SyncResult | None = N
         best, curve = measured[speaker]
         found = Found(best, curve.tolist(), float(RATE), speaker)
     tracked = bool(tracks)
-    return conclude(found, METHOD, facts, source, tracked=tracked, typical=TYPICAL_CONFIDENCE)
+    return conclude(found, METHOD, facts, None, tracked=tracked, typical=TYPICAL_CONFIDENCE)

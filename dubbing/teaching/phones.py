@@ -19,7 +19,6 @@ CLASSES = (
     *("ŋ", "θ", "ð", "hɦħʕ", "lɫɭ", "rɾʀʁɽ", "ɹɻ", "wʍɰ", "jʝ", "iɨɪ", "eɘ", "ɛ", "æ", "aɐ"),
     *("ɑɒ", "ɔ", "oɤ", "ʊ", "uɯʉ", "ʌ", "əɵ", "ɜɚɝ", "yʏɥ", "øœɶ", "xχçɣɧ", "ɲʎ"),
 )
-COUNT = len(CLASSES)
 _CLASS_OF = {letter: k for k, letters in enumerate(CLASSES) for letter in letters}
 
 # Phones of flite and festival's English voices, as espeak-ng would write them.

@@ -4,7 +4,7 @@ import torch
 
 from dubbing.acoustics.network import LIPS, PHONES, AcousticNetwork, losses, parameters
 from dubbing.speaker.visemes import CHANNELS
-from dubbing.teaching.phones import COUNT
+from dubbing.teaching.phones import CLASSES
 
 
 def test_it_is_small() -> None:
@@ -12,12 +12,12 @@ def test_it_is_small() -> None:
 
 
 def test_its_heads_fit_what_it_is_taught() -> None:
-    assert (COUNT, len(CHANNELS)) == (PHONES, LIPS)
+    assert (len(CLASSES), len(CHANNELS)) == (PHONES, LIPS)
 
 
 def targets(batch: int = 2, count: int = 20) -> list[torch.Tensor]:
     senones = torch.nn.functional.one_hot(torch.randint(126, (batch, count)), 126).float()
-    phones = torch.randint(COUNT, (batch, count))
+    phones = torch.randint(PHONES, (batch, count))
     return [senones, phones, torch.rand(batch, count, 7), torch.ones(batch, count)]
 
 

@@ -5,8 +5,9 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor
 
-from dfrf.checkpoint import CheckpointError
-from dfrf.importing import import_checkpoint, load_paper
+from dfrf.checkpoint import CheckpointError, load_model
+from dfrf.importing import import_checkpoint
+from dfrf.paper import PaperModel
 
 LINEAR: dict[str, dict[str, tuple[int, ...]]] = {
     "network": {
@@ -152,7 +153,7 @@ def test_round_trip_through_both_kinds_of_file(tmp_path: Path) -> None:
     assert (one.step, one.warp) == (399_999, True)
     assert (other.step, other.warp) == (None, True)
     states = [
-        load_paper(tmp_path / f"{name}.safetensors").state_dict() for name in ("one", "other")
+        load_model(tmp_path / f"{name}.safetensors")[0].state_dict() for name in ("one", "other")
     ]
     assert states[0].keys() == states[1].keys() == one.state.keys()
     for name, tensor in states[0].items():
@@ -171,8 +172,9 @@ def test_a_file_without_a_warp_gets_one_that_does_nothing(tmp_path: Path) -> Non
     results = [import_checkpoint(file, tmp_path / f"{i}.safetensors") for i in range(2)]
     assert not results[0].warp
     assert (tmp_path / "0.safetensors").read_bytes() == (tmp_path / "1.safetensors").read_bytes()
-    warp = load_paper(tmp_path / "0.safetensors").field.warp
-    offset = warp(torch.rand(3, 63), torch.rand(64), torch.rand(4, 3, 128))
+    model, _ = load_model(tmp_path / "0.safetensors")
+    assert isinstance(model, PaperModel)
+    offset = model.field.warp(torch.rand(3, 63), torch.rand(64), torch.rand(4, 3, 128))
     assert offset.abs().max() < 1e-4
 
 
@@ -247,4 +249,4 @@ def test_broken_safetensors_and_foreign_checkpoints_are_refused(tmp_path: Path) 
     with pytest.raises(CheckpointError, match="no network_fn_state_dict"):
         import_checkpoint(tmp_path / "foreign.safetensors", tmp_path / "out.safetensors")
     with pytest.raises(CheckpointError, match="not a checkpoint of this tool"):
-        load_paper(tmp_path / "foreign.safetensors")
+        load_model(tmp_path / "foreign.safetensors")

@@ -1,4 +1,4 @@
-"""HaarPSI beside a slow, literal reading of its equations."""
+"""SSIM and HaarPSI beside slow, literal readings of their equations."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,24 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from dfrf.metrics import haarpsi
+from dfrf.metrics import haarpsi, ssim
+
+
+def similarity(first: np.ndarray, second: np.ndarray) -> float:
+    """Wang et al. 2004, window by window and channel by channel."""
+    bell = np.exp(-(np.arange(-5, 6.0) ** 2) / (2 * 1.5**2))
+    weight = np.outer(bell, bell) / bell.sum() ** 2
+    found = []
+    for row in range(first.shape[0] - 10):
+        for column in range(first.shape[1] - 10):
+            for channel in range(3):
+                a, b = (x[row : row + 11, column : column + 11, channel] for x in (first, second))
+                mean_a, mean_b = (weight * a).sum(), (weight * b).sum()
+                var_a, var_b = (weight * a**2).sum() - mean_a**2, (weight * b**2).sum() - mean_b**2
+                both = (weight * a * b).sum() - mean_a * mean_b
+                light = (2 * mean_a * mean_b + 1e-4) / (mean_a**2 + mean_b**2 + 1e-4)
+                found.append(light * (2 * both + 9e-4) / (var_a + var_b + 9e-4))
+    return float(np.mean(found))
 
 
 def under(image: np.ndarray, kernel: np.ndarray, row: int, column: int) -> float:
@@ -80,6 +97,14 @@ def blurred(image: Tensor, sigma: float) -> Tensor:
     x = F.pad(image.permute(2, 0, 1)[None], (12, 12, 12, 12), mode="reflect")
     x = F.conv2d(F.conv2d(x, bell[:, None, None], groups=3), bell[:, None, :, None], groups=3)
     return x[0].permute(1, 2, 0)
+
+
+def test_ssim_is_what_the_equations_say() -> None:
+    a, b = picture(26, 31), blurred(picture(26, 31), 1.0)
+    expected = similarity(a.double().numpy(), b.double().numpy())
+    assert 0.2 < expected < 0.95
+    assert ssim(a, b) == pytest.approx(expected, abs=1e-9)
+    assert ssim(a, a) == pytest.approx(1)
 
 
 @pytest.mark.parametrize("size", [(12, 16), (13, 15)])

@@ -7,9 +7,9 @@ from torch import Tensor, nn
 
 from dfrf import field
 from dfrf.cameras import pixel_rays
+from dfrf.config import TrainConfig
 from dfrf.encodings import frequency_encoding
 from dfrf.paper import (
-    PAPER_PRESETS,
     PaperConfig,
     PaperModel,
     ReferenceMaps,
@@ -18,6 +18,10 @@ from dfrf.paper import (
 )
 
 NEAR, FAR = 0.5, 1.1
+WHOLE = PaperConfig()
+NO_WARP = replace(WHOLE, use_warp=False)
+NO_REFERENCES = replace(NO_WARP, use_references=False)
+NO_SPEECH = replace(NO_REFERENCES, use_speech=False)
 TINY = {
     "speech_dim": 5,
     "code_dim": 8,
@@ -32,10 +36,10 @@ TINY = {
 }
 
 
-def tiny(preset: str = "paper") -> PaperModel:
-    """A preset made small, with densities and offsets large enough to see."""
+def tiny(sizes: PaperConfig = WHOLE) -> PaperModel:
+    """A model made small, with densities and offsets large enough to see."""
     torch.manual_seed(1)
-    config: PaperConfig = replace(PAPER_PRESETS[preset], **TINY)  # type: ignore[arg-type]
+    config: PaperConfig = replace(sizes, **TINY)  # type: ignore[arg-type]
     model = PaperModel(config).eval()
     with torch.no_grad():
         for network in (model.field.coarse, model.field.fine):
@@ -63,26 +67,26 @@ def frame(rays: int = 7) -> tuple[Tensor, Tensor, Tensor, Tensor]:
     return origins, directions, torch.randn(8, 16, 5), torch.rand(rays, 3)
 
 
-def test_parts_and_sizes_of_the_presets() -> None:
+def test_parts_and_sizes_with_some_left_out() -> None:
     def parameters(module: nn.Module) -> int:
         return sum(p.numel() for p in module.parameters())
 
     # Live parameters of the published model: 1,957,487 less two dead layers of 65,792.
     assert parameters(PaperModel()) == 1_957_487 - 2 * 65_792
-    ad_nerf = PaperModel(PAPER_PRESETS["ad-nerf"])
-    assert {name for name, _ in ad_nerf.named_children()} == {"field", "audio", "smoothing"}
-    assert {name for name, _ in ad_nerf.field.named_children()} == {"coarse", "fine"}
-    assert ad_nerf.field.coarse.layers[0].weight.shape == (256, 63 + 64)
-    nerf = PaperModel(PAPER_PRESETS["nerf"])
-    assert {name for name, _ in nerf.named_children()} == {"field"}
-    assert nerf.field.coarse.layers[0].weight.shape == (256, 63)
-    nowarp = PaperModel(PAPER_PRESETS["paper-nowarp"])
-    assert parameters(nowarp) == parameters(PaperModel()) - 36_962
+    no_references = PaperModel(NO_REFERENCES)
+    assert {name for name, _ in no_references.named_children()} == {"field", "audio", "smoothing"}
+    assert {name for name, _ in no_references.field.named_children()} == {"coarse", "fine"}
+    assert no_references.field.coarse.layers[0].weight.shape == (256, 63 + 64)
+    silent = PaperModel(NO_SPEECH)
+    assert {name for name, _ in silent.named_children()} == {"field"}
+    assert silent.field.coarse.layers[0].weight.shape == (256, 63)
+    no_warp = PaperModel(NO_WARP)
+    assert parameters(no_warp) == parameters(PaperModel()) - 36_962
 
 
-@pytest.mark.parametrize("preset", list(PAPER_PRESETS))
-def test_renders_and_learns(preset: str) -> None:
-    model = tiny(preset)
+@pytest.mark.parametrize("sizes", [WHOLE, NO_WARP, NO_REFERENCES, NO_SPEECH])
+def test_renders_and_learns(sizes: PaperConfig) -> None:
+    model = tiny(sizes)
     o, d, windows, background = frame()
     seen = model(o, d, NEAR, FAR, windows, references(), background)
     assert seen["colour"].shape == (7, 3)
@@ -108,7 +112,7 @@ def test_a_few_steps_of_training_bring_the_picture_closer() -> None:
     curve = []
     for _ in range(40):
         seen = model(o, d, NEAR, FAR, windows, views, background, jitter=True)
-        loss = paper_loss(seen, target, size=12)
+        loss = paper_loss(seen, target, size=12, warp_weight=TrainConfig().warp_weight)
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
@@ -252,8 +256,8 @@ def test_missing_inputs_are_named() -> None:
         model(o, d, NEAR, FAR, windows, None, background)
     with pytest.raises(ValueError, match="windows"):
         model(o, d, NEAR, FAR, None, references(), background)
-    nerf = tiny("nerf")
-    assert nerf(o, d, NEAR, FAR, None, None, background)["offset"].numel() == 0
+    silent = tiny(NO_SPEECH)
+    assert silent(o, d, NEAR, FAR, None, None, background)["offset"].numel() == 0
 
 
 def test_own_code_is_that_of_the_middle_frame() -> None:

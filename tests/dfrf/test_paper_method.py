@@ -168,7 +168,7 @@ def test_the_gradient_is_that_of_equation_9_over_all_shares() -> None:
             jitter=True,
             generator=torch.Generator().manual_seed(share.seed),
         )
-        losses.append(paper_loss(seen, share.batch.colour, SIZE))
+        losses.append(paper_loss(seen, share.batch.colour, SIZE, CONFIG.warp_weight))
     loss = torch.stack(losses).mean()
     torch.testing.assert_close(found.loss, loss.detach(), atol=1e-5, rtol=1e-4)
     expected = torch.autograd.grad(loss, parameters, allow_unused=True)

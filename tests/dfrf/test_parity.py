@@ -16,8 +16,9 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from dfrf.cameras import pixel_grid, pixel_rays, project
+from dfrf.checkpoint import load_model
 from dfrf.encodings import frequency_encoding
-from dfrf.importing import import_checkpoint, load_paper
+from dfrf.importing import import_checkpoint
 from dfrf.paper import PaperModel, ReferenceMaps, References
 from dfrf.references import clamp_to_image
 
@@ -52,7 +53,9 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Published:
     numbers = load_file(FOLDER / "published_outputs.safetensors")
     centre = torch.full((1, 2), SIZE / 2)
     images, poses = numbers["reference_images"], numbers["reference_poses"]
-    return Published(numbers, load_paper(out), References(images, poses, FOCAL, centre))
+    model, _ = load_model(out)
+    assert isinstance(model, PaperModel)
+    return Published(numbers, model.eval(), References(images, poses, FOCAL, centre))
 
 
 @pytest.fixture(scope="module")

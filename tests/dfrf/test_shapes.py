@@ -5,7 +5,6 @@ import torch
 from jaxtyping import TypeCheckError
 
 from dfrf.cameras import pixel_rays, project
-from dfrf.speech import neighbour_windows
 from dfrf.volrend import composite
 
 
@@ -26,8 +25,8 @@ def test_unions_are_looked_into() -> None:
 
 
 def test_kinds_of_numbers_are_looked_at() -> None:
-    with pytest.raises(TypeCheckError, match="frames"):
-        neighbour_windows(torch.rand(4, 16, 2), torch.tensor([1.0]))
+    with pytest.raises(TypeCheckError, match="points"):
+        project(torch.ones(5, 3).long(), torch.eye(3, 4)[None], 10.0, torch.zeros(1, 2))
 
 
 def test_leading_shapes_broadcast() -> None:

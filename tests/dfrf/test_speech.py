@@ -2,7 +2,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from dfrf.speech import AudioAttNet, AudioNet, attend, neighbour_windows
+from dfrf.data import neighbour_windows
+from dfrf.speech import NEIGHBOURS, AudioAttNet, AudioNet, attend
 
 
 def leak(x: Tensor) -> Tensor:
@@ -73,10 +74,12 @@ def test_gradients_reach_every_parameter() -> None:
         assert parameter.grad.abs().sum() > 0
 
 
-@pytest.mark.parametrize("frame", [0, 3, 6, 9])
-def test_neighbours_are_four_before_to_three_after(frame: int) -> None:
-    windows = torch.arange(1.0, 11.0)[:, None, None].expand(10, 16, 2)
-    near = neighbour_windows(windows, torch.tensor([frame]))
-    assert near.shape == (1, 8, 16, 2)
-    expected = [i + 1 if 0 <= i < 10 else 0 for i in range(frame - 4, frame + 4)]
+@pytest.mark.parametrize("frame", [0, 3, 5, 6, 9])
+def test_neighbours_are_four_before_to_three_after_in_the_same_shot(frame: int) -> None:
+    windows = torch.arange(10.0)[:, None, None].expand(10, 16, 2)
+    shot = torch.tensor([0] * 6 + [1] * 4)
+    near = neighbour_windows(windows, shot, torch.tensor([frame]))
+    assert near.shape == (1, NEIGHBOURS, 16, 2)
+    low, high = (0, 5) if frame < 6 else (6, 9)
+    expected = [min(max(i, low), high) for i in range(frame - 4, frame + 4)]
     assert near[0, :, 7, 1].tolist() == expected

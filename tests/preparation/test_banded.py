@@ -6,7 +6,6 @@ import pytest
 from dubbing.preparation.banded import (
     DOF,
     lower_band,
-    multiply_band,
     second_difference_links,
     smoothness_blocks,
     solve_band,
@@ -45,13 +44,6 @@ def test_band_solves_like_dense(blocks: tuple[np.ndarray, np.ndarray, np.ndarray
     right = np.random.default_rng(1).normal(size=FRAMES * DOF)
     np.testing.assert_allclose(
         solve_band(lower_band(*blocks), right), np.linalg.solve(dense(*blocks), right), rtol=1e-9
-    )
-
-
-def test_band_multiplies_like_dense(blocks: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-    vector = np.random.default_rng(2).normal(size=FRAMES * DOF)
-    np.testing.assert_allclose(
-        multiply_band(lower_band(*blocks), vector), dense(*blocks) @ vector, rtol=1e-9
     )
 
 

@@ -1,13 +1,18 @@
 """`python -m dubbing.speaker`: makes what manifests/demo.yaml names, once."""
 
+import shutil
 import sys
 from pathlib import Path
 
 import pytest
 import yaml
 
+from dubbing.manifest import load
 from dubbing.media import probe
 from dubbing.speaker import __main__ as program
+from dubbing.speaker.speaker import TAIL
+from dubbing.speaker.voice import speak
+from tests import clips
 
 MANIFEST = Path(__file__).resolve().parents[2] / "manifests" / "demo.yaml"
 
@@ -30,6 +35,20 @@ def test_makes_every_file_of_the_demo_and_makes_it_once(
     made = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
     assert program.main() == 0
     assert made == {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in MANIFEST.parent.glob("*.yaml")))
+def test_the_clip_is_as_long_as_the_manifests_want_it(tmp_path: Path, name: str) -> None:
+    source = tmp_path / "out" / "demo" / "source"
+    source.mkdir(parents=True)
+    speak(program.SCRIPT, program.VOICE, tmp_path / "script.wav")
+    seconds = probe(tmp_path / "script.wav").sound_seconds + TAIL
+    clips.write_clip(source / "clip.mp4", round(25 * seconds))
+    for recording, (voice, text) in program.DUBS.items():
+        speak(text, voice, source / f"{recording}.wav")
+    (tmp_path / "manifests").mkdir()
+    copy = shutil.copy(MANIFEST.parent / name, tmp_path / "manifests")
+    assert not load(Path(copy)).warnings
 
 
 def test_many_identities(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

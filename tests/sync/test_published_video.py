@@ -10,6 +10,7 @@ from dubbing.sync import published
 from dubbing.sync.mfcc import mfcc
 from dubbing.sync.published_network import PublishedSyncNet
 from tests.sync.conftest import Speaker
+from tests.sync.test_published import whole_curve
 
 
 class Projections(PublishedSyncNet):
@@ -42,7 +43,7 @@ def test_batches_give_the_whole(speaker: Speaker, monkeypatch: pytest.MonkeyPatc
     crops = [published.crop_face(f, boxes[0]) for f in speaker.frames[: n + 4]]
     mouth = torch.cat(list(published.embed_frames(network, crops)))
     with torch.no_grad():
-        whole = published.published_curve(mouth, sound)
+        whole = whole_curve(mouth, sound)
     # Seeking in the sound may round a sample differently.
     assert np.allclose(curve, whole.flip(0).numpy(), rtol=2e-3)
     assert estimate.offset == published.published_estimate(whole).offset
