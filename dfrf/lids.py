@@ -33,7 +33,7 @@ SHUT = 0.02 * brows.EYE_DISTANCE + WHITE
 WIDEST = 1.5  # times the opening at rest: what is measured beyond is taken for this
 LEAST = 1e-3  # head units, no length is divided by less
 # How far a lid is shut, from where to where it, and the eye under it, pass to a view of shut eyes.
-LID_PASSES, EYE_PASSES = (0.3, 0.6), (0.75, 0.95)
+LID_PASSES, EYE_PASSES = (0.3, 0.6), (0.5, 0.8)
 SOFT = 0.3  # of half the lid's width, beside it, and of its height: one view goes over into others
 BELOW = 0.05  # head units below the lower rim that skin moves in a blink
 SHUT_SHARE = 0.15  # of the opening at rest: an eye that is less open is shut

@@ -142,11 +142,11 @@ def test_a_view_of_shut_eyes_is_read_where_a_lid_is_shut_and_nowhere_else() -> N
 
 
 def test_of_half_a_blink_the_lid_is_read_off_it_and_the_eye_is_not() -> None:
-    points, half = column(), CLOSED * 0.6
+    points, half = column(), CLOSED * 0.48
     share = lids.shut_shares(points, torch.arange(len(points)), EYES, half)
     rim = LINE - LOWER + float(lids.openings(EYES, half)[0, 1])
     above, below = points[:, 1] > rim + 1e-3, points[:, 1] < rim - 1e-3
-    assert share[above].max() > 0.9
+    assert share[above].max() > 0.6
     assert not share[below].any()
 
 
