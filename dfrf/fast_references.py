@@ -41,14 +41,19 @@ class ReferenceEncoder(nn.Module):
 
     def forward(self, views: ReferenceViews) -> ReferenceMaps:
         """Feature table of the references, (N * H * W, C) float32."""
-        matte = views.mattes[..., None].float() / 255
-        colours = views.images.float() / 255
-        raw = torch.cat([colours, matte], -1)
-        x = raw.permute(0, 3, 1, 2).contiguous(memory_format=torch.channels_last)
+        height, width = views.mattes.shape[1:]
+        # One by one: the layers of all of them at once would be the peak of a rendering's memory.
+        shown = zip(views.images.split(1), views.mattes.split(1), strict=True)
+        table = torch.cat([self.features(image, matte).flatten(0, 2) for image, matte in shown])
+        return ReferenceMaps(table, height, width, views)
+
+    def features(self, images: Tensor, mattes: Tensor) -> Tensor:
+        """Features (N, H, W, C) of images (N, H, W, 3) and mattes (N, H, W), uint8."""
+        matte, colours = mattes[..., None].float() / 255, images.float() / 255
+        x = torch.cat([colours, matte], -1).permute(0, 3, 1, 2)
+        x = x.contiguous(memory_format=torch.channels_last)
         learned = self.head(F.relu(self.conv2(F.relu(self.conv1(x * 2 - 1)))))
-        table = torch.cat([sharpened(colours), matte, learned.permute(0, 2, 3, 1)], -1)
-        count, height, width, channels = table.shape
-        return ReferenceMaps(table.reshape(count * height * width, channels), height, width, views)
+        return torch.cat([sharpened(colours), matte, learned.permute(0, 2, 3, 1)], -1)
 
 
 class Warp(nn.Module):
