@@ -28,6 +28,7 @@ from dubbing.preparation.camera import Poses, point_jacobian, pose_jacobian, pro
 from dubbing.preparation.face_strip import FaceStrip
 from dubbing.preparation.mesh_points import EYE_CORNERS
 from dubbing.preparation.skin import Skin
+from dubbing.preparation.threads import in_order
 
 STEPS = 8  # of Gauss-Newton
 NOISE = 4.0  # grey levels: of a pixel whose texture does not change at all
@@ -37,7 +38,7 @@ LEAST_FACING = 0.3  # cosine between normal and ray, below which a point is not 
 LEAST_POINTS = 50  # seen in a frame
 LEAST_GAIN = 0.1  # contrast of a frame to that of the mean; below, it shows something else
 SCORE_STEPS = 5
-CHUNK = 64  # frames at a time
+CHUNK = 16  # frames a thread treats at a time
 
 
 @dataclass(frozen=True)
@@ -129,32 +130,47 @@ def frame_equations(
         relief: directions (N, 3) of the head frame in which the points may move, and a basis
             (N, K) of how far; their derivatives follow the six of the pose.
     """
+
+    def of_some(index: np.ndarray) -> list[FrameEquations]:
+        return list(some_equations(poses, index, work, texture, relief))
+
     usable = np.flatnonzero(seen.usable)
-    for begin in range(0, len(usable), CHUNK):
-        index = usable[begin : begin + CHUNK]
-        values, pixels = work.samples(poses, index)
-        in_camera = to_camera(poses[index], work.skin.points)
-        by_pose = pose_jacobian(in_camera, poses.translation[index], work.focal)
-        by_point = point_jacobian(in_camera, work.focal) if relief is not None else None
-        for k, t in enumerate(index):
-            slope = work.strip.gradient(t, pixels[k])
-            on = np.isfinite(values[k] + slope.sum(1)) & (texture.weight > 0)
-            if on.sum() < LEAST_POINTS:
-                continue
-            columns = [np.einsum("pk,pkd->pd", slope[on], by_pose[k][on]), values[k][on, None]]
-            if relief is not None and by_point is not None:
-                along = relief[0][on] @ poses.rotation[t].T
-                moved = np.einsum("pk,pkd,pd->p", slope[on], by_point[k][on], along)
-                columns.insert(1, moved[:, None] * relief[1][on])
-            weight = texture.weight[on]
-            clean, fit = without_gain(np.concatenate(columns, 1), texture.mean[on], weight)
-            # values = offset + gain * texture + residual: compare in the texture's contrast.
-            gain = fit[1, -1]
-            if gain < LEAST_GAIN:
-                continue
-            clean /= gain
-            robust = huber_weight(np.abs(clean[:, -1]) * np.sqrt(weight)) * weight / CORRELATED
-            yield FrameEquations(int(t), clean[:, :-1], clean[:, -1], robust)
+    parts = ((usable[p : p + CHUNK],) for p in range(0, len(usable), CHUNK))
+    for part in in_order(of_some, parts):
+        yield from part
+
+
+def some_equations(
+    poses: Poses,
+    index: np.ndarray,
+    work: Alignment,
+    texture: Texture,
+    relief: tuple[np.ndarray, np.ndarray] | None,
+) -> Iterator[FrameEquations]:
+    """:func:`frame_equations` of the frames `index` (K,)."""
+    values, pixels = work.samples(poses, index)
+    in_camera = to_camera(poses[index], work.skin.points)
+    by_pose = pose_jacobian(in_camera, poses.translation[index], work.focal)
+    by_point = point_jacobian(in_camera, work.focal) if relief is not None else None
+    for k, t in enumerate(index):
+        slope = work.strip.gradient(t, pixels[k])
+        on = np.isfinite(values[k] + slope.sum(1)) & (texture.weight > 0)
+        if on.sum() < LEAST_POINTS:
+            continue
+        columns = [np.einsum("pk,pkd->pd", slope[on], by_pose[k][on]), values[k][on, None]]
+        if relief is not None and by_point is not None:
+            along = relief[0][on] @ poses.rotation[t].T
+            moved = np.einsum("pk,pkd,pd->p", slope[on], by_point[k][on], along)
+            columns.insert(1, moved[:, None] * relief[1][on])
+        weight = texture.weight[on]
+        clean, fit = without_gain(np.concatenate(columns, 1), texture.mean[on], weight)
+        # values = offset + gain * texture + residual: compare in the texture's contrast.
+        gain = fit[1, -1]
+        if gain < LEAST_GAIN:
+            continue
+        clean /= gain
+        robust = huber_weight(np.abs(clean[:, -1]) * np.sqrt(weight)) * weight / CORRELATED
+        yield FrameEquations(int(t), clean[:, :-1], clean[:, -1], robust)
 
 
 def pixel_equations(
@@ -210,8 +226,8 @@ def beside_pixels(poses: Poses, shape: np.ndarray, seen: Observations) -> Normal
 
 def all_samples(poses: Poses, frames: np.ndarray, work: Alignment) -> np.ndarray:
     """Grey values (K, N) float32 of the given frames, NaN where not seen."""
-    parts = range(0, len(frames), CHUNK)
-    return np.concatenate([work.samples(poses, frames[p : p + CHUNK])[0] for p in parts])
+    parts = ((poses, frames[p : p + CHUNK]) for p in range(0, len(frames), CHUNK))
+    return np.concatenate([values for values, _ in in_order(work.samples, parts)])
 
 
 def residual_shift(

@@ -6,16 +6,12 @@ the side of the crop in px.
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from dfrf.ordered import ordered
 from dubbing.media import MediaInfo, VideoWriter, read_frames
 from dubbing.preparation.background import (
     PLATE_FRAMES,
@@ -40,10 +36,10 @@ from dubbing.preparation.matting import (
 )
 from dubbing.preparation.mesh_points import EYE_CORNERS, NOSE_BRIDGE
 from dubbing.preparation.silhouette import Silhouette, measure
+from dubbing.preparation.threads import in_order
 from dubbing.preparation.torso import Torso, torso
 
 Progress = Callable[[float], None]
-MOST_THREADS = 8
 
 
 @dataclass(frozen=True)
@@ -81,13 +77,6 @@ def all_crops(info: MediaInfo, window: np.ndarray, size: int) -> Iterator[np.nda
     """Crops (S, S, 3) of all frames in order, through windows (T, 3)."""
     for t, image in enumerate(read_frames(info.path)):
         yield crop(image, window[t], size)
-
-
-def in_order(work: Callable[..., Any], jobs: Iterable[tuple[Any, ...]]) -> Iterator[Any]:
-    """Results of work(*job) in the order of the jobs, computed by threads, few in flight."""
-    threads = max(1, min(MOST_THREADS, os.cpu_count() or 1))
-    with ThreadPoolExecutor(threads) as pool:
-        yield from ordered(pool, lambda job: work(*job), jobs, ahead=2 * threads - 1)
 
 
 @dataclass(frozen=True)
