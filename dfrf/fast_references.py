@@ -42,7 +42,7 @@ class ReferenceEncoder(nn.Module):
     def forward(self, views: ReferenceViews) -> ReferenceMaps:
         """Feature table of the references, (N * H * W, C) float32."""
         height, width = views.mattes.shape[1:]
-        # One by one: the layers of all of them at once would be the peak of a rendering's memory.
+        # One by one: the layers of all of them need not be in memory at once.
         shown = zip(views.images.split(1), views.mattes.split(1), strict=True)
         table = torch.cat([self.features(image, matte).flatten(0, 2) for image, matte in shown])
         return ReferenceMaps(table, height, width, views)
