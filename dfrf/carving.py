@@ -33,7 +33,8 @@ def carve(
     """Closes open cells where no sample of any frame looked at would be `THIN` or more.
 
     The density itself is asked, one random point a cell and frame, so a cell that rays seldom
-    reached stays open where there is something in it. In every second frame the eyes are shut.
+    reached stays open where there is something in it. In every second frame the eyes are shut,
+    where the model has references.
 
     Args:
         model: changed in place: only its grid.
@@ -51,14 +52,15 @@ def carve(
     ray = torch.arange(count, device=device)
     zero = torch.zeros(count, dtype=torch.long, device=device)
     thickest = torch.zeros(count, device=device)
-    asleep = lids.shut(told, model.config.field.code_dim)
+    # A field without references is told of lids instead of moving them, and never so much.
+    asleep = told if maps is None else lids.shut(told, model.config.field.code_dim)
     for k, frame in enumerate(torch.randperm(len(told), generator=generator)[:FRAMES].tolist()):
         where = torch.rand(count, 3, generator=generator).to(device) - 0.5
         points = centres + where * size
         directions = F.normalize(points - c2w[frame, :, 3].to(device), dim=-1)
         samples = PackedSamples(points, ray, zero, torch.zeros_like(thickest), 1, count)
         # Shut lids lie where open eyes have nothing, and blinks are rare.
-        codes = (told if k % 2 else asleep)[frame : frame + 1]
+        codes = (asleep if k % 2 else told)[frame : frame + 1]
         out = evaluate(model, samples, directions, zero, codes, maps, True)
         opacity = -torch.expm1(-out.density * model.config.march.step)
         thickest = torch.maximum(thickest, opacity)

@@ -1,13 +1,16 @@
 """Cells that show nothing are closed, and the picture stays."""
 
+from typing import Any
+
+import pytest
 import torch
 import torch.nn.functional as F
 
-from dfrf import presets
+from dfrf import carving, lids, presets
 from dfrf.cameras import pixel_rays
 from dfrf.carving import carve
 from dfrf.data import cut_references
-from dfrf.model import PRIOR_CENTRE, PRIOR_RADII
+from dfrf.model import PRIOR_CENTRE, PRIOR_RADII, FieldOutput
 from dfrf.rendering import render_rays
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 
@@ -42,3 +45,29 @@ def test_carving_closes_air_and_leaves_the_picture() -> None:
     assert before[:, 3].max() > 0.95
     assert (before - after).abs().mean() < 0.003
     assert (before - after).abs().max() < 0.1
+
+
+@pytest.mark.parametrize("references", [2, 0])
+def test_eyes_are_shut_in_every_second_frame_of_a_field_that_moves_lids(
+    references: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    someone = person()
+    asked: list[torch.Tensor] = []
+    model = presets.build(small_config(references=references, use_warp=references > 0)).eval()
+    told = torch.randn(6, model.config.field.told_dim)
+
+    real = carving.evaluate
+
+    def note(*args: Any) -> FieldOutput:
+        asked.append(args[4])
+        return real(*args)
+
+    monkeypatch.setattr(carving, "evaluate", note)
+    with torch.no_grad():
+        maps = None
+        if references:
+            maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
+        carve(model, told, someone.c2w, maps, torch.Generator().manual_seed(0))
+    first = model.config.field.code_dim
+    shut = [bool((codes[:, first:][:, lids.MEASURES] < -5).all()) for codes in asked]
+    assert shut == [bool(k % 2) and references > 0 for k in range(6)]
