@@ -6,6 +6,8 @@ from contextlib import AbstractContextManager
 
 import torch
 
+ROUND = 512
+
 
 def choose(name: str = "auto") -> torch.device:
     """The device of `auto`, `cpu` or `cuda`.
@@ -55,6 +57,14 @@ def table_type(device: torch.device) -> torch.dtype:
 def chunk_size(device: torch.device) -> int:
     """Points evaluated at once: on a CPU their activations must stay in the cache."""
     return 8192 if device.type == "cpu" else 1 << 18
+
+
+def fill(count: int) -> int:
+    """Points to add to `count` of them for a round number.
+
+    The matrix library makes a kernel for every new shape, and keeps a thousand of them.
+    """
+    return -count % ROUND
 
 
 def finish(device: torch.device) -> None:

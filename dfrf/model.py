@@ -208,6 +208,9 @@ class Field(nn.Module):
         some = share.nonzero().squeeze(1)
         if len(some):
             at, share = asked.at_eyes[some], share[some, None]
+            fill = devices.fill(len(at))
+            at = torch.cat([at, at[:1].expand(fill)])
+            share = F.pad(share, (0, 0, 0, fill))
             blink, shown, _ = self.looked_up(asked.only(at), maps, views.shut, codes, False)
             fused = fused.index_add(0, at, (share * (blink - fused[at])).to(fused.dtype))
             colour = colour.index_add(0, at, share * (shown - colour[at]))

@@ -23,7 +23,6 @@ RAYS_AT_ONCE = 16384
 FRAMES_AT_ONCE = 8
 SLAB = 2  # slots evaluated before looking again which rays are opaque
 OPAQUE = 5.0  # optical thickness
-ROUND_CHUNK = 1024
 
 
 @dataclass(frozen=True)
@@ -63,8 +62,7 @@ def evaluate(
     device = samples.points.device
     size = devices.chunk_size(device)
     count = samples.points.shape[0]
-    # A new shape costs the matrix library a new kernel: fill the last chunk up to a round number.
-    fill = -count % min(ROUND_CHUNK, size) if count else ROUND_CHUNK
+    fill = devices.fill(count) if count else devices.ROUND
     points = F.pad(samples.points, (0, 0, 0, fill))
     rays = F.pad(samples.ray, (0, fill))
     parts = []
