@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import torch
@@ -46,6 +46,13 @@ class Progress:
     psnr: float
     seconds_left: float
     samples_per_ray: float
+
+    def within(self, done: int, iterations: int) -> Progress:
+        """The same step as one of a longer run, of which `done` steps came before this one's."""
+        step = done + self.step
+        share = (iterations - step) / max(self.iterations - self.step, 1)
+        left = self.seconds_left * share
+        return replace(self, step=step, iterations=iterations, seconds_left=left)
 
     def __str__(self) -> str:
         left = f"{self.seconds_left:.0f} s left"

@@ -13,7 +13,7 @@ import numpy as np
 import torch
 
 from dfrf import checkpoint, presets
-from dfrf.config import PUBLISHED_SPEECH, family
+from dfrf.config import PUBLISHED_SPEECH, TrainConfig, family
 from dfrf.data import Identity
 from dfrf.head import HeadModel
 from dfrf.methods import method_of
@@ -23,11 +23,13 @@ from dubbing.errors import CheckpointError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text
 from dubbing.identity import choose_references, load_identity
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.refining import refined, refines
 
 MODEL_FILE = "model.safetensors"
 CURVE_FILE = "loss.csv"
 SUMMARY_FILE = "finetune.json"
 RESUME_FOLDER = "resume"
+POSING = 0.25  # of the steps: then the model knows the head well enough to refine its poses
 
 
 @dataclass(frozen=True)
@@ -140,14 +142,16 @@ def finetune(
     method = method_of(model)
     references = reference_frames(person, clip, first, method.references)
     try:
-        curve = fit(
+        person, curve = learn(
             model,
-            [person],
+            person,
+            clip,
+            own_frames(person, clip, first),
             config,
-            references=None if references is None else {person.name: references},
-            resume=str(out / RESUME_FOLDER),
-            progress=progress,
-            device=device,
+            references,
+            out / RESUME_FOLDER,
+            device,
+            progress,
         )
     except TrainingDivergedError as error:
         raise TrainingError(
@@ -168,6 +172,65 @@ def finetune(
         {**header, "train": asdict(config), "frames": person.frames, "seconds": curve.seconds},
     )
     shutil.rmtree(out / RESUME_FOLDER)
+
+
+def learn(
+    model: HeadModel,
+    person: Identity,
+    clip: PreparedClip,
+    frames: np.ndarray,
+    config: TrainConfig,
+    references: torch.Tensor | None,
+    resume: Path,
+    device: str,
+    progress: Callable[[Progress], None] | None,
+) -> tuple[Identity, Curve]:
+    """Trains a person's model in place: some steps, then the poses they refine, then the rest.
+
+    Args:
+        frames: of the clip that the person's pictures are of.
+        config: of all steps together.
+        references: frames that the person is shown by.
+        resume: folder for the state.
+
+    Returns:
+        The person with the poses that were learned with, and the curve of all steps.
+
+    Raises:
+        TrainingDivergedError: see `fit`.
+    """
+    curve = Curve()
+
+    def part(folder: Path, steps: TrainConfig) -> None:
+        done, before = len(curve.rows), curve.seconds
+
+        def told(state: Progress) -> None:
+            if progress is not None:
+                progress(state.within(done, config.iterations))
+
+        part = fit(
+            model,
+            [person],
+            steps,
+            references=None if references is None else {person.name: references},
+            resume=str(folder),
+            progress=told,
+            device=device,
+        )
+        for step, loss, psnr, seconds in part.rows:
+            curve.add(done + step, loss, psnr, before + seconds)
+
+    first = round(POSING * config.iterations) if refines(model) else 0
+    if first:
+        part(resume / "posing", presets.lasting(config, first))
+        method = method_of(model)
+        maps = None if references is None else method.maps(method.views(person, references))
+        posed = refined(model, maps, clip, frames).c2w()[frames]
+        person = replace(person, c2w=torch.from_numpy(posed).float())
+    rest = presets.lasting(config, config.iterations - first)
+    # Speech is learned once, and coarse steps come first.
+    part(resume, rest if not first else replace(rest, coarse_iterations=0, lip_iterations=0))
+    return person, curve
 
 
 def clip_windows(
@@ -198,8 +261,12 @@ def reference_frames(
     """Which frames of `person` become references; None for a method without them."""
     if not count:
         return None
-    index = np.flatnonzero(clip.valid[first:])[: person.frames] + first
-    return choose_references(person, clip.landmarks[index], count)
+    return choose_references(person, clip.landmarks[own_frames(person, clip, first)], count)
+
+
+def own_frames(person: Identity, clip: PreparedClip, first: int) -> np.ndarray:
+    """Frames of the clip that a person's pictures are of, from frame `first` on."""
+    return np.flatnonzero(clip.valid[first:])[: person.frames] + first
 
 
 def write_curve(path: Path, curve: Curve) -> None:

@@ -20,6 +20,7 @@ from dubbing.errors import CheckpointError
 from dubbing.identity import upper_measures
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.refining import refined
 
 # Speech windows (count, 16, D) of frames first .. first + count.
 Heard = Callable[[int, int], np.ndarray]
@@ -49,7 +50,7 @@ def render(
     *,
     pose_index: np.ndarray,
     device: str = "auto",
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[str, float], None] | None = None,
 ) -> None:
     """Writes OUT/000000.mkv, OUT/000050.mkv ...: premultiplied colour and opacity (FFV1 RGBA).
 
@@ -58,20 +59,25 @@ def render(
 
     Args:
         model: of the person, written by `finetune`.
-        prepared: the clip whose poses are taken.
+        prepared: the clip whose poses are taken, refined with the model; see `refining`.
         heard: speech windows of the frames to render, asked for a segment at a time.
         out: folder.
         pose_index: (T,) frame of the clip each frame takes its pose from.
         device: auto, cpu or cuda.
-        progress: called with frames done and T.
+        progress: told a message and the share done.
 
     Raises:
         CheckpointError: the model cannot be used.
     """
     count = len(pose_index)
     person, maps, _ = load(model, device)
-    clip = PreparedClip.load(prepared)
+    clip = refined(person, maps, PreparedClip.load(prepared), pose_index, progress)
     out.mkdir(parents=True, exist_ok=True)
+
+    def told(done: int) -> None:
+        if progress is not None:
+            progress(f"frame {done} of {count}", done / count)
+
     segment = method_of(person).segment
     around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
     for first in range(0, count, segment):
@@ -84,10 +90,9 @@ def render(
                 heads = frames(person, maps, clip, *some, first - low, stop - low)
                 for done, (colour, opacity) in enumerate(heads, first + 1):
                     video.write(to_rgba(colour, opacity))
-                    if progress is not None:
-                        progress(done, count)
-        elif progress is not None:
-            progress(stop, count)
+                    told(done)
+        else:
+            told(stop)
 
 
 def frames(

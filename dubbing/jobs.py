@@ -20,10 +20,10 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 6,
-    "finetune": 10,
+    "finetune": 11,
     "source": 2,
     "speech": 1,
-    "heads": 7,
+    "heads": 8,
     "video": 1,
     "sync": 2,
 }

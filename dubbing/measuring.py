@@ -24,6 +24,7 @@ from dubbing.media import VideoWriter
 from dubbing.preparation.landmarks import FaceMesh
 from dubbing.preparation.mesh_points import FACE_OVAL, LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.refining import refined
 from dubbing.sync.mouth import OUTER_LIP
 
 LONG_CLIP = 30.0  # seconds; a longer clip is tested on more of it
@@ -109,7 +110,8 @@ def measure(
     shown_tiles: list[np.ndarray] = []
     flicker = Flicker(clip, brow_skin(clip))
     index = np.arange(clip.frames_count)
-    rendered = heads.frames(person, maps, clip, windows, index, first, first + count)
+    posed = refined(person, maps, clip, index[first : first + count], progress)
+    rendered = heads.frames(person, maps, posed, windows, index, first, first + count)
     with (
         VideoWriter(out / "render_picture.mp4", clip.size, clip.size, clip.rate) as render,
         VideoWriter(out / "source_picture.mp4", clip.size, clip.size, clip.rate) as source,

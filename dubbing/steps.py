@@ -128,7 +128,7 @@ class Render:
             out,
             pose_index=poses,
             device=self.device,
-            progress=lambda done, total: progress(f"frame {done} of {total}", done / total),
+            progress=progress,
         )
 
 

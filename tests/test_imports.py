@@ -19,6 +19,7 @@ LAYERS = (
     {"manifest", "stages", "lock"},
     {"preparation", "sync", "speaker"},
     {"identity", "compositing", "flicker"},
+    {"refining"},
     {"finetuning", "heads", "video"},
     {"tiles"},
     {"measuring", "timing"},

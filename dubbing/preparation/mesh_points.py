@@ -12,7 +12,7 @@ LEFT_EYE_OUTER, RIGHT_EYE_OUTER = 33, 263
 LEFT_EAR, RIGHT_EAR = 234, 454
 FOREHEAD_TOP, CHIN = 10, 152
 EYE_CORNERS = (33, 133, 362, 263)
-NOSE_BRIDGE = 168
+NOSE_BRIDGE, NOSE_BASE = 168, 2
 
 # Points that speech, blinks and brows leave where they are: forehead, temples, nose, cheek bones
 # and eye corners. Poses are fitted to these alone.

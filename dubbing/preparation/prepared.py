@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -140,6 +140,13 @@ class PreparedClip:
         back = flip @ self.rotation.transpose(0, 2, 1)
         origin = -back @ self.translation[..., None]
         return np.concatenate((back @ flip, origin), axis=2)
+
+    def seen_by(self, c2w: np.ndarray) -> PreparedClip:
+        """The same clip with other poses, given as :meth:`c2w` gives them, (T, 3, 4)."""
+        flip = np.diag([1.0, -1.0, -1.0])
+        towards = flip @ c2w[:, :, :3].transpose(0, 2, 1)
+        rotation = towards @ flip
+        return replace(self, rotation=rotation, translation=-(towards @ c2w[:, :, 3:])[..., 0])
 
     def frames(
         self, start: int = 0, count: int | None = None
