@@ -12,6 +12,7 @@ from torch import Tensor
 
 from dfrf import brows, lids
 from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, Identity
+from dfrf.metrics import crop, gradient_energy
 from dubbing.errors import TrainingError
 from dubbing.preparation.mesh_points import EYE_CORNERS, LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.preparation.prepared import PreparedClip
@@ -212,7 +213,11 @@ def surface_points(clip: PreparedClip) -> Tensor:
 
 
 def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Tensor:
-    """Frames that spread over poses and mouth shapes, (count,), by farthest-point sampling.
+    """Sharp frames that spread over poses and mouth shapes, (count,), by farthest-point sampling.
+
+    What a reference does not show sharply no dub will: of the tenth of all frames that is farthest
+    from those chosen (of the most usual tenth, at first) the one whose eyes are sharpest is taken.
+    Motion, a codec or a lid half shut makes others soft.
 
     Args:
         person: the frames to choose from.
@@ -227,13 +232,24 @@ def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Te
     traits = np.concatenate(
         [forward * 2, (gap / scale)[:, None] * 2, (width / scale)[:, None]], axis=1
     )
-    # The first is the most usual frame, the others are far from all before them.
-    first = int(np.argmin(np.linalg.norm(traits - np.median(traits, 0), axis=1)))
-    chosen = [first]
-    nearest = np.linalg.norm(traits - traits[first], axis=1)
-    while len(chosen) < count:
-        # The 95th percentile instead of the farthest: the farthest frame is often a blurred one.
-        order = np.argsort(nearest)
-        chosen.append(int(order[int(0.95 * (len(order) - 1))]))
-        nearest = np.minimum(nearest, np.linalg.norm(traits - traits[chosen[-1]], axis=1))
+    sharp = eye_sharpness(person)
+    some = -(-person.frames // 10)
+    nearest = -np.linalg.norm(traits - np.median(traits, 0), axis=1)
+    chosen: list[int] = []
+    for _ in range(count):
+        among = np.argsort(nearest, kind="stable")[-some:]
+        chosen.append(int(among[np.argmax(sharp[among])]))
+        away = np.linalg.norm(traits - traits[chosen[-1]], axis=1)
+        nearest = away if len(chosen) == 1 else np.minimum(nearest, away)
     return torch.tensor(chosen)
+
+
+def eye_sharpness(person: Identity) -> np.ndarray:
+    """Gradient energy of the luminance round the eyes of each frame, (T,); 0 where none is seen."""
+    energy = np.zeros(person.frames)
+    for t, region in enumerate(person.regions):
+        rows, columns = torch.nonzero(region == EYES).unbind(1)
+        if rows.numel() and rows.min() < rows.max() and columns.min() < columns.max():
+            box = torch.stack([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
+            energy[t] = gradient_energy(crop(person.images[t].float() / 255, box))
+    return energy

@@ -24,6 +24,7 @@ from dfrf.data import neighbour_windows
 from dfrf.marching import march
 from dfrf.model import REACH, Model
 from dfrf.paper import PaperModel, References
+from dfrf.pose_refinement import normal_equations
 from dfrf.rendering import evaluate, head_tiles, render_rays, tile_side
 from dfrf.training import fit
 from dfrf.views import ReferenceMaps, ReferenceViews
@@ -33,6 +34,7 @@ from dubbing.finetuning import reference_frames
 from dubbing.identity import load_identity, upper_measures
 from dubbing.preparation.matting import hole
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.refining import sights_of
 
 PAPER_RAYS = 96
 TRAINING_FRAMES, TRAINING_STEPS = 50, 10
@@ -155,6 +157,9 @@ def frame_rows(scene: Scene) -> list[Row]:
             pixels.numel(),
             "rays",
         )
+        sight = sights_of(scene.clip, np.array([frame]))[frame].to(device)
+        step = partial(normal_equations, model, sight, camera[0], codes[0], scene.maps)
+        note("a step of a pose", step, 7 * len(sight.pixels), "rays")
         (whole,) = heads.frames(*scene_arguments(scene, frame))
         ((image, matte, background),) = scene.clip.frames(frame, 1)
         laid = (image, background, hole(matte), heads.to_rgba(*whole))

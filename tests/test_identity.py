@@ -19,8 +19,10 @@ from dubbing.identity import (
     EYES_POINTS,
     GAZE,
     LIDS,
+    choose_references,
     eye_boxes,
     eye_shapes,
+    eye_sharpness,
     lid_openings,
     load_identity,
     mouth_boxes,
@@ -30,6 +32,8 @@ from dubbing.identity import (
 from dubbing.media import VideoWriter
 from dubbing.preparation.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.sync.mouth import OUTER_LIP
+from tests.dfrf.people import person
 from tests.fakes import write_prepared
 
 FRAMES, UNIT = 12, 100.0
@@ -165,3 +169,35 @@ def test_eyes_are_where_the_mean_face_has_them(clip: PreparedClip) -> None:
         np.testing.assert_allclose(line - eye[4] + WHITE, shape[lower, 1], atol=1e-5)
     rest = np.median(lid_openings(clip.landmarks[clip.valid]), 0)
     np.testing.assert_allclose(eyes[:, 6], rest * EYE_DISTANCE + WHITE, rtol=1e-5)
+
+
+def test_references_spread_over_poses_and_are_sharp() -> None:
+    count = 60
+    someone = person(frames=count)  # in a row from the left to the right
+    forward = torch.zeros(count, 3)
+    forward[:, 0] = torch.linspace(-0.5, 0.5, count)
+    c2w = someone.c2w.clone()
+    c2w[:, :, 2] = forward
+    noise = torch.Generator().manual_seed(0)
+    grain = torch.rand(count, 48, 48, 1, generator=noise)
+    size = torch.full((count,), 40.0)
+    sharp = [4, 30, 57]
+    size[sharp] = 120
+    images = (90 + size[:, None, None, None] * grain).expand(-1, -1, -1, 3).to(torch.uint8)
+    someone = replace(someone, c2w=c2w, images=images)
+    energy = eye_sharpness(someone)
+    assert set(np.argsort(energy)[-3:]) == set(sharp)
+    landmarks = np.tile(face(), (count, 1, 1))
+    landmarks[:, OUTER_LIP] = np.stack(
+        [np.linspace(220, 280, len(OUTER_LIP)), np.full(len(OUTER_LIP), 300.0)], -1
+    )
+    chosen = choose_references(someone, landmarks, 3).tolist()
+    # The most usual pose first, then the two ends: each the sharpest of some six frames.
+    assert chosen[0] == 30
+    assert set(chosen) == set(sharp)
+
+
+def test_frames_whose_eyes_are_not_seen_are_not_sharp() -> None:
+    someone = person()
+    regions = torch.where(someone.regions == EYES, HEAD, someone.regions).to(torch.uint8)
+    assert not eye_sharpness(replace(someone, regions=regions)).any()
