@@ -60,7 +60,8 @@ def refined(
 ) -> PreparedClip:
     """A clip whose poses of `frames` (F,) lay the learned head on the picture.
 
-    Frames without a face keep their pose, and so do all frames where the model `refines` none.
+    A frame without a face is corrected like those beside it. All poses stay where a model `refines`
+    none, and those of a shot in which no face is seen.
 
     Args:
         model: of the person; maps: its references.
@@ -71,10 +72,9 @@ def refined(
     assert maps is None or isinstance(maps, ReferenceMaps)
     wanted = np.zeros(len(clip), bool)
     wanted[frames] = True
-    wanted &= clip.valid
     c2w = torch.from_numpy(clip.c2w()).float()
     corrections = torch.zeros(len(clip), DOF)
-    shots = np.unique(clip.segment[wanted])
+    shots = np.unique(clip.segment[wanted & clip.valid])
     for number, shot in enumerate(shots):
         index = np.flatnonzero(wanted & (clip.segment == shot))
         if progress is not None:
@@ -86,9 +86,10 @@ def refined(
 def shot_corrections(
     model: Model, maps: ReferenceMaps | None, clip: PreparedClip, c2w: Tensor, index: np.ndarray
 ) -> np.ndarray:
-    """Corrections (F, 6) float32 of frames `index` (F,), rising, of one shot."""
+    """Corrections (F, 6) float32 of frames `index` (F,), rising, of one shot; some show a face."""
     device = model.device
-    keys, found = index[:1], np.zeros((1, DOF))
+    seen = index[clip.valid[index]]
+    keys, found = seen[:1], np.zeros((1, DOF))
     sights: dict[int, Sight] = {}
 
     def equations(key: tuple[Sight, Tensor, Tensor]) -> tuple[np.ndarray, np.ndarray]:
@@ -98,7 +99,7 @@ def shot_corrections(
 
     with Workers(device, AT_ONCE) as workers:
         for stride, steps in PASSES:
-            before, keys = keys, np.unique(np.append(index[::stride], index[-1]))
+            before, keys = keys, np.unique(np.append(seen[::stride], seen[-1]))
             found = between(found, before, keys)
             sights |= sights_of(clip, keys[~np.isin(keys, list(sights))])
             told = silent(model, torch.from_numpy(upper_measures(clip)[keys]).float())
