@@ -33,7 +33,7 @@ from dubbing.preparation.prepared import PreparedClip
 
 # Frames from one key frame to the next, and steps: far ones first, which find what a whole shot is
 # off by, so that one step is enough for the near ones.
-PASSES = ((50, 4), (5, 1))
+PASSES = ((50, 4), (5, 2))
 RAYS = 1000
 FACE_SHARE = 0.7  # of the rays; hair and ears, which say more of the turn, are larger than the face
 RIM = 8  # px at 512 beyond the matte: background that a head out of place would cover
