@@ -208,7 +208,7 @@ def learn(
             if progress is not None:
                 progress(state.within(done, config.iterations))
 
-        part = fit(
+        made = fit(
             model,
             [person],
             steps,
@@ -217,7 +217,7 @@ def learn(
             progress=told,
             device=device,
         )
-        for step, loss, psnr, seconds in part.rows:
+        for step, loss, psnr, seconds in made.rows:
             curve.add(done + step, loss, psnr, before + seconds)
 
     first = round(POSING * config.iterations) if refines(model) else 0
