@@ -32,7 +32,7 @@ from dubbing.preparation.mesh_points import (
 from dubbing.preparation.prepared import PreparedClip
 
 # Frames from one key frame to the next, and steps: far ones first, which find what a whole shot is
-# off by, so that one step is enough for the near ones.
+# off by, so that few steps are enough for the near ones.
 PASSES = ((50, 4), (5, 2))
 RAYS = 1000
 FACE_SHARE = 0.7  # of the rays; hair and ears, which say more of the turn, are larger than the face
@@ -73,20 +73,31 @@ def refined(
     wanted = np.zeros(len(clip), bool)
     wanted[frames] = True
     c2w = torch.from_numpy(clip.c2w()).float()
+    upper = torch.from_numpy(upper_measures(clip)).float()
     corrections = torch.zeros(len(clip), DOF)
     shots = np.unique(clip.segment[wanted & clip.valid])
     for number, shot in enumerate(shots):
         index = np.flatnonzero(wanted & (clip.segment == shot))
         if progress is not None:
             progress(f"poses of shot {number + 1} of {len(shots)}", 0.0)
-        corrections[index] = torch.from_numpy(shot_corrections(model, maps, clip, c2w, index))
+        found = shot_corrections(model, maps, clip, c2w, upper, index)
+        corrections[index] = torch.from_numpy(found)
     return clip.seen_by(moved(c2w, corrections).double().numpy())
 
 
 def shot_corrections(
-    model: Model, maps: ReferenceMaps | None, clip: PreparedClip, c2w: Tensor, index: np.ndarray
+    model: Model,
+    maps: ReferenceMaps | None,
+    clip: PreparedClip,
+    c2w: Tensor,
+    upper: Tensor,
+    index: np.ndarray,
 ) -> np.ndarray:
-    """Corrections (F, 6) float32 of frames `index` (F,), rising, of one shot; some show a face."""
+    """Corrections (F, 6) float32 of frames `index` (F,), rising, of one shot; some show a face.
+
+    Args:
+        c2w, upper: (T, 3, 4) cameras and (T, U) measures of the upper face, of the whole clip.
+    """
     device = model.device
     seen = index[clip.valid[index]]
     keys, found = seen[:1], np.zeros((1, DOF))
@@ -102,7 +113,7 @@ def shot_corrections(
             before, keys = keys, np.unique(np.append(seen[::stride], seen[-1]))
             found = between(found, before, keys)
             sights |= sights_of(clip, keys[~np.isin(keys, list(sights))])
-            told = silent(model, torch.from_numpy(upper_measures(clip)[keys]).float())
+            told = silent(model, upper[keys])
             for _ in range(steps):
                 cameras = moved(c2w[keys], torch.from_numpy(found).float()).to(device)
                 asked = zip([sights[k] for k in keys], cameras, told, strict=True)
