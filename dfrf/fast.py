@@ -17,12 +17,13 @@ from dfrf.carving import carve
 from dfrf.compactness import distortion_loss, surface_loss
 from dfrf.config import TrainConfig
 from dfrf.data import Identity, RayBatch, cut_references, draw_rays, surface_rays
+from dfrf.frames import render_frames
 from dfrf.lips import learn_lips, shown_codes, shut_lips
 from dfrf.losses import weighted_warp_penalty
 from dfrf.manner import learn_manner
 from dfrf.method import Method, Outcome
 from dfrf.model import REACH, Model
-from dfrf.rendering import render_frames, render_rays
+from dfrf.rendering import render_rays
 from dfrf.views import ReferenceMaps, ReferenceViews
 
 SHARES = 4  # of a step's rays on a CPU: as many cores work side by side

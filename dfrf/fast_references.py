@@ -25,6 +25,17 @@ def of_points(values: Tensor, belongs: Tensor) -> Tensor:
     return values if values.shape[0] == 1 else belongs @ values
 
 
+def weighted_sum(weights: Tensor, values: Tensor) -> Tensor:
+    """Sum over the first dimension of values (N, M, C) times weights (N, M, 1), (M, C).
+
+    One after the other: products of all of them at once would not stay in the cache.
+    """
+    total = weights[0] * values[0]
+    for weight, value in zip(weights[1:], values[1:], strict=True):
+        total = torch.addcmul(total, weight, value)
+    return total
+
+
 class ReferenceEncoder(nn.Module):
     """Two 3x3 convolutions without down-sampling, then a linear layer a pixel.
 
@@ -80,7 +91,7 @@ class Warp(nn.Module):
             feature: (N, M, C) what each reference shows where the point projects.
         """
         shared = self.point(point) + of_points(self.speech(code), belongs)
-        h = F.relu(self.feature(feature) + shared, inplace=True)
+        h = F.relu(self.feature(feature).add_(shared), inplace=True)
         raw = self.out(F.relu(self.hidden(h), inplace=True)).float()
         return self.max_offset * torch.tanh(raw * (10.0 / self.max_offset))
 
@@ -101,9 +112,10 @@ class Aggregation(nn.Module):
     ) -> tuple[Tensor, Tensor]:
         """From features (N, M, C) and view differences (N, M, 4) to (M, out_dim) and (N, M)."""
         shared = self.point(point) + of_points(self.speech(code), belongs)
-        token = F.relu(self.feature(torch.cat([feature, view], -1)) + shared, inplace=True)
+        token = self.feature(torch.cat([feature, view], -1)).add_(shared)
+        token = F.relu(token, inplace=True)
         weight = self.logit(token).squeeze(-1).float().softmax(0)
         w = weight[..., None].to(feature.dtype)
-        mean = (w * feature).sum(0)
-        spread = (w * (feature[..., COLOUR] - mean[..., COLOUR]) ** 2).sum(0)
-        return torch.cat([(w * token).sum(0), mean, spread], -1), weight
+        mean = weighted_sum(w, feature)
+        spread = weighted_sum(w, (feature[..., COLOUR] - mean[..., COLOUR]) ** 2)
+        return torch.cat([weighted_sum(w, token), mean, spread], -1), weight

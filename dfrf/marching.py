@@ -38,8 +38,21 @@ class PackedSamples:
     def dense(self, values: Tensor) -> Tensor:
         """Scatters packed values (M, ...) to (R, slots, ...), zero where there is no sample."""
         out = values.new_zeros((self.rays * self.slots, *values.shape[1:]))
-        index = self.ray * self.slots + self.slot
-        return out.index_copy(0, index, values).view(self.rays, self.slots, *values.shape[1:])
+        return out.index_copy(0, self.place, values).view(self.rays, self.slots, *values.shape[1:])
+
+    def total(self, weights: Tensor, values: Tensor) -> Tensor:
+        """Weighted sum along each ray, (R, K), of packed values (M, K), with dense weights (R, S).
+
+        Number by number, as most slots hold no sample.
+        """
+        weighted = weights.view(-1)[self.place, None] * values
+        empty = values.new_zeros(self.rays)
+        return torch.stack([empty.index_add(0, self.ray, v) for v in weighted.unbind(1)], 1)
+
+    @property
+    def place(self) -> Tensor:
+        """Where the samples (M,) lie in a dense tensor whose first two dimensions are one."""
+        return self.ray * self.slots + self.slot
 
 
 def box_interval(
@@ -61,6 +74,7 @@ def march(
     config: MarchConfig,
     jitter: Tensor | None = None,
     group: int = 1,
+    between: tuple[Tensor, Tensor] | None = None,
 ) -> PackedSamples:
     """Samples at a fixed step inside occupied cells.
 
@@ -72,14 +86,21 @@ def march(
         group: so many rays in turn lie within one cell of their mean everywhere. They are looked
             at one by one only where the mean passes near an open cell: the samples are the same,
             found in a fraction of the time.
+        between: from where to where along each ray to look, (R,) and (R,) distances; None for as
+            far as the grid reaches. One ray of each group at least has a finite part.
     """
     groups = origins.shape[0] // group
     if jitter is None:
         jitter = origins.new_full((origins.shape[0],), 0.5)
     enter, leave = box_interval(origins, directions, *grid.bounds())
+    if between is not None:
+        # Samples right at both ends count, however they are rounded.
+        enter = torch.maximum(enter, between[0] - config.step / 4)
+        leave = torch.minimum(leave, between[1] + config.step / 4)
     # Whole steps from the camera: where samples lie depends neither on the box nor on the group.
     enter = (enter / config.step).floor() * config.step
-    enter = enter.view(groups, group).amin(1)
+    starts = enter.view(groups, group)
+    enter = starts.amin(1)
     leave = leave.view(groups, group)
     span = (leave.amax(1) - enter).amax().clamp_min(0) if groups else enter.new_zeros(())
     steps = int(torch.ceil(span / config.step).item())
@@ -95,6 +116,7 @@ def march(
     points = o[owner] + distance[..., None] * d[owner]
     flat, inside = grid.cell(points)
     keep = inside & grid.occupied.view(-1)[flat] & (distance < leave[owner])
+    keep &= distance > starts[owner]
     # How many a ray has kept up to here: what all rays of its place in a group have kept, less what
     # they had before its group began.
     so_far = F.pad(keep.long().cumsum(0), (0, 0, 1, 0))

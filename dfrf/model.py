@@ -6,6 +6,7 @@ frames in a batch, C feature channels, D speech features.
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
@@ -253,7 +254,7 @@ class Field(nn.Module):
             fused, blended, offset = self.seen(asked, maps, codes, warp)
             parts.append(fused.to(kind))
         told = of_points(self.speech(codes), belongs)
-        h = F.relu(self.input(torch.cat(parts, -1)) + told, inplace=True)
+        h = F.relu(self.input(torch.cat(parts, -1)).add_(told), inplace=True)
         for layer in self.hidden:
             h = F.relu(layer(h), inplace=True)
         centre, radii = points.new_tensor(PRIOR_CENTRE), points.new_tensor(PRIOR_RADII)
@@ -283,3 +284,12 @@ class Model(HeadModel):
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
         return cls(ModelConfig.from_dict(values))
+
+    def rounded(self) -> Self:
+        """A copy to render with: weights of the field as `device.arithmetic` takes them anyway.
+
+        Otherwise every chunk of points would have them rounded anew.
+        """
+        copied = copy.deepcopy(self)
+        copied.field.to(devices.table_type(self.device))
+        return copied

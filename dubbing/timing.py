@@ -21,11 +21,12 @@ from dfrf import device as devices
 from dfrf import presets
 from dfrf.cameras import pixel_rays
 from dfrf.data import neighbour_windows
+from dfrf.frames import head_tiles, render_frame, tile_side
 from dfrf.marching import march
 from dfrf.model import REACH, Model
 from dfrf.paper import PaperModel, References
 from dfrf.pose_refinement import normal_equations
-from dfrf.rendering import evaluate, head_tiles, render_rays, tile_side
+from dfrf.rendering import evaluate
 from dfrf.training import fit
 from dfrf.views import ReferenceMaps, ReferenceViews
 from dubbing import heads
@@ -152,8 +153,8 @@ def frame_rows(scene: Scene) -> list[Row]:
         field = partial(evaluate, model, samples, rays[1], owner, codes, scene.maps, True)
         note("field, every sample", field, found, "samples")
         note(
-            "head, until opaque",
-            partial(render_rays, model, *rays, owner, codes, scene.maps, group=side * side),
+            "head, what is seen",
+            partial(render_frame, model, camera[0], focal, camera[1], codes[0], scene.maps, size),
             pixels.numel(),
             "rays",
         )

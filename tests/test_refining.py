@@ -8,9 +8,9 @@ import numpy as np
 import torch
 
 from dfrf import presets
+from dfrf.frames import render_frame
 from dfrf.model import Model
 from dfrf.pose_refinement import moved
-from dfrf.rendering import render_frame
 from dubbing.media import VideoWriter
 from dubbing.preparation.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip

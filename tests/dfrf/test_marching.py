@@ -46,6 +46,36 @@ def test_march_keeps_what_a_loop_keeps() -> None:
     )
 
 
+def test_march_looks_no_further_than_it_is_told() -> None:
+    grid = OccupancyGrid(8)
+    grid.start_from(torch.rand(512) < 0.7)
+    origins, directions = rays(60)
+    whole = march(origins, directions, grid, CONFIG)
+    distances = whole.dense(whole.distance)
+    near, far = distances[:, 1], distances[:, 2]  # of each ray's second and third sample
+    near = torch.where(far > 0, near, torch.inf)
+    far = torch.where(far > 0, far, -torch.inf)
+    for group in (1, 2):
+        part = march(origins, directions, grid, CONFIG, group=group, between=(near, far))
+        reached = far.isfinite()
+        assert 20 < reached.sum() < 60
+        assert part.dense(part.distance).shape[1] == 2
+        torch.testing.assert_close(
+            part.dense(part.distance)[reached], torch.stack([near, far], 1)[reached]
+        )
+        assert not (part.dense(part.distance)[~reached] > 0).any()
+
+
+def test_a_total_is_the_weighted_sum_along_a_ray() -> None:
+    grid = OccupancyGrid(8)
+    grid.start_from(torch.rand(512) < 0.4)
+    packed = march(*rays(10), grid, CONFIG)
+    values = torch.randn(len(packed.points), 3)
+    weights = torch.rand(10, packed.slots)
+    expected = (weights[..., None] * packed.dense(values)).sum(1)
+    torch.testing.assert_close(packed.total(weights, values), expected)
+
+
 def test_a_ray_that_misses_the_box_has_no_sample() -> None:
     grid = OccupancyGrid(8)
     packed = march(torch.tensor([[0.0, 9.0, 6.0]]), torch.tensor([[0.0, 0.0, -1.0]]), grid, CONFIG)

@@ -5,9 +5,9 @@ import torch
 from dfrf import presets
 from dfrf.cameras import pixel_grid
 from dfrf.data import cut_references
+from dfrf.frames import render_frame
 from dfrf.model import Model
 from dfrf.pose_refinement import STEPS, Sight, moved, normal_equations
-from dfrf.rendering import render_frame
 from dfrf.views import ReferenceMaps
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 
