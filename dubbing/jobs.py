@@ -20,10 +20,10 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 6,
-    "finetune": 11,
+    "finetune": 12,
     "source": 2,
     "speech": 1,
-    "heads": 8,
+    "heads": 9,
     "video": 1,
     "sync": 2,
 }

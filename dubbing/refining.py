@@ -31,9 +31,10 @@ from dubbing.preparation.mesh_points import (
 )
 from dubbing.preparation.prepared import PreparedClip
 
-# Frames from one key frame to the next, and steps: far ones first, which find what a whole shot is
-# off by, so that few steps are enough for the near ones.
-PASSES = ((50, 4), (5, 2))
+# Frames and turn (rad) from one key frame to the next, and steps: far ones first, which find what a
+# whole shot is off by, so that few steps are enough for the near ones. What a pose is off by
+# changes with the pose, so a head that turns fast has a key frame in every frame.
+PASSES = ((50, np.inf, 4), (5, np.radians(1.5), 2))
 RAYS = 1000
 FACE_SHARE = 0.7  # of the rays; hair and ears, which say more of the turn, are larger than the face
 RIM = 8  # px at 512 beyond the matte: background that a head out of place would cover
@@ -109,8 +110,8 @@ def shot_corrections(
         return left.cpu().numpy(), right.cpu().numpy()
 
     with Workers(device, AT_ONCE) as workers:
-        for stride, steps in PASSES:
-            before, keys = keys, np.unique(np.append(seen[::stride], seen[-1]))
+        for apart, turn, steps in PASSES:
+            before, keys = keys, key_frames(seen, c2w[seen, :, :3].double().numpy(), apart, turn)
             found = between(found, before, keys)
             sights |= sights_of(clip, keys[~np.isin(keys, list(sights))])
             told = silent(model, upper[keys])
@@ -121,6 +122,25 @@ def shot_corrections(
                 left, right = (np.stack(side).astype(float) / NOISE**2 for side in pairs)
                 found = smoothest(left, right + np.einsum("kij,kj->ki", left, found))
     return between(found, keys, index).astype(np.float32)
+
+
+def key_frames(seen: np.ndarray, rotation: np.ndarray, apart: int, turn: float) -> np.ndarray:
+    """Some of the frames `seen` (F,), rising, the first and the last among them.
+
+    Each is the last one that is neither further than `apart` frames from the one before it nor
+    turned further than `turn` (rad, along its way), or the very next.
+
+    Args:
+        rotation: (F, 3, 3) of each frame.
+    """
+    between_two = np.einsum("tji,tji->t", rotation[:-1], rotation[1:])  # trace of the turn
+    way = np.append(0.0, np.arccos(np.clip((between_two - 1) / 2, -1, 1)).cumsum())
+    chosen = [0]
+    while chosen[-1] < len(seen) - 1:
+        last = chosen[-1]
+        near = (seen <= seen[last] + apart) & (way <= way[last] + turn)
+        chosen.append(max(last + 1, int(np.flatnonzero(near)[-1])))
+    return seen[chosen]
 
 
 def between(values: np.ndarray, keys: np.ndarray, index: np.ndarray) -> np.ndarray:

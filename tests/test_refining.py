@@ -14,7 +14,7 @@ from dfrf.pose_refinement import moved
 from dubbing.media import VideoWriter
 from dubbing.preparation.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
-from dubbing.refining import RAYS, between, chosen_pixels, refined, smoothest
+from dubbing.refining import RAYS, between, chosen_pixels, key_frames, refined, smoothest
 from tests.dfrf.people import FOCAL, SIZE, small_config
 from tests.fakes import write_prepared
 
@@ -147,3 +147,21 @@ def test_between_keys_corrections_go_straight() -> None:
     values = np.stack([np.arange(6.0), np.arange(6.0) + 10])
     there = between(values, np.array([2, 7]), np.array([2, 4, 7]))
     np.testing.assert_allclose(there[1], np.arange(6.0) + 4)
+
+
+def test_a_head_that_turns_fast_has_more_key_frames() -> None:
+    seen = np.arange(10, 40)
+    angle = np.zeros(30)
+    angle[10:16] = 0.02 * np.arange(1, 7)  # frames 20 to 25 turn
+    angle[16:] = angle[15]
+    c, s, one = np.cos(angle), np.sin(angle), np.ones(30)
+    rotation = np.zeros((30, 3, 3))
+    rotation[:, 0, 0], rotation[:, 0, 1], rotation[:, 1, 0] = c, -s, s
+    rotation[:, 1, 1], rotation[:, 2, 2] = c, one
+    np.testing.assert_array_equal(key_frames(seen, rotation, 50, np.inf), [10, 39])
+    keys = key_frames(seen, rotation, 8, 0.03)
+    np.testing.assert_array_equal(keys, [10, 18, 20, 21, 22, 23, 24, 32, 39])
+    np.testing.assert_array_equal(key_frames(seen, rotation, 50, 0.01)[1:8], np.arange(19, 26))
+    gap = np.delete(seen, 12)  # frame 22 shows no face
+    assert {21, 23} <= set(key_frames(gap, np.delete(rotation, 12, 0), 8, 0.03))
+    np.testing.assert_array_equal(key_frames(seen[:1], rotation[:1], 8, 0.03), [10])
