@@ -51,3 +51,17 @@ def checked_size(size: int) -> int:
         remedy = f"use {SIZES.start} to {SIZES[-1]} in steps of {SIZES.step}"
         raise DubbingError(f"no head crop of {size} px", "--size", remedy)
     return size
+
+
+def checked_output(file: Path) -> Path:
+    """A file to write at the end of long work, which can be written now.
+
+    Raises:
+        DubbingError: it is a folder, or nothing may be written where it is to lie.
+    """
+    from dubbing.files import make_folder
+
+    if file.is_dir():
+        raise DubbingError("a folder, not a file to write", str(file), "give a file's name")
+    make_folder(file.parent)
+    return file

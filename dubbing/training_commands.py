@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from dubbing.arguments import Device, ManifestPath, checked_device
+from dubbing.arguments import Device, ManifestPath, checked_device, checked_output
 
 
 def train_sync(
@@ -20,7 +20,7 @@ def train_sync(
     """Train the network of the sync check on clips of people who talk."""
     from dubbing.sync.training import train_sync as work
 
-    about = work(clips, out, progress=typer.echo)
+    about = work(clips, checked_output(out), progress=typer.echo)
     typer.echo(f"wrote {out}, from {len(about['clips'])} clips")
 
 
@@ -43,6 +43,7 @@ def train_speech(
     from dubbing.teaching.training import train_speech as work
 
     settings = SpeechTraining(seed=seed, steps=steps or SpeechTraining.steps)
+    out = checked_output(out)
     folder = corpus or out.with_name(out.name + ".corpus")
     with console.Bar("train-speech") as progress:
         about = work(recordings or [], out, corpus=folder, settings=settings, progress=progress)
@@ -70,7 +71,7 @@ def train_base(
     from dubbing.basetraining import train_base as work
     from dubbing.manifest import load
 
-    loaded, chosen = load(manifest), checked_device(device)
+    loaded, chosen, out = load(manifest), checked_device(device), checked_output(out)
     with console.Bar("train-base") as progress:
         work(
             loaded,

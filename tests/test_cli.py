@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -282,3 +283,22 @@ def test_doctor_says_that_ffmpeg_is_broken(
     assert found.state == "lacking"
     assert said in found.found
     assert "DFRF_FFMPEG" in found.remedy
+
+
+def test_a_file_that_cannot_be_written_is_refused_before_anything_is_trained(
+    dfrf: Any, manifest: Path, footage: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "file").write_text("")
+    clip = footage / "ann.mp4"
+    for call in (
+        ("train-base", manifest, "--out"),
+        ("train-sync", clip, "--out"),
+        ("train-speech",),
+    ):
+        code, _, err = dfrf(*call, tmp_path / "taken")
+        assert code == cli.FAILED
+        assert "a folder, not a file to write" in err
+        code, _, err = dfrf(*call, tmp_path / "file" / "net.safetensors")
+        assert code == cli.FAILED
+        assert "the folder cannot be made" in err

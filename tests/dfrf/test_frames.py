@@ -144,3 +144,20 @@ def test_weights_rounded_beforehand_give_the_same_picture(monkeypatch: pytest.Mo
     assert opacity.max() > 0.9
     assert torch.equal(again, colour)
     assert torch.equal(as_opaque, opacity)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="torch sees no GPU here")
+def test_a_gpu_shows_what_a_cpu_shows() -> None:
+    model, maps = shown()
+    someone, told = person(), torch.randn(70)
+    camera = (someone.c2w[1], FOCAL, someone.centres[1])
+    colour, opacity = render_frame(model, *camera, told, maps, SIZE)
+    with torch.no_grad():
+        views = cut_references(someone, torch.tensor([0, 5])).to(torch.device("cuda"))
+        there = model.to("cuda").field.encoder(views)
+    camera = (camera[0].cuda(), FOCAL, camera[2].cuda())
+    again, as_opaque = render_frame(model, *camera, told.cuda(), there, SIZE)
+    assert opacity.max() > 0.9
+    error = (again.cpu() - colour).square().mean()
+    assert -10 * error.log10() > 40  # dB
+    assert (as_opaque.cpu() - opacity).abs().mean() < 0.01
