@@ -50,7 +50,8 @@ class Processes:
     def __exit__(
         self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
     ) -> None:
-        self._threads.shutdown()
+        # Who leaves in a hurry waits for what is being done, not for what would come next.
+        self._threads.shutdown(cancel_futures=kind is not None)
         while not self._idle.empty():
             self._idle.get().shutdown()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,7 +13,7 @@ import pytest
 from dubbing import running
 from dubbing.errors import MediaError
 from dubbing.jobs import Job, Jobs
-from dubbing.running import Options
+from dubbing.running import Failure, Options
 from dubbing.stage_names import OF_IDENTITY
 from dubbing.stages import Progress, Stage
 from tests.test_pipeline import Listener
@@ -31,6 +32,8 @@ class Write:
             raise ValueError("nobody thought of this")
         if self.name == "killed":
             os.kill(os.getpid(), signal.SIGKILL)
+        if self.name.startswith("slow"):
+            time.sleep(0.3)
         (out / "pid").write_text(str(os.getpid()))
 
 
@@ -73,3 +76,18 @@ def test_a_killed_worker_fails_its_own_job_alone(tmp_path: Path) -> None:
     assert failure is not None
     assert (failure.stage, failure.what) == ("prepare", "its process was killed")
     assert "--jobs" in failure.remedy
+
+
+class Impatient(Listener):
+    """Interrupts when the first job is done."""
+
+    def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
+        raise KeyboardInterrupt
+
+
+def test_an_interrupt_does_not_wait_for_jobs_that_have_not_begun(tmp_path: Path) -> None:
+    names = tuple(f"slow{k}" for k in range(10))
+    with pytest.raises(KeyboardInterrupt):
+        running.run(jobs_of(tmp_path, names), Options(workers=2), Impatient())
+    begun = [name for name in names if (tmp_path / name / "prepare" / "pid").exists()]
+    assert 1 <= len(begun) <= 5
