@@ -38,7 +38,7 @@ def tile_side(model: Model, c2w: Tensor, focal: float, size: int) -> int:
 def head_tiles(
     model: Model, c2w: Tensor, focal: float, centre: Tensor, size: int, side: int
 ) -> Tensor:
-    """Pixels (P, side * side) (row-major) of the tiles that open cells can cover in a frame.
+    """Pixels (G, side * side) (row-major) of the tiles that open cells can cover in a frame.
 
     Every open cell is splatted as a disc that covers its projection, so no ray that would meet an
     open cell is left out.
