@@ -17,7 +17,7 @@ from dfrf.carving import carve
 from dfrf.compactness import distortion_loss, surface_loss
 from dfrf.config import TrainConfig
 from dfrf.data import Identity, RayBatch, cut_references, draw_rays, surface_rays
-from dfrf.frames import render_frames
+from dfrf.frames import render_frame
 from dfrf.lips import learn_lips, shown_codes, shut_lips
 from dfrf.losses import weighted_warp_penalty
 from dfrf.manner import learn_manner
@@ -25,8 +25,10 @@ from dfrf.method import Method, Outcome
 from dfrf.model import REACH, Model
 from dfrf.rendering import render_rays
 from dfrf.views import ReferenceMaps, ReferenceViews
+from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays on a CPU: as many cores work side by side
+FRAMES_AT_ONCE = 8
 SURFACE_RAYS = 24
 UNSURE = 0.05  # a matte further than that from 0 and 1 is not sure
 SPEECH = ("field.audio.", "field.attention.", "field.lips.", "field.manner.")
@@ -235,4 +237,13 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
         maps: ReferenceMaps | None,
         size: int,
     ) -> Iterator[tuple[Tensor, Tensor]]:
-        return render_frames(self.model, c2w, focal, centres, windows, upper, maps, size)
+        """On a CPU as many at once as there are cores."""
+        with torch.no_grad():
+            told = self.model.eval().field.told(windows, upper)
+        model = self.model.rounded()
+
+        def one(t: int) -> tuple[Tensor, Tensor]:
+            return render_frame(model, c2w[t], focal, centres[t], told[t], maps, size)
+
+        with Workers(c2w.device, FRAMES_AT_ONCE) as workers:
+            yield from workers.map(one, range(c2w.shape[0]))

@@ -1,11 +1,10 @@
-"""Whole frames of a head: which pixels it can cover, and what their rays see.
+"""A whole frame of a head: which pixels it can cover, and what their rays see.
 
 G tiles of P pixels.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Self
 
@@ -17,10 +16,8 @@ from dfrf.cameras import pixel_rays
 from dfrf.model import Model
 from dfrf.rendering import RayColours, render_rays
 from dfrf.views import ReferenceMaps
-from dfrf.workers import Workers
 
 RAYS_AT_ONCE = 32768
-FRAMES_AT_ONCE = 8
 NEGLIGIBLE = 0.01  # weight of a sample that neighbours need not look for
 
 
@@ -121,21 +118,31 @@ def render_frame(
     maps: ReferenceMaps | None,
     size: int,
 ) -> tuple[Tensor, Tensor]:
-    """The head of one frame; as `render_frames`, with c2w (3, 4), centre (2,), told (told_dim,).
+    """The head of one frame, on the device of its camera.
 
     Where a ray meets the head, those beside it nearly do. So rays a quarter of a tile apart are
     looked along from end to end, and all others only where the ones round them saw anything.
+
+    Args:
+        c2w: (3, 4); focal in pixels; centre (2,).
+        told: (told_dim,) what the field is told of the frame.
+        maps: reference features.
+        size: S, side of the square picture.
+
+    Returns:
+        Premultiplied colour (S, S, 3) in 0..1 and opacity (S, S).
     """
     side = tile_side(model, c2w, focal, size)
     tiles = head_tiles(model, c2w, focal, centre, size, side)
     apart = max(1, side // 4)
     picture = Picture.blank(size, c2w.device)
 
-    def render(pixels: Tensor, between: tuple[Tensor, Tensor] | None = None) -> None:
-        """Looks along the rays of pixels (G, P), P of a tile."""
-        group = max(1, pixels.shape[1])
-        for some in torch.arange(len(pixels), device=pixels.device).split(RAYS_AT_ONCE // group):
-            part = pixels[some].view(-1)
+    def render(pixels: Tensor, near: Tensor, far: Tensor) -> None:
+        """Looks along the rays of pixels (G, P), from the distances (G, P) to those."""
+        group = pixels.shape[1]
+        some = RAYS_AT_ONCE // group
+        for these, *ends in zip(pixels.split(some), near.split(some), far.split(some), strict=True):
+            part = these.view(-1)
             count = part.numel()
             position = torch.stack([part % size, part // size], -1).float()
             origins, directions = pixel_rays(
@@ -149,50 +156,17 @@ def render_frame(
                 told[None],
                 maps,
                 group=group,
-                between=between and (between[0][some].view(-1), between[1][some].view(-1)),
+                between=(ends[0].view(-1), ends[1].view(-1)),
             )
             picture.note(part, seen)
 
     within = torch.arange(side, device=tiles.device) % apart == 0
     first = (within[:, None] & within).view(-1)
-    render(tiles[:, first])
-    rest = tiles[:, ~first]
+    whole = torch.zeros(len(tiles), int(first.sum()), device=c2w.device)
+    render(tiles[:, first], whole, whole + torch.inf)
     if apart > 1:
+        rest = tiles[:, ~first]
         near, far = picture.between(rest, apart)
         some = (near <= far).any(1)
-        render(rest[some], (near[some], far[some]))
+        render(rest[some], near[some], far[some])
     return picture.colour.view(size, size, 3), picture.opacity.view(size, size)
-
-
-def render_frames(
-    model: Model,
-    c2w: Tensor,
-    focal: float,
-    centres: Tensor,
-    windows: Tensor,
-    upper: Tensor,
-    maps: ReferenceMaps | None,
-    size: int,
-) -> Iterator[tuple[Tensor, Tensor]]:
-    """Heads of frames, in their order, on a CPU as many at once as there are cores.
-
-    Args:
-        c2w: (T, 3, 4); focal in pixels; centres (T, 2).
-        windows: (T + 2 REACH, 8, 16, D) speech windows of each frame's neighbours.
-        upper: (T, U) measures of the upper face.
-        maps: reference features.
-        size: side of the square picture.
-
-    Yields:
-        Premultiplied colour (size, size, 3) in 0..1 and opacity (size, size).
-    """
-    model.eval()
-    with torch.no_grad():
-        told = model.field.told(windows, upper)
-    model = model.rounded()
-
-    def one(t: int) -> tuple[Tensor, Tensor]:
-        return render_frame(model, c2w[t], focal, centres[t], told[t], maps, size)
-
-    with Workers(c2w.device, FRAMES_AT_ONCE) as workers:
-        yield from workers.map(one, range(c2w.shape[0]))

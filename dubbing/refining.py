@@ -30,6 +30,7 @@ from dubbing.preparation.mesh_points import (
     RIGHT_EYE_OUTER,
 )
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.preparation.rotations import relative_vectors
 
 # Frames and turn (rad) from one key frame to the next, and steps: far ones first, which find what a
 # whole shot is off by, so that few steps are enough for the near ones. What a pose is off by
@@ -133,8 +134,9 @@ def key_frames(seen: np.ndarray, rotation: np.ndarray, apart: int, turn: float) 
     Args:
         rotation: (F, 3, 3) of each frame.
     """
-    between_two = np.einsum("tji,tji->t", rotation[:-1], rotation[1:])  # trace of the turn
-    way = np.append(0.0, np.arccos(np.clip((between_two - 1) / 2, -1, 1)).cumsum())
+    way = np.zeros(len(seen))
+    if len(seen) > 1:
+        way[1:] = np.linalg.norm(relative_vectors(rotation), axis=1).cumsum()
     chosen = [0]
     while chosen[-1] < len(seen) - 1:
         last = chosen[-1]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import torch
 
-from dfrf import lids
+from dfrf import lids, presets
 from dfrf.config import FieldConfig, MarchConfig, ModelConfig
-from dfrf.data import EYES, HEAD, MOUTH, RIM, Identity
-from dfrf.model import PRIOR_CENTRE, PRIOR_RADII
+from dfrf.data import EYES, HEAD, MOUTH, RIM, Identity, cut_references
+from dfrf.model import PRIOR_CENTRE, PRIOR_RADII, Model
+from dfrf.views import ReferenceMaps
 
 SIZE = 48
 FOCAL = 110.0
@@ -76,3 +77,12 @@ def person(frames: int = 6, seed: int = 0) -> Identity:
         ),
         surface=torch.tensor([[0.0, 0.1, 0.89], [0.2, 0.2, 0.84]]),
     )
+
+
+def shown() -> tuple[Model, ReferenceMaps]:
+    """A tiny model, not learned, and its maps of two frames of a person."""
+    someone = person()
+    model = presets.build(small_config())
+    with torch.no_grad():
+        maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
+    return model.eval(), maps

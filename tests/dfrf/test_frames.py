@@ -5,23 +5,15 @@ from typing import Any
 import pytest
 import torch
 
-from dfrf import device, presets, rendering
+from dfrf import device, rendering
 from dfrf.cameras import pixel_rays
 from dfrf.data import cut_references, neighbour_windows
-from dfrf.frames import head_tiles, render_frame, render_frames, tile_side
+from dfrf.fast import FastMethod
+from dfrf.frames import head_tiles, render_frame, tile_side
 from dfrf.marching import PackedSamples, march
 from dfrf.model import REACH, FieldOutput, Model
 from dfrf.rendering import evaluate, render_rays
-from dfrf.views import ReferenceMaps
-from tests.dfrf.people import FOCAL, SIZE, person, small_config
-
-
-def shown() -> tuple[Model, ReferenceMaps]:
-    someone = person()
-    model = presets.build(small_config())
-    with torch.no_grad():
-        maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
-    return model.eval(), maps
+from tests.dfrf.people import FOCAL, SIZE, person, shown
 
 
 def test_head_tiles_hold_every_pixel_that_sees_an_open_cell() -> None:
@@ -76,11 +68,10 @@ def test_a_frame_does_not_depend_on_the_frames_beside_it() -> None:
     near = neighbour_windows(someone.windows, someone.segment, reached)
     upper = someone.upper[:3]
     cameras = (someone.c2w[:3], FOCAL, someone.centres[:3])
-    together = list(render_frames(model, *cameras, near, upper, maps, SIZE))
+    together = list(FastMethod(model).frames(*cameras, near, upper, maps, SIZE))
     one = slice(1, 2)
     alone = next(
-        render_frames(
-            model,
+        FastMethod(model).frames(
             cameras[0][one],
             FOCAL,
             cameras[2][one],

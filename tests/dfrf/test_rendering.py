@@ -4,20 +4,9 @@ import torch
 
 from dfrf import presets
 from dfrf.cameras import pixel_rays
-from dfrf.data import cut_references
 from dfrf.marching import box_interval
-from dfrf.model import Model
 from dfrf.rendering import render_rays
-from dfrf.views import ReferenceMaps
-from tests.dfrf.people import FOCAL, SIZE, person, small_config
-
-
-def shown() -> tuple[Model, ReferenceMaps]:
-    someone = person()
-    model = presets.build(small_config())
-    with torch.no_grad():
-        maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
-    return model.eval(), maps
+from tests.dfrf.people import FOCAL, SIZE, person, shown, small_config
 
 
 def test_the_grid_changes_nothing_where_it_covers_the_density() -> None:
