@@ -109,9 +109,14 @@ def huber_weight(distance: np.ndarray) -> np.ndarray:
     return np.minimum(1.0, HUBER / np.maximum(distance, 1e-12))
 
 
-def smoothness_weights(rate: float) -> np.ndarray:
-    """Inverse variances (6,) of the second differences; these shrink with the rate's square."""
-    sigma = np.concatenate((np.full(3, TURN_SIGMA), SHIFT_SIGMA)) * (REFERENCE_RATE / rate) ** 2
+def smoothness_weights(rate: float, slack: float) -> np.ndarray:
+    """Inverse variances (6,) of the second differences; these shrink with the rate's square.
+
+    Args:
+        slack: how many times as far a head may jerk.
+    """
+    sigma = slack * np.concatenate((np.full(3, TURN_SIGMA), SHIFT_SIGMA))
+    sigma *= (REFERENCE_RATE / rate) ** 2
     return np.asarray(1.0 / sigma**2)
 
 
@@ -154,10 +159,10 @@ def smoothness_right(poses: Poses, linked: np.ndarray, weight: np.ndarray) -> np
 
 
 def smoothed_system(
-    poses: Poses, equations: NormalEquations, seen: Observations
+    poses: Poses, equations: NormalEquations, seen: Observations, slack: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Band matrix and right-hand side (6 T,) of a step of all poses, smoothness included."""
-    weight = smoothness_weights(seen.rate)
+    weight = smoothness_weights(seen.rate, slack)
     one, off1, off2 = smoothness_blocks(seen.linked, weight)
     diagonal = equations.diagonal + one + DAMPING * np.eye(DOF) * weight
     right = equations.right + smoothness_right(poses, seen.linked, weight)

@@ -34,6 +34,7 @@ STEPS = 8  # of Gauss-Newton
 NOISE = 4.0  # grey levels: of a pixel whose texture does not change at all
 CORRELATED = 8.0  # neighbouring pixels err together: so many count as one
 LANDMARK_INFLATION = 60.0  # of the landmarks' variances; they only hold what pixels do not see
+SLACK = 4.0  # of the smoothness of poses: what landmarks need damps a nod that pixels see
 LEAST_FACING = 0.3  # cosine between normal and ray, below which a point is not used
 LEAST_POINTS = 50  # seen in a frame
 LEAST_GAIN = 0.1  # contrast of a frame to that of the mean; below, it shows something else
@@ -203,7 +204,7 @@ def refine(
         rest = beside_pixels(poses, shape, seen)
         pixels = pixel_equations(poses, seen, work, texture)
         both = NormalEquations(rest.diagonal + pixels.diagonal, rest.right + pixels.right)
-        step = solve_band(*smoothed_system(poses, both, seen))
+        step = solve_band(*smoothed_system(poses, both, seen, SLACK))
         poses = poses.stepped(step.reshape(-1, DOF))
         progress((done + 1) / STEPS)
     return poses

@@ -33,7 +33,7 @@ from dubbing.preparation.prepared import (
     PreparedClip,
 )
 from dubbing.preparation.silhouette import Silhouette
-from dubbing.preparation.tracking import FOCAL, Arrays
+from dubbing.preparation.tracking import Arrays
 from dubbing.preparation.warnings import warnings_of
 
 STEPS = "steps"
@@ -80,7 +80,7 @@ def prepare(
         return asdict(person_step(info, seen["window"], size, points, person, report))
 
     observed = replace(observed, silhouette=Silhouette(**steps.run("person", write_person)))
-    pictures = (crops, steps.folder / "strip.npy")
+    pictures = (crops, size, steps.folder / "strip.npy")
     track = steps.run(
         "refinement", partial(tracking.refine_step, observed, found, bundle, pictures)
     )
@@ -110,7 +110,7 @@ def prepare(
         frames_count=info.frames,
         size=size,
         source_size=(info.width, info.height),
-        focal=FOCAL * size,
+        focal=observed.focal,
         near=float(distance[found["valid"]].min() - REACH),
         far=float(distance[found["valid"]].max() + REACH),
         warnings=warnings_of(info, size, seen, found, poses),

@@ -21,7 +21,7 @@ from dubbing.media import read_frames
 from dubbing.preparation import cropping
 from dubbing.preparation.matting import hole
 
-VERSION = 4
+VERSION = 5
 REACH = 1.7  # units (10 cm) that the head extends around its origin at most
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 CONTACT_SHEET, SUMMARY = "contact_sheet.png", "prepared.json"

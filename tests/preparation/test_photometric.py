@@ -6,6 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from dubbing.preparation.bundle import Observations
 from dubbing.preparation.camera import Poses, project, to_camera
@@ -64,13 +65,20 @@ class Scene:
 
 @pytest.fixture
 def scene(tmp_path: Path) -> Scene:
+    return filmed(tmp_path)
+
+
+def filmed(folder: Path, nod: float = 0.0) -> Scene:
+    """A scene whose dome nods by so many degrees for two frames."""
     rng = np.random.default_rng(0)
     noise = cv2.GaussianBlur(rng.normal(size=(400, 400)).astype(np.float32), (0, 0), 4)
     texture = np.clip(128 + 20 * noise / noise.std(), 0, 255).astype(np.uint8)
     centre = np.tile([80.0, 80.0], (FRAMES, 1))
     t = np.arange(FRAMES)[:, None]
+    turns = [3.0, 6.0, 2.0] * np.sin(t * [0.2, 0.35, 0.1])
+    turns[10:12, 0] += nod
     truth = Poses(
-        rotation_from_vector(np.deg2rad([3.0, 6.0, 2.0]) * np.sin(t * [0.2, 0.35, 0.1])),
+        rotation_from_vector(np.deg2rad(turns)),
         [0.0, 0, 8] + np.array([0.1, 0.05, 0.1]) * np.sin(t * [0.1, 0.2, 0.15]),
     )
     films = [picture(texture, truth[k : k + 1], centre[k]) for k in range(FRAMES)]
@@ -87,7 +95,7 @@ def scene(tmp_path: Path) -> Scene:
     start = Poses(truth.rotation, truth.translation.copy())
     start.translation[:, :2] += jitter[:, 0] * 8 / FOCAL
     strip = FaceStrip.record(
-        tmp_path / "strip.npy", films, project(to_camera(start, points), FOCAL, centre)
+        folder / "strip.npy", films, project(to_camera(start, points), FOCAL, centre)
     )
     return Scene(
         truth,
@@ -117,6 +125,19 @@ def test_jittered_poses_are_pulled_back_onto_the_pixels(scene: Scene) -> None:
     )
     # A shift of all frames together is not observable: the mean texture moves along.
     assert np.abs((error - error.mean(0)).mean(1)).max() < 0.15
+
+
+def test_a_quick_nod_is_not_damped(tmp_path: Path) -> None:
+    scene = filmed(tmp_path, nod=6.0)
+    work = scene.work(scene.skin.half(0))
+    texture = texture_of(all_samples(scene.truth, np.arange(FRAMES), work))
+    poses = refine(scene.start, work, texture, scene.marks, scene.seen, lambda _: None)
+    # A frame's pose against its neighbours': where all of them are is not observable.
+    nods = [
+        Rotation.from_matrix(p.rotation[10] @ p.rotation[9].T).magnitude()
+        for p in (poses, scene.truth)
+    ]
+    assert nods[0] / nods[1] == pytest.approx(1, abs=0.1)
 
 
 def test_skin_of_the_wrong_relief_is_bent_right(scene: Scene) -> None:
