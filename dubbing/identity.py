@@ -27,6 +27,9 @@ EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 # What counts as 1, in eye distances.
 LIDS, BROWS, GAZE = lids.LENGTH, brows.LENGTH, 0.01
 BROWS_SMOOTH = 1.5  # frames: skin is moved by them, so their jitter would be seen
+MOST_COMPARED = 1000  # frames: more show little that is new
+EXCHANGE = 1e-9  # of the mean distance: less is rounding
+SOFT = 2 / 3  # share of the frames
 RIM_WIDTH = 0.016  # of the crop's side
 
 
@@ -213,11 +216,10 @@ def surface_points(clip: PreparedClip) -> Tensor:
 
 
 def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Tensor:
-    """Sharp frames that spread over poses and mouth shapes, (count,), by farthest-point sampling.
+    """Sharp frames that stand for all poses and mouth shapes, (count,).
 
-    What a reference does not show sharply no dub will: of the tenth of all frames that is farthest
-    from those chosen (of the most usual tenth, at first) the one whose eyes are sharpest is taken.
-    Motion, a codec or a lid half shut makes others soft.
+    What a reference does not show sharply no dub will, and motion, a codec or a lid half shut make
+    frames soft: they are of the third whose eyes are sharpest.
 
     Args:
         person: the frames to choose from.
@@ -232,16 +234,35 @@ def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Te
     traits = np.concatenate(
         [forward * 2, (gap / scale)[:, None] * 2, (width / scale)[:, None]], axis=1
     )
-    sharp = eye_sharpness(person)
-    some = -(-person.frames // 10)
-    nearest = -np.linalg.norm(traits - np.median(traits, 0), axis=1)
+    some = np.unique(np.linspace(0, person.frames - 1, MOST_COMPARED).round().astype(int))
+    sharp = eye_sharpness(person)[some]
+    may = some[sharp >= np.quantile(sharp, SOFT)]
+    apart = ((traits[some, None] - traits[may]) ** 2).sum(-1)
+    return torch.from_numpy(may[medoids(apart, count)])
+
+
+def medoids(apart: np.ndarray, count: int) -> list[int]:
+    """Columns of a distance (F, C) that are nearest to all rows in the mean (k-medoids).
+
+    One after the other is added, then exchanged for another as long as that helps (Kaufman and
+    Rousseeuw 1990).
+    """
     chosen: list[int] = []
-    for _ in range(count):
-        among = np.argsort(nearest, kind="stable")[-some:]
-        chosen.append(int(among[np.argmax(sharp[among])]))
-        away = np.linalg.norm(traits - traits[chosen[-1]], axis=1)
-        nearest = away if len(chosen) == 1 else np.minimum(nearest, away)
-    return torch.tensor(chosen)
+    better = True
+    while better:
+        better = False
+        for k in range(count):
+            rest = apart[:, chosen[:k] + chosen[k + 1 :]].min(1, initial=np.inf)
+            cost = np.minimum(rest[:, None], apart).mean(0)
+            best = int(cost.argmin())
+            if k == len(chosen):
+                chosen.append(best)
+            elif cost[best] < cost[chosen[k]] - EXCHANGE:
+                chosen[k] = best
+            else:
+                continue
+            better = True
+    return chosen
 
 
 def eye_sharpness(person: Identity) -> np.ndarray:

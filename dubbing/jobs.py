@@ -20,7 +20,7 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 7,
-    "finetune": 12,
+    "finetune": 13,
     "source": 2,
     "speech": 1,
     "heads": 9,

@@ -75,7 +75,7 @@ def filmed(folder: Path, nod: float = 0.0) -> Scene:
     texture = np.clip(128 + 20 * noise / noise.std(), 0, 255).astype(np.uint8)
     centre = np.tile([80.0, 80.0], (FRAMES, 1))
     t = np.arange(FRAMES)[:, None]
-    turns = [3.0, 6.0, 2.0] * np.sin(t * [0.2, 0.35, 0.1])
+    turns = np.array([3.0, 6.0, 2.0]) * np.sin(t * [0.2, 0.35, 0.1])
     turns[10:12, 0] += nod
     truth = Poses(
         rotation_from_vector(np.deg2rad(turns)),
