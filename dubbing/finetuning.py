@@ -21,8 +21,9 @@ from dfrf.training import Curve, Progress, TrainingDivergedError, fit
 from dubbing import features, media
 from dubbing.errors import CheckpointError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text
-from dubbing.identity import choose_references, load_identity
+from dubbing.identity import load_identity
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.reference_choice import choose_references
 from dubbing.refining import refined, refines
 
 MODEL_FILE = "model.safetensors"

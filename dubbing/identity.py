@@ -12,14 +12,12 @@ from torch import Tensor
 
 from dfrf import brows, lids
 from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, Identity
-from dfrf.metrics import crop, gradient_energy
 from dubbing.errors import TrainingError
 from dubbing.preparation.mesh_points import EYE_CORNERS, LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.silhouette import eye_axes, upwards
 from dubbing.sync.mouth import OUTER_LIP
 
-UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
 # Inner gap in the middle, left and right; width; base of the nose to lower lip, upper lip and chin.
 LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2, 152))
 # Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.
@@ -27,9 +25,6 @@ EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 # What counts as 1, in eye distances.
 LIDS, BROWS, GAZE = lids.LENGTH, brows.LENGTH, 0.01
 BROWS_SMOOTH = 1.5  # frames: skin is moved by them, so their jitter would be seen
-MOST_COMPARED = 1000  # frames: more show little that is new
-EXCHANGE = 1e-9  # of the mean distance: less is rounding
-SOFT = 2 / 3  # share of the frames
 RIM_WIDTH = 0.016  # of the crop's side
 
 
@@ -213,64 +208,3 @@ def surface_points(clip: PreparedClip) -> Tensor:
     """Rigid points of the person's mean face in the head frame, y up, (V, 3)."""
     points = clip.shape[list(RIGID)] * np.array([1.0, -1.0, -1.0])
     return torch.from_numpy(points).float()
-
-
-def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Tensor:
-    """Sharp frames that stand for all poses and mouth shapes, (count,).
-
-    What a reference does not show sharply no dub will, and motion, a codec or a lid half shut make
-    frames soft: they are of the third whose eyes are sharpest.
-
-    Args:
-        person: the frames to choose from.
-        landmarks: (T, 478, 2) of those frames, pixels.
-        count: how many.
-    """
-    forward = person.c2w[:, :, 2].double().numpy()
-    lips = landmarks[:, OUTER_LIP]
-    width = lips[:, :, 0].max(1) - lips[:, :, 0].min(1)
-    gap = np.linalg.norm(landmarks[:, UPPER_LIP] - landmarks[:, LOWER_LIP], axis=-1)
-    scale = np.median(width)
-    traits = np.concatenate(
-        [forward * 2, (gap / scale)[:, None] * 2, (width / scale)[:, None]], axis=1
-    )
-    some = np.unique(np.linspace(0, person.frames - 1, MOST_COMPARED).round().astype(int))
-    sharp = eye_sharpness(person)[some]
-    may = some[sharp >= np.quantile(sharp, SOFT)]
-    apart = ((traits[some, None] - traits[may]) ** 2).sum(-1)
-    return torch.from_numpy(may[medoids(apart, count)])
-
-
-def medoids(apart: np.ndarray, count: int) -> list[int]:
-    """Columns of a distance (F, C) that are nearest to all rows in the mean (k-medoids).
-
-    One after the other is added, then exchanged for another as long as that helps (Kaufman and
-    Rousseeuw 1990).
-    """
-    chosen: list[int] = []
-    better = True
-    while better:
-        better = False
-        for k in range(count):
-            rest = apart[:, chosen[:k] + chosen[k + 1 :]].min(1, initial=np.inf)
-            cost = np.minimum(rest[:, None], apart).mean(0)
-            best = int(cost.argmin())
-            if k == len(chosen):
-                chosen.append(best)
-            elif cost[best] < cost[chosen[k]] - EXCHANGE:
-                chosen[k] = best
-            else:
-                continue
-            better = True
-    return chosen
-
-
-def eye_sharpness(person: Identity) -> np.ndarray:
-    """Gradient energy of the luminance round the eyes of each frame, (T,); 0 where none is seen."""
-    energy = np.zeros(person.frames)
-    for t, region in enumerate(person.regions):
-        rows, columns = torch.nonzero(region == EYES).unbind(1)
-        if rows.numel() and rows.min() < rows.max() and columns.min() < columns.max():
-            box = torch.stack([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
-            energy[t] = gradient_energy(crop(person.images[t].float() / 255, box))
-    return energy

@@ -15,7 +15,7 @@ from dubbing.errors import PreparationError
 from dubbing.media import MediaInfo, read_frames
 from dubbing.preparation.banded import second_difference_links
 from dubbing.preparation.bundle import Observations, fit_poses, start_poses, triangulate
-from dubbing.preparation.camera import Poses, project, to_camera
+from dubbing.preparation.camera import Poses, focal_length, project, to_camera
 from dubbing.preparation.cropping import choose_windows, crop, to_crop
 from dubbing.preparation.face_strip import FaceStrip
 from dubbing.preparation.landmarks import two_modes
@@ -26,11 +26,6 @@ from dubbing.preparation.relief import solve_relief
 from dubbing.preparation.skin import reference_frame, skin_points
 from dubbing.preparation.survey import Survey, survey
 
-# The focal length hardly shows in a head that fills the picture, but wrong perspective bends the
-# turns of one that moves far. A head alone is filmed from about .8 m: 2.34 crop widths. What else
-# the frame shows was filmed from further away: as by a normal lens, 50 mm on 36 mm of film.
-NEAR_LENS = 2.34  # crop widths
-NORMAL_LENS = 50 / 36  # longer sides of the frame
 APART = 3.0  # px at a crop of 512: tracking and static mode disagree, something is in the way
 HIDDEN = 2.0  # times as much: the frame is not used at all
 BRIDGE_SECONDS = 0.5  # smoothness carries a pose over gaps no longer than this
@@ -84,12 +79,6 @@ def landmark_step(info: MediaInfo, size: int, seen: Arrays, progress: Progress) 
             "use a clip in which the speaker faces the camera",
         )
     return {"points": points, "apart": apart, "valid": valid}
-
-
-def focal_length(window: np.ndarray, source_size: tuple[int, int], size: int) -> float:
-    """Focal length in px of a crop of `size` px, for windows (T, 3) of one side."""
-    frame = max(source_size) * size / float(window[0, 2])
-    return max(NEAR_LENS * size, NORMAL_LENS * frame)
 
 
 def principal_points(window: np.ndarray, source_size: tuple[int, int], size: int) -> np.ndarray:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dubbing.preparation.tracking import NEAR_LENS, NORMAL_LENS, focal_length
+from dubbing.preparation.camera import NEAR_LENS, NORMAL_LENS, focal_length
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,77 @@
+"""Which frames of a person become references: sharp ones that stand for all others."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dfrf.data import EYES, Identity
+from dfrf.metrics import crop, gradient_energy
+from dubbing.sync.mouth import OUTER_LIP
+
+UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
+MOST_COMPARED = 1000  # frames: more show little that is new
+EXCHANGE = 1e-9  # of the mean distance: less is rounding
+SOFT = 2 / 3  # share of the frames
+
+
+def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Tensor:
+    """Sharp frames that stand for all poses and mouth shapes, (count,).
+
+    What a reference does not show sharply no dub will, and motion, a codec or a lid half shut make
+    frames soft: they are of the third whose eyes are sharpest.
+
+    Args:
+        person: the frames to choose from.
+        landmarks: (T, 478, 2) of those frames, pixels.
+        count: how many.
+    """
+    forward = person.c2w[:, :, 2].double().numpy()
+    lips = landmarks[:, OUTER_LIP]
+    width = lips[:, :, 0].max(1) - lips[:, :, 0].min(1)
+    gap = np.linalg.norm(landmarks[:, UPPER_LIP] - landmarks[:, LOWER_LIP], axis=-1)
+    scale = np.median(width)
+    traits = np.concatenate(
+        [forward * 2, (gap / scale)[:, None] * 2, (width / scale)[:, None]], axis=1
+    )
+    some = np.unique(np.linspace(0, person.frames - 1, MOST_COMPARED).round().astype(int))
+    sharp = eye_sharpness(person)[some]
+    may = some[sharp >= np.quantile(sharp, SOFT)]
+    apart = ((traits[some, None] - traits[may]) ** 2).sum(-1)
+    return torch.from_numpy(may[medoids(apart, count)])
+
+
+def medoids(apart: np.ndarray, count: int) -> list[int]:
+    """Columns of a distance (F, C) that are nearest to all rows in the mean (k-medoids).
+
+    One after the other is added, then exchanged for another as long as that helps (Kaufman and
+    Rousseeuw 1990).
+    """
+    chosen: list[int] = []
+    better = True
+    while better:
+        better = False
+        for k in range(count):
+            rest = apart[:, chosen[:k] + chosen[k + 1 :]].min(1, initial=np.inf)
+            cost = np.minimum(rest[:, None], apart).mean(0)
+            best = int(cost.argmin())
+            if k == len(chosen):
+                chosen.append(best)
+            elif cost[best] < cost[chosen[k]] - EXCHANGE:
+                chosen[k] = best
+            else:
+                continue
+            better = True
+    return chosen
+
+
+def eye_sharpness(person: Identity) -> np.ndarray:
+    """Gradient energy of the luminance round the eyes of each frame, (T,); 0 where none is seen."""
+    energy = np.zeros(person.frames)
+    for t, region in enumerate(person.regions):
+        rows, columns = torch.nonzero(region == EYES).unbind(1)
+        if rows.numel() and rows.min() < rows.max() and columns.min() < columns.max():
+            box = torch.stack([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
+            energy[t] = gradient_energy(crop(person.images[t].float() / 255, box))
+    return energy
