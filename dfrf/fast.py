@@ -18,7 +18,7 @@ from dfrf.compactness import distortion_loss, surface_loss
 from dfrf.config import TrainConfig
 from dfrf.data import Identity, RayBatch, cut_references, draw_rays, surface_rays
 from dfrf.frames import render_frame
-from dfrf.lips import learn_lips, shown_codes, shut_lips
+from dfrf.lips import learn_lips, shown_codes, shut_lips, spoken_codes
 from dfrf.losses import weighted_warp_penalty
 from dfrf.manner import learn_manner
 from dfrf.method import Method, Outcome
@@ -217,11 +217,12 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
             self.model.grid.refresh()
 
     def finish(self, person: Identity, views: ReferenceViews | None, seed: int) -> None:
-        """Notes the person's manner and what a shut mouth is; closes cells that show nothing."""
+        """Notes manner, shut mouth and usual code of the person; closes cells that show nothing."""
         model = self.model
         if model.config.field.use_speech:
             learn_manner(model, person)
             model.field.shut.copy_(shut_lips(model, person))
+            model.field.usual.copy_(spoken_codes(model, person).mean(0))
         maps = None if views is None else self.maps(views)
         told = told_of(model, [person])[person.name]
         generator = torch.Generator().manual_seed(seed)

@@ -31,6 +31,9 @@ PRIOR_CENTRE = (0.0, 0.1, -0.05)
 PRIOR_RADII = (0.85, 1.25, 1.05)
 PRIOR_SLOPE = 20.0
 DENSITY_SCALE = 25.0
+# How far from the usual a code goes where no lips are read off it. Fifteen seconds show few codes:
+# one unlike all of them drew specks beside the lips, which said nothing unusual.
+BESIDE_LIPS = 0.5
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,7 @@ class Field(nn.Module):
     """F_theta of equation (7), with everything that feeds it."""
 
     shut: Tensor
+    usual: Tensor
 
     def __init__(self, config: FieldConfig) -> None:
         super().__init__()
@@ -123,6 +127,8 @@ class Field(nn.Module):
             self.lips = nn.Linear(config.code_dim, LIP_MEASURES)
             # What it reads where the person's mouth is shut.
             self.register_buffer("shut", torch.zeros(LIP_MEASURES))
+            # The mean code of the frames the person was learned from.
+            self.register_buffer("usual", torch.zeros(config.code_dim))
             # What the lips do where a frame and its neighbours say so much: at first, just that.
             self.manner = nn.Linear((2 * REACH + 1) * LIP_MEASURES, LIP_MEASURES)
             nn.init.zeros_(self.manner.bias)
@@ -174,7 +180,8 @@ class Field(nn.Module):
         count = upper.shape[0]
         if self.config.use_speech:
             said = self.manner(rows_of_neighbours(self.lips(codes)))
-            codes = self.saying(codes[REACH : REACH + count], said)
+            usual = self.usual + BESIDE_LIPS * (codes[REACH : REACH + count] - self.usual)
+            codes = self.saying(usual, said)
             windows = windows[REACH : REACH + count]
             own = windows[:, windows.shape[1] // 2]
             quarter = own.shape[1] // 4

@@ -20,10 +20,10 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 7,
-    "finetune": 13,
+    "finetune": 14,
     "source": 2,
     "speech": 1,
-    "heads": 9,
+    "heads": 10,
     "video": 1,
     "sync": 2,
 }
