@@ -18,6 +18,7 @@ MOST = 4.0  # a measure beyond that is taken for this: skin would fold
 MIDDLE = 0.12  # half the width of the strip between the brows where both count
 TEMPLE, SIDE = 0.6, 0.9  # from here to there outwards the skin comes to rest
 EAR, FRONT = 0.0, 0.3  # from here to there forwards it begins to move
+RARE = 0.05  # share of the frames at either end
 
 
 def ramp(values: Tensor, start: float, end: float) -> Tensor:
@@ -33,6 +34,14 @@ def shares(points: Tensor) -> Tensor:
     both = height * ramp(x.abs(), SIDE, TEMPLE) * ramp(z, EAR, FRONT)
     right = ramp(x, -MIDDLE, MIDDLE)
     return torch.stack([both * (1 - right), both * right], -1)
+
+
+def usual_range(measures: Tensor) -> Tensor:
+    """Least and most that each brow is up in all but rare frames, (2, 2), of measures (T, 2).
+
+    Where no reference shows it, a brow raised as high as hardly ever is drawn twice over.
+    """
+    return torch.quantile(measures, measures.new_tensor([RARE, 1 - RARE]), dim=0)
 
 
 def lifts(share: Tensor, measures: Tensor) -> Tensor:

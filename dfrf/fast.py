@@ -12,6 +12,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
+from dfrf import brows
 from dfrf import device as devices
 from dfrf.carving import carve
 from dfrf.compactness import distortion_loss, surface_loss
@@ -217,12 +218,13 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
             self.model.grid.refresh()
 
     def finish(self, person: Identity, views: ReferenceViews | None, seed: int) -> None:
-        """Notes manner, shut mouth and usual code of the person; closes cells that show nothing."""
+        """Notes what is the person's own and what is usual; closes cells that show nothing."""
         model = self.model
         if model.config.field.use_speech:
             learn_manner(model, person)
             model.field.shut.copy_(shut_lips(model, person))
             model.field.usual.copy_(spoken_codes(model, person).mean(0))
+        model.field.brow_range.copy_(brows.usual_range(person.upper[:, brows.MEASURES]))
         maps = None if views is None else self.maps(views)
         told = told_of(model, [person])[person.name]
         generator = torch.Generator().manual_seed(seed)

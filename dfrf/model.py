@@ -113,10 +113,13 @@ class Field(nn.Module):
 
     shut: Tensor
     usual: Tensor
+    brow_range: Tensor
 
     def __init__(self, config: FieldConfig) -> None:
         super().__init__()
         self.config = config
+        # Least and most that each brow is up in a picture, (2, 2).
+        self.register_buffer("brow_range", torch.tensor([[-torch.inf] * 2, [torch.inf] * 2]))
         point_dim = 3 + 6 * config.point_octaves
         direction_dim = 3 + 6 * config.direction_octaves
         width = config.width
@@ -187,6 +190,9 @@ class Field(nn.Module):
             quarter = own.shape[1] // 4
             silent = (own[:, quarter:-quarter] == 0).all(-1).to(codes.dtype).mean(1, keepdim=True)
             codes = codes + silent * (self.saying(codes, self.shut) - codes)
+        low, high = self.brow_range
+        raised = upper[:, brows.MEASURES].clamp(low, high)
+        upper = torch.cat([upper[:, lids.MEASURES], raised, upper[:, brows.MEASURES.stop :]], -1)
         return torch.cat([codes[:count], upper], -1)
 
     def looked_up(

@@ -6,7 +6,8 @@ import torch
 
 from dfrf import brows
 from dfrf.data import cut_references
-from dfrf.model import Model
+from dfrf.fast import FastMethod
+from dfrf.model import REACH, Model
 from dfrf.views import ReferenceViews
 from tests.dfrf.people import person, small_config
 
@@ -79,3 +80,24 @@ def test_a_reference_is_looked_up_where_its_own_brow_is() -> None:
 def at_height(views: ReferenceViews, measure: float) -> ReferenceViews:
     """The views with all brows as high as a measure says."""
     return replace(views, upper=torch.full((len(views.c2w), 6), measure))
+
+
+def test_brows_go_no_further_than_they_usually_did_and_nothing_else_is_held() -> None:
+    someone = person(frames=40)
+    upper = torch.randn(40, 6, generator=torch.Generator().manual_seed(2))
+    upper[7, brows.MEASURES], upper[9, brows.MEASURES] = 9.0, -9.0
+    config = small_config()
+    model = Model(replace(config, field=replace(config.field, references=0, use_warp=False)))
+    FastMethod(model).finish(replace(someone, upper=upper), None, 0)
+    low, high = brows.usual_range(upper[:, brows.MEASURES])
+    assert low.min() > -4
+    assert high.max() < 4
+    with torch.no_grad():
+        told = model.field.told(torch.zeros(40 + 2 * REACH, 8, 16, 8), upper)[:, -6:]
+    torch.testing.assert_close(told[7, brows.MEASURES], high)
+    torch.testing.assert_close(told[9, brows.MEASURES], low)
+    inside = ((upper[:, brows.MEASURES] > low) & (upper[:, brows.MEASURES] < high)).all(1)
+    assert inside.sum() > 30
+    torch.testing.assert_close(told[inside], upper[inside])
+    torch.testing.assert_close(told[:, :2], upper[:, :2])
+    torch.testing.assert_close(told[:, 4:], upper[:, 4:])
