@@ -39,9 +39,11 @@ def shares(points: Tensor) -> Tensor:
 def usual_range(measures: Tensor) -> Tensor:
     """Least and most that each brow is up in all but rare frames, (2, 2), of measures (T, 2).
 
-    Where no reference shows it, a brow raised as high as hardly ever is drawn twice over.
+    Where no reference shows it, a brow raised as high as hardly ever is drawn twice over. A measure
+    of 1 does no harm, whatever it was: perspective changes it as much in another shot.
     """
-    return torch.quantile(measures, measures.new_tensor([RARE, 1 - RARE]), dim=0)
+    low, high = torch.quantile(measures, measures.new_tensor([RARE, 1 - RARE]), dim=0)
+    return torch.stack([low.clamp_max(-1), high.clamp_min(1)])
 
 
 def lifts(share: Tensor, measures: Tensor) -> Tensor:

@@ -12,7 +12,7 @@ from typing import Any
 # The two families of presets: what the headers of their checkpoints say, and how many steps a
 # person learns by default.
 FORMATS = {"fast": "dfrf-1", "paper": "dfrf-paper-1"}
-STEPS = {"fast": 1000, "paper": 40_000}
+STEPS = {"fast": 1500, "paper": 40_000}
 # References of the variants that `fast` is compared with, and all presets that start from its base.
 REFERENCE_COUNTS = {"fast-1": 1, "fast-2": 2, "fast-6": 6}
 FROM_BASE = ("fast", "fast-nowarp", *REFERENCE_COUNTS)
@@ -106,7 +106,7 @@ class TrainConfig:
         seed: of everything that is drawn while training.
     """
 
-    iterations: int = 1000
+    iterations: int = 1500
     coarse_iterations: int = 0
     rays: int = 3072
     frames: int = 16

@@ -90,14 +90,19 @@ def test_brows_go_no_further_than_they_usually_did_and_nothing_else_is_held() ->
     model = Model(replace(config, field=replace(config.field, references=0, use_warp=False)))
     FastMethod(model).finish(replace(someone, upper=upper), None, 0)
     low, high = brows.usual_range(upper[:, brows.MEASURES])
-    assert low.min() > -4
-    assert high.max() < 4
+    assert -4 < low.min() <= low.max() <= -1
+    assert 1 <= high.min() <= high.max() < 4
     with torch.no_grad():
         told = model.field.told(torch.zeros(40 + 2 * REACH, 8, 16, 8), upper)[:, -6:]
     torch.testing.assert_close(told[7, brows.MEASURES], high)
     torch.testing.assert_close(told[9, brows.MEASURES], low)
     inside = ((upper[:, brows.MEASURES] > low) & (upper[:, brows.MEASURES] < high)).all(1)
-    assert inside.sum() > 30
+    assert inside.sum() > 25
     torch.testing.assert_close(told[inside], upper[inside])
     torch.testing.assert_close(told[:, :2], upper[:, :2])
     torch.testing.assert_close(told[:, 4:], upper[:, 4:])
+
+
+def test_a_brow_that_hardly_moved_may_still_move() -> None:
+    still = torch.linspace(-0.7, -0.4, 50)[:, None].repeat(1, 2)
+    torch.testing.assert_close(brows.usual_range(still), torch.tensor([[-1.0, -1], [1, 1]]))
