@@ -183,8 +183,8 @@ class Field(nn.Module):
         count = upper.shape[0]
         if self.config.use_speech:
             said = self.manner(rows_of_neighbours(self.lips(codes)))
-            usual = self.usual + BESIDE_LIPS * (codes[REACH : REACH + count] - self.usual)
-            codes = self.saying(usual, said)
+            nearer = self.usual + BESIDE_LIPS * (codes[REACH : REACH + count] - self.usual)
+            codes = self.saying(nearer, said)
             windows = windows[REACH : REACH + count]
             own = windows[:, windows.shape[1] // 2]
             quarter = own.shape[1] // 4

@@ -6,6 +6,7 @@ import torch
 
 from dfrf import presets
 from dfrf.data import Identity
+from dfrf.fast import FastMethod
 from dfrf.lips import (
     TEACHER,
     context,
@@ -15,7 +16,7 @@ from dfrf.lips import (
     shut_lips,
     spoken_codes,
 )
-from dfrf.model import REACH
+from dfrf.model import REACH, Model
 from tests.dfrf.people import person, small_config
 
 
@@ -129,3 +130,11 @@ def test_what_a_code_says_beside_the_lips_stays_near_what_was_learned() -> None:
         torch.testing.assert_close(
             (told - model.field.usual) @ beside, away / 2, atol=1e-4, rtol=1e-4
         )
+
+
+def test_a_finished_model_knows_the_usual_code() -> None:
+    someone, config = person(frames=12), small_config()
+    model = Model(replace(config, field=replace(config.field, references=0, use_warp=False)))
+    FastMethod(model).finish(someone, None, 0)
+    torch.testing.assert_close(model.field.usual, spoken_codes(model, someone).mean(0))
+    assert model.field.usual.norm() > 0
