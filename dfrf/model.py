@@ -190,9 +190,8 @@ class Field(nn.Module):
             quarter = own.shape[1] // 4
             silent = (own[:, quarter:-quarter] == 0).all(-1).to(codes.dtype).mean(1, keepdim=True)
             codes = codes + silent * (self.saying(codes, self.shut) - codes)
-        low, high = self.brow_range
-        raised = upper[:, brows.MEASURES].clamp(low, high)
-        upper = torch.cat([upper[:, lids.MEASURES], raised, upper[:, brows.MEASURES.stop :]], -1)
+        upper = upper.clone()
+        upper[:, brows.MEASURES] = upper[:, brows.MEASURES].clamp(*self.brow_range)
         return torch.cat([codes[:count], upper], -1)
 
     def looked_up(

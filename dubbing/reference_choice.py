@@ -36,7 +36,7 @@ def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Te
         [forward * 2, (gap / scale)[:, None] * 2, (width / scale)[:, None]], axis=1
     )
     some = np.unique(np.linspace(0, person.frames - 1, MOST_COMPARED).round().astype(int))
-    sharp = eye_sharpness(person)[some]
+    sharp = eye_sharpness(person, some)
     may = some[sharp >= np.quantile(sharp, SOFT)]
     apart = ((traits[some, None] - traits[may]) ** 2).sum(-1)
     return torch.from_numpy(may[medoids(apart, count)])
@@ -66,12 +66,12 @@ def medoids(apart: np.ndarray, count: int) -> list[int]:
     return chosen
 
 
-def eye_sharpness(person: Identity) -> np.ndarray:
-    """Gradient energy of the luminance round the eyes of each frame, (T,); 0 where none is seen."""
-    energy = np.zeros(person.frames)
-    for t, region in enumerate(person.regions):
-        rows, columns = torch.nonzero(region == EYES).unbind(1)
+def eye_sharpness(person: Identity, frames: np.ndarray) -> np.ndarray:
+    """Gradient energy of the luminance round the eyes of frames (F,); 0 where none is seen."""
+    energy = np.zeros(len(frames))
+    for n, t in enumerate(frames):
+        rows, columns = torch.nonzero(person.regions[t] == EYES).unbind(1)
         if rows.numel() and rows.min() < rows.max() and columns.min() < columns.max():
             box = torch.stack([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
-            energy[t] = gradient_energy(crop(person.images[t].float() / 255, box))
+            energy[n] = gradient_energy(crop(person.images[t].float() / 255, box))
     return energy

@@ -25,7 +25,9 @@ def test_references_stand_for_all_poses_and_are_sharp() -> None:
     size[sharp] = 120
     images = (90 + size[:, None, None, None] * grain).expand(-1, -1, -1, 3).to(torch.uint8)
     someone = replace(someone, c2w=c2w, images=images)
-    assert set(np.argsort(eye_sharpness(someone))[-len(sharp) :]) == set(sharp.tolist())
+    found = eye_sharpness(someone, np.arange(count))
+    assert set(np.argsort(found)[-len(sharp) :]) == set(sharp.tolist())
+    assert np.array_equal(eye_sharpness(someone, np.array([7, 3])), found[[7, 3]])
     landmarks = np.zeros((count, 478, 2))
     landmarks[:, OUTER_LIP] = np.stack(
         [np.linspace(220, 280, len(OUTER_LIP)), np.full(len(OUTER_LIP), 300.0)], -1
@@ -48,4 +50,4 @@ def test_medoids_stand_for_many_and_are_exchanged_for_better_ones() -> None:
 def test_frames_whose_eyes_are_not_seen_are_not_sharp() -> None:
     someone = person()
     regions = torch.where(someone.regions == EYES, HEAD, someone.regions).to(torch.uint8)
-    assert not eye_sharpness(replace(someone, regions=regions)).any()
+    assert not eye_sharpness(replace(someone, regions=regions), np.arange(someone.frames)).any()
