@@ -57,11 +57,13 @@ def carve(
     for k, frame in enumerate(torch.randperm(len(told), generator=generator)[:FRAMES].tolist()):
         where = torch.rand(count, 3, generator=generator).to(device) - 0.5
         points = centres + where * size
-        directions = F.normalize(points - c2w[frame, :, 3].to(device), dim=-1)
+        origin = c2w[frame, :, 3].to(device)
+        directions = F.normalize(points - origin, dim=-1)
         samples = PackedSamples(points, ray, zero, torch.zeros_like(thickest), 1, count)
         # Shut lids lie where open eyes have nothing, and blinks are rare.
         codes = (asleep if k % 2 else told)[frame : frame + 1]
-        out = evaluate(model, samples, directions, zero, codes, maps, True)
+        near = None if maps is None else maps.near(origin, model.config.field.references)
+        out = evaluate(model, samples, directions, zero, codes, near, True)
         opacity = -torch.expm1(-out.density * model.config.march.step)
         thickest = torch.maximum(thickest, opacity)
     grid.occupied.view(-1)[open_cells] = thickest >= THIN

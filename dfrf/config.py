@@ -13,8 +13,8 @@ from typing import Any
 # person learns by default.
 FORMATS = {"fast": "dfrf-1", "paper": "dfrf-paper-1"}
 STEPS = {"fast": 1500, "paper": 40_000}
-# References of the variants that `fast` is compared with, and all presets that start from its base.
-REFERENCE_COUNTS = {"fast-1": 1, "fast-2": 2, "fast-6": 6}
+# Fixed references of the variants that `fast` is compared with, and all that start from its base.
+REFERENCE_COUNTS = {"fast-1": 1, "fast-2": 2, "fast-4": 4, "fast-6": 6}
 FROM_BASE = ("fast", "fast-nowarp", *REFERENCE_COUNTS)
 PUBLISHED_SPEECH = "deepspeech"  # the features that published checkpoints hear
 
@@ -37,7 +37,8 @@ class FieldConfig:
         speech_dim: width D of the speech features (windows of 16 x D).
         code_dim: width of the speech code A.
         upper_dim: measures of the upper face that stand beside the code.
-        references: number N of reference frames; 0 for a field without references.
+        references: number N of references that a point is looked up in; 0 for a field without.
+        shown: frames a person is shown by; of these the N nearest to a view are its references.
         use_speech: False leaves A out (a plain NeRF).
         use_warp: False looks references up where they project, equation (1), without (3) and (4).
         feature_dim: channels of the reference features, colour and matte (4) included.
@@ -49,7 +50,8 @@ class FieldConfig:
     speech_dim: int = 80
     code_dim: int = 64
     upper_dim: int = 6
-    references: int = 4
+    references: int = 5
+    shown: int = 12
     use_speech: bool = True
     use_warp: bool = True
     feature_dim: int = 32

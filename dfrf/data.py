@@ -20,6 +20,7 @@ from dfrf.views import ReferenceViews
 # Codes of the region map: where rays are drawn.
 OUTSIDE, RIM, HEAD, MOUTH, EYES = 0, 1, 2, 3, 4
 HEAD_MATTE = 13  # of 255: what counts as head
+ALIKE = 0.25  # of a person's frames, those turned nearest to one of them
 # The measures of the upper face of a mirrored person: which measure each one is, and its sign.
 # Lids left, right, brows left, right, gaze to the right, gaze downwards.
 MIRRORED_UPPER = ((1, 1), (0, 1), (3, 1), (2, 1), (4, -1), (5, 1))
@@ -121,10 +122,21 @@ def neighbour_windows(windows: Tensor, segment: Tensor, frames: Tensor, count: i
     return windows[index]
 
 
-def draw_rays(person: Identity, config: TrainConfig, generator: torch.Generator) -> RayBatch:
-    """Rays by importance: mouth, eyes, rim, the rest of the head, outside; of a few frames."""
-    frames = torch.randint(person.frames, (config.frames,), generator=generator)
-    per_frame = config.rays // config.frames
+def frames_alike(person: Identity, count: int, generator: torch.Generator) -> Tensor:
+    """Any frame of a person, and others among the `ALIKE` that show the head most nearly as it."""
+    seen_from = F.normalize(person.c2w[:, :, 3], dim=-1)
+    one = torch.randint(person.frames, (1,), generator=generator)
+    apart = (seen_from - seen_from[one]).norm(dim=-1)
+    alike = apart.argsort()[: max(count, round(ALIKE * person.frames))]
+    others = torch.randint(len(alike), (count - 1,), generator=generator)
+    return torch.cat([one, alike[others]])
+
+
+def draw_rays(
+    person: Identity, frames: Tensor, config: TrainConfig, generator: torch.Generator
+) -> RayBatch:
+    """Rays of frames (F,) by importance: mouth, eyes, rim, the rest of the head, outside."""
+    per_frame = config.rays // len(frames)
     beside = config.rim_share + config.outside_share
     shares = (
         (MOUTH, config.mouth_share),

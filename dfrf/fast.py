@@ -17,7 +17,14 @@ from dfrf import device as devices
 from dfrf.carving import carve
 from dfrf.compactness import distortion_loss, surface_loss
 from dfrf.config import TrainConfig
-from dfrf.data import Identity, RayBatch, cut_references, draw_rays, surface_rays
+from dfrf.data import (
+    Identity,
+    RayBatch,
+    cut_references,
+    draw_rays,
+    frames_alike,
+    surface_rays,
+)
 from dfrf.frames import render_frame
 from dfrf.lips import learn_lips, shown_codes, shut_lips, spoken_codes
 from dfrf.losses import weighted_warp_penalty
@@ -28,7 +35,7 @@ from dfrf.rendering import render_rays
 from dfrf.views import ReferenceMaps, ReferenceViews
 from dfrf.workers import Workers
 
-SHARES = 4  # of a step's rays on a CPU: as many cores work side by side
+SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
 FRAMES_AT_ONCE = 8
 SURFACE_RAYS = 24
 UNSURE = 0.05  # a matte further than that from 0 and 1 is not sure
@@ -55,12 +62,16 @@ class FastShare:
 def draw_shares(
     person: Identity, known: Tensor, config: TrainConfig, generator: torch.Generator, count: int
 ) -> list[FastShare]:
-    """Shares of a step's rays, on the device of `known` (T, told_dim)."""
+    """Shares of a step's rays, on the device of `known` (T, told_dim).
+
+    The rays of a share look at the same references, so its frames show the head alike.
+    """
     device = known.device
     part = replace(config, rays=config.rays // count, frames=max(1, config.frames // count))
     shares = []
     for _ in range(count):
-        batch = draw_rays(person, part, generator).to(device)
+        frames = frames_alike(person, part.frames, generator)
+        batch = draw_rays(person, frames, part, generator).to(device)
         jitter = torch.rand(batch.frame.numel(), generator=generator).to(device)
         surface = surface_rays(person, batch.frames, SURFACE_RAYS, generator)
         told = known[batch.frames.to(device)]
@@ -155,6 +166,10 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
     def references(self) -> int:
         return self.model.config.field.references
 
+    @property
+    def shown(self) -> int:
+        return self.model.config.field.shown if self.references else 0
+
     def views(
         self, person: Identity, frames: Tensor, asked: Tensor | None = None
     ) -> ReferenceViews:
@@ -189,8 +204,7 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
         self, person: Identity, config: TrainConfig, generator: torch.Generator
     ) -> list[FastShare]:
         known = self.known[person.name]
-        count = SHARES if known.device.type == "cpu" else 1
-        return draw_shares(person, known, config, generator, count)
+        return draw_shares(person, known, config, generator, SHARES)
 
     def outcome(
         self,

@@ -52,11 +52,10 @@ class ReferenceEncoder(nn.Module):
 
     def forward(self, views: ReferenceViews) -> ReferenceMaps:
         """Feature table of the references, (N * H * W, C) float32."""
-        height, width = views.mattes.shape[1:]
         # One by one: the layers of all of them need not be in memory at once.
         shown = zip(views.images.split(1), views.mattes.split(1), strict=True)
         table = torch.cat([self.features(image, matte).flatten(0, 2) for image, matte in shown])
-        return ReferenceMaps(table, height, width, views)
+        return ReferenceMaps.of(table, views)
 
     def features(self, images: Tensor, mattes: Tensor) -> Tensor:
         """Features (N, H, W, C) of images (N, H, W, 3) and mattes (N, H, W), uint8."""
@@ -108,13 +107,26 @@ class Aggregation(nn.Module):
         self.out_dim = config.token_dim + config.feature_dim + 3
 
     def forward(
-        self, feature: Tensor, view: Tensor, point: Tensor, code: Tensor, belongs: Tensor
+        self,
+        feature: Tensor,
+        view: Tensor,
+        say: Tensor,
+        point: Tensor,
+        code: Tensor,
+        belongs: Tensor,
     ) -> tuple[Tensor, Tensor]:
-        """From features (N, M, C) and view differences (N, M, 4) to (M, out_dim) and (N, M)."""
+        """Feature (M, out_dim) and weights (N, M) of the references at M points.
+
+        Args:
+            feature: (N, M, C); view: (N, M, 4) differences.
+            say: (N,) logarithm of how much say each reference has before it is looked at.
+            point: (M, P) encoded; code: (F, A) what is told of each frame.
+            belongs: (M, F) 1 where a point belongs to a frame.
+        """
         shared = self.point(point) + of_points(self.speech(code), belongs)
         token = self.feature(torch.cat([feature, view], -1)).add_(shared)
         token = F.relu(token, inplace=True)
-        weight = self.logit(token).squeeze(-1).float().softmax(0)
+        weight = (self.logit(token).squeeze(-1).float() + say[:, None]).softmax(0)
         w = weight[..., None].to(feature.dtype)
         mean = weighted_sum(w, feature)
         spread = weighted_sum(w, (feature[..., COLOUR] - mean[..., COLOUR]) ** 2)

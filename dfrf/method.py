@@ -85,6 +85,11 @@ class Method(ABC, Generic[ShareT, MapsT]):
     def references(self) -> int:
         """Number N of reference frames; 0 for a model without references."""
 
+    @property
+    def shown(self) -> int:
+        """Number of frames that a person is shown by; of these, references can be chosen."""
+        return self.references
+
     @abstractmethod
     def views(
         self, person: Identity, frames: Tensor, asked: Tensor | None = None

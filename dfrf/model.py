@@ -206,7 +206,9 @@ class Field(nn.Module):
             offset = self.warp(asked.encoded, codes, asked.belongs, at)
         feature = maps.read(projected + offset * views.scale, which)
         towards = views.differences(asked.points, asked.directions, which).to(feature.dtype)
-        fused, weight = self.aggregation(feature, towards, asked.encoded, codes, asked.belongs)
+        fused, weight = self.aggregation(
+            feature, towards, maps.say[which], asked.encoded, codes, asked.belongs
+        )
         return fused, (weight[..., None] * feature[..., COLOUR].float()).sum(0), offset
 
     def seen(

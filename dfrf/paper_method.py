@@ -142,8 +142,9 @@ class PaperMethod(Method[PaperShare, ReferenceMaps]):
     def _share(
         self, person: Identity, config: TrainConfig, generator: torch.Generator
     ) -> PaperShare:
-        batch = draw_rays(person, config, generator).to(self.model.device)
-        frame = int(batch.frames[0])
+        frames = torch.randint(person.frames, (1,), generator=generator)
+        batch = draw_rays(person, frames, config, generator).to(self.model.device)
+        frame = int(frames)
         return PaperShare(
             batch=batch,
             directions=along_axis(batch.directions, person.c2w[frame]),

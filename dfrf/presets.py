@@ -105,7 +105,7 @@ def model_config(preset: str, speech_dim: int) -> ModelConfig | PaperConfig:
     fields = {
         "fast": fast,
         "fast-alone": fast,
-        **{name: replace(fast, references=count) for name, count in REFERENCE_COUNTS.items()},
+        **{name: replace(fast, references=n, shown=n) for name, n in REFERENCE_COUNTS.items()},
         "fast-nowarp": FieldConfig(speech_dim=speech_dim, use_warp=False),
         "ad-nerf": FieldConfig(speech_dim=speech_dim, references=0, use_warp=False),
         "nerf": FieldConfig(speech_dim=speech_dim, references=0, use_warp=False, use_speech=False),

@@ -50,7 +50,8 @@ def draw_exam(person: Identity, method: Method[Any, Any], config: TrainConfig) -
         config: how many rays and frames.
     """
     generator = torch.Generator().manual_seed(SEED)
-    batch = draw_rays(person, config, generator)
+    some = torch.randint(person.frames, (config.frames,), generator=generator)
+    batch = draw_rays(person, some, config, generator)
     references = method.references
     if not references:
         return Exam(person, batch, None)

@@ -14,6 +14,9 @@ from torch import Tensor
 
 from dfrf.cameras import project
 
+FADE = 6  # power by which a reference's say falls with its turn, to nothing at the first left out
+LEAST = 1e-4  # of a say, whose logarithm is taken
+
 
 def bilinear_rows(points: Tensor, height: int, width: int, first: Tensor) -> tuple[Tensor, Tensor]:
     """The four table rows round each position and their bilinear weights.
@@ -98,18 +101,65 @@ class ReferenceViews:
 
 @dataclass(frozen=True)
 class ReferenceMaps:
-    """Reference features F_n as one channels-last table, (N * H * W, C), with their cameras."""
+    """Reference features F_n as one channels-last table, (N * H * W, C), with their cameras.
+
+    Attributes:
+        views: the views that are looked at, some of those in the table.
+        number: (n,) which of the table's each of them is.
+        say: (n,) logarithm of how much say each has, where all else is equal.
+    """
 
     table: Tensor
     height: int
     width: int
     views: ReferenceViews
+    number: Tensor
+    say: Tensor
+
+    @classmethod
+    def of(cls, table: Tensor, views: ReferenceViews) -> Self:
+        """All views, with features (N * H * W, C)."""
+        count, height, width = views.mattes.shape
+        number = torch.arange(count, device=table.device)
+        return cls(table, height, width, views, number, torch.zeros(count, device=table.device))
+
+    def near(self, origin: Tensor, count: int) -> ReferenceMaps:
+        """Those of `count` references that show the head most nearly as it is seen from `origin`.
+
+        The say of a reference fades before another takes its place, so that nothing jumps while a
+        head turns.
+
+        Args:
+            origin: (3,) head frame.
+
+        Returns:
+            Maps with the same table, whose views have no pictures any more.
+        """
+        views = self.views
+        faces = F.normalize(views.c2w[views.faces, :, 3], dim=-1)
+        if len(faces) <= count:
+            return self
+        turned = (faces - F.normalize(origin, dim=0)).norm(dim=-1)
+        turned, nearest = turned.topk(count + 1, largest=False)
+        share = 1 - (turned[:-1] / turned[-1].clamp_min(LEAST)) ** FADE
+        some = torch.cat([nearest[:-1], torch.arange(len(faces), len(self.number)).to(nearest)])
+        return replace(
+            self,
+            views=replace(
+                views,
+                images=views.images[:0],
+                mattes=views.mattes[:0],
+                c2w=views.c2w[some],
+                centres=views.centres[some],
+                upper=views.upper[some],
+            ),
+            number=self.number[some],
+            say=torch.cat([share.clamp_min(LEAST).log(), self.say[views.shut]]),
+        )
 
     def first_rows(self, views: slice) -> Tensor:
         """Row of the table where each of the views begins, (n, 1)."""
-        count = self.views.c2w.shape[0]
-        first = torch.arange(count, device=self.table.device) * (self.height * self.width)
-        return first[views, None]
+        return self.number[views, None] * (self.height * self.width)
 
     def nearest(self, positions: Tensor, views: slice) -> Tensor:
         """Features (n, M, C) of the pixels nearest to positions (n, M, 2), as they were stored.

@@ -164,8 +164,8 @@ def evaluate(
         list[str] | None,
         typer.Option(
             "--method",
-            help="dfrf, dfrf-nowarp, dfrf-alone (no base), dfrf-1, dfrf-2 or dfrf-6 (so many "
-            "references), paper, ad-nerf or nerf; may be repeated.",
+            help="dfrf, dfrf-nowarp, dfrf-alone (no base), dfrf-1, -2, -4 or -6 (so many "
+            "references, always the same), paper, ad-nerf or nerf; may be repeated.",
         ),
     ] = None,
     only: Only = None,

@@ -29,6 +29,7 @@ PRESET_OF_METHOD = {
     "dfrf-alone": "fast-alone",
     "dfrf-1": "fast-1",
     "dfrf-2": "fast-2",
+    "dfrf-4": "fast-4",
     "dfrf-6": "fast-6",
     "paper": "paper",
     "ad-nerf": "ad-nerf",
@@ -54,8 +55,8 @@ def evaluate(
 
     Args:
         manifest: its dubs are not needed.
-        methods: dfrf (the `fast` preset), dfrf-nowarp, dfrf-alone (without a base), dfrf-1, -2, -6
-            (so many references), paper, ad-nerf, nerf.
+        methods: dfrf (the `fast` preset), dfrf-nowarp, dfrf-alone (without a base), dfrf-1, -2, -4,
+            -6 (so many references, the same in every frame), paper, ad-nerf, nerf.
         only: names of identities; all when empty.
         seconds: of the held-out part that are tested, its first; all when None.
         lpips_weights: files with the published weights of LPIPS; not measured when empty.

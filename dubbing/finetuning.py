@@ -141,7 +141,7 @@ def finetune(
     config = trainings.alone if base is None else trainings.finetune
     config = replace(presets.lasting(config, settings.iterations), seed=settings.seed)
     method = method_of(model)
-    references = reference_frames(person, clip, first, method.references)
+    references = reference_frames(person, clip, first, method.shown)
     try:
         person, curve = learn(
             model,

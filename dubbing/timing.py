@@ -23,6 +23,7 @@ from dfrf.cameras import pixel_rays
 from dfrf.data import neighbour_windows
 from dfrf.frames import head_tiles, render_frame, tile_side
 from dfrf.marching import march
+from dfrf.methods import method_of
 from dfrf.model import REACH, Model
 from dfrf.paper import PaperModel, References
 from dfrf.pose_refinement import normal_equations
@@ -150,7 +151,8 @@ def frame_rows(scene: Scene) -> list[Row]:
         project = partial(head_tiles, model, camera[0], focal, camera[1], size, side)
         note("project the grid", project, pixels.numel(), "rays")
         note("march", step_through, found, "samples")
-        field = partial(evaluate, model, samples, rays[1], owner, codes, scene.maps, True)
+        near = scene.maps and scene.maps.near(camera[0][:, 3], model.config.field.references)
+        field = partial(evaluate, model, samples, rays[1], owner, codes, near, True)
         note("field, every sample", field, found, "samples")
         note(
             "head, what is seen",
@@ -194,7 +196,7 @@ def paper_row(scene: Scene) -> Row:
     assert scene.maps is not None
     device, size = scene.device, scene.clip.size
     model = PaperModel().to(device).eval().requires_grad_(False)
-    maps = model.encode(whole_faces(scene.maps.views))
+    maps = model.encode(whole_faces(scene.maps.views, scene.model.config.field.references))
     frame = scene.frames[0]
     camera = scene.camera(frame)
     head = head_tiles(scene.model, camera[0], float(scene.clip.focal), camera[1], size, 1).view(-1)
@@ -217,9 +219,9 @@ def paper_row(scene: Scene) -> Row:
     )
 
 
-def whole_faces(views: ReferenceViews) -> References:
-    """References as the published model takes them: none of shut eyes."""
-    faces = views.faces
+def whole_faces(views: ReferenceViews, count: int) -> References:
+    """Some of the references as the published model takes them: none of shut eyes."""
+    faces = slice(0, min(count, views.faces.stop))
     images = views.images[faces].float() / 255
     return References(images, views.c2w[faces], views.focal, views.centres[faces])
 
@@ -229,7 +231,7 @@ def training_row(scene: Scene, prepared: Path) -> Row:
     person = load_identity("timed", prepared, scene.windows, 0, TRAINING_FRAMES)
     model = presets.adapt(scene.model, scene.model.config)
     config = replace(presets.FINETUNE, iterations=TRAINING_STEPS)
-    references = reference_frames(person, scene.clip, 0, model.config.field.references)
+    references = reference_frames(person, scene.clip, 0, method_of(model).shown)
     chosen = None if references is None else {person.name: references}
     curve = fit(model, [person], config, references=chosen, device=scene.device.type)
     first, last = curve.rows[1][3], curve.rows[-1][3]

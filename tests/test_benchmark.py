@@ -30,8 +30,9 @@ def test_the_table_tells_pace_work_and_share() -> None:
 
 def test_the_published_model_is_not_shown_the_view_of_shut_eyes() -> None:
     views = cut_references(person(), torch.tensor([0, 2, 5]))
-    whole = whole_faces(replace(views, blinks=1))
+    whole = whole_faces(replace(views, blinks=1), 4)
     torch.testing.assert_close(whole.images * 255, views.images[:2].float())
     torch.testing.assert_close(whole.c2w, views.c2w[:2])
     torch.testing.assert_close(whole.centre, views.centres[:2])
-    assert whole_faces(views).images.shape[0] == 3
+    assert whole_faces(views, 4).images.shape[0] == 3
+    assert whole_faces(views, 2).images.shape[0] == 2

@@ -12,9 +12,15 @@ def fast(preset: str) -> ModelConfig:
     return config
 
 
-@pytest.mark.parametrize(("preset", "count"), [("fast-1", 1), ("fast", 4), ("fast-6", 6)])
+@pytest.mark.parametrize(("preset", "count"), [("fast-1", 1), ("fast-4", 4), ("fast-6", 6)])
 def test_numbers_of_references(preset: str, count: int) -> None:
-    assert fast(preset).field.references == count
+    field = fast(preset).field
+    assert field.references == field.shown == count
+
+
+def test_a_person_is_shown_by_more_frames_than_are_looked_at() -> None:
+    field = fast("fast").field
+    assert 0 < field.references < field.shown
 
 
 def test_everything_that_a_base_serves_takes_all_it_has() -> None:

@@ -62,11 +62,23 @@ def test_what_lies_beside_a_steep_jaw_goes_on_into_the_rim_of_the_hole() -> None
     wall = np.tile(WALL.astype(np.float32), (512, 512, 1))
     out = restore(image, region, wall, (colour, share))
     assert np.array_equal(out[~region], image[~region])
-    np.testing.assert_allclose(out[150:250, 295:300], np.tile(SKIN, (100, 5, 1)), atol=1)
+    np.testing.assert_allclose(out[150:250, 298:300], np.tile(SKIN, (100, 2, 1)), atol=8)
+    np.testing.assert_allclose(out[150:250, 295:300], np.tile(SKIN, (100, 5, 1)), atol=20)
     # It fades out, and where there is wall beside the hole the wall goes on.
     np.testing.assert_array_equal(out[150:250, 289], np.tile(WALL, (100, 1)))
-    np.testing.assert_array_equal(out[150:250, 200:205], np.tile(WALL, (100, 5, 1)))
+    np.testing.assert_allclose(out[150:250, 200:205], np.tile(WALL, (100, 5, 1)), atol=3)
     assert (share[150:250, 291:300] > 0).all()
+
+
+def test_stripes_beside_a_hole_do_not_go_on_into_it() -> None:
+    image = np.tile(SKIN, (512, 512, 1))
+    image[::2] = SKIN // 2
+    person = np.ones((512, 512), np.float32)
+    region = np.zeros((512, 512), bool)
+    region[100:300, 200:300] = True
+    nothing = np.zeros((512, 512, 3), np.float32), np.zeros((512, 512), np.float32)
+    colour, _ = rim(image, region, person, nothing)
+    assert np.abs(np.diff(colour[150:250, 295, 0])).max() < 0.2 * SKIN[0] / 2
 
 
 def test_a_rim_without_a_hole_is_what_grows() -> None:
