@@ -17,6 +17,7 @@ from dfrf import device as devices
 from dfrf.carving import carve
 from dfrf.compactness import distortion_loss, surface_loss
 from dfrf.config import TrainConfig
+from dfrf.crispness import crisp
 from dfrf.data import (
     Identity,
     RayBatch,
@@ -260,7 +261,8 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
         model = self.model.rounded()
 
         def one(t: int) -> tuple[Tensor, Tensor]:
-            return render_frame(model, c2w[t], focal, centres[t], told[t], maps, size)
+            colour, opacity = render_frame(model, c2w[t], focal, centres[t], told[t], maps, size)
+            return crisp(colour, opacity), opacity
 
         with Workers(c2w.device, FRAMES_AT_ONCE) as workers:
             yield from workers.map(one, range(c2w.shape[0]))
