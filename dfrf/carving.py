@@ -62,8 +62,7 @@ def carve(
         samples = PackedSamples(points, ray, zero, torch.zeros_like(thickest), 1, count)
         # Shut lids lie where open eyes have nothing, and blinks are rare.
         codes = (asleep if k % 2 else told)[frame : frame + 1]
-        field = model.config.field
-        near = None if maps is None else maps.near(origin, field.references, field.common)
+        near = None if maps is None else maps.near(origin, model.config.field.references)
         out = evaluate(model, samples, directions, zero, codes, near, True)
         opacity = -torch.expm1(-out.density * model.config.march.step)
         thickest = torch.maximum(thickest, opacity)

@@ -38,8 +38,7 @@ class FieldConfig:
         code_dim: width of the speech code A.
         upper_dim: measures of the upper face that stand beside the code.
         references: number N of references that a point is looked up in; 0 for a field without.
-        shown: frames a person is shown by, of which N are the references of a view.
-        common: references that all views have, the first shown; the others are near to the view.
+        shown: frames a person is shown by; of these the N nearest to a view are its references.
         use_speech: False leaves A out (a plain NeRF).
         use_warp: False looks references up where they project, equation (1), without (3) and (4).
         feature_dim: channels of the reference features, colour and matte (4) included.
@@ -53,7 +52,6 @@ class FieldConfig:
     upper_dim: int = 6
     references: int = 5
     shown: int = 12
-    common: int = 2
     use_speech: bool = True
     use_warp: bool = True
     feature_dim: int = 32

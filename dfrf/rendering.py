@@ -118,15 +118,14 @@ def render_rays(
         origins, directions: (R, 3) head frame, directions of unit length.
         frame: (R,) index into codes.
         codes: (F, A) what the field is told of each frame.
-        maps: reference features, or None. All rays look at those near to the middle of their
+        maps: reference features, or None. All rays look at those nearest to the middle of their
             origins.
         jitter: (R,) in 0..1 shifts the samples of a ray by part of a step.
         warp: False in the coarse stage.
         group, between: neighbours in turn, and how far to look along each; see `march`.
     """
     if maps is not None:
-        field = model.config.field
-        maps = maps.near(origins.mean(0), field.references, field.common)
+        maps = maps.near(origins.mean(0), model.config.field.references)
     samples = march(origins, directions, model.grid, model.config.march, jitter, group, between)
     look = evaluate if torch.is_grad_enabled() else evaluate_until_opaque
     out = look(model, samples, directions, frame, codes, maps, warp)

@@ -123,16 +123,14 @@ class ReferenceMaps:
         number = torch.arange(count, device=table.device)
         return cls(table, height, width, views, number, torch.zeros(count, device=table.device))
 
-    def near(self, origin: Tensor, count: int, common: int) -> ReferenceMaps:
-        """Some references for all views, and those that show the head most as `origin` sees it.
+    def near(self, origin: Tensor, count: int) -> ReferenceMaps:
+        """Those of `count` references that show the head most nearly as it is seen from `origin`.
 
-        What all views have in common keeps mouths and poses of frames alike that are turned
-        otherwise. The say of the others fades before another takes its place, so that nothing jumps
-        while a head turns.
+        The say of a reference fades before another takes its place, so that nothing jumps while a
+        head turns.
 
         Args:
             origin: (3,) head frame.
-            count: how many references, `common` included, which are the first.
 
         Returns:
             Maps with the same table, whose views have no pictures any more.
@@ -141,11 +139,10 @@ class ReferenceMaps:
         faces = F.normalize(views.c2w[views.faces, :, 3], dim=-1)
         if len(faces) <= count:
             return self
-        turned = (faces[common:] - F.normalize(origin, dim=0)).norm(dim=-1)
-        turned, nearest = turned.topk(count - common + 1, largest=False)
+        turned = (faces - F.normalize(origin, dim=0)).norm(dim=-1)
+        turned, nearest = turned.topk(count + 1, largest=False)
         share = 1 - (turned[:-1] / turned[-1].clamp_min(LEAST)) ** FADE
-        every = torch.arange(len(self.number), device=nearest.device)
-        some = torch.cat([every[:common], common + nearest[:-1], every[views.shut]])
+        some = torch.cat([nearest[:-1], torch.arange(len(faces), len(self.number)).to(nearest)])
         return replace(
             self,
             views=replace(
@@ -157,7 +154,7 @@ class ReferenceMaps:
                 upper=views.upper[some],
             ),
             number=self.number[some],
-            say=torch.cat([self.say[:common], share.clamp_min(LEAST).log(), self.say[views.shut]]),
+            say=torch.cat([share.clamp_min(LEAST).log(), self.say[views.shut]]),
         )
 
     def first_rows(self, views: slice) -> Tensor:

@@ -151,8 +151,7 @@ def frame_rows(scene: Scene) -> list[Row]:
         project = partial(head_tiles, model, camera[0], focal, camera[1], size, side)
         note("project the grid", project, pixels.numel(), "rays")
         note("march", step_through, found, "samples")
-        sizes = model.config.field
-        near = scene.maps and scene.maps.near(camera[0][:, 3], sizes.references, sizes.common)
+        near = scene.maps and scene.maps.near(camera[0][:, 3], model.config.field.references)
         field = partial(evaluate, model, samples, rays[1], owner, codes, near, True)
         note("field, every sample", field, found, "samples")
         note(

@@ -17,14 +17,7 @@ FOCAL = 110.0
 def small_config(**changes: object) -> ModelConfig:
     """The `fast` configuration made tiny."""
     field = FieldConfig(
-        speech_dim=8,
-        references=2,
-        common=1,
-        feature_dim=12,
-        cnn_width=8,
-        token_dim=8,
-        width=16,
-        depth=2,
+        speech_dim=8, references=2, feature_dim=12, cnn_width=8, token_dim=8, width=16, depth=2
     )
     field = FieldConfig(**{**field.__dict__, **changes})
     return ModelConfig(preset="fast", march=MarchConfig(resolution=24, step=0.1), field=field)

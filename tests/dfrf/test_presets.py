@@ -20,7 +20,7 @@ def test_numbers_of_references(preset: str, count: int) -> None:
 
 def test_a_person_is_shown_by_more_frames_than_are_looked_at() -> None:
     field = fast("fast").field
-    assert 0 < field.common < field.references < field.shown
+    assert 0 < field.references < field.shown
 
 
 def test_everything_that_a_base_serves_takes_all_it_has() -> None:
