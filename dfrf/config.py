@@ -38,7 +38,8 @@ class FieldConfig:
         code_dim: width of the speech code A.
         upper_dim: measures of the upper face that stand beside the code.
         references: number N of references that a point is looked up in; 0 for a field without.
-        shown: frames a person is shown by; of these the N nearest to a view are its references.
+        shown: frames a person can be shown by; of more than N the nearest to a view are its
+            references.
         use_speech: False leaves A out (a plain NeRF).
         use_warp: False looks references up where they project, equation (1), without (3) and (4).
         feature_dim: channels of the reference features, colour and matte (4) included.

@@ -87,7 +87,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
 
     @property
     def shown(self) -> int:
-        """Number of frames that a person is shown by; of these, references can be chosen."""
+        """Number of frames that a person can be shown by, to choose N from for every view."""
         return self.references
 
     @abstractmethod

@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -16,6 +17,7 @@ from dfrf import checkpoint, presets
 from dfrf.config import PUBLISHED_SPEECH, TrainConfig, family
 from dfrf.data import Identity
 from dfrf.head import HeadModel
+from dfrf.method import Method
 from dfrf.methods import method_of
 from dfrf.training import Curve, Progress, TrainingDivergedError, fit
 from dubbing import features, media
@@ -23,7 +25,7 @@ from dubbing.errors import CheckpointError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text
 from dubbing.identity import load_identity
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.reference_choice import choose_references
+from dubbing.reference_choice import choose_references, turns_far
 from dubbing.refining import refined, refines
 
 MODEL_FILE = "model.safetensors"
@@ -141,7 +143,7 @@ def finetune(
     config = trainings.alone if base is None else trainings.finetune
     config = replace(presets.lasting(config, settings.iterations), seed=settings.seed)
     method = method_of(model)
-    references = reference_frames(person, clip, first, method.shown)
+    references = reference_frames(person, clip, first, method)
     try:
         person, curve = learn(
             model,
@@ -257,11 +259,16 @@ def clip_windows(
 
 
 def reference_frames(
-    person: Identity, clip: PreparedClip, first: int, count: int
+    person: Identity, clip: PreparedClip, first: int, method: Method[Any, Any]
 ) -> torch.Tensor | None:
-    """Which frames of `person` become references; None for a method without them."""
-    if not count:
+    """Which frames a person is shown by; None for a method without references.
+
+    As many as a frame looks at, all of them the same for every frame; more to choose the nearest
+    from where the head turns far.
+    """
+    if not method.references:
         return None
+    count = method.shown if turns_far(person) else method.references
     return choose_references(person, clip.landmarks[own_frames(person, clip, first)], count)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from dfrf.data import EYES, Identity
@@ -14,6 +15,17 @@ UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
 MOST_COMPARED = 1000  # frames: more show little that is new
 EXCHANGE = 1e-9  # of the mean distance: less is rounding
 SOFT = 2 / 3  # share of the frames
+# Root mean square turn (rad) beyond which each frame looks at the references near to it. Below, the
+# same ones for all frames serve other shots better: nothing changes with the pose.
+FAR = np.radians(4)
+
+
+def turns_far(person: Identity) -> bool:
+    """Whether a head is seen from sides so different that no few frames stand for all."""
+    seen_from = F.normalize(person.c2w[:, :, 3], dim=-1)
+    middle = F.normalize(seen_from.mean(0), dim=0)
+    turns = torch.acos((seen_from @ middle).clamp(-1, 1))
+    return bool(turns.square().mean().sqrt() > FAR)
 
 
 def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Tensor:

@@ -231,7 +231,7 @@ def training_row(scene: Scene, prepared: Path) -> Row:
     person = load_identity("timed", prepared, scene.windows, 0, TRAINING_FRAMES)
     model = presets.adapt(scene.model, scene.model.config)
     config = replace(presets.FINETUNE, iterations=TRAINING_STEPS)
-    references = reference_frames(person, scene.clip, 0, method_of(model).shown)
+    references = reference_frames(person, scene.clip, 0, method_of(model))
     chosen = None if references is None else {person.name: references}
     curve = fit(model, [person], config, references=chosen, device=scene.device.type)
     first, last = curve.rows[1][3], curve.rows[-1][3]

@@ -1,12 +1,16 @@
 """Which frames become references."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
+import pytest
 import torch
 
-from dfrf.data import EYES, HEAD
-from dubbing.reference_choice import choose_references, eye_sharpness, medoids
+from dfrf.data import EYES, HEAD, Identity
+from dubbing import finetuning
+from dubbing.reference_choice import choose_references, eye_sharpness, medoids, turns_far
 from dubbing.sync.mouth import OUTER_LIP
 from tests.dfrf.people import person
 
@@ -51,3 +55,44 @@ def test_frames_whose_eyes_are_not_seen_are_not_sharp() -> None:
     someone = person()
     regions = torch.where(someone.regions == EYES, HEAD, someone.regions).to(torch.uint8)
     assert not eye_sharpness(replace(someone, regions=regions), np.arange(someone.frames)).any()
+
+
+def turned(degrees: float, nods: float = 0.0) -> Identity:
+    """A person who looks so far to one side and the other, and nods so far, in turn."""
+    someone = person(frames=8)
+    across = torch.deg2rad(torch.tensor([degrees, -degrees, 0, 0] * 2))
+    up = torch.deg2rad(torch.tensor([0, 0, nods, -nods] * 2))
+    seen_from = 7 * torch.stack([across.sin(), up.sin(), across.cos() * up.cos()], -1)
+    c2w = torch.cat([someone.c2w[:, :, :3], seen_from[..., None]], -1)
+    return replace(someone, c2w=c2w)
+
+
+def test_a_head_turns_far_by_the_root_mean_square_of_its_turns() -> None:
+    # Half of the frames are turned, so the whole turns by 1 / sqrt 2 of that.
+    assert not turns_far(turned(5.5))
+    assert turns_far(turned(5.9))
+    assert not turns_far(turned(3.9, nods=3.9))
+    assert turns_far(turned(4.1, nods=4.1))
+    still = turned(3.9)
+    aside = torch.tensor([[0.6, 0, 0.8], [0, 1, 0], [-0.8, 0, 0.6]])
+    assert not turns_far(replace(still, c2w=aside @ still.c2w))  # filmed from one side
+
+
+@pytest.mark.parametrize(
+    ("degrees", "references", "shown", "wanted"),
+    [(2, 5, 12, 5), (10, 5, 12, 12), (10, 4, 4, 4), (10, 0, 0, None)],
+)
+def test_only_a_head_that_turns_far_is_shown_by_more_frames_than_are_looked_at(
+    degrees: float,
+    references: int,
+    shown: int,
+    wanted: int | None,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        finetuning, "choose_references", lambda person, landmarks, count: torch.arange(count)
+    )
+    clip: Any = SimpleNamespace(valid=np.ones(8, bool), landmarks=np.zeros((8, 478, 2)))
+    method: Any = SimpleNamespace(references=references, shown=shown)
+    chosen = finetuning.reference_frames(turned(degrees), clip, 0, method)
+    assert (None if chosen is None else len(chosen)) == wanted
