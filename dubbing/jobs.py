@@ -20,7 +20,7 @@ from dubbing.stages import Stage
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {
     "prepare": 8,
-    "finetune": 16,
+    "finetune": 17,
     "source": 2,
     "speech": 1,
     "heads": 11,

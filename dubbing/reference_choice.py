@@ -15,6 +15,9 @@ UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
 MOST_COMPARED = 1000  # frames: more show little that is new
 EXCHANGE = 1e-9  # of the mean distance: less is rounding
 SOFT = 2 / 3  # share of the frames
+ALONE = np.radians(
+    6
+)  # turn from the nearest sharp frame beyond which a soft one is better than none
 # Root mean square turn (rad) beyond which each frame looks at the references near to it. Below, the
 # same ones for all frames serve other shots better: nothing changes with the pose.
 FAR = np.radians(4)
@@ -32,7 +35,8 @@ def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Te
     """Sharp frames that stand for all poses and mouth shapes, (count,).
 
     What a reference does not show sharply no dub will, and motion, a codec or a lid half shut make
-    frames soft: they are of the third whose eyes are sharpest.
+    frames soft: they are of the third whose eyes are sharpest, and of those that show the head from
+    a side from which no sharp one does.
 
     Args:
         person: the frames to choose from.
@@ -49,7 +53,9 @@ def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Te
     )
     some = np.unique(np.linspace(0, person.frames - 1, MOST_COMPARED).round().astype(int))
     sharp = eye_sharpness(person, some)
-    may = some[sharp >= np.quantile(sharp, SOFT)]
+    is_sharp = sharp >= np.quantile(sharp, SOFT)
+    turn = np.linalg.norm(forward[some, None] - forward[some[is_sharp]], axis=-1).min(1)
+    may = some[is_sharp | (turn > ALONE)]
     apart = ((traits[some, None] - traits[may]) ** 2).sum(-1)
     return torch.from_numpy(may[medoids(apart, count)])
 

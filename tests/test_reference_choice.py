@@ -42,6 +42,29 @@ def test_references_stand_for_all_poses_and_are_sharp() -> None:
     np.testing.assert_allclose(chosen, [9.5, 29.5, 49.5], atol=2)
 
 
+def test_a_side_that_no_sharp_frame_shows_is_shown_by_a_soft_one() -> None:
+    count = 60
+    someone = person(frames=count)
+    grain = torch.rand(count, 48, 48, 1, generator=torch.Generator().manual_seed(0))
+    size = torch.full((count,), 40.0)
+    size[:40] = 120
+    images = (90 + size[:, None, None, None] * grain).expand(-1, -1, -1, 3).to(torch.uint8)
+    landmarks = np.zeros((count, 478, 2))
+    landmarks[:, OUTER_LIP, 0] = np.linspace(220, 280, len(OUTER_LIP))
+
+    def chosen(aside: float) -> list[int]:
+        """The last 20 frames, soft ones, are turned so many degrees further than the others."""
+        angle = torch.deg2rad(torch.linspace(0, 1, count))
+        angle[40:] += np.radians(aside)
+        c2w = someone.c2w.clone()
+        c2w[:, :, 2] = torch.stack([angle.sin(), torch.zeros(count), angle.cos()], -1)
+        turned = replace(someone, c2w=c2w, images=images)
+        return choose_references(turned, landmarks, 2).tolist()
+
+    assert max(chosen(aside=4)) < 40
+    assert sorted(k >= 40 for k in chosen(aside=8)) == [False, True]
+
+
 def test_medoids_stand_for_many_and_are_exchanged_for_better_ones() -> None:
     # Two groups, one between them and a stray.
     places = np.array([0.0, 0.1, 0.2, 0.9, 1.0, 1.1, 0.55, 1.6])
