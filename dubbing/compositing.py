@@ -16,26 +16,26 @@ FEATHER = 5  # px, inside the edge of the mask; less than the hole is wider than
 
 
 def composite(
-    image: np.ndarray, background: np.ndarray, hole: np.ndarray, head: np.ndarray
+    background: np.ndarray, hole: np.ndarray, head: np.ndarray, spoken: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """C + (1 - a) * background, and how much of it replaces the source.
 
     Args:
-        image: (S, S, 3) uint8 crop of the source.
-        background: (S, S, 3) uint8 restored background, equal to ``image`` outside of the hole.
+        background: (S, S, 3) uint8 restored background, equal to the source outside of the hole.
         hole: (S, S) bool, where the background is restored.
         head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity.
+        spoken: (S, S) uint8, the share of each pixel that may be replaced; see `spoken`.
 
     Returns:
         The composite (S, S, 3) uint8, and the mask (S, S) uint8 to paste it with: 0 where there
         is neither hole nor head (so the source's pixels stay), rising to 255 over a few px inside
-        of that, so that no seam shows.
+        of that, so that no seam shows, and nowhere more than ``spoken``.
     """
-    scale = len(image) / REFERENCE_SIZE
+    scale = len(background) / REFERENCE_SIZE
     head = without_haze(head, hole, REACH * scale)
     opacity = head[..., 3]
     inside = hole | (opacity > 0)
-    mask = feathered(inside, max(1.0, FEATHER * scale))
+    mask = np.minimum(feathered(inside, max(1.0, FEATHER * scale)), spoken)
     picture = background.copy()
     rows, columns = _extent(opacity > 0)
     under = background[rows, columns].astype(np.float32)

@@ -21,6 +21,7 @@ from dubbing.errors import RenderingError
 from dubbing.overlap import ahead, behind
 from dubbing.preparation.matting import hole
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.spoken import spoken
 
 SEGMENT = 250  # frames a file
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
@@ -122,7 +123,8 @@ class Composer:
         image, matte, background, whole = source
         out = image if whole is None else whole
         if self.clip.valid[index]:
-            picture, mask = composite(image, background, hole(matte), head)
+            may = spoken(self.clip.landmarks[index], self.clip.size)
+            picture, mask = composite(background, hole(matte), head, may)
             if whole is None:
                 out = blend(image, picture, mask)
             else:

@@ -17,6 +17,7 @@ import numpy as np
 from dubbing import media, steps
 from dubbing.errors import PreparationError
 from dubbing.files import atomic_write_json, atomic_write_text
+from dubbing.preparation.mesh_points import FACE_OVAL
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
 
 SIZE = 32
@@ -64,11 +65,19 @@ def write_prepared(
         crop=np.tile(np.array(window, float), (frames, 1)),
         valid=valid,
         segment=np.zeros(frames, int) if segment is None else segment,
-        landmarks=np.zeros((frames, 478, 2)),
+        landmarks=np.tile(face(size), (frames, 1, 1)),
         shape=np.zeros((478, 3)),
     )
     prepared.save()
     return prepared
+
+
+def face(size: int = SIZE) -> np.ndarray:
+    """Landmarks (478, 2) px of a face that is a circle round the fake head."""
+    landmarks = np.full((478, 2), size / 2)
+    angle = np.arange(len(FACE_OVAL)) * 2 * np.pi / len(FACE_OVAL)
+    landmarks[list(FACE_OVAL)] += size / 3 * np.stack([np.sin(angle), -np.cos(angle)], -1)
+    return landmarks
 
 
 def write_heads(out: Path, frames: int, rate: Fraction, size: int = SIZE) -> None:

@@ -5,6 +5,9 @@ from dubbing.compositing import blend, composite
 S = 512
 
 
+ALL = np.full((S, S), 255, np.uint8)
+
+
 def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """A noisy picture with a round hole, its background, and a head inside of the hole."""
     noise = np.random.default_rng(0)
@@ -21,8 +24,8 @@ def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_composite_is_colour_plus_the_rest_of_the_background() -> None:
-    image, background, hole, head = scene()
-    picture, mask = composite(image, background, hole, head)
+    _, background, hole, head = scene()
+    picture, mask = composite(background, hole, head, ALL)
     assert tuple(picture[S // 2, S // 2]) == (220, 20, 60)
     assert mask[S // 2, S // 2] == 255
     half = (S // 2, S // 2 + 101)  # 110 + (1 - 128 / 255) * 0, 10 + ... * 100, 30
@@ -34,15 +37,27 @@ def test_composite_is_colour_plus_the_rest_of_the_background() -> None:
 def test_outside_of_hole_and_head_every_pixel_is_the_sources() -> None:
     image, background, hole, head = scene()
     head[40:60, 200:300] = (9, 9, 9, 255)  # a chin lower than the hole, say
-    picture, mask = composite(image, background, hole, head)
+    picture, mask = composite(background, hole, head, ALL)
     outside = ~hole & (head[..., 3] == 0)
     assert (mask[outside] == 0).all()
     np.testing.assert_array_equal(blend(image, picture, mask)[outside], image[outside])
 
 
-def test_the_seam_is_feathered() -> None:
+def test_what_speech_does_not_change_stays_as_it_is() -> None:
     image, background, hole, head = scene()
-    _, mask = composite(image, background, hole, head)
+    spoken = ALL.copy()
+    spoken[: S // 2] = 0
+    spoken[S // 2 : S // 2 + 20] = 100
+    picture, mask = composite(background, hole, head, spoken)
+    shown = blend(image, picture, mask)
+    np.testing.assert_array_equal(shown[: S // 2], image[: S // 2])
+    assert mask[S // 2 + 10, S // 2] == 100
+    assert tuple(shown[S // 2 + 50, S // 2]) == (220, 20, 60)
+
+
+def test_the_seam_is_feathered() -> None:
+    _, background, hole, head = scene()
+    _, mask = composite(background, hole, head, ALL)
     profile = mask[S // 2, S // 2 :].astype(int)
     steps = np.diff(profile)
     assert (steps <= 0).all()
@@ -54,26 +69,26 @@ def test_the_seam_is_feathered() -> None:
 
 
 def test_without_a_head_the_background_stays() -> None:
-    image, background, hole, head = scene()
-    picture, mask = composite(image, background, hole, np.zeros_like(head))
+    _, background, hole, head = scene()
+    picture, mask = composite(background, hole, np.zeros_like(head), ALL)
     np.testing.assert_array_equal(picture, background)
     assert mask[S // 2, S // 2] == 255
 
 
 def test_haze_is_no_head() -> None:
-    image, background, hole, head = scene()
+    _, background, hole, head = scene()
     hazy = head.copy()
     hazy[head[..., 3] == 0] = (1, 1, 1, 3)
-    _, clean_mask = composite(image, background, hole, head)
-    picture, mask = composite(image, background, hole, hazy)
+    _, clean_mask = composite(background, hole, head, ALL)
+    picture, mask = composite(background, hole, hazy, ALL)
     np.testing.assert_array_equal(mask, clean_mask)
-    np.testing.assert_array_equal(picture, composite(image, background, hole, head)[0])
+    np.testing.assert_array_equal(picture, composite(background, hole, head, ALL)[0])
 
 
 def test_what_floats_far_from_the_head_is_dropped() -> None:
-    image, background, hole, head = scene()
+    _, background, hole, head = scene()
     head[5:20, 5:20] = (255, 255, 255, 255)
-    _, mask = composite(image, background, hole, head)
+    _, mask = composite(background, hole, head, ALL)
     assert (mask[:30, :30] == 0).all()
 
 
@@ -86,6 +101,6 @@ def test_blend_mixes() -> None:
 def test_an_empty_hole_and_an_empty_head() -> None:
     image = scene()[0]
     nothing = np.zeros((S, S), bool)
-    picture, mask = composite(image, image, nothing, np.zeros((S, S, 4), np.uint8))
+    picture, mask = composite(image, nothing, np.zeros((S, S, 4), np.uint8), ALL)
     assert not mask.any()
     np.testing.assert_array_equal(blend(image, picture, mask), image)

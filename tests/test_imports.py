@@ -18,7 +18,7 @@ LAYERS = (
     {"features", "acoustics", "speech", "yaml_lines", "entries", "inputs", "published", "messages"},
     {"manifest", "stages", "lock"},
     {"preparation", "sync", "speaker"},
-    {"identity", "reference_choice", "compositing", "flicker"},
+    {"identity", "reference_choice", "compositing", "spoken", "flicker"},
     {"refining"},
     {"finetuning", "heads", "video"},
     {"tiles"},

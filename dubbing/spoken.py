@@ -1,0 +1,44 @@
+"""What of a picture speech can change: the face, and the room round its jaw.
+
+Hair, ears and what is behind them are, like pose and background, those of the frame of the clip
+whose place is taken, so a dub keeps their pixels. S side of the crop in px; lengths are for S = 512
+and scale with it.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dubbing.preparation.matting import REFERENCE_SIZE
+from dubbing.preparation.mesh_points import FACE_OVAL
+
+FADE = 10.0  # px beyond the face over which the clip's own pixels take over
+CHIN = FACE_OVAL.index(152)
+# Points of the oval to each side of the chin round which all may change. The jaw hangs on hinges
+# below the ears: further up its edge hardly moves. In between it fades.
+JAW, CHEEK = 4, 6
+
+
+def spoken(landmarks: np.ndarray, size: int) -> np.ndarray:
+    """Share of each pixel that a rendered head may replace, (S, S) uint8.
+
+    255 on the face and all round its jaw, falling to 0 within FADE px of the rest of its edge.
+
+    Args:
+        landmarks: (478, 2) px.
+        size: S.
+    """
+    oval = landmarks[list(FACE_OVAL)]
+    shift = 4  # fractional bits of the coordinates that OpenCV draws at
+    face = np.zeros((size, size), np.uint8)
+    cv2.fillPoly(face, [(oval * (1 << shift)).round().astype(np.int32)], 255, shift=shift)
+    away = cv2.distanceTransform(255 - face, cv2.DIST_L2, 5)
+    near = np.clip(1 - away / (FADE * size / REFERENCE_SIZE), 0, 1)
+    below = np.abs(np.arange(len(FACE_OVAL)) - CHIN)
+    jaw = np.clip((CHEEK - below) / (CHEEK - JAW), 0, 1)
+    x, y = (np.arange(size) - middle for middle in oval.mean(0))
+    towards = np.arctan2(y[:, None], x)
+    sides = np.arctan2(*(oval - oval.mean(0)).T[::-1])
+    share = np.maximum(near, np.interp(towards, sides, jaw, period=2 * np.pi))
+    return (share * 255).round().astype(np.uint8)
