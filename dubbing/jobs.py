@@ -24,7 +24,7 @@ VERSIONS = {
     "source": 2,
     "speech": 1,
     "heads": 11,
-    "video": 2,
+    "video": 3,
     "sync": 2,
 }
 NEEDS = {  # the stages of the identity that a dub's stage waits for

@@ -13,7 +13,9 @@ import numpy as np
 from dubbing.preparation.matting import REFERENCE_SIZE
 from dubbing.preparation.mesh_points import FACE_OVAL
 
-FADE = 10.0  # px beyond the face over which the clip's own pixels take over
+# From where to where the clip's own pixels take over, px from the edge of the face: what a model
+# gets wrong lies along it first.
+INSIDE, OUTSIDE = 13.0, 3.0
 CHIN = FACE_OVAL.index(152)
 # Points of the oval to each side of the chin round which all may change. The jaw hangs on hinges
 # below the ears: further up its edge hardly moves. In between it fades.
@@ -23,7 +25,7 @@ JAW, CHEEK = 4, 6
 def spoken(landmarks: np.ndarray, size: int) -> np.ndarray:
     """Share of each pixel that a rendered head may replace, (S, S) uint8.
 
-    255 on the face and all round its jaw, falling to 0 within FADE px of the rest of its edge.
+    255 on the face and all round its jaw, falling to 0 across the rest of its edge.
 
     Args:
         landmarks: (478, 2) px.
@@ -33,8 +35,9 @@ def spoken(landmarks: np.ndarray, size: int) -> np.ndarray:
     shift = 4  # fractional bits of the coordinates that OpenCV draws at
     face = np.zeros((size, size), np.uint8)
     cv2.fillPoly(face, [(oval * (1 << shift)).round().astype(np.int32)], 255, shift=shift)
-    away = cv2.distanceTransform(255 - face, cv2.DIST_L2, 5)
-    near = np.clip(1 - away / (FADE * size / REFERENCE_SIZE), 0, 1)
+    unit = size / REFERENCE_SIZE
+    outside, inside = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (255 - face, face))
+    near = np.clip((OUTSIDE * unit - outside + inside) / ((OUTSIDE + INSIDE) * unit), 0, 1)
     below = np.abs(np.arange(len(FACE_OVAL)) - CHIN)
     jaw = np.clip((CHEEK - below) / (CHEEK - JAW), 0, 1)
     x, y = (np.arange(size) - middle for middle in oval.mean(0))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dubbing.preparation.mesh_points import FACE_OVAL
-from dubbing.spoken import CHIN, FADE, spoken
+from dubbing.spoken import CHIN, INSIDE, OUTSIDE, spoken
 
 S = 256
 
@@ -26,14 +26,14 @@ def test_the_face_and_the_room_round_its_jaw(roll: float) -> None:
         angle = np.radians(degrees + roll + 180)
         return int(share[round(128 - radius * np.cos(angle)), round(128 + radius * np.sin(angle))])
 
-    fade = FADE * S / 512
+    inside, outside = INSIDE * S / 512, OUTSIDE * S / 512
     for degrees in range(-180, 180, 15):
-        assert at(degrees, 57) == 255
+        assert at(degrees, 58 - inside) == 255
     for degrees in (-35, 0, 35):
-        assert at(degrees, 61 + fade) == at(degrees, 110) == 255
+        assert at(degrees, 60) == at(degrees, 110) == 255
     for degrees in (-170, -90, -65, 65, 90, 180):
-        assert at(degrees, 63 + fade) == at(degrees, 110) == 0
-        assert 0 < at(degrees, 60 + fade / 2) < 255
+        assert at(degrees, 62 + outside) == at(degrees, 110) == 0
+        assert 60 < at(degrees, 60 + (outside - inside) / 2) < 200
     # Between the jaw and the cheek less and less of it.
     assert 255 > at(45, 100) > at(50, 100) > at(55, 100) > 0
 
