@@ -15,9 +15,8 @@ UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
 MOST_COMPARED = 1000  # frames: more show little that is new
 EXCHANGE = 1e-9  # of the mean distance: less is rounding
 SOFT = 2 / 3  # share of the frames
-ALONE = np.radians(
-    6
-)  # turn from the nearest sharp frame beyond which a soft one is better than none
+# Turn (rad) from the nearest sharp frame beyond which a soft one is better than none.
+ALONE = np.radians(6)
 # Root mean square turn (rad) beyond which each frame looks at the references near to it. Below, the
 # same ones for all frames serve other shots better: nothing changes with the pose.
 FAR = np.radians(4)

@@ -3,8 +3,6 @@ import numpy as np
 from dubbing.compositing import blend, composite
 
 S = 512
-
-
 ALL = np.full((S, S), 255, np.uint8)
 
 
