@@ -19,14 +19,14 @@ from safetensors.torch import save as to_bytes
 from torch import Tensor
 
 from dfrf.config import FORMATS, TrainConfig
-from dfrf.head import HeadModel
-from dfrf.model import Model
-from dfrf.paper import PaperModel
-from dfrf.views import ReferenceViews
+from dfrf.field.model import Model
+from dfrf.field.reference_maps import ReferenceViews
+from dfrf.head_model import HeadModel
+from dfrf.published.model import PaperModel
 
 if TYPE_CHECKING:
-    from dfrf.training import Curve
-    from dfrf.validation import Validation
+    from dfrf.training.fit import Curve
+    from dfrf.training.validation import Validation
 
 KINDS: dict[str, type[HeadModel]] = {FORMATS[k.FAMILY]: k for k in (Model, PaperModel)}
 STATE_FILE = "state.safetensors"

@@ -12,10 +12,10 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from dfrf import lids
 from dfrf.cameras import pixel_rays
 from dfrf.config import TrainConfig
-from dfrf.views import ReferenceViews
+from dfrf.field import eyelid_deformation as lids
+from dfrf.field.reference_maps import ReferenceViews
 
 # Codes of the region map: where rays are drawn.
 OUTSIDE, RIM, HEAD, MOUTH, EYES = 0, 1, 2, 3, 4
@@ -45,7 +45,7 @@ class Identity:
         windows: (C, 16, D) speech windows.
         lips: (C, K) lip measures, each of mean 0 and variance 1.
         segment: (C,) which uncut run of the clip a frame belongs to.
-        eyes: (2, 7) where the eyes are, see `dfrf.lids`.
+        eyes: (2, 7) where the eyes are, see `dfrf.field.eyelid_deformation`.
         surface: (V, 3) rigid points of the mean face, head frame (y up).
     """
 

@@ -15,10 +15,10 @@ from dfrf.config import (
     ModelConfig,
     TrainConfig,
 )
-from dfrf.head import HeadModel
-from dfrf.model import PRIOR_CENTRE, PRIOR_RADII, Model
-from dfrf.paper import PaperModel
-from dfrf.paper_field import PaperConfig
+from dfrf.field.model import PRIOR_CENTRE, PRIOR_RADII, Model
+from dfrf.head_model import HeadModel
+from dfrf.published.conditioned_field import PaperConfig
+from dfrf.published.model import PaperModel
 
 PAPER = PaperConfig()
 PRESETS = (*FROM_BASE, "fast-alone", "paper", "ad-nerf", "nerf")

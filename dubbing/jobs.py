@@ -9,13 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dubbing import features, steps, timeline
-from dubbing.entries import Dub, Identity
+from dubbing import timeline
+from dubbing.engine.stage import Stage
 from dubbing.errors import DubbingError, RenderingError
-from dubbing.manifest import Manifest
+from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.manifest import Manifest
 from dubbing.media import SUFFIX
-from dubbing.shipped_base import shipped_base
-from dubbing.stages import Stage
+from dubbing.shipped.base import shipped_base
+from dubbing.speech import features
+from dubbing.stages import steps
 
 # Raised when a stage would give something else for the same inputs.
 VERSIONS = {

@@ -9,12 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dubbing import jobs, lock, report, running
+from dubbing import jobs
+from dubbing.engine import lock
+from dubbing.engine import runner as running
+from dubbing.engine.runner import Options, Outcome, Reporter, label
 from dubbing.files import atomic_path, digest_file
 from dubbing.jobs import Job
-from dubbing.manifest import Manifest
-from dubbing.running import Options, Outcome, Reporter, label
-from dubbing.steps import SYNC_FILE
+from dubbing.manifest.manifest import Manifest
+from dubbing.report import report
+from dubbing.stages.steps import SYNC_FILE
 
 DEFAULT = Options()
 ALL_MADE, SOME_FAILED, SYNC_FELL_SHORT = 0, 1, 3

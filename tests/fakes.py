@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from dubbing import media, steps
+from dubbing import media
 from dubbing.errors import PreparationError
+from dubbing.face.mesh_points import FACE_OVAL
 from dubbing.files import atomic_write_json, atomic_write_text
-from dubbing.preparation.mesh_points import FACE_OVAL
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
+from dubbing.stages import steps
 
 SIZE = 32
 HEADS_A_FILE = 5
@@ -166,8 +167,8 @@ def install(patch: Any) -> None:
 
 
 if __name__ == "__main__":
-    from dubbing import video
-    from dubbing.cli import main
+    from dubbing.cli.main import main
+    from dubbing.stages import composite as video
 
     install(setattr)
     video.SEGMENT = 10

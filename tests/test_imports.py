@@ -86,7 +86,13 @@ def test_only_media_runs_programs() -> None:
 
 
 @pytest.mark.parametrize(
-    "module", ["dubbing.cli", "dubbing.planning", "dubbing.manifest", "dubbing.console"]
+    "module",
+    [
+        "dubbing.cli.main",
+        "dubbing.engine.planner",
+        "dubbing.manifest.manifest",
+        "dubbing.cli.console",
+    ],
 )
 def test_loading_it_loads_no_torch(module: str) -> None:
     code = f"import sys, {module}; sys.exit(any(m in sys.modules for m in ('torch', 'mediapipe')))"

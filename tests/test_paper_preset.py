@@ -8,16 +8,26 @@ import numpy as np
 import pytest
 import torch
 
-from dfrf import checkpoint, paper_method, presets
+from dfrf import checkpoint, presets
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
-from dfrf.paper import PaperConfig, PaperModel
-from dubbing import heads, jobs, published, steps
-from dubbing.entries import Finetune, Identity
+from dfrf.published import method as paper_method
+from dfrf.published.model import PaperConfig, PaperModel
+from dubbing import jobs
 from dubbing.errors import CheckpointError, ManifestError
 from dubbing.files import atomic_write_json
-from dubbing.finetuning import MODEL_FILE, SUMMARY_FILE, FinetuneSettings, finetune, init_from_base
-from dubbing.manifest import Manifest, load
+from dubbing.manifest import preset_checks as published
+from dubbing.manifest.entries import Finetune, Identity
+from dubbing.manifest.manifest import Manifest, load
 from dubbing.media import read_frames
+from dubbing.stages import render as heads
+from dubbing.stages import steps
+from dubbing.stages.finetune import (
+    MODEL_FILE,
+    SUMMARY_FILE,
+    FinetuneSettings,
+    finetune,
+    init_from_base,
+)
 from tests import clips, fakes
 from tests.dfrf.people import small_config
 from tests.dfrf.test_paper_method import TINY
@@ -184,7 +194,7 @@ def test_from_nothing_the_coarse_stage_comes_first(folder: Path, tmp_path: Path)
 def test_the_stage_asks_for_the_steps_of_the_preset(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dubbing import finetuning
+    from dubbing.stages import finetune as finetuning
 
     asked: list[FinetuneSettings] = []
     monkeypatch.setattr(finetuning, "finetune", lambda *_, settings, **__: asked.append(settings))

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from dubbing.files import atomic_write_bytes
-from dubbing.preparation.camera import Poses, project, to_camera
+from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.prepared import PreparedClip
 
 COLUMNS = 8

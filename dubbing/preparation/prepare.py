@@ -18,11 +18,17 @@ import numpy as np
 from dubbing.errors import PreparationError
 from dubbing.files import atomic_path, atomic_write_json, digest_file, make_folder
 from dubbing.media import probe
-from dubbing.preparation import tracking
-from dubbing.preparation.camera import Poses
+from dubbing.preparation.alignment.camera import Poses
+from dubbing.preparation.alignment.photometric import root_mean_square
+from dubbing.preparation.alignment.silhouette import Silhouette
+from dubbing.preparation.background.plates import (
+    Footage,
+    all_crops,
+    background_step,
+    matte_step,
+    person_step,
+)
 from dubbing.preparation.contact_sheet import contact_sheet
-from dubbing.preparation.photometric import root_mean_square
-from dubbing.preparation.plates import Footage, all_crops, background_step, matte_step, person_step
 from dubbing.preparation.prepared import (
     BACKGROUND,
     CONTACT_SHEET,
@@ -32,9 +38,9 @@ from dubbing.preparation.prepared import (
     VERSION,
     PreparedClip,
 )
-from dubbing.preparation.silhouette import Silhouette
-from dubbing.preparation.tracking import Arrays
-from dubbing.preparation.warnings import warnings_of
+from dubbing.preparation.tracking import tracking
+from dubbing.preparation.tracking.tracking import Arrays
+from dubbing.preparation.tracking.warnings import warnings_of
 
 STEPS = "steps"
 

@@ -18,8 +18,8 @@ import numpy as np
 from dubbing.errors import PreparationError
 from dubbing.files import atomic_path, atomic_write_json
 from dubbing.media import read_frames
-from dubbing.preparation import cropping
-from dubbing.preparation.matting import hole
+from dubbing.preparation.matting.matting import hole
+from dubbing.preparation.tracking import cropping
 
 VERSION = 5
 REACH = 1.7  # units (10 cm) that the head extends around its origin at most

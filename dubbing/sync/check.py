@@ -9,6 +9,7 @@ import torch
 
 from dubbing import media
 from dubbing.errors import MediaError
+from dubbing.speech.voice_activity import STEP_RATE, at_times
 from dubbing.sync.curves import REACH, CurveSum, distances, estimate
 from dubbing.sync.measure import Block, measure
 from dubbing.sync.motion import MotionSum
@@ -16,7 +17,6 @@ from dubbing.sync.network import SyncNetwork, load_network
 from dubbing.sync.result import FaceResult, Found, Media, Segment, SyncResult, conclude
 from dubbing.sync.sight import look
 from dubbing.sync.windows import mouth_windows, sound_windows
-from dubbing.voice import STEP_RATE, at_times
 
 METHOD = "lip geometry and mouth pixels against log-mel and speech features, two streams"
 SEGMENT_SECONDS = 5.0

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dubbing.acoustics.recurrent import RnnFeatures
-from dubbing.features import MelFeatures
-from dubbing.voice import SAMPLE_RATE
+from dubbing.speech.acoustics.recurrent import RnnFeatures
+from dubbing.speech.features import MelFeatures
+from dubbing.speech.voice_activity import SAMPLE_RATE
 
 # Where each kind of feature stands among the channels. A member hears one of them.
 CHANNELS = {"mel": slice(0, 80), "rnn": slice(80, 144)}

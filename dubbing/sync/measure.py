@@ -17,11 +17,11 @@ import numpy as np
 
 from dubbing import media
 from dubbing.errors import MediaError
-from dubbing.sync.crop import COLUMNS, ROWS, mouth_crop
-from dubbing.sync.faces import FaceTracker
+from dubbing.face.face_tracker import FaceTracker
+from dubbing.face.mouth_crop import COLUMNS, ROWS, mouth_crop
+from dubbing.face.mouth_shape import MOUTH, mouth_shape
+from dubbing.speech.voice_activity import SAMPLE_RATE, voice_activity
 from dubbing.sync.hearing import Hearing
-from dubbing.sync.mouth import MOUTH, mouth_shape
-from dubbing.voice import SAMPLE_RATE, voice_activity
 
 BLOCK_SECONDS = 60.0
 # Sound is read this far beyond a block: the largest offset that is searched, and a window.

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dubbing.sync.mouth import opening
+from dubbing.face.mouth_shape import opening
 from dubbing.sync.result import MOVING_RANGE, SILENT_SHARE, Motion
 
 # A frame is silent if nobody speaks this long before and after, so that closing lips do not count.

@@ -19,10 +19,10 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from dubbing.errors import SyncError
-from dubbing.features import fingerprint
-from dubbing.shipped_weights import load_float, save_half
+from dubbing.face.mouth_shape import RIGID
+from dubbing.shipped.weights import load_float, save_half
+from dubbing.speech.features import fingerprint
 from dubbing.sync.hearing import CHANNELS
-from dubbing.sync.mouth import RIGID
 from dubbing.sync.sight import SIGHTS
 from dubbing.sync.streams import SIZE, SoundStream, mouth_stream
 

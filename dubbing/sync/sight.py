@@ -8,8 +8,8 @@ Letters: F frames, M mouth points, R rows and C columns of a crop, S = 2 M + R C
 
 import numpy as np
 
-from dubbing.sync.crop import COLUMNS, ROWS
-from dubbing.sync.mouth import MOUTH
+from dubbing.face.mouth_crop import COLUMNS, ROWS
+from dubbing.face.mouth_shape import MOUTH
 
 # Where each kind of sight stands among the values of a frame. A member looks at one of them.
 SIGHTS = {

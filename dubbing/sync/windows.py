@@ -5,9 +5,9 @@ Letters: F frames, W moments, V = 5 mouth frames, X values a frame, A = 10 sound
 
 import numpy as np
 
+from dubbing.speech.voice_activity import STEP_RATE, at_times
 from dubbing.sync.hearing import Take
 from dubbing.sync.streams import MOUTH_FRAMES, MOUTH_STEP, SOUND_STEPS
-from dubbing.voice import STEP_RATE, at_times
 
 _MOUTH_OFFSETS = (np.arange(MOUTH_FRAMES) - (MOUTH_FRAMES - 1) / 2) * MOUTH_STEP
 _SOUND_OFFSETS = (np.arange(SOUND_STEPS) - (SOUND_STEPS - 1) / 2) / STEP_RATE

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import torch
 
-from dfrf import lids, presets
+from dfrf import presets
 from dfrf.config import FieldConfig, MarchConfig, ModelConfig
 from dfrf.data import EYES, HEAD, MOUTH, RIM, Identity, cut_references
-from dfrf.model import PRIOR_CENTRE, PRIOR_RADII, Model
-from dfrf.views import ReferenceMaps
+from dfrf.field import eyelid_deformation as lids
+from dfrf.field.model import PRIOR_CENTRE, PRIOR_RADII, Model
+from dfrf.field.reference_maps import ReferenceMaps
 
 SIZE = 48
 FOCAL = 110.0

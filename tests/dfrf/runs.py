@@ -8,9 +8,9 @@ from pathlib import Path
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.head import HeadModel
-from dfrf.training import Curve, fit
-from dfrf.validation import Validation
+from dfrf.head_model import HeadModel
+from dfrf.training.fit import Curve, fit
+from dfrf.training.validation import Validation
 from tests.dfrf.people import person
 
 

@@ -6,7 +6,7 @@ import pytest
 import torch
 from safetensors.torch import save_file
 
-from dfrf import lids, presets
+from dfrf import presets
 from dfrf.checkpoint import (
     CheckpointError,
     load_model,
@@ -17,6 +17,7 @@ from dfrf.checkpoint import (
     write_tensors,
 )
 from dfrf.data import cut_references
+from dfrf.field import eyelid_deformation as lids
 from tests.dfrf.people import person, small_config
 
 

@@ -18,9 +18,9 @@ from torch import Tensor
 from dfrf.cameras import pixel_grid, pixel_rays, project
 from dfrf.checkpoint import load_model
 from dfrf.encodings import frequency_encoding
-from dfrf.importing import import_checkpoint
-from dfrf.paper import PaperModel, ReferenceMaps, References
-from dfrf.references import clamp_to_image
+from dfrf.published.importing import import_checkpoint
+from dfrf.published.model import PaperModel, ReferenceMaps, References
+from dfrf.published.references import clamp_to_image
 
 FOLDER = Path(__file__).resolve().parents[2].parent / "shared" / "parity"
 SIZE, FOCAL = 64, 162.5

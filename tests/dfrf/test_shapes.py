@@ -5,7 +5,7 @@ import torch
 from jaxtyping import TypeCheckError
 
 from dfrf.cameras import pixel_rays, project
-from dfrf.volrend import composite
+from dfrf.published.volume_rendering import composite
 
 
 def test_sizes_of_one_name_must_agree() -> None:

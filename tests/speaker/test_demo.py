@@ -1,4 +1,4 @@
-"""`python -m dubbing.speaker`: makes what manifests/demo.yaml names, once."""
+"""`python -m dubbing.synthetic`: makes what manifests/demo.yaml names, once."""
 
 import shutil
 import sys
@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 import yaml
 
-from dubbing.manifest import load
+from dubbing.manifest.manifest import load
 from dubbing.media import probe
-from dubbing.speaker import __main__ as program
-from dubbing.speaker.speaker import TAIL
-from dubbing.speaker.voice import speak
+from dubbing.synthetic import __main__ as program
+from dubbing.synthetic.speaker import TAIL
+from dubbing.synthetic.voice import speak
 from tests import clips
 
 MANIFEST = Path(__file__).resolve().parents[2] / "manifests" / "demo.yaml"

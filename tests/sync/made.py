@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from dubbing.sync.clips import TalkingClip
-from dubbing.sync.crop import COLUMNS, ROWS
+from dubbing.face.mouth_crop import COLUMNS, ROWS
+from dubbing.face.mouth_shape import mouth_shape
 from dubbing.sync.hearing import CHANNELS
-from dubbing.sync.mouth import mouth_shape
+from dubbing.training.sync.clips import TalkingClip
 from tests.sync.meshes import canonical, talk
 
 

@@ -6,9 +6,9 @@ import torch
 from torch import Tensor, nn
 
 from dubbing import media
-from dubbing.sync import published
-from dubbing.sync.mfcc import mfcc
-from dubbing.sync.published_network import PublishedSyncNet
+from dubbing.sync.syncnet import check as published
+from dubbing.sync.syncnet.mfcc import mfcc
+from dubbing.sync.syncnet.network import PublishedSyncNet
 from tests.sync.conftest import Speaker
 from tests.sync.test_published import whole_curve
 

@@ -4,11 +4,11 @@ from functools import lru_cache
 
 import numpy as np
 
-from dubbing.speaker.visemes import Phone
-from dubbing.teaching import corpus, synthesis
-from dubbing.teaching.corpus import Part, Utterance
-from dubbing.teaching.teacher import SENONES
-from dubbing.voice import SAMPLE_RATE, steps
+from dubbing.speech.voice_activity import SAMPLE_RATE, steps
+from dubbing.synthetic.visemes import Phone
+from dubbing.training.speech import corpus, synthesis
+from dubbing.training.speech.corpus import Part, Utterance
+from dubbing.training.speech.teacher import SENONES
 
 
 def posteriors(samples: np.ndarray) -> np.ndarray:

@@ -1,0 +1,218 @@
+"""The field of the `paper` preset: equations (1) to (7) as the published code assembles them.
+
+R rays of one frame, S samples a ray, M points, N references of H x W pixels, D speech features.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from dfrf.cameras import project
+from dfrf.encodings import DIRECTION_OCTAVES, POINT_OCTAVES, encoded_size, frequency_encoding
+from dfrf.published.radiance_field import RadianceMLP
+from dfrf.published.references import ReferenceCNN, bilinear, clamp_to_image, nearest
+from dfrf.published.slot_attention import TOKEN_EXTRA, SlotAttention
+from dfrf.published.warp import MAX_OFFSET, WarpMLP, warped
+
+
+@dataclass(frozen=True)
+class PaperConfig:
+    """Sizes of the published model and what is left out of it.
+
+    Attributes:
+        use_references: False leaves out references, warp and aggregation.
+        use_speech: False leaves out A.
+        use_warp: False keeps references without equations (3) and (4).
+        slot_noise: whether slots start from noise in training, as published. Rendering never does.
+        speech_dim: D, features of a step of a speech window.
+        code_dim: width of A.
+        feature_dim: channels of F_n.
+        cnn_width: channels of the convolutions before F_n.
+        slots: slots of the aggregation.
+        slot_dim: numbers of a slot.
+        width: of the radiance MLP.
+        depth: layers of the radiance MLP before the density.
+        colour_width: of its layers before the colour.
+        max_offset: largest warp, pixels of the reference.
+        coarse_samples: of the first pass, the background's at `far` included.
+        fine_samples: added to them in the second.
+    """
+
+    use_references: bool = True
+    use_speech: bool = True
+    use_warp: bool = True
+    slot_noise: bool = True
+    speech_dim: int = 29
+    code_dim: int = 64
+    feature_dim: int = 128
+    cnn_width: int = 64
+    slots: int = 2
+    slot_dim: int = 128
+    width: int = 256
+    depth: int = 8
+    colour_width: int = 128
+    max_offset: float = MAX_OFFSET
+    coarse_samples: int = 32
+    fine_samples: int = 64
+
+    def to_dict(self) -> dict[str, Any]:
+        """As plain types, for the JSON header of a checkpoint."""
+        return dataclasses.asdict(self)
+
+
+@dataclass(frozen=True)
+class References:
+    """Reference frames and their cameras.
+
+    Attributes:
+        images: colours in 0..1.
+        c2w: camera to world.
+        focal: pixels.
+        centre: principal points (column, row); the published model takes the middle of the picture.
+    """
+
+    images: Float[Tensor, "N H W 3"]
+    c2w: Float[Tensor, "N 3 4"]
+    focal: float | Float[Tensor, "#N"]
+    centre: Float[Tensor, "#N 2"]
+
+
+@dataclass(frozen=True)
+class ReferenceMaps:
+    """References with their features F_n. They are fixed for a person: make them once."""
+
+    maps: Float[Tensor, "N H W C"]
+    views: References
+
+    @property
+    def features(self) -> Float[Tensor, "N H W C"]:
+        """The features, through which the CNN learns."""
+        return self.maps
+
+    def with_features(self, features: Float[Tensor, "N H W C"]) -> Self:
+        """The same references with other features."""
+        return replace(self, maps=features)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What a field says of points.
+
+    Attributes:
+        colour: raw, before the sigmoid.
+        density: raw, before `dfrf.published.radiance_field.density`.
+        offset: warp (column, row), pixels of the reference; no rows without references.
+        feature: aggregated; of width 0 without references.
+    """
+
+    colour: Float[Tensor, "R S 3"]
+    density: Float[Tensor, "R S"]
+    offset: Float[Tensor, "N R S 2"]
+    feature: Float[Tensor, "R S F"]
+
+
+class PaperField(nn.Module):
+    """Equations (1) to (7); one encoder, warp and aggregation serve both networks."""
+
+    def __init__(self, config: PaperConfig) -> None:
+        super().__init__()
+        self.config = config
+        point_dim = encoded_size(3, POINT_OCTAVES)
+        input_dim = point_dim
+        if config.use_speech:
+            input_dim += config.code_dim
+        if config.use_references:
+            self.encoder = ReferenceCNN(config.cnn_width, config.feature_dim)
+            self.aggregation = SlotAttention(
+                token_dim=config.feature_dim + TOKEN_EXTRA,
+                dim=config.slot_dim,
+                slots=config.slots,
+            )
+            input_dim += self.aggregation.out_dim
+            if config.use_warp:
+                code_dim = config.code_dim if config.use_speech else 0
+                self.warp = WarpMLP(
+                    point_dim, code_dim, config.feature_dim, max_offset=config.max_offset
+                )
+        sizes = {
+            "input_dim": input_dim,
+            "width": config.width,
+            "depth": config.depth,
+            "colour_width": config.colour_width,
+        }
+        self.coarse = RadianceMLP(**sizes)
+        self.fine = RadianceMLP(**sizes)
+
+    def look_up(
+        self,
+        points: Float[Tensor, "M 3"],
+        encoded: Float[Tensor, "M E"],
+        code: Float[Tensor, " A"],
+        references: ReferenceMaps,
+        warp: bool = True,
+    ) -> tuple[Float[Tensor, "N M T"], Float[Tensor, "N M 2"]]:
+        """Equations (1), (3) and (4): what each reference shows of each point, and its offset.
+
+        As published, offsets start at the nearest pixel's centre, the warp sees features and speech
+        without teaching them, and the pixel that is read (row, column; whole numbers) goes along.
+        """
+        maps, views = references.maps, references.views
+        height, width = maps.shape[1:3]
+        seen = project(points, views.c2w, views.focal, views.centre)
+        pixel = clamp_to_image(seen, height, width).round()
+        offset = torch.zeros_like(pixel)
+        if warp and self.config.use_warp:
+            offset = self.warp(encoded, code.detach(), nearest(maps.detach(), pixel))
+        place = clamp_to_image(warped(pixel, offset), height, width)
+        where = place.detach().trunc().flip(-1)
+        return torch.cat([bilinear(maps, place), where], -1), offset
+
+    def forward(
+        self,
+        network: RadianceMLP,
+        points: Float[Tensor, "R S 3"],
+        directions: Float[Tensor, "R 3"],
+        code: Float[Tensor, " A"],
+        references: ReferenceMaps | None,
+        *,
+        warp: bool = True,
+        noise: bool = False,
+        generator: torch.Generator | None = None,
+    ) -> Samples:
+        """Raw colour and density of points, seen along unit directions.
+
+        Args:
+            network: `self.coarse` or `self.fine`.
+            points: in the world.
+            directions: of the rays, of length 1.
+            code: A of the frame; empty without speech.
+            references: with their features; None for a field without references.
+            warp: False in the coarse stage of training.
+            noise: whether slots start from fresh noise.
+            generator: of the noise.
+        """
+        rays, count = points.shape[:2]
+        flat = points.reshape(-1, 3)
+        encoded = frequency_encoding(flat, POINT_OCTAVES)
+        parts = [encoded, code.expand(flat.shape[0], -1)]
+        offset = points.new_zeros(0, flat.shape[0], 2)
+        feature = points.new_zeros(flat.shape[0], 0)
+        if references is not None:
+            tokens, offset = self.look_up(flat, encoded, code, references, warp)
+            start = self.aggregation.noise(flat.shape[0], generator) if noise else None
+            feature = self.aggregation(tokens, encoded, start)
+            parts.insert(0, feature)
+        views = frequency_encoding(directions, DIRECTION_OCTAVES).repeat_interleave(count, 0)
+        colour, density = network(torch.cat(parts, -1), views)
+        return Samples(
+            colour=colour.view(rays, count, 3),
+            density=density.view(rays, count),
+            offset=offset.view(-1, rays, count, 2),
+            feature=feature.view(rays, count, -1),
+        )

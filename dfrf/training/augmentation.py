@@ -1,0 +1,168 @@
+"""People who were never filmed: a person mirrored, in another light, seen in other resolutions.
+
+A `Look` is drawn for a step and worn by all that is drawn of the person in it: rays and reference
+views change, the pictures in memory stay as they are. B rays, F frames, N references.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from dfrf.data import MIRRORED_UPPER, RayBatch
+from dfrf.field import eyelid_deformation as lids
+from dfrf.field.reference_maps import ReferenceViews
+from dfrf.training.fast_method import FastShare
+
+# Largest changes, up and down alike: the person as filmed lies in the middle.
+GAIN = 0.25  # of the logarithm of the exposure
+GAMMA = 0.2  # of the logarithm of the exponent
+TINT = 0.08  # of the logarithm of a channel
+MIXING = 0.08  # what a channel takes of the difference between another one and itself
+RESIZED = math.log(1.25)  # of the logarithm of the references' scale
+CUT_OFTEN = 0.25  # share of the steps whose references are cut tighter
+CUT_MOST = 0.1  # of a side, at either end
+
+
+@dataclass(frozen=True)
+class Look:
+    """What is changed about a person.
+
+    Attributes:
+        mirrored: in the plane x = 0 of the head frame.
+        gamma, mixing: of colours in 0..1, mixing @ colour ** gamma with mixing (3, 3).
+        scale: pixels of a reference for one of its pixels before.
+        cuts: shares of the reference that are cut off left, top, right and bottom.
+    """
+
+    mirrored: bool
+    gamma: float
+    mixing: Tensor
+    scale: float
+    cuts: tuple[float, float, float, float]
+
+    def colour(self, shown: Tensor) -> Tensor:
+        """Colours (..., 3) uint8 in this look's light, uint8 as if they were filmed so."""
+        grades = 255 * torch.linspace(0, 1, 256, device=shown.device).pow(self.gamma)
+        # By a table and channel by channel: four references are a million values in every step.
+        planes = shown.movedim(-1, 0).contiguous().int()
+        mixed = self.mixing.to(grades) @ grades.index_select(0, planes.view(-1)).view(3, -1)
+        lit = mixed.add_(0.5).clamp_(0, 255).to(torch.uint8)
+        return lit.view(planes.shape).movedim(0, -1)
+
+    def of_share(self, share: FastShare) -> FastShare:
+        """What is drawn for a step, of the person who looks like this; its speech stays."""
+        both = torch.stack([share.batch.colour, share.batch.background])
+        colour, background = self.colour((255 * both).round().to(torch.uint8)).float() / 255
+        share = replace(share, batch=replace(share.batch, colour=colour, background=background))
+        return mirrored_share(share) if self.mirrored else share
+
+    def of_views(self, views: ReferenceViews) -> ReferenceViews:
+        """The references of the person who looks like this."""
+        views = resized(cut(views, self.cuts), self.scale)
+        views = replace(views, images=self.colour(views.images))
+        return mirrored_views(views) if self.mirrored else views
+
+
+def draw_look(generator: torch.Generator) -> Look:
+    """A look for one step; always the same number of draws."""
+    mirrored, often, gain, gamma, scale, *rest = torch.rand(18, generator=generator).tolist()
+    tints, others, edges = rest[:3], rest[3:9], rest[9:]
+
+    def spread(most: float, drawn: float) -> float:
+        return most * (2 * drawn - 1)
+
+    # Rows that add up to 1 leave grey as it is: a turn of the hue, more or less colourful.
+    mixing = torch.zeros(3, 3)
+    mixing[~torch.eye(3, dtype=torch.bool)] = torch.tensor([spread(MIXING, o) for o in others])
+    mixing += torch.diag(1 - mixing.sum(1))
+    light = torch.tensor([math.exp(spread(GAIN, gain) + spread(TINT, t)) for t in tints])
+    left, top, right, bottom = (CUT_MOST * e if often < CUT_OFTEN else 0.0 for e in edges)
+    return Look(
+        mirrored=mirrored < 0.5,
+        gamma=math.exp(spread(GAMMA, gamma)),
+        mixing=light[:, None] * mixing,
+        scale=math.exp(spread(RESIZED, scale)),
+        cuts=(left, top, right, bottom),
+    )
+
+
+def mirror(vectors: Tensor) -> Tensor:
+    """Points or directions (..., 3) of the head frame in the plane x = 0."""
+    return vectors * vectors.new_tensor([-1, 1, 1])
+
+
+def mirrored_upper(upper: Tensor) -> Tensor:
+    """Measures of the upper face (..., U) of a mirrored person."""
+    order, signs = zip(*MIRRORED_UPPER, strict=True)
+    return upper[..., list(order)] * upper.new_tensor(signs)
+
+
+def mirrored_share(share: FastShare) -> FastShare:
+    """Rays that see, mirrored, what they saw: a pixel and its mirror image have one colour."""
+    batch: RayBatch = replace(
+        share.batch,
+        origins=mirror(share.batch.origins),
+        directions=mirror(share.batch.directions),
+    )
+    origins, directions, frame, distance = share.surface
+    told = len(MIRRORED_UPPER)
+    codes, upper = share.told[:, :-told], mirrored_upper(share.told[:, -told:])
+    return replace(
+        share,
+        batch=batch,
+        told=torch.cat([codes, upper], -1),
+        surface=(mirror(origins), mirror(directions), frame, distance),
+    )
+
+
+def mirrored_views(views: ReferenceViews) -> ReferenceViews:
+    """The views of a mirrored camera: M [R | t] M in the head frame, M = diag(-1, 1, 1)."""
+    column, row = views.centres.unbind(-1)
+    # (M R M | M t): both the row and the column of x change their sign.
+    rotation = mirror(views.c2w[:, :, :3]) * views.c2w.new_tensor([-1, 1, 1])[:, None]
+    return replace(
+        views,
+        images=views.images.flip(2),
+        mattes=views.mattes.flip(2),
+        c2w=torch.cat([rotation, mirror(views.c2w[:, :, 3])[..., None]], -1),
+        # Integers are pixel centres: the last column is the first one's mirror image.
+        centres=torch.stack([views.images.shape[2] - 1 - column, row], -1),
+        upper=mirrored_upper(views.upper),
+        eyes=lids.mirrored(views.eyes),
+    )
+
+
+def cut(views: ReferenceViews, cuts: tuple[float, float, float, float]) -> ReferenceViews:
+    """Views without shares of their left, top, right and bottom; the border goes on outside."""
+    height, width = views.mattes.shape[1:]
+    left, right = (round(width * share) for share in (cuts[0], cuts[2]))
+    top, bottom = (round(height * share) for share in (cuts[1], cuts[3]))
+    rows, columns = slice(top, height - bottom), slice(left, width - right)
+    return replace(
+        views,
+        images=views.images[:, rows, columns],
+        mattes=views.mattes[:, rows, columns],
+        centres=views.centres - views.centres.new_tensor([left, top]),
+    )
+
+
+def resized(views: ReferenceViews, scale: float) -> ReferenceViews:
+    """Views of `scale` times as many pixels a side, a part of the last pixel left out."""
+    layers = torch.cat([views.images, views.mattes[..., None]], -1).permute(0, 3, 1, 2)
+    layers = F.interpolate(
+        layers, scale_factor=scale, mode="bilinear", antialias=scale < 1, align_corners=False
+    ).permute(0, 2, 3, 1)
+    return replace(
+        views,
+        images=layers[..., :3],
+        mattes=layers[..., 3],
+        focal=views.focal * scale,
+        # Pixels are squares round their integer centres: edges are scaled, not centres.
+        centres=(views.centres + 0.5) * scale - 0.5,
+        scale=views.scale * scale,
+    )

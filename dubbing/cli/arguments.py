@@ -1,0 +1,67 @@
+"""Arguments that several commands take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dubbing.errors import DubbingError
+from dubbing.stage_names import OF_DUB, OF_IDENTITY
+
+FORCEABLE = (*OF_IDENTITY, *OF_DUB)
+ManifestPath = Annotated[Path, typer.Argument(metavar="MANIFEST", help="A manifest (YAML).")]
+Only = Annotated[
+    list[str] | None,
+    typer.Option("--only", metavar="NAME", help="This dub or identity only; may be repeated."),
+]
+Force = Annotated[
+    list[str] | None,
+    typer.Option("--force", metavar="STAGE", help=f"Do again: {', '.join(FORCEABLE)}."),
+]
+Device = Annotated[str, typer.Option("--device", help="auto, cpu or cuda.")]
+
+
+def checked_device(name: str) -> str:
+    """The device asked for.
+
+    Raises:
+        DubbingError: there is none of that name, or not here.
+    """
+    if name not in ("auto", "cpu", "cuda"):
+        raise DubbingError(f"no device {name!r}", "--device", "use auto, cpu or cuda")
+    if name == "cuda":
+        import torch  # only to ask for a GPU: the command line is quick without it
+
+        if not torch.cuda.is_available():
+            raise DubbingError("torch sees no GPU here", "--device cuda", "use auto or cpu")
+    return name
+
+
+def checked_size(size: int) -> int:
+    """The side of the head crop asked for, pixels.
+
+    Raises:
+        DubbingError: it is none that a manifest may ask for.
+    """
+    from dubbing.manifest.entries import SIZES
+
+    if size not in SIZES:
+        remedy = f"use {SIZES.start} to {SIZES[-1]} in steps of {SIZES.step}"
+        raise DubbingError(f"no head crop of {size} px", "--size", remedy)
+    return size
+
+
+def checked_output(file: Path) -> Path:
+    """A file to write at the end of long work, which can be written now.
+
+    Raises:
+        DubbingError: it is a folder, or nothing may be written where it is to lie.
+    """
+    from dubbing.files import make_folder
+
+    if file.is_dir():
+        raise DubbingError("a folder, not a file to write", str(file), "give a file's name")
+    make_folder(file.parent)
+    return file

@@ -1,0 +1,173 @@
+"""What the commands print: bars on a terminal, one line a stage in a log, tables."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+# `dfrf doctor` prints without the packages that these import.
+if TYPE_CHECKING:
+    from dubbing.cli.doctor import Finding
+    from dubbing.engine.planner import Row
+    from dubbing.engine.runner import Failure
+    from dubbing.engine.stage import Stage
+    from dubbing.jobs import Job
+    from dubbing.pipeline import Result
+
+COLOURS = {
+    **dict.fromkeys(("made", "kept", "pass", "up to date", "fine"), "green"),
+    **dict.fromkeys(("warn", "after", "slow", "unjudged", "not in this run"), "yellow"),
+    **dict.fromkeys(("failed", "skipped", "stopped", "fail", "blocked", "lacking"), "red"),
+}
+out = Console(highlight=False, soft_wrap=True)
+screen = Console(stderr=True, highlight=False)
+
+
+def _bars() -> Progress:
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=24),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("[dim]{task.fields[message]}"),
+    )
+    return Progress(*columns, console=screen, transient=True)
+
+
+class Bar:
+    """One bar, as a progress function; nothing where there is no terminal."""
+
+    def __init__(self, title: str) -> None:
+        self._bars = _bars()
+        self._task = self._bars.add_task(title, total=1.0, message="")
+
+    def __enter__(self) -> Bar:
+        self._bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
+    ) -> None:
+        self._bars.stop()
+
+    def __call__(self, message: str, share: float) -> None:
+        self._bars.update(self._task, completed=share, message=message)
+
+
+class Bars:
+    """Tells on stderr how a run goes on; see ``running.Reporter``."""
+
+    def __init__(self, warnings: Sequence[str]) -> None:
+        self._bars = _bars()
+        self._tasks: dict[tuple[str, str], TaskID] = {}
+        self._warnings = warnings
+
+    def __enter__(self) -> Bars:
+        for warning in self._warnings:
+            screen.print(f"warning: {warning}", style="yellow", markup=False)
+        self._bars.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
+    ) -> None:
+        self._bars.stop()
+
+    def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
+        """A stage starts."""
+        title = f"{job.name}: {stage.name}"
+        self._tasks[job.name, stage.name] = self._bars.add_task(title, total=1.0, message="")
+        if not screen.is_terminal:
+            screen.print(f"{title} ({', '.join(reasons)})", markup=False)
+
+    def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
+        """A stage is ``share`` (0..1) done."""
+        self._bars.update(self._tasks[job.name, stage.name], completed=share, message=message)
+
+    def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
+        """A stage is done or has failed."""
+        self._bars.remove_task(self._tasks.pop((job.name, stage.name)))
+        if failure:
+            screen.print(f"{job.name}: {stage.name} failed: {failure}", style="red", markup=False)
+        elif screen.is_terminal:
+            screen.print(f"{job.name}: {stage.name} done", style="green", markup=False)
+
+
+def summary(result: Result) -> None:
+    """A line for every job that failed or was made, and where the report is."""
+    for name, outcome in result.outcomes.items():
+        seconds = sum(outcome.seconds.values())
+        text = f"{name}: {outcome.state}" + (f" in {seconds:.0f} s" if seconds else "")
+        if outcome.failure:
+            text += f"; {outcome.failure}"
+        out.print(text, style=COLOURS.get(outcome.state), markup=False)
+    for name, sync in result.syncs.items():
+        text = f"{name}: sync {sync.get('verdict')}: {sync.get('reason')}"
+        out.print(text, style=COLOURS.get(str(sync.get("verdict"))), markup=False)
+    out.print(f"report: {result.report}", markup=False)
+
+
+def plan(rows: Sequence[Row], warnings: Sequence[str], *, as_json: bool) -> None:
+    """What would run, and why."""
+    if as_json:
+        told = [
+            {
+                "kind": row.job.kind,
+                "name": row.job.name,
+                "stage": row.stage,
+                "state": row.state,
+                "reasons": list(row.reasons),
+            }
+            for row in rows
+        ]
+        print(json.dumps({"warnings": list(warnings), "stages": told}, indent=2))
+        return
+    table = Table("job", "stage", "state", "why")
+    for row in rows:
+        state = f"[{COLOURS.get(row.state, 'default')}]{row.state}[/]"
+        table.add_row(f"{row.job.kind} {row.job.name}", row.stage, state, "; ".join(row.reasons))
+    for warning in warnings:
+        out.print(f"warning: {warning}", style="yellow", markup=False)
+    out.print(table)
+    runs = sum(row.state == "run" for row in rows)
+    kept = sum(row.state == "up to date" for row in rows)
+    out.print(f"{runs} to run, {kept} up to date, {len(rows) - runs - kept} wait or are blocked")
+
+
+def sync(found: dict[str, Any]) -> None:
+    """The lip-sync figures of one video."""
+    out.print(f"{found['verdict']}: {found['reason']}", style=COLOURS.get(found["verdict"]))
+    if found["offset_frames"] is None:
+        return
+    out.print(f"offset {found['offset_frames']} frames, {found['offset_ms']:.0f} ms", end="")
+    out.print(f" ({found['words']})" if found.get("words") else "")
+    out.print(f"confidence {found['confidence']:.3f}, distance {found['distance']:.3f}")
+
+
+def metrics(found: dict[str, dict[str, dict[str, Any]]]) -> None:
+    """Held-out figures: identity -> method -> figure. A table a person, a column a method."""
+    for identity, methods in found.items():
+        table = Table(identity, *methods)
+        # In the order in which they were measured.
+        for name in dict.fromkeys(key for row in methods.values() for key in row):
+            table.add_row(name, *(_figure(row.get(name)) for row in methods.values()))
+        out.print(table)
+
+
+def doctor(findings: Sequence[Finding]) -> None:
+    """What the machine has and lacks."""
+    table = Table("what", "state", "found", "what to do")
+    for finding in findings:
+        state = f"[{COLOURS.get(finding.state, 'default')}]{finding.state}[/]"
+        table.add_row(finding.what, state, finding.found, finding.remedy)
+    out.print(table)
+
+
+def _figure(value: Any) -> str:
+    return f"{value:.3f}" if isinstance(value, float) else "" if value is None else str(value)

@@ -1,0 +1,145 @@
+"""What this machine has and lacks for dubbing. What may be missing is imported late, if at all."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import shutil
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+from dubbing.errors import MediaError
+from dubbing.shipped.base import BASE
+
+PINNED_MEDIAPIPE = "0.10.21"  # the last version that carries its models in the wheel
+ENOUGH_MEMORY, ENOUGH_DISK = 6.0, 5.0  # GiB
+INSTALL = "make install"
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing looked at. ``state``: fine, slow (works, but could be better) or lacking."""
+
+    what: str
+    state: str
+    found: str
+    remedy: str = ""
+
+
+def examine() -> list[Finding]:
+    """Look at everything a run needs."""
+    looks: tuple[Callable[[], Finding], ...] = (
+        _python,
+        _torch,
+        _graphics,
+        _arithmetic,
+        _memory,
+        _disk,
+        _ffmpeg,
+        _mediapipe,
+        _opencv,
+        _base,
+    )
+    return [look() for look in looks]
+
+
+def _python() -> Finding:
+    found = platform.python_version()
+    if sys.version_info[:2] == (3, 11):
+        return Finding("Python", "fine", found)
+    return Finding("Python", "lacking", found, "make install PYTHON=python3.11")
+
+
+def _version(package: str) -> str:
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def _torch() -> Finding:
+    found = _version("torch")
+    return Finding("torch", "fine" if found else "lacking", found, "" if found else INSTALL)
+
+
+def _graphics() -> Finding:
+    if importlib.util.find_spec("torch") is None:
+        return Finding("graphics card", "lacking", "torch is not there", INSTALL)
+    import torch
+
+    if torch.cuda.is_available():
+        memory = torch.cuda.get_device_properties(0).total_memory / 2**30
+        name = torch.cuda.get_device_name(0)
+        return Finding("graphics card", "fine", f"{name}, {memory:.0f} GiB")
+    return Finding("graphics card", "slow", "none; the processor does it all")
+
+
+def _arithmetic() -> Finding:
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    try:
+        flags = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
+    except OSError:
+        flags = []
+    fast = [name for name in ("amx_bf16", "avx512_bf16") if name in flags]
+    text = f"{cores} cores, bfloat16: {', '.join(fast) or 'no'}"
+    return Finding("processor", "fine" if fast else "slow", text)
+
+
+def _memory() -> Finding:
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    text = f"{memory:.1f} GiB"
+    if memory >= ENOUGH_MEMORY:
+        return Finding("memory", "fine", text)
+    return Finding("memory", "slow", text, "set a smaller size for the identities, and --jobs 1")
+
+
+def _disk() -> Finding:
+    free = shutil.disk_usage(Path.cwd()).free / 2**30
+    text = f"{free:.0f} GiB free here"
+    if free >= ENOUGH_DISK:
+        return Finding("disk", "fine", text)
+    return Finding("disk", "lacking", text, "choose an output folder on a larger disk")
+
+
+def _ffmpeg() -> Finding:
+    try:
+        from dubbing.media import ffmpeg
+    except ImportError as error:
+        return Finding("ffmpeg", "lacking", f"{error.name} is not installed", INSTALL)
+    try:
+        return Finding("ffmpeg", "fine", f"{ffmpeg.version()} ({ffmpeg.binary()})")
+    except MediaError as error:
+        return Finding("ffmpeg", "lacking", error.what, error.remedy)
+
+
+def _mediapipe() -> Finding:
+    found = _version("mediapipe")
+    if found == PINNED_MEDIAPIPE:
+        return Finding("mediapipe", "fine", found)
+    command = f"python -m pip install --no-deps mediapipe=={PINNED_MEDIAPIPE}"
+    return Finding("mediapipe", "lacking", found or "not installed", command)
+
+
+def _opencv() -> Finding:
+    names = ("opencv-python", "opencv-python-headless", "opencv-contrib-python")
+    others = [name for name in names if _version(name)]
+    found = _version("opencv-contrib-python-headless")
+    if found and not others:
+        return Finding("OpenCV", "fine", found)
+    if not found:
+        return Finding("OpenCV", "lacking", "not installed", INSTALL)
+    remove = f"python -m pip uninstall -y {' '.join(others)}"
+    again = "python -m pip install --force-reinstall --no-deps opencv-contrib-python-headless"
+    both = f"{', '.join(others)} overwrites its files"
+    return Finding("OpenCV", "lacking", both, f"{remove} && {again}=={found}")
+
+
+def _base() -> Finding:
+    if BASE.is_file():
+        return Finding("base checkpoint", "fine", f"{BASE.stat().st_size / 2**20:.1f} MiB")
+    command = "git checkout -- dubbing/base.safetensors, or name one with `base:` in the manifest"
+    return Finding("base checkpoint", "slow", "none: people are learnt from nothing", command)

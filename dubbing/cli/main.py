@@ -1,0 +1,270 @@
+"""The command line. A body maps its arguments onto one library call and an exit code.
+
+0 all made and passed; 1 a job failed; 2 the manifest or the call is wrong; 3 all made, but a sync
+check fell short; 130 interrupted, and resumable. Nothing here imports torch.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+from pathlib import Path
+from types import FrameType
+from typing import Annotated, Any
+
+import typer
+
+from dubbing.cli import training_commands
+from dubbing.cli.arguments import (
+    FORCEABLE,
+    Device,
+    Force,
+    ManifestPath,
+    Only,
+    checked_device,
+    checked_size,
+)
+from dubbing.errors import DubbingError, LockedError, ManifestError
+
+FAILED, WRONG_CALL, INTERRUPTED = 1, 2, 130
+ENVIRONMENT = {
+    "OMP_WAIT_POLICY": "PASSIVE",  # threads that spin on a shared core cost ten times the work
+}
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Dub consenting people on film into another language.",
+)
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+@app.command()
+def dub(
+    manifest: ManifestPath,
+    only: Only = None,
+    force: Force = None,
+    device: Device = "auto",
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Jobs side by side.")] = 1,
+    keep_going: Annotated[
+        bool, typer.Option("--keep-going/--fail-fast", help="Go on with the other jobs.")
+    ] = True,
+) -> None:
+    """Make every dub of a manifest that is not up to date."""
+    from dubbing import pipeline
+    from dubbing.cli import console
+    from dubbing.engine.runner import Options
+    from dubbing.manifest.manifest import load
+
+    options = Options(force=_stages(force), workers=jobs, keep_going=keep_going)
+    loaded = load(manifest)
+    with console.Bars(loaded.warnings) as reporter:
+        result = pipeline.dub(
+            loaded, reporter, options, only=tuple(only or ()), device=checked_device(device)
+        )
+    console.summary(result)
+    raise typer.Exit(result.code)
+
+
+@app.command()
+def plan(
+    manifest: ManifestPath, only: Only = None, force: Force = None, as_json: AsJson = False
+) -> None:
+    """Check a manifest and its files, and print what would run, and why. Writes nothing."""
+    from dubbing.cli import console
+    from dubbing.engine import planner as planning
+    from dubbing.jobs import build
+    from dubbing.manifest.manifest import load
+
+    loaded = load(manifest)
+    rows = planning.rows(build(loaded, only=tuple(only or ())), _stages(force))
+    console.plan(rows, loaded.warnings, as_json=as_json)
+
+
+@app.command()
+def init(
+    folder: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FOLDER", exists=True, file_okay=False, help="With clips and recordings."
+        ),
+    ],
+) -> None:
+    """Write FOLDER/manifest.yaml from the clips and recordings found there."""
+    from dubbing.manifest.init import write_manifest
+
+    written = write_manifest(folder)
+    typer.echo(f"wrote {written}; fill in who gave consent, then run: dfrf plan {written}")
+
+
+@app.command()
+def prepare(
+    clip: Annotated[
+        Path,
+        typer.Argument(metavar="CLIP", exists=True, dir_okay=False, help="A video of one person."),
+    ],
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder; CLIP.prepared if not given.")
+    ] = None,
+    size: Annotated[int, typer.Option("--size", help="Side of the head crop, pixels.")] = 512,
+) -> None:
+    """Track, matte and restore the background of one clip; see contact_sheet.png."""
+    from dubbing.cli import console
+    from dubbing.preparation import prepare as work
+
+    folder = out or clip.with_suffix(".prepared")
+    with console.Bar(f"prepare {clip.name}") as progress:
+        found = work(clip.resolve(), folder, size=checked_size(size), progress=progress)
+    for warning in found.warnings:
+        typer.echo(f"warning: {warning}")
+    typer.echo(f"{folder / 'contact_sheet.png'}: residual shift {found.residual_shift:.3f} px")
+
+
+@app.command()
+def sync(
+    video: Annotated[
+        Path,
+        typer.Argument(metavar="VIDEO", exists=True, dir_okay=False, help="Any video with sound."),
+    ],
+    weights: Annotated[
+        Path | None,
+        typer.Option(
+            "--weights",
+            exists=True,
+            dir_okay=False,
+            help="The published SyncNet (syncnet_v2.model), instead of our network.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the lip sync of any video: offset, confidence, distance. Exit code 3 on fail."""
+    from dubbing.cli import console
+    from dubbing.sync.check import check
+    from dubbing.sync.syncnet.check import published_check
+
+    with console.Bar(f"sync {video.name}") as progress:
+        if weights is None:
+            found = check(video, progress=lambda share: progress("listening and looking", share))
+        else:
+            found = published_check(video, weights)
+    if as_json:
+        typer.echo(json.dumps(found.to_json(), indent=2))
+    else:
+        console.sync(found.to_json())
+    if found.verdict == "fail":
+        raise typer.Exit(3)
+
+
+@app.command()
+def evaluate(
+    manifest: ManifestPath,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--method",
+            help="dfrf, dfrf-nowarp, dfrf-alone (no base), dfrf-1, -2, -4 or -6 (so many "
+            "references, always the same), paper, ad-nerf or nerf; may be repeated.",
+        ),
+    ] = None,
+    only: Only = None,
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=0.1, help="Test so many seconds of what is held out, its first."),
+    ] = None,
+    lpips_weights: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--lpips-weights",
+            exists=True,
+            dir_okay=False,
+            help="AlexNet, and once more the heads of LPIPS: measures it, too.",
+        ),
+    ] = None,
+    device: Device = "auto",
+) -> None:
+    """Held-out metrics of every identity, into OUTPUT/evaluate.json."""
+    from dubbing.cli import console
+    from dubbing.lab.evaluation import evaluate as work
+    from dubbing.manifest.manifest import load
+
+    loaded = load(manifest)
+    with console.Bar("evaluate") as progress:
+        found = work(
+            loaded,
+            methods=tuple(method or ("dfrf",)),
+            only=tuple(only or ()),
+            seconds=seconds,
+            lpips_weights=tuple(lpips_weights or ()),
+            device=checked_device(device),
+            progress=progress,
+        )
+    console.metrics(found)
+
+
+@app.command(name="import-checkpoint")
+def import_checkpoint(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", exists=True, dir_okay=False, help="A checkpoint of the paper's code."
+        ),
+    ],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The safetensors file to write.")],
+) -> None:
+    """Read a checkpoint of the published code into ours."""
+    from dfrf.checkpoint import CheckpointError
+    from dfrf.published.importing import import_checkpoint as work
+
+    try:
+        work(file, out)
+    except CheckpointError as error:
+        raise DubbingError(str(error), str(file)) from error
+    typer.echo(f"wrote {out}")
+
+
+@app.command()
+def doctor() -> None:
+    """What this machine has and lacks, and the command that mends it."""
+    from dubbing.cli import console
+    from dubbing.cli.doctor import examine
+
+    findings = examine()
+    console.doctor(findings)
+    raise typer.Exit(int(any(finding.state == "lacking" for finding in findings)))
+
+
+app.command(name="train-base")(training_commands.train_base)
+app.command(name="train-speech")(training_commands.train_speech)
+app.command(name="train-sync")(training_commands.train_sync)
+
+
+def main() -> None:
+    """Entry point: every user mistake ends in words and an exit code."""
+    signal.signal(signal.SIGTERM, _interrupt)
+    for name, value in ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    try:
+        app()
+    except DubbingError as error:
+        typer.echo(f"dfrf: {error}", err=True)
+        wrong_call = isinstance(error, (ManifestError, LockedError)) or error.where.startswith("--")
+        sys.exit(WRONG_CALL if wrong_call else FAILED)
+    except SystemExit as end:
+        if end.code == INTERRUPTED:
+            typer.echo("dfrf: interrupted; run the same command again to go on", err=True)
+        raise
+
+
+def _interrupt(_signal: int, _frame: FrameType | None) -> Any:
+    raise KeyboardInterrupt
+
+
+def _stages(names: list[str] | None) -> tuple[str, ...]:
+    for name in names or ():
+        if name not in FORCEABLE:
+            raise DubbingError(f"no stage {name!r}", "--force", f"use {', '.join(FORCEABLE)}")
+    return tuple(names or ())

@@ -1,0 +1,85 @@
+"""Commands that train what comes with the tool anew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dubbing.cli.arguments import Device, ManifestPath, checked_device, checked_output
+
+
+def train_sync(
+    clips: Annotated[
+        list[Path],
+        typer.Argument(metavar="CLIP...", exists=True, dir_okay=False, help="One person each."),
+    ],
+    out: Annotated[Path, typer.Option("--out", help="The weights to write.")],
+) -> None:
+    """Train the network of the sync check on clips of people who talk."""
+    from dubbing.training.sync.training import train_sync as work
+
+    about = work(clips, checked_output(out), progress=typer.echo)
+    typer.echo(f"wrote {out}, from {len(about['clips'])} clips")
+
+
+def train_speech(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The weights to write.")],
+    recordings: Annotated[
+        list[Path] | None,
+        typer.Option("--recording", exists=True, dir_okay=False, help="Of a person; repeatable."),
+    ] = None,
+    corpus: Annotated[
+        Path | None,
+        typer.Option("--corpus", help="Folder of what is taught; OUT.corpus by default."),
+    ] = None,
+    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Of the optimiser.")] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
+) -> None:
+    """Train the network of the speech features from nothing; resumes by itself."""
+    from dubbing.cli import console
+    from dubbing.training.speech.training import SpeechTraining
+    from dubbing.training.speech.training import train_speech as work
+
+    settings = SpeechTraining(seed=seed, steps=steps or SpeechTraining.steps)
+    out = checked_output(out)
+    folder = corpus or out.with_name(out.name + ".corpus")
+    with console.Bar("train-speech") as progress:
+        about = work(recordings or [], out, corpus=folder, settings=settings, progress=progress)
+    typer.echo(f"wrote {out}, from {about['seconds'] / 60:.0f} minutes of speech")
+
+
+def train_base(
+    manifest: ManifestPath,
+    out: Annotated[Path, typer.Option("--out", help="The checkpoint to write.")],
+    iterations: Annotated[
+        int | None, typer.Option("--iterations", min=1, help="Steps in all.")
+    ] = None,
+    init: Annotated[
+        Path | None,
+        typer.Option("--init", exists=True, dir_okay=False, help="A checkpoint to start from."),
+    ] = None,
+    hold_out: Annotated[
+        list[str] | None,
+        typer.Option("--hold-out", help="Measured on instead of learned from; repeatable."),
+    ] = None,
+    device: Device = "auto",
+) -> None:
+    """Train the shared base checkpoint across the identities of a manifest; resumes by itself."""
+    from dubbing.cli import console
+    from dubbing.manifest.manifest import load
+    from dubbing.training.base import train_base as work
+
+    loaded, chosen, out = load(manifest), checked_device(device), checked_output(out)
+    with console.Bar("train-base") as progress:
+        work(
+            loaded,
+            out,
+            device=chosen,
+            iterations=iterations,
+            init=init,
+            hold_out=tuple(hold_out or ()),
+            progress=progress,
+        )
+    typer.echo(f"wrote {out}")

@@ -1,0 +1,83 @@
+"""A rendered head laid over a restored background, and the soft mask it goes back with.
+
+S side of the crop in px. All lengths are given for S = 512 and scale with it.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dubbing.preparation.matting.matting import REFERENCE_SIZE
+
+FLOOR = 6  # of 255: a lower opacity is haze, not head
+REACH = 30  # px beyond the hole where a head (an open jaw) may lie; over as much again it fades
+FEATHER = 5  # px, inside the edge of the mask; less than the hole is wider than the old head
+
+
+def composite(
+    background: np.ndarray, hole: np.ndarray, head: np.ndarray, spoken: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """C + (1 - a) * background, and how much of it replaces the source.
+
+    Args:
+        background: (S, S, 3) uint8 restored background, equal to the source outside of the hole.
+        hole: (S, S) bool, where the background is restored.
+        head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity.
+        spoken: (S, S) uint8, the share of each pixel that may be replaced; see `spoken`.
+
+    Returns:
+        The composite (S, S, 3) uint8, and the mask (S, S) uint8 to paste it with: 0 where there
+        is neither hole nor head (so the source's pixels stay), rising to 255 over a few px inside
+        of that, so that no seam shows, and nowhere more than ``spoken``.
+    """
+    scale = len(background) / REFERENCE_SIZE
+    head = without_haze(head, hole, REACH * scale)
+    opacity = head[..., 3]
+    inside = hole | (opacity > 0)
+    mask = np.minimum(feathered(inside, max(1.0, FEATHER * scale)), spoken)
+    picture = background.copy()
+    rows, columns = _extent(opacity > 0)
+    under = background[rows, columns].astype(np.float32)
+    over = head[rows, columns].astype(np.float32)
+    mixed = over[..., :3] + (1 - over[..., 3:] / 255) * under
+    picture[rows, columns] = np.clip(mixed.round(), 0, 255)
+    return picture, mask
+
+
+def blend(image: np.ndarray, picture: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """``picture`` where the mask is 255, ``image`` where it is 0, mixed between; (S, S, 3)."""
+    rows, columns = _extent(mask > 0)
+    out = image.copy()
+    share = mask[rows, columns, None].astype(np.float32) / 255
+    below = image[rows, columns].astype(np.float32)
+    out[rows, columns] = (below + share * (picture[rows, columns] - below)).round()
+    return out
+
+
+def without_haze(head: np.ndarray, hole: np.ndarray, reach: float) -> np.ndarray:
+    """A head (S, S, 4) without haze and without what floats far from the hole."""
+    away = cv2.distanceTransform((~hole).astype(np.uint8), cv2.DIST_L2, 3)
+    if not hole.any():
+        away = np.zeros_like(away)
+    keep = np.clip(2 - away / max(reach, 1.0), 0, 1)
+    keep[head[..., 3] < FLOOR] = 0
+    rows, columns = _extent(head[..., 3] > 0)
+    out = np.zeros_like(head)
+    part = head[rows, columns].astype(np.float32) * keep[rows, columns, None]
+    out[rows, columns] = part.round()
+    return out
+
+
+def feathered(inside: np.ndarray, width: float) -> np.ndarray:
+    """Mask (S, S) uint8: 0 outside, rising to 255 over ``width`` px inwards from the edge."""
+    depth = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
+    return np.clip(depth * (255 / (width + 1)), 0, 255).round().astype(np.uint8)
+
+
+def _extent(mask: np.ndarray) -> tuple[slice, slice]:
+    """Rows and columns that hold all of a mask: the work is done there only."""
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    if not len(rows):
+        return slice(0, 0), slice(0, 0)
+    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)

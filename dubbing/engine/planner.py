@@ -1,0 +1,49 @@
+"""What a run would do, and why; nothing is written and no torch is loaded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dubbing.engine.stage import Stage
+from dubbing.jobs import Job, Jobs
+
+
+@dataclass(frozen=True)
+class Row:
+    """One stage of one job. ``state``: up to date, run, after (a stage before it runs), blocked."""
+
+    job: Job
+    stage: str
+    state: str
+    reasons: tuple[str, ...] = ()
+
+
+def rows(jobs: Jobs, force: tuple[str, ...] = ()) -> list[Row]:
+    """All stages in the order in which a run looks at them, job by job."""
+    runs: set[str] = set()
+    found: list[Row] = []
+    for job in jobs.all():
+        error = job.blocked or (job.kind == "dub" and jobs.identities[job.waits_for].blocked)
+        if error:
+            found.append(Row(job, "all", "blocked", (str(error),)))
+            continue
+        for name, stage in job.stages.items():
+            row = _row(job, name, stage, runs, force)
+            found.append(row)
+            if row.state != "up to date":
+                runs.add(str(stage.folder))
+    return found
+
+
+def _row(job: Job, name: str, stage: Stage, runs: set[str], force: tuple[str, ...]) -> Row:
+    before = [
+        source.name
+        for source in stage.inputs.values()
+        if isinstance(source, Stage) and str(source.folder) in runs
+    ]
+    reasons = ["forced"] if name in force else stage.changes()
+    if reasons:
+        return Row(job, name, "run", tuple(reasons))
+    if before:
+        return Row(job, name, "after", (f"if {' or '.join(before)} gives another result",))
+    return Row(job, name, "up to date")

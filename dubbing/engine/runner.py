@@ -1,0 +1,224 @@
+"""Doing the stages of many jobs: one kind of stage over all jobs, then the next.
+
+A failed stage stops its own job and the dubs that wait for it, nothing else.
+"""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable, Iterator
+from concurrent.futures import as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import cv2
+
+from dubbing.engine import stage as stages
+from dubbing.engine.processes import Processes
+from dubbing.engine.stage import Progress, Stage
+from dubbing.errors import DubbingError
+from dubbing.jobs import NEEDS, Job, Jobs
+from dubbing.stage_names import OF_DUB, OF_IDENTITY
+
+# What libraries raise at data they cannot deal with: it fails one job, and its trace is kept.
+UNEXPECTED = (
+    ArithmeticError,
+    LookupError,
+    MemoryError,
+    OSError,
+    RuntimeError,
+    ValueError,
+    cv2.error,
+)
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a stage failed, in words; ``trace`` only where nobody foresaw it."""
+
+    stage: str
+    what: str
+    where: str = ""
+    remedy: str = ""
+    trace: str = ""
+
+    def __str__(self) -> str:
+        return str(DubbingError(self.what, self.where, self.remedy))
+
+
+@dataclass
+class Outcome:
+    """What became of one job in this run.
+
+    Attributes:
+        state: made, kept (all was up to date), failed, skipped (its identity failed), or stopped
+            (not finished because another failed and ``keep_going`` was off).
+        reasons: stage -> why it had to run.
+        seconds: stage -> how long it took.
+    """
+
+    state: str = "kept"
+    reasons: dict[str, list[str]] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    failure: Failure | None = None
+
+
+class Reporter(Protocol):
+    """Who is told how the work goes on."""
+
+    def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
+        """A stage starts."""
+
+    def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
+        """A stage is ``share`` (0..1) done."""
+
+    def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
+        """A stage is done or has failed."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a run behaves. ``force``: stage names to do again; ``workers``: jobs side by side."""
+
+    force: tuple[str, ...] = ()
+    workers: int = 1
+    keep_going: bool = True
+
+
+def run(jobs: Jobs, options: Options, reporter: Reporter) -> dict[str, Outcome]:
+    """Do everything that is not up to date; outcomes by ``kind/name``."""
+    outcomes = {label(job): Outcome() for job in jobs.all()}
+    for job in jobs.all():
+        if job.blocked:
+            outcomes[label(job)] = Outcome("failed", failure=told("input", job.blocked))
+    runner = _Runner(jobs, options, reporter, outcomes)
+    for name in (*OF_IDENTITY, *OF_DUB):
+        people = name in OF_IDENTITY
+        runner.everywhere(name, jobs.identities if people else jobs.dubs)
+    runner.mark_unfinished()
+    return outcomes
+
+
+def label(job: Job) -> str:
+    """``identity/host``, ``dub/host_it``: identities and dubs may share a name."""
+    return f"{job.kind}/{job.name}"
+
+
+def told(stage: str, error: BaseException) -> Failure:
+    """An error as something to show to people."""
+    if isinstance(error, DubbingError):
+        return Failure(stage, error.what, error.where, error.remedy)
+    trace = "".join(traceback.format_exception(error))
+    what = f"{type(error).__name__}: {error}"
+    if isinstance(error, OSError) and error.errno == 28:
+        return Failure(stage, what, remedy="free some space, then run again", trace=trace)
+    return Failure(stage, what, "not foreseen", "see the trace; please report it", trace)
+
+
+class _Runner:
+    def __init__(
+        self, jobs: Jobs, options: Options, reporter: Reporter, outcomes: dict[str, Outcome]
+    ) -> None:
+        self.jobs = jobs
+        self.options = options
+        self.reporter = reporter
+        self.outcomes = outcomes
+
+    def everywhere(self, name: str, jobs: dict[str, Job]) -> None:
+        """One kind of stage over all jobs that still stand."""
+        waiting = []
+        for job in jobs.values():
+            if self._stands(job, name) and not self._stopped():
+                stage = job.stages[name]
+                stages.recover(stage)
+                forced = name in self.options.force
+                reasons = ["forced"] if forced else stage.changes()
+                if reasons:
+                    waiting.append((job, stage, reasons))
+        for job, failure, seconds, reasons in self._done(name, waiting):
+            outcome = self.outcomes[label(job)]
+            outcome.reasons[name] = reasons
+            outcome.seconds[name] = seconds
+            outcome.state = "made"
+            if failure:
+                outcome.state, outcome.failure = "failed", failure
+            self.reporter.end(job, job.stages[name], failure)
+
+    def _stands(self, job: Job, name: str) -> bool:
+        outcome = self.outcomes[label(job)]
+        if outcome.state in ("failed", "skipped"):
+            return False
+        if job.kind == "dub":
+            person = self.jobs.identities[job.waits_for]
+            failure = self.outcomes[label(person)].failure
+            if failure and (failure.stage == "input" or failure.stage in NEEDS[name]):
+                what = f"identity {person.name} failed: {failure.what}"
+                outcome.failure = replace(failure, what=what, trace="")
+                outcome.state = "skipped"
+                return False
+        return True
+
+    def _stopped(self) -> bool:
+        return not self.options.keep_going and any(
+            outcome.state == "failed" for outcome in self.outcomes.values()
+        )
+
+    def mark_unfinished(self) -> None:
+        """After a stop: what is neither done nor failed."""
+        for job in self.jobs.all() if self._stopped() else []:
+            outcome = self.outcomes[label(job)]
+            if outcome.failure is None and any(s.changes() for s in job.stages.values()):
+                outcome.state = "stopped"
+
+    def _done(
+        self, name: str, waiting: list[tuple[Job, Stage, list[str]]]
+    ) -> Iterator[tuple[Job, Failure | None, float, list[str]]]:
+        force = name in self.options.force
+        if self.options.workers > 1 and len(waiting) > 1:
+            yield from self._side_by_side(waiting, force)
+            return
+        for job, stage, reasons in waiting:
+            if self._stopped():
+                return
+            self.reporter.begin(job, stage, reasons)
+            failure, seconds = attempt(stage, force, _progress(self.reporter, job, stage))
+            yield job, failure, seconds, reasons
+
+    def _side_by_side(
+        self, waiting: list[tuple[Job, Stage, list[str]]], force: bool
+    ) -> Iterator[tuple[Job, Failure | None, float, list[str]]]:
+        with Processes(min(self.options.workers, len(waiting))) as processes:
+            futures = {}
+            for job, stage, reasons in waiting:
+                self.reporter.begin(job, stage, reasons)
+                futures[processes.submit(attempt, stage, force, _silent)] = (job, stage, reasons)
+            for future in as_completed(futures):
+                job, stage, reasons = futures[future]
+                try:
+                    failure, seconds = future.result()
+                except BrokenProcessPool:
+                    remedy = "run again, with fewer --jobs if memory ran short"
+                    failure = Failure(stage.name, "its process was killed", remedy=remedy)
+                    seconds = 0.0
+                yield job, failure, seconds, reasons
+
+
+def attempt(stage: Stage, force: bool, progress: Progress) -> tuple[Failure | None, float]:
+    """Run a stage; an error becomes a Failure. Gives the seconds it took."""
+    started = time.perf_counter()
+    failure = None
+    try:
+        stages.run(stage, progress, force=force)
+    except (DubbingError, *UNEXPECTED) as error:
+        failure = told(stage.name, error)
+    return failure, round(time.perf_counter() - started, 2)
+
+
+def _progress(reporter: Reporter, job: Job, stage: Stage) -> Callable[[str, float], None]:
+    return lambda message, share: reporter.progress(job, stage, message, share)
+
+
+def _silent(_message: str, _share: float) -> None:
+    """Workers do not write to the terminal."""

@@ -1,0 +1,130 @@
+"""Faces of a video, followed from frame to frame.
+
+Letters: T frames, P = 478 points of the face mesh, H and W pixels.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from dubbing.face.mediapipe_graph import Solution
+
+POINTS = 478
+MAX_FACES = 4
+# A face that was lost for longer than this starts a new track.
+MEMORY_SECONDS = 1.0
+# Two meshes closer than this, in face widths, are one face found twice.
+TWIN = 0.25
+# A face belongs to the track whose last place lies within this many face widths.
+REACH = 0.6
+
+
+@dataclass(frozen=True)
+class Face:
+    """One face in one frame: track number and points (478, 3) as (column, row, depth) in pixels."""
+
+    track: int
+    points: np.ndarray
+
+
+@dataclass
+class _Track:
+    number: int
+    centre: np.ndarray
+    width: float
+    seen: int
+
+
+class FaceTracker:
+    """FaceMesh in tracking mode, and the bookkeeping that keeps one number a person.
+
+    Use as a context manager and feed it the frames in order. The weights of the face mesh come
+    with the mediapipe package.
+    """
+
+    def __init__(self, rate: float, max_faces: int = MAX_FACES) -> None:
+        import mediapipe as mp
+
+        solutions: Any = mp.solutions
+        self._mesh = Solution(
+            partial(
+                solutions.face_mesh.FaceMesh,
+                static_image_mode=False,
+                refine_landmarks=True,
+                max_num_faces=max_faces,
+            )
+        )
+        self._memory = max(1, round(rate * MEMORY_SECONDS))
+        self._tracks: list[_Track] = []
+        self._made = 0
+        self._frame = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._mesh.close()
+
+    def __call__(self, frame: np.ndarray) -> list[Face]:
+        """Faces of the next frame, RGB uint8 (H, W, 3)."""
+        self._frame += 1
+        height, width = frame.shape[:2]
+        found = self._mesh.process(frame).multi_face_landmarks or []
+        # FaceMesh gives depth in the unit of the columns.
+        scale = np.array([width, height, width], np.float32)
+        meshes = [
+            np.array([(p.x, p.y, p.z) for p in face.landmark], np.float32) * scale for face in found
+        ]
+        return self._assign(meshes)
+
+    def _assign(self, meshes: list[np.ndarray]) -> list[Face]:
+        self._tracks = [t for t in self._tracks if self._frame - t.seen <= self._memory]
+        meshes = _without_twins(meshes)
+        places = [_place(m) for m in meshes]
+        pairs = sorted(
+            (float(np.linalg.norm(centre - t.centre)) / max(width, t.width, 1.0), i, t.number)
+            for i, (centre, width) in enumerate(places)
+            for t in self._tracks
+        )
+        chosen: dict[int, int] = {}
+        for distance, i, number in pairs:
+            if distance < REACH and i not in chosen and number not in chosen.values():
+                chosen[i] = number
+        faces = []
+        for i, (centre, width) in enumerate(places):
+            number = chosen.get(i, self._made)
+            self._made += number == self._made
+            self._tracks = [t for t in self._tracks if t.number != number]
+            self._tracks.append(_Track(number, centre, width, self._frame))
+            faces.append(Face(number, meshes[i]))
+        return faces
+
+
+def _place(mesh: np.ndarray) -> tuple[np.ndarray, float]:
+    """Centre (2,) and width of a face, pixels."""
+    return mesh[:, :2].mean(0), float(np.ptp(mesh[:, 0]))
+
+
+def _without_twins(meshes: list[np.ndarray]) -> list[np.ndarray]:
+    kept: list[np.ndarray] = []
+    for mesh in meshes:
+        centre, width = _place(mesh)
+        if all(np.linalg.norm(centre - _place(k)[0]) > TWIN * width for k in kept):
+            kept.append(mesh)
+    return kept
+
+
+def track_faces(frames: Iterable[np.ndarray], rate: float) -> Iterator[list[Face]]:
+    """Faces of each frame in order; nothing of the frames is kept."""
+    with FaceTracker(rate) as tracker:
+        for frame in frames:
+            yield tracker(frame)

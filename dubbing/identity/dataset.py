@@ -1,0 +1,211 @@
+"""From a prepared clip to the tensors that training and rendering take."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import torch
+from scipy.ndimage import gaussian_filter1d
+from torch import Tensor
+
+from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, Identity
+from dfrf.field import brow_deformation as brows
+from dfrf.field import eyelid_deformation as lids
+from dubbing.errors import TrainingError
+from dubbing.face.mesh_points import EYE_CORNERS, LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
+from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.preparation.alignment.silhouette import eye_axes, upwards
+from dubbing.preparation.prepared import PreparedClip
+
+# Inner gap in the middle, left and right; width; base of the nose to lower lip, upper lip and chin.
+LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2, 152))
+# Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.
+EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
+# What counts as 1, in eye distances.
+LIDS, BROWS, GAZE = lids.LENGTH, brows.LENGTH, 0.01
+BROWS_SMOOTH = 1.5  # frames: skin is moved by them, so their jitter would be seen
+RIM_WIDTH = 0.016  # of the crop's side
+
+
+def mouth_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
+    """Box round the lips with a margin, (T, 4) left, top, right, bottom, from (T, 478, 2)."""
+    lips = landmarks[:, OUTER_LIP]
+    low, high = lips.min(1), lips.max(1)
+    half = (high - low) / 2
+    centre = (high + low) / 2
+    wide = half[:, 0] * 1.25
+    tall = np.maximum(half[:, 1] * 1.4, wide * 0.6)
+    boxes = np.stack(
+        [centre[:, 0] - wide, centre[:, 1] - tall, centre[:, 0] + wide, centre[:, 1] + tall], -1
+    )
+    return np.clip(np.nan_to_num(boxes).round(), 0, size).astype(np.int64)
+
+
+def lip_measures(landmarks: np.ndarray) -> np.ndarray:
+    """What the lips do, (T, 7) of mean 0 and variance 1, from landmarks (T, 478, 2).
+
+    Distances between points of the lips, the chin and the base of the nose, in units of the
+    distance between the eyes.
+    """
+    eyes = np.linalg.norm(landmarks[:, LEFT_EYE_OUTER] - landmarks[:, RIGHT_EYE_OUTER], axis=-1)
+    first, second = np.array(LIP_DISTANCES).T
+    length = np.linalg.norm(landmarks[:, first] - landmarks[:, second], axis=-1) / eyes[:, None]
+    return (length - length.mean(0)) / (length.std(0) + 1e-6)
+
+
+def lid_openings(points: np.ndarray) -> np.ndarray:
+    """How far the left and the right eye are open, (T, 2) in eye distances, of (T, 478, 2)."""
+    _, right, unit = eye_axes(points[:, list(EYE_CORNERS)])
+    upper, lower = ([eye[k] for eye in EYES_POINTS] for k in (2, 3))
+    between = (points[:, upper] - points[:, lower]) * upwards(right)[:, None]
+    return between.sum(-1) / unit[:, None]
+
+
+def upper_measures(clip: PreparedClip) -> np.ndarray:
+    """How far lids and brows are up and where the eyes look, (T, 6), 0 where no face was found.
+
+    Opening of the lids and height of the brow of the left and of the right eye, gaze of both to the
+    right and downwards, the order of `dfrf.data.MIRRORED_UPPER`: in units of the distance between
+    the eyes, less their medians over the clip, brows smoothed in time. Speech says nothing of them,
+    so the field is told, as it is told the pose: a rendered frame takes both from the same frame of
+    the clip.
+    """
+    points = clip.landmarks
+    _, right, unit = eye_axes(points[:, list(EYE_CORNERS)])
+    down = -upwards(right)
+    raised, looks = [], []
+    for inner, outer, _, _, brow, iris in EYES_POINTS:
+        corners = (points[:, inner] + points[:, outer]) / 2
+        raised.append(((corners - points[:, brow]) * down).sum(-1) / BROWS)
+        looks.append((points[:, iris] - corners) / GAZE)
+    look = (looks[0] + looks[1]) / 2
+    gaze = [(look * right).sum(-1), (look * down).sum(-1)]
+    measures = np.stack([*raised, *gaze], -1) / unit[:, None]
+    measures = np.concatenate([lid_openings(points) / LIDS, measures], -1)
+    middle = np.median(measures[clip.valid], 0)
+    measures = np.where(clip.valid[:, None], measures - middle, 0.0)
+    for shot in np.unique(clip.segment):
+        index = clip.segment == shot
+        measures[index, brows.MEASURES] = gaussian_filter1d(
+            measures[index, brows.MEASURES], BROWS_SMOOTH, axis=0, mode="nearest"
+        )
+    return np.where(clip.valid[:, None], measures, 0.0)
+
+
+def eye_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
+    """Boxes round each eye with its brow, (T, 2, 4) left, top, right, bottom, of (T, 478, 2)."""
+    boxes = []
+    for points in EYES_POINTS:
+        eye = landmarks[:, points]
+        low, high = eye.min(1), eye.max(1)
+        margin = (high[:, 0] - low[:, 0]) * 0.25
+        boxes.append(np.concatenate([low - margin[:, None], high + margin[:, None]], -1))
+    return np.clip(np.nan_to_num(np.stack(boxes, 1)).round(), 0, size).astype(np.int64)
+
+
+def region_map(matte: np.ndarray, mouth: np.ndarray, eyes: np.ndarray) -> np.ndarray:
+    """Where to draw rays, (S, S) uint8 codes of `dfrf.data`, from a matte (S, S) uint8.
+
+    The rim lies on both sides of the head's outline; boxes are left, top, right, bottom in pixels,
+    one of the mouth (4,) and two of the eyes (2, 4).
+    """
+    width = max(2, round(RIM_WIDTH * matte.shape[0]))
+    kernel = np.ones((2 * width + 1, 2 * width + 1), np.uint8)
+    head = (matte > HEAD_MATTE).astype(np.uint8)
+    region = np.where(cv2.dilate(head, kernel) > 0, RIM, 0).astype(np.uint8)
+    region[cv2.erode(head, kernel, borderValue=0) > 0] = HEAD
+    for code, (left, top, right, bottom) in ((EYES, eyes[0]), (EYES, eyes[1]), (MOUTH, mouth)):
+        box = region[top:bottom, left:right]
+        box[box == HEAD] = code
+    return region
+
+
+def load_identity(
+    name: str, folder: Path, windows: np.ndarray, start: int, count: int, every: int = 1
+) -> Identity:
+    """Frames start .. start + count of a prepared clip, those without a face left out.
+
+    Args:
+        name: of the person, for messages.
+        folder: what `prepare` wrote.
+        windows: (T, 16, D) speech windows of every frame of the clip.
+        start, count: frames; the clip's end cuts them off.
+        every: keep the picture of one frame of so many.
+
+    Raises:
+        TrainingError: no frame shows a face.
+    """
+    clip = PreparedClip.load(folder)
+    stop = min(start + count, clip.frames_count)
+    spoken = [k for k in range(start, stop) if clip.valid[k]]
+    number = [i for i, k in enumerate(spoken) if (k - start) % every == 0]
+    wanted = [spoken[i] for i in number]
+    if not wanted:
+        raise TrainingError(
+            "no frame with a face to learn from",
+            f"{clip.clip.name}, frames {start} to {stop}",
+            "choose another start for this identity",
+        )
+    index, heard = np.asarray(wanted), np.asarray(spoken)
+    keep = set(wanted)
+    images, mattes, backgrounds = (
+        torch.empty((len(wanted), clip.size, clip.size, *channels), dtype=torch.uint8)
+        for channels in ((3,), (), (3,))
+    )
+    at = 0
+    for k, (image, matte, background) in enumerate(clip.frames(start, stop - start), start):
+        if k in keep:
+            images[at] = torch.from_numpy(image)
+            mattes[at] = torch.from_numpy(matte)
+            backgrounds[at] = torch.from_numpy(background)
+            at += 1
+    mouths = mouth_boxes(clip.landmarks[index], clip.size)
+    eyes = eye_boxes(clip.landmarks[index], clip.size)
+    regions = torch.stack(
+        [
+            torch.from_numpy(region_map(matte.numpy(), *boxes))
+            for matte, *boxes in zip(mattes, mouths, eyes, strict=True)
+        ]
+    )
+    return Identity(
+        name=name,
+        images=images,
+        backgrounds=backgrounds,
+        mattes=mattes,
+        regions=regions,
+        c2w=torch.from_numpy(clip.c2w()[index]).float(),
+        focal=float(clip.focal),
+        centres=torch.from_numpy(clip.centre[index]).float(),
+        upper=torch.from_numpy(upper_measures(clip)[index]).float(),
+        number=torch.tensor(number),
+        windows=torch.from_numpy(windows[heard]).float(),
+        lips=torch.from_numpy(lip_measures(clip.landmarks[heard])).float(),
+        segment=torch.from_numpy(clip.segment[heard]).long(),
+        eyes=eye_shapes(clip),
+        surface=surface_points(clip),
+    )
+
+
+def eye_shapes(clip: PreparedClip) -> Tensor:
+    """Where the person's eyes are in the head frame, (2, 7), see `dfrf.field.eyelid_deformation`.
+
+    Lids move as far up as halfway from the upper rim to the brow.
+    """
+    shape = clip.shape * np.array([1.0, -1.0, -1.0])
+    rest = np.median(lid_openings(clip.landmarks[clip.valid]), 0) * brows.EYE_DISTANCE
+    eyes = []
+    for (inner, outer, upper, lower, brow, _), apart in zip(EYES_POINTS, rest, strict=True):
+        corners = sorted((shape[inner], shape[outer]), key=lambda point: float(point[0]))
+        middle = (corners[0][1] + corners[1][1]) / 2
+        end = (shape[upper, 1] + shape[brow, 1]) / 2 - middle
+        below = middle - shape[lower, 1] + lids.WHITE
+        eyes.append([*corners[0][:2], *corners[1][:2], below, end, apart + lids.WHITE])
+    return torch.tensor(np.array(eyes)).float()
+
+
+def surface_points(clip: PreparedClip) -> Tensor:
+    """Rigid points of the person's mean face in the head frame, y up, (V, 3)."""
+    points = clip.shape[list(RIGID)] * np.array([1.0, -1.0, -1.0])
+    return torch.from_numpy(points).float()

@@ -1,0 +1,208 @@
+"""Held-out figures of one person's model: every metric of protocol P15, frame by frame."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dfrf.metrics import image as metrics
+from dfrf.metrics.lpips import Lpips
+from dfrf.training.losses import PAPER_SIZE
+from dubbing.face.landmarks import FaceMesh
+from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
+from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.files import atomic_write_text
+from dubbing.identity.dataset import mouth_boxes
+from dubbing.lab import tiles
+from dubbing.lab.flicker import Flicker, brow_skin
+from dubbing.media import VideoWriter
+from dubbing.preparation.prepared import PreparedClip
+from dubbing.stages import render as heads
+from dubbing.stages.refine_poses import refined
+
+LONG_CLIP = 30.0  # seconds; a longer clip is tested on more of it
+NOT_KNOWN = float("nan")
+
+
+@dataclass(frozen=True)
+class FrameFigures:
+    """One frame: PSNR in dB of the frame, the face and the mouth box, SSIM, HaarPSI, LPIPS, LMD in
+    px at 512, and the gradient energy in the mouth and eye boxes as a share of the source's. What
+    could not be measured is not a number."""
+
+    frame: int
+    psnr: float
+    ssim: float
+    haarpsi: float
+    lpips: float
+    psnr_face: float
+    psnr_mouth: float
+    lmd: float
+    sharpness_mouth: float
+    sharpness_eyes: float
+
+
+def held_out(
+    frames: int, rate: Fraction, learned_to: float, most: float | None = None
+) -> tuple[int, int]:
+    """First frame and number of frames to test on: the last 5 s, or 10 s of a clip over 30 s.
+
+    Frames that were learned from (up to `learned_to` seconds) are left out.
+
+    Args:
+        frames, rate: of the clip, frames a second.
+        most: seconds; of a longer part, its beginning is taken.
+    """
+    seconds = 10 if frames / rate > LONG_CLIP else 5
+    first = max(frames - round(seconds * rate), round(learned_to * rate))
+    count = frames - first
+    return first, count if most is None else min(count, max(1, round(most * rate)))
+
+
+def box_of(points: np.ndarray, size: int, margin: float = 0.0) -> Tensor:
+    """Box round points (P, 2), grown by a share of its size: left, top, right, bottom."""
+    low, high = points.min(0), points.max(0)
+    grow = (high - low) * margin
+    return torch.from_numpy(np.clip([*(low - grow), *(high + grow)], 0, size).round())
+
+
+def measure(
+    model: Path,
+    prepared: Path,
+    windows: np.ndarray,
+    first: int,
+    count: int,
+    out: Path,
+    *,
+    lpips: Lpips | None = None,
+    device: str = "auto",
+    progress: Callable[[str, float], None],
+) -> dict[str, float]:
+    """Renders held-out frames over their own background and compares them with the source.
+
+    Leaves OUT/frames.csv, OUT/render_picture.mp4, OUT/source_picture.mp4 and OUT/tiles.png (source
+    above render).
+
+    Args:
+        model: a person's model.
+        prepared: the clip, whose speech windows are `windows` (T, 16, D).
+        first, count: frames to test.
+        out: folder.
+        lpips: the network, where its weights are at hand.
+        device: auto, cpu or cuda.
+        progress: told a message and the share done.
+
+    Returns:
+        Means over the frames; `flicker` of the render as a multiple of the source's, which is
+        `source_flicker` in grey levels; and `frames`, how many were compared.
+    """
+    person, maps, _ = heads.load(model, device)
+    clip = PreparedClip.load(prepared)
+    out.mkdir(parents=True, exist_ok=True)
+    figures: list[FrameFigures] = []
+    shown_tiles: list[np.ndarray] = []
+    flicker = Flicker(clip, brow_skin(clip))
+    index = np.arange(clip.frames_count)
+    posed = refined(person, maps, clip, index[first : first + count], progress)
+    rendered = heads.frames(person, maps, posed, windows, index, first, first + count)
+    with (
+        VideoWriter(out / "render_picture.mp4", clip.size, clip.size, clip.rate) as render,
+        VideoWriter(out / "source_picture.mp4", clip.size, clip.size, clip.rate) as source,
+        FaceMesh(tracking=True) as render_mesh,
+        FaceMesh(tracking=True) as source_mesh,
+    ):
+        for k, (image, _, background), (colour, opacity) in zip(
+            range(first, first + count), clip.frames(first, count), rendered, strict=True
+        ):
+            shown = over(colour, opacity, background)
+            render.write(shown)
+            source.write(image)
+            flicker.add(k, shown, image)
+            if k in tiles.shown_frames(first, count):
+                shown_tiles.append(np.concatenate([image, shown]))
+            if clip.valid[k]:
+                found, truth = render_mesh(shown), source_mesh(image)
+                figures.append(compare(k, shown, image, clip.landmarks[k], found, truth, lpips))
+            progress(f"frame {k - first + 1} of {count}", (k - first + 1) / count)
+    write_csv(out / "frames.csv", figures)
+    tiles.write_tiles(out, shown_tiles)
+    return {**mean_figures(figures), **flicker.figures(), "frames": len(figures)}
+
+
+def over(colour: Tensor, opacity: Tensor, background: np.ndarray) -> np.ndarray:
+    """A rendered head, premultiplied, over a background: (S, S, 3) uint8."""
+    behind = torch.from_numpy(background).float() / 255
+    picture = colour.cpu() + (1 - opacity.cpu()[..., None]) * behind
+    return (picture.clamp(0, 1) * 255).round().to(torch.uint8).numpy()
+
+
+def compare(
+    frame: int,
+    shown: np.ndarray,
+    image: np.ndarray,
+    landmarks: np.ndarray,
+    found: list[np.ndarray],
+    truth: list[np.ndarray],
+    lpips: Lpips | None = None,
+) -> FrameFigures:
+    """Figures of one frame; LMD is not known where a face is missed, LPIPS without its network."""
+    size = image.shape[0]
+    a, b = torch.from_numpy(shown).float() / 255, torch.from_numpy(image).float() / 255
+    mouth = torch.from_numpy(mouth_boxes(landmarks[None], size)[0])
+    face = box_of(landmarks[list(FACE_OVAL)], size)
+    eyes = box_of(landmarks[[*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW]], size)
+    lmd = NOT_KNOWN
+    if found and truth:
+        lips = list(OUTER_LIP)
+        lmd = metrics.landmark_distance(
+            torch.from_numpy(found[0][lips, :2]), torch.from_numpy(truth[0][lips, :2])
+        )
+
+    def sharpness(box: Tensor) -> float:
+        source = metrics.gradient_energy(metrics.crop(b, box))
+        return metrics.gradient_energy(metrics.crop(a, box)) / max(source, 1e-12)
+
+    return FrameFigures(
+        frame=frame,
+        psnr=metrics.psnr(a, b),
+        ssim=metrics.ssim(a, b),
+        haarpsi=metrics.haarpsi(a, b),
+        lpips=lpips(a, b) if lpips is not None else NOT_KNOWN,
+        psnr_face=metrics.psnr(metrics.crop(a, face), metrics.crop(b, face)),
+        psnr_mouth=metrics.psnr(metrics.crop(a, mouth), metrics.crop(b, mouth)),
+        lmd=lmd * PAPER_SIZE / size,
+        sharpness_mouth=sharpness(mouth),
+        sharpness_eyes=sharpness(eyes),
+    )
+
+
+def mean_figures(figures: list[FrameFigures]) -> dict[str, float]:
+    """Mean of every figure over the frames that have it; `sharpness` is that of both.
+
+    A figure that no frame has is left out.
+    """
+    means: dict[str, float] = {}
+    for name in (f.name for f in fields(FrameFigures) if f.name != "frame"):
+        known = [value for x in figures if not np.isnan(value := getattr(x, name))]
+        if known:
+            means[name] = float(np.mean(known))
+    if figures:
+        means["sharpness"] = (means["sharpness_mouth"] + means["sharpness_eyes"]) / 2
+    return means
+
+
+def write_csv(path: Path, figures: list[FrameFigures]) -> None:
+    """One row a frame."""
+    text = io.StringIO()
+    rows = csv.DictWriter(text, [f.name for f in fields(FrameFigures)], lineterminator="\n")
+    rows.writeheader()
+    rows.writerows(asdict(x) for x in figures)
+    atomic_write_text(path, text.getvalue())

@@ -1,0 +1,98 @@
+"""Pictures of held-out frames: the source above what each method makes of it.
+
+S is the side of the crop in px.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dubbing.files import atomic_write_bytes
+from dubbing.identity.dataset import mouth_boxes
+from dubbing.preparation.prepared import PreparedClip
+
+TILES_FILE, METHODS_FILE = "tiles.png", "methods.png"
+TILES = 20  # frames of a method that are shown, about
+COLUMNS = 6  # of them beside other methods
+SIDE = 256  # px of a picture beside other methods
+STRIP = 160  # px, height of a mouth beside other methods
+AROUND = 1.1  # width of a strip, in mouth boxes
+
+
+def shown_frames(first: int, count: int) -> range:
+    """Which of the frames first .. first + count are shown."""
+    return range(first, first + count, max(1, count // TILES))
+
+
+def write_tiles(folder: Path, tiles: Sequence[np.ndarray]) -> None:
+    """FOLDER/tiles.png from pictures (2 S, S, 3) of the shown frames, source above render."""
+    _write(folder / TILES_FILE, np.concatenate(tiles, 1))
+
+
+def write_methods(
+    folder: Path, methods: Iterable[str], latest: str, clip: PreparedClip, first: int, count: int
+) -> None:
+    """FOLDER/methods.png: some shown frames and their mouths, of the source and of every method.
+
+    Args:
+        folder: has the tiles of each method in a folder of the method's name. A method without
+            any, or with tiles of other frames than the latest, is left out.
+        methods: names, in the order of the rows. latest: the one just measured.
+        clip, first, count: what it was measured on.
+    """
+    rows = {"source": _read(folder / latest)[: clip.size]}
+    for method in methods:
+        if (folder / method / TILES_FILE).is_file():
+            both = _read(folder / method)
+            if np.array_equal(both[: clip.size], rows["source"]):
+                rows[method] = both[clip.size :]
+    frames = np.array(shown_frames(first, count))
+    some = np.unique(np.linspace(0, len(frames) - 1, COLUMNS).round().astype(int))
+    boxes = mouth_boxes(clip.landmarks[frames[some]], clip.size)
+    faces, mouths = [], []
+    for name, row in rows.items():
+        pictures = [row[:, k * clip.size : (k + 1) * clip.size] for k in some]
+        small = [cv2.resize(p, (SIDE, SIDE), interpolation=cv2.INTER_AREA) for p in pictures]
+        faces.append(_named(np.concatenate(small, 1), name))
+        strip = np.concatenate(
+            [_mouth(p, box, boxes) for p, box in zip(pictures, boxes, strict=True)], 1
+        )
+        mouths.append(_named(strip, name))
+    _write(folder / METHODS_FILE, np.concatenate([*faces, *mouths]))
+
+
+def _mouth(picture: np.ndarray, box: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """The mouth of a picture, (STRIP, SIDE, 3), at the scale of the widest of some boxes (C, 4)."""
+    width = AROUND * float((boxes[:, 2] - boxes[:, 0]).max())
+    scale = SIDE / max(width, 1.0)
+    middle = (box[:2] + box[2:]) / 2
+    move = np.array([SIDE / 2, STRIP / 2]) - scale * middle
+    to_strip = np.array([[scale, 0, move[0]], [0, scale, move[1]]])
+    return cv2.warpAffine(picture, to_strip, (SIDE, STRIP), flags=cv2.INTER_CUBIC)
+
+
+def _named(row: np.ndarray, name: str) -> np.ndarray:
+    """A row of pictures with its name in its corner."""
+    row = np.ascontiguousarray(row)
+    for colour, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
+        cv2.putText(
+            row, name, (6, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.5, colour, thickness, cv2.LINE_AA
+        )
+    return row
+
+
+def _read(folder: Path) -> np.ndarray:
+    """What `write_tiles` left, (2 S, W, 3)."""
+    picture = cv2.imread(str(folder / TILES_FILE))
+    if picture is None:
+        raise OSError(f"{folder / TILES_FILE} is no picture")
+    return picture[..., ::-1]
+
+
+def _write(path: Path, picture: np.ndarray) -> None:
+    """An RGB picture, whole or not at all."""
+    atomic_write_bytes(path, cv2.imencode(".png", picture[..., ::-1])[1].tobytes())

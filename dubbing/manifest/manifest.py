@@ -1,0 +1,225 @@
+"""The manifest: who was filmed, what is to be said, and where the results go.
+
+``load`` reports every problem at once, each with its key path and line. A clip or a sound that is
+there but damaged is no mistake in the manifest: it is kept in ``Manifest.damaged`` and fails only
+what needs it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from dubbing.errors import ManifestError, MediaError, Problem
+from dubbing.manifest import inputs, yaml_lines
+from dubbing.manifest.entries import Dub, Entry, Identity, check_name, place_of
+from dubbing.manifest.messages import describe, plain, suggestion
+from dubbing.media.probing import MediaInfo
+
+TOP = ("version", "output", "defaults", "identities", "dubs")
+# Stands in for a wrong value, so that the rest of its entry can be checked too.
+UNKNOWN: dict[str, Any] = {
+    "consent": {"by": "?", "reference": "?"},
+    "identity": "?",
+    "name": "?",
+}
+
+
+class Manifest(BaseModel):
+    """A manifest that holds. ``media``: what the readable files are; ``damaged``: the others."""
+
+    model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
+
+    path: Path
+    output: Path
+    identities: dict[str, Identity]
+    dubs: tuple[Dub, ...]
+    media: dict[Path, MediaInfo]
+    damaged: dict[Path, MediaError]
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def work(self) -> Path:
+        """Where the stages keep what they make."""
+        return self.output / "work"
+
+
+def load(path: Path | str) -> Manifest:
+    """Read and check a manifest and every file it names.
+
+    Raises:
+        ManifestError: with all problems found.
+    """
+    path = Path(path).resolve()
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise ManifestError(str(path), [Problem(0, "", "no such file")]) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ManifestError(str(path), [Problem(0, "", f"cannot be read: {error}")]) from error
+    reader = _Reader(path, yaml_lines.read(text))
+    manifest = reader.manifest()
+    if manifest is None:
+        raise ManifestError(str(path), list(dict.fromkeys(reader.problems)))
+    return manifest
+
+
+class _Reader:
+    """Collects problems; whatever part can be understood is checked in full."""
+
+    def __init__(self, path: Path, document: yaml_lines.Document) -> None:
+        self.path = path
+        self.document = document
+        self.problems = list(document.problems)
+        self.data: Mapping[str, Any] = document.data if isinstance(document.data, dict) else {}
+        self.defaults = self._section("defaults", dict, {})
+
+    def manifest(self) -> Manifest | None:
+        if not self.data:
+            if not self.problems:
+                self._say((), "must hold version, output, identities and dubs")
+            return None
+        self._check_top()
+        output = self._output()
+        identities = self._identities()
+        dubs = self._dubs()
+        findings = inputs.inspect(identities, dubs)
+        for key, message in findings.problems:
+            self._say(self._written(key), message)
+        if self.problems or output is None:
+            return None
+        return Manifest(
+            path=self.path,
+            output=output,
+            identities=identities,
+            dubs=tuple(dubs.values()),
+            media=findings.media,
+            damaged=findings.damaged,
+            warnings=tuple(findings.warnings),
+        )
+
+    def _check_top(self) -> None:
+        for key in self.data:
+            if key not in TOP:
+                self._say((key,), "unknown key" + suggestion(key, TOP))
+        version = self.data.get("version")
+        if version != 1 or isinstance(version, bool):
+            self._say(("version",), "must be 1" if "version" in self.data else "is required: 1")
+        known = {*Identity.model_fields, *Dub.model_fields}
+        for key in self.defaults:
+            if key not in known:
+                self._say(("defaults", key), "unknown key" + suggestion(key, known))
+
+    def _output(self) -> Path | None:
+        value = self.data.get("output")
+        if not isinstance(value, str) or not value.strip():
+            self._say(("output",), "is required: the folder for the results")
+            return None
+        try:
+            output = place_of(value, self.path.parent)
+        except ValueError as error:
+            self._say(("output",), str(error))
+            return None
+        there = next(path for path in (output, *output.parents) if path.exists())
+        if not there.is_dir():
+            self._say(("output",), f"{there} is a file, not a folder")
+        return output
+
+    def _identities(self) -> dict[str, Identity]:
+        section = self._section("identities", dict, {})
+        if not section and "identities" in self.data and isinstance(self.data["identities"], dict):
+            self._say(("identities",), "names nobody")
+        found: dict[str, Identity] = {}
+        for name, entry in section.items():
+            try:
+                check_name(name)
+            except ValueError as error:
+                self._say(("identities", name), f"the name {error}")
+            item = self._entry(Identity, ("identities", name), entry)
+            if isinstance(item, Identity):
+                found[name] = item
+        self._unique([(name, ("identities", name)) for name in section])
+        return found
+
+    def _dubs(self) -> dict[int, Dub]:
+        identities = self.data.get("identities")
+        known = identities if isinstance(identities, dict) else {}
+        found: dict[int, Dub] = {}
+        for k, entry in enumerate(self._section("dubs", list, [])):
+            named = entry
+            if isinstance(entry, dict) and "name" not in {**self.defaults, **entry}:
+                named = {"name": _default_name({**self.defaults, **entry}), **entry}
+            whose = named.get("identity") if isinstance(named, dict) else None
+            if known and isinstance(whose, str) and whose not in known:
+                there = ", ".join(known)
+                self._say(("dubs", k, "identity"), f"no identity {whose!r}; there is {there}")
+            item = self._entry(Dub, ("dubs", k), named)
+            if not isinstance(item, Dub):
+                continue
+            found[k] = item
+        names = [(dub.name, ("dubs", k, "name")) for k, dub in found.items()]
+        self._unique([(name, path) for name, path in names if name != UNKNOWN["name"]])
+        return found
+
+    def _entry(self, model: type[Entry], path: yaml_lines.Path, entry: Any) -> Entry | None:
+        if not isinstance(entry, dict):
+            self._say(path, f"must hold keys, not {describe(entry)}")
+            return None
+        merged = {k: v for k, v in self.defaults.items() if k in model.model_fields}
+        for key, value in entry.items():
+            inherited = merged.get(key)
+            both = isinstance(value, dict) and isinstance(inherited, dict)
+            merged[key] = {**inherited, **value} if both and inherited else value
+        context = {"folder": self.path.parent}
+        try:
+            return model.model_validate(merged, context=context)
+        except ValidationError as error:
+            wrong = set()
+            for detail in error.errors():
+                wrong.add(detail["loc"][0])
+                where = self._written((*path, *detail["loc"]))
+                self._say(where, plain(detail, model))
+        # What was understood is still checked against the files, to report all at once.
+        kept = {key: value for key, value in merged.items() if key not in wrong}
+        stand_in = {key: value for key, value in UNKNOWN.items() if key in wrong}
+        try:
+            return model.model_validate({**kept, **stand_in}, context=context)
+        except ValidationError:
+            return None
+
+    def _written(self, path: yaml_lines.Path) -> yaml_lines.Path:
+        """Where the value at ``path`` was written: there, or under ``defaults``."""
+        own = path[:3]
+        if len(path) > 2 and own not in self.document.lines and path[2] in self.defaults:
+            return ("defaults", *path[2:])
+        return path
+
+    def _section(self, key: str, kind: type, empty: Any) -> Any:
+        value = self.data.get(key)
+        if isinstance(value, kind):
+            return value
+        if value is not None:
+            self._say((key,), f"must be a {'list' if kind is list else 'mapping'}")
+        elif key == "identities" and self.data:
+            self._say((key,), "is required: who was filmed")
+        return empty
+
+    def _unique(self, names: list[tuple[str, yaml_lines.Path]]) -> None:
+        seen: dict[str, yaml_lines.Path] = {}
+        for name, path in names:
+            other = seen.setdefault(name.casefold(), path)
+            if other != path:
+                where = f"{yaml_lines.key_path(other)} (line {self.document.line(other)})"
+                self._say(path, f"the name {name!r} is taken by {where}")
+
+    def _say(self, path: yaml_lines.Path, message: str) -> None:
+        line = self.document.line(path)
+        self.problems.append(Problem(line, yaml_lines.key_path(path), message))
+
+
+def _default_name(entry: Mapping[str, Any]) -> str:
+    stem = Path(str(entry.get("audio", ""))).stem
+    return f"{entry.get('identity', '')}_{stem}"

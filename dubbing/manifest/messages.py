@@ -1,0 +1,44 @@
+"""What pydantic found wrong with a manifest, in the words of its reader."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+from dubbing.manifest.entries import Entry
+
+
+def plain(detail: Any, model: type[Entry]) -> str:
+    """One error of ``ValidationError.errors()`` as a sentence about its key."""
+    kind, value = detail["type"], detail.get("input")
+    if kind == "extra_forbidden":
+        known: Any = model.model_fields
+        for part in detail["loc"][:-1]:
+            known = getattr(known[part].annotation, "model_fields", {}) if part in known else {}
+        return "unknown key" + suggestion(str(detail["loc"][-1]), known)
+    if kind == "value_error":
+        return str(detail["ctx"]["error"])
+    if kind == "literal_error":
+        return f"must be one of {detail['ctx']['expected']}, not {value!r}"
+    text = {
+        "missing": "is required",
+        "string_type": f"must be text, not {describe(value)}: put it in quotes",
+        "string_too_short": "must not be empty",
+        "model_type": f"must hold keys, not {describe(value)}",
+        "bool_type": f"must be true or false, not {value!r}",
+    }
+    sentence = str(detail["msg"]).replace("Input should be", "must be")
+    return text.get(kind, f"{sentence}, not {value!r}")
+
+
+def suggestion(key: str, known: Iterable[str]) -> str:
+    """``; did you mean 'label'?`` where a known key comes close."""
+    close = difflib.get_close_matches(key, list(known), n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def describe(value: Any) -> str:
+    """The kind of a wrong value."""
+    kinds = {dict: "keys", list: "a list", str: "text", type(None): "nothing"}
+    return kinds.get(type(value), repr(value))

@@ -1,0 +1,81 @@
+"""What a manifest is told beforehand of people learned by the `paper` preset: it is slow, and what
+it starts from. Loads no torch.
+"""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from safetensors import SafetensorError, safe_open
+
+from dfrf.config import FORMATS, PUBLISHED_SPEECH, STEPS, family
+from dubbing.manifest.entries import Identity
+from dubbing.timeline import frame_count
+
+PRESET = "paper"
+# On two processor cores at 512 pixels (docs/performance.md): a frame as measured; a step as half of
+# what one core took, for its rays and for the references' features.
+SIZE = 512
+FRAME_SECONDS, RAYS_SECONDS, FEATURES_SECONDS = 744.0, 12.0, 22.0
+HOUR, DAY = 3600.0, 86400.0
+
+
+def base_header(base: Path) -> dict[str, Any]:
+    """What a checkpoint says of itself; nothing where it cannot be read."""
+    try:
+        with safe_open(str(base), framework="numpy") as file:
+            found = json.loads((file.metadata() or {}).get("dfrf", "{}"))
+    except (OSError, SafetensorError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def base_problem(identity: Identity) -> str | None:
+    """Why the base that an identity names cannot be its start; None where that is not known."""
+    if identity.base is None:
+        return None
+    kinds = {name: kind for kind, name in FORMATS.items()}
+    kind = kinds.get(base_header(identity.base).get("format", ""))
+    if kind is None or kind == family(identity.preset):
+        return None
+    return f"is a base of preset {kind!r}, but the identity has preset {identity.preset!r}"
+
+
+def identity_notes(identity: Identity) -> list[str]:
+    """What to know before somebody is learned."""
+    if identity.preset != PRESET:
+        return []
+    steps = identity.finetune.iterations or STEPS[PRESET]
+    each = RAYS_SECONDS + FEATURES_SECONDS * (identity.size / SIZE) ** 2
+    notes = [f"preset {PRESET} learns {steps} steps in {lasts(steps * each)}"]
+    if identity.base is None:
+        notes.append(
+            f"no base of preset {PRESET} comes with this tool, so learning starts from random"
+            " weights; dfrf train-base makes one, dfrf import-checkpoint reads a published one"
+        )
+    elif base_header(identity.base).get("speech") == PUBLISHED_SPEECH:
+        notes.append(
+            f"{identity.base.name} heard DeepSpeech features: the layer of its AudioNet that reads"
+            f" them is learned anew, from {identity.speech} features"
+        )
+    return notes
+
+
+def dub_note(name: str, identity: Identity, rate: Fraction, seconds: float) -> str | None:
+    """How long the heads of a dub take, `rate` frames a second; None for other presets."""
+    if identity.preset != PRESET:
+        return None
+    frames = frame_count(seconds, rate)
+    each = FRAME_SECONDS * (identity.size / SIZE) ** 2
+    return f"{name}: preset {PRESET} renders {frames} frames in {lasts(frames * each)}"
+
+
+def lasts(seconds: float) -> str:
+    """A time in words, on the machine that it was measured on."""
+    for unit, length in (("days", DAY), ("hours", HOUR)):
+        if seconds >= 2 * length:
+            return f"about {seconds / length:.0f} {unit} on two processor cores"
+    return f"about {max(2, round(seconds / 60))} minutes on two processor cores"

@@ -1,0 +1,165 @@
+"""The torso as it is seen when the head is out of the way.
+
+What a jaw covers in one frame it uncovers in another. The frames of a shot are laid over one of
+them by the motion of the clothes, and the median of what is seen of each point is the torso's
+plate: collar and neck behind the jaw are taken from it, as far up as any frame showed them.
+
+S is the side of the crop in px, K frames of a shot. Lengths are for S = 512 and scale with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+
+from dubbing.preparation.background.background import bottom_of, slow_difference
+from dubbing.preparation.background.known_median import known_median
+from dubbing.preparation.matting.matting import GREY, REFERENCE_SIZE, dilate
+
+PERSON = 0.5  # of the person mask: above this a pixel is torso, where the head is not
+MOST_CORNERS, CORNER_QUALITY, CORNER_GAP = 400, 0.005, 5.0
+LEAST_CORNERS = 20
+PATCH, LEVELS = 41, 4  # px and pyramid levels of the Lucas-Kanade tracker
+THERE_AND_BACK = 0.7  # px that a corner may miss its place by, tracked to and fro
+OUTLIER = 1.5  # px
+CLEAR = 4.0  # px round a hole that may still show the jaw
+REACH = 90.0  # px round the head within which clothes are followed: further off they move otherwise
+LEAST_SEEN = 0.15  # share of the frames that must have shown a point
+LEAST_FOUND = 0.9  # share of the frames in which the torso must be found
+EVEN = 4.0  # px along which the upper end of what is filled is smoothed
+
+
+@dataclass(frozen=True)
+class Torso:
+    """The torso of a shot, laid over its reference frame.
+
+    Attributes:
+        colour: (S, S, 3) float32, grey levels.
+        share: (S, S) float32 in 0..1, how much of a pixel is person and not wall.
+        seen: (S, S) bool, whether enough frames showed it.
+        reference: (S, S) uint8 grey levels of the reference frame.
+        corners: (P, 1, 2) float32 px, what is followed in it.
+    """
+
+    colour: np.ndarray
+    share: np.ndarray
+    seen: np.ndarray
+    reference: np.ndarray
+    corners: np.ndarray
+
+    def motion(self, image: np.ndarray) -> np.ndarray | None:
+        """Similarity (2, 3) that lays the torso over an image (S, S, 3), None if not found."""
+        return follow(self.reference, cv2.cvtColor(image, GREY), self.corners)
+
+    def fill(
+        self, image: np.ndarray, region: np.ndarray, wall: np.ndarray, motion: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The image (S, S, 3) uint8 with the torso where the hole shows it, and what is left of it.
+
+        Args:
+            image: a frame of the shot. region: (S, S) bool, its hole.
+            wall: (S, S, 3), what is behind the torso.
+            motion: (2, 3) that lays the torso over the image.
+        """
+        side = region.shape[::-1]
+        colour = cv2.warpAffine(self.colour, motion, side, flags=cv2.INTER_CUBIC)
+        share = cv2.warpAffine(self.share, motion, side)
+        seen = cv2.warpAffine(self.seen.astype(np.float32), motion, side) > 0.99
+        known = seen & ~region & (share > PERSON)
+        colour += slow_difference(image, colour, known)
+        here = reached(region, seen)
+        filled = np.clip(wall + share[..., None] * (colour - wall), 0, 255).round()
+        return np.where(here[..., None], filled, image).astype(np.uint8), region & ~here
+
+
+def reached(region: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """What of a hole (S, S) is seen from its lower end upwards without a gap, with an even top."""
+    size = len(region)
+    bottom = bottom_of(region)
+    above = bottom[None] - np.arange(size)[:, None]  # 0 at the hole's lower end, grows upwards
+    gap = np.where((above >= 0) & ~(seen & region), above, size)
+    height = np.where(bottom >= 0, gap.min(0), 0).astype(np.float32)
+    unit = size / REFERENCE_SIZE
+    even = minimum_filter1d(height, 2 * round(EVEN * unit) + 1)
+    even = np.minimum(gaussian_filter1d(even, EVEN * unit), height)
+    return region & (above >= 0) & (above < even[None])
+
+
+def follow(reference: np.ndarray, grey: np.ndarray, corners: np.ndarray) -> np.ndarray | None:
+    """Similarity (2, 3) that takes the reference to a frame, both (S, S) uint8.
+
+    Args:
+        corners: (P, 1, 2) px in the reference.
+
+    Returns:
+        None where too few corners agree on one.
+    """
+    if len(corners) < LEAST_CORNERS:
+        return None
+    there, found = flow(reference, grey, corners)
+    back, returned = flow(grey, reference, there)
+    unit = len(grey) / REFERENCE_SIZE
+    missed = np.linalg.norm(back - corners, axis=-1)[:, 0]
+    good = found & returned & (missed < THERE_AND_BACK * unit)
+    if good.sum() < LEAST_CORNERS:
+        return None
+    motion, inlier = cv2.estimateAffinePartial2D(
+        corners[good], there[good], ransacReprojThreshold=OUTLIER * unit
+    )
+    if motion is None or inlier.sum() < max(LEAST_CORNERS, good.sum() / 3):
+        return None
+    return np.asarray(motion)
+
+
+def flow(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where points (P, 1, 2) px of a picture lie in the next, by Lucas and Kanade, and if found."""
+    there, found, _ = cv2.calcOpticalFlowPyrLK(
+        start, end, points, points.copy(), winSize=(PATCH, PATCH), maxLevel=LEVELS
+    )
+    return np.asarray(there), np.asarray(found)[:, 0] > 0
+
+
+def torso(images: np.ndarray, person: np.ndarray, holes: np.ndarray) -> Torso | None:
+    """The torso of a shot from some of its frames.
+
+    Args:
+        images: (K, S, S, 3) uint8. person: (K, S, S) person masks, 0..1. holes: (K, S, S) bool,
+            where the head is.
+
+    Returns:
+        None where there is nothing to follow.
+    """
+    size = images.shape[1]
+    unit = size / REFERENCE_SIZE
+    free = [~dilate(region, CLEAR * unit) for region in holes]
+    middle = len(images) // 2
+    reference = cv2.cvtColor(images[middle], GREY)
+    near = dilate(holes[middle], REACH * unit) & ~dilate(holes[middle], PATCH / 4 * unit)
+    cloth = near & (person[middle] > PERSON)
+    corners = cv2.goodFeaturesToTrack(
+        reference, MOST_CORNERS, CORNER_QUALITY, CORNER_GAP * unit, mask=cloth.astype(np.uint8)
+    )
+    if corners is None:
+        return None
+    colours, shares, views = [], [], []
+    for image, mask, clear in zip(images, person, free, strict=True):
+        motion = follow(reference, cv2.cvtColor(image, GREY), corners)
+        if motion is None:
+            continue
+        back = cv2.invertAffineTransform(motion)
+        colours.append(cv2.warpAffine(image, back, (size, size), flags=cv2.INTER_CUBIC))
+        shares.append(cv2.warpAffine((mask * 255).astype(np.uint8), back, (size, size)))
+        views.append(cv2.warpAffine(clear.astype(np.float32), back, (size, size)) > 0.99)
+    if len(views) < LEAST_FOUND * len(images):
+        return None
+    seen = np.stack(views)
+    return Torso(
+        colour=known_median(np.stack(colours), seen),
+        share=known_median(np.stack(shares)[..., None], seen)[..., 0] / 255,
+        seen=seen.mean(0) >= LEAST_SEEN,
+        reference=reference,
+        corners=corners,
+    )

@@ -1,0 +1,117 @@
+"""The lower edge of the jaw, or of the beard on it, to the pixel.
+
+FaceMesh knows the jaw to a few px and nothing of beards. Along the normals of its line the edge
+that is really there is looked for: the smooth line of strongest colour steps near it, by dynamic
+programming (an active contour: Amini, Weymouth and Jain 1990). Where skin goes over into skin
+without an edge the line stays where it was.
+
+S is the side of the crop in px. Lengths are for S = 512 and scale with it.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, median_filter
+
+from dubbing.preparation.matting.matting import REFERENCE_SIZE
+
+POINTS = 96  # of the line
+INSIDE, OUTSIDE, SPACING = 5.0, 30.0, 1.0  # px along a normal
+ABOVE, BELOW = 2.5, 14.0  # px: how far from FaceMesh's line the edge is expected
+STEP = 5  # px on either side whose means are compared
+CLEAR = 60.0  # grey levels: a step as high as that is worth half of MOST
+MOST = 3.0  # no step is worth more: the white of a collar is no clearer a chin
+CROSSED = 0.012  # a px and grey level, for steps passed over on the way outwards
+BEND = 0.5  # cost of a step of one px from point to point, squared
+ENDS = 0.06  # share of the line at each end, beside the ears, that stays where it was
+MEDIAN_FRAMES, SMOOTH_FRAMES, SMOOTH_POINTS = 5, 1.0, 1.5
+
+
+def resampled(outline: np.ndarray) -> np.ndarray:
+    """A line (K, 2) px as POINTS points evenly spaced along it."""
+    length = np.concatenate(([0], np.linalg.norm(np.diff(outline, axis=0), axis=1).cumsum()))
+    at = np.linspace(0, length[-1], POINTS)
+    return np.stack([np.interp(at, length, outline[:, k]) for k in range(2)], axis=1)
+
+
+def normals(line: np.ndarray) -> np.ndarray:
+    """Unit normals (P, 2) of a line (P, 2) that runs from left to right, pointing downwards."""
+    along = gaussian_filter1d(np.gradient(line, axis=0), 2.0, axis=0, mode="nearest")
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    return across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
+
+
+def edge_offsets(image: np.ndarray, outline: np.ndarray) -> np.ndarray:
+    """How far below an outline (K, 2) px the edge lies at its POINTS points, (POINTS,) px.
+
+    Args:
+        image: (S, S, 3) uint8 RGB.
+    """
+    unit = len(image) / REFERENCE_SIZE
+    line = resampled(outline)
+    offset = np.arange(-INSIDE, OUTSIDE + SPACING / 2, SPACING)
+    places = line[:, None] + (offset * unit)[:, None] * normals(line)[:, None]
+    smooth = cv2.GaussianBlur(image, (0, 0), unit)
+    x, y = (places[..., k].astype(np.float32) for k in range(2))
+    colour = cv2.remap(smooth, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    step = np.linalg.norm(steps(colour.astype(np.float32), STEP), axis=2)
+    far = np.where(offset < 0, offset / ABOVE, offset / BELOW)
+    outward = np.where(offset >= 0, step, 0)
+    passed = np.cumsum(outward, axis=1) - outward
+    passed = np.pad(passed, ((0, 0), (STEP, 0)))[:, : len(offset)]
+    cost = far**2 / 2 - MOST * step / (step + CLEAR) + CROSSED * SPACING * passed
+    still = round(ENDS * POINTS)
+    for end in (slice(0, still), slice(POINTS - still, None)):
+        cost[end] = offset**2
+    return offset[smoothest(cost, BEND * (SPACING * np.arange(-2, 3)) ** 2)] * unit
+
+
+def steps(profile: np.ndarray, reach: int) -> np.ndarray:
+    """Mean of the `reach` samples after each sample less that of those before it, (P, J, C)."""
+    padded = np.pad(profile, ((0, 0), (reach, reach), (0, 0)), mode="edge")
+    total = np.pad(padded.cumsum(1), ((0, 0), (1, 0), (0, 0)))
+    count = profile.shape[1]
+    before = total[:, reach : reach + count] - total[:, :count]
+    after = (
+        total[:, 2 * reach + 1 : 2 * reach + 1 + count] - total[:, reach + 1 : reach + 1 + count]
+    )
+    return (after - before) / reach
+
+
+def smoothest(cost: np.ndarray, bend: np.ndarray) -> np.ndarray:
+    """Path of least cost through (P, J), one state a point: (P,) int.
+
+    Args:
+        cost: of each state at each point.
+        bend: (2 R + 1,) cost of going on to the state -R .. R further; further is not possible.
+    """
+    reach = len(bend) // 2
+    total, came = cost[0].copy(), np.zeros(cost.shape, int)
+    for k in range(1, len(cost)):
+        padded = np.pad(total, reach, constant_values=np.inf)
+        # From state j + r at the point before.
+        choices = np.stack([padded[r : r + cost.shape[1]] + bend[r] for r in range(2 * reach + 1)])
+        came[k] = choices.argmin(0) - reach + np.arange(cost.shape[1])
+        total = choices.min(0) + cost[k]
+    path = [int(total.argmin())]
+    for k in range(len(cost) - 1, 0, -1):
+        path.append(int(came[k][path[-1]]))
+    return np.array(path[::-1])
+
+
+def smooth_offsets(offsets: np.ndarray, segment: np.ndarray) -> np.ndarray:
+    """Offsets (T, POINTS) without what flickers, shot by shot (segment (T,) int)."""
+    out = offsets.copy()
+    for shot in np.unique(segment):
+        index = segment == shot
+        part = median_filter(out[index], (MEDIAN_FRAMES, 1), mode="nearest")
+        part = gaussian_filter1d(part, SMOOTH_FRAMES, axis=0, mode="nearest")
+        out[index] = gaussian_filter1d(part, SMOOTH_POINTS, axis=1, mode="nearest")
+    return out
+
+
+def moved(outline: np.ndarray, offsets: np.ndarray) -> np.ndarray:
+    """The line (POINTS, 2) px that lies offsets (POINTS,) px below an outline (K, 2)."""
+    line = resampled(outline)
+    return line + offsets[:, None] * normals(line)

@@ -1,0 +1,158 @@
+"""The head matte: a person mask cut off along the jaw.
+
+S is the side of the crop in px. Lengths are given for S = 512 and scale with it.
+"""
+
+from __future__ import annotations
+
+import threading
+from functools import partial
+
+import cv2
+import numpy as np
+
+from dubbing.face.mediapipe_graph import Solution
+
+REFERENCE_SIZE = 512
+CUT_SOFTNESS = 1.2  # px, Gaussian
+CUT_BELOW = 1.0  # px below the edge of the jaw: what the lens blurs of it
+EDGE_LOW, EDGE_WIDTH = 0.4, 0.5  # of the person mask: from here, over this much, to opaque
+CORE = 0.8  # of the matte before it is sharpened: above this it may only grow
+OPAQUE = 128  # of 255
+SEEN = 0.02  # of the matte: what is less is no head
+JAW_MARGIN = 2.0  # px outside of the matte that may still show some of a jaw
+GREY = cv2.COLOR_RGB2GRAY
+_thread = threading.local()
+
+
+def person_mask(image: np.ndarray) -> np.ndarray:
+    """Probability (S, S) float32 in 0..1 that a pixel of an RGB image belongs to a person.
+
+    MediaPipe's SelfieSegmentation, which looks at 256 x 256; one network a thread.
+    """
+    network: Solution | None = getattr(_thread, "network", None)
+    if network is None:
+        from mediapipe.python.solutions import selfie_segmentation
+
+        make = partial(selfie_segmentation.SelfieSegmentation, model_selection=0)
+        network = _thread.network = Solution(make)
+    small = cv2.resize(image, (256, 256), interpolation=cv2.INTER_AREA)
+    mask = network.process(small).segmentation_mask
+    return cv2.resize(mask, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
+
+
+def above_jaw(outline: np.ndarray, size: int) -> np.ndarray:
+    """Polygon (K + 4, 2) px of all that lies above the jaw, far beyond the picture's edges.
+
+    Args:
+        outline: (K, 2) px from the left to the right ear lobe by way of the chin. Beyond the
+            lobes the cut goes on along the line between them.
+    """
+    across = outline[-1] - outline[0]
+    right = across / np.hypot(*across)
+    far, up = 4 * size * right, 4 * size * np.array([right[1], -right[0]])
+    left_end, right_end = outline[0] - far, outline[-1] + far
+    return np.stack([left_end + up, left_end, *outline, right_end, right_end + up])
+
+
+def fill_polygon(polygon: np.ndarray, size: int) -> np.ndarray:
+    """Coverage (S, S) float32 in 0..1 of a polygon (K, 2) px, with smooth edges."""
+    out = np.zeros((size, size), np.uint8)
+    shift = 4  # binary places of a pixel
+    corners = (polygon * (1 << shift)).round().astype(np.int32)
+    cv2.fillPoly(out, [corners], 255, lineType=cv2.LINE_AA, shift=shift)
+    return out.astype(np.float32) / 255
+
+
+def opacity(image: np.ndarray, person: np.ndarray) -> np.ndarray:
+    """Opacity (S, S) float32 in 0..1 of a person, its edges where the picture has them.
+
+    Args:
+        image: (S, S, 3) RGB uint8.
+        person: (S, S) from :func:`person_mask`.
+    """
+    unit = len(image) / REFERENCE_SIZE
+    guide = cv2.cvtColor(image, GREY).astype(np.float32) / 255
+    refined = cv2.ximgproc.guidedFilter(guide, person, max(1, round(4 * unit)), 1e-4)
+    alpha = np.clip((refined - EDGE_LOW) / EDGE_WIDTH, 0, 1)
+    alpha = cv2.GaussianBlur(alpha, (0, 0), 1.2 * unit)
+    sharp = cv2.ximgproc.guidedFilter(guide, alpha, max(1, round(6 * unit)), 4e-4)
+    # The filter also follows edges between hair and ear well inside the head: keep that opaque.
+    return np.asarray(np.maximum(sharp, (alpha - CORE) / (1 - CORE)))
+
+
+def head_matte(
+    image: np.ndarray, person: np.ndarray, outline: np.ndarray, inside: np.ndarray
+) -> np.ndarray:
+    """Matte (S, S) uint8 of the head with its hair, down to the jaw.
+
+    Args:
+        image: (S, S, 3) RGB uint8.
+        person: (S, S) from :func:`person_mask`.
+        outline: (K, 2) px, see :func:`above_jaw`.
+        inside: (2,) px, a point of the face: only what hangs together with it is kept.
+    """
+    size = len(image)
+    unit = size / REFERENCE_SIZE
+    alpha = opacity(image, person)
+    below = np.array([0, CUT_BELOW * unit])
+    face = fill_polygon(above_jaw(outline, size) + below, size)
+    alpha *= cv2.GaussianBlur(face, (0, 0), CUT_SOFTNESS * unit)
+    matte = (np.clip(alpha, 0, 1) * 255).round().astype(np.uint8)
+    return np.where(component_at(matte > 5, inside), without_holes(matte), 0).astype(np.uint8)
+
+
+def without_holes(matte: np.ndarray) -> np.ndarray:
+    """A matte (S, S) uint8 whose see-through places inside the head are closed.
+
+    Glints on hair and glasses are no openings; what the background reaches through is.
+    """
+    outside = np.pad(matte < OPAQUE, 1, constant_values=True).astype(np.uint8)
+    _, labels = cv2.connectedComponents(outside, connectivity=4)
+    open_places = labels[1:-1, 1:-1] == labels[0, 0]
+    return np.where(open_places | (matte >= OPAQUE), matte, 255).astype(np.uint8)
+
+
+def component_at(mask: np.ndarray, point: np.ndarray) -> np.ndarray:
+    """Connected part of a mask (S, S) bool that holds a point (2,) px; all of it if none does."""
+    _, labels = cv2.connectedComponents(mask.astype(np.uint8), connectivity=4)
+    column, row = np.clip(point.round().astype(int), 0, np.array(mask.shape[::-1]) - 1)
+    label = labels[row, column]
+    return labels == label if label else mask
+
+
+def hole(matte: np.ndarray) -> np.ndarray:
+    """Where the background is restored, (S, S) bool: the matte above .02, widened.
+
+    By 11 px upwards, where hair is finer than a matte, and by 4 px downwards, where neck and collar
+    are in the picture already.
+    """
+    unit = len(matte) / REFERENCE_SIZE
+    head = matte > SEEN * 255
+    higher = np.zeros_like(head)
+    rise = max(1, round(4 * unit))
+    higher[:-rise] = head[rise:]
+    return dilate(higher, 7 * unit) | dilate(head, 4 * unit)
+
+
+def covered(matte: np.ndarray, outline: np.ndarray) -> np.ndarray:
+    """What of the hole is to be restored, (S, S) bool: not the neck and collar beside the jaw.
+
+    Below the ear lobes there is no hair that a matte could miss, so what is 2 px from it or more
+    can be seen.
+
+    Args:
+        outline: (K, 2) px, see :func:`above_jaw`.
+    """
+    size = len(matte)
+    lobes = above_jaw(outline[[0, -1]], size)
+    hair = fill_polygon(lobes, size) > 0.5
+    jaw = dilate(matte > SEEN * 255, JAW_MARGIN * size / REFERENCE_SIZE)
+    return hole(matte) & (hair | jaw)
+
+
+def dilate(mask: np.ndarray, radius: float) -> np.ndarray:
+    """A mask (S, S) bool widened by a disc of the given radius in px."""
+    reach = max(1, round(radius))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    return cv2.dilate(mask.astype(np.uint8), disc) > 0

@@ -1,0 +1,71 @@
+"""What may go wrong later, in words, from what tracking saw."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dubbing.face.landmarks import face_width
+from dubbing.media import MediaInfo
+from dubbing.preparation.alignment.camera import Poses
+from dubbing.preparation.tracking.tracking import APART, HIDDEN, Arrays
+
+SMALL_FACE = 64  # source px: the landmarks are 1.7 px off
+LARGE_YAW = 35.0  # degrees
+
+
+def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: Poses) -> list[str]:
+    """Sentences for the report; empty where all is well."""
+    out = []
+    valid, frames = found["valid"], info.frames
+    missing = int((~valid).sum())
+    if missing:
+        out.append(
+            f"no face in {missing} of {frames} frames, the first at "
+            f"{seconds(info, np.flatnonzero(~valid)[0])}; they are left as filmed"
+        )
+    apart = found["apart"] / (APART * size / 512)
+    covered = np.flatnonzero(valid & (apart >= HIDDEN))
+    if len(covered):
+        out.append(
+            f"something may cover the face in {len(covered)} frames, the first at "
+            f"{seconds(info, covered[0])}; their poses are carried over from around them"
+        )
+    unsure = np.flatnonzero(valid & (apart > 1) & (apart < HIDDEN))
+    if len(unsure):
+        out.append(
+            f"the landmarks are unsure in {len(unsure)} frames, the first at "
+            f"{seconds(info, unsure[0])}; their poses lean on the frames around them"
+        )
+    if int(seen["most_faces"]) > 1:
+        out.append(
+            f"up to {int(seen['most_faces'])} faces in a frame; the one that is largest for "
+            "longest was followed in every shot: see the contact sheet"
+        )
+    cuts = np.flatnonzero(np.diff(seen["segment"])) + 1
+    if len(cuts):
+        out.append(
+            f"{len(cuts)} cuts, at frames {', '.join(map(str, cuts))}; nothing is carried over them"
+        )
+    heights = [face_width(p) for p in found["points"][valid]]
+    height = float(np.median(heights)) * float(seen["window"][0, 2]) / size
+    if height < SMALL_FACE:
+        out.append(f"the face is only {height:.0f} px high in the source; expect a soft result")
+    yaw = np.rad2deg(np.arctan2(-poses.rotation[:, 0, 2], -poses.rotation[:, 2, 2]))
+    yaw = (yaw + 90) % 180 - 90
+    turned = np.flatnonzero(valid & (np.abs(yaw) > LARGE_YAW))
+    if len(turned):
+        out.append(
+            f"the head turns more than {LARGE_YAW:.0f} degrees aside in {len(turned)} frames, "
+            f"the first at {seconds(info, turned[0])}; poses and matte are untested there"
+        )
+    if info.variable_rate:
+        out.append(f"variable frame rate; read at a constant {float(info.rate or 0):.3f}")
+    repeated = int(seen["repeated"].sum())
+    if repeated:
+        out.append(f"{repeated} frames repeat the one before them")
+    return out
+
+
+def seconds(info: MediaInfo, frame: int | np.integer) -> str:
+    """Time of a frame, as in 3.2 s."""
+    return f"{int(frame) / float(info.rate or 1):.1f} s"

@@ -1,0 +1,58 @@
+"""A whole sound through the acoustic network, in pieces, so that hours of it take little memory.
+
+Letters: N samples at 16 kHz, T steps of 20 ms, W samples of a window, R = 2 spectra a step,
+M = 64 mel bands, H hidden values.
+"""
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from dubbing.speech import voice_activity as voice
+from dubbing.speech.acoustics import front
+from dubbing.speech.acoustics.network import AcousticNetwork, Heard
+
+# Steps worked on at once, and how many more are heard on each side: 40 s and 3 s.
+PIECE, AROUND = 2000, 150
+
+
+def spectra_of(blocks: Iterable[np.ndarray]) -> Tensor:
+    """Log-mel spectra of a sound that comes in pieces, (T, R, M) float16: 46 MB an hour."""
+    filters = front.filters()
+    found = [
+        front.log_mel(torch.from_numpy(np.ascontiguousarray(w))[None], filters)[0].half()
+        for w in voice.step_windows(blocks, front.STEP_WIDTH)
+    ]
+    return torch.cat(found) if found else torch.zeros(0, front.SPECTRA, front.BANDS).half()
+
+
+def average_of(spectra: Float[Tensor, "T R M"]) -> Float[Tensor, "1 M"]:
+    """`front.loud_average` of a long sound, T > 0, in pieces."""
+    counted = front.loud(spectra.amax(2).float().flatten()[None])[0].unflatten(
+        0, (len(spectra), -1)
+    )
+    total = torch.zeros(front.BANDS, dtype=torch.float64)
+    for part, counts in zip(spectra.split(PIECE), counted.split(PIECE), strict=True):
+        total += (part.float() * counts[:, :, None]).sum((0, 1))
+    return front.loud_average(total.float()[None], counted.sum()[None, None])
+
+
+@torch.no_grad()
+def hear(network: AcousticNetwork, spectra: Tensor, taken: Callable[[Heard], Tensor]) -> np.ndarray:
+    """What `taken` makes of the network's outputs (1, T, ...), for all steps, (T, D) float32.
+
+    The level that is subtracted is that of the whole sound, so pieces fit together. T > 0.
+    """
+    if not len(spectra):
+        raise ValueError("there is nothing to hear")
+    found = []
+    levels = average_of(spectra)
+    for begin in range(0, len(spectra), PIECE):
+        low, high = max(0, begin - AROUND), min(len(spectra), begin + PIECE + AROUND)
+        part = front.levelled(spectra[None, low:high].float(), levels)
+        made = taken(network(part))[0]
+        found.append(made[begin - low :][:PIECE].numpy())
+    return np.concatenate(found)

@@ -1,0 +1,80 @@
+"""The recurrent acoustic network: log-mel spectra to senones, phones and lips, 50 times a second.
+
+Letters: B sounds, T steps of 20 ms, C = 128 inputs a step, H = 2 x width, S = 126 senones,
+P phone classes, M = 7 lip channels.
+"""
+
+from typing import NamedTuple
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from dubbing.speech.acoustics.front import BANDS, SPECTRA
+
+# The teacher's context-independent states, `dubbing.training.speech.phones.CLASSES`, and the channels of
+# `dubbing.synthetic.visemes`.
+SENONES, PHONES, LIPS = 126, 41, 7
+
+
+class Heard(NamedTuple):
+    """Hidden state (B, T, H); logits of senones (B, T, S) and phones (B, T, P); lips (B, T, M)."""
+
+    hidden: Tensor
+    senones: Tensor
+    phones: Tensor
+    lips: Tensor
+
+
+class AcousticNetwork(nn.Module):
+    """Two convolutions and a bidirectional GRU of two layers."""
+
+    def __init__(self, channels: int = 192, width: int = 144, dropout: float = 0.1) -> None:
+        super().__init__()
+        self.first = nn.Conv1d(SPECTRA * BANDS, channels, 5, padding=2)
+        self.second = nn.Conv1d(channels, channels, 3, padding=1)
+        self.norm = nn.LayerNorm(channels)
+        self.gru = nn.GRU(channels, width, 2, batch_first=True, bidirectional=True, dropout=dropout)
+        self.dropout = nn.Dropout(dropout)
+        self.senones = nn.Linear(2 * width, SENONES)
+        self.phones = nn.Linear(2 * width, PHONES)
+        self.lips = nn.Linear(2 * width, LIPS)
+
+    def forward(self, spectra: Float[Tensor, "B T C"]) -> Heard:
+        x = F.gelu(self.first(spectra.transpose(1, 2)))
+        x = F.gelu(self.second(self.dropout(x))).transpose(1, 2)
+        hidden, _ = self.gru(self.dropout(self.norm(x)))
+        dropped = self.dropout(hidden)
+        return Heard(hidden, self.senones(dropped), self.phones(dropped), self.lips(dropped))
+
+
+def parameters(network: nn.Module) -> int:
+    return sum(p.numel() for p in network.parameters())
+
+
+def losses(
+    heard: Heard,
+    senones: Float[Tensor, "B T S"],
+    phones: Float[Tensor, "B T"],
+    lips: Float[Tensor, "B T M"],
+    known: Float[Tensor, "B T"],
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Cross-entropy to the teacher's senones and to the phones, squared error of the lips.
+
+    Args:
+        known: 1 where the step belongs to a sound, 0 where it is filling; phones of -1 and lips
+            that are no numbers count for nothing.
+    """
+    total = known.sum().clamp_min(1)
+    teacher = -(senones * F.log_softmax(heard.senones, -1)).sum(-1)
+    told = (phones >= 0) & (known > 0)
+    named = F.cross_entropy(heard.phones[told], phones[told], label_smoothing=0.05)
+    shaped = torch.isfinite(lips).all(-1) & (known > 0)
+    squared = (heard.lips[shaped] - lips[shaped]).square().sum(-1)
+    zero = heard.hidden.sum() * 0
+    return (
+        (teacher * known).sum() / total,
+        named if told.any() else zero,
+        squared.mean() if shaped.any() else zero,
+    )

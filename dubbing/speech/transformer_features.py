@@ -1,0 +1,120 @@
+"""A user's own HuBERT or wav2vec 2.0 as speech features, from a folder on this machine.
+
+The folder is what `save_pretrained` of the transformers package writes: config.json and the
+weights. Nothing is ever fetched.
+
+Letters: N samples at 16 kHz, T steps of 20 ms, D values of the last hidden layer.
+"""
+
+import importlib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from dubbing.errors import DubbingError
+from dubbing.speech import voice_activity as voice
+from dubbing.speech.acoustics.paths import weights_file
+from dubbing.speech.acoustics.recurrent import voice_gate
+
+MODELS = {"hubert": "HubertModel", "wav2vec2": "Wav2Vec2Model"}
+# Both kinds make a value of 400 samples every 320.
+RECEPTIVE_FIELD = 400
+# Steps worked on at once, and how many more are heard on each side: 20 s and 2 s.
+PIECE, AROUND = 1000, 100
+
+
+class TransformerFeatures:
+    """Last hidden layer, less what it says of silence; 0 where nobody speaks."""
+
+    rate = voice.STEP_RATE
+
+    def __init__(self, name: str, folder: Path) -> None:
+        """Reads the model.
+
+        Raises:
+            DubbingError: the folder holds no such model, or transformers is not installed.
+        """
+        weights_file(folder, name)
+        self.name = name
+        self._model = _load(name, folder)
+        self.dim = int(self._model.config.hidden_size)
+        quiet = self._hidden(np.zeros(voice.SAMPLE_RATE, np.float32))
+        self._silence = quiet.mean(0)
+
+    def extract(self, samples: np.ndarray) -> np.ndarray:
+        return self.extract_blocks(lambda: [samples])
+
+    def extract_blocks(self, blocks: voice.Blocks) -> np.ndarray:
+        mean, deviation, count = _level(blocks())
+        if not count:
+            return np.zeros((0, self.dim), np.float32)
+        # Steps that are heard with each piece stand around it, as samples.
+        made = [
+            self._hidden((samples - mean) / deviation)[before:][:length] - self._silence
+            for samples, before, length in _pieces(blocks(), voice.steps(count))
+        ]
+        features = np.concatenate(made)
+        features *= voice_gate(voice.voice_activity_of_blocks(blocks))[:, None]
+        return features
+
+    @torch.no_grad()
+    def _hidden(self, samples: np.ndarray) -> np.ndarray:
+        """Hidden layer of every whole step of `samples`, (T, D)."""
+        margin = (RECEPTIVE_FIELD - voice.HOP) // 2
+        padded = np.pad(samples.astype(np.float32), (margin, margin))
+        found = self._model(torch.from_numpy(padded)[None]).last_hidden_state
+        return found[0].float().numpy()
+
+
+def _load(name: str, folder: Path) -> Any:
+    try:
+        transformers = importlib.import_module("transformers")
+    except ImportError as error:
+        raise DubbingError(
+            f"{name} features need the transformers package: {error}",
+            remedy="pip install 'dfrf[hubert]', or choose speech: rnn",
+        ) from error
+    kind = getattr(transformers, MODELS[name])
+    try:
+        return kind.from_pretrained(str(folder), local_files_only=True).eval()
+    except (OSError, ValueError, RuntimeError) as error:
+        raise DubbingError(f"the model cannot be read: {error}", str(folder)) from error
+
+
+def _level(blocks: Iterable[np.ndarray]) -> tuple[float, float, int]:
+    """Mean and deviation of all samples, which these networks expect taken out, and how many."""
+    total = squares = 0.0
+    count = 0
+    for block in blocks:
+        wide = np.asarray(block, np.float64)
+        total += float(wide.sum())
+        squares += float((wide**2).sum())
+        count += len(wide)
+    mean = total / max(count, 1)
+    return mean, max(squares / max(count, 1) - mean**2, 1e-10) ** 0.5, count
+
+
+def _pieces(blocks: Iterable[np.ndarray], total: int) -> Iterable[tuple[np.ndarray, int, int]]:
+    """Samples of PIECE steps and those around: (samples, steps before the piece, its steps)."""
+    held = np.zeros(0, np.float32)
+    start = done = 0  # step of the first sample held; steps given out
+    stream = iter(blocks)
+    ended = False
+    while done < total:
+        length = min(PIECE, total - done)
+        need = (done + length + AROUND - start) * voice.HOP
+        while len(held) < need and not ended:
+            block = next(stream, None)
+            ended = block is None
+            if block is not None:
+                held = np.concatenate([held, np.asarray(block, np.float32)])
+        # Whole steps only: the last one is filled up with silence.
+        whole = min(need, -(-len(held) // voice.HOP) * voice.HOP)
+        samples = np.pad(held[:whole], (0, max(0, whole - len(held))))
+        yield samples, done - start, length
+        done += length
+        keep = max(0, done - AROUND)
+        held, start = held[(keep - start) * voice.HOP :], keep

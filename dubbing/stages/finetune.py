@@ -1,0 +1,287 @@
+"""Fine-tuning one person from the shared base checkpoint."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shutil
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from dfrf import checkpoint, presets
+from dfrf.config import PUBLISHED_SPEECH, TrainConfig, family
+from dfrf.data import Identity
+from dfrf.head_model import HeadModel
+from dfrf.registry import method_of
+from dfrf.training.fit import Curve, Progress, TrainingDivergedError, fit
+from dfrf.training.method import Method
+from dubbing import media
+from dubbing.errors import CheckpointError, TrainingError
+from dubbing.files import atomic_write_json, atomic_write_text
+from dubbing.identity.dataset import load_identity
+from dubbing.identity.reference_choice import choose_references, turns_far
+from dubbing.preparation.prepared import PreparedClip
+from dubbing.speech import features
+from dubbing.stages.refine_poses import refined, refines
+
+MODEL_FILE = "model.safetensors"
+CURVE_FILE = "loss.csv"
+SUMMARY_FILE = "finetune.json"
+RESUME_FOLDER = "resume"
+POSING = 0.25  # of the steps: then the model knows the head well enough to refine its poses
+
+
+@dataclass(frozen=True)
+class FinetuneSettings:
+    """What a manifest says about an identity's fine-tune.
+
+    Attributes:
+        preset: name in `dfrf.presets`.
+        iterations: optimiser steps.
+        seed: of rays and, without a base, of the weights.
+        speech: name of the speech features.
+        speech_weights: weights of the user's own for them, a path.
+    """
+
+    preset: str = "fast"
+    iterations: int = presets.FINETUNE.iterations
+    seed: int = 0
+    speech: str = "rnn"
+    speech_weights: str | None = None
+
+    @property
+    def weights(self) -> Path | None:
+        return None if self.speech_weights is None else Path(self.speech_weights)
+
+    def heard_with(self) -> dict[str, str]:
+        """What a checkpoint's header says of its speech features: their name and weights."""
+        digest = features.fingerprint(self.speech, self.weights)
+        return {"speech": self.speech, **({"speech_digest": digest} if digest else {})}
+
+
+def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
+    """A model to start a person from: the base's weights, warp and occupancy prior included.
+
+    A published checkpoint heard features that this tool does not have: the layer of its AudioNet
+    that reads them begins anew, all else is taken.
+
+    Raises:
+        CheckpointError: unreadable, of another preset, or trained with other speech features.
+    """
+    torch.manual_seed(settings.seed)
+    dim = features.features_by_name(settings.speech, settings.weights).dim
+    config = presets.model_config(settings.preset, dim)
+    if base is None:
+        return presets.build(config)
+    try:
+        model, header = checkpoint.load_model(base)
+    except checkpoint.CheckpointError as error:
+        raise CheckpointError(str(error), remedy="name another base checkpoint") from error
+    if family(settings.preset) != model.FAMILY:
+        raise CheckpointError(
+            f"is a base of preset {model.FAMILY!r}, asked for {settings.preset!r}",
+            base.name,
+            "name a base of that preset, or change the preset",
+        )
+    if header.get("speech") == PUBLISHED_SPEECH:
+        return presets.adapt(model, config)
+    if header.get("speech") != settings.speech:
+        raise CheckpointError(
+            f"was trained with {header.get('speech')!r} speech, asked for {settings.speech!r}",
+            base.name,
+            "use the features the checkpoint was trained with",
+        )
+    if header.get("speech_digest") != settings.heard_with().get("speech_digest"):
+        raise CheckpointError(
+            f"was trained with other weights of the {settings.speech!r} speech features",
+            base.name,
+            "use the weights the checkpoint was trained with",
+        )
+    return presets.adapt(model, config)
+
+
+def finetune(
+    prepared: Path,
+    out: Path,
+    *,
+    start: float,
+    seconds: float,
+    settings: FinetuneSettings,
+    base: Path | None,
+    device: str = "auto",
+    offset: int = 0,
+    progress: Callable[[Progress], None] | None = None,
+) -> None:
+    """Writes OUT/model.safetensors, OUT/loss.csv and OUT/finetune.json.
+
+    Until then OUT/resume holds the state, from which the next call goes on.
+
+    Args:
+        prepared: what `prepare` wrote.
+        out: folder; what an interrupted run left there is continued.
+        start, seconds: the part of the clip to learn from.
+        settings: see `FinetuneSettings`.
+        base: checkpoint to start from; None starts from random weights.
+        device: auto, cpu or cuda.
+        offset: frames by which the clip's sound comes early; see `clip_windows`.
+        progress: called after every step.
+
+    Raises:
+        TrainingError: no face in that part, no sound, or the loss diverged.
+        CheckpointError: the base does not fit.
+    """
+    clip = PreparedClip.load(prepared)
+    windows = clip_windows(clip, settings.speech, settings.weights, offset)
+    first = round(start * clip.rate)
+    person = load_identity(clip.clip.stem, prepared, windows, first, round(seconds * clip.rate))
+    model = init_from_base(base, settings)
+    trainings = presets.trainings(settings.preset)
+    config = trainings.alone if base is None else trainings.finetune
+    config = replace(presets.lasting(config, settings.iterations), seed=settings.seed)
+    method = method_of(model)
+    references = reference_frames(person, clip, first, method)
+    try:
+        person, curve = learn(
+            model,
+            person,
+            clip,
+            own_frames(person, clip, first),
+            config,
+            references,
+            out / RESUME_FOLDER,
+            device,
+            progress,
+        )
+    except TrainingDivergedError as error:
+        raise TrainingError(
+            str(error), person.name, "lower the learning rate or change the seed"
+        ) from error
+    views = None if references is None else method.views(person, references)
+    method.finish(person, views, config.seed)
+    header = {
+        **settings.heard_with(),
+        "steps": config.iterations,
+        "settings": asdict(settings),
+        "clip": clip.clip.name,
+    }
+    checkpoint.save_person(out / MODEL_FILE, model.cpu(), views, header)
+    write_curve(out / CURVE_FILE, curve)
+    atomic_write_json(
+        out / SUMMARY_FILE,
+        {**header, "train": asdict(config), "frames": person.frames, "seconds": curve.seconds},
+    )
+    shutil.rmtree(out / RESUME_FOLDER)
+
+
+def learn(
+    model: HeadModel,
+    person: Identity,
+    clip: PreparedClip,
+    frames: np.ndarray,
+    config: TrainConfig,
+    references: torch.Tensor | None,
+    resume: Path,
+    device: str,
+    progress: Callable[[Progress], None] | None,
+) -> tuple[Identity, Curve]:
+    """Trains a person's model in place: some steps, then the poses they refine, then the rest.
+
+    Args:
+        frames: of the clip that the person's pictures are of.
+        config: of all steps together.
+        references: frames that the person is shown by.
+        resume: folder for the state.
+
+    Returns:
+        The person with the poses that were learned with, and the curve of all steps.
+
+    Raises:
+        TrainingDivergedError: see `fit`.
+    """
+    curve = Curve()
+
+    def part(folder: Path, steps: TrainConfig) -> None:
+        done, before = len(curve.rows), curve.seconds
+
+        def told(state: Progress) -> None:
+            if progress is not None:
+                progress(state.within(done, config.iterations))
+
+        made = fit(
+            model,
+            [person],
+            steps,
+            references=None if references is None else {person.name: references},
+            resume=str(folder),
+            progress=told,
+            device=device,
+        )
+        for step, loss, psnr, seconds in made.rows:
+            curve.add(done + step, loss, psnr, before + seconds)
+
+    first = round(POSING * config.iterations) if refines(model) else 0
+    if first:
+        part(resume / "posing", presets.lasting(config, first))
+        method = method_of(model)
+        maps = None if references is None else method.maps(method.views(person, references))
+        posed = refined(model, maps, clip, frames).c2w()[frames]
+        person = replace(person, c2w=torch.from_numpy(posed).float())
+    rest = presets.lasting(config, config.iterations - first)
+    # Speech is learned once, and coarse steps come first.
+    part(resume, rest if not first else replace(rest, coarse_iterations=0, lip_iterations=0))
+    return person, curve
+
+
+def clip_windows(
+    clip: PreparedClip, speech: str, weights: Path | None = None, offset: int = 0
+) -> np.ndarray:
+    """Speech windows of every frame of a clip, (T, 16, D), from its own sound.
+
+    Args:
+        offset: frames by which the sound comes early: what belongs to frame i is heard at
+            frame i - offset. A person learned with it is dubbed in sync.
+
+    Raises:
+        TrainingError: the clip has no sound.
+    """
+    if media.probe(clip.clip).audio_rate is None:
+        raise TrainingError(
+            "has no sound, so there is nothing to learn the mouth from",
+            clip.clip.name,
+            "use a clip of the person speaking, with its sound",
+        )
+    heard, _ = features.features_of_file(clip.clip, features.features_by_name(speech, weights))
+    return features.windows(heard, clip.frames_count, clip.rate, first=-offset)
+
+
+def reference_frames(
+    person: Identity, clip: PreparedClip, first: int, method: Method[Any, Any]
+) -> torch.Tensor | None:
+    """Which frames a person is shown by; None for a method without references.
+
+    As many as a frame looks at, all of them the same for every frame; more to choose the nearest
+    from where the head turns far.
+    """
+    if not method.references:
+        return None
+    count = method.shown if turns_far(person) else method.references
+    return choose_references(person, clip.landmarks[own_frames(person, clip, first)], count)
+
+
+def own_frames(person: Identity, clip: PreparedClip, first: int) -> np.ndarray:
+    """Frames of the clip that a person's pictures are of, from frame `first` on."""
+    return np.flatnonzero(clip.valid[first:])[: person.frames] + first
+
+
+def write_curve(path: Path, curve: Curve) -> None:
+    """The loss curve as CSV: step, loss, PSNR in dB, seconds."""
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(["step", "loss", "psnr", "seconds"])
+    rows.writerows(curve.rows)
+    atomic_write_text(path, text.getvalue())

@@ -1,0 +1,86 @@
+"""The speech stage: what the model will hear, and how many frames that makes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from safetensors.numpy import load_file, save
+
+from dubbing import timeline
+from dubbing.errors import RenderingError
+from dubbing.files import atomic_write_bytes, atomic_write_json
+from dubbing.speech import features
+
+TENSORS, SUMMARY = "features.safetensors", "speech.json"
+
+
+@dataclass(frozen=True)
+class Speech:
+    """Features (T, D) and voice activity (T,), 50 a second, of F frames of speech."""
+
+    name: str
+    frames: int
+    rate: Fraction
+    seconds: float
+    features: np.ndarray
+    voice: np.ndarray
+
+    @staticmethod
+    def load(folder: Path) -> Speech:
+        """Read what ``listen`` wrote."""
+        told = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        tensors = load_file(folder / TENSORS)
+        return Speech(
+            name=told["name"],
+            frames=told["frames"],
+            rate=Fraction(told["rate"]),
+            seconds=told["seconds"],
+            features=tensors["features"],
+            voice=tensors["voice"],
+        )
+
+    def windows(self, first: int, count: int) -> np.ndarray:
+        """(count, 16, D) float32 around each video frame first .. first + count."""
+        return features.windows(self.features, count, self.rate, first)
+
+
+def listen(
+    audio: Path,
+    out: Path,
+    *,
+    name: str,
+    weights: Path | None = None,
+    rate: Fraction,
+    start: float,
+    seconds: float,
+) -> None:
+    """Write OUT/features.safetensors and OUT/speech.json.
+
+    Args:
+        audio: anything with sound.
+        name: kind of speech features.
+        weights: of the user's own for them.
+        rate: frames a second of the dub.
+        start, seconds: the part of the sound to speak.
+
+    Raises:
+        MediaError: the sound cannot be read.
+        RenderingError: there is next to nothing of it.
+    """
+    kind = features.features_by_name(name, weights)
+    found, voice = features.features_of_file(audio, kind, start=start, seconds=seconds)
+    if not len(found):
+        raise RenderingError(
+            "no sound there", f"{audio.name} from {start:g} s", "change audio_start"
+        )
+    tensors = {"features": found, "voice": voice}
+    atomic_write_bytes(
+        out / TENSORS, save({k: np.ascontiguousarray(v) for k, v in tensors.items()})
+    )
+    frames = timeline.frame_count(seconds, rate)
+    summary = {"name": name, "frames": frames, "rate": str(rate), "seconds": seconds}
+    atomic_write_json(out / SUMMARY, summary)

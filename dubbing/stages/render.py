@@ -1,0 +1,128 @@
+"""Rendering a person's head for every frame of new speech, in segments that survive a kill."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dfrf import checkpoint
+from dfrf import device as devices
+from dfrf.data import neighbour_windows
+from dfrf.field.audio import NEIGHBOURS
+from dfrf.head_model import HeadModel
+from dfrf.registry import method_of
+from dfrf.training.method import Maps
+from dubbing.errors import CheckpointError
+from dubbing.identity.dataset import upper_measures
+from dubbing.media import VideoWriter
+from dubbing.preparation.prepared import PreparedClip
+from dubbing.stages.refine_poses import refined
+
+# Speech windows (count, 16, D) of frames first .. first + count.
+Heard = Callable[[int, int], np.ndarray]
+
+
+def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dict[str, object]]:
+    """A person's model on a device with its reference maps, computed once; and its header.
+
+    Raises:
+        CheckpointError: the file cannot be used.
+    """
+    try:
+        person, views, header = checkpoint.load_person(model)
+    except checkpoint.CheckpointError as error:
+        raise CheckpointError(str(error), remedy="run with --force finetune") from error
+    target = devices.choose(device)
+    person.to(target).eval()
+    maps = None if views is None else method_of(person).maps(views)
+    return person, maps, header
+
+
+def render(
+    model: Path,
+    prepared: Path,
+    heard: Heard,
+    out: Path,
+    *,
+    pose_index: np.ndarray,
+    device: str = "auto",
+    progress: Callable[[str, float], None] | None = None,
+) -> None:
+    """Writes OUT/000000.mkv, OUT/000050.mkv ...: premultiplied colour and opacity (FFV1 RGBA).
+
+    A file appears only when it is whole, and one that is there is not rendered again. It holds
+    `dfrf.training.method.Method.segment` frames: of a slow preset every single one is kept.
+
+    Args:
+        model: of the person, written by `finetune`.
+        prepared: the clip whose poses are taken, refined with the model; see `refining`.
+        heard: speech windows of the frames to render, asked for a segment at a time.
+        out: folder.
+        pose_index: (T,) frame of the clip each frame takes its pose from.
+        device: auto, cpu or cuda.
+        progress: told a message and the share done.
+
+    Raises:
+        CheckpointError: the model cannot be used.
+    """
+    count = len(pose_index)
+    person, maps, _ = load(model, device)
+    clip = refined(person, maps, PreparedClip.load(prepared), pose_index, progress)
+    out.mkdir(parents=True, exist_ok=True)
+
+    def told(done: int) -> None:
+        if progress is not None:
+            progress(f"frame {done} of {count}", done / count)
+
+    segment = method_of(person).segment
+    around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
+    for first in range(0, count, segment):
+        stop = min(first + segment, count)
+        path = out / f"{first:06d}.mkv"
+        if not path.exists():
+            with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
+                low, high = max(0, first - around), min(count, stop + around)
+                some = (heard(low, high - low), pose_index[low:high])
+                heads = frames(person, maps, clip, *some, first - low, stop - low)
+                for done, (colour, opacity) in enumerate(heads, first + 1):
+                    video.write(to_rgba(colour, opacity))
+                    told(done)
+        else:
+            told(stop)
+
+
+def frames(
+    model: HeadModel,
+    maps: Maps | None,
+    clip: PreparedClip,
+    windows: np.ndarray,
+    pose_index: np.ndarray,
+    first: int,
+    stop: int,
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop."""
+    device = model.device
+    method = method_of(model)
+    number = torch.arange(first - method.reach, stop + method.reach).clamp(0, len(windows) - 1)
+    # Speech does not stop at a cut of the picture, so all frames count as one run.
+    near = neighbour_windows(torch.from_numpy(windows).float(), torch.zeros(len(windows)), number)
+    poses = pose_index[first:stop]
+    yield from method.frames(
+        torch.from_numpy(clip.c2w()[poses]).float().to(device),
+        float(clip.focal),
+        torch.from_numpy(clip.centre[poses]).float().to(device),
+        near.to(device),
+        torch.from_numpy(upper_measures(clip)[poses]).float().to(device),
+        maps,
+        clip.size,
+    )
+
+
+def to_rgba(colour: Tensor, opacity: Tensor) -> np.ndarray:
+    """(S, S, 4) uint8 from premultiplied colour and opacity in 0..1."""
+    both = torch.cat([colour, opacity[..., None]], -1).float()
+    return (both.clamp(0, 1) * 255).round().to(torch.uint8).cpu().numpy()

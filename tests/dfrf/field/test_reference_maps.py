@@ -1,0 +1,90 @@
+"""Which of the frames that a person is shown by are looked at."""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor
+
+from dfrf import presets
+from dfrf.data import cut_references, frames_alike
+from dfrf.field import eyelid_deformation as lids
+from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.rendering.volume_rendering import render_rays
+from tests.dfrf.people import person, small_config
+
+TURNS = 12
+
+
+def shown_by_many() -> ReferenceMaps:
+    """Maps of all frames of a head that turns from right to left, the last with shut eyes."""
+    someone = person(TURNS)
+    someone.upper[3, lids.MEASURES] = -1.2
+    model = presets.build(small_config())
+    with torch.no_grad():
+        return model.field.encoder(cut_references(someone, torch.arange(TURNS)))
+
+
+def origin_at(turn: float) -> Tensor:
+    """Where the camera of `person` is at a frame's number, fractions included."""
+    return torch.tensor([-0.4 + 0.8 * turn / (TURNS - 1), 0.0, 7.0])
+
+
+def test_the_nearest_are_looked_at_and_the_one_of_shut_eyes() -> None:
+    maps = shown_by_many()
+    assert maps.views.blinks == 1
+    near = maps.near(origin_at(4.2), 3)
+    assert near.number.tolist() == [4, 5, 3, TURNS]
+    assert near.views.faces == slice(0, 3)
+    assert near.views.shut == slice(3, 4)
+    torch.testing.assert_close(near.views.c2w, maps.views.c2w[near.number])
+    at = torch.rand(1, 5, 2) * 20 + 5
+    for n, number in enumerate(near.number.tolist()):
+        one, same = slice(n, n + 1), slice(number, number + 1)
+        assert near.read(at, one).equal(maps.read(at, same))
+        assert near.nearest(at, one).equal(maps.nearest(at, same))
+    say = near.say[near.views.faces].exp()
+    assert say[0] > 0.9
+    assert (say.diff() < 0).all()
+
+
+def test_as_many_as_there_are_have_an_equal_say() -> None:
+    maps = shown_by_many()
+    assert maps.near(origin_at(2.0), TURNS) is maps
+    assert (maps.say == 0).all()
+
+
+def test_a_head_that_does_not_turn_can_be_shown_by_any() -> None:
+    maps = shown_by_many()
+    maps.views.c2w[:, :, 3] = origin_at(5.0)
+    assert maps.near(origin_at(5.0), 2).say.equal(torch.zeros(3))
+
+
+def test_nothing_jumps_where_one_reference_takes_the_place_of_another() -> None:
+    maps = shown_by_many()
+    model = presets.build(small_config()).eval()
+    directions = F.normalize(torch.randn(200, 3) * 0.6 - origin_at(5.0), dim=-1)
+    told = torch.zeros(1, model.config.field.told_dim)
+
+    def picture(turn: float) -> tuple[set[int], Tensor]:
+        origins = origin_at(turn).expand(200, 3)
+        frame = torch.zeros(200, dtype=torch.long)
+        looked = maps.near(origins[0], model.config.field.references).number.tolist()
+        with torch.no_grad():
+            return set(looked), render_rays(model, origins, directions, frame, told, maps).colour
+
+    before, after, further = picture(4.999), picture(5.001), picture(5.1)
+    assert before[0] != after[0]
+    jump, way = (after[1] - before[1]).abs().mean(), (further[1] - after[1]).abs().mean()
+    assert jump < 0.1 * way
+
+
+def test_frames_of_a_share_show_the_head_alike() -> None:
+    someone = person(40)
+    generator = torch.Generator().manual_seed(0)
+    drawn = torch.stack([frames_alike(someone, 4, generator) for _ in range(200)])
+    assert drawn.shape == (200, 4)
+    assert len(drawn.unique()) == 40
+    # A quarter of 40 frames round one of them: at the ends they lie all to one side.
+    assert (drawn - drawn[:, :1]).abs().max() <= 10
+    assert frames_alike(person(3), 4, generator).shape == (4,)

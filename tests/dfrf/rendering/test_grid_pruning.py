@@ -1,0 +1,75 @@
+"""Cells that show nothing are closed, and the picture stays."""
+
+from typing import Any
+
+import pytest
+import torch
+import torch.nn.functional as F
+
+from dfrf import presets
+from dfrf.cameras import pixel_rays
+from dfrf.data import cut_references
+from dfrf.field import eyelid_deformation as lids
+from dfrf.field.model import PRIOR_CENTRE, PRIOR_RADII, FieldOutput
+from dfrf.rendering import grid_pruning as carving
+from dfrf.rendering.grid_pruning import carve
+from dfrf.rendering.volume_rendering import render_rays
+from tests.dfrf.people import FOCAL, SIZE, person, small_config
+
+
+def test_carving_closes_air_and_leaves_the_picture() -> None:
+    someone = person()
+    model = presets.build(small_config()).eval()
+    centre, radii = torch.tensor(PRIOR_CENTRE), torch.tensor(PRIOR_RADII)
+    reach = ((model.grid.centres() - centre) / radii).norm(dim=-1)
+    model.grid.start_from((reach > 0.8) & (reach < 1.4))
+    open_before = float(model.grid.occupied.float().mean())
+    told = torch.randn(6, 70)
+    with torch.no_grad():
+        maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
+        rows, columns = torch.meshgrid(torch.arange(SIZE), torch.arange(SIZE), indexing="ij")
+        pixels = torch.stack([columns, rows], -1).view(-1, 2).float()
+        count = len(pixels)
+        origins, directions = pixel_rays(
+            someone.c2w[2].expand(count, 3, 4), FOCAL, someone.centres[2].expand(count, 2), pixels
+        )
+        directions = F.normalize(directions, dim=-1)
+        frame = torch.zeros(count).long()
+
+        def look() -> torch.Tensor:
+            seen = render_rays(model, origins, directions, frame, told[:1], maps)
+            return torch.cat([seen.colour, seen.opacity[:, None]], 1)
+
+        before = look()
+        carve(model, told, someone.c2w, maps, torch.Generator().manual_seed(0))
+        after = look()
+    assert 0.3 * open_before < model.grid.occupied.float().mean() < 0.8 * open_before
+    assert before[:, 3].max() > 0.95
+    assert (before - after).abs().mean() < 0.003
+    assert (before - after).abs().max() < 0.1
+
+
+@pytest.mark.parametrize("references", [2, 0])
+def test_eyes_are_shut_in_every_second_frame_of_a_field_that_moves_lids(
+    references: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    someone = person()
+    asked: list[torch.Tensor] = []
+    model = presets.build(small_config(references=references, use_warp=references > 0)).eval()
+    told = torch.randn(6, model.config.field.told_dim)
+
+    real = carving.evaluate
+
+    def note(*args: Any) -> FieldOutput:
+        asked.append(args[4])
+        return real(*args)
+
+    monkeypatch.setattr(carving, "evaluate", note)
+    with torch.no_grad():
+        maps = None
+        if references:
+            maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
+        carve(model, told, someone.c2w, maps, torch.Generator().manual_seed(0))
+    first = model.config.field.code_dim
+    shut = [bool((codes[:, first:][:, lids.MEASURES] < -5).all()) for codes in asked]
+    assert shut == [bool(k % 2) and references > 0 for k in range(6)]

@@ -1,0 +1,140 @@
+"""The speech networks learn what the lips do, and the field is shown what they really did."""
+
+from dataclasses import replace
+
+import torch
+
+from dfrf import presets
+from dfrf.data import Identity
+from dfrf.field.model import REACH, Model
+from dfrf.training.fast_method import FastMethod
+from dfrf.training.lip_supervision import (
+    TEACHER,
+    context,
+    learn_lips,
+    lessons,
+    shown_codes,
+    shut_lips,
+    spoken_codes,
+)
+from tests.dfrf.people import person, small_config
+
+
+def talking(seed: int, frames: int = 60) -> Identity:
+    """Someone whose lips follow two features of the speech, and a third that is theirs alone."""
+    someone = person(frames=frames, seed=seed)
+    generator = torch.Generator().manual_seed(100 + seed)
+    loud = someone.windows.mean(1)
+    own = torch.randn(frames, 1, generator=generator)
+    lips = torch.cat([loud[:, :2].repeat(1, 3), own], 1)
+    return replace(someone, lips=(lips - lips.mean(0)) / lips.std(0))
+
+
+def test_lip_measures_are_learned_from_the_sound_and_nothing_else_changes() -> None:
+    people = [talking(0), talking(1)]
+    model = presets.build(small_config())
+    before = {n: p.clone() for n, p in model.named_parameters()}
+    last = learn_lips(model, people, 300, torch.Generator().manual_seed(0))
+    assert last < 0.5
+    changed = {
+        n.split(".")[1] for n, p in model.named_parameters() if not torch.equal(p, before[n])
+    }
+    assert changed == {"audio", "attention", "lips"}
+    assert not any(p.requires_grad for p in model.field.audio.parameters())
+
+
+def test_what_only_one_person_does_is_not_taught_by_the_others() -> None:
+    people = [talking(seed) for seed in range(4)]
+    for lesson, someone in zip(lessons(people), people, strict=True):
+        said = (lesson.lips - (1 - TEACHER) * someone.lips) / TEACHER
+        agreement = [
+            float(torch.corrcoef(torch.stack([said[:, k], someone.lips[:, k]]))[0, 1])
+            for k in (0, 1, 6)
+        ]
+        assert min(agreement[:2]) > 0.6
+        assert abs(agreement[2]) < 0.45
+
+
+def test_one_person_alone_teaches_themselves() -> None:
+    someone = talking(0)
+    (lesson,) = lessons([someone])
+    assert torch.equal(lesson.lips, someone.lips)
+
+
+def test_the_context_of_a_frame_is_its_window_and_what_lies_beside_it() -> None:
+    someone = person(frames=12)
+    told = context(someone)
+    assert told.shape == (12, 10 * 8 + 1)
+    window = someone.windows * 2 - 1
+    own = torch.stack([window[6, 2 * k : 2 * k + 2].mean(0) for k in range(8)]).flatten()
+    expected = torch.cat([own, window[2, :8].mean(0), window[9, 8:].mean(0), torch.ones(1)])
+    torch.testing.assert_close(told[6], expected)
+
+
+def test_shown_codes_say_what_the_lips_did_with_the_spread_of_what_is_heard() -> None:
+    someone = talking(0)
+    someone = replace(someone, number=torch.tensor([3, 7, 20, 41, 42, 59]))
+    model = presets.build(small_config())
+    learn_lips(model, [someone], 50, torch.Generator().manual_seed(0))
+    heard = model.field.lips(spoken_codes(model, someone))
+    shown = model.field.lips(shown_codes(model, someone))
+    expected = (heard.mean(0) + heard.std(0) * someone.lips)[someone.number]
+    torch.testing.assert_close(shown, expected, atol=1e-4, rtol=1e-4)
+    # The shortest way: nothing but what the lips are read from has changed.
+    moved = shown_codes(model, someone) - spoken_codes(model, someone)[someone.number]
+    rows = model.field.lips.weight
+    left = moved - moved @ torch.linalg.pinv(rows) @ rows
+    assert moved.norm() > 0.1
+    assert left.norm() < 1e-3 * moved.norm()
+
+
+def test_different_sounds_have_different_codes_from_the_start() -> None:
+    model = presets.build(small_config())
+    windows = (torch.rand(32, 1, 1, 8) * 1.2).expand(32, 8, 16, 8)
+    codes = model.field.speech_codes(windows)
+    assert codes.std(0).norm() > 0.3 * codes.mean(0).norm()
+
+
+def test_the_mouth_is_shut_where_nothing_is_heard_and_only_there() -> None:
+    someone = talking(0)
+    model = presets.build(small_config())
+    learn_lips(model, [someone], 50, torch.Generator().manual_seed(0))
+    shut = shut_lips(model, someone)
+    assert shut[0] < model.field.lips(spoken_codes(model, someone))[:, 0].mean()
+    model.field.shut.copy_(shut)
+    windows = torch.rand(3 + 2 * REACH, 8, 16, 8) + 0.1
+    windows[REACH + 1] = 0  # silence
+    windows[REACH + 2, 4, 4:8] = 0  # speech ends within the middle half of the window
+    upper = torch.zeros(3, 6)
+    codes, told = model.field.speech_codes(windows)[REACH:-REACH], model.field.told(windows, upper)
+    read = model.field.lips(told[:, :-6])
+    torch.testing.assert_close(read[0], model.field.lips(codes)[0], atol=1e-4, rtol=1e-4)
+    torch.testing.assert_close(read[1], shut, atol=1e-4, rtol=1e-4)
+    half = (model.field.lips(codes)[2] + shut) / 2
+    torch.testing.assert_close(read[2], half, atol=1e-4, rtol=1e-4)
+
+
+def test_what_a_code_says_beside_the_lips_stays_near_what_was_learned() -> None:
+    model = presets.build(small_config())
+    model.field.usual.copy_(torch.randn(model.field.usual.shape))
+    windows, upper = torch.rand(5 + 2 * REACH, 8, 16, 8), torch.zeros(5, 6)
+    with torch.no_grad():
+        codes = model.field.speech_codes(windows)[REACH:-REACH]
+        told = model.field.told(windows, upper)[:, :-6]
+        torch.testing.assert_close(
+            model.field.lips(told), model.field.lips(codes), atol=1e-4, rtol=1e-4
+        )
+        rows = model.field.lips.weight
+        beside = torch.eye(len(model.field.usual)) - torch.linalg.pinv(rows) @ rows
+        away = (codes - model.field.usual) @ beside
+        torch.testing.assert_close(
+            (told - model.field.usual) @ beside, away / 2, atol=1e-4, rtol=1e-4
+        )
+
+
+def test_a_finished_model_knows_the_usual_code() -> None:
+    someone, config = person(frames=12), small_config()
+    model = Model(replace(config, field=replace(config.field, references=0, use_warp=False)))
+    FastMethod(model).finish(someone, None, 0)
+    torch.testing.assert_close(model.field.usual, spoken_codes(model, someone).mean(0))
+    assert model.field.usual.norm() > 0

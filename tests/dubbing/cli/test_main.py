@@ -1,0 +1,305 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dubbing.cli import main as cli
+from dubbing.engine import lock
+from tests import clips, fakes
+
+CONSENT = '{by: "the person on film", reference: "form 17"}'
+COMMANDS = (
+    "dub",
+    "plan",
+    "init",
+    "prepare",
+    "sync",
+    "evaluate",
+    "train-base",
+    "train-speech",
+    "train-sync",
+    "doctor",
+)
+
+
+@pytest.fixture(scope="module")
+def footage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("footage")
+    clips.write_clip(folder / "ann.mp4", 30)
+    clips.write_sound(folder / "ann_it.wav", 0.6)
+    return folder
+
+
+@pytest.fixture
+def manifest(footage: Path, tmp_path: Path) -> Path:
+    path = tmp_path / "m.yaml"
+    path.write_text(
+        f"""
+version: 1
+output: out
+identities: {{ann: {{clip: {footage}/ann.mp4, seconds: 1, consent: {CONSENT}}}}}
+dubs: [{{name: it, identity: ann, audio: {footage}/ann_it.wav}}]
+"""
+    )
+    return path
+
+
+@pytest.fixture
+def dfrf(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> object:
+    """Run the command line with stand-ins; gives exit code, output and errors."""
+    fakes.install(monkeypatch.setattr)
+    before = signal.getsignal(signal.SIGTERM)
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["dfrf", *map(str, arguments)])
+        try:
+            cli.main()
+            code: object = 0
+        except SystemExit as end:
+            code = end.code or 0
+        finally:
+            signal.signal(signal.SIGTERM, before)
+        assert isinstance(code, int)
+        told = capsys.readouterr()
+        return code, told.out, told.err
+
+    return run
+
+
+def test_help_and_plan_load_no_torch(manifest: Path) -> None:
+    code = (
+        "import sys; from dubbing.cli.main import app\n"
+        "try: app(sys.argv[1:])\n"
+        "except SystemExit as end: assert not end.code\n"
+        "assert 'torch' not in sys.modules and 'mediapipe' not in sys.modules"
+    )
+    for arguments in (["--help"], ["dub", "--help"], ["plan", str(manifest)]):
+        done = subprocess.run(
+            [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+    assert not (manifest.parent / "out").exists()  # plan writes nothing
+
+
+def test_every_command_is_there(dfrf) -> None:  # type: ignore[no-untyped-def]
+    _, out, _ = dfrf("--help")
+    assert all(command in out for command in (*COMMANDS, "import-checkpoint"))
+
+
+def test_dub_then_plan(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
+    code, out, err = dfrf("dub", manifest)
+    assert code == 0, err
+    assert "it: sync pass" in out
+    assert "report.html" in out
+    code, out, _ = dfrf("plan", "--json", manifest)
+    assert code == 0
+    assert {row["state"] for row in json.loads(out)["stages"]} == {"up to date"}
+    code, out, _ = dfrf("plan", manifest)
+    assert "0 to run, 7 up to date" in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["dub", "nothing.yaml"], "no such file"),
+        (["dub", "{m}", "--only", "nobody"], "nothing is called nobody"),
+        (["dub", "{m}", "--force", "everything"], "no stage 'everything'"),
+        (["dub", "{m}", "--device", "tpu"], "no device 'tpu'"),
+        (["dub", "{m}", "--jobs", "0"], "--jobs"),
+        (["dub"], "MANIFEST"),
+        (["sync", "nothing.mp4"], "nothing.mp4"),
+        (["evaluate", "{m}", "--lpips-weights", "{m}"], "m.yaml: weights cannot be read"),
+        (["prepare", "{m}", "--size", "60"], "use 64 to 1024 in steps of 8"),
+        (["prepare", "{m}", "--size", "100"], "no head crop of 100 px"),
+        (["paint"], "paint"),
+    ],
+)
+def test_a_wrong_call_is_2(dfrf, manifest: Path, arguments: list[str], said: str) -> None:  # type: ignore[no-untyped-def]
+    code, out, err = dfrf(*(argument.format(m=manifest) for argument in arguments))
+    assert code == 2
+    assert said in out + err
+    assert not (manifest.parent / "out").exists()  # nothing was started
+
+
+def test_a_gpu_that_is_not_there_is_2(  # type: ignore[no-untyped-def]
+    dfrf, manifest: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    code, _, err = dfrf("dub", manifest, "--device", "cuda")
+    assert code == 2
+    assert "torch sees no GPU here (--device cuda): use auto or cpu" in err
+    assert not (manifest.parent / "out").exists()
+
+
+def test_a_wrong_manifest_is_2_and_all_is_said(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
+    manifest.write_text(manifest.read_text().replace("version: 1", "version: 3\nlabel: x"))
+    code, _, err = dfrf("dub", manifest)
+    assert code == 2
+    assert "2 problems" in err
+    assert "line 2: version: must be 1" in err
+    assert "line 3: label: unknown key" in err
+
+
+def test_a_locked_folder_is_2(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
+    with lock.hold(manifest.parent / "out" / "work"):
+        code, _, err = dfrf("dub", manifest)
+    assert code == 2
+    assert f"process {os.getpid()}" in err
+
+
+def test_a_folder_that_cannot_be_made_is_said(  # type: ignore[no-untyped-def]
+    dfrf, manifest: Path, footage: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (manifest.parent / "file").touch()
+    code, _, err = dfrf("prepare", footage / "ann.mp4", "--out", manifest.parent / "file" / "out")
+    assert code == 1
+    assert "the folder cannot be made: Not a directory" in err
+    # Whoever runs the tests may be allowed everything.
+    monkeypatch.setattr(os, "access", lambda _, mode: not mode & os.W_OK)
+    for arguments in (("dub", manifest), ("init", footage)):
+        code, _, err = dfrf(*arguments)
+        assert code == 1
+        assert "nothing may be written there" in err
+
+
+def test_a_failed_job_is_1(dfrf, manifest: Path, footage: Path) -> None:  # type: ignore[no-untyped-def]
+    (footage / "noface.mp4").write_bytes((footage / "ann.mp4").read_bytes())
+    manifest.write_text(manifest.read_text().replace("ann.mp4", "noface.mp4"))
+    code, out, _ = dfrf("dub", manifest)
+    assert code == 1
+    assert "no face found (noface.mp4): film the face" in out
+
+
+def test_a_sync_check_that_falls_short_is_3(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
+    manifest.write_text(manifest.read_text().replace("name: it", "name: fellshort"))
+    assert dfrf("dub", manifest)[0] == 3
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_is_130_and_goes_on_later(  # type: ignore[no-untyped-def]
+    dfrf,
+    manifest: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
+    number: int,
+) -> None:
+    from dubbing.stages import steps
+
+    finetune = steps.Finetune.__call__
+    # Whoever starts the tests in the background has SIGINT ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
+
+    def interrupted(*_arguments: object) -> None:
+        os.kill(os.getpid(), number)
+        time.sleep(60)
+        raise AssertionError("the signal did not interrupt the run")
+
+    monkeypatch.setattr(steps.Finetune, "__call__", interrupted)
+    code, _, err = dfrf("dub", manifest)
+    assert code == 130
+    assert "run the same command again" in err
+    monkeypatch.setattr(steps.Finetune, "__call__", finetune)
+    assert dfrf("dub", manifest)[0] == 0
+
+
+def test_init_writes_a_manifest_that_asks_for_consent_only(dfrf, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    clips.write_clip(tmp_path / "ann.mp4", 50)
+    clips.write_clip(tmp_path / "bob: it's.mp4", 50)
+    clips.write_sound(tmp_path / "ann_it.wav", 1)
+    clips.write_sound(tmp_path / "all.wav", 1)
+    (tmp_path / "notes.txt").write_text("no media")
+    code, out, _ = dfrf("init", tmp_path)
+    assert code == 0
+    path = tmp_path / "manifest.yaml"
+    assert str(path) in out
+    code, _, err = dfrf("plan", path)
+    assert code == 2
+    # A name with ':' cannot be a folder's everywhere, so it is said too.
+    assert "consent.by: must not be empty" in err
+    text = path.read_text().replace('by: "", reference: ""', 'by: "Ann", reference: "letter"')
+    path.write_text(text.replace('"bob: it\'s":', "bob:").replace('"bob: it\'s",', "bob,"))
+    code, out, err = dfrf("plan", "--json", path)
+    assert code == 0, err
+    dubs = {row["name"] for row in json.loads(out)["stages"] if row["kind"] == "dub"}
+    assert dubs == {"ann_ann_it", "ann_all", "bob_all"}
+    assert dfrf("init", tmp_path)[0] == 2  # an existing manifest is left alone
+
+
+def test_doctor_says_what_is_there(dfrf) -> None:  # type: ignore[no-untyped-def]
+    _, out, _ = dfrf("doctor")
+    for what in ("Python", "torch", "ffmpeg", "mediapipe", "OpenCV", "base checkpoint"):
+        assert what in out
+
+
+def test_doctor_works_where_everything_is_missing() -> None:
+    """It is there for a machine on which the installation went wrong."""
+    code = (
+        "import sys; sys.modules.update(dict.fromkeys(sys.argv[1].split(',')))\n"
+        "from dubbing import machine\n"
+        "machine._version = lambda package: ''\n"
+        "from dubbing.cli.main import app\n"
+        "app(['doctor'])"
+    )
+    missing = "av,cv2,ffmpeg,imageio_ffmpeg,mediapipe,numpy,scipy,torch,webrtcvad,yaml"
+    done = subprocess.run(
+        [sys.executable, "-c", code, missing],
+        env={**os.environ, "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (1, "")
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in done.stdout.splitlines()]
+    assert ["OpenCV", "lacking", "not installed", "make install"] in rows
+    assert ["graphics card", "lacking", "torch is not there", "make install"] in rows
+    assert any(row[:2] == ["ffmpeg", "lacking"] for row in rows if row)
+
+
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [
+        ("/bin/false", "it ended with 1"),
+        ("/bin/true", "it ended with 0"),
+        ("nothing", "no ffmpeg found"),
+    ],
+)
+def test_doctor_says_that_ffmpeg_is_broken(
+    program: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dubbing.cli import doctor as machine
+    from dubbing.media import ffmpeg
+
+    ffmpeg.version.cache_clear()
+    monkeypatch.setenv("DFRF_FFMPEG", program)
+    (found,) = (finding for finding in machine.examine() if finding.what == "ffmpeg")
+    assert found.state == "lacking"
+    assert said in found.found
+    assert "DFRF_FFMPEG" in found.remedy
+
+
+def test_a_file_that_cannot_be_written_is_refused_before_anything_is_trained(
+    dfrf: Any, manifest: Path, footage: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "file").write_text("")
+    clip = footage / "ann.mp4"
+    for call in (
+        ("train-base", manifest, "--out"),
+        ("train-sync", clip, "--out"),
+        ("train-speech",),
+    ):
+        code, _, err = dfrf(*call, tmp_path / "taken")
+        assert code == cli.FAILED
+        assert "a folder, not a file to write" in err
+        code, _, err = dfrf(*call, tmp_path / "file" / "net.safetensors")
+        assert code == cli.FAILED
+        assert "the folder cannot be made" in err

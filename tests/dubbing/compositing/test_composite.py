@@ -1,0 +1,104 @@
+import numpy as np
+
+from dubbing.compositing.composite import blend, composite
+
+S = 512
+ALL = np.full((S, S), 255, np.uint8)
+
+
+def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A noisy picture with a round hole, its background, and a head inside of the hole."""
+    noise = np.random.default_rng(0)
+    image = noise.integers(0, 256, (S, S, 3), dtype=np.uint8)
+    rows, columns = np.mgrid[0:S, 0:S] - S // 2
+    radius = np.hypot(rows, columns)
+    hole = radius < 107
+    background = image.copy()
+    background[hole] = (0, 100, 0)
+    head = np.zeros((S, S, 4), np.uint8)
+    head[radius < 100] = (220, 20, 60, 255)
+    head[(radius >= 100) & (radius < 102)] = (110, 10, 30, 128)  # premultiplied
+    return image, background, hole, head
+
+
+def test_composite_is_colour_plus_the_rest_of_the_background() -> None:
+    _, background, hole, head = scene()
+    picture, mask = composite(background, hole, head, ALL)
+    assert tuple(picture[S // 2, S // 2]) == (220, 20, 60)
+    assert mask[S // 2, S // 2] == 255
+    half = (S // 2, S // 2 + 101)  # 110 + (1 - 128 / 255) * 0, 10 + ... * 100, 30
+    assert tuple(picture[half]) == (110, 60, 30)
+    just_outside_the_head = (S // 2, S // 2 + 104)
+    assert tuple(picture[just_outside_the_head]) == (0, 100, 0)
+
+
+def test_outside_of_hole_and_head_every_pixel_is_the_sources() -> None:
+    image, background, hole, head = scene()
+    head[40:60, 200:300] = (9, 9, 9, 255)  # a chin lower than the hole, say
+    picture, mask = composite(background, hole, head, ALL)
+    outside = ~hole & (head[..., 3] == 0)
+    assert (mask[outside] == 0).all()
+    np.testing.assert_array_equal(blend(image, picture, mask)[outside], image[outside])
+
+
+def test_what_speech_does_not_change_stays_as_it_is() -> None:
+    image, background, hole, head = scene()
+    spoken = ALL.copy()
+    spoken[: S // 2] = 0
+    spoken[S // 2 : S // 2 + 20] = 100
+    picture, mask = composite(background, hole, head, spoken)
+    shown = blend(image, picture, mask)
+    np.testing.assert_array_equal(shown[: S // 2], image[: S // 2])
+    assert mask[S // 2 + 10, S // 2] == 100
+    assert tuple(shown[S // 2 + 50, S // 2]) == (220, 20, 60)
+
+
+def test_the_seam_is_feathered() -> None:
+    _, background, hole, head = scene()
+    _, mask = composite(background, hole, head, ALL)
+    profile = mask[S // 2, S // 2 :].astype(int)
+    steps = np.diff(profile)
+    assert (steps <= 0).all()
+    assert np.abs(steps).max() < 60
+    soft = (profile > 0) & (profile < 255)
+    assert 4 <= soft.sum() <= 8
+    # It ends before the old head begins: the hole is 7 px wider than that.
+    assert profile[100] == 255
+
+
+def test_without_a_head_the_background_stays() -> None:
+    _, background, hole, head = scene()
+    picture, mask = composite(background, hole, np.zeros_like(head), ALL)
+    np.testing.assert_array_equal(picture, background)
+    assert mask[S // 2, S // 2] == 255
+
+
+def test_haze_is_no_head() -> None:
+    _, background, hole, head = scene()
+    hazy = head.copy()
+    hazy[head[..., 3] == 0] = (1, 1, 1, 3)
+    _, clean_mask = composite(background, hole, head, ALL)
+    picture, mask = composite(background, hole, hazy, ALL)
+    np.testing.assert_array_equal(mask, clean_mask)
+    np.testing.assert_array_equal(picture, composite(background, hole, head, ALL)[0])
+
+
+def test_what_floats_far_from_the_head_is_dropped() -> None:
+    _, background, hole, head = scene()
+    head[5:20, 5:20] = (255, 255, 255, 255)
+    _, mask = composite(background, hole, head, ALL)
+    assert (mask[:30, :30] == 0).all()
+
+
+def test_blend_mixes() -> None:
+    image, picture = np.full((2, 2, 3), 100, np.uint8), np.full((2, 2, 3), 200, np.uint8)
+    mask = np.array([[0, 51], [128, 255]], np.uint8)
+    assert blend(image, picture, mask)[..., 0].tolist() == [[100, 120], [150, 200]]
+
+
+def test_an_empty_hole_and_an_empty_head() -> None:
+    image = scene()[0]
+    nothing = np.zeros((S, S), bool)
+    picture, mask = composite(image, nothing, np.zeros((S, S, 4), np.uint8), ALL)
+    assert not mask.any()
+    np.testing.assert_array_equal(blend(image, picture, mask), image)

@@ -1,0 +1,189 @@
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from dubbing.engine import lock
+from dubbing.engine import stage as stages
+from dubbing.engine.stage import Stage
+from dubbing.errors import DubbingError, LockedError
+
+
+def quiet(_message: str, _share: float) -> None:
+    pass
+
+
+class Work:
+    """Copies its input a piece at a time; can be told to fail, and counts the pieces it made."""
+
+    def __init__(self, source: Path) -> None:
+        self.source = source
+        self.fail_at: int | None = None
+        self.made: list[str] = []
+
+    def __call__(self, out: Path, progress: Callable[[str, float], None]) -> None:
+        for k, letter in enumerate(self.source.read_text()):
+            if self.fail_at == k:
+                raise DubbingError("no more")
+            piece = out / f"{k}.txt"
+            if not piece.exists():
+                piece.write_text(letter)
+                self.made.append(letter)
+
+
+@pytest.fixture
+def source(tmp_path: Path) -> Path:
+    path = tmp_path / "in.txt"
+    path.write_text("abc")
+    return path
+
+
+@pytest.fixture
+def work(source: Path) -> Work:
+    return Work(source)
+
+
+@pytest.fixture
+def stage(tmp_path: Path, source: Path, work: Work) -> Stage:
+    folder = tmp_path / "work" / "letters"
+    return Stage("copy", folder, 1, {"seed": 0}, {"text": source}, work)
+
+
+def contents(stage: Stage) -> str:
+    return "".join(p.read_text() for p in sorted(stage.folder.glob("*.txt")))
+
+
+def test_a_stage_is_done_once(stage: Stage, work: Work) -> None:
+    assert stage.changes() == ["not made yet"]
+    assert stages.run(stage, quiet)
+    assert stage.changes() == []
+    assert not stages.run(stage, quiet)
+    assert work.made == ["a", "b", "c"]
+
+
+def test_the_record_says_how_it_was_made(stage: Stage, source: Path) -> None:
+    stages.run(stage, quiet)
+    record = json.loads((stage.folder / "stage.json").read_text())
+    assert record["stage"] == "copy"
+    assert record["version"] == 1
+    assert record["parameters"] == {"seed": 0}
+    assert record["inputs"] == {"text": stages.digest_of(source)}
+    assert sorted(record["outputs"]) == ["0.txt", "1.txt", "2.txt"]
+    assert {"torch", "numpy", "dfrf", "ffmpeg"} <= set(record["versions"])
+    assert record["seconds"] >= 0
+
+
+def test_it_is_stale_for_a_reason_and_says_it(stage: Stage, source: Path) -> None:
+    stages.run(stage, quiet)
+    assert replace(stage, parameters={"seed": 1}).changes() == ["seed: 0 before, 1 now"]
+    assert replace(stage, parameters={"seed": 0, "x": 2}).changes() == ["x: None before, 2 now"]
+    assert replace(stage, version=2).changes() == ["the stage itself changed (version 1)"]
+    source.write_text("abcd")
+    assert stage.changes() == ["text changed"]
+    source.write_text("abc")
+    assert stage.changes() == []
+    (stage.folder / "0.txt").write_text("z")
+    (stage.folder / "1.txt").unlink()
+    assert stage.changes() == ["0.txt was altered", "1.txt is gone"]
+    stages.run(stage, quiet)
+    assert contents(stage) == "abc"
+
+
+def test_a_failed_stage_goes_on_where_it_stopped(stage: Stage, work: Work) -> None:
+    work.fail_at = 2
+    with pytest.raises(DubbingError):
+        stages.run(stage, quiet)
+    assert not stage.folder.exists()
+    assert stage.changes() == ["interrupted: goes on where it stopped"]
+    work.fail_at = None
+    stages.run(stage, quiet)
+    assert work.made == ["a", "b", "c"]
+    assert contents(stage) == "abc"
+
+
+def test_other_settings_do_not_pick_up_partial_work(stage: Stage, work: Work) -> None:
+    work.fail_at = 2
+    with pytest.raises(DubbingError):
+        stages.run(stage, quiet)
+    work.fail_at = None
+    other = replace(stage, parameters={"seed": 5})
+    assert other.changes() == ["not made yet"]
+    stages.run(other, quiet)
+    assert work.made == ["a", "b", "a", "b", "c"]
+    # What the first settings left behind is gone, now that others are good.
+    assert [p.name for p in stage.folder.parent.iterdir()] == ["letters"]
+
+
+def test_the_last_good_result_survives_a_failed_rerun(stage: Stage, work: Work) -> None:
+    stages.run(stage, quiet)
+    changed = replace(stage, parameters={"seed": 1})
+    work.fail_at = 1
+    with pytest.raises(DubbingError):
+        stages.run(changed, quiet)
+    assert contents(stage) == "abc"
+    assert stage.changes() == []
+
+
+def test_force_starts_from_nothing(stage: Stage, work: Work) -> None:
+    stages.run(stage, quiet)
+    assert stages.run(stage, quiet, force=True)
+    assert work.made == list("abcabc")
+
+
+def test_torn_files_of_a_killed_run_do_not_stay(stage: Stage) -> None:
+    stage.partial().mkdir(parents=True)
+    (stage.partial() / ".0.4711.tmp.txt").write_text("half")
+    stages.run(stage, quiet)
+    assert sorted(p.name for p in stage.folder.iterdir())[0] == "0.txt"
+
+
+def test_a_swap_that_was_cut_short(stage: Stage) -> None:
+    stages.run(stage, quiet)
+    changed = replace(stage, parameters={"seed": 1})
+    # As after: the new result sealed, the old one moved away, then a kill.
+    partial = changed.partial()
+    partial.mkdir()
+    changed.produce(partial, quiet)
+    stages._seal(changed, partial, key=changed.key(), digests=changed.digests(), seconds=0)
+    stage.folder.rename(stage.folder.with_name("letters.old"))
+    stages.recover(changed)
+    assert contents(stage) == "abc"  # the last good result is back ...
+    assert stages.run(changed, quiet)  # ... and the new one goes in without being made again
+    assert changed.changes() == []
+    assert [p.name for p in stage.folder.parent.iterdir()] == ["letters"]
+
+
+def test_an_input_that_changes_meanwhile_is_noticed(stage: Stage, source: Path) -> None:
+    def produce(out: Path, _progress: stages.Progress) -> None:
+        (out / "x").write_text("x")
+        source.write_text("other")
+
+    with pytest.raises(DubbingError, match="changed while it was read"):
+        stages.run(replace(stage, produce=produce), quiet)
+
+
+def test_a_stage_depends_on_what_another_made(stage: Stage, tmp_path: Path, source: Path) -> None:
+    first = stage.folder / "0.txt"
+    later = Stage("later", tmp_path / "work" / "later", 1, {}, {"letters": stage}, Work(first))
+    stages.run(stage, quiet)
+    stages.run(later, quiet)
+    assert later.changes() == []
+    source.write_text("xyz")
+    stages.run(stage, quiet)
+    assert later.changes() == ["letters changed"]
+    # Made again with the same result: nothing follows from it.
+    source.write_text("abc")
+    stages.run(stage, quiet)
+    assert later.changes() == []
+
+
+def test_one_run_at_a_time(tmp_path: Path) -> None:
+    busy = pytest.raises(LockedError, match="another run is at work")
+    with lock.hold(tmp_path / "work"), busy, lock.hold(tmp_path / "work"):
+        pass
+    with lock.hold(tmp_path / "work"):
+        pass

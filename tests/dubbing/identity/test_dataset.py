@@ -1,0 +1,167 @@
+"""From a prepared clip to what is learned: measures of the face, and which frames count."""
+
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.ndimage import gaussian_filter1d
+
+from dfrf.data import EYES, HEAD, MIRRORED_UPPER, MOUTH, RIM
+from dfrf.field.brow_deformation import EYE_DISTANCE
+from dfrf.field.eyelid_deformation import WHITE
+from dubbing.errors import TrainingError
+from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+from dubbing.identity.dataset import (
+    BROWS,
+    BROWS_SMOOTH,
+    EYES_POINTS,
+    GAZE,
+    LIDS,
+    eye_boxes,
+    eye_shapes,
+    lid_openings,
+    load_identity,
+    mouth_boxes,
+    region_map,
+    upper_measures,
+)
+from dubbing.media import VideoWriter
+from dubbing.preparation.prepared import PreparedClip
+from tests.fakes import write_prepared
+
+FRAMES, UNIT = 12, 100.0
+
+
+def face() -> np.ndarray:
+    """(478, 2): eyes 100 px apart, lids 10 px open, brows 20 px above, gaze straight."""
+    points = np.zeros((478, 2))
+    for side, (inner, outer, upper, lower, brow, iris) in zip((-1, 1), EYES_POINTS, strict=True):
+        x = 250 + 35 * side
+        points[outer] = (250 + 50 * side, 200)
+        points[inner] = (250 + 20 * side, 200)
+        points[upper], points[lower] = (x, 195), (x, 205)
+        points[brow], points[iris] = (x, 180), (x, 200)
+    return points
+
+
+@pytest.fixture
+def prepared(tmp_path: Path) -> PreparedClip:
+    path = tmp_path / "clip.mkv"
+    with VideoWriter(path, 48, 40, Fraction(25), "ffv1") as writer:
+        for _ in range(FRAMES):
+            writer.write(np.full((40, 48, 3), 90, np.uint8))
+    (tmp_path / "prepared").mkdir()
+    return write_prepared(path, tmp_path / "prepared")
+
+
+@pytest.fixture
+def clip(prepared: PreparedClip) -> PreparedClip:
+    return replace(prepared, landmarks=np.tile(face(), (FRAMES, 1, 1)).astype(np.float32))
+
+
+def test_lids_brows_and_gaze_are_measured_from_rest_in_eye_distances(clip: PreparedClip) -> None:
+    marks = clip.landmarks
+    assert np.linalg.norm(marks[0, RIGHT_EYE_OUTER] - marks[0, LEFT_EYE_OUTER]) == UNIT
+    for _, _, upper, lower, brow, iris in EYES_POINTS[1:]:
+        marks[1, upper, 1] += 4  # lids 10 px less open
+        marks[1, lower, 1] -= 6
+        marks[2, brow, 1] -= 3
+        marks[3, iris] += (2, 0)
+        marks[4, iris] += (0, 1)
+    expected = np.zeros((FRAMES, 6))
+    expected[1, 1], expected[2, 3], expected[3, 4], expected[4, 5] = -10, 3, 1, 0.5
+    expected[:, 2:4] = gaussian_filter1d(expected[:, 2:4], BROWS_SMOOTH, axis=0, mode="nearest")
+    found = upper_measures(clip)
+    scale = np.array([LIDS, LIDS, BROWS, BROWS, GAZE, GAZE])
+    np.testing.assert_allclose(found, expected / UNIT / scale, atol=1e-3)
+
+
+def test_brows_do_not_jitter_and_cuts_are_not_smoothed_over(clip: PreparedClip) -> None:
+    half = FRAMES // 2
+    clip.segment[half:] = 1
+    clip.landmarks[half:, EYES_POINTS[0][4], 1] -= 6
+    jump = upper_measures(clip)[:, 2]
+    np.testing.assert_allclose(np.diff(jump)[half - 1], 6 / UNIT / BROWS, rtol=1e-3)
+    assert np.abs(np.delete(np.diff(jump), half - 1)).max() < 1e-3
+    clip.segment[:] = 0
+    assert np.abs(np.diff(upper_measures(clip)[:, 2])).max() < 0.5 * 6 / UNIT / BROWS
+
+
+def test_a_mirrored_face_has_the_mirrored_measures(clip: PreparedClip) -> None:
+    left, right = map(list, EYES_POINTS)
+    noise = np.random.default_rng(0).normal(0, 2, (FRAMES, 2, len(left), 2))
+    clip.landmarks[:, left] += noise[:, 0]
+    clip.landmarks[:, right] += noise[:, 1]
+    mirrored = clip.landmarks.copy()
+    mirrored[:, left], mirrored[:, right] = clip.landmarks[:, right], clip.landmarks[:, left]
+    mirrored[..., 0] = clip.size - 1 - mirrored[..., 0]
+    order, signs = map(list, zip(*MIRRORED_UPPER, strict=True))
+    found = upper_measures(replace(clip, landmarks=mirrored))
+    np.testing.assert_allclose(found, upper_measures(clip)[:, order] * signs, atol=1e-3)
+
+
+def test_a_tilted_or_nearer_face_has_the_same_measures(clip: PreparedClip) -> None:
+    clip.landmarks[1, EYES_POINTS[0][4], 1] -= 6
+    straight = upper_measures(clip)
+    turn = 1.5 * np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
+    tilted = replace(clip, landmarks=(clip.landmarks @ turn.T).astype(np.float32))
+    np.testing.assert_allclose(upper_measures(tilted), straight, atol=1e-3)
+
+
+def test_frames_without_a_face_are_at_rest(clip: PreparedClip) -> None:
+    clip.landmarks[5] = np.nan
+    clip.valid[5] = False
+    found = upper_measures(clip)
+    assert not np.isnan(found).any()
+    assert (found[5] == 0).all()
+
+
+def test_sound_and_lips_of_every_frame_stand_beside_some_of_the_pictures(
+    clip: PreparedClip,
+) -> None:
+    clip.save()
+    windows = np.arange(FRAMES * 16 * 2, dtype=np.float32).reshape(FRAMES, 16, 2)
+    person = load_identity("someone", clip.folder, windows, 1, 9, every=4)
+    assert person.frames == 3
+    assert person.number.tolist() == [0, 4, 8]
+    assert torch.equal(person.windows, torch.from_numpy(windows[1:10]))
+    assert person.lips.shape == (9, 7)
+    assert person.upper.shape == (3, 6)
+
+
+def test_rays_are_drawn_round_mouth_and_eyes_and_at_the_rim() -> None:
+    points = face()
+    points[[61, 291]] = (220, 280), (280, 280)
+    points[[0, 17]] = (250, 270), (250, 290)
+    for k in range(478):
+        if not points[k].any():
+            points[k] = (250, 280)
+    matte = np.zeros((400, 400), np.uint8)
+    matte[100:350, 150:350] = 255
+    (mouth,), (eyes,) = mouth_boxes(points[None], 400), eye_boxes(points[None], 400)
+    region = region_map(matte, mouth, eyes)
+    assert region[280, 250] == MOUTH
+    assert region[200, 215] == region[200, 285] == region[182, 215] == EYES
+    assert region[200, 250] == region[230, 250] == HEAD
+    assert region[200, 150] == region[346, 250] == RIM
+    assert region[50, 50] == 0
+
+
+def test_a_part_without_a_face_is_refused(prepared: PreparedClip) -> None:
+    with pytest.raises(TrainingError, match="no frame with a face"):
+        load_identity("someone", prepared.folder, np.zeros((FRAMES, 16, 2)), 40, 5)
+
+
+def test_eyes_are_where_the_mean_face_has_them(clip: PreparedClip) -> None:
+    eyes = eye_shapes(clip).numpy()
+    shape = clip.shape * [1, -1, -1]
+    for (inner, outer, _, lower, *_), eye in zip(EYES_POINTS, eyes, strict=True):
+        left, right = sorted((inner, outer), key=lambda k: shape[k, 0])
+        np.testing.assert_allclose(eye[:4], [*shape[left, :2], *shape[right, :2]], rtol=1e-5)
+        line = (eye[1] + eye[3]) / 2
+        np.testing.assert_allclose(line - eye[4] + WHITE, shape[lower, 1], atol=1e-5)
+    rest = np.median(lid_openings(clip.landmarks[clip.valid]), 0)
+    np.testing.assert_allclose(eyes[:, 6], rest * EYE_DISTANCE + WHITE, rtol=1e-5)

@@ -1,0 +1,73 @@
+"""The torso of other frames, on made pictures: a patterned shirt that moves under a jaw."""
+
+import cv2
+import numpy as np
+
+from dubbing.preparation.background.torso import follow, reached, torso
+
+SIZE = 256
+RNG = np.random.default_rng(0)
+SHIRT = cv2.GaussianBlur(RNG.integers(0, 255, (400, 400, 3), np.uint8), (0, 0), 2.5)
+SHIRT = np.clip(4 * (SHIRT.astype(float) - 128) + 128, 30, 220).astype(np.uint8)
+
+
+def frame(shift: float, jaw: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Picture, picture without the head, person mask and hole; the shirt begins at row 100."""
+    motion = np.array([[1, 0, shift - 60], [0, 1, -60.0]])
+    clean = cv2.warpAffine(SHIRT, motion, (SIZE, SIZE))
+    clean[:100] = 90
+    image, hole = clean.copy(), np.zeros((SIZE, SIZE), bool)
+    hole[20:jaw, 70:190] = True
+    image[hole] = [220, 150, 120]
+    person = np.zeros((SIZE, SIZE), np.float32)
+    person[100:] = person[hole] = 1
+    return image, clean, person, hole
+
+
+FRAMES = [frame(2 * np.sin(k), 130 + 20 * (k % 3)) for k in range(12)]
+FOUND = torso(*(np.stack([f[k] for f in FRAMES]) for k in (0, 2, 3)))
+
+
+def test_what_one_jaw_covers_is_taken_from_frames_that_show_it() -> None:
+    assert FOUND is not None
+    wall = np.full((SIZE, SIZE, 3), 90, np.float32)
+    for image, clean, _, hole in FRAMES[2::3]:  # the jaw is as low as it gets
+        motion = FOUND.motion(image)
+        assert motion is not None
+        filled, left = FOUND.fill(image, hole, wall, motion)
+        new = hole & ~left
+        assert new[140:165, 80:180].mean() > 0.9  # down from where the highest jaw ended
+        assert not new[:125].any()  # and no further: no frame showed that
+        assert np.array_equal(filled[~new], image[~new])
+        assert np.abs(filled[new].astype(int) - clean[new]).mean() < 6
+
+
+def test_motion_is_found_and_a_blank_is_not_followed() -> None:
+    assert FOUND is not None
+    moved = np.roll(FRAMES[6][0], (3, -5), (0, 1))
+    motion = FOUND.motion(moved)
+    still = FOUND.motion(FRAMES[6][0])
+    assert motion is not None
+    assert still is not None
+    np.testing.assert_allclose(motion[:, 2] - still[:, 2], [-5, 3], atol=0.4)
+    assert FOUND.motion(np.full_like(moved, 128)) is None
+    blank = np.zeros((SIZE, SIZE), np.uint8)
+    assert follow(blank, blank, np.zeros((3, 1, 2), np.float32)) is None
+
+
+def test_a_shot_without_texture_has_no_torso() -> None:
+    images = np.full((6, SIZE, SIZE, 3), 120, np.uint8)
+    person, holes = (np.stack([f[k] for f in FRAMES[:6]]) for k in (2, 3))
+    assert torso(images, person, holes) is None
+
+
+def test_what_is_filled_hangs_together_from_below() -> None:
+    region, seen = np.zeros((512, 512), bool), np.ones((512, 512), bool)
+    region[80:400, 64:448] = True
+    seen[240, 160:350] = False  # a gap: nothing above it is reached
+    here = reached(region, seen)
+    assert here[241:400, 160:350].all()
+    assert not here[:240, 160:350].any()
+    assert not (here & ~region).any()
+    heights = here.sum(0)[64:448]
+    assert np.abs(np.diff(heights)).max() <= 40  # no cliff where the gap ends

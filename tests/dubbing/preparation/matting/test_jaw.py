@@ -1,0 +1,82 @@
+"""The edge of the jaw on made pictures: found where it is, left alone where there is none."""
+
+import numpy as np
+
+from dubbing.preparation.matting.jaw import (
+    POINTS,
+    edge_offsets,
+    moved,
+    smooth_offsets,
+    smoothest,
+    steps,
+)
+
+SIZE = 512
+LINE = np.stack((np.linspace(120, 392, 17), 300 + 80 * np.sin(np.linspace(0, np.pi, 17))), 1)
+MIDDLE = slice(POINTS // 4, 3 * POINTS // 4)
+
+
+def picture(below: float, collar: int | None = None) -> np.ndarray:
+    """Skin down to so many px below the line, then darker neck, then a white collar at a row."""
+    row, column = np.mgrid[:SIZE, :SIZE].astype(float)
+    edge = 300 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi) + below
+    image = np.full((SIZE, SIZE, 3), 190, np.uint8)
+    image[row > edge] = 130
+    if collar is not None:
+        image[row > collar] = 255
+    return image
+
+
+def test_the_edge_is_found_where_it_is() -> None:
+    for below in (0.0, 3.0, 6.0, 15.0):
+        offset = edge_offsets(picture(below), LINE)
+        line = moved(LINE, offset)[MIDDLE]
+        truth = 300 + 80 * np.sin((line[:, 0] - 120) / 272 * np.pi) + below
+        assert np.abs(line[:, 1] - truth).max() < 1.6
+
+
+def test_a_collar_further_down_is_no_chin() -> None:
+    chin = edge_offsets(picture(1.0), LINE)[POINTS // 2 - 5 : POINTS // 2 + 5]
+    with_collar = edge_offsets(picture(1.0, collar=400), LINE)[POINTS // 2 - 5 : POINTS // 2 + 5]
+    assert np.abs(with_collar - chin).max() <= 1
+
+
+def test_without_an_edge_the_line_stays() -> None:
+    plain = np.full((SIZE, SIZE, 3), 150, np.uint8)
+    assert np.abs(edge_offsets(plain, LINE)).max() == 0
+
+
+def test_lengths_grow_with_the_picture() -> None:
+    small = edge_offsets(picture(6.0)[::2, ::2], LINE / 2)
+    assert (
+        abs(np.median(small[MIDDLE]) - np.median(edge_offsets(picture(6.0), LINE)[MIDDLE]) / 2) < 1
+    )
+
+
+def test_the_path_of_least_cost_is_the_best_of_all() -> None:
+    rng = np.random.default_rng(0)
+    cost, bend = rng.random((5, 4)), np.array([0.3, 0.0, 0.3])
+
+    def price(path: tuple[int, ...]) -> float:
+        steps = np.abs(np.diff(path))
+        return np.inf if steps.max() > 1 else cost[range(5), path].sum() + bend[1 + steps].sum()
+
+    best = min(np.ndindex(4, 4, 4, 4, 4), key=price)
+    assert tuple(smoothest(cost, bend)) == best
+
+
+def test_a_step_is_the_difference_of_means_on_both_sides() -> None:
+    profile = np.repeat([10.0, 30.0], 8)[None, :, None]
+    found = steps(profile, 3)[0, :, 0]
+    assert found[7] == found[8] or abs(found).argmax() in (7, 8)
+    assert found[3] == 0
+    np.testing.assert_allclose(found[8], (30 * 3 - 10 * 3) / 3)
+
+
+def test_offsets_are_smooth_in_time_but_not_across_a_cut() -> None:
+    offsets = np.zeros((40, POINTS))
+    offsets[10] = 12  # one wrong frame
+    offsets[20:] = 8
+    smooth = smooth_offsets(offsets, np.repeat([0, 1], 20))
+    assert smooth[:20].max() < 0.01
+    assert smooth[20:].min() > 7.99

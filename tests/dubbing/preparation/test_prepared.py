@@ -1,0 +1,116 @@
+"""A prepared clip on disk and in memory."""
+
+from dataclasses import fields
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dubbing.errors import PreparationError
+from dubbing.media import VideoWriter, read_frames
+from dubbing.preparation import PreparedClip
+from dubbing.preparation.alignment.rotations import rotation_from_vector
+from dubbing.preparation.matting.matting import hole
+from dubbing.preparation.prepared import BACKGROUND, MATTE, VERSION
+
+FRAMES, SIZE = 6, 64
+
+
+@pytest.fixture
+def prepared(tmp_path: Path) -> PreparedClip:
+    rng = np.random.default_rng(0)
+    rate = Fraction(30000, 1001)
+    clip = tmp_path / "clip.mkv"
+    with VideoWriter(clip, 96, 80, rate, "ffv1") as writer:
+        for _ in range(FRAMES):
+            writer.write(rng.integers(0, 255, (80, 96, 3), np.uint8))
+    matte = np.zeros((SIZE, SIZE), np.uint8)
+    matte[20:40, 20:40] = 255
+    with VideoWriter(tmp_path / MATTE, SIZE, SIZE, rate, "ffv1-gray") as writer:
+        for _ in range(FRAMES):
+            writer.write(matte)
+    with VideoWriter(tmp_path / BACKGROUND, SIZE, SIZE, rate, "ffv1") as writer:
+        for k in range(FRAMES):
+            writer.write(np.full((SIZE, SIZE, 3), 10 * k, np.uint8))
+    return PreparedClip(
+        folder=tmp_path,
+        clip=clip,
+        rate=rate,
+        frames_count=FRAMES,
+        size=SIZE,
+        source_size=(96, 80),
+        focal=150.0,
+        near=6.0,
+        far=10.0,
+        warnings=["a cut"],
+        residual_shift=0.07,
+        rotation=rotation_from_vector(rng.normal(0, 0.2, (FRAMES, 3))),
+        translation=rng.normal(0, 0.1, (FRAMES, 3)) + np.array([0, 0, 8]),
+        centre=np.full((FRAMES, 2), 31.5),
+        crop=np.tile([12.0, 5.0, 64.0], (FRAMES, 1)),
+        valid=np.ones(FRAMES, bool),
+        segment=np.zeros(FRAMES, int),
+        landmarks=rng.uniform(0, SIZE, (FRAMES, 478, 2)).astype(np.float32),
+        shape=rng.normal(size=(478, 3)),
+    )
+
+
+def test_saved_and_loaded_is_the_same(prepared: PreparedClip) -> None:
+    prepared.save()
+    loaded = PreparedClip.load(prepared.folder)
+    for field in fields(PreparedClip):
+        mine, theirs = getattr(prepared, field.name), getattr(loaded, field.name)
+        if isinstance(mine, np.ndarray):
+            assert mine.dtype == theirs.dtype
+            assert np.array_equal(mine, theirs), field.name
+        else:
+            assert mine == theirs, field.name
+    assert len(loaded) == FRAMES
+
+
+def test_a_folder_that_is_not_prepared_says_so(tmp_path: Path, prepared: PreparedClip) -> None:
+    with pytest.raises(PreparationError, match="dfrf prepare"):
+        PreparedClip.load(tmp_path / "nothing")
+    prepared.save()
+    summary = prepared.folder / "prepared.json"
+    summary.write_text(summary.read_text().replace(f'"version": {VERSION}', '"version": 0'))
+    with pytest.raises(PreparationError, match="version 0"):
+        PreparedClip.load(prepared.folder)
+
+
+def test_frames_stream_from_anywhere_and_keep_the_picture_outside_the_hole(
+    prepared: PreparedClip,
+) -> None:
+    source = list(read_frames(prepared.clip))
+    for start, count in ((0, None), (3, 2)):
+        read = list(prepared.frames(start, count))
+        assert len(read) == (count or FRAMES)
+        for k, (image, matte, background) in enumerate(read, start):
+            assert np.array_equal(image, source[k][5:69, 12:76])
+            inside = hole(matte)
+            assert inside.any()
+            assert not inside.all()
+            assert np.array_equal(background[~inside], image[~inside])
+            assert (background[inside] == 10 * k).all()
+
+
+def test_camera_to_world_sees_the_points_where_the_pose_does(prepared: PreparedClip) -> None:
+    points = np.random.default_rng(1).normal(0, 0.5, (20, 3))
+    flip = np.diag([1.0, -1, -1])
+    for k, pose in enumerate(prepared.c2w()):
+        in_camera = points @ prepared.rotation[k].T + prepared.translation[k]
+        # The same points in the world's axes, through the inverse of the OpenGL camera.
+        seen = (points @ flip - pose[:, 3]) @ pose[:, :3]
+        np.testing.assert_allclose(seen, in_camera @ flip, atol=1e-12)
+        assert np.linalg.det(pose[:, :3]) == pytest.approx(1)
+
+
+def test_pasting_a_crop_back_gives_the_frame(prepared: PreparedClip) -> None:
+    frame = next(read_frames(prepared.clip))
+    image, matte, _ = next(prepared.frames(0, 1))
+    assert np.array_equal(prepared.paste(frame, 0, image, matte), frame)
+    changed = prepared.paste(frame, 0, 255 - image, matte)
+    outside = np.ones(frame.shape[:2], bool)
+    outside[5 + 20 : 5 + 40, 12 + 20 : 12 + 40] = False
+    assert np.array_equal(changed[outside], frame[outside])

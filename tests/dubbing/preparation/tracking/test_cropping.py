@@ -1,0 +1,70 @@
+"""The crop window and the way back."""
+
+import numpy as np
+import pytest
+
+from dubbing.preparation.tracking.cropping import choose_windows, crop, paste, to_crop
+
+
+def picture(height: int, width: int) -> np.ndarray:
+    return np.random.default_rng(0).integers(0, 255, (height, width, 3), np.uint8)
+
+
+def test_a_square_clip_filled_by_the_head_is_left_alone() -> None:
+    box = np.tile([140.0, 171, 374, 444], (5, 1))
+    window = choose_windows(box, np.zeros(5, int), (512, 512), 25.0)
+    assert (window == [0, 0, 512]).all()
+    image = picture(512, 512)
+    assert np.array_equal(crop(image, window[0], 512), image)
+
+
+def test_a_head_in_a_tall_frame_gets_a_window_at_rest_inside_the_frame() -> None:
+    sway = 40 * np.sin(np.arange(50) / 5)
+    box = np.tile([400.0, 310, 670, 620], (50, 1)) + sway[:, None] * [1, 0, 1, 0]
+    window = choose_windows(box, np.zeros(50, int), (1080, 1920), 25.0)
+    assert (window == window[0]).all()
+    x0, y0, side = window[0]
+    assert side == 620
+    assert x0 >= 0
+    assert y0 >= 0
+    assert x0 + side <= 1080
+    middle = to_crop(np.array([535.0, 465.0]), window[0], 512)
+    assert middle == pytest.approx([256, 512 * 0.55], abs=12)
+
+
+def test_a_walking_head_is_followed_smoothly_and_not_over_a_cut() -> None:
+    x = np.concatenate((np.linspace(100, 1500, 100), np.full(50, 300.0)))
+    box = np.stack((x, np.full(150, 300.0), x + 200, np.full(150, 500.0)), axis=1)
+    segment = np.repeat([0, 1], [100, 50])
+    window = choose_windows(box, segment, (1920, 1080), 25.0)
+    assert len(np.unique(window[:, 2])) == 1
+    assert np.abs(np.diff(window[:100, 0])).max() <= 20
+    assert (window[100:] == window[100]).all()
+    assert (window == window.round()).all()
+
+
+@pytest.mark.parametrize("side", [128, 200, 96])
+def test_pasting_changes_nothing_where_the_mask_is_empty(side: int) -> None:
+    frame, size = picture(240, 320), 128
+    window = np.array([40.0, 10.0, side])
+    mask = np.zeros((size, size), np.uint8)
+    mask[40:90, 30:100] = 255
+    mask[38:40] = 90
+    new = np.full((size, size, 3), 200, np.uint8)
+    out = paste(frame, window, new, mask)
+    allowed = np.zeros(frame.shape[:2], bool)
+    scale = side / size
+    top, bottom = int(10 + 37 * scale) - 1, int(10 + 91 * scale) + 2
+    allowed[top:bottom, 40 : 40 + side] = True
+    assert np.array_equal(out[~allowed], frame[~allowed])
+    middle = (int(10 + 65 * scale), int(40 + 65 * scale))
+    assert (out[middle] == 200).all()
+
+
+def test_an_empty_mask_gives_the_frame_and_a_full_one_gives_the_crop_back() -> None:
+    frame = picture(240, 320)
+    window = np.array([40.0, 10.0, 128.0])
+    part = crop(frame, window, 128)
+    nothing = np.zeros((128, 128), np.uint8)
+    assert np.array_equal(paste(frame, window, 255 - part, nothing), frame)
+    assert np.array_equal(paste(frame, window, part, nothing + 255), frame)

@@ -1,0 +1,44 @@
+"""What preparation says may go wrong, and in which frames."""
+
+from fractions import Fraction
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+
+from dubbing.preparation.tracking.warnings import warnings_of
+
+if TYPE_CHECKING:
+    from dubbing.media import MediaInfo
+    from dubbing.preparation.alignment.camera import Poses
+
+FRAMES = 10
+
+
+def said(apart: dict[int, float]) -> list[str]:
+    """Warnings of a calm clip at 5 fps whose modes differ by so many px in some frames."""
+    info = SimpleNamespace(frames=FRAMES, rate=Fraction(5), variable_rate=False)
+    points = np.zeros((FRAMES, 478, 3))
+    points[:, :, :2] = np.random.default_rng(0).uniform(0, 400, (478, 2))
+    gaps = np.zeros(FRAMES)
+    gaps[list(apart)] = list(apart.values())
+    seen = {
+        "most_faces": np.array(1),
+        "segment": np.zeros(FRAMES, int),
+        "repeated": np.zeros(FRAMES, bool),
+        "window": np.tile([0.0, 0.0, 512.0], (FRAMES, 1)),
+    }
+    found = {"valid": np.ones(FRAMES, bool), "apart": gaps, "points": points}
+    poses = SimpleNamespace(rotation=np.tile(np.eye(3), (FRAMES, 1, 1)))
+    return warnings_of(cast("MediaInfo", info), 512, seen, found, cast("Poses", poses))
+
+
+def test_a_calm_clip_has_no_warnings() -> None:
+    assert said({3: 2.9}) == []
+
+
+def test_modes_that_disagree_a_little_are_unsure_and_no_hand_before_the_face() -> None:
+    (unsure,) = said({3: 4.0, 7: 5.9})
+    assert unsure.startswith("the landmarks are unsure in 2 frames, the first at 0.6 s")
+    (covered,) = said({4: 6.5})
+    assert covered.startswith("something may cover the face in 1 frames, the first at 0.8 s")

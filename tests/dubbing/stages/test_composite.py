@@ -1,0 +1,199 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from dubbing import media
+from dubbing.errors import RenderingError
+from dubbing.stages import composite as video
+from dubbing.stages.composite import VideoSettings, make, read_heads, read_source, verify
+from dubbing.timeline import frame_count
+from tests import clips, fakes
+
+SIZE = (96, 64)
+
+
+def quiet(_message: str, _share: float) -> None:
+    pass
+
+
+class Scene:
+    """A numbered clip, its fake preparation, and sound."""
+
+    def __init__(self, folder: Path, frames: int, rate: Fraction = Fraction(25)) -> None:
+        self.folder = folder
+        self.rate = rate
+        self.clip = clips.write_clip(folder / "clip.mp4", frames, rate, size=SIZE)
+        self.prepared = folder / "prepared"
+        fakes.write_prepared(self.clip, self.prepared, window=(40, 20, 32), invalid=(3,))
+        self.audio = clips.write_sound(folder / "a.wav", 3, 44100, 2)
+
+    def make(self, poses: np.ndarray, name: str = "out", **settings: object) -> Path:
+        fakes.write_heads(self.folder / "heads", len(poses), self.rate)
+        seconds = float(len(poses) / self.rate)
+        chosen = VideoSettings(**{"seconds": seconds, **settings})  # type: ignore[arg-type]
+        return make(
+            self.folder / "heads",
+            self.prepared,
+            self.audio,
+            self.folder / name,
+            pose_index=poses,
+            settings=chosen,
+            progress=quiet,
+        )
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    return Scene(tmp_path, 12)
+
+
+def test_full_frame_outside_of_the_head_is_the_sources(scene: Scene) -> None:
+    out = scene.make(np.arange(12), codec="ffv1", label=False)
+    made = np.stack(list(media.read_frames(out)))
+    source = np.stack(list(media.read_frames(scene.clip)))
+    changed = (made != source).any(-1)
+    assert not changed[3].any()  # no face in it: passed through
+    rows, columns = np.flatnonzero(changed.any((0, 2))), np.flatnonzero(changed.any((0, 1)))
+    # The window begins at (40, 20); the hole is 12..19 and the head 10..21, widened at most by 1.
+    assert rows[0] >= 20 + 9
+    assert rows[-1] <= 20 + 22
+    assert columns[0] >= 40 + 9
+    assert columns[-1] <= 40 + 22
+    for k in (0, 7):
+        assert tuple(made[k, 36, 56]) == (*fakes.HEAD[:2], k)
+
+
+def test_poses_may_run_any_way(scene: Scene) -> None:
+    poses = np.array([5, 6, 7, 6, 5, 4, 4, 4, 9, 1, 2])
+    made = list(media.read_frames(scene.make(poses, codec="ffv1")))
+    assert [clips.number(frame) for frame in made] == poses.tolist()
+    # ... while the heads come in their own order.
+    assert [int(frame[36, 56, 2]) for frame in made] == list(range(11))
+
+
+def test_long_backward_runs_are_read_in_pieces(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dubbing.preparation.prepared import PreparedClip
+
+    monkeypatch.setattr(video, "BACKWARDS", 3)
+    clip = PreparedClip.load(scene.prepared)
+    poses = np.array([11, 10, 9, 8, 7, 6, 5, 4, 3, 2])
+    seen = []
+    for *_, whole in read_source(clip, poses, "full"):
+        assert whole is not None
+        seen.append(clips.number(whole))
+    assert seen == poses.tolist()
+
+
+def test_crop_writes_the_crop(scene: Scene) -> None:
+    out = scene.make(np.arange(6), frame="crop", codec="ffv1", label=False)
+    made = list(media.read_frames(out))
+    source = list(media.read_frames(scene.clip, count=6))
+    assert made[0].shape == (32, 32, 3)
+    np.testing.assert_array_equal(made[0][:8], source[0][20:28, 40:72])
+    np.testing.assert_array_equal(made[3], source[3][20:52, 40:72])
+    assert tuple(made[5][16, 16]) == (*fakes.HEAD[:2], 5)
+
+
+def test_the_label_is_on_every_frame(scene: Scene) -> None:
+    marked = list(media.read_frames(scene.make(np.arange(6), "a", codec="ffv1")))
+    plain = list(media.read_frames(scene.make(np.arange(6), "b", codec="ffv1", label=False)))
+    for with_mark, without in zip(marked, plain, strict=True):
+        assert (with_mark != without)[48:, 48:].any()
+        np.testing.assert_array_equal(with_mark[:40], without[:40])
+
+
+@pytest.mark.parametrize(
+    ("codec", "rate"),
+    [
+        ("h264", Fraction(24000, 1001)),
+        ("h264", Fraction(25)),
+        ("h264", Fraction(30)),
+        ("prores", Fraction(24000, 1001)),
+        ("ffv1", Fraction(30000, 1001)),
+    ],
+)
+def test_codecs_and_rates(
+    tmp_path: Path, rate: Fraction, codec: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(video, "SEGMENT", 10)
+    scene = Scene(tmp_path, 28, rate)
+    seconds = 0.9
+    frames = frame_count(seconds, rate)
+    out = scene.make(np.arange(frames), codec=codec, seconds=seconds, audio_rate=None)
+    info = media.probe(out)
+    assert out.suffix == media.SUFFIX[codec]
+    assert media.count_frames(out) == frames
+    assert info.rate == rate
+    assert abs(info.video_start - info.audio_start) < 1e-3
+    assert (info.audio_rate, info.audio_channels) == (44100, 2)
+    assert info.audio_duration == pytest.approx(seconds, abs=0.03)
+    assert [clips.number(f) for f in media.read_frames(out)] == list(range(frames))
+    with av.open(str(out)) as container:
+        tags = {key.lower(): value for key, value in container.metadata.items()}
+    assert "AI-generated" in tags["comment"]
+    assert sorted(p.name for p in out.parent.iterdir()) == [out.name]
+
+
+def test_a_cut_dub_has_as_much_sound_as_picture(scene: Scene) -> None:
+    out = scene.make(np.arange(6), seconds=2.0)
+    assert media.probe(out).audio_duration == pytest.approx(6.5 / 25, abs=0.03)
+
+
+def test_too_few_heads_are_said(scene: Scene) -> None:
+    fakes.write_heads(scene.folder / "few", 7, scene.rate)
+    with pytest.raises(RenderingError, match="7 heads instead of 12"):
+        list(read_heads(scene.folder / "few", 0, 12))
+
+
+def test_heads_are_read_across_files(scene: Scene) -> None:
+    fakes.write_heads(scene.folder / "heads", 12, scene.rate)
+    got = [int(head[16, 16, 2]) for head in read_heads(scene.folder / "heads", 3, 8)]
+    assert got == list(range(3, 11))
+
+
+def test_verify_counts_by_decoding(scene: Scene) -> None:
+    verify(scene.clip, 12, Fraction(25))
+    with pytest.raises(RenderingError, match="12 frames instead of 13"):
+        verify(scene.clip, 13, Fraction(25))
+    with pytest.raises(RenderingError, match="runs at 25 instead of 24"):
+        verify(scene.clip, 12, Fraction(24))
+
+
+def test_sound_that_begins_late_is_noticed(scene: Scene) -> None:
+    late = scene.folder / "late.mkv"
+    clips.ffmpeg(
+        "-i", scene.clip, "-itsoffset", "0.2", "-i", scene.audio,
+        *("-map", "0:v", "-map", "1:a", "-c:v", "copy", "-c:a", "flac", "-t", "0.4"), late,
+    )  # fmt: skip
+    with pytest.raises(RenderingError, match="sound begins"):
+        verify(late, media.count_frames(late), Fraction(25))
+
+
+def test_memory_does_not_grow_with_the_length(tmp_path: Path) -> None:
+    """Peak memory of a process that composites n frames, for two n."""
+    code = (
+        "import resource, sys; from pathlib import Path; import numpy as np;"
+        "from tests.test_video import Scene;"
+        "s = Scene(Path(sys.argv[1]), 20); s.make(np.arange(int(sys.argv[2])) % 20);"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+
+    def peak(frames: int) -> int:
+        folder = tmp_path / str(frames)
+        folder.mkdir()
+        command = [sys.executable, "-c", code, str(folder), str(frames)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        return int(done.stdout)
+
+    assert (
+        peak(200) < peak(20) + 10_000
+    )  # KiB; frames that were kept would be 18 KiB each, and more

@@ -1,0 +1,129 @@
+"""A base checkpoint remembers the speech features it was trained with; poses are refined midway."""
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+
+from dfrf import checkpoint, presets
+from dfrf.config import TrainConfig
+from dfrf.field.model import Model
+from dfrf.training.fit import Progress
+from dubbing.errors import CheckpointError
+from dubbing.speech import features
+from dubbing.stages import finetune as finetuning
+from dubbing.stages.finetune import FinetuneSettings, init_from_base, learn
+from tests.dfrf.people import person, small_config
+
+RNN = FinetuneSettings(speech="rnn")
+
+
+@pytest.fixture
+def base(tmp_path: Path) -> Path:
+    dim = features.features_by_name("rnn").dim
+    model = presets.build(presets.model_config("fast", dim))
+    checkpoint.save_model(tmp_path / "base.safetensors", model, RNN.heard_with())
+    return tmp_path / "base.safetensors"
+
+
+def test_a_base_starts_a_person_with_the_same_features(base: Path) -> None:
+    model = init_from_base(base, RNN)
+    assert isinstance(model, Model)
+    assert model.config.field.speech_dim == features.features_by_name("rnn").dim
+
+
+def test_other_features_are_refused(base: Path) -> None:
+    with pytest.raises(CheckpointError, match="'rnn' speech, asked for 'mel'"):
+        init_from_base(base, replace(RNN, speech="mel"))
+
+
+def test_other_weights_of_the_features_are_refused(
+    base: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(features, "fingerprint", lambda name, weights=None: "another")
+    with pytest.raises(CheckpointError, match="other weights"):
+        init_from_base(base, RNN)
+
+
+def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    someone = person()
+    moved = someone.c2w.clone()
+    moved[:, 0, 3] += 0.05
+    seen: list[tuple[int, torch.Tensor, TrainConfig]] = []
+    told: list[Progress] = []
+    fit = finetuning.fit
+
+    def noted(model: Any, people: Any, config: TrainConfig, **named: Any) -> Any:
+        curve = fit(model, people, config, **named)
+        seen.append((len(curve.rows), people[0].c2w, config))
+        return curve
+
+    def refined(model: Any, maps: Any, clip: Any, frames: np.ndarray) -> Any:
+        assert len(frames) == someone.frames
+        assert len(seen) == 1
+        return SimpleNamespace(c2w=moved.numpy)
+
+    monkeypatch.setattr(finetuning, "fit", noted)
+    monkeypatch.setattr(finetuning, "refined", refined)
+    config = TrainConfig(iterations=8, rays=64, frames=4, lip_iterations=2)
+    references = torch.tensor([0, 5])
+    model = presets.build(small_config())
+
+    def run() -> tuple[torch.Tensor, list[int]]:
+        posed, curve = learn(
+            model,
+            someone,
+            None,  # type: ignore[arg-type]
+            np.arange(someone.frames),
+            config,
+            references,
+            tmp_path,
+            "cpu",
+            told.append,
+        )
+        return posed.c2w, [row[0] for row in curve.rows]
+
+    c2w, steps = run()
+    assert [rows for rows, *_ in seen] == [2, 6]
+    assert torch.equal(seen[0][1], someone.c2w)
+    assert torch.equal(seen[1][1], moved)
+    assert torch.equal(c2w, moved)
+    # What lips do is learned from the sound, once.
+    assert [c.lip_iterations for *_, c in seen] == [2, 0]
+    assert steps == list(range(8))
+    assert [(p.step, p.iterations) for p in told] == [(k, 8) for k in range(1, 9)]
+    assert all(p.seconds_left >= 0 for p in told)
+    # A run that was killed before the model was written goes on from both states.
+    seen.clear()
+    told.clear()
+    assert run()[1] == steps
+    assert not told
+
+
+def test_a_model_that_refines_nothing_learns_in_one_go(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    someone = person()
+    monkeypatch.setattr(finetuning, "refines", lambda model: False)
+    config = TrainConfig(iterations=4, rays=64, frames=4)
+    model = presets.build(small_config(references=0, use_warp=False))
+    frames = np.arange(someone.frames)
+    posed, curve = learn(
+        model,
+        someone,
+        None,  # type: ignore[arg-type]
+        frames,
+        config,
+        None,
+        tmp_path,
+        "cpu",
+        None,
+    )
+    assert posed is someone
+    assert len(curve.rows) == 4

@@ -1,0 +1,59 @@
+"""Heads of a dub, segment by segment: the speech of each comes in pieces."""
+
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dfrf import checkpoint, presets
+from dfrf.training.fast_method import FastMethod
+from dubbing.media import VideoWriter, read_frames
+from dubbing.stages import render as heads
+from tests.dfrf.people import small_config
+from tests.fakes import write_prepared
+
+
+def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count = 24
+    path = tmp_path / "clip.mkv"
+    with VideoWriter(path, 48, 40, Fraction(25), "ffv1") as writer:
+        for _ in range(count):
+            writer.write(np.full((40, 48, 3), 90, np.uint8))
+    (tmp_path / "prepared").mkdir()
+    clip = write_prepared(path, tmp_path / "prepared")
+    random = np.random.default_rng(0)
+    replace(clip, landmarks=random.random((count, 478, 2)) * 32).save()
+    model = presets.build(small_config(references=0, use_warp=False))
+    checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
+    windows = random.random((count, 16, 8)).astype(np.float32)
+    asked: list[tuple[int, int]] = []
+
+    def heard(first: int, number: int) -> np.ndarray:
+        asked.append((first, number))
+        return windows[first : first + number]
+
+    def made(folder: Path) -> list[np.ndarray]:
+        heads.render(
+            tmp_path / "model.safetensors",
+            tmp_path / "prepared",
+            heard,
+            folder,
+            pose_index=np.arange(count),
+            device="cpu",
+        )
+        files = sorted(folder.glob("*.mkv"))
+        return [p for file in files for p in read_frames(file, pixels="rgba")]
+
+    whole = made(tmp_path / "one")
+    assert asked == [(0, count)]
+    monkeypatch.setattr(FastMethod, "segment", 8)
+    parts = made(tmp_path / "three")
+    assert asked[1:] == [(0, 15), (1, 22), (9, 15)]
+    assert len(whole) == len(parts) == count
+    for a, b in zip(whole, parts, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert max(p[..., 3].max() for p in whole) > 200
