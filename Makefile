@@ -22,7 +22,7 @@ export OMP_WAIT_POLICY ?= PASSIVE
 install: .venv/installed
 
 demo: .venv/installed
-	$(BIN)/python -m dubbing.speaker out/demo/source
+	$(BIN)/python -m dubbing.synthetic out/demo/source
 	$(BIN)/dfrf dub manifests/demo.yaml
 
 test: .venv/installed-dev
@@ -31,7 +31,7 @@ test: .venv/installed-dev
 # Times a person that was dubbed before; the demo's by default.
 BENCH ?= manifests/demo.yaml alba
 bench: .venv/installed
-	$(BIN)/python -m dubbing.benchmark $(BENCH) out/bench.json
+	$(BIN)/python -m dubbing.lab.benchmark $(BENCH) out/bench.json
 
 check: .venv/installed-dev
 	$(BIN)/ruff format --check .
@@ -41,7 +41,7 @@ check: .venv/installed-dev
 
 # The tables of docs/speech.md: CLIPS of one talking person each, TEST clips never trained on.
 speech-table: .venv/installed
-	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.teaching.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
+	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.training.speech.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
 
 clean:
 	rm -rf .venv out

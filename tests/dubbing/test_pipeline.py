@@ -21,7 +21,7 @@ from dubbing.manifest.manifest import load
 from tests import clips, fakes
 
 CONSENT = '{by: "the person on film", reference: "form 17"}'
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 class Listener:

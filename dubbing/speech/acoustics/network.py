@@ -13,8 +13,8 @@ from torch.nn import functional as F
 
 from dubbing.speech.acoustics.front import BANDS, SPECTRA
 
-# The teacher's context-independent states, `dubbing.training.speech.phones.CLASSES`, and the channels of
-# `dubbing.synthetic.visemes`.
+# The teacher's context-independent states, the classes of `dubbing.training.speech.phones`, and
+# the channels of `dubbing.synthetic.visemes`.
 SENONES, PHONES, LIPS = 126, 41, 7
 
 

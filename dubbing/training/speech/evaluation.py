@@ -2,9 +2,9 @@
 
     python -m dubbing.training.speech.evaluation CLIP... [--test CLIP...]
 
-Clips show one talking person each. The probe (`dubbing.training.speech.probe`) leaves each one out in
-turn; --test clips are predicted from all of them. Rows that need pocketsphinx or flite are left
-out where these are not installed.
+Clips show one talking person each. The probe (`dubbing.training.speech.probe`) leaves each one
+out in turn; --test clips are predicted from all of them. Rows that need pocketsphinx or flite are
+left out where these are not installed.
 """
 
 import argparse

@@ -1,7 +1,7 @@
 """How well the sync check finds known shifts, and tells a mouth's own speech from other speech.
 
-    python -m dubbing.training.sync.evaluation CLIP...              the shipped weights on unseen clips
-    python -m dubbing.training.sync.evaluation --folds 3 CLIP...    trained on some, measured on the others
+    python -m dubbing.training.sync.evaluation CLIP...    the shipped weights on unseen clips
+    python -m dubbing.training.sync.evaluation --folds 3 CLIP...    trained on some only
 
 A window is a stretch of a longer video. The clip's own offset is first estimated over its whole
 length and counted from there; then the sound is shifted by -10..10 frames and must be found, sign

@@ -1,7 +1,8 @@
 """Clips of the synthetic speaker, whose sound is exactly in time with the mouth.
 
 They are the only clips whose offset is known and not found: they set the zero of the network.
-The speaker's mouth runs 30 ms ahead of the phones, as articulators do (`dubbing.synthetic.visemes`).
+The speaker's mouth runs 30 ms ahead of the phones, as articulators do
+(`dubbing.synthetic.visemes`).
 """
 
 import tempfile

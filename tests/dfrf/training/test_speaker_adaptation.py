@@ -11,7 +11,7 @@ from dfrf.field.model import REACH, Model
 from dfrf.training.lip_supervision import learn_lips, spoken_codes
 from dfrf.training.speaker_adaptation import beside, learn_manner
 from tests.dfrf.people import small_config
-from tests.dfrf.test_lips import talking
+from tests.dfrf.training.test_lip_supervision import talking
 
 
 def read_off(model: Model, windows: Tensor, segment: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ from dubbing.engine.stage import Progress, Stage
 from dubbing.errors import MediaError
 from dubbing.jobs import Job, Jobs
 from dubbing.stage_names import OF_IDENTITY
-from tests.test_pipeline import Listener
+from tests.dubbing.test_pipeline import Listener
 
 
 @dataclass(frozen=True)

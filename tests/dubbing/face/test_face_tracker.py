@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dubbing.face.face_tracker import FaceTracker
-from tests.sync.meshes import talk, turned
+from tests.dubbing.sync.meshes import talk, turned
 
 FACE = talk(np.zeros(1))[0]
 

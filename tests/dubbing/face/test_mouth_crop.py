@@ -3,7 +3,7 @@
 import numpy as np
 
 from dubbing.face.mouth_crop import COLUMNS, MIDDLE, PITCH, ROWS, mouth_crop, mouth_crops
-from tests.sync.meshes import canonical, made_mesh, turned
+from tests.dubbing.sync.meshes import canonical, made_mesh, turned
 
 FACE = canonical()
 

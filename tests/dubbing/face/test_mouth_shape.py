@@ -3,7 +3,7 @@
 import numpy as np
 
 from dubbing.face import mouth_shape as mouth
-from tests.sync.meshes import canonical, made_mesh, talk, turned
+from tests.dubbing.sync.meshes import canonical, made_mesh, talk, turned
 
 OPENING = np.array([0.0, 0.1, 0.2, 0.05])
 

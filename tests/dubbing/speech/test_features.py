@@ -8,7 +8,7 @@ import pytest
 from dubbing.errors import DubbingError
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.features import MelFeatures, features_by_name, mel_filters, windows
-from tests.test_voice import pieces, silence, vowels
+from tests.dubbing.speech.test_voice_activity import pieces, silence, vowels
 
 SPEECH = np.concatenate([silence(0.5), vowels(1.5), silence(0.3)])
 

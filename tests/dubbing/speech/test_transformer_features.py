@@ -9,8 +9,8 @@ import pytest
 from dubbing.errors import DubbingError
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.features import features_by_name, fingerprint, weights_file
-from tests.teaching.made import spoken
-from tests.test_voice import pieces, silence
+from tests.dubbing.speech.test_voice_activity import pieces, silence
+from tests.dubbing.training.speech.made import spoken
 
 
 def tiny(name: str, made: Path) -> Path:

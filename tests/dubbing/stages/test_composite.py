@@ -182,7 +182,7 @@ def test_memory_does_not_grow_with_the_length(tmp_path: Path) -> None:
     """Peak memory of a process that composites n frames, for two n."""
     code = (
         "import resource, sys; from pathlib import Path; import numpy as np;"
-        "from tests.test_video import Scene;"
+        "from tests.dubbing.stages.test_composite import Scene;"
         "s = Scene(Path(sys.argv[1]), 20); s.make(np.arange(int(sys.argv[2])) % 20);"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
     )

@@ -10,7 +10,7 @@ import pytest
 from dubbing.errors import MediaError
 from dubbing.sync import measure
 from dubbing.sync.check import check, segment_edges
-from tests.sync.conftest import Speaker
+from tests.dubbing.conftest import Speaker
 
 FRAME = 640  # samples at 16 kHz and 25 fps
 Write = Callable[[np.ndarray], Path]

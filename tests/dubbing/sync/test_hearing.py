@@ -7,7 +7,7 @@ from dubbing.speech.features import MelFeatures, features_by_name
 from dubbing.speech.voice_activity import STEP_RATE
 from dubbing.sync.hearing import CHANNELS, WIDTH, Hearing, Take, another_take
 from dubbing.sync.windows import take_windows
-from tests.sync.conftest import Speaker
+from tests.dubbing.conftest import Speaker
 
 HEARING = Hearing()
 

@@ -5,7 +5,7 @@ import pytest
 
 from dubbing.face.mouth_shape import mouth_shape
 from dubbing.sync.motion import MotionSum, silent_frames
-from tests.sync.meshes import canonical, talk
+from tests.dubbing.sync.meshes import canonical, talk
 
 VOICE = np.repeat([1.0, 0.0], 100)
 SYLLABLES = 0.06 + 0.05 * np.sin(2 * np.pi * 4 * np.arange(200) / 25)

@@ -6,7 +6,7 @@ import torch
 
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.acoustics import front, listening
-from tests.test_voice import pieces, silence, vowels
+from tests.dubbing.speech.test_voice_activity import pieces, silence, vowels
 
 SPEECH = np.concatenate([silence(0.5), vowels(1.5), silence(0.3)])
 

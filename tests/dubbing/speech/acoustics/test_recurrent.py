@@ -13,8 +13,8 @@ from dubbing.speech.acoustics.paths import DEFAULT_WEIGHTS
 from dubbing.speech.acoustics.recurrent import RnnFeatures, voice_gate
 from dubbing.speech.features import features_by_name, features_of_file, windows
 from dubbing.training.speech.evaluation import cosine
-from tests.teaching.made import spoken
-from tests.test_voice import pieces, silence
+from tests.dubbing.speech.test_voice_activity import pieces, silence
+from tests.dubbing.training.speech.made import spoken
 
 LINE = "my father bought five yellow maps, and we move them away"
 

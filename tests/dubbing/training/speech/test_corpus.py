@@ -10,7 +10,7 @@ from dubbing.speech.voice_activity import steps
 from dubbing.training.speech import corpus, synthesis
 from dubbing.training.speech.corpus import Amounts, load_part, save_part, teaching_voices
 from dubbing.training.speech.texts import LANGUAGES, sentence
-from tests.teaching.made import spoken, utterance
+from tests.dubbing.training.speech.made import spoken, utterance
 
 
 def test_an_utterance_covers_its_sound() -> None:

@@ -5,7 +5,7 @@ import numpy as np
 from dubbing.synthetic.visemes import Phone
 from dubbing.training.speech import phones
 from dubbing.training.speech.phones import ARPABET, CLASSES, SILENCE, UNKNOWN, classes_at_steps
-from tests.teaching.made import spoken
+from tests.dubbing.training.speech.made import spoken
 
 
 def name(k: int) -> str:

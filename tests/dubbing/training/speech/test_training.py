@@ -17,7 +17,7 @@ from dubbing.training.speech.augmentation import Batches
 from dubbing.training.speech.projection import project
 from dubbing.training.speech.training import SpeechTraining, train_network
 from tests import clips
-from tests.teaching.made import parts, posteriors
+from tests.dubbing.training.speech.made import parts, posteriors
 
 SHORT = SpeechTraining(steps=3)
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from dubbing.sync.check import check
 from dubbing.training.sync.degradation import Freezer, blurred, check_changed, mouth_mask
-from tests.sync.conftest import Speaker
-from tests.sync.meshes import talk, turned
+from tests.dubbing.conftest import Speaker
+from tests.dubbing.sync.meshes import talk, turned
 
 POINTS = turned(talk(np.array([0.1])), 0, 60, (100, 80))[0]
 

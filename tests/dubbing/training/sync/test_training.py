@@ -22,8 +22,8 @@ from dubbing.training.sync.correlation import align
 from dubbing.training.sync.evaluation import area_under_roc, embed, shifts_found
 from dubbing.training.sync.speakers import LEARNED, UNSEEN
 from dubbing.training.sync.training import SyncTraining, train_network, train_sync, usable_clips
-from tests.sync.made import made_clip
-from tests.sync.meshes import canonical
+from tests.dubbing.sync.made import made_clip
+from tests.dubbing.sync.meshes import canonical
 
 LATE = {"a": 0.0, "b": 0.12, "c": -0.08, "d": 0.0, "e": 0.04}
 CLIPS = [made_clip(name, seed, late) for seed, (name, late) in enumerate(LATE.items())]

@@ -9,8 +9,8 @@ from dubbing import media
 from dubbing.sync.syncnet import check as published
 from dubbing.sync.syncnet.mfcc import mfcc
 from dubbing.sync.syncnet.network import PublishedSyncNet
-from tests.sync.conftest import Speaker
-from tests.sync.test_published import whole_curve
+from tests.dubbing.conftest import Speaker
+from tests.dubbing.sync.syncnet.test_check import whole_curve
 
 
 class Projections(PublishedSyncNet):

@@ -14,7 +14,7 @@ from dubbing.synthetic.speaker import TAIL
 from dubbing.synthetic.voice import speak
 from tests import clips
 
-MANIFEST = Path(__file__).resolve().parents[2] / "manifests" / "demo.yaml"
+MANIFEST = Path(__file__).resolve().parents[3] / "manifests" / "demo.yaml"
 
 
 def test_makes_every_file_of_the_demo_and_makes_it_once(

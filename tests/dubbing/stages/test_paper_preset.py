@@ -30,7 +30,7 @@ from dubbing.stages.finetune import (
 )
 from tests import clips, fakes
 from tests.dfrf.people import small_config
-from tests.dfrf.test_paper_method import TINY
+from tests.dfrf.published.test_method import TINY
 
 CONSENT = '{by: "the person on film", reference: "form 17"}'
 PAPER = FinetuneSettings(preset="paper", iterations=4, speech="mel")

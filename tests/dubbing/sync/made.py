@@ -6,7 +6,7 @@ from dubbing.face.mouth_crop import COLUMNS, ROWS
 from dubbing.face.mouth_shape import mouth_shape
 from dubbing.sync.hearing import CHANNELS
 from dubbing.training.sync.clips import TalkingClip
-from tests.sync.meshes import canonical, talk
+from tests.dubbing.sync.meshes import canonical, talk
 
 
 def made_clip(name: str, seed: int, late: float = 0.0, seconds: float = 8.0) -> TalkingClip:

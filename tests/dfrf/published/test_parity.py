@@ -22,7 +22,7 @@ from dfrf.published.importing import import_checkpoint
 from dfrf.published.model import PaperModel, ReferenceMaps, References
 from dfrf.published.references import clamp_to_image
 
-FOLDER = Path(__file__).resolve().parents[2].parent / "shared" / "parity"
+FOLDER = Path(__file__).resolve().parents[4] / "shared" / "parity"
 SIZE, FOCAL = 64, 162.5
 CLOSE: dict[str, Any] = {"atol": 1e-4, "rtol": 0}
 
