@@ -16,7 +16,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dubbing import training_commands
+from dubbing import packages, training_commands
 from dubbing.arguments import (
     FORCEABLE,
     Device,
@@ -55,6 +55,7 @@ def dub(
     ] = True,
 ) -> None:
     """Make every dub of a manifest that is not up to date."""
+    packages.require()
     from dubbing import console, pipeline
     from dubbing.manifest import load
     from dubbing.running import Options
@@ -80,7 +81,9 @@ def plan(
 
     loaded = load(manifest)
     rows = planning.rows(build(loaded, only=tuple(only or ())), _stages(force))
-    console.plan(rows, loaded.warnings, as_json=as_json)
+    gone = packages.missing()
+    warnings = [*loaded.warnings, *([str(packages.lacking(gone))] if gone else [])]
+    console.plan(rows, warnings, as_json=as_json)
 
 
 @app.command()
@@ -111,6 +114,7 @@ def prepare(
     size: Annotated[int, typer.Option("--size", help="Side of the head crop, pixels.")] = 512,
 ) -> None:
     """Track, matte and restore the background of one clip; see contact_sheet.png."""
+    packages.require()
     from dubbing import console
     from dubbing.preparation import prepare as work
 
@@ -140,6 +144,7 @@ def sync(
     as_json: AsJson = False,
 ) -> None:
     """Measure the lip sync of any video: offset, confidence, distance. Exit code 3 on fail."""
+    packages.require()
     from dubbing import console
     from dubbing.sync.check import check
     from dubbing.sync.published import published_check
@@ -185,6 +190,7 @@ def evaluate(
     device: Device = "auto",
 ) -> None:
     """Held-out metrics of every identity, into OUTPUT/evaluate.json."""
+    packages.require()
     from dubbing import console
     from dubbing.evaluation import evaluate as work
     from dubbing.manifest import load

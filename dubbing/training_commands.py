@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from dubbing import packages
 from dubbing.arguments import Device, ManifestPath, checked_device, checked_output
 
 
@@ -18,6 +19,7 @@ def train_sync(
     out: Annotated[Path, typer.Option("--out", help="The weights to write.")],
 ) -> None:
     """Train the network of the sync check on clips of people who talk."""
+    packages.require()
     from dubbing.sync.training import train_sync as work
 
     about = work(clips, checked_output(out), progress=typer.echo)
@@ -38,6 +40,7 @@ def train_speech(
     seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
 ) -> None:
     """Train the network of the speech features from nothing; resumes by itself."""
+    packages.require()
     from dubbing import console
     from dubbing.teaching.training import SpeechTraining
     from dubbing.teaching.training import train_speech as work
@@ -67,6 +70,7 @@ def train_base(
     device: Device = "auto",
 ) -> None:
     """Train the shared base checkpoint across the identities of a manifest; resumes by itself."""
+    packages.require()
     from dubbing import console
     from dubbing.basetraining import train_base as work
     from dubbing.manifest import load

@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # From low to high. A module may import what is on its own line or above, never below.
 LAYERS = (
-    {"errors", "files", "overlap", "solution", "stage_names"},
+    {"errors", "packages", "files", "overlap", "solution", "stage_names"},
     {"media", "voice", "timeline", "provenance", "shipped_base", "shipped_weights"},
     {"features", "acoustics", "speech", "yaml_lines", "entries", "inputs", "published", "messages"},
     {"manifest", "stages", "lock"},
@@ -33,6 +33,7 @@ LAYERS = (
     {"arguments"},
     {"training_commands"},
     {"cli"},
+    {"__main__"},
 )
 HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}
 
