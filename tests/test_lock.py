@@ -20,7 +20,7 @@ def test_a_link_is_not_followed(tmp_path: Path) -> None:
     work = tmp_path / "work"
     work.mkdir()
     (work / ".lock").symlink_to(other)
-    with pytest.raises(DubbingError, match="the lock is a link .*remove it"):
+    with pytest.raises(DubbingError, match=r"the lock is a link .*remove it"):
         take(work)
     (work / ".lock").unlink()
     os.link(other, work / ".lock")
@@ -32,7 +32,7 @@ def test_a_link_is_not_followed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("kind", ["pipe", "folder"])
 def test_what_is_no_file_is_said_at_once(tmp_path: Path, kind: str) -> None:
     (os.mkfifo if kind == "pipe" else os.mkdir)(tmp_path / ".lock")
-    with pytest.raises(DubbingError, match="the lock is another file|a folder lies where a file"):
+    with pytest.raises(DubbingError, match=r"the lock is another file|a folder lies where a file"):
         take(tmp_path)
 
 

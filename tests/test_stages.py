@@ -201,7 +201,7 @@ def test_inputs_are_what_they_were_when_the_run_began(
         "{}",
         "[" * 99_999,
         '{"outputs": []}',
-        '{"version": 1, "outputs": {"0.txt": 3}}',
+        '{"version": 1, "outputs": {"0": 3}}',
         "pipe",
     ],
 )
