@@ -17,6 +17,7 @@ from torch import Tensor
 from torch.utils.checkpoint import checkpoint
 
 from dfrf import field, losses, sampling, volrend
+from dfrf.config import from_plain
 from dfrf.head import HeadModel
 from dfrf.paper_field import (
     PaperConfig,
@@ -56,7 +57,7 @@ class PaperModel(HeadModel):
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        return cls(PaperConfig(**values))
+        return cls(from_plain(PaperConfig, values))
 
     def speech_code(
         self, windows: Float[Tensor, "K W D"] | None, smooth: bool = True

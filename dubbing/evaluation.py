@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from typing_extensions import TypedDict
 
 from dfrf import device as devices
 from dfrf import lpips
 from dfrf.checkpoint import CheckpointError
 from dfrf.config import family
 from dfrf.lpips import Lpips
-from dubbing import jobs, lock, media, provenance, stages, steps, tiles
+from dubbing import jobs, kept, lock, media, provenance, stages, steps, tiles
 from dubbing.errors import DubbingError
-from dubbing.files import atomic_write_json
+from dubbing.files import atomic_write_json, remove_torn
 from dubbing.finetuning import MODEL_FILE, SUMMARY_FILE, clip_windows
 from dubbing.manifest import Manifest
 from dubbing.measuring import held_out, measure
@@ -37,6 +39,14 @@ PRESET_OF_METHOD = {
 }
 
 Progress = Callable[[str, float], None]
+Figures = dict[str, dict[str, dict[str, Any]]]  # identity -> method -> figure -> value
+
+
+class Learned(TypedDict):
+    """What of a fine-tune's summary is shown."""
+
+    steps: int
+    seconds: float
 
 
 def evaluate(
@@ -48,7 +58,7 @@ def evaluate(
     lpips_weights: tuple[Path, ...] = (),
     device: str = "auto",
     progress: Progress,
-) -> dict[str, dict[str, dict[str, Any]]]:
+) -> Figures:
     """Fine-tunes what is not up to date, renders the held-out end of each clip and measures it.
 
     Figures of other identities and methods that an earlier call left in OUTPUT/evaluate.json stay.
@@ -67,8 +77,8 @@ def evaluate(
         identity -> method -> figure -> value: what the file then holds.
 
     Raises:
-        DubbingError: an unknown method or identity, other weights, nothing held out, or a stage
-            failed.
+        DubbingError: an unknown method or identity, other weights, nothing held out, another
+            evaluate.json, or a stage failed.
         LockedError: another run works in the manifest's output.
     """
     if unknown := [m for m in methods if m not in PRESET_OF_METHOD]:
@@ -87,10 +97,11 @@ def evaluate(
         except CheckpointError as error:
             raise DubbingError(str(error), "--lpips-weights") from error
     path = manifest.output / RESULT_FILE
-    found: dict[str, dict[str, dict[str, Any]]] = {}
-    if path.is_file():
-        found = json.loads(path.read_text(encoding="utf-8"))
+    found: Figures = {}
+    if os.path.lexists(path):
+        found = kept.read(path, Figures, "earlier figures", "move it away")
     with lock.hold(manifest.work):
+        remove_torn(path)
         for name, part in parts.items():
             for method in methods:
 
@@ -149,8 +160,9 @@ def evaluate_one(
     if preset != own.preset:
         # The model of the dubs stays where it is.
         finetune = replace(finetune, folder=finetune.folder.with_name(f"model-{method}"))
+    began = finetune.sources()
     for stage in (prepare, source, finetune):
-        stages.run(stage, progress)
+        stages.run(stage, progress, began=began)
     clip = PreparedClip.load(prepare.folder)
     first, count = part
     out = manifest.work / "evaluation" / name / method
@@ -183,7 +195,7 @@ def evaluate_one(
         )
         picture.unlink()
         checks[kind] = check(video)
-    learned = json.loads((finetune.folder / SUMMARY_FILE).read_text(encoding="utf-8"))
+    learned = kept.read(finetune.folder / SUMMARY_FILE, Learned, "summary of finetune")
     return {
         **means,
         "offset_frames": checks["render"].offset_frames,

@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from dfrf.config import STEPS, family
-from dubbing import timeline
+from dubbing import kept, timeline
 from dubbing.entries import Dub, Identity
 from dubbing.files import atomic_write_json
 from dubbing.stages import Progress
@@ -184,12 +183,16 @@ class Check:
 
 
 def read_check(path: Path) -> SyncResult | None:
-    """A sync check that a stage wrote; None where there is none."""
+    """A sync check that a stage wrote; None where there is none.
+
+    Raises:
+        DubbingError: it is something else.
+    """
     from dubbing.sync.result import SyncResult
 
     if not path.is_file():
         return None
-    return TypeAdapter(SyncResult).validate_json(path.read_bytes())
+    return kept.read(path, SyncResult, "sync check")
 
 
 def offset_of(folder: Path) -> int:

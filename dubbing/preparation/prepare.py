@@ -6,16 +6,17 @@ after the last finished step, and the result is the same bit for bit.
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dubbing.errors import PreparationError
+from dubbing import kept
+from dubbing.errors import DubbingError, PreparationError
 from dubbing.files import atomic_path, atomic_write_json, digest_file, make_folder
 from dubbing.media import probe
 from dubbing.preparation import tracking
@@ -130,6 +131,14 @@ def prepare(
     return prepared
 
 
+def _key(path: Path) -> dict[str, Any]:
+    """What the steps in a folder are of; nothing where that is not said."""
+    try:
+        return kept.read(path, dict[str, Any], "key of the steps")
+    except DubbingError:
+        return {}
+
+
 class Steps:
     """Steps whose arrays lie in a folder, each a file that appears whole.
 
@@ -142,7 +151,7 @@ class Steps:
         self.folder, self._progress = folder, progress
         key = {"clip": digest_file(clip), "size": size, "version": VERSION}
         told = folder / "key.json"
-        if not told.is_file() or json.loads(told.read_text()) != key:
+        if _key(told) != key:
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
             (folder.parent / SUMMARY).unlink(missing_ok=True)
