@@ -5,6 +5,7 @@ import textwrap
 from pathlib import Path
 
 import pytest
+import soundfile
 
 from dfrf.config import STEPS
 from dubbing import jobs
@@ -293,3 +294,20 @@ def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:
 def test_speech_that_cannot_be_heard(folder: Path, keys: str, said: str) -> None:
     (found,) = problems(folder, with_speech(keys))
     assert re.search(said, found)
+
+
+def test_sound_of_more_channels_than_can_be_muxed_is_a_problem(folder: Path) -> None:
+    clips.write_sound(folder / "dome.wav", 1, channels=64)
+    text = GOOD.replace("audio: it.wav", "audio: dome.wav, codec: CODEC")
+    for codec, most in (("h264", 8), ("ffv1", 8)):
+        (problem,) = problems(folder, text.replace("CODEC", codec))
+        assert re.search(rf"audio: 64 channels in .*dome\.wav: {codec} takes {most} at", problem)
+    assert read(folder, text.replace("CODEC", "prores")).dubs
+
+
+def test_sound_that_is_no_number_fails_its_dub_before_anything_is_made(folder: Path) -> None:
+    wave = clips.tone(1.0)
+    wave[100] = float("nan")
+    soundfile.write(folder / "nan.wav", wave, 16000, subtype="FLOAT")
+    manifest = read(folder, GOOD.replace("it.wav", "nan.wav"))
+    assert "not finite numbers" in str(manifest.damaged[(folder / "nan.wav").resolve()])
