@@ -9,6 +9,7 @@ from pathlib import Path
 from dubbing import features, published, timeline
 from dubbing.entries import Dub, Identity
 from dubbing.errors import DubbingError, MediaError
+from dubbing.media.muxing import MOST_CHANNELS, SOUND
 from dubbing.media.probing import MediaInfo, probe
 
 SHORTEST_CLIP = 1.0  # seconds to learn from
@@ -101,6 +102,9 @@ def _dub(findings: Findings, place: int, dub: Dub, identity: Identity | None) ->
     if sound is not None:
         if sound.audio_rate is None:
             findings.problems.append(((*at, "audio"), f"no sound in {dub.audio}"))
+        elif (sound.audio_channels or 0) > (most := MOST_CHANNELS[SOUND[dub.codec]]):
+            message = f"{sound.audio_channels} channels in {dub.audio}: {dub.codec} takes {most}"
+            findings.problems.append(((*at, "audio"), f"{message} at most; mix it down"))
         elif dub.audio_start >= sound.sound_seconds:
             message = f"{dub.audio_start:g} s is past the end: the sound is"
             problem = f"{message} {sound.sound_seconds:.1f} s long"

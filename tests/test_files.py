@@ -77,9 +77,7 @@ def test_what_the_disk_refuses_is_said(
 
 def test_a_folder_in_the_place_of_a_file_is_said(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
-    with pytest.raises(
-        DubbingError, match=r"a folder lies where .*: move it away"
-    ):
+    with pytest.raises(DubbingError, match=r"a folder lies where .*: move it away"):
         atomic_write_text(tmp_path / "a", "x")
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
 

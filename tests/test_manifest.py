@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile
 from safetensors.numpy import save_file
 
 from dfrf.config import STEPS
@@ -407,3 +408,20 @@ def test_a_base_whose_header_is_odd_is_no_mistake_of_the_manifest(folder: Path) 
     for header in ("[]", "[" * 9999, '{"format": ["dfrf-1"]}', "3"):
         save_file({"a": np.zeros(1)}, folder / "base.safetensors", {"dfrf": header})
         read(folder, GOOD.replace("seconds: 2,", "seconds: 2, base: base.safetensors,"))
+
+
+def test_sound_of_more_channels_than_can_be_muxed_is_a_problem(folder: Path) -> None:
+    clips.write_sound(folder / "dome.wav", 1, channels=64)
+    text = GOOD.replace("audio: it.wav", "audio: dome.wav, codec: CODEC")
+    for codec, most in (("h264", 8), ("ffv1", 8)):
+        (problem,) = problems(folder, text.replace("CODEC", codec))
+        assert re.search(rf"audio: 64 channels in .*dome\.wav: {codec} takes {most} at", problem)
+    assert read(folder, text.replace("CODEC", "prores")).dubs
+
+
+def test_sound_that_is_no_number_fails_its_dub_before_anything_is_made(folder: Path) -> None:
+    wave = clips.tone(1.0)
+    wave[100] = float("nan")
+    soundfile.write(folder / "nan.wav", wave, 16000, subtype="FLOAT")
+    manifest = read(folder, GOOD.replace("it.wav", "nan.wav"))
+    assert "not finite numbers" in str(manifest.damaged[(folder / "nan.wav").resolve()])

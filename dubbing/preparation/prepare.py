@@ -148,7 +148,7 @@ class Steps:
     def __init__(
         self, folder: Path, clip: Path, size: int, progress: Callable[[str, float], None]
     ) -> None:
-        self.folder, self._progress = folder, progress
+        self.folder, self._clip, self._progress = folder, clip, progress
         key = {"clip": digest_file(clip), "size": size, "version": VERSION}
         told = folder / "key.json"
         if _key(told) != key:
@@ -158,10 +158,21 @@ class Steps:
             atomic_write_json(told, key)
 
     def run(self, name: str, step: Callable[[Callable[[float], None]], Arrays]) -> Arrays:
-        """The arrays of a step: read if it was finished, else computed and written."""
+        """The arrays of a step: read if it was finished, else computed and written.
+
+        Raises:
+            PreparationError: no head explains what was found.
+        """
         path = self.folder / f"{name}.npz"
         if not path.is_file():
-            arrays = step(partial(self._progress, name))
+            try:
+                arrays = step(partial(self._progress, name))
+            except np.linalg.LinAlgError as error:  # something that only looked like a face
+                raise PreparationError(
+                    f"what looks like a face is none that can be followed ({name}: {error})",
+                    str(self._clip),
+                    "use a clip in which one person faces the camera",
+                ) from error
             with atomic_path(path) as temporary:
                 np.savez(temporary, allow_pickle=False, **arrays)
         self._progress(name, 1.0)
