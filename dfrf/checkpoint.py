@@ -7,8 +7,10 @@ run so that it goes on bit for bit: weights, optimiser, random numbers, step and
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +36,19 @@ STATE_FILE = "state.safetensors"
 WORDS = {"train": "training", "config": "sizes of the model", "held": "people held out"}
 
 
+# What is raised where values of a header or tensors are of another kind than they should be.
+ODD = (AttributeError, LookupError, OverflowError, RuntimeError, TypeError, ValueError)
+# Of a person's references, N of H x W pixels; a letter stands for one number wherever it is.
+REFERENCE_SHAPES = {
+    "images": ("N", "H", "W", 3),
+    "mattes": ("N", "H", "W"),
+    "c2w": ("N", 3, 4),
+    "centres": ("N", 2),
+    "upper": ("N", "U"),
+    "eyes": (2, 7),
+}
+
+
 class CheckpointError(RuntimeError):
     """A checkpoint that cannot be used: unreadable, of another kind, or of another run."""
 
@@ -47,11 +62,16 @@ def write_tensors(path: str | Path, tensors: dict[str, Tensor], header: dict[str
         metadata={"dfrf": json.dumps(header, sort_keys=True)},
     )
     partial = path.with_name(path.name + ".partial")
-    with partial.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    partial.replace(path)
+    try:
+        with partial.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(path)
+    except OSError:
+        with suppress(OSError):
+            partial.unlink()
+        raise
 
 
 def read_tensors(path: str | Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
@@ -64,11 +84,17 @@ def read_tensors(path: str | Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         with safe_open(str(path), framework="pt") as file:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError) as error:
+    except (OSError, SafetensorError, *ODD) as error:
         raise CheckpointError(f"{path}: cannot be read as safetensors: {error}") from error
     if "dfrf" not in metadata:
         raise CheckpointError(f"{path}: is not a checkpoint of this tool")
-    return tensors, json.loads(metadata["dfrf"])
+    try:
+        header = json.loads(metadata["dfrf"])
+    except (ValueError, RecursionError) as error:
+        raise CheckpointError(f"{path}: its header is no JSON: {error}") from error
+    if not isinstance(header, dict):
+        raise CheckpointError(f"{path}: its header holds no keys")
+    return tensors, header
 
 
 def save_model(path: str | Path, model: HeadModel, header: dict[str, Any] | None = None) -> None:
@@ -84,22 +110,34 @@ def load_model(path: str | Path) -> tuple[HeadModel, dict[str, Any]]:
     """A model and the header it was kept with.
 
     Raises:
-        CheckpointError: unreadable, of another format, or its tensors do not fit its sizes.
+        CheckpointError: unreadable, of another format, of sizes that no model has, its tensors do
+            not fit its sizes, or hold what is no number.
     """
     tensors, header = read_tensors(path)
     return _build(path, tensors, header), header
 
 
 def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> HeadModel:
-    kind = KINDS.get(header.get("format", ""))
+    found, known = header.get("format"), " and ".join(map(repr, KINDS))
+    kind = KINDS.get(found) if isinstance(found, str) else None
     if kind is None:
-        found, known = header.get("format"), " and ".join(map(repr, KINDS))
-        raise CheckpointError(f"{path}: format {found!r}, this version reads {known}")
-    model = kind.from_dict(header["config"])
+        raise CheckpointError(f"{path}: format {found!r:.60}, this version reads {known}")
+    try:
+        model = kind.from_dict(header.get("config", {}))
+    except ODD as error:
+        raise CheckpointError(f"{path}: no model has the sizes in its header: {error}") from error
+    for name, value in model.state_dict().items():
+        if name in tensors and tensors[name].is_floating_point() != value.is_floating_point():
+            raise CheckpointError(f"{path}: {name} is of another type than the model's")
     try:
         model.load_state_dict(tensors)
     except RuntimeError as error:
         raise CheckpointError(f"{path}: tensors do not fit the sizes in its header") from error
+    weights = dict(model.named_parameters())
+    for name, value in model.state_dict().items():
+        # Bounds among the buffers may be endless; a weight may not.
+        if value.isnan().any() or (name in weights and not value.isfinite().all()):
+            raise CheckpointError(f"{path}: {name} holds numbers that are not finite")
     return model
 
 
@@ -133,16 +171,37 @@ def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dic
     if "reference.images" in tensors:
         part = {k.removeprefix("reference."): v for k, v in tensors.items() if "reference." in k}
         try:
-            views = ReferenceViews(
-                **part, focal=header["focal"], scale=header["scale"], blinks=header["blinks"]
-            )
-        except (KeyError, TypeError) as error:
+            views = _views(part, header)
+        except ODD as error:
             raise CheckpointError(
                 f"{path}: keeps other things of its references than this version reads; learn the "
                 "person again"
             ) from error
     weights = {k: v for k, v in tensors.items() if not k.startswith("reference.")}
     return _build(path, weights, header), views, header
+
+
+def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
+    """References of the shapes and types that they are kept with.
+
+    Raises:
+        ValueError, LookupError, TypeError: they are of others.
+    """
+    lengths: dict[str | int, int] = {}
+    for name, shape in REFERENCE_SHAPES.items():
+        value = part[name]
+        picture = name in ("images", "mattes")
+        if value.dtype != (torch.uint8 if picture else torch.float32) or value.isnan().any():
+            raise ValueError(name)
+        for letter, length in zip(shape, value.shape, strict=True):
+            if length != (
+                lengths.setdefault(letter, length) if isinstance(letter, str) else letter
+            ):
+                raise ValueError(name)
+    focal, scale, blinks = (header[name] for name in ("focal", "scale", "blinks"))
+    if not (0 < focal < math.inf and 0 < scale < math.inf and 0 <= blinks < lengths["N"]):
+        raise ValueError("focal, scale, blinks")
+    return ReferenceViews(**part, focal=float(focal), scale=float(scale), blinks=int(blinks))
 
 
 def save_resume(
@@ -197,7 +256,8 @@ def load_resume(
     """Restores a run in place and returns its step; 0, and nothing is touched, where none is kept.
 
     Raises:
-        CheckpointError: unreadable, or the state is of a run with other settings, which are named.
+        CheckpointError: unreadable, damaged, or the state is of a run with other settings, which
+            are named.
     """
     path = Path(folder) / STATE_FILE
     if not path.exists():
@@ -207,6 +267,21 @@ def load_resume(
     if others := [key for key, value in settings.items() if header.get(key) != value]:
         named = ", ".join(WORDS.get(key, key) for key in others)
         raise CheckpointError(f"{path}: holds the state of a run with other settings ({named})")
+    try:
+        return _restore(tensors, header, model, optimiser, generator, curve, held)
+    except ODD as error:
+        raise CheckpointError(f"{path}: its state is damaged: {error}; remove it") from error
+
+
+def _restore(
+    tensors: dict[str, Tensor],
+    header: dict[str, Any],
+    model: HeadModel,
+    optimiser: torch.optim.Optimizer,
+    generator: torch.Generator,
+    curve: Curve,
+    held: Validation,
+) -> int:
     model.load_state_dict(
         {k.removeprefix("model."): v for k, v in tensors.items() if k.startswith("model.")}
     )

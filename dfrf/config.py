@@ -6,8 +6,9 @@ Lengths are in head units: 1 unit is about 10 cm (the outer eye corners lie 0.9 
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 # The two families of presets: what the headers of their checkpoints say, and how many steps a
 # person learns by default.
@@ -27,6 +28,39 @@ BOX_HIGH = (1.5, 2.0, 1.5)
 def family(preset: str) -> str:
     """The preset whose bases a preset can start from: `fast`, its ablations' too, or `paper`."""
     return "paper" if preset == "paper" else "fast"
+
+
+# Bounds of what a header may ask for: larger models fill the memory when they are built.
+LARGEST = 2048
+MOST = {"depth": 32, "resolution": 256, "point_octaves": 32, "direction_octaves": 32}
+LEAST = {"references": 0}
+SMALLEST, GREATEST = 1e-3, 1e6  # of what is no count
+
+Sizes = TypeVar("Sizes")
+
+
+def from_plain(kind: type[Sizes], values: Any) -> Sizes:
+    """Sizes of one kind from the plain values in a header; what is left out has its default.
+
+    Raises:
+        ValueError: a key this version does not know, or a value no model is built with.
+    """
+    if not isinstance(values, dict):
+        raise ValueError(f"{kind.__name__} must hold keys")
+    known = {field.name: field.default for field in dataclasses.fields(kind)}  # type: ignore[arg-type]
+    for name, value in values.items():
+        if name not in known:
+            raise ValueError(f"{name!r:.40} is unknown")
+        wanted = type(known[name])
+        if wanted is float and type(value) in (int, float):
+            fits = math.isfinite(value) and SMALLEST <= value <= GREATEST
+        elif wanted is int and type(value) is int:
+            fits = LEAST.get(name, 1) <= value <= MOST.get(name, LARGEST)
+        else:
+            fits = type(value) is wanted
+        if not fits:
+            raise ValueError(f"{name} cannot be {value!r:.40}")
+    return kind(**values)
 
 
 @dataclass(frozen=True)
@@ -154,10 +188,13 @@ class ModelConfig:
         """The inverse of `to_dict`.
 
         Raises:
-            TypeError: a key this version does not know.
+            ValueError: a key this version does not know or misses, or a value no model is built
+                with.
         """
+        if not isinstance(values, dict) or {"preset", "field", "march"} != set(values):
+            raise ValueError("must hold preset, field and march")
         return cls(
-            preset=values["preset"],
-            field=FieldConfig(**values["field"]),
-            march=MarchConfig(**values["march"]),
+            preset=str(values["preset"]),
+            field=from_plain(FieldConfig, values["field"]),
+            march=from_plain(MarchConfig, values["march"]),
         )

@@ -33,7 +33,7 @@ class HeadModel(nn.Module, ABC):
         """A model of the sizes that `config.to_dict` gave.
 
         Raises:
-            TypeError: a key this version does not know.
+            ValueError: a key this version does not know, or a value no model is built with.
         """
 
     @property

@@ -2,6 +2,7 @@
 
     DubbingError
     ├── ManifestError         the manifest is wrong; carries every problem found
+    ├── CallError             the command cannot be meant so; nothing was started
     ├── LockedError           another run works in the same output folder
     ├── MediaError            a video or sound file cannot be read or written
     └── StageError            a stage could not finish; only what depends on it stops
@@ -59,6 +60,10 @@ class ManifestError(DubbingError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.manifest, self.problems)
+
+
+class CallError(DubbingError):
+    """The command cannot be meant as it was given; nothing was started."""
 
 
 class LockedError(DubbingError):

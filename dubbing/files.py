@@ -4,17 +4,23 @@ folders they go to.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
+import re
+import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from dubbing.errors import DubbingError
 
 BLOCK = 1 << 20  # bytes read at a time
+FULL = (errno.ENOSPC, errno.EDQUOT)
+# A name of a file and what `atomic_path` adds to it must fit into this, in bytes of UTF-8.
+LONGEST_NAME = 255 - len("..4194304.tmp")
 
 
 def make_folder(path: Path) -> None:
@@ -33,39 +39,100 @@ def make_folder(path: Path) -> None:
         raise DubbingError("nothing may be written there", str(path), remedy)
 
 
+def system_error(error: OSError, path: Path | str = "") -> DubbingError:
+    """What the system refused, where, and what to do.
+
+    Args:
+        path: of what; else as the error says.
+    """
+    if isinstance(error, IsADirectoryError):
+        return DubbingError("a folder lies where a file should go", str(path), "move it away")
+    remedy = "see whether the disk and the rights to it are as they should be, then run again"
+    if error.errno in FULL:
+        remedy = "free some space, then run again"
+    return DubbingError(error.strerror or str(error), str(path or error.filename or ""), remedy)
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """What the system refuses in here was to be written to ``path``.
+
+    Raises:
+        DubbingError: instead of an OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise system_error(error, path) from error
+
+
 @contextmanager
 def atomic_path(path: Path) -> Iterator[Path]:
     """Give a temporary name beside ``path`` to write to; on success it becomes ``path``.
 
     The suffix is kept, so that ffmpeg still recognises the format. On an error the temporary
     file is removed and an older ``path`` stays as it was.
+
+    Raises:
+        DubbingError: it cannot be written.
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp{path.suffix}")
+    with writing(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
     try:
         yield temporary
-        sync_file(temporary)
-        os.replace(temporary, path)
-        sync_file(path.parent)
+        with writing(path):
+            sync_file(temporary)
+            os.replace(temporary, path)
+            sync_file(path.parent)
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):
+            temporary.unlink()
+
+
+def remove_torn(path: Path) -> None:
+    """Remove what an `atomic_path` of ``path`` left behind when its process was killed."""
+    torn = re.compile(rf"\.{re.escape(path.stem)}\.\d+\.tmp{re.escape(path.suffix)}")
+    with writing(path):
+        for other in path.parent.iterdir():
+            if torn.fullmatch(other.name):
+                other.unlink()
 
 
 def atomic_write_bytes(path: Path, content: bytes) -> None:
     """Write ``content`` to ``path``, whole or not at all."""
-    with atomic_path(path) as temporary:
+    with atomic_path(path) as temporary, writing(path):
         temporary.write_bytes(content)
 
 
 def atomic_write_text(path: Path, content: str) -> None:
     """Write ``content`` to ``path`` as UTF-8, whole or not at all."""
-    atomic_write_bytes(path, content.encode())
+    # A half character, as names that are no UTF-8 give, is written as JSON does.
+    atomic_write_bytes(path, content.encode(errors="backslashreplace"))
 
 
 def atomic_write_json(path: Path, content: Any) -> None:
     """Write ``content`` to ``path`` as indented JSON, whole or not at all."""
     atomic_write_text(path, json.dumps(content, indent=2, ensure_ascii=False) + "\n")
+
+
+def read_bounded(path: Path, most: int) -> bytes:
+    """What a regular file of at most ``most`` bytes holds.
+
+    Raises:
+        OSError: it cannot be opened or read.
+        DubbingError: it is a device, a pipe or a folder, or larger.
+    """
+    # A pipe that nobody writes to would be waited for.
+    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    with os.fdopen(handle, "rb", closefd=True) as stream:
+        if not stat.S_ISREG(os.fstat(handle).st_mode):
+            raise DubbingError("is no regular file", str(path), "name one")
+        content = stream.read(most + 1)
+    if len(content) > most:
+        raise DubbingError(f"is larger than {most // 10**6} MB", str(path), "name another file")
+    return content
 
 
 def sync_file(path: Path) -> None:

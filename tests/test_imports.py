@@ -13,9 +13,10 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 # From low to high. A module may import what is on its own line or above, never below.
 LAYERS = (
-    {"errors", "files", "overlap", "solution", "stage_names"},
+    {"errors", "packages", "files", "kept", "overlap", "solution", "stage_names", "visible"},
     {"media", "voice", "timeline", "provenance", "shipped_base", "shipped_weights"},
     {"features", "acoustics", "speech", "yaml_lines", "entries", "inputs", "published", "messages"},
+    {"overwriting"},
     {"manifest", "stages", "lock"},
     {"preparation", "sync", "speaker"},
     {"identity", "reference_choice", "compositing", "spoken", "flicker"},
@@ -33,6 +34,7 @@ LAYERS = (
     {"arguments"},
     {"training_commands"},
     {"cli"},
+    {"__main__"},
 )
 HEIGHT = {name: height for height, layer in enumerate(LAYERS) for name in layer}
 

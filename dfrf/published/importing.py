@@ -16,7 +16,7 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import Tensor
 
-from dfrf.checkpoint import CheckpointError, write_tensors
+from dfrf.checkpoint import ODD, CheckpointError, write_tensors
 from dfrf.config import FORMATS, PUBLISHED_SPEECH
 from dfrf.published.model import PaperConfig, PaperModel
 
@@ -116,7 +116,7 @@ def read_published(file: Path) -> tuple[dict[str, Tensor], int | None]:
     if file.suffix == ".safetensors":
         try:
             tensors = load_file(file)
-        except SafetensorError as error:
+        except (OSError, SafetensorError, *ODD) as error:
             raise CheckpointError(f"{file}: cannot be read as safetensors: {error}") from error
     else:
         content = read_torch(file)
@@ -133,7 +133,10 @@ def read_published(file: Path) -> tuple[dict[str, Tensor], int | None]:
         raise CheckpointError(
             f"{file}: holds no {COARSE}; it is no checkpoint of the published code"
         )
-    return tensors, None if step is None else int(step)
+    try:
+        return tensors, None if step is None else int(step)
+    except ODD as error:
+        raise CheckpointError(f"{file}: its global_step is no number of steps") from error
 
 
 def read_torch(file: Path) -> dict[Any, Any]:
@@ -148,7 +151,7 @@ def read_torch(file: Path) -> dict[Any, Any]:
         raise CheckpointError(f"{file}: cannot be read: torch.save has not written it")
     try:
         content = torch.load(file, weights_only=True, map_location="cpu")
-    except (pickle.UnpicklingError, RuntimeError, EOFError, OSError, LookupError) as error:
+    except (pickle.UnpicklingError, EOFError, OSError, MemoryError, *ODD) as error:
         raise CheckpointError(
             f"{file}: cannot be read as weights written by torch.save: {error}"
         ) from error
@@ -190,9 +193,11 @@ def convert(published: dict[str, Tensor]) -> tuple[dict[str, Tensor], bool]:
             problems.append(f"{whole if lost else wanted} is missing")
         elif wrong := [copy for copy in copies if tuple(copy.shape) != shape]:
             problems.append(f"{wanted} has shape {tuple(wrong[0].shape)}, not {shape}")
-        elif not copies[0].isfinite().all():
+        elif not all(map(_plain, copies)):
+            problems.append(f"{wanted} does not hold floating point numbers, one beside the other")
+        elif not copies[0].float().isfinite().all():
             problems.append(f"{wanted} holds numbers that are not finite")
-        elif not all(torch.equal(copies[0], copy) for copy in copies):
+        elif not all(torch.equal(copies[0].float(), copy.float()) for copy in copies):
             problems.append(f"{wanted} is stored more than once, with different numbers")
         else:
             state[name] = copies[0].detach().to(torch.float32).reshape(ours.shape).clone()
@@ -202,6 +207,12 @@ def convert(published: dict[str, Tensor]) -> tuple[dict[str, Tensor], bool]:
     if problems:
         raise CheckpointError("not the published model: " + "; ".join(dict.fromkeys(problems)))
     return state, has_warp
+
+
+def _plain(tensor: Tensor) -> bool:
+    """Whether it is what layers are made of: not sparse, quantised, complex or without numbers."""
+    stored = tensor.layout == torch.strided and tensor.device.type == "cpu"
+    return stored and tensor.is_floating_point() and not tensor.is_quantized
 
 
 def published_shape(name: str, ours: Tensor) -> tuple[int, ...]:
@@ -218,8 +229,11 @@ def import_checkpoint(file: Path, out: Path) -> Imported:
         out: the .safetensors to write.
 
     Raises:
-        CheckpointError: unreadable, or tensors are missing or of other shapes; all are named.
+        CheckpointError: unreadable, tensors are missing or of other shapes (all are named), or
+            `out` is `file` by another name.
     """
+    if out.exists() and file.exists() and out.samefile(file):
+        raise CheckpointError(f"{out}: is the file that is read; give another name")
     published, step = read_published(file)
     try:
         state, warp = convert(published)

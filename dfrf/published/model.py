@@ -16,6 +16,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.utils.checkpoint import checkpoint
 
+from dfrf.config import from_plain
 from dfrf.field.audio import AudioAttNet, AudioNet
 from dfrf.head_model import HeadModel
 from dfrf.published import radiance_field as field
@@ -54,7 +55,7 @@ class PaperModel(HeadModel):
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        return cls(PaperConfig(**values))
+        return cls(from_plain(PaperConfig, values))
 
     def speech_code(
         self, windows: Float[Tensor, "K W D"] | None, smooth: bool = True

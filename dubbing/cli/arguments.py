@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from dubbing.errors import DubbingError
+from dubbing.errors import CallError, DubbingError
 from dubbing.stage_names import OF_DUB, OF_IDENTITY
 
 FORCEABLE = (*OF_IDENTITY, *OF_DUB)
@@ -53,15 +53,52 @@ def checked_size(size: int) -> int:
     return size
 
 
-def checked_output(file: Path) -> Path:
+def checked_output(file: Path, *read: Path) -> Path:
     """A file to write at the end of long work, which can be written now.
 
+    Args:
+        read: files of that work, which must stay.
+
     Raises:
+        CallError: it is one of the files that are read.
         DubbingError: it is a folder, or nothing may be written where it is to lie.
     """
     from dubbing.files import make_folder
 
+    checked_path(file)
     if file.is_dir():
         raise DubbingError("a folder, not a file to write", str(file), "give a file's name")
+    for other in read:
+        if file.resolve() == other.resolve() or (file.exists() and file.samefile(other)):
+            raise CallError("it is read, so it cannot be written", str(file), "give another name")
     make_folder(file.parent)
     return file
+
+
+def checked_path(path: Path) -> Path:
+    """A path that can be written down in what is kept.
+
+    Raises:
+        CallError: its name is no UTF-8.
+    """
+    from dubbing.manifest.entries import check_path
+
+    try:
+        check_path(path.absolute())
+    except ValueError as error:
+        raise CallError(str(error), str(path)) from error
+    return path
+
+
+def checked_seconds(seconds: float | None) -> float | None:
+    """A length that was asked for.
+
+    Raises:
+        DubbingError: it is none.
+    """
+    from dubbing.manifest.entries import LONGEST_SECONDS
+
+    if seconds is not None and not 0 < seconds <= LONGEST_SECONDS:
+        remedy = f"use a number up to {LONGEST_SECONDS:g}"
+        raise DubbingError(f"{seconds:g} s is no length", "--seconds", remedy)
+    return seconds

@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
-from rich.table import Table
+from rich.table import Column, Table
+from rich.text import Text
+
+from dubbing.printable import visible
 
 # `dfrf doctor` prints without the packages that these import.
 if TYPE_CHECKING:
@@ -31,13 +34,26 @@ screen = Console(stderr=True, highlight=False)
 
 def _bars() -> Progress:
     columns = (
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(bar_width=24),
         TextColumn("{task.percentage:>3.0f} %"),
         TimeElapsedColumn(),
-        TextColumn("[dim]{task.fields[message]}"),
+        TextColumn("{task.fields[message]}", style="dim", markup=False),
     )
     return Progress(*columns, console=screen, transient=True)
+
+
+def _line(console: Console, text: str, style: str | None = None) -> None:
+    """A line that says what it holds: no markup, no orders to the terminal."""
+    console.print(visible(text), style=style, markup=False)
+
+
+def _table(*columns: str) -> Table:
+    return Table(*(Column(_cell(name)) for name in columns))
+
+
+def _cell(text: str, style: str = "") -> Text:
+    return Text(visible(text), style)
 
 
 class Bar:
@@ -45,7 +61,7 @@ class Bar:
 
     def __init__(self, title: str) -> None:
         self._bars = _bars()
-        self._task = self._bars.add_task(title, total=1.0, message="")
+        self._task = self._bars.add_task(visible(title), total=1.0, message="")
 
     def __enter__(self) -> Bar:
         self._bars.start()
@@ -57,7 +73,7 @@ class Bar:
         self._bars.stop()
 
     def __call__(self, message: str, share: float) -> None:
-        self._bars.update(self._task, completed=share, message=message)
+        self._bars.update(self._task, completed=share, message=visible(message))
 
 
 class Bars:
@@ -70,7 +86,7 @@ class Bars:
 
     def __enter__(self) -> Bars:
         for warning in self._warnings:
-            screen.print(f"warning: {warning}", style="yellow", markup=False)
+            _line(screen, f"warning: {warning}", "yellow")
         self._bars.start()
         return self
 
@@ -82,21 +98,23 @@ class Bars:
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
         """A stage starts."""
         title = f"{job.name}: {stage.name}"
-        self._tasks[job.name, stage.name] = self._bars.add_task(title, total=1.0, message="")
+        task = self._bars.add_task(visible(title), total=1.0, message="")
+        self._tasks[job.name, stage.name] = task
         if not screen.is_terminal:
-            screen.print(f"{title} ({', '.join(reasons)})", markup=False)
+            _line(screen, f"{title} ({', '.join(reasons)})")
 
     def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
         """A stage is ``share`` (0..1) done."""
-        self._bars.update(self._tasks[job.name, stage.name], completed=share, message=message)
+        task = self._tasks[job.name, stage.name]
+        self._bars.update(task, completed=share, message=visible(message))
 
     def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
         """A stage is done or has failed."""
         self._bars.remove_task(self._tasks.pop((job.name, stage.name)))
         if failure:
-            screen.print(f"{job.name}: {stage.name} failed: {failure}", style="red", markup=False)
+            _line(screen, f"{job.name}: {stage.name} failed: {failure}", "red")
         elif screen.is_terminal:
-            screen.print(f"{job.name}: {stage.name} done", style="green", markup=False)
+            _line(screen, f"{job.name}: {stage.name} done", "green")
 
 
 def summary(result: Result) -> None:
@@ -106,11 +124,13 @@ def summary(result: Result) -> None:
         text = f"{name}: {outcome.state}" + (f" in {seconds:.0f} s" if seconds else "")
         if outcome.failure:
             text += f"; {outcome.failure}"
-        out.print(text, style=COLOURS.get(outcome.state), markup=False)
+        _line(out, text, COLOURS.get(outcome.state))
     for name, sync in result.syncs.items():
         text = f"{name}: sync {sync.get('verdict')}: {sync.get('reason')}"
-        out.print(text, style=COLOURS.get(str(sync.get("verdict"))), markup=False)
-    out.print(f"report: {result.report}", markup=False)
+        _line(out, text, COLOURS.get(str(sync.get("verdict"))))
+    failed = isinstance(result.report, Exception)
+    said = f"no report: {result.report}" if failed else f"report: {result.report}"
+    _line(out, said, "red" if failed else None)
 
 
 def plan(rows: Sequence[Row], warnings: Sequence[str], *, as_json: bool) -> None:
@@ -128,12 +148,13 @@ def plan(rows: Sequence[Row], warnings: Sequence[str], *, as_json: bool) -> None
         ]
         print(json.dumps({"warnings": list(warnings), "stages": told}, indent=2))
         return
-    table = Table("job", "stage", "state", "why")
+    table = _table("job", "stage", "state", "why")
     for row in rows:
-        state = f"[{COLOURS.get(row.state, 'default')}]{row.state}[/]"
-        table.add_row(f"{row.job.kind} {row.job.name}", row.stage, state, "; ".join(row.reasons))
+        state = _cell(row.state, COLOURS.get(row.state, "default"))
+        name = _cell(f"{row.job.kind} {row.job.name}")
+        table.add_row(name, row.stage, state, _cell("; ".join(row.reasons)))
     for warning in warnings:
-        out.print(f"warning: {warning}", style="yellow", markup=False)
+        _line(out, f"warning: {warning}", "yellow")
     out.print(table)
     runs = sum(row.state == "run" for row in rows)
     kept = sum(row.state == "up to date" for row in rows)
@@ -142,7 +163,7 @@ def plan(rows: Sequence[Row], warnings: Sequence[str], *, as_json: bool) -> None
 
 def sync(found: dict[str, Any]) -> None:
     """The lip-sync figures of one video."""
-    out.print(f"{found['verdict']}: {found['reason']}", style=COLOURS.get(found["verdict"]))
+    _line(out, f"{found['verdict']}: {found['reason']}", COLOURS.get(found["verdict"]))
     if found["offset_frames"] is None:
         return
     out.print(f"offset {found['offset_frames']} frames, {found['offset_ms']:.0f} ms", end="")
@@ -153,19 +174,19 @@ def sync(found: dict[str, Any]) -> None:
 def metrics(found: dict[str, dict[str, dict[str, Any]]]) -> None:
     """Held-out figures: identity -> method -> figure. A table a person, a column a method."""
     for identity, methods in found.items():
-        table = Table(identity, *methods)
+        table = _table(identity, *methods)
         # In the order in which they were measured.
         for name in dict.fromkeys(key for row in methods.values() for key in row):
-            table.add_row(name, *(_figure(row.get(name)) for row in methods.values()))
+            table.add_row(*map(_cell, [name, *(_figure(m.get(name)) for m in methods.values())]))
         out.print(table)
 
 
 def doctor(findings: Sequence[Finding]) -> None:
     """What the machine has and lacks."""
-    table = Table("what", "state", "found", "what to do")
+    table = _table("what", "state", "found", "what to do")
     for finding in findings:
-        state = f"[{COLOURS.get(finding.state, 'default')}]{finding.state}[/]"
-        table.add_row(finding.what, state, finding.found, finding.remedy)
+        state = _cell(finding.state, COLOURS.get(finding.state, "default"))
+        table.add_row(finding.what, state, _cell(finding.found), _cell(finding.remedy))
     out.print(table)
 
 

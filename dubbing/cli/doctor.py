@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
+from dubbing import packages
 from dubbing.errors import MediaError
 from dubbing.shipped.base import BASE
 
-PINNED_MEDIAPIPE = "0.10.21"  # the last version that carries its models in the wheel
 ENOUGH_MEMORY, ENOUGH_DISK = 6.0, 5.0  # GiB
 INSTALL = "make install"
 
@@ -40,6 +40,7 @@ def examine() -> list[Finding]:
         _memory,
         _disk,
         _ffmpeg,
+        _packages,
         _mediapipe,
         _opencv,
         _base,
@@ -118,10 +119,17 @@ def _ffmpeg() -> Finding:
 
 def _mediapipe() -> Finding:
     found = _version("mediapipe")
-    if found == PINNED_MEDIAPIPE:
+    if f"mediapipe=={found}" == packages.TRACKER["mediapipe"]:
         return Finding("mediapipe", "fine", found)
-    command = f"python -m pip install --no-deps mediapipe=={PINNED_MEDIAPIPE}"
+    command = packages.command(["mediapipe"])
     return Finding("mediapipe", "lacking", found or "not installed", command)
+
+
+def _packages() -> Finding:
+    gone = packages.missing()
+    if not gone:
+        return Finding("packages", "fine", "all that are declared")
+    return Finding("packages", "lacking", f"without {', '.join(gone)}", packages.command(gone))
 
 
 def _opencv() -> Finding:

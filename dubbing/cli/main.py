@@ -6,16 +6,19 @@ check fell short; 130 interrupted, and resumable. Nothing here imports torch.
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
+from dubbing import packages
 from dubbing.cli import training_commands
 from dubbing.cli.arguments import (
     FORCEABLE,
@@ -24,11 +27,16 @@ from dubbing.cli.arguments import (
     ManifestPath,
     Only,
     checked_device,
+    checked_output,
+    checked_path,
+    checked_seconds,
     checked_size,
 )
-from dubbing.errors import DubbingError, LockedError, ManifestError
+from dubbing.errors import CallError, DubbingError, LockedError, ManifestError
+from dubbing.printable import visible
 
 FAILED, WRONG_CALL, INTERRUPTED = 1, 2, 130
+WRONG_CALLS = (CallError, LockedError, ManifestError)
 ENVIRONMENT = {
     "OMP_WAIT_POLICY": "PASSIVE",  # threads that spin on a shared core cost ten times the work
 }
@@ -55,6 +63,7 @@ def dub(
     ] = True,
 ) -> None:
     """Make every dub of a manifest that is not up to date."""
+    packages.require()
     from dubbing import pipeline
     from dubbing.cli import console
     from dubbing.engine.runner import Options
@@ -82,7 +91,9 @@ def plan(
 
     loaded = load(manifest)
     rows = planning.rows(build(loaded, only=tuple(only or ())), _stages(force))
-    console.plan(rows, loaded.warnings, as_json=as_json)
+    gone = packages.missing()
+    warnings = [*loaded.warnings, *([str(packages.lacking(gone))] if gone else [])]
+    console.plan(rows, warnings, as_json=as_json)
 
 
 @app.command()
@@ -98,7 +109,7 @@ def init(
     from dubbing.manifest.init import write_manifest
 
     written = write_manifest(folder)
-    typer.echo(f"wrote {written}; fill in who gave consent, then run: dfrf plan {written}")
+    say(f"wrote {written}; fill in who gave consent, then run: dfrf plan {written}")
 
 
 @app.command()
@@ -108,20 +119,26 @@ def prepare(
         typer.Argument(metavar="CLIP", exists=True, dir_okay=False, help="A video of one person."),
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", help="Folder; CLIP.prepared if not given.")
+        str | None,
+        typer.Option("--out", metavar="PATH", help="Folder; CLIP.prepared if not given."),
     ] = None,
     size: Annotated[int, typer.Option("--size", help="Side of the head crop, pixels.")] = 512,
 ) -> None:
     """Track, matte and restore the background of one clip; see contact_sheet.png."""
+    packages.require()
     from dubbing.cli import console
     from dubbing.preparation import prepare as work
+    from dubbing.preparation.claim import claimed
 
-    folder = out or clip.with_suffix(".prepared")
-    with console.Bar(f"prepare {clip.name}") as progress:
-        found = work(clip.resolve(), folder, size=checked_size(size), progress=progress)
+    size, clip = checked_size(size), checked_path(clip.resolve())
+    if out is not None and not out.strip():
+        raise DubbingError("names no folder", "--out", "name one, or leave --out away")
+    folder = checked_path(Path(out) if out else clip.with_suffix(".prepared"))
+    with claimed(folder, clip), console.Bar(f"prepare {clip.name}") as progress:
+        found = work(clip, folder, size=size, progress=progress)
     for warning in found.warnings:
-        typer.echo(f"warning: {warning}")
-    typer.echo(f"{folder / 'contact_sheet.png'}: residual shift {found.residual_shift:.3f} px")
+        say(f"warning: {warning}")
+    say(f"{folder / 'contact_sheet.png'}: residual shift {found.residual_shift:.3f} px")
 
 
 @app.command()
@@ -142,6 +159,7 @@ def sync(
     as_json: AsJson = False,
 ) -> None:
     """Measure the lip sync of any video: offset, confidence, distance. Exit code 3 on fail."""
+    packages.require()
     from dubbing.cli import console
     from dubbing.sync.check import check
     from dubbing.sync.syncnet.check import published_check
@@ -187,6 +205,7 @@ def evaluate(
     device: Device = "auto",
 ) -> None:
     """Held-out metrics of every identity, into OUTPUT/evaluate.json."""
+    packages.require()
     from dubbing.cli import console
     from dubbing.lab.evaluation import evaluate as work
     from dubbing.manifest.manifest import load
@@ -197,7 +216,7 @@ def evaluate(
             loaded,
             methods=tuple(method or ("dfrf",)),
             only=tuple(only or ()),
-            seconds=seconds,
+            seconds=checked_seconds(seconds),
             lpips_weights=tuple(lpips_weights or ()),
             device=checked_device(device),
             progress=progress,
@@ -220,10 +239,10 @@ def import_checkpoint(
     from dfrf.published.importing import import_checkpoint as work
 
     try:
-        work(file, out)
+        work(file, checked_output(out, file))
     except CheckpointError as error:
-        raise DubbingError(str(error), str(file)) from error
-    typer.echo(f"wrote {out}")
+        raise DubbingError(str(error)) from error
+    say(f"wrote {out}")
 
 
 @app.command()
@@ -247,16 +266,48 @@ def main() -> None:
     signal.signal(signal.SIGTERM, _interrupt)
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # what its characters cannot say is written out
+            stream.reconfigure(errors="backslashreplace")
     try:
-        app()
+        try:
+            os.getcwd()
+        except FileNotFoundError:
+            raise CallError("the current folder is gone", remedy="change to another") from None
+        try:
+            app()
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
     except DubbingError as error:
-        typer.echo(f"dfrf: {error}", err=True)
-        wrong_call = isinstance(error, (ManifestError, LockedError)) or error.where.startswith("--")
-        sys.exit(WRONG_CALL if wrong_call else FAILED)
+        wrong_call = isinstance(error, WRONG_CALLS) or error.where.startswith("--")
+        _end(str(error), WRONG_CALL if wrong_call else FAILED)
+    except OSError as error:  # of what is printed, too: `> /dev/full`
+        from dubbing.files import system_error
+
+        _end(str(system_error(error)), FAILED)
     except SystemExit as end:
         if end.code == INTERRUPTED:
-            typer.echo("dfrf: interrupted; run the same command again to go on", err=True)
+            _end("interrupted; run the same command again to go on", INTERRUPTED)
         raise
+
+
+def say(text: str, *, err: bool = False) -> None:
+    """Print a line, without orders to the terminal."""
+    typer.echo(visible(text), err=err)
+
+
+def _end(text: str, code: int) -> NoReturn:
+    """Say why the run ends, if that can be said."""
+    with suppress(OSError):
+        say(f"dfrf: {text}", err=True)
+    for stream, original in ((sys.stdout, sys.__stdout__), (sys.stderr, sys.__stderr__)):
+        if stream is original and stream is not None:
+            # Python tries to write the rest at its end; where that fails, its exit code is 120.
+            with suppress(OSError):
+                stream.flush()
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+    sys.exit(code)
 
 
 def _interrupt(_signal: int, _frame: FrameType | None) -> Any:

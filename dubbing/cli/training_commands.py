@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from dubbing import packages
 from dubbing.cli.arguments import Device, ManifestPath, checked_device, checked_output
 
 
@@ -18,9 +19,10 @@ def train_sync(
     out: Annotated[Path, typer.Option("--out", help="The weights to write.")],
 ) -> None:
     """Train the network of the sync check on clips of people who talk."""
+    packages.require()
     from dubbing.training.sync.training import train_sync as work
 
-    about = work(clips, checked_output(out), progress=typer.echo)
+    about = work(clips, checked_output(out, *clips), progress=typer.echo)
     typer.echo(f"wrote {out}, from {len(about['clips'])} clips")
 
 
@@ -35,15 +37,16 @@ def train_speech(
         typer.Option("--corpus", help="Folder of what is taught; OUT.corpus by default."),
     ] = None,
     steps: Annotated[int | None, typer.Option("--steps", min=1, help="Of the optimiser.")] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0)] = 0,
+    seed: Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1)] = 0,
 ) -> None:
     """Train the network of the speech features from nothing; resumes by itself."""
+    packages.require()
     from dubbing.cli import console
     from dubbing.training.speech.training import SpeechTraining
     from dubbing.training.speech.training import train_speech as work
 
     settings = SpeechTraining(seed=seed, steps=steps or SpeechTraining.steps)
-    out = checked_output(out)
+    out = checked_output(out, *(recordings or ()))
     folder = corpus or out.with_name(out.name + ".corpus")
     with console.Bar("train-speech") as progress:
         about = work(recordings or [], out, corpus=folder, settings=settings, progress=progress)
@@ -54,7 +57,7 @@ def train_base(
     manifest: ManifestPath,
     out: Annotated[Path, typer.Option("--out", help="The checkpoint to write.")],
     iterations: Annotated[
-        int | None, typer.Option("--iterations", min=1, help="Steps in all.")
+        int | None, typer.Option("--iterations", min=1, max=10**9, help="Steps in all.")
     ] = None,
     init: Annotated[
         Path | None,
@@ -67,11 +70,14 @@ def train_base(
     device: Device = "auto",
 ) -> None:
     """Train the shared base checkpoint across the identities of a manifest; resumes by itself."""
+    packages.require()
     from dubbing.cli import console
     from dubbing.manifest.manifest import load
     from dubbing.training.base import train_base as work
 
-    loaded, chosen, out = load(manifest), checked_device(device), checked_output(out)
+    loaded, chosen = load(manifest), checked_device(device)
+    clips = (identity.clip for identity in loaded.identities.values())
+    out = checked_output(out, manifest, *clips, *([init] if init else []))
     with console.Bar("train-base") as progress:
         work(
             loaded,

@@ -7,31 +7,21 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Protocol
-
-import cv2
 
 from dubbing.engine import stage as stages
 from dubbing.engine.processes import Processes
 from dubbing.engine.stage import Progress, Stage
 from dubbing.errors import DubbingError
+from dubbing.files import system_error
 from dubbing.jobs import NEEDS, Job, Jobs
 from dubbing.stage_names import OF_DUB, OF_IDENTITY
-
-# What libraries raise at data they cannot deal with: it fails one job, and its trace is kept.
-UNEXPECTED = (
-    ArithmeticError,
-    LookupError,
-    MemoryError,
-    OSError,
-    RuntimeError,
-    ValueError,
-    cv2.error,
-)
 
 
 @dataclass(frozen=True)
@@ -112,8 +102,9 @@ def told(stage: str, error: BaseException) -> Failure:
         return Failure(stage, error.what, error.where, error.remedy)
     trace = "".join(traceback.format_exception(error))
     what = f"{type(error).__name__}: {error}"
-    if isinstance(error, OSError) and error.errno == 28:
-        return Failure(stage, what, remedy="free some space, then run again", trace=trace)
+    if isinstance(error, OSError) and error.errno:
+        refused = system_error(error)
+        return Failure(stage, refused.what, refused.where, refused.remedy, trace)
     return Failure(stage, what, "not foreseen", "see the trace; please report it", trace)
 
 
@@ -125,6 +116,21 @@ class _Runner:
         self.options = options
         self.reporter = reporter
         self.outcomes = outcomes
+        # Inputs are what they are now, for the whole run.
+        self.began: dict[Path, str] = {}
+        for job in jobs.all():
+            for stage in job.stages.values():
+                with self._failing(job, stage.name):
+                    self.began |= stage.sources()
+
+    @contextmanager
+    def _failing(self, job: Job, stage: str) -> Iterator[None]:
+        """What is raised in here fails this job, and no other."""
+        outcome = self.outcomes[label(job)]
+        try:
+            yield
+        except Exception as error:
+            outcome.state, outcome.failure = "failed", told(stage, error)
 
     def everywhere(self, name: str, jobs: dict[str, Job]) -> None:
         """One kind of stage over all jobs that still stand."""
@@ -132,11 +138,12 @@ class _Runner:
         for job in jobs.values():
             if self._stands(job, name) and not self._stopped():
                 stage = job.stages[name]
-                stages.recover(stage)
-                forced = name in self.options.force
-                reasons = ["forced"] if forced else stage.changes()
-                if reasons:
-                    waiting.append((job, stage, reasons))
+                with self._failing(job, name):
+                    stages.recover(stage)
+                    forced = name in self.options.force
+                    reasons = ["forced"] if forced else stage.changes()
+                    if reasons:
+                        waiting.append((job, stage, reasons))
         for job, failure, seconds, reasons in self._done(name, waiting):
             outcome = self.outcomes[label(job)]
             outcome.reasons[name] = reasons
@@ -169,8 +176,9 @@ class _Runner:
         """After a stop: what is neither done nor failed."""
         for job in self.jobs.all() if self._stopped() else []:
             outcome = self.outcomes[label(job)]
-            if outcome.failure is None and any(s.changes() for s in job.stages.values()):
-                outcome.state = "stopped"
+            with self._failing(job, "plan"):
+                if outcome.failure is None and any(s.changes() for s in job.stages.values()):
+                    outcome.state = "stopped"
 
     def _done(
         self, name: str, waiting: list[tuple[Job, Stage, list[str]]]
@@ -183,7 +191,8 @@ class _Runner:
             if self._stopped():
                 return
             self.reporter.begin(job, stage, reasons)
-            failure, seconds = attempt(stage, force, _progress(self.reporter, job, stage))
+            progress = _progress(self.reporter, job, stage)
+            failure, seconds = attempt(stage, force, progress, self.began)
             yield job, failure, seconds, reasons
 
     def _side_by_side(
@@ -193,7 +202,8 @@ class _Runner:
             futures = {}
             for job, stage, reasons in waiting:
                 self.reporter.begin(job, stage, reasons)
-                futures[processes.submit(attempt, stage, force, _silent)] = (job, stage, reasons)
+                future = processes.submit(attempt, stage, force, _silent, self.began)
+                futures[future] = (job, stage, reasons)
             for future in as_completed(futures):
                 job, stage, reasons = futures[future]
                 try:
@@ -205,13 +215,19 @@ class _Runner:
                 yield job, failure, seconds, reasons
 
 
-def attempt(stage: Stage, force: bool, progress: Progress) -> tuple[Failure | None, float]:
-    """Run a stage; an error becomes a Failure. Gives the seconds it took."""
+def attempt(
+    stage: Stage, force: bool, progress: Progress, began: Mapping[Path, str]
+) -> tuple[Failure | None, float]:
+    """Run a stage; an error becomes a Failure. Gives the seconds it took.
+
+    Args:
+        began: digests of the files that are read, when the run began.
+    """
     started = time.perf_counter()
     failure = None
     try:
-        stages.run(stage, progress, force=force)
-    except (DubbingError, *UNEXPECTED) as error:
+        stages.run(stage, progress, force=force, began=began)
+    except Exception as error:  # whatever a library raises at odd data: its trace is kept
         failure = told(stage.name, error)
     return failure, round(time.perf_counter() - started, 2)
 

@@ -8,9 +8,9 @@ there, other settings never pick it up, and the last good result stays until the
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
+import stat
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,13 +19,37 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from dubbing.errors import StageError
+from pydantic import ConfigDict
+from typing_extensions import TypedDict
+
+from dubbing import json_records as kept
+from dubbing.errors import DubbingError, StageError
 from dubbing.files import atomic_write_json, digest_data, digest_file, sync_file
 from dubbing.media import ffmpeg
 
 RECORD = "stage.json"
 TEMPORARY = ".*.tmp*"  # names given by files.atomic_path
 PACKAGES = ("dfrf", "torch", "numpy")
+
+
+class Output(TypedDict):
+    """A file that a stage made."""
+
+    bytes: int
+    digest: str
+
+
+class Record(TypedDict):
+    """What of a stage's record is read again."""
+
+    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
+
+    version: int
+    parameters: dict[str, Any]
+    inputs: dict[str, str]
+    outputs: dict[str, Output]
+    seconds: float
+
 
 Progress = Callable[[str, float], None]
 Produce = Callable[[Path, Progress], None]
@@ -58,6 +82,13 @@ class Stage:
             for name, source in self.inputs.items()
         }
 
+    def sources(self) -> dict[Path, str]:
+        """Digest of every file that the results go back to, those of earlier stages included."""
+        found: dict[Path, str] = {}
+        for source in self.inputs.values():
+            found |= source.sources() if isinstance(source, Stage) else {source: digest_of(source)}
+        return found
+
     def result(self) -> str:
         """Digest of everything the stage made; '' if it is not done."""
         record = self.record()
@@ -67,13 +98,12 @@ class Stage:
         """Names one way to do this stage: the same key gives the same results."""
         return digest_data([self.name, self.version, dict(self.parameters), self.digests()])
 
-    def record(self, folder: Path | None = None) -> dict[str, Any] | None:
-        """The record of a finished run, or None."""
+    def record(self, folder: Path | None = None) -> Record | None:
+        """The record of a finished run, or None: one of another shape is no record."""
         try:
-            found = json.loads(((folder or self.folder) / RECORD).read_text(encoding="utf-8"))
-        except (OSError, ValueError):
+            return kept.read((folder or self.folder) / RECORD, Record, f"record of {self.name}")
+        except DubbingError:
             return None
-        return found if isinstance(found, dict) and "outputs" in found else None
 
     def partial(self) -> Path:
         """Where work in progress with the present settings lives."""
@@ -83,6 +113,8 @@ class Stage:
         """Why the results do not hold, one reason a line; empty when they do."""
         record = self.record()
         if record is None:
+            if os.path.lexists(self.folder / RECORD):
+                return ["its record is damaged"]
             started = self._inputs_ready() and self.partial().is_dir()
             return ["interrupted: goes on where it stopped" if started else "not made yet"]
         reasons = []
@@ -109,17 +141,27 @@ class Stage:
         return all(not isinstance(s, Stage) or s.record() for s in self.inputs.values())
 
 
-def run(stage: Stage, progress: Progress, *, force: bool = False) -> bool:
+def run(
+    stage: Stage,
+    progress: Progress,
+    *,
+    force: bool = False,
+    began: Mapping[Path, str] | None = None,
+) -> bool:
     """Bring a stage up to date. True if there was anything to do.
+
+    Args:
+        began: digests of files as they were when the run began: nothing is made from others.
 
     Raises:
         DubbingError: it failed. The last good result and the partial work stay.
-        StageError: it changed its inputs while it ran.
+        StageError: a file that its results go back to changed; what was made of it is gone.
     """
     recover(stage)
     if not force and not stage.changes():
         return False
-    key, digests = stage.key(), stage.digests()
+    key, digests, sources = stage.key(), stage.digests(), stage.sources()
+    _unchanged(stage, sources, {**sources, **(began or {})})
     partial = stage.partial()
     if force:
         shutil.rmtree(partial, ignore_errors=True)
@@ -128,14 +170,31 @@ def run(stage: Stage, progress: Progress, *, force: bool = False) -> bool:
         torn.unlink()  # half-written files of a run that was killed
     if stage.record(partial) is None:
         started = time.perf_counter()
-        stage.produce(partial, progress)
+        try:
+            stage.produce(partial, progress)
+        except Exception:
+            _unchanged(stage, stage.sources(), sources, partial)  # what it raised follows from that
+            raise
+        _unchanged(stage, stage.sources(), sources, partial)
         if stage.digests() != digests:
-            raise StageError("an input changed while it was read", stage.name, "run it again")
+            raise StageError("a stage before it changed meanwhile", stage.name, "run it again")
         _seal(stage, partial, key=key, digests=digests, seconds=time.perf_counter() - started)
     _swap(stage, partial)
     for leftover in stage.folder.parent.glob(f"{stage.folder.name}.partial-*"):
         shutil.rmtree(leftover)  # of other settings
     return True
+
+
+def _unchanged(
+    stage: Stage, now: Mapping[Path, str], before: Mapping[Path, str], partial: Path | None = None
+) -> None:
+    """Raises StageError, and removes the partial work, where a file is not what it was before."""
+    for path, digest in now.items():
+        if before[path] != digest:
+            if partial is not None:  # else it would be gone on with, should the old file return
+                shutil.rmtree(partial, ignore_errors=True)
+            what = f"{path.name} changed while the run was going on"
+            raise StageError(what, stage.name, "run it again")
 
 
 def recover(stage: Stage) -> None:
@@ -187,6 +246,8 @@ def digest_of(path: Path) -> str:
         status = os.stat(path)
     except FileNotFoundError:
         return ""
+    if not stat.S_ISREG(status.st_mode):
+        return ""  # a pipe that came in its place would be waited for
     return _digest(path, status.st_size, status.st_mtime_ns, status.st_ino)
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from typing_extensions import TypedDict
 
 from dfrf import device as devices
 from dfrf.checkpoint import CheckpointError
@@ -14,10 +16,11 @@ from dfrf.config import family
 from dfrf.metrics import lpips
 from dfrf.metrics.lpips import Lpips
 from dubbing import jobs, media
+from dubbing import json_records as kept
 from dubbing.engine import lock
 from dubbing.engine import stage as stages
 from dubbing.errors import DubbingError
-from dubbing.files import atomic_write_json
+from dubbing.files import atomic_write_json, remove_torn
 from dubbing.lab import tiles
 from dubbing.lab.measuring import held_out, measure
 from dubbing.manifest.manifest import Manifest
@@ -42,6 +45,14 @@ PRESET_OF_METHOD = {
 }
 
 Progress = Callable[[str, float], None]
+Figures = dict[str, dict[str, dict[str, Any]]]  # identity -> method -> figure -> value
+
+
+class Learned(TypedDict):
+    """What of a fine-tune's summary is shown."""
+
+    steps: int
+    seconds: float
 
 
 def evaluate(
@@ -53,7 +64,7 @@ def evaluate(
     lpips_weights: tuple[Path, ...] = (),
     device: str = "auto",
     progress: Progress,
-) -> dict[str, dict[str, dict[str, Any]]]:
+) -> Figures:
     """Fine-tunes what is not up to date, renders the held-out end of each clip and measures it.
 
     Figures of other identities and methods that an earlier call left in OUTPUT/evaluate.json stay.
@@ -72,8 +83,8 @@ def evaluate(
         identity -> method -> figure -> value: what the file then holds.
 
     Raises:
-        DubbingError: an unknown method or identity, other weights, nothing held out, or a stage
-            failed.
+        DubbingError: an unknown method or identity, other weights, nothing held out, another
+            evaluate.json, or a stage failed.
         LockedError: another run works in the manifest's output.
     """
     if unknown := [m for m in methods if m not in PRESET_OF_METHOD]:
@@ -92,10 +103,11 @@ def evaluate(
         except CheckpointError as error:
             raise DubbingError(str(error), "--lpips-weights") from error
     path = manifest.output / RESULT_FILE
-    found: dict[str, dict[str, dict[str, Any]]] = {}
-    if path.is_file():
-        found = json.loads(path.read_text(encoding="utf-8"))
+    found: Figures = {}
+    if os.path.lexists(path):
+        found = kept.read(path, Figures, "earlier figures", "move it away")
     with lock.hold(manifest.work):
+        remove_torn(path)
         for name, part in parts.items():
             for method in methods:
 
@@ -154,8 +166,9 @@ def evaluate_one(
     if preset != own.preset:
         # The model of the dubs stays where it is.
         finetune = replace(finetune, folder=finetune.folder.with_name(f"model-{method}"))
+    began = finetune.sources()
     for stage in (prepare, source, finetune):
-        stages.run(stage, progress)
+        stages.run(stage, progress, began=began)
     clip = PreparedClip.load(prepare.folder)
     first, count = part
     out = manifest.work / "evaluation" / name / method
@@ -188,7 +201,7 @@ def evaluate_one(
         )
         picture.unlink()
         checks[kind] = check(video)
-    learned = json.loads((finetune.folder / SUMMARY_FILE).read_text(encoding="utf-8"))
+    learned = kept.read(finetune.folder / SUMMARY_FILE, Learned, "summary of finetune")
     return {
         **means,
         "offset_frames": checks["render"].offset_frames,

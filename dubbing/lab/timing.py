@@ -8,7 +8,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +30,7 @@ from dfrf.rendering.ray_marching import march
 from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import fit
 from dubbing.compositing.composite import composite
+from dubbing.compositing.face_mask import spoken
 from dubbing.identity.dataset import load_identity, upper_measures
 from dubbing.preparation.matting.matting import hole
 from dubbing.preparation.prepared import PreparedClip
@@ -130,44 +130,68 @@ class Scene:
 @torch.no_grad()
 def frame_rows(scene: Scene) -> list[Row]:
     """What a frame of `fast` is made of, means over the frames."""
-    model, device, size = scene.model, scene.device, scene.clip.size
-    spent: dict[str, list[Row]] = {}
+    frames = [parts_of(scene, frame) for frame in scene.frames]
+    return [mean_row(list(rows)) for rows in zip(*frames, strict=True)]
+
+
+def parts_of(scene: Scene, frame: int) -> list[Row]:
+    """The stages of one frame.
+
+    Each is a lambda, whose call the type checker looks at; `partial` would hide it.
+    """
+    model, maps, device, size = scene.model, scene.maps, scene.device, scene.clip.size
+    rows: list[Row] = []
 
     def note(stage: str, work: Callable[[], object], count: int = 0, unit: str = "") -> None:
-        row = Row(stage, timed(work, device), count, unit, flop_of(work))
-        spent.setdefault(stage, []).append(row)
+        rows.append(Row(stage, timed(work, device), count, unit, flop_of(work)))
 
     focal, settings = float(scene.clip.focal), model.config.march
-    for frame in scene.frames:
-        camera, heard = scene.camera(frame), scene.heard(frame)
-        codes = model.field.told(heard, scene.upper(frame))
-        side = tile_side(model, camera[0], focal, size)
-        pixels = head_tiles(model, camera[0], focal, camera[1], size, side).view(-1)
-        rays, owner = scene.rays(frame, pixels), torch.zeros_like(pixels)
-        step_through = partial(march, *rays, model.grid, settings, group=side * side)
-        samples = step_through()
-        found = samples.points.shape[0]
-        note("speech code", partial(model.field.speech_codes, heard))
-        project = partial(head_tiles, model, camera[0], focal, camera[1], size, side)
-        note("project the grid", project, pixels.numel(), "rays")
-        note("march", step_through, found, "samples")
-        near = scene.maps and scene.maps.near(camera[0][:, 3], model.config.field.references)
-        field = partial(evaluate, model, samples, rays[1], owner, codes, near, True)
-        note("field, every sample", field, found, "samples")
-        note(
-            "head, what is seen",
-            partial(render_frame, model, camera[0], focal, camera[1], codes[0], scene.maps, size),
-            pixels.numel(),
-            "rays",
-        )
-        sight = sights_of(scene.clip, np.array([frame]))[frame].to(device)
-        step = partial(normal_equations, model, sight, camera[0], codes[0], scene.maps)
-        note("a step of a pose", step, 7 * len(sight.pixels), "rays")
-        (whole,) = heads.frames(*scene_arguments(scene, frame))
-        ((image, matte, background),) = scene.clip.frames(frame, 1)
-        laid = (image, background, hole(matte), heads.to_rgba(*whole))
-        note("composite", partial(composite, *laid))
-    return [mean_row(rows) for rows in spent.values()]
+    (c2w, centre), heard = scene.camera(frame), scene.heard(frame)
+    codes = model.field.told(heard, scene.upper(frame))
+    side = tile_side(model, c2w, focal, size)
+    pixels = head_tiles(model, c2w, focal, centre, size, side).view(-1)
+    (origins, directions), owner = scene.rays(frame, pixels), torch.zeros_like(pixels)
+    samples = march(origins, directions, model.grid, settings, group=side * side)
+    found, rays = samples.points.shape[0], pixels.numel()
+    note("speech code", lambda: model.field.speech_codes(heard))
+    note(
+        "project the grid",
+        lambda: head_tiles(model, c2w, focal, centre, size, side),
+        rays,
+        "rays",
+    )
+    note(
+        "march",
+        lambda: march(origins, directions, model.grid, settings, group=side * side),
+        found,
+        "samples",
+    )
+    near = None if maps is None else maps.near(c2w[:, 3], model.config.field.references)
+    note(
+        "field, every sample",
+        lambda: evaluate(model, samples, directions, owner, codes, near, True),
+        found,
+        "samples",
+    )
+    note(
+        "head, what is seen",
+        lambda: render_frame(model, c2w, focal, centre, codes[0], maps, size),
+        rays,
+        "rays",
+    )
+    sight = sights_of(scene.clip, np.array([frame]))[frame].to(device)
+    note(
+        "a step of a pose",
+        lambda: normal_equations(model, sight, c2w, codes[0], maps),
+        7 * len(sight.pixels),
+        "rays",
+    )
+    (whole,) = heads.frames(*scene_arguments(scene, frame))
+    ((_, matte, background),) = scene.clip.frames(frame, 1)
+    head = heads.to_rgba(*whole)
+    may = spoken(scene.clip.landmarks[frame], size)
+    note("composite", lambda: composite(background, hole(matte), head, may))
+    return rows
 
 
 def scene_arguments(

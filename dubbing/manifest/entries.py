@@ -6,9 +6,21 @@ import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+)
 
-LONGEST_NAME = 100
+from dubbing import files
+from dubbing.printable import is_blank
+
+LONGEST_NAME = 100  # characters
+LONGEST_BYTES = files.LONGEST_NAME - len(".sync.json")  # of a name, which a file's name begins with
+LONGEST_SECONDS = 1e9
 SIZES = range(64, 1025, 8)  # sides of the head crop, pixels
 
 
@@ -28,10 +40,23 @@ def place_of(written: str, folder: Path) -> Path:
     try:
         path = (folder / Path(written).expanduser()).resolve()
         path.exists()
+        check_path(path)
     except (OSError, RuntimeError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise ValueError(f"cannot be a path: {reason}") from error
     return path
+
+
+def check_path(path: Path) -> None:
+    """Records and reports are UTF-8, and so must be what they name.
+
+    Raises:
+        ValueError: the path is not.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        raise ValueError("its name is no UTF-8: rename the file or folder") from error
 
 
 def check_name(value: Any) -> Any:
@@ -40,6 +65,8 @@ def check_name(value: Any) -> Any:
         raise ValueError("must be text: put it in quotes")
     if not value.strip() or len(value) > LONGEST_NAME:
         raise ValueError(f"must have 1 to {LONGEST_NAME} characters")
+    if len(value.encode(errors="replace")) > LONGEST_BYTES:
+        raise ValueError(f"must have at most {LONGEST_BYTES} bytes in UTF-8: give a shorter name")
     if "/" in value or "\\" in value or ":" in value or value in (".", ".."):
         raise ValueError("would leave the output folder: a name has no '/', '\\' or ':'")
     if value.startswith(".") or value != value.strip() or not value.isprintable():
@@ -47,8 +74,15 @@ def check_name(value: Any) -> Any:
     return value
 
 
+def _check_words(value: str) -> str:
+    if is_blank(value):
+        raise ValueError("must not be empty: nothing in it can be read")
+    return value
+
+
 FilePath = Annotated[Path, BeforeValidator(_resolve)]
 Name = Annotated[str, BeforeValidator(check_name)]
+Words = Annotated[str, Field(min_length=1), AfterValidator(_check_words)]
 
 
 class Entry(BaseModel):
@@ -60,23 +94,23 @@ class Entry(BaseModel):
 class Consent(Entry):
     """Who agreed to the dubbing of this face, when, and where that is written down."""
 
-    by: str = Field(min_length=1)
+    by: Words
     date: datetime.date | None = Field(default=None, strict=False)
-    reference: str = Field(min_length=1)
+    reference: Words
 
 
 class Finetune(Entry):
     """How long to learn; the preset says it by default."""
 
-    iterations: int | None = Field(default=None, ge=1)
+    iterations: int | None = Field(default=None, ge=1, le=10**9)
 
 
 class Identity(Entry):
     """A filmed person: a clip, which seconds of it to learn from, and how."""
 
     clip: FilePath
-    start: float = Field(default=0.0, ge=0, allow_inf_nan=False)
-    seconds: float = Field(default=15.0, gt=0, allow_inf_nan=False)
+    start: float = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    seconds: float = Field(default=15.0, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     consent: Consent
     preset: Literal["fast", "paper", "ad-nerf", "nerf"] = "fast"
     seed: int = Field(default=0, ge=0, lt=2**31)
@@ -93,9 +127,9 @@ class Dub(Entry):
     name: Name
     identity: str
     audio: FilePath
-    audio_start: float = Field(default=0.0, ge=0, allow_inf_nan=False)
-    audio_seconds: float | None = Field(default=None, gt=0, allow_inf_nan=False)
-    video_start: float = Field(default=0.0, ge=0, allow_inf_nan=False)
+    audio_start: float = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    audio_seconds: float | None = Field(default=None, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    video_start: float = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     on_longer_audio: Literal["bounce", "loop", "hold", "cut", "fail"] = "bounce"
     frame: Literal["full", "crop"] = "full"
     label: bool = True

@@ -10,6 +10,7 @@ from dubbing import timeline
 from dubbing.errors import DubbingError, MediaError
 from dubbing.manifest import preset_checks as published
 from dubbing.manifest.entries import Dub, Identity
+from dubbing.media.muxing import MOST_CHANNELS, SOUND
 from dubbing.media.probing import MediaInfo, probe
 from dubbing.speech import features
 
@@ -103,6 +104,9 @@ def _dub(findings: Findings, place: int, dub: Dub, identity: Identity | None) ->
     if sound is not None:
         if sound.audio_rate is None:
             findings.problems.append(((*at, "audio"), f"no sound in {dub.audio}"))
+        elif (sound.audio_channels or 0) > (most := MOST_CHANNELS[SOUND[dub.codec]]):
+            message = f"{sound.audio_channels} channels in {dub.audio}: {dub.codec} takes {most}"
+            findings.problems.append(((*at, "audio"), f"{message} at most; mix it down"))
         elif dub.audio_start >= sound.sound_seconds:
             message = f"{dub.audio_start:g} s is past the end: the sound is"
             problem = f"{message} {sound.sound_seconds:.1f} s long"

@@ -13,16 +13,18 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from dubbing.errors import ManifestError, MediaError, Problem
-from dubbing.manifest import inputs, yaml_lines
-from dubbing.manifest.entries import Dub, Entry, Identity, check_name, place_of
+from dubbing.errors import DubbingError, ManifestError, MediaError, Problem
+from dubbing.files import read_bounded
+from dubbing.manifest import inputs, overwriting, yaml_lines
+from dubbing.manifest.entries import Dub, Entry, Identity, check_name, check_path, place_of
 from dubbing.manifest.messages import describe, plain, suggestion
 from dubbing.media.probing import MediaInfo
 
+MOST_BYTES = 10 * 10**6
 TOP = ("version", "output", "defaults", "identities", "dubs")
 # Stands in for a wrong value, so that the rest of its entry can be checked too.
 UNKNOWN: dict[str, Any] = {
-    "consent": {"by": "?", "reference": "?"},
+    "consent": {"by": "unknown", "reference": "unknown"},
     "identity": "?",
     "name": "?",
 }
@@ -44,7 +46,7 @@ class Manifest(BaseModel):
     @property
     def work(self) -> Path:
         """Where the stages keep what they make."""
-        return self.output / "work"
+        return self.output / overwriting.WORK
 
 
 def load(path: Path | str) -> Manifest:
@@ -53,13 +55,17 @@ def load(path: Path | str) -> Manifest:
     Raises:
         ManifestError: with all problems found.
     """
-    path = Path(path).resolve()
+    path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        path = path.resolve()
+        check_path(path)
+        text = read_bounded(path, MOST_BYTES).decode()
     except FileNotFoundError:
         raise ManifestError(str(path), [Problem(0, "", "no such file")]) from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, RuntimeError, ValueError) as error:
         raise ManifestError(str(path), [Problem(0, "", f"cannot be read: {error}")]) from error
+    except DubbingError as error:
+        raise ManifestError(str(path), [Problem(0, "", error.what)]) from error
     reader = _Reader(path, yaml_lines.read(text))
     manifest = reader.manifest()
     if manifest is None:
@@ -89,6 +95,9 @@ class _Reader:
         findings = inputs.inspect(identities, dubs)
         for key, message in findings.problems:
             self._say(self._written(key), message)
+        if output is not None:
+            for key, message in overwriting.problems(self.path, output, identities, dubs):
+                self._say(self._written(key), message)
         if self.problems or output is None:
             return None
         return Manifest(

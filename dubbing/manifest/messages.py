@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import difflib
+import reprlib
 from collections.abc import Iterable
 from typing import Any
 
 from dubbing.manifest.entries import Entry
+
+LONGEST = 60  # characters of a wrong value that are shown
 
 
 def plain(detail: Any, model: type[Entry]) -> str:
@@ -20,16 +23,16 @@ def plain(detail: Any, model: type[Entry]) -> str:
     if kind == "value_error":
         return str(detail["ctx"]["error"])
     if kind == "literal_error":
-        return f"must be one of {detail['ctx']['expected']}, not {value!r}"
+        return f"must be one of {detail['ctx']['expected']}, not {short(value)}"
     text = {
         "missing": "is required",
         "string_type": f"must be text, not {describe(value)}: put it in quotes",
         "string_too_short": "must not be empty",
         "model_type": f"must hold keys, not {describe(value)}",
-        "bool_type": f"must be true or false, not {value!r}",
+        "bool_type": f"must be true or false, not {short(value)}",
     }
     sentence = str(detail["msg"]).replace("Input should be", "must be")
-    return text.get(kind, f"{sentence}, not {value!r}")
+    return text.get(kind, f"{sentence}, not {short(value)}")
 
 
 def suggestion(key: str, known: Iterable[str]) -> str:
@@ -41,4 +44,10 @@ def suggestion(key: str, known: Iterable[str]) -> str:
 def describe(value: Any) -> str:
     """The kind of a wrong value."""
     kinds = {dict: "keys", list: "a list", str: "text", type(None): "nothing"}
-    return kinds.get(type(value), repr(value))
+    return kinds.get(type(value), short(value))
+
+
+def short(value: Any) -> str:
+    """A wrong value as it was written, or the beginning of a long one."""
+    text = reprlib.repr(value)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."

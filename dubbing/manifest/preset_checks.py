@@ -4,7 +4,6 @@ it starts from. Loads no torch.
 
 from __future__ import annotations
 
-import json
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,8 @@ from typing import Any
 from safetensors import SafetensorError, safe_open
 
 from dfrf.config import FORMATS, PUBLISHED_SPEECH, STEPS, family
+from dubbing import json_records as kept
+from dubbing.errors import DubbingError
 from dubbing.manifest.entries import Identity
 from dubbing.timeline import frame_count
 
@@ -27,10 +28,10 @@ def base_header(base: Path) -> dict[str, Any]:
     """What a checkpoint says of itself; nothing where it cannot be read."""
     try:
         with safe_open(str(base), framework="numpy") as file:
-            found = json.loads((file.metadata() or {}).get("dfrf", "{}"))
-    except (OSError, SafetensorError, ValueError):
+            text = (file.metadata() or {}).get("dfrf", "{}")
+        return kept.parse(text, dict[str, Any], "header", str(base), "name another base")
+    except (OSError, SafetensorError, DubbingError):
         return {}
-    return found if isinstance(found, dict) else {}
 
 
 def base_problem(identity: Identity) -> str | None:
@@ -38,7 +39,7 @@ def base_problem(identity: Identity) -> str | None:
     if identity.base is None:
         return None
     kinds = {name: kind for kind, name in FORMATS.items()}
-    kind = kinds.get(base_header(identity.base).get("format", ""))
+    kind = kinds.get(str(base_header(identity.base).get("format")))
     if kind is None or kind == family(identity.preset):
         return None
     return f"is a base of preset {kind!r}, but the identity has preset {identity.preset!r}"

@@ -13,6 +13,9 @@ Path = tuple[str | int, ...]
 # What PyYAML raises at a value that is not of its kind, as the date 2026-13-45.
 UNFIT = (ArithmeticError, AttributeError, LookupError, ValueError)
 MOST_NODES = 100_000  # aliases can make a short file describe an endless tree
+DEEPEST = 50
+LONGEST_VALUE = 100  # characters of what is no text: a number of a million digits takes hours
+MERGE, TEXT = "tag:yaml.org,2002:merge", "tag:yaml.org,2002:str"
 
 
 @dataclass
@@ -42,7 +45,7 @@ def read(text: str) -> Document:
     """Parse ``text``; broken syntax, unsafe tags and keys given twice become problems."""
     document = Document()
     try:
-        loader = yaml.SafeLoader(text)
+        loader = _Loader(text)
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         said = f"not valid YAML: the character {chr(error.character)!r} is not allowed"
@@ -65,6 +68,19 @@ def read(text: str) -> Document:
     return document
 
 
+class _Loader(yaml.SafeLoader):
+    """Reads no more nodes than are built of them."""
+
+    read = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        self.read += 1
+        if self.read > MOST_NODES:
+            mark = self.peek_event().start_mark
+            raise yaml.composer.ComposerError(None, None, "too many values", mark)
+        return super().compose_node(parent, index)
+
+
 class _Builder:
     def __init__(self, loader: yaml.SafeLoader, document: Document) -> None:
         self.loader = loader
@@ -72,11 +88,7 @@ class _Builder:
         self.nodes = 0
 
     def build(self, node: yaml.Node, path: Path) -> Any:
-        self.nodes += 1
-        if self.nodes > MOST_NODES or len(path) > 50:
-            raise yaml.constructor.ConstructorError(
-                None, None, "too many or too deep aliases", node.start_mark
-            )
+        self._count(node, 1, len(path))
         self.document.lines.setdefault(path, node.start_mark.line + 1)
         plain = "tag:yaml.org,2002:" + ("seq" if isinstance(node, yaml.SequenceNode) else "map")
         if isinstance(node, yaml.CollectionNode) and node.tag != plain:
@@ -87,11 +99,24 @@ class _Builder:
             return [self.build(item, (*path, k)) for k, item in enumerate(node.value)]
         if isinstance(node, yaml.MappingNode):
             return self._mapping(node, path)
+        assert isinstance(node, yaml.ScalarNode)
         return self._constructed(node, path)
 
-    def _constructed(self, node: yaml.Node, path: Path) -> Any:
+    def _count(self, node: yaml.Node, more: int, depth: int) -> None:
+        self.nodes += more
+        if self.nodes > MOST_NODES or depth > DEEPEST:
+            raise yaml.constructor.ConstructorError(
+                None, None, "too many or too deep aliases", node.start_mark
+            )
+
+    def _constructed(self, node: yaml.ScalarNode, path: Path) -> Any:
         try:
-            return self.loader.construct_object(node, deep=True)
+            if node.tag != TEXT and len(node.value) > LONGEST_VALUE:
+                raise ValueError
+            value = self.loader.construct_object(node, deep=True)
+            if isinstance(value, str):
+                value.encode()  # half a character, as "\ud800", is none
+            return value
         except UNFIT:
             kind = node.tag.removeprefix("tag:yaml.org,2002:")
             what = f"{node.value!r:.60} cannot be read as {kind}"
@@ -106,16 +131,41 @@ class _Builder:
                 if key.value in own:
                     self._problem(key, (*path, key.value), "given twice")
                 own.add(key.value)
-        self.loader.flatten_mapping(node)
         data: dict[Any, Any] = {}
-        for key, value in node.value:
+        for key, value in self._pairs(node, 0):
+            if not isinstance(key, yaml.ScalarNode):
+                self._problem(key, path, "a key is not text")
+                continue
             name = self._constructed(key, path)
             if not isinstance(name, str):
-                self._problem(key, path, f"the key {key.value!r} is not text: put it in quotes")
+                said = f"the key {key.value!r:.60} is not text: put it in quotes"
+                self._problem(key, path, said)
                 continue
             self.document.lines[(*path, name)] = key.start_mark.line + 1
             data[name] = self.build(value, (*path, name))
         return data
+
+    def _pairs(self, node: yaml.MappingNode, depth: int) -> list[tuple[yaml.Node, yaml.Node]]:
+        """Keys and values: first those that it merges (``<<``), then its own, which overrule them.
+
+        PyYAML puts merged keys in place before they can be counted, a power of them where mappings
+        merge one another.
+        """
+        merged: list[tuple[yaml.Node, yaml.Node]] = []
+        own = []
+        for key, value in node.value:
+            if key.tag != MERGE:
+                own.append((key, value))
+                continue
+            others = value.value if isinstance(value, yaml.SequenceNode) else [value]
+            for other in reversed(others):  # the first overrules the others
+                if not isinstance(other, yaml.MappingNode):
+                    raise yaml.constructor.ConstructorError(
+                        None, None, "only mappings can be merged", key.start_mark
+                    )
+                merged += self._pairs(other, depth + 1)
+        self._count(node, 1 + len(merged), depth)
+        return merged + own
 
     def _problem(self, node: yaml.Node, path: Path, message: str) -> None:
         line = node.start_mark.line + 1

@@ -5,13 +5,14 @@ seconds from the start of the file and frame rates exact fractions.
 """
 
 from dubbing.media.ffmpeg import binary, version
-from dubbing.media.muxing import mux
+from dubbing.media.muxing import SOUND, mux
 from dubbing.media.probing import MediaInfo, count_frames, probe
 from dubbing.media.reading import iter_audio, read_audio, read_frames
 from dubbing.media.writing import CODECS, SUFFIX, VideoWriter
 
 __all__ = [
     "CODECS",
+    "SOUND",
     "SUFFIX",
     "MediaInfo",
     "VideoWriter",

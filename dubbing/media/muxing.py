@@ -9,16 +9,19 @@ from fractions import Fraction
 from itertools import accumulate, pairwise
 from pathlib import Path
 
-import ffmpeg
-
+from dubbing.errors import MediaError
 from dubbing.files import atomic_path
 from dubbing.media.ffmpeg import run
+from dubbing.media.opening import address, into, joined, sound_of, source
+from dubbing.media.probing import probe
 
 AUDIO_CODECS = {
     "aac": {"acodec": "aac", "audio_bitrate": "256k"},
     "pcm": {"acodec": "pcm_s24le"},
     "flac": {"acodec": "flac"},
 }
+MOST_CHANNELS = {"aac": 8, "pcm": 64, "flac": 8}
+SOUND = {"h264": "aac", "prores": "pcm", "ffv1": "flac"}  # beside which picture
 
 
 def mux(
@@ -46,9 +49,9 @@ def mux(
         metadata: tags of the container.
 
     Raises:
-        MediaError: ffmpeg failed.
+        MediaError: `audio_source` cannot be read, ffmpeg failed, or a part cannot be listed for it.
     """
-    sound = ffmpeg.input(str(audio_source), ss=f"{audio_start:.6f}").audio
+    sound = sound_of(audio_source, probe(audio_source).zero, audio_start)
     # Sound that begins late in its file is padded, so that it keeps its place.
     sound = sound.filter("aresample", **{"async": 1, "first_pts": 0})
     if audio_rate is not None:
@@ -60,17 +63,19 @@ def mux(
     with ExitStack() as stack:
         temporary = stack.enter_context(atomic_path(Path(out)))
         if isinstance(video, (str, Path)):
-            picture = ffmpeg.input(str(video)).video
+            picture = source(video).video
         else:
-            listing = stack.enter_context(tempfile.NamedTemporaryFile("w", suffix=".txt"))
+            listing = stack.enter_context(
+                tempfile.NamedTemporaryFile("w", encoding="utf-8", suffix=".txt")
+            )
             listing.write(concat_list(video))
             listing.flush()
-            picture = ffmpeg.input(listing.name, format="concat", safe=0).video
+            picture = joined(listing.name).video
         options = {"movflags": "+faststart"} if temporary.suffix in (".mp4", ".mov") else {}
-        graph = ffmpeg.output(
+        graph = into(
+            temporary,
             picture,
             sound,
-            str(temporary),
             vcodec="copy",
             map_metadata=-1,
             fflags="+bitexact",
@@ -86,7 +91,9 @@ def concat_list(parts: Sequence[tuple[Path, Fraction]]) -> str:
     lines = ["ffconcat version 1.0"]
     ends = [Fraction(0), *accumulate(length for _, length in parts)]
     for (path, _), (start, end) in zip(parts, pairwise(ends), strict=True):
-        quoted = str(path.resolve()).replace("'", r"'\''")
+        if set(address(path)) & {"\n", "\r"}:
+            raise MediaError("a line break in its path", str(path), "name the folder without")
+        quoted = address(path).replace("'", r"'\''")
         micro = round(end * 10**6) - round(start * 10**6)
         lines += [f"file '{quoted}'", f"duration {micro // 10**6}.{micro % 10**6:06d}"]
     return "\n".join(lines) + "\n"

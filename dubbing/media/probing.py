@@ -13,8 +13,10 @@ from fractions import Fraction
 from pathlib import Path
 
 import av
+import numpy as np
 
 from dubbing.errors import MediaError
+from dubbing.media.opening import opened
 
 COMMON_RATES = (
     *(Fraction(n) for n in (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120)),
@@ -22,6 +24,10 @@ COMMON_RATES = (
 )
 JITTER = 0.3  # largest departure of a time stamp from a constant rate, in frames
 COMPLETE = 0.98  # of the frames the header promises (most containers promise none)
+SHORTEST, LONGEST, SLIMMEST = 16, 16384, 10  # px, px, and one side over the other
+FLOATS = {"pcm_f32le": "<f4", "pcm_f32be": ">f4", "pcm_f64le": "<f8", "pcm_f64be": ">f8"}
+LOUDEST = 1e6  # 1 is full scale; the AAC encoder gives up from about 1e10
+RESTARTS = 0x0200  # AVFMT_TS_DISCONT, a flag of containers; see `MediaInfo.zero`
 ATTACHED_PICTURE = av.stream.Disposition.attached_pic
 
 
@@ -35,6 +41,8 @@ class MediaInfo:
         frames: how many frames ``read_frames`` gives at that rate.
         duration: of the picture in seconds; of the sound, where there is no picture.
         video_start, audio_start: seconds after the start of the file; 0 for most files.
+        zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
+            first stream it was asked for instead (MPEG-TS, MPEG-PS, Ogg); else None.
         matrix: ffmpeg's name of the colour matrix, guessed from the size where untagged.
     """
 
@@ -52,6 +60,7 @@ class MediaInfo:
     audio_channels: int | None
     audio_duration: float | None
     audio_start: float
+    zero: float | None = None
 
     @property
     def sound_seconds(self) -> float:
@@ -63,13 +72,14 @@ def probe(path: Path | str) -> MediaInfo:
     """Read what ``path`` holds.
 
     Raises:
-        MediaError: missing, unreadable, or neither picture nor sound in it.
+        MediaError: missing, unreadable, a playlist, neither picture nor sound in it, a picture of
+            a shape that nobody films, pictures without time stamps, or sound that is no number.
     """
     path = Path(path)
     if not path.is_file():
         raise MediaError("no such file", str(path))
     try:
-        with av.open(str(path)) as container:
+        with opened(path) as container:
             return _read(path, container)
     except (av.FFmpegError, ValueError) as error:
         raise MediaError("not a readable media file", str(path), str(error)) from error
@@ -82,7 +92,7 @@ def count_frames(path: Path | str) -> int:
         MediaError: it cannot be decoded.
     """
     try:
-        with av.open(str(path)) as container:
+        with opened(path) as container:
             container.streams.video[0].thread_type = "AUTO"
             return sum(1 for _ in container.decode(video=0))
     except (av.FFmpegError, IndexError) as error:
@@ -95,11 +105,16 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     if video is None and sound is None:
         raise MediaError("neither picture nor sound in it", str(path))
     times: list[float] = []
-    pictures = 0
+    pictures = untimed = 0
+    floats = FLOATS.get(sound.codec_context.name) if sound is not None else None
     ends = {"video": 0.0, "audio": 0.0}
     starts: dict[str, float] = {}
     for packet in container.demux([s for s in (video, sound) if s is not None]):
-        pictures += packet.stream.type == "video" and packet.size > 0
+        if packet.stream.type == "video" and packet.size > 0:
+            pictures += 1
+            untimed += packet.pts is None and packet.dts is None
+        elif floats is not None and packet.size > 0:
+            _check_sound(path, packet, floats)
         if packet.pts is None or packet.is_discard or packet.time_base is None:
             continue
         at = float(packet.pts * packet.time_base)
@@ -115,6 +130,10 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     if video is not None and pictures < COMPLETE * video.frames:
         broken = f"it breaks off: {pictures} of {video.frames} frames are there"
         raise MediaError(broken, str(path), "copy or convert the file again")
+    if times and untimed:
+        # Negative times of a Matroska file, for one: ffmpeg would guess, and drop what clashes.
+        what = f"{untimed} of its {pictures} frames have no time stamp"
+        raise MediaError(what, str(path), "convert the file again")
     if sound is not None and "audio" not in starts:
         sound = None  # a declared but empty track is no sound
 
@@ -153,7 +172,19 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         audio_channels=sound.channels if sound is not None else None,
         audio_duration=audio_duration,
         audio_start=audio_start,
+        zero=zero if container.format.flags & RESTARTS else None,
     )
+
+
+def _check_sound(path: Path, packet: av.Packet, kind: str) -> None:
+    size = np.dtype(kind).itemsize
+    samples = np.frombuffer(memoryview(packet), kind, packet.size // size)
+    with np.errstate(invalid="ignore"):
+        good = samples.size == 0 or (samples.max() < LOUDEST and samples.min() > -LOUDEST)
+    if not good:
+        at = float((packet.pts or 0) * (packet.time_base or 0))
+        what = f"its sound holds samples that are not finite numbers, from about {at:.1f} s on"
+        raise MediaError(what, str(path), "export it again, with 16 or 24 bits")
 
 
 def choose_rate(times: Sequence[float], hints: Sequence[Fraction]) -> tuple[Fraction, bool]:
@@ -188,7 +219,7 @@ def _snap(rate: Fraction) -> Fraction:
 
 def _picture(path: Path, video: av.video.stream.VideoStream) -> tuple[int, int, str, str]:
     """Width and height as shown, colour matrix and transfer, from the first decoded frame."""
-    with av.open(str(path)) as container:
+    with opened(path) as container:
         frame = next(container.decode(container.streams[video.index]), None)
     if not isinstance(frame, av.VideoFrame):
         raise MediaError("no frame of it can be decoded", str(path), "is the file complete?")
@@ -198,6 +229,14 @@ def _picture(path: Path, video: av.video.stream.VideoStream) -> tuple[int, int, 
         width = round(width * aspect)
     if frame.rotation % 180:
         width, height = height, width
+    sides = sorted((width, height))
+    stored = min(frame.width, frame.height)
+    if min(stored, sides[0]) < SHORTEST or sides[1] > min(LONGEST, SLIMMEST * sides[0]):
+        what = f"its picture is {width}x{height} px as shown"
+        if (frame.width, frame.height) not in ((width, height), (height, width)):
+            what += f", {frame.width}x{frame.height} px as stored"
+        bounds = f"{SHORTEST} to {LONGEST} px a side, one at most {SLIMMEST} times the other"
+        raise MediaError(what, str(path), f"use a video of {bounds}")
     tagged = {1: "bt709", 5: "bt601", 6: "bt601", 9: "bt2020", 10: "bt2020"}
     guessed = "bt709" if max(width, height) >= 1280 else "bt601"
     transfers = {16: "pq", 18: "hlg"}

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterator
 from fractions import Fraction
+from itertools import takewhile
 from pathlib import Path
 
-import ffmpeg
 import numpy as np
 
 from dubbing.errors import MediaError
 from dubbing.media.ffmpeg import Process
+from dubbing.media.opening import Graph, address, into, picture_of, sound_of
 from dubbing.media.probing import MediaInfo, probe
 
 CHANNELS = {"rgb24": (3,), "rgba": (4,), "gray": ()}
-SEEK_LEAD = 20  # frames; more than any codec reorders
+SEEK_LEADS = (20, 320, 5120)  # frames; the first is more than any codec reorders
+NEAREST = 0.5  # frames; how far from its place a picture may lie to be shown there
 # Exact rounding, and chroma at full resolution: the default shifts colours by a level or two.
 SCALER = "bicubic+accurate_rnd+full_chroma_int+full_chroma_inp"
 
@@ -30,7 +33,8 @@ def read_frames(
     """Frames ``start`` .. ``start + count`` at a constant rate; to the end by default.
 
     Frame k is the picture shown at time k / rate (nearest, so jitter of half a frame in the
-    time stamps does no harm). Starting late gives the same frames as reading from the start.
+    time stamps does no harm). Starting late gives the same frames as reading from the start: a
+    seek that lands after the frame it was for is found by the time stamp and made again, earlier.
 
     Args:
         path: a video.
@@ -51,18 +55,27 @@ def read_frames(
     if count == 0:
         return
     shape = (info.height, info.width, *CHANNELS[pixels])
-    graph = _frame_graph(info, start=start, count=count, rate=rate, pixels=pixels)
-    with Process(graph, str(path), pipe_out=True) as process:
-        for index in range(count):
-            frame = np.empty(shape, np.uint8)
-            if not _fill(process, frame):
-                process.finish()
-                raise MediaError(
-                    f"broke off at frame {start + index} of {total}",
-                    str(path),
-                    "the file is damaged; copy or convert it again",
-                )
-            yield frame
+    # Without an index (MPEG-TS, MPEG-PS) a seek may land between key frames, and decoding begins
+    # at the next one, too late. The last lead goes back to the start: nothing is sought.
+    for lead in (*takewhile(lambda frames: frames < start, SEEK_LEADS), start):
+        with tempfile.NamedTemporaryFile("r", suffix=".txt") as note:
+            graph = _frame_graph(info, note.name, start, lead, count, rate, pixels)
+            with Process(graph, str(path), pipe_out=True) as process:
+                for index in range(count):
+                    frame = np.empty(shape, np.uint8)
+                    filled = _fill(process, frame)
+                    if index == 0 and lead < start and not _landed(note.read(), lead, rate):
+                        break
+                    if not filled:
+                        process.finish()
+                        raise MediaError(
+                            f"broke off at frame {start + index} of {total}",
+                            str(path),
+                            "the file is damaged; copy or convert it again",
+                        )
+                    yield frame
+                else:
+                    return
 
 
 def read_audio(
@@ -89,7 +102,7 @@ def iter_audio(
     info = probe(path)
     if info.audio_rate is None or info.audio_channels is None:
         raise MediaError("no sound in it", str(path))
-    sound = ffmpeg.input(str(path), ss=f"{start:.6f}").audio
+    sound = sound_of(path, info.zero, start)
     # first_pts: sound that begins after the picture is padded, not moved forward.
     sound = sound.filter("aresample", **{"async": 1, "first_pts": 0})
     weight = 1 / info.audio_channels
@@ -97,7 +110,7 @@ def iter_audio(
     sound = sound.filter("pan", args=f"mono|c0={mean}").filter("aresample", rate)
     if seconds is not None:
         sound = sound.filter("atrim", end_sample=round(seconds * rate))
-    graph = sound.output("pipe:", format="f32le", ar=rate)
+    graph = into(None, sound, format="f32le", ar=rate)
     block_bytes = 4 * max(1, round(block_seconds * rate))
     with Process(graph, str(path), pipe_out=True) as process:
         while block := process.stdout.read(block_bytes):
@@ -106,14 +119,20 @@ def iter_audio(
 
 
 def _frame_graph(
-    info: MediaInfo, *, start: int, count: int, rate: Fraction, pixels: str
-) -> ffmpeg.nodes.OutputStream:
+    info: MediaInfo, note: str, start: int, lead: int, count: int, rate: Fraction, pixels: str
+) -> Graph:
     # Seek to the key frame before the wanted time, without the exact trim: the picture on screen
     # then may have begun before it, and fps with start_time=0 drops what is earlier. A file whose
     # decoding times run ahead of its showing times lands late by a few frames: hence the lead.
-    lead = min(start, SEEK_LEAD)
-    seek = {"ss": f"{float((start - lead) / rate):.6f}", "noaccurate_seek": None}
-    picture = ffmpeg.input(str(info.path), **(seek if start > lead else {})).video
+    # The time of the first key frame goes to the note; what is decoded before it may be broken.
+    begin = float((start - lead) / rate)
+    seek = {"ss": f"{begin:.6f}", "noaccurate_seek": None} if start > lead else {}
+    picture = picture_of(info.path, info.zero, begin, **seek)
+    if start > lead:
+        picture = picture.filter("select", "if(isnan(prev_selected_n),key,1)")
+        picture = picture.filter("metadata", mode="add", key="first", value=1)
+        told = {"file": address(note), "direct": 1, "enable": "eq(n,0)"}
+        picture = picture.filter("metadata", mode="print", **told)
     picture = picture.filter("fps", fps=f"{rate}", start_time=0, round="near")
     if lead:
         picture = picture.filter("trim", start_frame=lead).filter("setpts", "PTS-STARTPTS")
@@ -122,7 +141,13 @@ def _frame_graph(
     if pixels == "rgb24":
         size = {"w": info.width, "h": info.height}
         picture = picture.filter("scale", **size, flags=SCALER, in_color_matrix=info.matrix)
-    return picture.output("pipe:", format="rawvideo", pix_fmt=pixels, vframes=count)
+    return into(None, picture, format="rawvideo", pix_fmt=pixels, vframes=count)
+
+
+def _landed(note: str, lead: int, rate: Fraction) -> bool:
+    """Whether there is a key frame, whose time the note tells, and frame ``lead`` not before it."""
+    _, told, time = note.partition("pts_time:")
+    return bool(told) and float(time.split()[0]) * rate < lead + NEAREST
 
 
 def _fill(process: Process, frame: np.ndarray) -> bool:

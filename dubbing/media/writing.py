@@ -9,12 +9,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-import ffmpeg
 import numpy as np
 
 from dubbing.errors import MediaError
 from dubbing.files import atomic_path
 from dubbing.media.ffmpeg import Process
+from dubbing.media.opening import Graph, into, piped
 
 # x264's result depends on its number of threads: a fixed one gives the same file everywhere.
 THREADS = 4
@@ -116,11 +116,9 @@ class VideoWriter:
             raise
         self._stack.__exit__(kind, error, trace)
 
-    def _graph(self, path: Path) -> ffmpeg.nodes.OutputStream:
+    def _graph(self, path: Path) -> Graph:
         width, height = self._size
-        picture = ffmpeg.input(
-            "pipe:",
-            format="rawvideo",
+        picture = piped(
             pix_fmt=self.codec.pixels,
             s=f"{width}x{height}",
             framerate=f"{self._rate}",
@@ -135,8 +133,9 @@ class VideoWriter:
             )
             tags = {"colorspace": "bt709", "color_primaries": "bt709", "color_trc": "bt709"}
             tags["color_range"] = "tv"
-        return picture.output(
-            str(path),
+        return into(
+            path,
+            picture,
             threads=THREADS,
             fflags="+bitexact",
             **{"flags:v": "+bitexact"},

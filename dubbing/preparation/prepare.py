@@ -6,16 +6,17 @@ after the last finished step, and the result is the same bit for bit.
 
 from __future__ import annotations
 
-import json
 import shutil
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from dubbing.errors import PreparationError
+from dubbing import json_records as kept
+from dubbing.errors import DubbingError, PreparationError
 from dubbing.files import atomic_path, atomic_write_json, digest_file, make_folder
 from dubbing.media import probe
 from dubbing.preparation.alignment.camera import Poses
@@ -136,6 +137,14 @@ def prepare(
     return prepared
 
 
+def _key(path: Path) -> dict[str, Any]:
+    """What the steps in a folder are of; nothing where that is not said."""
+    try:
+        return kept.read(path, dict[str, Any], "key of the steps")
+    except DubbingError:
+        return {}
+
+
 class Steps:
     """Steps whose arrays lie in a folder, each a file that appears whole.
 
@@ -145,20 +154,31 @@ class Steps:
     def __init__(
         self, folder: Path, clip: Path, size: int, progress: Callable[[str, float], None]
     ) -> None:
-        self.folder, self._progress = folder, progress
+        self.folder, self._clip, self._progress = folder, clip, progress
         key = {"clip": digest_file(clip), "size": size, "version": VERSION}
         told = folder / "key.json"
-        if not told.is_file() or json.loads(told.read_text()) != key:
+        if _key(told) != key:
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
             (folder.parent / SUMMARY).unlink(missing_ok=True)
             atomic_write_json(told, key)
 
     def run(self, name: str, step: Callable[[Callable[[float], None]], Arrays]) -> Arrays:
-        """The arrays of a step: read if it was finished, else computed and written."""
+        """The arrays of a step: read if it was finished, else computed and written.
+
+        Raises:
+            PreparationError: no head explains what was found.
+        """
         path = self.folder / f"{name}.npz"
         if not path.is_file():
-            arrays = step(partial(self._progress, name))
+            try:
+                arrays = step(partial(self._progress, name))
+            except np.linalg.LinAlgError as error:  # something that only looked like a face
+                raise PreparationError(
+                    f"what looks like a face is none that can be followed ({name}: {error})",
+                    str(self._clip),
+                    "use a clip in which one person faces the camera",
+                ) from error
             with atomic_path(path) as temporary:
                 np.savez(temporary, allow_pickle=False, **arrays)
         self._progress(name, 1.0)

@@ -6,7 +6,7 @@ middle of the first pixel. See :class:`PreparedClip`.
 
 from __future__ import annotations
 
-import json
+import zipfile
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from typing_extensions import TypedDict
 
-from dubbing.errors import PreparationError
+from dubbing import json_records as kept
+from dubbing.errors import DubbingError, PreparationError
 from dubbing.files import atomic_path, atomic_write_json
 from dubbing.media import read_frames
 from dubbing.preparation.matting.matting import hole
@@ -25,7 +27,30 @@ VERSION = 5
 REACH = 1.7  # units (10 cm) that the head extends around its origin at most
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 CONTACT_SHEET, SUMMARY = "contact_sheet.png", "prepared.json"
+# What arrays that are none raise when they are read.
+UNREADABLE = (EOFError, OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
 ARRAYS = ("rotation", "translation", "centre", "crop", "valid", "segment", "landmarks", "shape")
+
+
+class Version(TypedDict):
+    """What every summary says, of whatever version."""
+
+    version: int
+
+
+class Summary(Version):
+    """What is kept of a prepared clip beside its arrays."""
+
+    clip: str
+    rate: Fraction
+    frames: int
+    size: int
+    source_size: tuple[int, int]
+    focal: float
+    near: float
+    far: float
+    residual_shift: float
+    warnings: list[str]
 
 
 @dataclass(frozen=True)
@@ -82,26 +107,28 @@ class PreparedClip:
         """
         folder = Path(folder)
         try:
-            told = json.loads((folder / SUMMARY).read_text())
-            with np.load(folder / TRACK, allow_pickle=False) as stored:
-                arrays = {name: stored[name] for name in ARRAYS}
-        except (OSError, ValueError, KeyError) as error:
+            version = kept.read(folder / SUMMARY, Version, "summary")["version"]
+            if version == VERSION:
+                told = kept.read(folder / SUMMARY, Summary, "summary")
+                with np.load(folder / TRACK, allow_pickle=False) as stored:
+                    arrays = {name: stored[name] for name in ARRAYS}
+        except (DubbingError, *UNREADABLE) as error:
             raise PreparationError(
                 f"not a prepared clip: {error}", str(folder), "run `dfrf prepare` again"
             ) from error
-        if told["version"] != VERSION:
+        if version != VERSION:
             raise PreparationError(
-                f"prepared by version {told['version']}, this is version {VERSION}",
+                f"prepared by version {version}, this is version {VERSION}",
                 str(folder),
                 "run `dfrf prepare` again",
             )
         return PreparedClip(
             folder=folder,
             clip=Path(told["clip"]),
-            rate=Fraction(told["rate"]),
+            rate=told["rate"],
             frames_count=told["frames"],
             size=told["size"],
-            source_size=tuple(told["source_size"]),
+            source_size=told["source_size"],
             focal=told["focal"],
             near=told["near"],
             far=told["far"],

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 import math
 import os
 import platform
@@ -13,27 +12,65 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+from markupsafe import Markup
+from pydantic import ConfigDict
+from typing_extensions import TypedDict
 
 from dubbing import jobs as all_jobs
+from dubbing import json_records as kept
 from dubbing.engine.runner import Outcome, label
-from dubbing.files import atomic_write_json, atomic_write_text
+from dubbing.errors import DubbingError
+from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
 from dubbing.jobs import Job, Jobs
 from dubbing.manifest.manifest import Manifest
+from dubbing.printable import visible
 from dubbing.report.page import TEMPLATE
 from dubbing.stages.steps import SYNC_FILE
 
 MOST_POINTS = 400  # of a curve on the page
+DATA, PAGE = "report.json", "report.html"
+
+
+class Sync(TypedDict, total=False):
+    """What of a sync check is shown."""
+
+    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
+
+    verdict: str
+    reason: str
+    words: str | None
+    offset_frames: int | None
+    offset_ms: float | None
+    confidence: float | None
+    distance: float | None
+    curve: list[float]
+    source: dict[str, Any] | None
+
+
+class Prepared(TypedDict, total=False):
+    """What of a prepared clip is shown."""
+
+    warnings: list[str]
+    residual_shift: float | None
 
 
 def write(
     manifest: Manifest, planned: Jobs, outcomes: dict[str, Outcome], *, code: int, seconds: float
 ) -> Path:
-    """Write ``report.json`` and ``report.html`` into the output folder; gives the page's path."""
+    """Write ``report.json`` and ``report.html`` into the output folder; gives the page's path.
+
+    Raises:
+        DubbingError: they cannot be written there.
+    """
     found = collect(manifest, planned, outcomes, code=code, seconds=seconds)
-    atomic_write_json(manifest.output / "report.json", found)
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    data, page = manifest.output / DATA, manifest.output / PAGE
+    for file in (data, page):
+        remove_torn(file)
+    atomic_write_json(data, found)
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, finalize=_shown
+    )
     environment.filters["curve"] = curve
-    page = manifest.output / "report.html"
     atomic_write_text(page, environment.from_string(TEMPLATE).render(found))
     return page
 
@@ -63,26 +100,27 @@ def collect(
     }
 
 
-def sync_of(job: Job) -> dict[str, Any]:
-    """What the sync check of a job found; empty where there is none."""
+def sync_of(job: Job) -> Sync:
+    """What the sync check of a job found; empty where there is none, or a damaged one."""
     stage = job.stages.get("sync") or job.stages.get("source")
-    return _json(stage.folder / SYNC_FILE) if stage else {}
+    return _read(stage.folder / SYNC_FILE, Sync, "sync check", []) if stage else {}
 
 
 def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     identity = manifest.identities[job.name]
     prepared, model = job.stages["prepare"].folder, job.stages["finetune"].folder
-    told = _json(prepared / "prepared.json")
+    damaged: list[str] = []
+    told = _read(prepared / "prepared.json", Prepared, "prepared clip", damaged)
+    curves = {name: _column(model / "loss.csv", name, damaged) for name in ("loss", "psnr")}
     sheet = prepared / "contact_sheet.png"
     return {
         **_common(job, outcome),
         "clip": str(identity.clip),
         "consent": identity.consent.model_dump(mode="json"),
-        "warnings": told.get("warnings", []),
+        "warnings": [*told.get("warnings", []), *dict.fromkeys(damaged)],
         "residual_shift": told.get("residual_shift"),
         "contact_sheet": _relative(manifest, sheet) if sheet.is_file() else None,
-        "loss": _column(model / "loss.csv", "loss"),
-        "psnr": _column(model / "loss.csv", "psnr"),
+        **curves,
         "sync": _brief(sync_of(job)),
     }
 
@@ -108,19 +146,20 @@ def _common(job: Job, outcome: Outcome) -> dict[str, Any]:
             name: {
                 "seconds": outcome.seconds.get(name),
                 "reasons": outcome.reasons.get(name, []),
-                "recorded_seconds": (stage.record() or {}).get("seconds"),
+                "recorded_seconds": record["seconds"] if (record := stage.record()) else None,
             }
             for name, stage in job.stages.items()
         },
     }
 
 
-def _brief(sync: dict[str, Any]) -> dict[str, Any] | None:
+def _brief(sync: Sync) -> dict[str, Any] | None:
     keys = ("verdict", "reason", "words", "offset_frames", "offset_ms", "confidence", "distance")
     if not sync:
         return None
     found = {key: sync.get(key) for key in (*keys, "curve")}
-    found["source_confidence"] = (sync.get("source") or {}).get("confidence")
+    source: dict[str, Any] = sync.get("source") or {}
+    found["source_confidence"] = source.get("confidence")
     return found
 
 
@@ -135,16 +174,32 @@ def curve(values: Sequence[float], width: int = 320, height: int = 80) -> str:
     return " ".join(f"{k * across:.1f},{(high - v) * up:.1f}" for k, v in enumerate(kept))
 
 
-def _column(path: Path, name: str) -> list[float]:
-    if not path.is_file():
+def _column(path: Path, name: str, damaged: list[str]) -> list[float]:
+    """Numbers of a curve; none where there is no file. Says so where it is another file."""
+    if not os.path.lexists(path):
         return []
-    with open(path, encoding="utf-8", newline="") as stream:
-        values = [float(row[name]) for row in csv.DictReader(stream)]
+    try:
+        text = read_bounded(path, kept.MOST_BYTES).decode()
+        values = [float(row[name]) for row in csv.DictReader(text.splitlines())]
+    except (DubbingError, OSError, KeyError, TypeError, ValueError, csv.Error):
+        damaged.append(f"{path}: is no curve of a training: run with --force finetune")
+        return []
     return values[:: max(1, len(values) // MOST_POINTS)]
 
 
-def _json(path: Path) -> dict[str, Any]:
-    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+def _read(path: Path, shape: Any, whose: str, damaged: list[str]) -> Any:
+    """A file of a stage; empty where there is none. Says so where it is another file."""
+    if not os.path.lexists(path):
+        return {}
+    try:
+        return kept.read(path, shape, whose)
+    except DubbingError as error:
+        damaged.append(str(error))
+        return {}
+
+
+def _shown(value: Any) -> Any:
+    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _relative(manifest: Manifest, path: Path) -> str:

@@ -26,7 +26,6 @@ from dubbing.provenance import provenance
 
 SEGMENT = 250  # frames a file
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
-SOUND = {"h264": "aac", "prores": "pcm", "ffv1": "flac"}
 # Containers with exact time stamps, to be joined without decoding.
 SEGMENT_SUFFIX = {"h264": ".mov", "prores": ".mov", "ffv1": ".nut"}
 TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
@@ -98,7 +97,7 @@ def make(
             result,
             audio_start=settings.audio_start,
             seconds=min(settings.seconds, longest),
-            audio_codec=SOUND[settings.codec],
+            audio_codec=media.SOUND[settings.codec],
             audio_rate=settings.audio_rate,
             metadata=provenance.tags(),
         )

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 from safetensors.numpy import load_file, save
+from typing_extensions import TypedDict
 
+from dubbing import json_records as kept
 from dubbing import timeline
 from dubbing.errors import RenderingError
 from dubbing.files import atomic_write_bytes, atomic_write_json
 from dubbing.speech import features
 
 TENSORS, SUMMARY = "features.safetensors", "speech.json"
+
+
+class Summary(TypedDict):
+    """What is kept of speech beside its features."""
+
+    name: str
+    frames: int
+    rate: Fraction
+    seconds: float
 
 
 @dataclass(frozen=True)
@@ -31,13 +41,17 @@ class Speech:
 
     @staticmethod
     def load(folder: Path) -> Speech:
-        """Read what ``listen`` wrote."""
-        told = json.loads((folder / SUMMARY).read_text(encoding="utf-8"))
+        """Read what ``listen`` wrote.
+
+        Raises:
+            DubbingError: its summary is something else.
+        """
+        told = kept.read(folder / SUMMARY, Summary, "speech", "run with --force speech")
         tensors = load_file(folder / TENSORS)
         return Speech(
             name=told["name"],
             frames=told["frames"],
-            rate=Fraction(told["rate"]),
+            rate=told["rate"],
             seconds=told["seconds"],
             features=tensors["features"],
             voice=tensors["voice"],

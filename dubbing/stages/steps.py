@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from dfrf.config import STEPS, family
+from dubbing import json_records as kept
 from dubbing import timeline
 from dubbing.engine.stage import Progress
 from dubbing.files import atomic_write_json
@@ -184,12 +184,16 @@ class Check:
 
 
 def read_check(path: Path) -> SyncResult | None:
-    """A sync check that a stage wrote; None where there is none."""
+    """A sync check that a stage wrote; None where there is none.
+
+    Raises:
+        DubbingError: it is something else.
+    """
     from dubbing.sync.result import SyncResult
 
     if not path.is_file():
         return None
-    return TypeAdapter(SyncResult).validate_json(path.read_bytes())
+    return kept.read(path, SyncResult, "sync check")
 
 
 def offset_of(folder: Path) -> int:

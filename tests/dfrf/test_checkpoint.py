@@ -93,3 +93,115 @@ def test_tensors_that_do_not_fit_their_header_are_refused(tmp_path: Path) -> Non
     write_tensors(tmp_path / "m.safetensors", tensors, header)
     with pytest.raises(CheckpointError, match="do not fit"):
         load_model(tmp_path / "m.safetensors")
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        "[]",
+        "3",
+        "[" * 99_999,
+        "{",
+        '{"format": ["dfrf-1"]}',
+        '{"format": "dfrf-1"}',
+        '{"format": "dfrf-1", "config": 3}',
+        '{"format": "dfrf-paper-1", "config": []}',
+        '{"format": "dfrf-1", "config": {"preset": "fast", "field": 3, "march": {}}}',
+    ],
+)
+def test_an_odd_header_is_refused(tmp_path: Path, header: str) -> None:
+    path = tmp_path / "odd.safetensors"
+    save_file({"a": torch.zeros(1)}, str(path), {"dfrf": header})
+    for load in (load_model, load_person):
+        with pytest.raises(CheckpointError, match=r"odd\.safetensors"):
+            load(path)
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "value"),
+    [
+        ("field", "width", -1),
+        ("field", "width", 10**9),
+        ("field", "width", "128"),
+        ("field", "width", True),
+        ("field", "depth", 10**9),
+        ("field", "depth", None),
+        ("field", "use_warp", 1),
+        ("field", "unknown", 1),
+        ("field", "max_offset", float("nan")),
+        ("march", "resolution", 10**9),
+        ("march", "resolution", 0),
+        ("march", "step", 0.0),
+        ("march", "max_samples", 1.5),
+    ],
+)
+def test_sizes_that_no_model_has_are_refused(
+    tmp_path: Path, part: str, name: str, value: object
+) -> None:
+    path = tmp_path / "m.safetensors"
+    save_model(path, presets.build(small_config()))
+    tensors, header = read_tensors(path)
+    header["config"][part][name] = value
+    write_tensors(path, tensors, header)
+    with pytest.raises(CheckpointError, match=rf"no model has the sizes in its header: .*{name}"):
+        load_model(path)
+
+
+@pytest.mark.parametrize("number", [torch.nan, torch.inf])
+def test_weights_that_are_not_finite_are_refused(tmp_path: Path, number: float) -> None:
+    model = presets.build(small_config())
+    with torch.no_grad():
+        model.field.density.bias.fill_(number)
+    save_model(tmp_path / "m.safetensors", model)
+    with pytest.raises(CheckpointError, match=r"field\.density\.bias holds numbers that are not"):
+        load_model(tmp_path / "m.safetensors")
+
+
+@pytest.mark.parametrize("kind", [torch.int64, torch.complex64, torch.bool])
+def test_weights_of_another_type_are_refused(tmp_path: Path, kind: torch.dtype) -> None:
+    save_model(tmp_path / "m.safetensors", presets.build(small_config()))
+    tensors, header = read_tensors(tmp_path / "m.safetensors")
+    tensors["field.density.bias"] = torch.zeros(1, dtype=kind)
+    write_tensors(tmp_path / "m.safetensors", tensors, header)
+    with pytest.raises(CheckpointError, match="is of another type"):
+        load_model(tmp_path / "m.safetensors")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("reference.images", torch.zeros(2, 3)),
+        ("reference.c2w", torch.zeros(9, 3, 4)),
+        ("reference.eyes", torch.full((2, 7), torch.nan)),
+        ("reference.more", torch.zeros(1)),
+        ("focal", "long"),
+        ("focal", float("inf")),
+        ("scale", -1.0),
+        ("blinks", 10**9),
+        ("blinks", [1]),
+    ],
+)
+def test_odd_references_are_refused(tmp_path: Path, name: str, value: object) -> None:
+    path = tmp_path / "p.safetensors"
+    views = cut_references(person(), torch.tensor([1, 4]))
+    save_person(path, presets.build(small_config()), views, {})
+    tensors, header = read_tensors(path)
+    if isinstance(value, torch.Tensor):
+        tensors[name] = value
+    else:
+        header[name] = value
+    write_tensors(path, tensors, header)
+    with pytest.raises(CheckpointError, match=r"p\.safetensors: .*learn the person again"):
+        load_person(path)
+
+
+def test_a_full_disk_leaves_nothing_half_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(_: int) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("os.fsync", refused)
+    with pytest.raises(OSError, match="No space left"):
+        write_tensors(tmp_path / "a.safetensors", {"a": torch.zeros(1)}, {})
+    assert list(tmp_path.iterdir()) == []

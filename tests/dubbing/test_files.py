@@ -1,10 +1,18 @@
+import errno
 import os
 from pathlib import Path
 
 import pytest
 
 from dubbing.errors import DubbingError, ManifestError, Problem
-from dubbing.files import atomic_path, atomic_write_text, digest_data, digest_file, make_folder
+from dubbing.files import (
+    atomic_path,
+    atomic_write_text,
+    digest_data,
+    digest_file,
+    make_folder,
+    remove_torn,
+)
 
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
@@ -43,6 +51,43 @@ def test_a_folder_that_cannot_be_written_to_is_said(
     monkeypatch.setattr(os, "access", lambda *_: False)
     with pytest.raises(DubbingError, match="nothing may be written there"):
         make_folder(tmp_path / "a")
+
+
+@pytest.mark.parametrize(
+    ("number", "said"),
+    [
+        (errno.ENOSPC, "No space left on device .*: free some space"),
+        (errno.EROFS, "Read-only file system .*: see whether the disk"),
+    ],
+)
+def test_what_the_disk_refuses_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, said: str
+) -> None:
+    def refused(*_: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    atomic_write_text(tmp_path / "a", "old")
+    for what in ("os.replace", "os.fsync", "pathlib.Path.write_bytes"):
+        with monkeypatch.context() as patch:
+            patch.setattr(what, refused)
+            with pytest.raises(DubbingError, match=said):
+                atomic_write_text(tmp_path / "a", "new")
+    assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a", "old")]
+
+
+def test_a_folder_in_the_place_of_a_file_is_said(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    with pytest.raises(DubbingError, match=r"a folder lies where .*: move it away"):
+        atomic_write_text(tmp_path / "a", "x")
+    assert [p.name for p in tmp_path.iterdir()] == ["a"]
+
+
+def test_only_torn_files_of_one_name_are_removed(tmp_path: Path) -> None:
+    for name in (".a.17.tmp.mp4", ".ab.17.tmp.mp4", ".a.x.tmp.mp4", ".a.17.tmp.wav", "a.mp4"):
+        (tmp_path / name).touch()
+    remove_torn(tmp_path / "a.mp4")
+    assert ".a.17.tmp.mp4" not in {p.name for p in tmp_path.iterdir()}
+    assert len(list(tmp_path.iterdir())) == 4
 
 
 def test_digests(tmp_path: Path) -> None:

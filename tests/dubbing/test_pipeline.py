@@ -289,3 +289,101 @@ def test_kill_at_any_moment_then_run_again(footage: Path, tmp_path: Path) -> Non
         assert not (killed / "out" / "ann_it.mp4").exists()
     assert in_a_process(path) == 0
     assert tree(killed / "out") == undisturbed
+
+
+@pytest.mark.parametrize("before", ["finetune", "heads", "video"])
+def test_a_clip_exchanged_between_stages_fails_its_job(
+    footage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str
+) -> None:
+    clip = tmp_path / "own.mp4"
+    clip.write_bytes((footage / "ann.mp4").read_bytes())
+    manifest = manifest_of(footage, tmp_path, {"ann": str(clip), "bob": "bob.mp4"})
+
+    class Exchange(Listener):
+        def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
+            super().begin(job, stage, reasons)
+            if stage.name == before and job.name.startswith("ann"):
+                clip.write_bytes((footage / "noface.mp4").read_bytes() + b"other")
+
+    result = pipeline.dub(load(manifest), Exchange(), Options())
+    assert result.code == 1
+    label = "identity/ann" if before == "finetune" else "dub/ann_it"
+    failure = result.outcomes[label].failure
+    assert failure is not None
+    assert failure.what == "own.mp4 changed while the run was going on"
+    assert failure.remedy == "run it again"
+    assert not (tmp_path / "out" / "ann_it.mp4").exists()
+    assert (tmp_path / "out" / "bob_it.mp4").is_file()
+
+
+def test_a_disk_that_is_full_at_the_end(
+    footage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    people = {"ann": "ann.mp4", "bad": "noface.mp4", "bob": "bob.mp4"}
+    path = manifest_of(footage, tmp_path, people)
+    out = tmp_path / "out"
+    (out / "ann_it.mp4").mkdir(parents=True)
+    (out / "report.html").mkdir()
+    result, _ = dub(path)
+    assert result.code == 1
+    failure = result.outcomes["dub/ann_it"].failure
+    assert failure is not None
+    assert (failure.stage, failure.trace) == ("publish", "")
+    assert "a folder lies where a file should go" in str(failure)
+    assert (out / "bob_it.mp4").is_file()  # the others go on
+    bad = result.outcomes["identity/bad"].failure  # and the job's own failure is still there
+    assert bad is not None
+    assert bad.what == "no face found"
+    assert isinstance(result.report, DubbingError)
+    assert "report.html" in str(result.report)
+    (out / "ann_it.mp4").rmdir()
+    (out / "report.html").rmdir()
+    result, _ = dub(path)
+    assert result.outcomes["dub/ann_it"].state == "kept"
+    assert (out / "ann_it.mp4").is_file()
+
+
+def test_publishing_that_was_killed_leaves_nothing_behind(footage: Path, tmp_path: Path) -> None:
+    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
+    dub(path)
+    out = tmp_path / "out"
+    (out / "ann_it.mp4").rename(out / ".ann_it.4711.tmp.mp4")  # as between link and replace
+    for name in (".ann_it.sync.4711.tmp.json", ".report.4711.tmp.json", ".report.4711.tmp.html"):
+        (out / name).write_text("half")
+    dub(path)
+    expected = ["ann_it.mp4", "ann_it.sync.json", "report.html", "report.json", "work"]
+    assert sorted(p.name for p in out.iterdir()) == expected
+
+
+@pytest.mark.parametrize("content", ["[3]", '{"verdict": [], "warnings": 3, "outputs": {"a": []}}'])
+def test_damaged_files_of_ours_do_not_end_a_run(
+    footage: Path, tmp_path: Path, content: str
+) -> None:
+    people = {"ann": "ann.mp4", "bob": "bob.mp4"}
+    path = manifest_of(footage, tmp_path, people)
+    dub(path, only=("ann_it",))
+    work = tmp_path / "out" / "work"
+    for name in ("sync/sync.json", "speech/stage.json", "speech/speech.json"):
+        (work / "dubs" / "ann_it" / name).write_text(content)
+    for name in ("prepared/prepared.json", "model/stage.json"):
+        (work / "identities" / "ann" / name).write_text(content)
+    (work / "identities" / "ann" / "model" / "loss.csv").write_text("step,loss,psnr\n1,x\n")
+    planning.rows(build(load(path)))
+    result, _ = dub(path, only=("bob_it",))
+    assert (result.code, result.outcomes["dub/bob_it"].state) == (0, "made")
+    told = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert told["dubs"]["ann_it"]["sync"] is None
+    summary, curve = told["identities"]["ann"]["warnings"]
+    assert "prepared clip holds something else" in summary
+    assert "loss.csv: is no curve of a training" in curve
+    result, _ = dub(path)  # all of it is made again
+    assert result.code == 0
+
+
+def test_controls_and_markup_do_not_reach_the_page(footage: Path, tmp_path: Path) -> None:
+    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
+    path.write_text(path.read_text().replace("form 17", r"form <b> \e[31m\u202e"))
+    dub(path)
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert r"form &lt;b&gt; \x1b[31m\u202e" in page
+    assert "\x1b" not in page

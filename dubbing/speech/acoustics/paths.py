@@ -1,8 +1,9 @@
 """Where the weights of speech features lie. Imports no torch: manifests are read quickly."""
 
-import json
 from pathlib import Path
+from typing import Any
 
+from dubbing import json_records as kept
 from dubbing.errors import DubbingError
 
 DEFAULT_WEIGHTS = Path(__file__).with_name("weights.safetensors")
@@ -20,10 +21,7 @@ def weights_file(folder: Path, name: str) -> Path:
     found = [folder / file for file in WEIGHT_FILES if (folder / file).is_file()]
     if not config.is_file() or not found:
         raise DubbingError(f"no {name} weights there", str(folder), remedy)
-    try:
-        kind = json.loads(config.read_text(encoding="utf-8")).get("model_type")
-    except (ValueError, AttributeError) as error:
-        raise DubbingError(f"its config.json is damaged: {error}", str(folder), remedy) from error
+    kind = kept.read(config, dict[str, Any], "config.json", remedy).get("model_type")
     if kind != name:
         raise DubbingError(f"holds a model of type {kind!r}, not {name!r}", str(folder), remedy)
     return found[0]

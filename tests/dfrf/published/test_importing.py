@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -250,3 +251,52 @@ def test_broken_safetensors_and_foreign_checkpoints_are_refused(tmp_path: Path) 
         import_checkpoint(tmp_path / "foreign.safetensors", tmp_path / "out.safetensors")
     with pytest.raises(CheckpointError, match="not a checkpoint of this tool"):
         load_model(tmp_path / "foreign.safetensors")
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        lambda t: t.to_sparse(),
+        lambda t: t.to(torch.complex64),
+        lambda t: t.to(torch.int64),
+        lambda t: torch.quantize_per_tensor(t, 0.1, 0, torch.qint8),
+        lambda t: t.to("meta"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore")
+def test_odd_tensors_are_named(tmp_path: Path, odd: Callable[[Tensor], Tensor]) -> None:
+    content = published()
+    weights = content["unet_state_dict"]
+    weights["fc.weight"] = odd(weights["fc.weight"])
+    file = write_tar(tmp_path / "odd.tar", content)
+    with pytest.raises(CheckpointError) as error:
+        import_checkpoint(file, tmp_path / "out.safetensors")
+    assert "unet_state_dict:fc.weight" in str(error.value) or "cannot be read" in str(error.value)
+
+
+def test_small_floats_are_read(tmp_path: Path) -> None:
+    """In eight bits a number cannot even be asked whether it is finite."""
+    content = published()
+    bias = content["unet_state_dict"]["fc.bias"]
+    content["unet_state_dict"]["fc.bias"] = bias.to(torch.float8_e4m3fn)
+    file = write_tar(tmp_path / "small.tar", content)
+    found = import_checkpoint(file, tmp_path / "out.safetensors")
+    assert torch.allclose(found.state["field.encoder.out.bias"], bias, atol=0.2)
+
+
+@pytest.mark.parametrize("step", ["many", [1, 2], float("inf"), torch.zeros(3)])
+def test_an_odd_step_is_said(tmp_path: Path, step: object) -> None:
+    file = tmp_path / "odd.tar"
+    torch.save({"global_step": step, **published()}, file)
+    with pytest.raises(CheckpointError, match=r"odd\.tar: its global_step is no number of steps"):
+        import_checkpoint(file, tmp_path / "out.safetensors")
+
+
+def test_a_checkpoint_is_not_written_onto_itself(tmp_path: Path) -> None:
+    file = write_tar(tmp_path / "a.tar", published())
+    before = file.read_bytes()
+    (tmp_path / "b.tar").hardlink_to(file)
+    for out in (file, tmp_path / "b.tar"):
+        with pytest.raises(CheckpointError, match="is the file that is read"):
+            import_checkpoint(file, out)
+    assert file.read_bytes() == before

@@ -1,8 +1,21 @@
 """What the commands print fits on a terminal."""
 
-import pytest
+import io
+from pathlib import Path
 
+import pytest
+from rich.console import Console
+
+from dubbing import pipeline
 from dubbing.cli import console
+from dubbing.engine.planner import Row
+from dubbing.engine.runner import Failure, Outcome
+from dubbing.engine.stage import Stage
+from dubbing.errors import DubbingError
+from dubbing.jobs import Job
+
+ODD = "[bold]a[/x] \x1b[31m"
+SHOWN = r"[bold]a[/x] \x1b[31m"
 
 FIGURES = dict.fromkeys(("psnr", "ssim", "haarpsi", "psnr_face", "psnr_mouth", "lmd"), 0.5)
 
@@ -19,3 +32,37 @@ def test_figures_of_several_methods_are_readable_in_80_columns(
     assert ["psnr_mouth", "0.500", "0.500", "0.500", "0.500"] in rows
     assert ["lpips", "0.250", "", "", ""] in rows
     assert ["frames", "7", "", "", ""] in rows
+
+
+def test_markup_and_controls_in_names_are_shown_as_they_are(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(console.out, "_width", 200)
+    job = Job("dub", ODD, {})
+    console.plan([Row(job, "speech", "run", (f"{ODD} changed",))], [ODD], as_json=False)
+    console.metrics({ODD: {ODD: {ODD: 1.0}}})
+    measured = {"offset_frames": 0, "offset_ms": 0.0, "confidence": 1.0, "distance": 1.0}
+    console.sync({"verdict": "pass", "reason": ODD, **measured})
+    failed = Outcome("failed", failure=Failure("speech", ODD))
+    result = pipeline.Result({ODD: failed}, 1, DubbingError(ODD), {ODD: {"reason": ODD}})
+    console.summary(result)
+    shown = capsys.readouterr().out
+    assert "\x1b[31m" not in shown
+    assert shown.count(SHOWN) == 12
+
+
+def test_markup_and_controls_in_what_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Console(file=io.StringIO(), width=200, force_terminal=True)
+    monkeypatch.setattr(console, "screen", terminal)
+    job, stage = Job("dub", ODD, {}), Stage("speech", Path(), 1, {}, {}, lambda *_: None)
+    with console.Bars([ODD]) as bars:
+        bars.begin(job, stage, [ODD])
+        bars.progress(job, stage, ODD, 0.5)
+        bars._bars.refresh()
+        bars.end(job, stage, Failure("speech", ODD))
+    with console.Bar(ODD) as bar:
+        bar(ODD, 0.5)
+    assert isinstance(terminal.file, io.StringIO)
+    said = terminal.file.getvalue()
+    assert SHOWN in said
+    assert "a[/x] \x1b[31m" not in said

@@ -303,3 +303,153 @@ def test_a_file_that_cannot_be_written_is_refused_before_anything_is_trained(
         code, _, err = dfrf(*call, tmp_path / "file" / "net.safetensors")
         assert code == cli.FAILED
         assert "the folder cannot be made" in err
+
+
+def in_a_process(*arguments: object, output: str) -> tuple[int, str]:
+    """Exit code of a run whose output goes to a file, and what it said of errors."""
+    with open(output, "w") as stream:
+        done = subprocess.run(
+            [
+                sys.executable,
+                "-c",
+                "from dubbing.cli.main import main; main()",
+                *map(str, arguments),
+            ],
+            stdout=stream,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    return done.returncode, done.stderr
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["plan", "--json"], ["plan"]])
+def test_output_that_cannot_be_written_is_1(manifest: Path, arguments: list[str]) -> None:
+    path = [manifest] if arguments[0] == "plan" else []
+    code, err = in_a_process(*arguments, *path, output="/dev/full")
+    assert code == 1
+    assert err == "dfrf: No space left on device: free some space, then run again\n"
+
+
+def test_a_current_folder_that_is_gone_is_2(tmp_path: Path) -> None:
+    code = (
+        f"from dubbing.cli.main import main; import os; os.chdir({str(tmp_path)!r})\n"
+        f"os.rmdir({str(tmp_path)!r}); main()"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, "plan", "m.yaml"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "dfrf: the current folder is gone: change to another\n"
+
+
+def test_controls_in_a_path_do_not_reach_the_terminal(dfrf: Any, tmp_path: Path) -> None:
+    code, _, err = dfrf("plan", tmp_path / "\x1b[31m.yaml")
+    assert code == 2
+    assert r"\x1b[31m.yaml" in err
+    assert "\x1b" not in err
+
+
+@pytest.mark.parametrize("seconds", ["inf", "nan", "1e308", "1e999"])
+def test_seconds_without_end_are_2(dfrf: Any, manifest: Path, seconds: str) -> None:
+    code, out, err = dfrf("evaluate", manifest, "--seconds", seconds)
+    assert code == 2
+    assert "--seconds" in out + err
+    assert not (manifest.parent / "out").exists()
+
+
+@pytest.fixture
+def preparing(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """Folders that `prepare` was called for; it leaves there what it would."""
+    found: list[Path] = []
+
+    def work(clip: Path, out: Path, **_: object) -> object:
+        found.append(out)
+        return fakes.write_prepared(clip, out)
+
+    monkeypatch.setattr("dubbing.preparation.prepare", work)
+    return found
+
+
+def test_prepare_takes_an_empty_folder_or_its_own(
+    dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path]
+) -> None:
+    clip, out = footage / "ann.mp4", tmp_path / "out"
+    for _ in range(2):
+        code, _, err = dfrf("prepare", clip, "--out", out)
+        assert code == 0, err
+    cut_short = tmp_path / "cut_short"
+    (cut_short / "steps").mkdir(parents=True)
+    (cut_short / "steps" / ".key.17.tmp.json").touch()
+    assert dfrf("prepare", clip, "--out", cut_short)[0] == 0
+    assert preparing == [out, out, cut_short]
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "steps/mine.txt", "matte.mkv"])
+def test_prepare_refuses_a_folder_with_other_files(
+    dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path], name: str
+) -> None:
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text("precious")
+    code, _, err = dfrf("prepare", footage / "ann.mp4", "--out", tmp_path)
+    assert (code, preparing) == (2, [])
+    assert "other files lie there" in err
+    assert "name an empty folder" in err
+    assert (tmp_path / name).read_text() == "precious"
+
+
+def test_prepare_refuses_no_folder_and_its_own_clip(
+    dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path]
+) -> None:
+    code, _, err = dfrf("prepare", footage / "ann.mp4", "--out", "")
+    assert code == 2
+    assert "names no folder (--out)" in err
+    fakes.write_prepared(footage / "ann.mp4", tmp_path)
+    code, _, err = dfrf("prepare", tmp_path / "matte.mkv", "--out", tmp_path)
+    assert code == 2
+    assert "the clip itself would be overwritten" in err
+    assert preparing == []
+
+
+def test_two_at_once_into_one_folder_are_2(
+    dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path]
+) -> None:
+    with lock.hold(tmp_path):
+        code, _, err = dfrf("prepare", footage / "ann.mp4", "--out", tmp_path)
+    assert (code, preparing) == (2, [])
+    assert f"another run is at work ({tmp_path}): wait for process {os.getpid()}" in err
+
+
+@pytest.mark.parametrize("link", [None, os.link, os.symlink])
+def test_a_checkpoint_is_not_imported_onto_itself(dfrf: Any, tmp_path: Path, link: Any) -> None:
+    file = out = tmp_path / "head.tar"
+    file.write_bytes(b"PK weights")
+    if link:
+        out = tmp_path / "out.safetensors"
+        link(file, out)
+    code, _, err = dfrf("import-checkpoint", file, out)
+    assert code == 2
+    assert "it is read, so it cannot be written" in err
+    assert file.read_bytes() == b"PK weights"
+
+
+def test_a_clip_whose_name_is_no_utf8_is_refused_before_it_is_prepared(
+    dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path]
+) -> None:
+    clip = tmp_path / os.fsdecode(b"\xff.mp4")
+    clip.write_bytes((footage / "ann.mp4").read_bytes())
+    code, _, err = dfrf("prepare", clip)
+    assert (code, preparing) == (2, [])
+    assert "its name is no UTF-8: rename the file" in err
+
+
+def test_a_base_is_not_trained_onto_what_it_learns_from(
+    dfrf: Any, manifest: Path, footage: Path
+) -> None:
+    for out in (manifest, footage / "ann.mp4"):
+        code, _, err = dfrf("train-base", manifest, "--out", out)
+        assert code == 2
+        assert "it is read, so it cannot be written" in err

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
@@ -35,6 +35,59 @@ class Write:
         if self.name.startswith("slow"):
             time.sleep(0.3)
         (out / "pid").write_text(str(os.getpid()))
+
+
+@dataclass(frozen=True)
+class Raise:
+    """Fails as libraries do at data they cannot deal with."""
+
+    error: type[BaseException]
+
+    def __call__(self, out: Path, progress: Progress) -> None:
+        raise self.error("odd data")
+
+
+class LibraryError(Exception):
+    """Of a library's own kind."""
+
+
+ODD = [TypeError, AttributeError, ImportError, LibraryError, RecursionError, PermissionError]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("error", ODD)
+def test_whatever_a_library_raises_fails_its_own_job_alone(
+    tmp_path: Path, workers: int, error: type[BaseException]
+) -> None:
+    jobs = jobs_of(tmp_path, ("a", "odd"))
+    stages = jobs.identities["odd"].stages
+    stages["prepare"] = replace(stages["prepare"], produce=Raise(error))
+    outcomes = running.run(jobs, Options(workers=workers), Listener())
+    assert outcomes["identity/a"].state == "made"
+    failure = outcomes["identity/odd"].failure
+    assert failure is not None
+    assert "odd data" in failure.what
+    assert error.__name__ in failure.trace
+
+
+def test_inputs_that_cannot_be_looked_at_fail_their_own_job_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    jobs = jobs_of(tmp_path, ("a", "odd"))
+    stages = jobs.identities["odd"].stages
+    locked = tmp_path / "odd.mp4"
+    locked.touch()
+    stages["prepare"] = replace(stages["prepare"], inputs={"clip": locked})
+
+    def refused(path: Path) -> str:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr("dubbing.engine.stage.digest_file", refused)
+    outcomes = running.run(jobs, Options(), Listener())
+    failure = outcomes["identity/odd"].failure
+    assert failure is not None
+    assert (failure.what, failure.where) == ("Permission denied", str(locked))
+    assert failure.stage == "prepare"
 
 
 def jobs_of(folder: Path, names: tuple[str, ...]) -> Jobs:

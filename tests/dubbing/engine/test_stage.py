@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -162,8 +163,60 @@ def test_an_input_that_changes_meanwhile_is_noticed(stage: Stage, source: Path) 
         (out / "x").write_text("x")
         source.write_text("other")
 
-    with pytest.raises(DubbingError, match="changed while it was read"):
+    with pytest.raises(DubbingError, match=r"in\.txt changed while the run was going on .* again"):
         stages.run(replace(stage, produce=produce), quiet)
+    assert list(stage.folder.parent.iterdir()) == []  # what was made of it is of no use
+
+
+def test_an_input_that_goes_away_is_what_is_said(stage: Stage, source: Path) -> None:
+    def produce(out: Path, _progress: stages.Progress) -> None:
+        source.unlink()
+        raise DubbingError("no such file")
+
+    with pytest.raises(DubbingError, match=r"in\.txt changed while the run was going on"):
+        stages.run(replace(stage, produce=produce), quiet)
+
+
+def test_inputs_are_what_they_were_when_the_run_began(
+    stage: Stage, tmp_path: Path, source: Path
+) -> None:
+    """Also those of the stages before, which a later stage may read once more."""
+    stages.run(stage, quiet)
+    first = stage.folder / "0.txt"
+    later = Stage("later", tmp_path / "work" / "later", 1, {}, {"letters": stage}, Work(first))
+    began = later.sources()
+    assert list(began) == [source]
+    source.write_text("xyz")
+    with pytest.raises(DubbingError, match=r"in\.txt changed while the run was going on \(later\)"):
+        stages.run(later, quiet, began=began)
+    source.unlink()
+    os.mkfifo(source)  # it is not waited for
+    with pytest.raises(DubbingError, match=r"in\.txt changed"):
+        stages.run(later, quiet, began=began)
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        "[]",
+        "{}",
+        "[" * 99_999,
+        '{"outputs": []}',
+        '{"version": 1, "outputs": {"0": 3}}',
+        "pipe",
+    ],
+)
+def test_a_record_of_another_shape_is_none(stage: Stage, record: str) -> None:
+    stages.run(stage, quiet)
+    path = stage.folder / "stage.json"
+    path.unlink()
+    if record == "pipe":
+        os.mkfifo(path)
+    else:
+        path.write_text(record)
+    assert stage.changes() == ["its record is damaged"]
+    stages.run(stage, quiet)
+    assert stage.changes() == []
 
 
 def test_a_stage_depends_on_what_another_made(stage: Stage, tmp_path: Path, source: Path) -> None:

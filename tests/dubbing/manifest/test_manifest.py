@@ -1,15 +1,22 @@
 from __future__ import annotations
 
+import os
 import re
 import textwrap
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
+import soundfile
+from safetensors.numpy import save_file
 
 from dfrf.config import STEPS
 from dubbing import jobs
 from dubbing.engine.stage import Stage
 from dubbing.errors import ManifestError
+from dubbing.files import atomic_path
+from dubbing.manifest import yaml_lines
 from dubbing.manifest.manifest import Manifest, load
 from dubbing.speech.acoustics.paths import DEFAULT_WEIGHTS
 from tests import clips
@@ -293,3 +300,129 @@ def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:
 def test_speech_that_cannot_be_heard(folder: Path, keys: str, said: str) -> None:
     (found,) = problems(folder, with_speech(keys))
     assert re.search(said, found)
+
+
+def test_what_is_no_regular_file_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.yaml")
+    for path in (Path("/dev/zero"), tmp_path / "pipe.yaml"):
+        with pytest.raises(ManifestError, match="is no regular file"):
+            load(path)
+
+
+def test_a_manifest_of_many_megabytes_is_refused(tmp_path: Path) -> None:
+    with (tmp_path / "m.yaml").open("wb") as stream:
+        stream.truncate(11 * 10**6)
+    with pytest.raises(ManifestError, match="is larger than 10 MB"):
+        load(tmp_path / "m.yaml")
+
+
+def test_a_folder_whose_name_is_no_utf8_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / os.fsdecode(b"\xff")
+    folder.mkdir()
+    (folder / "m.yaml").write_text(GOOD)
+    with pytest.raises(ManifestError, match="its name is no UTF-8: rename"):
+        load(folder / "m.yaml")
+
+
+@pytest.mark.parametrize("key", ["by", "reference"])
+@pytest.mark.parametrize("blank", [" ", "\u200b\u200d", "\\x07", "\u3164", "\u2800"])
+def test_blank_consent_is_none(folder: Path, key: str, blank: str) -> None:
+    said = {"by": "the person on film", "reference": "form 17"}[key]
+    (found,) = problems(folder, GOOD.replace(f'"{said}"', f'"{blank}"'))
+    assert found.startswith(f"line 4: identities.host.consent.{key}: must not be empty")
+
+
+@pytest.mark.parametrize("bottom", ["{x: 1}", "{}"])
+def test_merge_keys_cannot_explode(folder: Path, bottom: str) -> None:
+    text = f"a0: &a0 {bottom}\n"
+    text += "".join(
+        f"a{k + 1}: &a{k + 1} {{<<: [{', '.join([f'*a{k}'] * 10)}]}}\n" for k in range(9)
+    )
+    assert len(text) < 1000
+    started = time.perf_counter()
+    assert any("too many or too deep aliases" in problem for problem in problems(folder, text))
+    assert time.perf_counter() - started < 5
+
+
+def test_keys_that_are_trees_cannot_explode(folder: Path) -> None:
+    text = "a0: &a0 [x, x]\n"
+    text += "".join(f"a{k + 1}: &a{k + 1} [*a{k}, *a{k}]\n" for k in range(30))
+    assert any("too many" in problem for problem in problems(folder, text + "? *a30\n: x\n"))
+    assert "line 1: a key is not text" in problems(folder, "? [x, y]\n: x\n")
+
+
+def test_a_mapping_that_merges_can_be_used_twice(folder: Path) -> None:
+    text = GOOD + "  - &a {identity: host, audio: it.wav, name: a}\n  - &b {<<: *a, name: b}\n"
+    manifest = read(folder, text + "  - {<<: [{name: c, label: false}, *b]}\n")
+    assert [(d.name, d.label) for d in manifest.dubs[1:]] == [
+        ("a", True),
+        ("b", True),
+        ("c", False),
+    ]
+    text = "a: &a {x: 1}\nb: &b {<<: *a, x: 2}\nc: *b\n"
+    assert yaml_lines.read(text).data == {"a": {"x": 1}, "b": {"x": 2}, "c": {"x": 2}}
+    assert yaml_lines.read(text).problems == []
+
+
+def test_a_manifest_of_too_many_values_is_not_built(folder: Path) -> None:
+    assert any("too many values" in p for p in problems(folder, f"a: [{'x, ' * 150_000}]"))
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        (f"seed: {'1' * 6000}", "line 4: not valid YAML: identities.host.seed '111"),
+        (f"seed: 0x{'1' * 6000}", "line 4: not valid YAML: identities.host.seed '0x111"),
+        (f"seed: 1{':59' * 6000}", "line 4: not valid YAML: identities.host.seed '1:59"),
+        ("seed: 0x" + "1" * 90, "line 4: identities.host.seed: must be less than"),
+        ("start: 1.0e+308", "line 4: identities.host.start: must be less than"),
+        ("size: [" + "x, " * 5000 + "]", "line 4: identities.host.size: must be"),
+        ('base: "\\udcff"', "line 4: not valid YAML: identities.host.base"),
+    ],
+)
+def test_numbers_without_end(folder: Path, keys: str, said: str) -> None:
+    text = GOOD.replace("seconds: 2,", f"seconds: 2, {keys},")
+    found = problems(folder, text)[0]
+    assert found.startswith(said)
+    assert len(found) < 200
+
+
+def test_seconds_without_end(folder: Path) -> None:
+    (said,) = problems(folder, GOOD.replace("seconds: 2", "seconds: 1.0e+308"))
+    assert said.startswith("line 4: identities.host.seconds: must be less than or equal to")
+
+
+@pytest.mark.parametrize(("length", "fits"), [(58, True), (59, False)])
+def test_names_are_counted_in_bytes(folder: Path, length: int, fits: bool) -> None:
+    """A file's name has 255 bytes, of which 23 are for what is added to the name."""
+    text = GOOD.replace("{identity: host,", f'{{name: "{"😀" * length}", identity: host,')
+    if fits:
+        manifest = read(folder, text)
+        with atomic_path(folder / f"{manifest.dubs[0].name}.sync.json") as temporary:
+            temporary.touch()
+    else:
+        (said,) = problems(folder, text)
+        assert "dubs[0].name: must have at most 232 bytes" in said
+
+
+def test_a_base_whose_header_is_odd_is_no_mistake_of_the_manifest(folder: Path) -> None:
+    for header in ("[]", "[" * 9999, '{"format": ["dfrf-1"]}', "3"):
+        save_file({"a": np.zeros(1)}, folder / "base.safetensors", {"dfrf": header})
+        read(folder, GOOD.replace("seconds: 2,", "seconds: 2, base: base.safetensors,"))
+
+
+def test_sound_of_more_channels_than_can_be_muxed_is_a_problem(folder: Path) -> None:
+    clips.write_sound(folder / "dome.wav", 1, channels=64)
+    text = GOOD.replace("audio: it.wav", "audio: dome.wav, codec: CODEC")
+    for codec, most in (("h264", 8), ("ffv1", 8)):
+        (problem,) = problems(folder, text.replace("CODEC", codec))
+        assert re.search(rf"audio: 64 channels in .*dome\.wav: {codec} takes {most} at", problem)
+    assert read(folder, text.replace("CODEC", "prores")).dubs
+
+
+def test_sound_that_is_no_number_fails_its_dub_before_anything_is_made(folder: Path) -> None:
+    wave = clips.tone(1.0)
+    wave[100] = float("nan")
+    soundfile.write(folder / "nan.wav", wave, 16000, subtype="FLOAT")
+    manifest = read(folder, GOOD.replace("it.wav", "nan.wav"))
+    assert "not finite numbers" in str(manifest.damaged[(folder / "nan.wav").resolve()])

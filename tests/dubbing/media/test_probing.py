@@ -2,6 +2,7 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
+import soundfile
 
 from dubbing import media
 from dubbing.errors import MediaError
@@ -99,3 +100,48 @@ def test_a_file_that_was_cut_off_is_said(tmp_path: Path) -> None:
     (tmp_path / "torn.mp4").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(MediaError, match=r"breaks off: \d+ of 60 frames"):
         media.probe(tmp_path / "torn.mp4")
+
+
+@pytest.mark.parametrize("offset", ["-3", "-0.5"])
+def test_frames_without_time_stamps_are_said(tmp_path: Path, offset: str) -> None:
+    """Matroska knows no negative times: a part of the frames would be dropped."""
+    plain, negative = clips.write_video(tmp_path / "plain.mp4", 150), tmp_path / "negative.mkv"
+    shift = ("-output_ts_offset", offset, "-avoid_negative_ts", "disabled")
+    clips.ffmpeg("-i", plain, "-c", "copy", *shift, negative)
+    with pytest.raises(MediaError, match=r"of its 150 frames have no time.*negative\.mkv.*convert"):
+        media.probe(negative)
+
+
+@pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -float("inf"), 1e20])
+@pytest.mark.parametrize("kind", [("FLOAT", ".wav"), ("DOUBLE", ".wav"), ("FLOAT", ".aiff")])
+def test_sound_that_is_no_number_is_said(
+    tmp_path: Path, wrong: float, kind: tuple[str, str]
+) -> None:
+    wave = clips.tone(2.0, channels=2).astype(float)
+    path = tmp_path / f"a{kind[1]}"
+    soundfile.write(path, wave, 16000, subtype=kind[0])
+    assert media.probe(path).sound_seconds == 2
+    wave[-3, 1] = wrong
+    soundfile.write(path, wave, 16000, subtype=kind[0])
+    with pytest.raises(MediaError, match=r"not finite numbers.*export it again"):
+        media.probe(path)
+
+
+@pytest.mark.parametrize(
+    ("size", "filters", "name"),
+    [
+        ("2x2", "null", "odd.mkv"),
+        ("2x64", "null", "odd.mkv"),
+        ("8000x16", "null", "odd.mkv"),
+        ("320x240", "setsar=2000/1", "odd.mp4"),
+    ],
+)
+def test_a_shape_that_nobody_films_is_said(
+    tmp_path: Path, size: str, filters: str, name: str
+) -> None:
+    path = tmp_path / name
+    picture = ("-f", "lavfi", "-i", f"testsrc=s={size}", "-t", "0.2", "-vf", filters)
+    codec = "ffv1" if path.suffix == ".mkv" else "libx264"
+    clips.ffmpeg(*picture, "-c:v", codec, "-pix_fmt", "yuv444p", path)
+    with pytest.raises(MediaError, match=r"px as shown.*odd\.m.*times the other"):
+        media.probe(path)

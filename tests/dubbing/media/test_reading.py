@@ -112,6 +112,61 @@ def test_sound_that_begins_late_keeps_its_place(tmp_path: Path) -> None:
     assert np.abs(got[8200:9000]).max() > 0.1
 
 
+@pytest.mark.parametrize("name", ["late.mkv", "late.ts"])
+def test_sound_that_begins_late_is_heard_where_it_belongs(tmp_path: Path, name: str) -> None:
+    """A click at 2.5 s: sound that is read, that is read from 1 s on, and that is muxed from."""
+    import soundfile
+
+    wave = np.zeros(16000 * 3, np.float32)
+    wave[16000:16800] = 0.5
+    soundfile.write(tmp_path / "a.wav", wave, 16000)
+    picture, late = clips.write_video(tmp_path / "v.mp4", 100), tmp_path / name
+    sound = ("-itsoffset", "1.5", "-i", tmp_path / "a.wav", "-c:a", "aac", "-bf", "0")
+    clips.ffmpeg("-i", picture, *sound, late)
+    media.mux(picture, late, tmp_path / "o.mkv", audio_start=1, seconds=3, audio_codec="flac")
+    for path, start in ((late, 0.0), (late, 1.0), (tmp_path / "o.mkv", 0.0)):
+        heard = media.read_audio(path, start=start)
+        at = start + np.flatnonzero(np.abs(heard) > 0.25)[0] / 16000
+        assert at == pytest.approx(1.5 if path.name == "o.mkv" else 2.5, abs=0.01)
+
+
 def test_no_sound_is_said(tmp_path: Path) -> None:
     with pytest.raises(MediaError, match="no sound"):
         media.read_audio(clips.write_video(tmp_path / "v.mp4", 3))
+
+
+LONG = ("-c:v", "libx264", "-g", "250", "-keyint_min", "250", "-sc_threshold", "0", "-crf", "18")
+# What seeks differ by: no index, key frames far apart, a picture that begins after the sound,
+# key frames that begin no group, intra refresh, edit lists, times far from 0.
+CONTAINERS = {
+    "long.ts": (*LONG, "-an"),
+    "sound.ts": (*LONG, "-c:a", "aac"),
+    "late.ts": (*LONG, "-c:a", "aac", "-filter:v", "setpts=PTS+1.5/TB"),
+    "far.ts": (*LONG, "-an", "-output_ts_offset", "3000"),
+    "open.ts": ("-c:v", "libx264", "-g", "60", "-x264-params", "open-gop=1", "-an"),
+    "refresh.ts": ("-c:v", "libx264", "-x264-params", "intra-refresh=1:keyint=100", "-an"),
+    "mpeg2.mpg": ("-c:v", "mpeg2video", "-g", "200", "-bf", "2", "-q:v", "3", "-c:a", "mp2"),
+    "long.mkv": (*LONG, "-c:a", "aac"),
+    "edited.mp4": (*LONG, "-c:a", "aac"),
+}
+
+
+@pytest.mark.parametrize("name", list(CONTAINERS))
+def test_a_seek_gives_what_was_asked_for(clip: Path, tmp_path: Path, name: str) -> None:
+    path = tmp_path / name
+    clips.ffmpeg("-i", clip, *CONTAINERS[name], "-preset", "veryfast", path)
+    if name == "edited.mp4":
+        clips.ffmpeg("-ss", "2", "-i", path, "-c", "copy", tmp_path / "cut.mp4")
+        path = tmp_path / "cut.mp4"
+    info = media.probe(path)
+    whole = list(media.read_frames(path))
+    assert len(whole) == info.frames
+    numbers = [clips.number(f) for f in whole]
+    # Frame k is shown at k / rate, counted from the start of the file, sound included.
+    lag = info.video_start * float(info.rate or 0) + (-60 if name == "edited.mp4" else 0)
+    for k, seen in enumerate(numbers):
+        assert abs(seen - min(max(k - lag, 0), 299)) <= 0.51, (k, seen)
+    for start in (*range(7, len(whole), 41), 79, 249, 250, 251):
+        got = list(media.read_frames(path, start=start, count=3))
+        assert [clips.number(f) for f in got] == numbers[start : start + 3]
+        np.testing.assert_array_equal(got, whole[start : start + 3])

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dubbing.errors import PreparationError
+from dubbing.errors import MediaError, PreparationError
 from dubbing.media import VideoWriter
 from dubbing.preparation import PreparedClip, prepare
+from dubbing.preparation.tracking import tracking
 from dubbing.synthetic.speaker import SpeakerTruth, make_speaker
+from tests import clips
 
 SIZE, SECONDS = 256, 0.8
 
@@ -96,3 +98,28 @@ def test_a_clip_without_a_face_says_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(PreparationError, match=r"no face found.*use a clip"):
         prepare(clip, tmp_path / "out", size=128)
     assert not (tmp_path / "out" / "prepared.json").exists()
+
+
+def test_what_only_looked_like_a_face_says_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A detector that sees a face in a test pattern, with all its points in one place."""
+    clip = clips.write_video(tmp_path / "pattern.mp4", 6)
+    window, box = np.tile([0.0, 0.0, 48.0], (6, 1)), np.tile([8.0, 8.0, 40.0, 40.0], (6, 1))
+    seen = {"segment": np.zeros(6, int), "repeated": np.zeros(6, bool), "box": box}
+    seen |= {"window": window, "most_faces": np.array(1)}
+    flat = {"points": np.full((6, 478, 3), 20.0, np.float32), "apart": np.zeros(6, np.float32)}
+    monkeypatch.setattr(tracking, "survey_step", lambda *_: seen)
+    monkeypatch.setattr(tracking, "landmark_step", lambda *_: flat | {"valid": np.ones(6, bool)})
+    with pytest.raises(PreparationError, match=r"none that can be followed.*pattern\.mp4.*use a"):
+        prepare(clip, tmp_path / "out")
+
+
+@pytest.mark.parametrize("size", [(2, 2), (8000, 16)])
+def test_a_shape_that_nobody_films_is_said_at_once(tmp_path: Path, size: tuple[int, int]) -> None:
+    clip = tmp_path / "odd.mkv"
+    with VideoWriter(clip, *size, Fraction(25), "ffv1") as writer:
+        writer.write(np.zeros((size[1], size[0], 3), np.uint8))
+    with pytest.raises(MediaError, match=rf"{size[0]}x{size[1]} px.*odd\.mkv.*a side"):
+        prepare(clip, tmp_path / "out")
+    assert not (tmp_path / "out").exists()

@@ -48,6 +48,29 @@ def test_verdicts(
     assert expected[1] in reason
 
 
+@pytest.mark.parametrize(
+    ("reference", "confidence", "expected"),
+    [
+        (0.40, 0.20, "pass"),  # half of a source that the network knows, and all a stranger has
+        (0.40, 0.16, "warn"),
+        (0.40, 0.11, "fail"),  # what does not follow is told by the source's own confidence still
+        (0.40, 0.35, "pass"),
+        (0.28, 0.16, "warn"),
+        (0.28, 0.17, "pass"),
+        (0.20, 0.13, "pass"),
+        (0.20, 0.11, "warn"),
+    ],
+)
+def test_no_dub_is_asked_for_more_than_a_new_speaker_has(
+    reference: float, confidence: float, expected: str
+) -> None:
+    verdict, reason = judge(Estimate(0, confidence, 1.0), 0, MOVING, reference)
+    assert verdict == expected, reason
+    if verdict != "fail":
+        asked = "the source's" if reference <= 0.28 or confidence > 0.24 else "speakers new to"
+        assert asked in reason
+
+
 def test_a_slow_clip_may_be_one_frame_off() -> None:
     assert judge(Estimate(1, 0.2, 1.0), 1000 / 12, MOVING, 0.2)[0] == "pass"
 

@@ -1,0 +1,22 @@
+"""`dfrf`, and `python -m dubbing`: the command line, or what to install where it does not load."""
+
+import sys
+
+from dubbing import packages
+
+
+def main() -> None:
+    """Entry point. A package that is missing ends in one sentence."""
+    try:
+        from dubbing.cli.main import main as run
+
+        run()
+    except ModuleNotFoundError as error:
+        name = error.name or ""
+        if name.split(".")[0] in ("", "dubbing", "dfrf"):
+            raise  # a bug of ours
+        sys.exit(f"dfrf: {packages.lacking([name])}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,107 @@
+"""The one door through which files reach ffmpeg and PyAV.
+
+Both take more than files: a name may be an address (``http:``, ``tcp:``, ``concat:``), and a text
+may list other files to open. Here every path is made absolute and marked as a file, no other
+protocol is allowed, and only containers that hold their own picture and sound are opened.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import av
+import ffmpeg
+
+from dubbing.errors import MediaError
+
+PROTOCOLS = "file,pipe"
+# Not here, for they open other files or draw text: concat, hls, dash, imf, image2, sdp, tty, ...
+CONTAINERS = (
+    *("mov", "matroska", "avi", "mpegts", "mpeg", "mxf", "gxf", "flv", "asf", "nut", "ogg", "rm"),
+    *("dv", "wtv", "ty", "nsv", "ivf", "obu", "av1", "apv", "evc", "vvc", "hevc", "h264", "h263"),
+    *("h261", "m4v", "mpegvideo", "mjpeg", "vc1", "cavsvideo", "dirac", "dnxhd", "r3d", "cine"),
+    *("yuv4mpegpipe", "gif", "apng", "wav", "w64", "aiff", "au", "caf", "flac", "mp3", "aac"),
+    *("loas", "ac3", "eac3", "dts", "dtshd", "truehd", "mlp", "ape", "wv", "tta", "tak", "shn"),
+    *("mpc", "mpc8", "amr", "amrnb", "amrwb", "gsm", "oma", "aa", "aax", "voc", "dsf", "iff"),
+    *("sox", "ircam", "nistsphere", "pvf", "avr", "xwma", "sbc"),
+)
+REFUSED = "a playlist, a still picture, or no film or sound that can be read"
+REMEDY = "convert it to one file of its own: .mp4, .mov, .mkv or .wav"
+WAV_PACKET = 1 << 18  # bytes; with the usual ones a long recording takes twice the time
+
+Stream = Any  # ffmpeg-python's nodes have no types
+Graph = Any
+
+
+def address(path: Path | str) -> str:
+    """What ffmpeg and PyAV are told for ``path``: a file, whatever its name looks like.
+
+    Raises:
+        MediaError: the path is no text.
+    """
+    if (told := os.fsencode(path).decode(errors="replace")) != str(path):
+        raise MediaError("its name or folder is not valid UTF-8", told, "rename it")
+    return f"file:{os.path.abspath(path)}"
+
+
+def opened(path: Path | str) -> av.container.InputContainer:
+    """``path`` open for reading by PyAV; a context manager.
+
+    Raises:
+        MediaError: it is a playlist or something else that is no film or sound of its own.
+        av.FFmpegError: it cannot be read.
+    """
+    options = {**_only(CONTAINERS), "max_size": str(WAV_PACKET)}
+    try:
+        return av.open(address(path), container_options=options)
+    except av.ArgumentError as error:
+        raise MediaError(REFUSED, str(path), REMEDY) from error
+
+
+def source(path: Path | str, **options: Any) -> Stream:
+    """``path`` as an input of an ffmpeg-python graph."""
+    return ffmpeg.input(address(path), **_only(CONTAINERS), **options)
+
+
+def picture_of(path: Path | str, zero: float | None, begin: float, **options: Any) -> Stream:
+    """The picture of ``path``, its times counted from ``begin`` seconds after ``zero``.
+
+    ``zero``: see `MediaInfo.zero`; options seek to ``begin``, where it is not 0.
+    """
+    if zero is None:
+        return source(path, **options).video
+    return source(path, copyts=None, **options).video.filter("setpts", _since(zero, begin))
+
+
+def sound_of(path: Path | str, zero: float | None, begin: float) -> Stream:
+    """The sound of ``path`` from ``begin`` seconds after ``zero`` on; see `picture_of`."""
+    seek = f"{begin:.6f}"
+    if zero is None:
+        return source(path, ss=seek).audio
+    return source(path, copyts=None, ss=seek).audio.filter("asetpts", _since(zero, begin))
+
+
+def joined(listing: Path | str) -> Stream:
+    """The files of a list that we wrote ourselves, one after the other, as an input."""
+    options = _only(("concat", *CONTAINERS))
+    return ffmpeg.input(address(listing), format="concat", safe=0, **options)
+
+
+def piped(**options: Any) -> Stream:
+    """Raw pictures from a pipe as an input."""
+    return ffmpeg.input("pipe:", format="rawvideo", **options)
+
+
+def into(path: Path | str | None, *streams: Stream, **options: Any) -> Graph:
+    """The graph that writes streams to ``path``, or to a pipe where it is None."""
+    return ffmpeg.output(*streams, "pipe:" if path is None else address(path), **options)
+
+
+def _since(zero: float, begin: float) -> str:
+    return f"round(PTS-({zero:.6f}+{begin:.6f})/TB)"
+
+
+def _only(containers: tuple[str, ...]) -> dict[str, str]:
+    return {"protocol_whitelist": PROTOCOLS, "format_whitelist": ",".join(containers)}

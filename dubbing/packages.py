@@ -1,0 +1,89 @@
+"""The packages a run needs, and what to run where one is missing.
+
+Only their specifications are looked up, so that nothing is loaded. Standard library only: this is
+for machines on which the installation went wrong.
+"""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from importlib.util import find_spec
+
+from dubbing.errors import DubbingError
+
+# Declares packages it does not need, an older numpy and a second OpenCV among them, so
+# pyproject.toml does not name it and it is installed without what it declares.
+TRACKER = {"mediapipe": "mediapipe==0.10.21"}  # the last version that carries its models
+# What pyproject.toml declares: module and pinned package.
+DECLARED = {
+    "torch": "torch==2.13.0",
+    "typer": "typer==0.29.2",
+    "ffmpeg": "ffmpeg-python==0.2.0",
+    "soundfile": "soundfile==0.14.0",
+    "PIL": "pillow==13.0.0",
+    "cv2": "opencv-contrib-python-headless==4.14.0.94",
+    "skimage": "scikit-image==0.26.0",
+    "tqdm": "tqdm==4.70.1",
+    "pydantic": "pydantic==2.14.3",
+    "yaml": "PyYAML==6.0.3",
+    "imageio_ffmpeg": "imageio-ffmpeg==0.8.1",
+    "av": "av==18.1.0",
+    "rich": "rich==15.0.0",
+    "scipy": "scipy==1.17.1",
+    "numpy": "numpy==2.4.6",
+    "safetensors": "safetensors==0.8.0",
+    "jaxtyping": "jaxtyping==0.3.11",
+    "jinja2": "Jinja2==3.1.6",
+    "matplotlib": "matplotlib==3.11.2",
+    "webrtcvad": "webrtcvad-wheels==2.0.14.post1",
+    "espeakng_loader": "espeakng-loader==0.2.4",
+    "embreex": "embreex==4.4.0.post1",
+    "absl": "absl-py==2.5.1",
+    "attr": "attrs==26.1.0",
+    "flatbuffers": "flatbuffers==25.12.19",
+    "google.protobuf": "protobuf==4.25.9",
+}
+
+
+def missing() -> list[str]:
+    """Modules that cannot be found."""
+    return [name for name in (*TRACKER, *DECLARED) if not _is_there(name)]
+
+
+def lacking(names: list[str]) -> DubbingError:
+    """What to say where these modules are missing: which, and the command that installs them."""
+    return DubbingError(f"not installed: {', '.join(names)}", remedy=f"run {command(names)}")
+
+
+def require() -> None:
+    """Looks for every package, before any work.
+
+    Raises:
+        DubbingError: some are missing; it says what to run.
+    """
+    if names := missing():
+        raise lacking(names)
+
+
+def command(names: list[str]) -> str:
+    """What installs these modules into the environment that runs this.
+
+    A module that is not named here belongs to a package that another one needs: installing all of
+    them again, with what they need, brings it.
+    """
+    pip = [sys.executable, "-m", "pip", "install"]
+    known = [DECLARED[name] for name in names if name in DECLARED]
+    if any(name not in DECLARED | TRACKER for name in names):
+        known = list(DECLARED.values())
+    calls = [[*pip, *known]] if known else []
+    if set(names) & set(TRACKER):
+        calls.append([*pip, "--no-deps", *TRACKER.values()])
+    return " && ".join(map(shlex.join, calls))
+
+
+def _is_there(name: str) -> bool:
+    try:
+        return find_spec(name) is not None
+    except ModuleNotFoundError:  # what a dotted name lies in
+        return False

@@ -1,0 +1,45 @@
+"""A folder for `prepare`: an empty one, or one that it has made itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from dubbing.engine import lock
+from dubbing.engine.stage import TEMPORARY
+from dubbing.errors import CallError
+from dubbing.files import make_folder
+from dubbing.preparation.prepared import BACKGROUND, CONTACT_SHEET, MATTE, SUMMARY, TRACK
+
+MARKS = (SUMMARY, "steps/key.json")  # one of them lies in a folder that `prepare` has begun on
+WRITTEN = (TRACK, MATTE, BACKGROUND, CONTACT_SHEET, SUMMARY)
+
+
+@contextmanager
+def claimed(folder: Path, clip: Path) -> Iterator[None]:
+    """Hold the folder for one run; it is made if need be.
+
+    Raises:
+        CallError: it holds other files, or the clip would be overwritten.
+        LockedError: another run prepares a clip there.
+        DubbingError: it cannot be made.
+    """
+    if clip.resolve() in {(folder / name).resolve() for name in WRITTEN}:
+        raise CallError("the clip itself would be overwritten", str(clip), "choose another folder")
+    make_folder(folder)
+    if not any((folder / mark).is_file() for mark in MARKS) and _holds_files(folder):
+        remedy = "name an empty folder, or one that does not exist yet"
+        raise CallError("other files lie there, which might be lost", str(folder), remedy)
+    with lock.hold(folder):
+        yield
+
+
+def _holds_files(folder: Path) -> bool:
+    """Anything but what a `prepare` that was killed at once leaves behind."""
+    return any(
+        not (path.name in ("steps", lock.FILE) or path.match(TEMPORARY))
+        for place in (folder, folder / "steps")
+        if place.is_dir()
+        for path in place.iterdir()
+    )

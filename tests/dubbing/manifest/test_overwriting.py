@@ -1,0 +1,82 @@
+"""A manifest whose results would take the place of what it reads is refused."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from dubbing.errors import ManifestError
+from dubbing.manifest.manifest import load
+from tests import clips
+
+CONSENT = '{by: "the person on film", reference: "form 17"}'
+
+
+@pytest.fixture(scope="module")
+def footage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("footage")
+    clips.write_clip(folder / "host.mp4", 30)
+    clips.write_sound(folder / "it.wav", 0.6)
+    return folder
+
+
+@pytest.fixture
+def folder(footage: Path, tmp_path: Path) -> Path:
+    for path in footage.iterdir():
+        shutil.copyfile(path, tmp_path / path.name)
+    (tmp_path / "out").mkdir()
+    return tmp_path
+
+
+def problems(
+    folder: Path, output: str, clip: str = "host.mp4", audio: str = "it.wav", name: str = "m.yaml"
+) -> list[str]:
+    (folder / name).write_text(
+        f"version: 1\noutput: {output}\nidentities:\n"
+        f"  ann: {{clip: {clip}, seconds: 1, consent: {CONSENT}}}\n"
+        f"dubs: [{{name: host, identity: ann, audio: {audio}}}]\n"
+    )
+    try:
+        load(folder / name)
+    except ManifestError as error:
+        return [str(problem) for problem in error.problems]
+    return []
+
+
+def test_a_dub_of_its_own_clip(folder: Path) -> None:
+    assert problems(folder, "out") == []
+    (said,) = problems(folder, ".")
+    assert said.startswith("line 5: dubs[0]: ")
+    assert "host.mp4 would take the place of identities.ann.clip" in said
+    assert said.endswith("choose another output or name")
+
+
+@pytest.mark.parametrize("link", [os.link, os.symlink])
+def test_the_clip_by_another_name(folder: Path, link: object) -> None:
+    assert callable(link)
+    link(folder / "host.mp4", folder / "out" / "host.mp4")
+    (said,) = problems(folder, "out")
+    assert "would take the place of identities.ann.clip" in said
+
+
+@pytest.mark.parametrize("name", ["host.sync.json", "report.html", "report.json", "evaluate.json"])
+def test_what_lies_beside_the_video(folder: Path, name: str) -> None:
+    (folder / "it.wav").rename(folder / name)
+    (folder / "host.mp4").rename(folder / "clip.mp4")
+    (said,) = problems(folder, ".", clip="clip.mp4", audio=name)
+    assert "would take the place of dubs[0].audio" in said
+
+
+def test_the_manifest_itself(folder: Path) -> None:
+    (folder / "host.mp4").rename(folder / "clip.mp4")
+    (said,) = problems(folder, ".", clip="clip.mp4", name="report.json")
+    assert "would take the place of this manifest" in said
+
+
+def test_inputs_where_the_stages_work(folder: Path) -> None:
+    (folder / "out" / "work").mkdir()
+    (folder / "it.wav").rename(folder / "out" / "work" / "it.wav")
+    (said,) = problems(folder, "out", audio="out/work/it.wav")
+    assert said.startswith("line 5: dubs[0].audio: ")
+    assert "lies where the stages work" in said

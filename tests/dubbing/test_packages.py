@@ -1,0 +1,119 @@
+"""A package that is missing: one sentence with the command that installs it, before any work."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from dubbing import __main__ as program
+from dubbing import packages
+from dubbing.errors import DubbingError
+from tests import clips
+
+ROOT = Path(__file__).resolve().parents[2]
+TRACKER = f"{shlex.quote(sys.executable)} -m pip install --no-deps mediapipe==0.10.21"
+CALLS = (
+    ("dub", "{m}"),
+    ("prepare", "{clip}"),
+    ("sync", "{clip}"),
+    ("evaluate", "{m}"),
+    ("train-base", "{m}", "--out", "{out}"),
+    ("train-speech", "{out}"),
+    ("train-sync", "{clip}", "--out", "{out}"),
+)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    clips.write_clip(tmp_path / "ann.mp4", 30)
+    clips.write_sound(tmp_path / "it.wav", 0.6)
+    consent = '{by: "the person on film", reference: "form 17"}'
+    (tmp_path / "m.yaml").write_text(
+        f"version: 1\noutput: out\n"
+        f"identities: {{ann: {{clip: ann.mp4, seconds: 1, consent: {consent}}}}}\n"
+        f"dubs: [{{name: it, identity: ann, audio: it.wav}}]\n"
+    )
+    return tmp_path
+
+
+def dfrf(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> object:
+    """Calls the command line; gives what it ended with."""
+    places = {"m": folder / "m.yaml", "clip": folder / "ann.mp4", "out": folder / "net"}
+    call = [argument.format(**places) for argument in arguments]
+    monkeypatch.setattr("signal.signal", lambda *_: None)
+    monkeypatch.setattr(sys, "argv", ["dfrf", *call])
+    with pytest.raises(SystemExit) as end:
+        program.main()
+    return end.value.code
+
+
+@pytest.mark.parametrize("call", CALLS, ids=lambda call: call[0])
+def test_a_run_says_first_what_to_install(
+    call: tuple[str, ...],
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    before = sorted(folder.iterdir())
+    monkeypatch.setitem(sys.modules, "mediapipe", None)
+    assert dfrf(monkeypatch, folder, *call) == 1
+    assert capsys.readouterr().err == f"dfrf: not installed: mediapipe: run {TRACKER}\n"
+    assert sorted(folder.iterdir()) == before  # nothing was begun
+
+
+def test_plan_and_doctor_say_it_too(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "mediapipe", None)
+    assert dfrf(monkeypatch, folder, "plan", "--json", "{m}") == 0
+    assert TRACKER in str(json.loads(capsys.readouterr().out)["warnings"])
+    monkeypatch.setattr("dubbing.cli.console.out.width", 300)  # so that no command is broken up
+    assert dfrf(monkeypatch, folder, "doctor") == 1
+    assert TRACKER in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", packages.DECLARED)
+def test_every_declared_package_is_looked_for(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    packages.require()  # all are there
+    monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(DubbingError) as error:
+        packages.require()
+    assert error.value.what == f"not installed: {name}"
+    assert error.value.remedy.endswith(f" -m pip install {packages.DECLARED[name]}")
+
+
+def test_the_tracker_is_installed_beside_others_without_what_it_declares() -> None:
+    first, second = packages.command(["mediapipe", "scipy"]).split(" && ")
+    assert first.endswith("pip install scipy==1.17.1")
+    assert second == TRACKER
+
+
+@pytest.mark.parametrize("name", ["typer", "yaml", "numpy", "annotated_types"])
+def test_what_cannot_even_be_loaded_is_no_traceback(name: str, folder: Path) -> None:
+    code = (
+        "import sys; sys.modules[sys.argv.pop(1)] = None\nfrom dubbing.__main__ import main\nmain()"
+    )
+    call = [sys.executable, "-c", code, name, "plan", str(folder / "m.yaml")]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith(f"dfrf: not installed: {name}: run ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_the_commands_are_those_of_the_lock() -> None:
+    lock = (ROOT / "requirements.txt").read_text().split()
+    torch = "torch==2.13.0"
+    assert torch in (ROOT / "Makefile").read_text()
+    assert {*packages.DECLARED.values(), *packages.TRACKER.values()} <= {*lock, torch}
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    names = [re.split("[=<>]", text)[0].lower() for text in declared]
+    assert sorted(names) == sorted(
+        text.split("==")[0].lower() for text in packages.DECLARED.values()
+    )

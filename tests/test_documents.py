@@ -1,0 +1,242 @@
+"""Every command that a document names is there, and takes what the document gives it."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import re
+import runpy
+import shlex
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+import typer
+import yaml
+from typer.testing import CliRunner
+
+from dubbing.cli.arguments import FORCEABLE
+from dubbing.cli.main import app
+from dubbing.lab.evaluation import PRESET_OF_METHOD
+from tests import clips
+
+ROOT = Path(__file__).resolve().parents[1]
+PLACES = ("*.md", "docs/*.md", "dubbing/**/*.md", "manifests/*.yaml", "Makefile")
+PROGRAM = typer.main.get_command(app)
+STARTS = ("dfrf", "python", "pip", "make")
+# Words that a document may put where a value belongs.
+PLACEHOLDER = re.compile(r"[A-Z]+(\.json)?")
+
+
+class Command(NamedTuple):
+    """What a document tells to run, and where; ``words`` begin with one of STARTS."""
+
+    place: str
+    words: tuple[str, ...]
+
+
+def texts(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and text of what is code: recipes, comments of a manifest, blocks and spans."""
+    source = path.read_text(encoding="utf-8")
+    if path.suffix != ".md":
+        source = source.replace("\\\n", "  ")
+        sort = r"^\t(.*)$" if path.name == "Makefile" else r"`([^`]*)`"
+        for found in re.finditer(sort, source, re.MULTILINE):
+            yield source.count("\n", 0, found.start()) + 1, found[1]
+        return
+    fence = False
+    for number, line in enumerate(source.splitlines(), 1):
+        if line.startswith("```"):
+            fence = not fence
+        elif fence:
+            yield number, line
+        else:
+            spans = re.findall(r"`([^`]+)`", line)
+            # A row of a table of commands names its options after the command.
+            if line.startswith("| `dfrf "):
+                options = [span.replace("\\|", "|") for span in spans[1:] if span[:2] == "--"]
+                yield number, " ".join([spans[0], *options])
+            else:
+                yield from ((number, span) for span in spans)
+
+
+def words_of(text: str) -> list[str]:
+    """A line of a shell without its variables and its comment; empty where it is none."""
+    text = re.sub(r"\$\((\w+)\)", lambda m: {"BIN": ".venv/bin"}.get(m[1], "X"), text)
+    text = re.sub(r"\[(--\w+) (\w+) \.\.\.\]", r"\1 \2", text)
+    text = re.sub(r"\s#\s.*", "", text.strip())
+    try:
+        words = shlex.split(text)
+    except ValueError:
+        return []
+    while words and re.fullmatch(r"[A-Z_]+=\S*", words[0]):
+        del words[0]  # of the environment
+    return words
+
+
+def commands() -> Iterator[Command]:
+    for path in sorted(path for place in PLACES for path in ROOT.glob(place)):
+        for number, text in texts(path):
+            words = words_of(text)
+            name = Path(words[0]).name.replace("python3.11", "python") if words else ""
+            place = f"{path.relative_to(ROOT)}:{number}"
+            if name.startswith("--"):
+                yield Command(place, ("options", *words))
+            elif name in STARTS and len(words) > 1:
+                yield Command(place, (name, *words[1:]))
+
+
+COMMANDS = list(commands())
+OURS = [c for c in COMMANDS if c.words[0] == "dfrf"]
+MODULES = [c for c in COMMANDS if c.words[:2] == ("python", "-m")]
+TARGETS = [c for c in COMMANDS if c.words[0] == "make"]
+OPTIONS = [c for c in COMMANDS if c.words[0] == "options" and c.place[:9] != "CHANGELOG"]
+EXTRAS = [c for c in COMMANDS if c.words[0] == "pip"]
+
+
+def named(command: Command) -> str:
+    return f"{command.place} {' '.join(command.words)}"
+
+
+def wrong(words: tuple[str, ...]) -> str:
+    """What ``dfrf`` has against a call, or nothing. Files need not be there."""
+    name, *arguments = words
+    if name == "--help":
+        return ""
+    known = PROGRAM.commands.get(name)  # type: ignore[attr-defined]
+    if known is None:
+        return f"no command {name}"
+    options = {
+        opt: p for p in known.params for opt in (*p.opts, *p.secondary_opts) if opt[0] == "-"
+    }
+    places = [p for p in known.params if not p.opts[0].startswith("-")]
+    given = 0
+    rest = iter(arguments)
+    for word in rest:
+        # `--device auto|cpu|cuda` and `--keep-going/--fail-fast` name several at once.
+        if not word.startswith("--"):
+            given += 1
+            continue
+        for option in word.split("/"):
+            if option not in options:
+                return f"no option {option}"
+        taken = options[word.split("/")[0]]
+        if not getattr(taken, "is_flag", False):
+            value = next(rest, None)
+            allowed = {"--method": PRESET_OF_METHOD, "--force": FORCEABLE}.get(word)
+            if allowed and value and not PLACEHOLDER.fullmatch(value) and value not in allowed:
+                return f"{word} {value} is not known"
+    if given > len(places) and not any(p.nargs == -1 for p in places):
+        return f"{given} arguments, it takes {len(places)}"
+    return ""
+
+
+def test_enough_commands_are_found() -> None:
+    """So that a change of the documents' style does not empty the tests below."""
+    assert {c.words[1] for c in OURS} >= set(PROGRAM.commands)  # type: ignore[attr-defined]
+    assert len(MODULES) >= 5
+    assert len(TARGETS) >= 6
+    assert len(EXTRAS) >= 2
+
+
+@pytest.mark.parametrize("command", OURS, ids=named)
+def test_a_call_of_the_tool_is_one_it_takes(command: Command) -> None:
+    assert not wrong(command.words[1:])
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        ("paint FILE", "no command paint"),
+        ("dub MANIFEST --colour red", "no option --colour"),
+        ("evaluate MANIFEST --method guess", "--method guess is not known"),
+        ("dub MANIFEST --keep-going/--give-up", "no option --give-up"),
+        ("prepare CLIP CLIP", "2 arguments, it takes 1"),
+    ],
+)
+def test_a_call_it_does_not_take_is_found(call: str, said: str) -> None:
+    assert wrong(tuple(call.split())) == said
+
+
+@pytest.mark.parametrize("name", sorted({c.words[1] for c in OURS if c.words[1][0] != "-"}))
+def test_every_command_explains_itself(name: str) -> None:
+    result = CliRunner().invoke(app, [name, "--help"])
+    assert result.exit_code == 0, result.output
+    assert name in result.output
+
+
+@pytest.mark.parametrize("command", MODULES, ids=named)
+def test_a_module_that_is_run_takes_what_it_is_given(
+    command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module, *arguments = command.words[2:]
+    if module in ("pip", "pytest"):
+        return
+    known: set[str] = set()
+    add = argparse.ArgumentParser.add_argument
+
+    def noted(self: argparse.ArgumentParser, *names: str, **settings: object) -> argparse.Action:
+        known.update(names)
+        return add(self, *names, **settings)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(argparse.ArgumentParser, "add_argument", noted)
+    monkeypatch.setattr(sys, "argv", [module, "--help"])
+    importlib.import_module(module)
+    monkeypatch.delitem(sys.modules, module)  # or runpy warns
+    with pytest.raises(SystemExit) as end:
+        runpy.run_module(module, run_name="__main__")
+    assert not end.value.code
+    assert {word for word in arguments if word.startswith("--")} <= known
+
+
+@pytest.mark.parametrize("command", TARGETS, ids=named)
+def test_a_target_is_in_the_makefile(command: Command) -> None:
+    makefile = (ROOT / "Makefile").read_text()
+    for word in command.words[1:]:
+        variable, given, _ = word.partition("=")
+        assert re.search(
+            rf"\$\(.*{variable}\b|^{variable} .?=" if given else rf"^{word}:",
+            makefile,
+            re.MULTILINE,
+        ), word
+
+
+@pytest.mark.parametrize("command", OPTIONS, ids=named)
+def test_an_option_alone_is_one_of_some_command(command: Command) -> None:
+    known = {"--no-deps"}  # pip's
+    for one in PROGRAM.commands.values():  # type: ignore[attr-defined]
+        known.update(opt for p in one.params for opt in (*p.opts, *p.secondary_opts))
+    options = {part for word in command.words[1:] for part in word.split("/")}
+    assert {option for option in options if option.startswith("--")} <= known
+
+
+@pytest.mark.parametrize("command", OURS, ids=named)
+def test_a_manifest_that_is_named_is_there(command: Command) -> None:
+    for word in command.words:
+        assert not word.startswith("manifests/") or (ROOT / word).is_file()
+
+
+@pytest.mark.parametrize("command", EXTRAS, ids=named)
+def test_an_extra_is_declared(command: Command) -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    for name in re.findall(r"dfrf\[(\w+)\]", " ".join(command.words)):
+        assert name in extras
+
+
+def test_the_first_commands_of_the_readme_run(tmp_path: Path) -> None:
+    clips.write_clip(tmp_path / "host.mp4", 50)
+    clips.write_sound(tmp_path / "host_it.wav", 1)
+    run = CliRunner().invoke
+    assert run(app, ["init", str(tmp_path)]).exit_code == 0
+    path = tmp_path / "manifest.yaml"
+    manifest = yaml.safe_load(path.read_text())
+    manifest["identities"]["host"]["consent"] = {"by": "host", "reference": "form"}
+    path.write_text(yaml.safe_dump(manifest))
+    result = run(app, ["plan", str(path)])
+    assert result.exit_code == 0, result.output
+    assert run(app, ["doctor"]).exit_code in (0, 1)
