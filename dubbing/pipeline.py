@@ -1,109 +1,205 @@
-"""The story of a run in one screen."""
+"""The story of a dub: its stages, in their order, and what each needs.
+
+    person:  prepare -> check_source -> finetune -> refine_poses
+    dub:     listen -> render -> composite -> check
+
+This is the one place that says so: the planner, the runner, the report and ``--force`` read it. A
+stage is out of date when its parameters, a file that it reads, the result of a stage that it reads,
+or the code that does the work changed. Paths do not count, contents do. Nothing here imports torch.
+"""
 
 from __future__ import annotations
 
-import os
-import shutil
-import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from dubbing import jobs
-from dubbing.engine import lock
-from dubbing.engine import runner as running
-from dubbing.engine.runner import Options, Outcome, Reporter, label, told
-from dubbing.errors import DubbingError
-from dubbing.files import atomic_path, digest_file, remove_torn, writing
-from dubbing.jobs import Job
+from dubbing import timeline
+from dubbing.engine.code_version import code_version
+from dubbing.engine.graph import Job, Jobs
+from dubbing.engine.stage import Produce, Stage
+from dubbing.errors import DubbingError, RenderingError
+from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.manifest import Manifest
-from dubbing.manifest.overwriting import results_of
-from dubbing.report import report
-from dubbing.report.report import Sync
-from dubbing.stages.steps import SYNC_FILE
-
-DEFAULT = Options()
-ALL_MADE, SOME_FAILED, SYNC_FELL_SHORT = 0, 1, 3
+from dubbing.media import SUFFIX, MediaInfo
+from dubbing.shipped.base import shipped_base
+from dubbing.speech import features
+from dubbing.stages import tasks
 
 
 @dataclass(frozen=True)
-class Result:
-    """What a run left behind.
+class StageKind:
+    """Where a stage's results lie, and which module makes them."""
 
-    Attributes:
-        outcomes: by ``kind/name``.
-        report: its page, or why there is none.
-        syncs: dub -> its check.
-    """
-
-    outcomes: dict[str, Outcome]
-    code: int
-    report: Path | DubbingError
-    syncs: dict[str, Sync]
+    folder: str
+    module: str
 
 
-def dub(
-    manifest: Manifest,
-    reporter: Reporter,
-    options: Options = DEFAULT,
-    *,
-    only: tuple[str, ...] = (),
-    device: str = "auto",
-) -> Result:
-    """Make every dub of a manifest that is not up to date, and the report.
+OF_IDENTITY = {
+    "prepare": StageKind("prepared", "dubbing.preparation.prepare"),
+    "check_source": StageKind("source_check", "dubbing.sync.check"),
+    "finetune": StageKind("model", "dubbing.stages.finetune"),
+    "refine_poses": StageKind("poses", "dubbing.stages.refine_poses"),
+}
+OF_DUB = {
+    "listen": StageKind("speech", "dubbing.stages.listen"),
+    "render": StageKind("render", "dubbing.stages.render"),
+    "composite": StageKind("video", "dubbing.stages.composite"),
+    "check": StageKind("check", "dubbing.sync.check"),
+}
+KINDS = {**OF_IDENTITY, **OF_DUB}
+STAGES = tuple(KINDS)
 
-    Stage by stage over all jobs, so one large model is in memory at a time: prepare, fine-tune
-    and check every person; then listen, render, composite and check every dub.
+
+class _Stages:
+    """The stages of one job, in one folder, as they are declared."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.declared: dict[str, Stage] = {}
+
+    def add(
+        self,
+        name: str,
+        task: Produce,
+        reads: Mapping[str, Path | Stage],
+        parameters: Mapping[str, Any] | None = None,
+    ) -> Stage:
+        """Declares the next stage: who does it, what it reads, and what else it depends on."""
+        kind = KINDS[name]
+        folder, version = self.folder / kind.folder, code_version(kind.module)
+        self.declared[name] = Stage(name, folder, version, parameters or {}, reads, task)
+        return self.declared[name]
+
+
+def identity_job(manifest: Manifest, name: str, identity: Identity, device: str) -> Job:
+    """What is made once for a person: prepared clip, source check, model, refined poses."""
+    stages = _Stages(manifest.work / "identities" / name)
+    clip, base = identity.clip, identity.base or shipped_base(identity.preset)
+    prepare = stages.add(
+        "prepare", tasks.Prepare(identity), {"clip": clip}, {"size": identity.size}
+    )
+    prepared = tasks.Prepared(prepare.folder, clip)
+    check_source = stages.add("check_source", tasks.Check(clip), {"clip": clip})
+    finetune = stages.add(
+        "finetune",
+        tasks.Finetune(identity, prepared, check_source.folder, base, device),
+        {
+            "prepared": prepare,
+            "source": check_source,
+            **({"base": base} if base else {}),
+            **_speech_weights(identity),
+        },
+        {
+            "start": identity.start,
+            "seconds": identity.seconds,
+            "preset": identity.preset,
+            "seed": identity.seed,
+            "speech": identity.speech,
+            "iterations": tasks.iterations_of(identity),
+        },
+    )
+    stages.add(
+        "refine_poses",
+        tasks.RefinePoses(finetune.folder, prepared, device),
+        {"model": finetune, "prepared": prepare},
+    )
+    return Job("identity", name, stages.declared, blocked=manifest.damaged.get(clip))
+
+
+def dub_job(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
+    """What is made for one dub: speech features, heads, video, sync check."""
+    damaged = manifest.damaged.get(dub.audio)
+    if damaged or person.blocked:
+        return Job("dub", dub.name, {}, dub.identity, damaged)
+    identity = manifest.identities[dub.identity]
+    clip, sound = manifest.media[identity.clip], manifest.media[dub.audio]
+    assert clip.rate is not None  # a clip without a picture is no valid manifest
+    prepare, check_source, finetune, refine_poses = person.stages.values()
+    prepared = tasks.Prepared(prepare.folder, identity.clip)
+    left = sound.sound_seconds - dub.audio_start
+    seconds = min(left, dub.audio_seconds) if dub.audio_seconds else left
+    cut = {"audio_start": dub.audio_start, "seconds": seconds}
+    frames = {"video_start": dub.video_start, "on_longer_audio": dub.on_longer_audio}
+    stages = _Stages(manifest.work / "dubs" / dub.name)
+    listen = stages.add(
+        "listen",
+        tasks.Listen(dub, identity.speech, identity.speech_weights, clip.rate, seconds),
+        {"audio": dub.audio, **_speech_weights(identity)},
+        {"name": identity.speech, "rate": str(clip.rate), **cut},
+    )
+    render = stages.add(
+        "render",
+        tasks.Render(
+            dub, finetune.folder, prepared, refine_poses.folder, listen.folder, device
+        ),
+        {"model": finetune, "prepared": prepare, "poses": refine_poses, "speech": listen},
+        frames,
+    )
+    composite = stages.add(
+        "composite",
+        tasks.Composite(dub, render.folder, prepared, listen.folder, seconds),
+        {"heads": render, "prepared": prepare, "clip": identity.clip, "audio": dub.audio},
+        {
+            **{key: getattr(dub, key) for key in ("frame", "label", "codec", "audio_rate")},
+            **frames,
+            **cut,
+            # No pixel depends on it, but the record of a result says who agreed to it.
+            "consent": identity.consent.model_dump(mode="json"),
+        },
+    )
+    stages.add(
+        "check",
+        tasks.Check(video_file(composite, dub), check_source.folder / tasks.SYNC_FILE),
+        {"video": composite, "source": check_source},
+    )
+    return Job("dub", dub.name, stages.declared, dub.identity, _too_long(dub, clip, seconds))
+
+
+def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto") -> Jobs:
+    """The jobs of a manifest, or of those identities and dubs that ``only`` names.
 
     Raises:
-        DubbingError: ``only`` names nothing.
-        LockedError: another run is at work there.
+        DubbingError: ``only`` names something the manifest does not have.
     """
-    planned = jobs.build(manifest, only=only, device=device)
-    with lock.hold(manifest.work):
-        started = time.perf_counter()
-        outcomes = running.run(planned, options, reporter)
-        for job in planned.dubs.values():
-            outcome = outcomes[label(job)]
-            if outcome.state in ("made", "kept"):
-                try:
-                    publish(manifest, job)
-                except (DubbingError, OSError) as error:
-                    outcome.state, outcome.failure = "failed", told("publish", error)
-        syncs = {name: report.sync_of(job) for name, job in planned.dubs.items()}
-        code = exit_code(outcomes, syncs)
-        seconds = time.perf_counter() - started
-        written: Path | DubbingError
-        try:
-            written = report.write(manifest, planned, outcomes, code=code, seconds=seconds)
-        except DubbingError as error:  # what became of the jobs is said nevertheless
-            written, code = error, SOME_FAILED
-    return Result(outcomes, code, written, syncs)
+    known = {*manifest.identities, *(dub.name for dub in manifest.dubs)}
+    if unknown := [name for name in only if name not in known]:
+        raise DubbingError(
+            f"nothing is called {', '.join(unknown)}", "--only", f"there is {', '.join(known)}"
+        )
+    dubs = [d for d in manifest.dubs if not only or {d.name, d.identity} & set(only)]
+    needed = {dub.identity for dub in dubs}
+    identities = {
+        name: identity_job(manifest, name, identity, device)
+        for name, identity in manifest.identities.items()
+        if not only or name in only or name in needed
+    }
+    return Jobs(
+        identities, {d.name: dub_job(manifest, d, identities[d.identity], device) for d in dubs}
+    )
 
 
-def publish(manifest: Manifest, job: Job) -> None:
-    """Put a dub and its sync check into the output folder, under the dub's name.
-
-    Raises:
-        DubbingError: nothing can be written there.
-    """
-    dub = next(dub for dub in manifest.dubs if dub.name == job.name)
-    video = jobs.video_file(job.stages["video"], dub)
-    check = job.stages["sync"].folder / SYNC_FILE
-    for source, name in zip((video, check), results_of(dub.name, dub.codec), strict=True):
-        target = manifest.output / name
-        remove_torn(target)
-        if target.is_file() and digest_file(target) == digest_file(source):
-            continue
-        with atomic_path(target) as temporary, writing(target):
-            try:
-                os.link(source, temporary)  # the same bytes once on the disk
-            except OSError:  # a file system without hard links
-                shutil.copyfile(source, temporary)
+def video_file(composite: Stage, dub: Dub) -> Path:
+    """The finished file in the folder of the composite stage."""
+    return composite.folder / f"video{SUFFIX[dub.codec]}"
 
 
-def exit_code(outcomes: dict[str, Outcome], syncs: dict[str, Sync]) -> int:
-    """0 all made; 1 a job failed; 3 all made, but a sync check fell short."""
-    if any(outcome.state in ("failed", "skipped", "stopped") for outcome in outcomes.values()):
-        return SOME_FAILED
-    fell_short = any(sync.get("verdict") == "fail" for sync in syncs.values())
-    return SYNC_FELL_SHORT if fell_short else ALL_MADE
+def _speech_weights(identity: Identity) -> dict[str, Path]:
+    """The weights of an identity's speech features, where they have any."""
+    file = features.weights_file(identity.speech, identity.speech_weights)
+    return {} if file is None else {"speech_weights": file}
+
+
+def _too_long(dub: Dub, clip: MediaInfo, seconds: float) -> DubbingError | None:
+    """With ``on_longer_audio: fail`` it is known beforehand that a dub cannot be made."""
+    assert clip.rate is not None
+    frames = timeline.frame_count(seconds, clip.rate)
+    left = clip.frames - timeline.first_frame(dub.video_start, clip.rate)
+    if dub.on_longer_audio != "fail" or frames <= left:
+        return None
+    return RenderingError(
+        f"the speech lasts {frames} frames, the clip {left} from video_start on",
+        dub.name,
+        "set on_longer_audio to bounce, loop, hold or cut, or use a longer clip",
+    )

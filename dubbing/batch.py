@@ -1,0 +1,109 @@
+"""The story of a run in one screen."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from dubbing import jobs
+from dubbing.engine import lock
+from dubbing.engine import runner as running
+from dubbing.engine.runner import Options, Outcome, Reporter, label, told
+from dubbing.errors import DubbingError
+from dubbing.files import atomic_path, digest_file, remove_torn, writing
+from dubbing.jobs import Job
+from dubbing.manifest.manifest import Manifest
+from dubbing.manifest.overwriting import results_of
+from dubbing.report import report
+from dubbing.report.report import Sync
+from dubbing.stages.steps import SYNC_FILE
+
+DEFAULT = Options()
+ALL_MADE, SOME_FAILED, SYNC_FELL_SHORT = 0, 1, 3
+
+
+@dataclass(frozen=True)
+class Result:
+    """What a run left behind.
+
+    Attributes:
+        outcomes: by ``kind/name``.
+        report: its page, or why there is none.
+        syncs: dub -> its check.
+    """
+
+    outcomes: dict[str, Outcome]
+    code: int
+    report: Path | DubbingError
+    syncs: dict[str, Sync]
+
+
+def dub(
+    manifest: Manifest,
+    reporter: Reporter,
+    options: Options = DEFAULT,
+    *,
+    only: tuple[str, ...] = (),
+    device: str = "auto",
+) -> Result:
+    """Make every dub of a manifest that is not up to date, and the report.
+
+    Stage by stage over all jobs, so one large model is in memory at a time: prepare, fine-tune
+    and check every person; then listen, render, composite and check every dub.
+
+    Raises:
+        DubbingError: ``only`` names nothing.
+        LockedError: another run is at work there.
+    """
+    planned = jobs.build(manifest, only=only, device=device)
+    with lock.hold(manifest.work):
+        started = time.perf_counter()
+        outcomes = running.run(planned, options, reporter)
+        for job in planned.dubs.values():
+            outcome = outcomes[label(job)]
+            if outcome.state in ("made", "kept"):
+                try:
+                    publish(manifest, job)
+                except (DubbingError, OSError) as error:
+                    outcome.state, outcome.failure = "failed", told("publish", error)
+        syncs = {name: report.sync_of(job) for name, job in planned.dubs.items()}
+        code = exit_code(outcomes, syncs)
+        seconds = time.perf_counter() - started
+        written: Path | DubbingError
+        try:
+            written = report.write(manifest, planned, outcomes, code=code, seconds=seconds)
+        except DubbingError as error:  # what became of the jobs is said nevertheless
+            written, code = error, SOME_FAILED
+    return Result(outcomes, code, written, syncs)
+
+
+def publish(manifest: Manifest, job: Job) -> None:
+    """Put a dub and its sync check into the output folder, under the dub's name.
+
+    Raises:
+        DubbingError: nothing can be written there.
+    """
+    dub = next(dub for dub in manifest.dubs if dub.name == job.name)
+    video = jobs.video_file(job.stages["video"], dub)
+    check = job.stages["sync"].folder / SYNC_FILE
+    for source, name in zip((video, check), results_of(dub.name, dub.codec), strict=True):
+        target = manifest.output / name
+        remove_torn(target)
+        if target.is_file() and digest_file(target) == digest_file(source):
+            continue
+        with atomic_path(target) as temporary, writing(target):
+            try:
+                os.link(source, temporary)  # the same bytes once on the disk
+            except OSError:  # a file system without hard links
+                shutil.copyfile(source, temporary)
+
+
+def exit_code(outcomes: dict[str, Outcome], syncs: dict[str, Sync]) -> int:
+    """0 all made; 1 a job failed; 3 all made, but a sync check fell short."""
+    if any(outcome.state in ("failed", "skipped", "stopped") for outcome in outcomes.values()):
+        return SOME_FAILED
+    fell_short = any(sync.get("verdict") == "fail" for sync in syncs.values())
+    return SYNC_FELL_SHORT if fell_short else ALL_MADE
