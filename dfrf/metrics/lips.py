@@ -102,9 +102,9 @@ def lag_ms(found: np.ndarray, truth: np.ndarray, rate: float, reach: float = REA
 
     Args:
         rate: frames a second.
-        reach: seconds of the search, to either side.
+        reach: seconds of the search, to either side; half the series at most.
     """
-    most = max(1, round(reach * rate))
+    most = max(1, min(round(reach * rate), len(truth) // 2))
     shifts = np.arange(-most, most + 1)
     curve = np.array([correlation(*_shifted(found, truth, int(d))) for d in shifts])
     if not np.isfinite(curve).any():

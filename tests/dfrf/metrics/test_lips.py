@@ -22,7 +22,7 @@ def closed(*frames: int, count: int = 10) -> np.ndarray:
 
 def slow_correlation(found: np.ndarray, truth: np.ndarray) -> float:
     """Pearson's correlation, a frame at a time."""
-    pairs = [(a, b) for a, b in zip(found, truth, strict=True) if a == a and b == b]
+    pairs = [p for p in zip(found, truth, strict=True) if not any(map(math.isnan, p))]
     mean_a = sum(a for a, _ in pairs) / len(pairs)
     mean_b = sum(b for _, b in pairs) / len(pairs)
     both = sum((a - mean_a) * (b - mean_b) for a, b in pairs)
@@ -35,7 +35,7 @@ def slow_f1(found: np.ndarray, truth: np.ndarray, near: int) -> float:
     """F1, a frame at a time; hits of both sides are counted by themselves."""
 
     def is_closed(series: np.ndarray, other: np.ndarray, t: int) -> bool:
-        measured = 0 <= t < len(series) and series[t] == series[t] and other[t] == other[t]
+        measured = 0 <= t < len(series) and not math.isnan(series[t] + other[t])
         return bool(measured and series[t] < lips.CLOSED)
 
     hits, counts = [], []
@@ -43,9 +43,7 @@ def slow_f1(found: np.ndarray, truth: np.ndarray, near: int) -> float:
         frames = [t for t in range(len(mine)) if is_closed(mine, other, t)]
         counts.append(len(frames))
         hits.append(
-            sum(
-                any(is_closed(other, mine, t + d) for d in range(-near, near + 1)) for t in frames
-            )
+            sum(any(is_closed(other, mine, t + d) for d in range(-near, near + 1)) for t in frames)
         )
     precision, recall = hits[0] / counts[0], hits[1] / counts[1]
     return 2 * precision * recall / (precision + recall)
@@ -123,7 +121,10 @@ def test_distances_by_hand() -> None:
 
 def test_distances_are_those_of_a_loop() -> None:
     found, truth = np.random.default_rng(1).normal(size=(2, 5, 40, 2))
-    each = [[math.dist(a, b) for a, b in zip(*frame, strict=True)] for frame in zip(found, truth)]
+    each = [
+        [math.dist(a, b) for a, b in zip(*frame, strict=True)]
+        for frame in np.stack([found, truth], 1)
+    ]
     assert lips.distances(found, truth) == pytest.approx([sum(d) / 40 for d in each])
     squares = [sum(x * x for x in d) / 40 for d in each]
     assert lips.squared_distances(found, truth) == pytest.approx(squares)
@@ -146,5 +147,7 @@ def test_there_is_no_lag_where_nothing_fits_or_it_lies_beyond_the_search() -> No
     assert math.isnan(lips.lag_ms(np.ones(100), moving, RATE))
     late = np.roll(moving, 11)
     assert lips.lag_ms(late, moving, RATE, reach=0.6) == pytest.approx(440, abs=10)
+    assert math.isnan(lips.lag_ms(moving[:3], moving[:3], RATE))  # too few frames to shift
+    assert math.isnan(lips.lag_ms(moving[:0], moving[:0], RATE))
     pulse = np.exp(-(((np.arange(100.0) - 50) / 8) ** 2))
     assert math.isnan(lips.lag_ms(np.roll(pulse, 30), pulse, RATE, reach=0.4))
