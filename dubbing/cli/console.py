@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from statistics import median
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -172,13 +173,58 @@ def sync(found: dict[str, Any]) -> None:
 
 
 def metrics(found: dict[str, dict[str, dict[str, Any]]]) -> None:
-    """Held-out figures: identity -> method -> figure. A table a person, a column a method."""
-    for identity, methods in found.items():
-        table = _table(identity, *methods)
+    """Held-out figures: identity -> method -> figure. A table a person, a column a method.
+
+    Behind them the medians over the people, where there are several.
+    """
+    flat = {
+        name: {method: one_level(row) for method, row in methods.items()}
+        for name, methods in found.items()
+    }
+    tables = dict(flat)
+    if len(flat) > 1:
+        tables[f"median of {len(flat)}"] = medians(flat)
+    for title, methods in tables.items():
+        table = _table(title, *methods)
         # In the order in which they were measured.
         for name in dict.fromkeys(key for row in methods.values() for key in row):
-            table.add_row(*map(_cell, [name, *(_figure(m.get(name)) for m in methods.values())]))
+            if not name.endswith("suspicion"):
+                cells = [name, *(_figure(m.get(name)) for m in methods.values())]
+                table.add_row(*map(_cell, cells))
         out.print(table)
+    for identity, methods in flat.items():
+        for method, row in methods.items():
+            for name, why in row.items():
+                if name.endswith("suspicion"):
+                    protocol = name.removesuffix("suspicion")
+                    text = f"{identity}, {method}: {protocol}{why}"
+                    out.print(text, style="yellow", markup=False)
+
+
+def one_level(row: dict[str, Any]) -> dict[str, Any]:
+    """Figures of one method with those of P15x among them, named after it."""
+    flat = {}
+    for name, value in row.items():
+        if isinstance(value, dict):
+            flat |= {f"{name} {inner}": figure for inner, figure in value.items()}
+        else:
+            flat[name] = value
+    return flat
+
+
+def medians(found: dict[str, dict[str, dict[str, Any]]]) -> dict[str, dict[str, float]]:
+    """method -> figure -> its median over the people who have it. Only numbers have one."""
+    values: dict[str, dict[str, list[float]]] = {}
+    for methods in found.values():
+        for method, row in methods.items():
+            of_method = values.setdefault(method, {})
+            for name, value in row.items():
+                if isinstance(value, int | float) and not isinstance(value, bool):
+                    of_method.setdefault(name, []).append(float(value))
+    return {
+        method: {name: median(numbers) for name, numbers in row.items()}
+        for method, row in values.items()
+    }
 
 
 def doctor(findings: Sequence[Finding]) -> None:
@@ -191,4 +237,6 @@ def doctor(findings: Sequence[Finding]) -> None:
 
 
 def _figure(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
     return f"{value:.3f}" if isinstance(value, float) else "" if value is None else str(value)

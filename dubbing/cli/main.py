@@ -189,10 +189,26 @@ def evaluate(
         ),
     ] = None,
     only: Only = None,
+    protocol: Annotated[
+        str,
+        typer.Option(
+            "--protocol",
+            help="p15 (own pictures), p15x (the speech over pictures from elsewhere, as in a dub) "
+            "or both.",
+        ),
+    ] = "both",
     seconds: Annotated[
         float | None,
         typer.Option(min=0.1, help="Test so many seconds of what is held out, its first."),
     ] = None,
+    every: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            help="P15 renders and compares one frame of so many; then nothing is said of how the "
+            "mouth moves. P15x takes all frames.",
+        ),
+    ] = 1,
     lpips_weights: Annotated[
         list[Path] | None,
         typer.Option(
@@ -216,7 +232,9 @@ def evaluate(
             loaded,
             methods=tuple(method or ("dfrf",)),
             only=tuple(only or ()),
+            protocol=protocol,
             seconds=checked_seconds(seconds),
+            every=every,
             lpips_weights=tuple(lpips_weights or ()),
             device=checked_device(device),
             progress=progress,

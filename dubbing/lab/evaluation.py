@@ -1,10 +1,14 @@
-"""Held-out figures of every identity of a manifest, for one or several methods (protocol P15)."""
+"""Held-out figures of every identity of a manifest, for one or several methods.
+
+Protocol P15 compares pictures: own speech, pose and background of the held-out frames. P15x is the
+case of a dub: their speech over pictures from elsewhere, see `dubbing.lab.cross_driving`.
+"""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +26,7 @@ from dubbing.engine import stage as stages
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, remove_torn
 from dubbing.lab import tiles
+from dubbing.lab.cross_driving import Part, measure_dub, unlearned
 from dubbing.lab.measuring import held_out, measure
 from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
@@ -43,6 +48,7 @@ PRESET_OF_METHOD = {
     "ad-nerf": "ad-nerf",
     "nerf": "nerf",
 }
+PROTOCOLS = {"p15": ("p15",), "p15x": ("p15x",), "both": ("p15", "p15x")}
 
 Progress = Callable[[str, float], None]
 Figures = dict[str, dict[str, dict[str, Any]]]  # identity -> method -> figure -> value
@@ -60,21 +66,27 @@ def evaluate(
     *,
     methods: tuple[str, ...] = ("dfrf",),
     only: tuple[str, ...] = (),
+    protocol: str = "both",
     seconds: float | None = None,
+    every: int = 1,
     lpips_weights: tuple[Path, ...] = (),
     device: str = "auto",
     progress: Progress,
 ) -> Figures:
-    """Fine-tunes what is not up to date, renders the held-out end of each clip and measures it.
+    """Fine-tunes what is not up to date, renders what is held out of each clip and measures it.
 
-    Figures of other identities and methods that an earlier call left in OUTPUT/evaluate.json stay.
+    Figures of other identities and methods that an earlier call left in OUTPUT/evaluate.json stay;
+    so do those of the other protocol, if they are of the same model.
 
     Args:
         manifest: its dubs are not needed.
         methods: dfrf (the `fast` preset), dfrf-nowarp, dfrf-alone (without a base), dfrf-1, -2, -4,
             -6 (so many references, the same in every frame), paper, ad-nerf, nerf.
         only: names of identities; all when empty.
+        protocol: p15, p15x or both.
         seconds: of the held-out part that are tested, its first; all when None.
+        every: P15 renders and compares one frame of so many. More than one says nothing of how the
+            mouth moves nor of lip sync; P15x always takes all frames.
         lpips_weights: files with the published weights of LPIPS; not measured when empty.
         device: auto, cpu or cuda.
         progress: told a message and the share done.
@@ -83,8 +95,8 @@ def evaluate(
         identity -> method -> figure -> value: what the file then holds.
 
     Raises:
-        DubbingError: an unknown method or identity, other weights, nothing held out, another
-            evaluate.json, or a stage failed.
+        DubbingError: an unknown method, identity or protocol, other weights, nothing held out,
+            another evaluate.json, or a stage failed.
         LockedError: another run works in the manifest's output.
     """
     if unknown := [m for m in methods if m not in PRESET_OF_METHOD]:
@@ -95,7 +107,14 @@ def evaluate(
         )
     if unknown := [name for name in only if name not in manifest.identities]:
         raise DubbingError(f"no identity is called {', '.join(unknown)}", "--only")
-    parts = {name: tested_part(manifest, name, seconds) for name in only or manifest.identities}
+    if protocol not in PROTOCOLS:
+        raise DubbingError(
+            f"no protocol is called {protocol}", "--protocol", f"there is {', '.join(PROTOCOLS)}"
+        )
+    asked = PROTOCOLS[protocol]
+    parts = {
+        name: tested_parts(manifest, name, seconds, asked) for name in only or manifest.identities
+    }
     network = None
     if lpips_weights:
         try:
@@ -114,14 +133,32 @@ def evaluate(
                 def told(message: str, share: float, title: str = f"{name}, {method}") -> None:
                     progress(f"{title}: {message}", share)
 
-                figures = evaluate_one(manifest, name, method, part, network, device, told)
-                found.setdefault(name, {})[method] = figures
+                figures = evaluate_one(manifest, name, method, part, every, network, device, told)
+                before = found.setdefault(name, {}).get(method, {})
+                found[name][method] = merged(before, figures)
                 atomic_write_json(path, found)
     return found
 
 
-def tested_part(manifest: Manifest, name: str, seconds: float | None) -> tuple[int, int]:
-    """First frame and number of frames of an identity's clip to test on, `seconds` at most.
+@dataclass(frozen=True)
+class Tested:
+    """Which frames of a clip are tested.
+
+    Attributes:
+        learned: frames that were learned from.
+        p15: the part whose pictures are compared; None where they are not asked for.
+        p15x: the parts whose speech is dubbed over other pictures; none where not asked for.
+    """
+
+    learned: Part
+    p15: Part | None
+    p15x: list[Part]
+
+
+def tested_parts(
+    manifest: Manifest, name: str, seconds: float | None, protocols: tuple[str, ...]
+) -> Tested:
+    """Frames of an identity's clip to test on, `seconds` of each protocol at most.
 
     Raises:
         DubbingError: the clip is damaged, or nothing of it is held out.
@@ -132,21 +169,40 @@ def tested_part(manifest: Manifest, name: str, seconds: float | None) -> tuple[i
     clip = manifest.media[identity.clip]
     assert clip.rate is not None  # a clip without a picture is no valid manifest
     learned_to = identity.start + identity.seconds
+    learned = (round(identity.start * clip.rate), round(identity.seconds * clip.rate))
     first, count = held_out(clip.frames, clip.rate, learned_to, seconds)
-    if count <= 0:
+    others = unlearned(clip.frames, clip.rate, learned, seconds)
+    if ("p15" in protocols and count <= 0) or not others:
         raise DubbingError(
             f"nothing of the clip is held out after {learned_to:g} s",
             name,
             "learn fewer seconds, or use a longer clip",
         )
-    return first, count
+    return Tested(
+        learned,
+        (first, count) if "p15" in protocols else None,
+        others if "p15x" in protocols else [],
+    )
+
+
+def merged(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
+    """Figures just measured, with those of the other protocol that an earlier call left.
+
+    Only of the same model: one that learned as many steps in exactly as many seconds.
+    """
+    if any(before.get(key) != now[key] for key in ("steps", "seconds")):
+        return now
+    pictures_too = not set(now) <= {"p15x", "steps", "seconds"}
+    kept = {name: value for name, value in before.items() if (name == "p15x") == pictures_too}
+    return {**kept, **now}
 
 
 def evaluate_one(
     manifest: Manifest,
     name: str,
     method: str,
-    part: tuple[int, int],
+    part: Tested,
+    every: int,
     network: Lpips | None,
     device: str,
     progress: Progress,
@@ -154,7 +210,7 @@ def evaluate_one(
     """Figures of one identity and method; leaves a picture beside the methods measured so far.
 
     Args:
-        part: first frame and number of frames to test on; see `tested_part`.
+        part: frames to test on; see `tested_parts`. every: one of so many, in P15.
     """
     preset = PRESET_OF_METHOD[method]
     own = manifest.identities[name]
@@ -170,23 +226,46 @@ def evaluate_one(
     for stage in (prepare, source, finetune):
         stages.run(stage, progress, began=began)
     clip = PreparedClip.load(prepare.folder)
-    first, count = part
-    out = manifest.work / "evaluation" / name / method
-    means = measure(
-        finetune.folder / MODEL_FILE,
-        prepare.folder,
-        clip_windows(
-            clip, identity.speech, identity.speech_weights, steps.offset_of(source.folder)
-        ),
-        first,
-        count,
-        out,
-        lpips=network,
-        device=device,
-        progress=progress,
+    model = finetune.folder / MODEL_FILE
+    windows = clip_windows(
+        clip, identity.speech, identity.speech_weights, steps.offset_of(source.folder)
     )
-    tiles.write_methods(out.parent, PRESET_OF_METHOD, method, clip, first, count)
-    start, length = float(first / clip.rate), float(count / clip.rate)
+    out = manifest.work / "evaluation" / name / method
+    found: dict[str, Any] = {}
+    if part.p15 is not None:
+        first, count = part.p15
+        found = dict(
+            measure(
+                *(model, prepare.folder, windows, first, count, out),
+                every=every,
+                lpips=network,
+                device=device,
+                progress=progress,
+            )
+        )
+        tiles.write_methods(out.parent, PRESET_OF_METHOD, method, clip, first, count, every)
+        if every == 1:
+            found |= sync_figures(clip, out, part.p15)
+        else:
+            found["every"] = every
+    if part.p15x:
+        figures = measure_dub(
+            *(model, prepare.folder, windows, part.p15x, part.learned, out / "p15x"),
+            device=device,
+            progress=progress,
+        )
+        found["p15x"] = {**figures, **sync_figures(clip, out / "p15x", part.p15x[0])}
+    learned = kept.read(finetune.folder / SUMMARY_FILE, Learned, "summary of finetune")
+    return {**found, "steps": learned["steps"], "seconds": learned["seconds"]}
+
+
+def sync_figures(clip: PreparedClip, out: Path, part: Part) -> dict[str, Any]:
+    """Lip sync of OUT/render_picture.mp4 and of the source beside it, once they have their sound.
+
+    Args:
+        part: frames of the clip that were spoken in them.
+    """
+    start, length = (float(frames / clip.rate) for frames in part)
     checks = {}
     for kind in ("render", "source"):
         video = out / f"{kind}.mp4"
@@ -201,13 +280,27 @@ def evaluate_one(
         )
         picture.unlink()
         checks[kind] = check(video)
-    learned = kept.read(finetune.folder / SUMMARY_FILE, Learned, "summary of finetune")
+    render, source = checks["render"], checks["source"]
     return {
-        **means,
-        "offset_frames": checks["render"].offset_frames,
-        "confidence": checks["render"].confidence,
-        "source_offset_frames": checks["source"].offset_frames,
-        "source_confidence": checks["source"].confidence,
-        "steps": learned["steps"],
-        "seconds": learned["seconds"],
+        "offset_frames": render.offset_frames,
+        "confidence": render.confidence,
+        "source_offset_frames": source.offset_frames,
+        "source_confidence": source.confidence,
+        **suspicion(render.confidence, source.confidence),
     }
+
+
+def suspicion(confidence: float | None, of_source: float | None) -> dict[str, Any]:
+    """`suspicious`, and a sentence where a render fits its sound better than the person does.
+
+    Lips that do what speech sounds like on average please a sync network more than real ones.
+    """
+    if confidence is None or of_source is None:
+        return {}
+    if confidence <= of_source:
+        return {"suspicious": False}
+    why = (
+        f"sync confidence {confidence:.3f} is above the source's own {of_source:.3f}: "
+        "no success, lips of the average please a sync network more than a person's own"
+    )
+    return {"suspicious": True, "suspicion": why}

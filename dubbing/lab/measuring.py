@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import asdict, dataclass, fields
 from fractions import Fraction
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +25,12 @@ from dubbing.files import atomic_write_text
 from dubbing.identity.dataset import mouth_boxes
 from dubbing.lab import tiles
 from dubbing.lab.flicker import Flicker, brow_skin
+from dubbing.lab.mouth import MouthSeries
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import render as heads
 from dubbing.stages.refine_poses import refined
+from dubbing.sync.network import load_network
 
 LONG_CLIP = 30.0  # seconds; a longer clip is tested on more of it
 NOT_KNOWN = float("nan")
@@ -34,9 +38,9 @@ NOT_KNOWN = float("nan")
 
 @dataclass(frozen=True)
 class FrameFigures:
-    """One frame: PSNR in dB of the frame, the face and the mouth box, SSIM, HaarPSI, LPIPS, LMD in
-    px at 512, and the gradient energy in the mouth and eye boxes as a share of the source's. What
-    could not be measured is not a number."""
+    """One frame: PSNR in dB of the frame, the face and the mouth box, SSIM, HaarPSI, LPIPS, LMD of
+    the outer lips where they are in the picture in px at 512, and the gradient energy in the mouth
+    and eye boxes as a share of the source's. What could not be measured is not a number."""
 
     frame: int
     psnr: float
@@ -45,7 +49,7 @@ class FrameFigures:
     lpips: float
     psnr_face: float
     psnr_mouth: float
-    lmd: float
+    lmd_picture: float
     sharpness_mouth: float
     sharpness_eyes: float
 
@@ -82,59 +86,85 @@ def measure(
     count: int,
     out: Path,
     *,
+    every: int = 1,
     lpips: Lpips | None = None,
     device: str = "auto",
     progress: Callable[[str, float], None],
 ) -> dict[str, float]:
     """Renders held-out frames over their own background and compares them with the source.
 
-    Leaves OUT/frames.csv, OUT/render_picture.mp4, OUT/source_picture.mp4 and OUT/tiles.png (source
-    above render).
+    Leaves OUT/frames.csv, OUT/tiles.png (source above render), and where every frame is tested
+    OUT/render_picture.mp4 and OUT/source_picture.mp4.
 
     Args:
         model: a person's model.
         prepared: the clip, whose speech windows are `windows` (T, 16, D).
         first, count: frames to test.
         out: folder.
+        every: one frame of so many is rendered and compared, its pose and speech what they are when
+            all are. More than one says nothing of how the mouth moves.
         lpips: the network, where its weights are at hand.
         device: auto, cpu or cuda.
         progress: told a message and the share done.
 
     Returns:
-        Means over the frames; `flicker` of the render as a multiple of the source's, which is
-        `source_flicker` in grey levels; and `frames`, how many were compared.
+        Means over the frames; the figures of `MouthSeries`; `flicker` of the render as a multiple
+        of the source's, which is `source_flicker` in grey levels; and `frames`, how many were
+        compared.
     """
     person, maps, _ = heads.load(model, device)
     clip = PreparedClip.load(prepared)
     out.mkdir(parents=True, exist_ok=True)
     figures: list[FrameFigures] = []
+    rows: list[dict[str, float]] = []
     shown_tiles: list[np.ndarray] = []
     flicker = Flicker(clip, brow_skin(clip))
+    mouths = MouthSeries(load_network().face.numpy(), float(clip.rate))
     index = np.arange(clip.frames_count)
+    tested = range(first, first + count, every)
     posed = refined(person, maps, clip, index[first : first + count], progress)
-    rendered = heads.frames(person, maps, posed, windows, index, first, first + count)
-    with (
-        VideoWriter(out / "render_picture.mp4", clip.size, clip.size, clip.rate) as render,
-        VideoWriter(out / "source_picture.mp4", clip.size, clip.size, clip.rate) as source,
-        FaceMesh(tracking=True) as render_mesh,
-        FaceMesh(tracking=True) as source_mesh,
-    ):
-        for k, (image, _, background), (colour, opacity) in zip(
-            range(first, first + count), clip.frames(first, count), rendered, strict=True
-        ):
-            shown = over(colour, opacity, background)
-            render.write(shown)
-            source.write(image)
+    with ExitStack() as open_files:
+        if every == 1:
+            rendered = heads.frames(person, maps, posed, windows, index, first, first + count)
+            render, source = (
+                open_files.enter_context(
+                    VideoWriter(out / f"{kind}_picture.mp4", clip.size, clip.size, clip.rate)
+                )
+                for kind in ("render", "source")
+            )
+        else:
+            rendered = chain.from_iterable(
+                heads.frames(person, maps, posed, windows, index, k, k + 1) for k in tested
+            )
+            render = source = None
+        # A face is followed from frame to frame, where these are frames in a row.
+        render_mesh, source_mesh = (
+            open_files.enter_context(FaceMesh(tracking=every == 1)) for _ in range(2)
+        )
+        for k, (image, _, background) in enumerate(clip.frames(first, count), first):
+            if k not in tested:
+                continue
+            shown = over(*next(rendered), background)
+            if render is not None and source is not None:
+                render.write(shown)
+                source.write(image)
             flicker.add(k, shown, image)
-            if k in tiles.shown_frames(first, count):
+            if k in tiles.shown_frames(first, count, every):
                 shown_tiles.append(np.concatenate([image, shown]))
             if clip.valid[k]:
                 found, truth = render_mesh(shown), source_mesh(image)
                 figures.append(compare(k, shown, image, clip.landmarks[k], found, truth, lpips))
+                mouth = mouths.add(k, shown, image, first_of(found), first_of(truth))
+                rows.append({**asdict(figures[-1]), **asdict(mouth)})
             progress(f"frame {k - first + 1} of {count}", (k - first + 1) / count)
-    write_csv(out / "frames.csv", figures)
+    write_csv(out / "frames.csv", rows)
     tiles.write_tiles(out, shown_tiles)
-    return {**mean_figures(figures), **flicker.figures(), "frames": len(figures)}
+    return {
+        **mean_figures(figures),
+        **mouths.figures(in_a_row=every == 1),
+        **flicker.figures(),
+        "frames": len(figures),
+    }
 
 
 def over(colour: Tensor, opacity: Tensor, background: np.ndarray) -> np.ndarray:
@@ -178,7 +208,7 @@ def compare(
         lpips=lpips(a, b) if lpips is not None else NOT_KNOWN,
         psnr_face=metrics.psnr(metrics.crop(a, face), metrics.crop(b, face)),
         psnr_mouth=metrics.psnr(metrics.crop(a, mouth), metrics.crop(b, mouth)),
-        lmd=lmd * PAPER_SIZE / size,
+        lmd_picture=lmd * PAPER_SIZE / size,
         sharpness_mouth=sharpness(mouth),
         sharpness_eyes=sharpness(eyes),
     )
@@ -199,10 +229,16 @@ def mean_figures(figures: list[FrameFigures]) -> dict[str, float]:
     return means
 
 
-def write_csv(path: Path, figures: list[FrameFigures]) -> None:
-    """One row a frame."""
+def first_of(faces: list[np.ndarray]) -> np.ndarray | None:
+    """The mesh of the face that was found; None where there is none."""
+    return faces[0] if faces else None
+
+
+def write_csv(path: Path, rows: Sequence[Mapping[str, float]]) -> None:
+    """One row a frame; all have the same keys."""
     text = io.StringIO()
-    rows = csv.DictWriter(text, [f.name for f in fields(FrameFigures)], lineterminator="\n")
-    rows.writeheader()
-    rows.writerows(asdict(x) for x in figures)
+    if rows:
+        table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
     atomic_write_text(path, text.getvalue())

@@ -23,18 +23,25 @@ STRIP = 160  # px, height of a mouth beside other methods
 AROUND = 1.1  # width of a strip, in mouth boxes
 
 
-def shown_frames(first: int, count: int) -> range:
-    """Which of the frames first .. first + count are shown."""
-    return range(first, first + count, max(1, count // TILES))
+def shown_frames(first: int, count: int, every: int = 1) -> range:
+    """Which of the frames first .. first + count are shown, if one of so many is tested."""
+    tested = -(-count // every)
+    return range(first, first + count, every * max(1, tested // TILES))
 
 
 def write_tiles(folder: Path, tiles: Sequence[np.ndarray]) -> None:
-    """FOLDER/tiles.png from pictures (2 S, S, 3) of the shown frames, source above render."""
+    """FOLDER/tiles.png from pictures (R S, S, 3) of the shown frames, source above render."""
     _write(folder / TILES_FILE, np.concatenate(tiles, 1))
 
 
 def write_methods(
-    folder: Path, methods: Iterable[str], latest: str, clip: PreparedClip, first: int, count: int
+    folder: Path,
+    methods: Iterable[str],
+    latest: str,
+    clip: PreparedClip,
+    first: int,
+    count: int,
+    every: int = 1,
 ) -> None:
     """FOLDER/methods.png: some shown frames and their mouths, of the source and of every method.
 
@@ -42,7 +49,7 @@ def write_methods(
         folder: has the tiles of each method in a folder of the method's name. A method without
             any, or with tiles of other frames than the latest, is left out.
         methods: names, in the order of the rows. latest: the one just measured.
-        clip, first, count: what it was measured on.
+        clip, first, count, every: what it was measured on.
     """
     rows = {"source": _read(folder / latest)[: clip.size]}
     for method in methods:
@@ -50,7 +57,7 @@ def write_methods(
             both = _read(folder / method)
             if np.array_equal(both[: clip.size], rows["source"]):
                 rows[method] = both[clip.size :]
-    frames = np.array(shown_frames(first, count))
+    frames = np.array(shown_frames(first, count, every))
     some = np.unique(np.linspace(0, len(frames) - 1, COLUMNS).round().astype(int))
     boxes = mouth_boxes(clip.landmarks[frames[some]], clip.size)
     faces, mouths = [], []

@@ -42,9 +42,19 @@ def _stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
             clips.write_video(out / f"{kind}_picture.mp4", FRAMES - LEARNED)
         return {"psnr": 30.0}
 
+    def measure_dub(*arguments: object, **_: object) -> dict[str, float]:
+        parts, learned, out = arguments[3:6]
+        assert isinstance(out, Path)
+        assert (parts, learned) == ([(LEARNED, FRAMES - LEARNED)], (0, LEARNED))
+        out.mkdir(parents=True)
+        for kind in ("render", "source"):
+            clips.write_video(out / f"{kind}_picture.mp4", FRAMES - LEARNED)
+        return {"opening_r": 0.5}
+
     checked = SimpleNamespace(offset_frames=1, confidence=0.5)
     fakes.install(monkeypatch.setattr)
     monkeypatch.setattr(evaluation, "measure", measure)
+    monkeypatch.setattr(evaluation, "measure_dub", measure_dub)
     monkeypatch.setattr(evaluation, "clip_windows", lambda *_: None)
     monkeypatch.setattr(steps, "offset_of", lambda _: 0)
     monkeypatch.setattr(evaluation, "check", lambda _: checked)
@@ -65,6 +75,60 @@ def test_figures_are_kept_and_the_render_says_that_it_is_generated(manifest: Man
             said[kind] = file.metadata.get("comment", "")
     assert "AI-generated" in said["render"]
     assert said["source"] == ""
+
+
+def test_the_figures_of_a_dub_stand_by_themselves(manifest: Manifest) -> None:
+    found = evaluation.evaluate(manifest, device="cpu", progress=quiet)["ann"]["dfrf"]
+    assert found["p15x"] == {
+        "opening_r": 0.5,
+        "offset_frames": 1,
+        "confidence": 0.5,
+        "source_offset_frames": 1,
+        "source_confidence": 0.5,
+        "suspicious": False,
+    }
+    dub = manifest.work / "evaluation" / "ann" / "dfrf" / "p15x" / "render.mp4"
+    with av.open(str(dub)) as file:
+        assert "AI-generated" in file.metadata["comment"]
+
+
+def test_a_protocol_is_measured_alone(manifest: Manifest) -> None:
+    def figures(protocol: str) -> set[str]:
+        found = evaluation.evaluate(manifest, protocol=protocol, device="cpu", progress=quiet)
+        return set(found["ann"]["dfrf"])
+
+    assert figures("p15x") == {"p15x", "steps", "seconds"}
+    # Of the same model, so the dub's figures stay.
+    assert {"psnr", "confidence", "p15x"} <= figures("p15")
+    with pytest.raises(DubbingError, match=r"no protocol is called p16 \(--protocol\)"):
+        figures("p16")
+
+
+def test_of_another_model_no_figures_stay() -> None:
+    before = {"psnr": 30.0, "flicker": 1.0, "frames": 9, "steps": 5, "seconds": 1.25, "p15x": {}}
+    dub = {"p15x": {"opening_r": 0.5}, "steps": 5, "seconds": 1.25}
+    pictures = {"psnr": 31.0, "frames": 3, "every": 3, "steps": 5, "seconds": 1.25}
+    assert evaluation.merged(before, dub) == {**before, **dub}
+    # What the pictures said before is gone, flicker too.
+    assert evaluation.merged(before, pictures) == {**pictures, "p15x": {}}
+    learned_again = {**dub, "seconds": 1.5}
+    assert evaluation.merged(before, learned_again) == learned_again
+
+
+def test_frames_that_do_not_follow_one_another_have_no_sync_check(manifest: Manifest) -> None:
+    found = evaluation.evaluate(manifest, protocol="p15", every=5, device="cpu", progress=quiet)[
+        "ann"
+    ]["dfrf"]
+    assert found["every"] == 5
+    assert "confidence" not in found
+
+
+def test_a_render_that_beats_its_source_is_suspicious() -> None:
+    said = evaluation.suspicion(0.235, 0.174)
+    assert said["suspicious"] is True
+    assert "0.235 is above the source's own 0.174" in said["suspicion"]
+    assert evaluation.suspicion(0.174, 0.174) == {"suspicious": False}
+    assert evaluation.suspicion(None, 0.2) == {}  # there was no face to look at
 
 
 def test_before_anybody_is_learned_everybody_must_have_something_held_out(

@@ -1,0 +1,173 @@
+"""P15x: the case of a dub. Speech that was not learned from, over pictures from elsewhere.
+
+Pictures (poses, background, the film's own jaw) are those of the learned seconds, and go through
+the compositor of a dub. There is no true picture, but the true lips of that speech are known.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
+from dataclasses import asdict
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from dubbing import timeline
+from dubbing.face.landmarks import FaceMesh
+from dubbing.lab import tiles
+from dubbing.lab.chin import ChinFigures, chin_figures, chin_ratios
+from dubbing.lab.measuring import first_of, write_csv
+from dubbing.lab.mouth import MouthSeries
+from dubbing.media import VideoWriter
+from dubbing.preparation.prepared import PreparedClip
+from dubbing.preparation.tracking import cropping
+from dubbing.stages import composite
+from dubbing.stages import render as heads
+from dubbing.stages.refine_poses import refined
+from dubbing.sync.network import load_network
+
+AT_ONCE = 250  # frames whose speech windows are held at a time
+
+Part = tuple[int, int]  # first frame and number of frames
+
+
+def unlearned(frames: int, rate: Fraction, learned: Part, most: float | None = None) -> list[Part]:
+    """The parts of a clip that were not learned from, the end before the beginning.
+
+    Args:
+        frames, rate: of the clip, frames a second.
+        learned: frames that were learned from.
+        most: seconds of them together.
+    """
+    first, stop = learned[0], min(sum(learned), frames)
+    left = frames if most is None else max(1, round(most * rate))
+    parts = []
+    for start, count in ((stop, frames - stop), (0, first)):
+        if count := min(count, left):
+            parts.append((start, count))
+            left -= count
+    return parts
+
+
+def pictures(valid: np.ndarray, segment: np.ndarray, learned: Part, count: int) -> np.ndarray:
+    """Which frames of the clip lie under `count` frames of speech, (count,).
+
+    The longest stretch of one shot among the learned frames, all with a face, there and back.
+
+    Args:
+        valid, segment: (T,) of the clip.
+    """
+    frames = np.arange(learned[0], min(sum(learned), len(valid)))
+    frames = frames[valid[frames]]
+    breaks = np.flatnonzero((np.diff(frames) != 1) | (np.diff(segment[frames]) != 0)) + 1
+    ends = [0, *breaks, len(frames)]
+    first, stop = max(pairwise(ends), key=lambda ends: ends[1] - ends[0])
+    return frames[first] + timeline.triangle(np.arange(count), stop - first)
+
+
+def measure_dub(
+    model: Path,
+    prepared: Path,
+    windows: np.ndarray,
+    parts: list[Part],
+    learned: Part,
+    out: Path,
+    *,
+    device: str = "auto",
+    progress: Callable[[str, float], None],
+) -> dict[str, float]:
+    """Dubs the learned pictures with other speech and compares the lips with those of that speech.
+
+    Leaves OUT/frames.csv, OUT/tiles.png (the frame in which the speech was spoken, the dub, and the
+    film's own frame under it), and the head crops of the first part: OUT/render_picture.mp4,
+    OUT/source_picture.mp4.
+
+    Args:
+        model: a person's model.
+        prepared: the clip, whose speech windows are `windows` (T, 16, D).
+        parts: frames whose speech is spoken; see `unlearned`.
+        learned: frames that were learned from.
+        out: folder.
+        device: auto, cpu or cuda.
+        progress: told a message and the share done.
+
+    Returns:
+        The figures of `MouthSeries` and of `chin_ratios`, and `frames`, how many were dubbed.
+    """
+    clip = PreparedClip.load(prepared)
+    out.mkdir(parents=True, exist_ok=True)
+    total = sum(count for _, count in parts)
+    under = pictures(clip.valid, clip.segment, learned, total)
+    finished = dubbed(model, clip, windows, parts, under, device, progress)
+    mouths = MouthSeries(load_network().face.numpy(), float(clip.rate))
+    rows: list[dict[str, float]] = []
+    chins: list[ChinFigures] = []
+    shown_tiles: list[np.ndarray] = []
+    done = 0
+    with FaceMesh(tracking=True) as dub_mesh, FaceMesh(tracking=True) as true_mesh:
+        for number, (first, count) in enumerate(parts):
+            with ExitStack() as files:
+                videos = [
+                    files.enter_context(VideoWriter(path, clip.size, clip.size, clip.rate))
+                    for path in (out / "render_picture.mp4", out / "source_picture.mp4")
+                    if not number
+                ]
+                shot = None
+                for k, (image, _, _) in enumerate(clip.frames(first, count), first):
+                    dub, film, index = next(finished)
+                    for video, picture in zip(videos, (dub, image), strict=False):
+                        video.write(picture)
+                    if clip.segment[k] != shot:
+                        true_mesh.restart()
+                        shot = clip.segment[k]
+                    found = first_of(dub_mesh(dub))
+                    truth = first_of(true_mesh(image)) if clip.valid[k] else None
+                    mouth = mouths.add(k, dub, image, found, truth)
+                    chin = ChinFigures()
+                    if found is not None:
+                        chin = chin_figures(dub, film, found[:, :2], clip.landmarks[index])
+                    chins.append(chin)
+                    rows.append({"frame": k, "under": index, **asdict(mouth), **asdict(chin)})
+                    if done in tiles.shown_frames(0, total):
+                        shown_tiles.append(np.concatenate([image, dub, film]))
+                    done += 1
+                    progress(f"P15x: frame {done} of {total}", done / total)
+    write_csv(out / "frames.csv", rows)
+    tiles.write_tiles(out, shown_tiles)
+    return {**mouths.figures(), **chin_ratios(chins), "frames": total}
+
+
+def dubbed(
+    model: Path,
+    clip: PreparedClip,
+    windows: np.ndarray,
+    parts: Iterable[Part],
+    under: np.ndarray,
+    device: str,
+    progress: Callable[[str, float], None],
+) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
+    """Head crops (S, S, 3) uint8 of finished frames and of the film's under them, and its number.
+
+    Args:
+        parts: frames whose speech is spoken. under: frame of the clip under each of them.
+    """
+    person, maps, _ = heads.load(model, device)
+    posed = refined(person, maps, clip, np.unique(under), progress)
+    draw = composite.Composer(clip, composite.VideoSettings(frame="full", label=False))
+    index = np.zeros(len(clip), int)
+    done = 0
+    for first, count in parts:
+        index[first : first + count] = under[done : done + count]
+        done += count
+        for start in range(first, first + count, AT_ONCE):
+            stop = min(start + AT_ONCE, first + count)
+            rendered = heads.frames(person, maps, posed, windows, index, start, stop)
+            sources = composite.read_source(clip, index[start:stop], "full")
+            for k, (colour, opacity), source in zip(
+                index[start:stop].tolist(), rendered, sources, strict=True
+            ):
+                frame = draw.frame(source, heads.to_rgba(colour, opacity), k)
+                yield cropping.crop(frame, clip.crop[k], clip.size), source[0], k
