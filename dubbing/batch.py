@@ -1,4 +1,4 @@
-"""The story of a run in one screen."""
+"""One run: every dub of a manifest brought up to date, published and reported."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from dubbing import jobs
-from dubbing.engine import lock
-from dubbing.engine import runner as running
-from dubbing.engine.runner import Options, Outcome, Reporter, label, told
+from dubbing import pipeline
+from dubbing.engine import lock, runner
+from dubbing.engine.graph import Job
+from dubbing.engine.runner import Options, Outcome, Reporter, failure_of
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_path, digest_file, remove_torn, writing
-from dubbing.jobs import Job
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
 from dubbing.report import report
 from dubbing.report.report import Sync
-from dubbing.stages.steps import SYNC_FILE
+from dubbing.stages.tasks import SYNC_FILE
 
 DEFAULT = Options()
 ALL_MADE, SOME_FAILED, SYNC_FELL_SHORT = 0, 1, 3
@@ -58,17 +57,17 @@ def dub(
         DubbingError: ``only`` names nothing.
         LockedError: another run is at work there.
     """
-    planned = jobs.build(manifest, only=only, device=device)
+    planned = pipeline.build(manifest, only=only, device=device)
     with lock.hold(manifest.work):
         started = time.perf_counter()
-        outcomes = running.run(planned, options, reporter)
+        outcomes = runner.run(planned, options, reporter)
         for job in planned.dubs.values():
-            outcome = outcomes[label(job)]
+            outcome = outcomes[job.label]
             if outcome.state in ("made", "kept"):
                 try:
                     publish(manifest, job)
                 except (DubbingError, OSError) as error:
-                    outcome.state, outcome.failure = "failed", told("publish", error)
+                    outcome.state, outcome.failure = "failed", failure_of("publish", error)
         syncs = {name: report.sync_of(job) for name, job in planned.dubs.items()}
         code = exit_code(outcomes, syncs)
         seconds = time.perf_counter() - started
@@ -87,8 +86,8 @@ def publish(manifest: Manifest, job: Job) -> None:
         DubbingError: nothing can be written there.
     """
     dub = next(dub for dub in manifest.dubs if dub.name == job.name)
-    video = jobs.video_file(job.stages["video"], dub)
-    check = job.stages["sync"].folder / SYNC_FILE
+    video = pipeline.video_file(job.stages["composite"], dub)
+    check = job.stages["check"].folder / SYNC_FILE
     for source, name in zip((video, check), results_of(dub.name, dub.codec), strict=True):
         target = manifest.output / name
         remove_torn(target)

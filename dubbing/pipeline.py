@@ -131,9 +131,7 @@ def dub_job(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
     )
     render = stages.add(
         "render",
-        tasks.Render(
-            dub, finetune.folder, prepared, refine_poses.folder, listen.folder, device
-        ),
+        tasks.Render(dub, finetune.folder, prepared, refine_poses.folder, listen.folder, device),
         {"model": finetune, "prepared": prepare, "poses": refine_poses, "speech": listen},
         frames,
     )

@@ -19,7 +19,8 @@ from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL
 from dubbing.files import atomic_write_json, atomic_write_text
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
-from dubbing.stages import steps
+from dubbing.stages import tasks
+from dubbing.stages.listen import Speech
 
 SIZE = 32
 HEADS_A_FILE = 5
@@ -117,7 +118,7 @@ def install(patch: Any) -> None:
     """Put the stand-ins in place with ``patch(object, name, value)`` (as monkeypatch.setattr)."""
     kill = Killer()
 
-    def prepare(self: steps.Prepare, out: Path, progress: Any) -> None:
+    def prepare(self: tasks.Prepare, out: Path, progress: Any) -> None:
         kill("prepare")
         if "noface" in self.identity.clip.name:
             raise PreparationError("no face found", self.identity.clip.name, "film the face")
@@ -126,44 +127,50 @@ def install(patch: Any) -> None:
         write_prepared(self.identity.clip, out)
         kill("prepare")
 
-    def finetune(self: steps.Finetune, out: Path, progress: Any) -> None:
+    def finetune(self: tasks.Finetune, out: Path, progress: Any) -> None:
         (out / "resume").mkdir(exist_ok=True)
         for step in range(1, 7):
             mark = out / "resume" / f"{step}.txt"
             if not mark.exists():
                 atomic_write_text(mark, str(step))
                 kill("finetune")
-        PreparedClip.load(self.prepared)
+        self.prepared.load()
         atomic_write_text(out / "model.safetensors", f"seed {self.identity.seed}")
         atomic_write_json(out / "finetune.json", {"steps": 6, "seconds": 1.0})
         atomic_write_text(out / "loss.csv", "step,loss,psnr,seconds\n1,0.5,20,1\n2,0.25,22,2\n")
 
-    def render(self: steps.Render, out: Path, progress: Any) -> None:
-        rate = PreparedClip.load(self.prepared).rate
-        poses = steps.poses_of(self.dub, self.prepared, self.speech)
+    def render(self: tasks.Render, out: Path, progress: Any) -> None:
+        clip = self.prepared.load()
+        rate, frames = clip.rate, Speech.load(self.speech).frames
+        poses = tasks.pose_index(self.dub, clip, frames)
         for count in range(HEADS_A_FILE, len(poses) + HEADS_A_FILE, HEADS_A_FILE):
             write_heads(out, min(count, len(poses)), rate)
-            kill("heads")
+            kill("render")
 
-    def compose(self: steps.Compose, out: Path, progress: Any) -> None:
+    def refine_poses(self: tasks.RefinePoses, out: Path, progress: Any) -> None:
+        kill("refine_poses")
+        np.savez(out / "poses.npz", c2w=self.prepared.load().c2w())
+
+    def compose(self: tasks.Composite, out: Path, progress: Any) -> None:
         def told(message: str, share: float) -> None:
             progress(message, share)
-            kill("mux" if message == "muxing" else "video")
+            kill("mux" if message == "muxing" else "composite")
 
         real_compose(self, out, told)
 
-    def check(self: steps.Check, out: Path, progress: Any) -> None:
+    def check(self: tasks.Check, out: Path, progress: Any) -> None:
         verdict = "fail" if "fellshort" in str(self.video) else "pass"
         found = {"verdict": verdict, "reason": "measured", "words": "in sync", "curve": [1, 0, 1]}
         figures = {"offset_frames": 0, "offset_ms": 0.0, "confidence": 2.0, "distance": 1.0}
-        atomic_write_json(out / steps.SYNC_FILE, {**found, **figures, "source": None})
+        atomic_write_json(out / tasks.SYNC_FILE, {**found, **figures, "source": None})
 
-    real_compose = steps.Compose.__call__
-    patch(steps.Prepare, "__call__", prepare)
-    patch(steps.Finetune, "__call__", finetune)
-    patch(steps.Render, "__call__", render)
-    patch(steps.Compose, "__call__", compose)
-    patch(steps.Check, "__call__", check)
+    real_compose = tasks.Composite.__call__
+    patch(tasks.Prepare, "__call__", prepare)
+    patch(tasks.Finetune, "__call__", finetune)
+    patch(tasks.RefinePoses, "__call__", refine_poses)
+    patch(tasks.Render, "__call__", render)
+    patch(tasks.Composite, "__call__", compose)
+    patch(tasks.Check, "__call__", check)
 
 
 if __name__ == "__main__":

@@ -8,9 +8,8 @@ from typing import Annotated
 import typer
 
 from dubbing.errors import CallError, DubbingError
-from dubbing.stage_names import OF_DUB, OF_IDENTITY
+from dubbing.pipeline import STAGES
 
-FORCEABLE = (*OF_IDENTITY, *OF_DUB)
 ManifestPath = Annotated[Path, typer.Argument(metavar="MANIFEST", help="A manifest (YAML).")]
 Only = Annotated[
     list[str] | None,
@@ -18,7 +17,7 @@ Only = Annotated[
 ]
 Force = Annotated[
     list[str] | None,
-    typer.Option("--force", metavar="STAGE", help=f"Do again: {', '.join(FORCEABLE)}."),
+    typer.Option("--force", metavar="STAGE", help=f"Do again: {', '.join(STAGES)}."),
 ]
 Device = Annotated[str, typer.Option("--device", help="auto, cpu or cuda.")]
 

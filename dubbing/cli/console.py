@@ -17,12 +17,12 @@ from dubbing.printable import visible
 
 # `dfrf doctor` prints without the packages that these import.
 if TYPE_CHECKING:
+    from dubbing.batch import Result
     from dubbing.cli.doctor import Finding
+    from dubbing.engine.graph import Job
     from dubbing.engine.planner import Row
     from dubbing.engine.runner import Failure
     from dubbing.engine.stage import Stage
-    from dubbing.jobs import Job
-    from dubbing.pipeline import Result
 
 COLOURS = {
     **dict.fromkeys(("made", "kept", "pass", "up to date", "fine"), "green"),

@@ -21,7 +21,7 @@ import typer
 from dubbing import packages
 from dubbing.cli import training_commands
 from dubbing.cli.arguments import (
-    FORCEABLE,
+    STAGES,
     Device,
     Force,
     ManifestPath,
@@ -64,7 +64,7 @@ def dub(
 ) -> None:
     """Make every dub of a manifest that is not up to date."""
     packages.require()
-    from dubbing import pipeline
+    from dubbing import batch
     from dubbing.cli import console
     from dubbing.engine.runner import Options
     from dubbing.manifest.manifest import load
@@ -72,7 +72,7 @@ def dub(
     options = Options(force=_stages(force), workers=jobs, keep_going=keep_going)
     loaded = load(manifest)
     with console.Bars(loaded.warnings) as reporter:
-        result = pipeline.dub(
+        result = batch.dub(
             loaded, reporter, options, only=tuple(only or ()), device=checked_device(device)
         )
     console.summary(result)
@@ -86,8 +86,8 @@ def plan(
     """Check a manifest and its files, and print what would run, and why. Writes nothing."""
     from dubbing.cli import console
     from dubbing.engine import planner as planning
-    from dubbing.jobs import build
     from dubbing.manifest.manifest import load
+    from dubbing.pipeline import build
 
     loaded = load(manifest)
     rows = planning.rows(build(loaded, only=tuple(only or ())), _stages(force))
@@ -334,6 +334,6 @@ def _interrupt(_signal: int, _frame: FrameType | None) -> Any:
 
 def _stages(names: list[str] | None) -> tuple[str, ...]:
     for name in names or ():
-        if name not in FORCEABLE:
-            raise DubbingError(f"no stage {name!r}", "--force", f"use {', '.join(FORCEABLE)}")
+        if name not in STAGES:
+            raise DubbingError(f"no stage {name!r}", "--force", f"use {', '.join(STAGES)}")
     return tuple(names or ())

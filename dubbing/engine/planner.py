@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.stage import Stage
-from dubbing.jobs import Job, Jobs
 
 
 @dataclass(frozen=True)

@@ -15,13 +15,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Protocol
 
-from dubbing.engine import stage as stages
+from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.processes import Processes
-from dubbing.engine.stage import Progress, Stage
+from dubbing.engine.stage import Progress, Stage, recover, run_stage
 from dubbing.errors import DubbingError
 from dubbing.files import system_error
-from dubbing.jobs import NEEDS, Job, Jobs
-from dubbing.stage_names import OF_DUB, OF_IDENTITY
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ class Outcome:
 
 
 class Reporter(Protocol):
-    """Who is told how the work goes on."""
+    """What shows how the work goes on."""
 
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
         """A stage starts."""
@@ -79,24 +77,19 @@ class Options:
 
 def run(jobs: Jobs, options: Options, reporter: Reporter) -> dict[str, Outcome]:
     """Do everything that is not up to date; outcomes by ``kind/name``."""
-    outcomes = {label(job): Outcome() for job in jobs.all()}
+    outcomes = {job.label: Outcome() for job in jobs.all()}
     for job in jobs.all():
         if job.blocked:
-            outcomes[label(job)] = Outcome("failed", failure=told("input", job.blocked))
+            outcomes[job.label] = Outcome("failed", failure=failure_of("input", job.blocked))
     runner = _Runner(jobs, options, reporter, outcomes)
-    for name in (*OF_IDENTITY, *OF_DUB):
-        people = name in OF_IDENTITY
-        runner.everywhere(name, jobs.identities if people else jobs.dubs)
+    for some in (jobs.identities, jobs.dubs):
+        for name in dict.fromkeys(name for job in some.values() for name in job.stages):
+            runner.everywhere(name, some)
     runner.mark_unfinished()
     return outcomes
 
 
-def label(job: Job) -> str:
-    """``identity/host``, ``dub/host_it``: identities and dubs may share a name."""
-    return f"{job.kind}/{job.name}"
-
-
-def told(stage: str, error: BaseException) -> Failure:
+def failure_of(stage: str, error: BaseException) -> Failure:
     """An error as something to show to people."""
     if isinstance(error, DubbingError):
         return Failure(stage, error.what, error.where, error.remedy)
@@ -126,11 +119,11 @@ class _Runner:
     @contextmanager
     def _failing(self, job: Job, stage: str) -> Iterator[None]:
         """What is raised in here fails this job, and no other."""
-        outcome = self.outcomes[label(job)]
+        outcome = self.outcomes[job.label]
         try:
             yield
         except Exception as error:
-            outcome.state, outcome.failure = "failed", told(stage, error)
+            outcome.state, outcome.failure = "failed", failure_of(stage, error)
 
     def everywhere(self, name: str, jobs: dict[str, Job]) -> None:
         """One kind of stage over all jobs that still stand."""
@@ -139,13 +132,13 @@ class _Runner:
             if self._stands(job, name) and not self._stopped():
                 stage = job.stages[name]
                 with self._failing(job, name):
-                    stages.recover(stage)
+                    recover(stage)
                     forced = name in self.options.force
                     reasons = ["forced"] if forced else stage.changes()
                     if reasons:
                         waiting.append((job, stage, reasons))
         for job, failure, seconds, reasons in self._done(name, waiting):
-            outcome = self.outcomes[label(job)]
+            outcome = self.outcomes[job.label]
             outcome.reasons[name] = reasons
             outcome.seconds[name] = seconds
             outcome.state = "made"
@@ -154,13 +147,14 @@ class _Runner:
             self.reporter.end(job, job.stages[name], failure)
 
     def _stands(self, job: Job, name: str) -> bool:
-        outcome = self.outcomes[label(job)]
+        outcome = self.outcomes[job.label]
         if outcome.state in ("failed", "skipped"):
             return False
         if job.kind == "dub":
             person = self.jobs.identities[job.waits_for]
-            failure = self.outcomes[label(person)].failure
-            if failure and (failure.stage == "input" or failure.stage in NEEDS[name]):
+            failure = self.outcomes[person.label].failure
+            needed = {stage.name for stage in job.stages[name].earlier()}
+            if failure and (failure.stage == "input" or failure.stage in needed):
                 what = f"identity {person.name} failed: {failure.what}"
                 outcome.failure = replace(failure, what=what, trace="")
                 outcome.state = "skipped"
@@ -175,7 +169,7 @@ class _Runner:
     def mark_unfinished(self) -> None:
         """After a stop: what is neither done nor failed."""
         for job in self.jobs.all() if self._stopped() else []:
-            outcome = self.outcomes[label(job)]
+            outcome = self.outcomes[job.label]
             with self._failing(job, "plan"):
                 if outcome.failure is None and any(s.changes() for s in job.stages.values()):
                     outcome.state = "stopped"
@@ -226,9 +220,9 @@ def attempt(
     started = time.perf_counter()
     failure = None
     try:
-        stages.run(stage, progress, force=force, began=began)
+        run_stage(stage, progress, force=force, began=began)
     except Exception as error:  # whatever a library raises at odd data: its trace is kept
-        failure = told(stage.name, error)
+        failure = failure_of(stage.name, error)
     return failure, round(time.perf_counter() - started, 2)
 
 

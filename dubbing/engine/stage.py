@@ -1,7 +1,7 @@
 """A stage: a folder of results with a record, written last, of how they were made.
 
 A stage is done only if its record holds: same version, parameters and inputs, and every output
-as it was. ``Stage.state`` says what does not hold. Work in progress lives in a sibling folder
+as it was. ``Stage.changes`` says what does not hold. Work in progress lives in a sibling folder
 named after the key (a digest of version, parameters and inputs): a rerun with the same key goes on
 there, other settings never pick it up, and the last good result stays until the new one is whole.
 """
@@ -12,7 +12,7 @@ import os
 import shutil
 import stat
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import metadata
@@ -44,7 +44,7 @@ class Record(TypedDict):
 
     __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
 
-    version: int
+    version: str
     parameters: dict[str, Any]
     inputs: dict[str, str]
     outputs: dict[str, Output]
@@ -60,9 +60,9 @@ class Stage:
     """One piece of work.
 
     Attributes:
-        name: what is done, as ``--force`` names it: prepare, finetune, speech, heads, ...
+        name: what is done, as ``--force`` names it: prepare, finetune, render, ...
         folder: where its results lie.
-        version: raised when the same inputs give other results.
+        version: of the code that does it; see `code_version`.
         parameters: plain data the results depend on.
         inputs: what it reads: name -> a file, or an earlier stage.
         produce: called with an empty or half-done folder to fill.
@@ -70,7 +70,7 @@ class Stage:
 
     name: str
     folder: Path
-    version: int
+    version: str
     parameters: Mapping[str, Any]
     inputs: Mapping[str, Path | Stage]
     produce: Produce = field(repr=False, compare=False)
@@ -88,6 +88,13 @@ class Stage:
         for source in self.inputs.values():
             found |= source.sources() if isinstance(source, Stage) else {source: digest_of(source)}
         return found
+
+    def earlier(self) -> Iterator[Stage]:
+        """All stages that its results go back to."""
+        for source in self.inputs.values():
+            if isinstance(source, Stage):
+                yield source
+                yield from source.earlier()
 
     def result(self) -> str:
         """Digest of everything the stage made; '' if it is not done."""
@@ -119,7 +126,7 @@ class Stage:
             return ["interrupted: goes on where it stopped" if started else "not made yet"]
         reasons = []
         if record["version"] != self.version:
-            reasons.append(f"the stage itself changed (version {record['version']})")
+            reasons.append("the code of the stage changed")
         for name in sorted({*record["parameters"], *self.parameters}):
             before, now = record["parameters"].get(name), self.parameters.get(name)
             if before != now:
@@ -141,7 +148,7 @@ class Stage:
         return all(not isinstance(s, Stage) or s.record() for s in self.inputs.values())
 
 
-def run(
+def run_stage(
     stage: Stage,
     progress: Progress,
     *,

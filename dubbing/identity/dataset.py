@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import cv2
 import numpy as np
 import torch
@@ -123,13 +121,13 @@ def region_map(matte: np.ndarray, mouth: np.ndarray, eyes: np.ndarray) -> np.nda
 
 
 def load_identity(
-    name: str, folder: Path, windows: np.ndarray, start: int, count: int, every: int = 1
+    name: str, clip: PreparedClip, windows: np.ndarray, start: int, count: int, every: int = 1
 ) -> Identity:
     """Frames start .. start + count of a prepared clip, those without a face left out.
 
     Args:
         name: of the person, for messages.
-        folder: what `prepare` wrote.
+        clip: what `prepare` made of the film.
         windows: (T, 16, D) speech windows of every frame of the clip.
         start, count: frames; the clip's end cuts them off.
         every: keep the picture of one frame of so many.
@@ -137,7 +135,6 @@ def load_identity(
     Raises:
         TrainingError: no frame shows a face.
     """
-    clip = PreparedClip.load(folder)
     stop = min(start + count, clip.frames_count)
     spoken = [k for k in range(start, stop) if clip.valid[k]]
     number = [i for i, k in enumerate(spoken) if (k - start) % every == 0]

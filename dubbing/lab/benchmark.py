@@ -19,14 +19,14 @@ import torch
 
 from dfrf.field.model import Model
 from dfrf.field.reference_maps import ReferenceMaps
-from dubbing import jobs
+from dubbing import pipeline
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
 from dubbing.lab.timing import Row, Scene, frame_rows, matrix_rate, paper_row, training_row
 from dubbing.manifest.manifest import load
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import render as heads
-from dubbing.stages import steps
+from dubbing.stages import tasks
 from dubbing.stages.finetune import MODEL_FILE, clip_windows
 
 FRAMES = 3
@@ -60,11 +60,10 @@ def main() -> None:
         if asked.identity not in people:
             parser.error(f"no identity {asked.identity!r}; there is {', '.join(people)}")
         person = people[asked.identity]
-        made = jobs.build(manifest).identities[asked.identity].stages
-        prepared = made["prepare"].folder
-        clip = PreparedClip.load(prepared)
+        made = pipeline.build(manifest).identities[asked.identity].stages
+        clip = PreparedClip.load(made["prepare"].folder, person.clip)
         model, maps, _ = heads.load(made["finetune"].folder / MODEL_FILE, asked.device)
-        offset = steps.offset_of(made["source"].folder)
+        offset = tasks.offset_of(made["check_source"].folder)
         windows = clip_windows(clip, person.speech, person.speech_weights, offset)
     except DubbingError as error:
         parser.error(str(error))
@@ -77,7 +76,7 @@ def main() -> None:
     rows = frame_rows(scene)
     if maps is not None:
         rows.append(paper_row(scene))
-    rows.append(training_row(scene, prepared))
+    rows.append(training_row(scene))
     march_row = next(r for r in rows if r.stage == "march")
     rays = next(r for r in rows if r.stage == "project the grid").count
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20

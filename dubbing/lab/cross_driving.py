@@ -70,7 +70,7 @@ def pictures(valid: np.ndarray, segment: np.ndarray, learned: Part, count: int) 
 
 def measure_dub(
     model: Path,
-    prepared: Path,
+    clip: PreparedClip,
     windows: np.ndarray,
     parts: list[Part],
     learned: Part,
@@ -87,7 +87,7 @@ def measure_dub(
 
     Args:
         model: a person's model.
-        prepared: the clip, whose speech windows are `windows` (T, 16, D).
+        clip: of the person, whose speech windows are `windows` (T, 16, D).
         parts: frames whose speech is spoken; see `unlearned`.
         learned: frames that were learned from.
         out: folder.
@@ -97,7 +97,6 @@ def measure_dub(
     Returns:
         The figures of `MouthSeries` and of `chin_ratios`, and `frames`, how many were dubbed.
     """
-    clip = PreparedClip.load(prepared)
     out.mkdir(parents=True, exist_ok=True)
     total = sum(count for _, count in parts)
     under = pictures(clip.valid, clip.segment, learned, total)

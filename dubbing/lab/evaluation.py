@@ -19,10 +19,10 @@ from dfrf.checkpoint import CheckpointError
 from dfrf.config import family
 from dfrf.metrics import lpips
 from dfrf.metrics.lpips import Lpips
-from dubbing import jobs, media
 from dubbing import json_records as kept
+from dubbing import media, pipeline
 from dubbing.engine import lock
-from dubbing.engine import stage as stages
+from dubbing.engine.stage import run_stage
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, remove_torn
 from dubbing.lab import tiles
@@ -31,7 +31,7 @@ from dubbing.lab.measuring import held_out, measure
 from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
-from dubbing.stages import steps
+from dubbing.stages import tasks
 from dubbing.stages.finetune import MODEL_FILE, SUMMARY_FILE, clip_windows
 from dubbing.sync.check import check
 
@@ -217,18 +217,18 @@ def evaluate_one(
     # A base of the identity's own serves its own family of presets.
     base = own.base if family(preset) == family(own.preset) else None
     identity = own.model_copy(update={"preset": preset, "base": base})
-    job = jobs.identity_job(manifest, name, identity, device)
-    prepare, source, finetune = (job.stages[n] for n in ("prepare", "source", "finetune"))
+    job = pipeline.identity_job(manifest, name, identity, device)
+    prepare, source, finetune = (job.stages[n] for n in ("prepare", "check_source", "finetune"))
     if preset != own.preset:
         # The model of the dubs stays where it is.
         finetune = replace(finetune, folder=finetune.folder.with_name(f"model-{method}"))
     began = finetune.sources()
     for stage in (prepare, source, finetune):
-        stages.run(stage, progress, began=began)
-    clip = PreparedClip.load(prepare.folder)
+        run_stage(stage, progress, began=began)
+    clip = PreparedClip.load(prepare.folder, identity.clip)
     model = finetune.folder / MODEL_FILE
     windows = clip_windows(
-        clip, identity.speech, identity.speech_weights, steps.offset_of(source.folder)
+        clip, identity.speech, identity.speech_weights, tasks.offset_of(source.folder)
     )
     out = manifest.work / "evaluation" / name / method
     found: dict[str, Any] = {}
@@ -236,7 +236,7 @@ def evaluate_one(
         first, count = part.p15
         found = dict(
             measure(
-                *(model, prepare.folder, windows, first, count, out),
+                *(model, clip, windows, first, count, out),
                 every=every,
                 lpips=network,
                 device=device,
@@ -250,7 +250,7 @@ def evaluate_one(
             found["every"] = every
     if part.p15x:
         figures = measure_dub(
-            *(model, prepare.folder, windows, part.p15x, part.learned, out / "p15x"),
+            *(model, clip, windows, part.p15x, part.learned, out / "p15x"),
             device=device,
             progress=progress,
         )
@@ -267,7 +267,7 @@ def sync_figures(clip: PreparedClip, out: Path, part: Part) -> dict[str, Any]:
     """
     start, length = (float(frames / clip.rate) for frames in part)
     checks = {}
-    for kind in ("render", "source"):
+    for kind in ("render", "check_source"):
         video = out / f"{kind}.mp4"
         picture = out / f"{kind}_picture.mp4"
         media.mux(
@@ -280,7 +280,7 @@ def sync_figures(clip: PreparedClip, out: Path, part: Part) -> dict[str, Any]:
         )
         picture.unlink()
         checks[kind] = check(video)
-    render, source = checks["render"], checks["source"]
+    render, source = checks["render"], checks["check_source"]
     return {
         "offset_frames": render.offset_frames,
         "confidence": render.confidence,

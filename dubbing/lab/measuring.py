@@ -80,7 +80,7 @@ def box_of(points: np.ndarray, size: int, margin: float = 0.0) -> Tensor:
 
 def measure(
     model: Path,
-    prepared: Path,
+    clip: PreparedClip,
     windows: np.ndarray,
     first: int,
     count: int,
@@ -98,7 +98,7 @@ def measure(
 
     Args:
         model: a person's model.
-        prepared: the clip, whose speech windows are `windows` (T, 16, D).
+        clip: of the person, whose speech windows are `windows` (T, 16, D).
         first, count: frames to test.
         out: folder.
         every: one frame of so many is rendered and compared, its pose and speech what they are when
@@ -113,7 +113,6 @@ def measure(
         compared.
     """
     person, maps, _ = heads.load(model, device)
-    clip = PreparedClip.load(prepared)
     out.mkdir(parents=True, exist_ok=True)
     figures: list[FrameFigures] = []
     rows: list[dict[str, float]] = []

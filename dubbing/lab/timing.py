@@ -8,7 +8,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -250,9 +249,9 @@ def whole_faces(views: ReferenceViews, count: int) -> References:
     return References(images, views.c2w[faces], views.focal, views.centres[faces])
 
 
-def training_row(scene: Scene, prepared: Path) -> Row:
+def training_row(scene: Scene) -> Row:
     """Steps of fine-tuning with the default settings."""
-    person = load_identity("timed", prepared, scene.windows, 0, TRAINING_FRAMES)
+    person = load_identity("timed", scene.clip, scene.windows, 0, TRAINING_FRAMES)
     model = presets.adapt(scene.model, scene.model.config)
     config = replace(presets.FINETUNE, iterations=TRAINING_STEPS)
     references = reference_frames(person, scene.clip, 0, method_of(model))

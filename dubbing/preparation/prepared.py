@@ -99,8 +99,11 @@ class PreparedClip:
         return self.frames_count
 
     @staticmethod
-    def load(folder: Path | str) -> PreparedClip:
+    def load(folder: Path | str, clip: Path | None = None) -> PreparedClip:
         """Read what :meth:`save` wrote.
+
+        Args:
+            clip: where the source video lies now; where it lay by default.
 
         Raises:
             PreparationError: a file is missing or of another version.
@@ -124,7 +127,7 @@ class PreparedClip:
             )
         return PreparedClip(
             folder=folder,
-            clip=Path(told["clip"]),
+            clip=clip or Path(told["clip"]),
             rate=told["rate"],
             frames_count=told["frames"],
             size=told["size"],
@@ -182,6 +185,13 @@ class PreparedClip:
 
         The background equals the image bit for bit outside of the matte's hole.
         """
+        for image, matte, background, _ in self.whole_frames(start, count):
+            yield image, matte, background
+
+    def whole_frames(
+        self, start: int = 0, count: int | None = None
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+        """As `frames`, and the source frame (H, W, 3) each crop is of: decoded once for both."""
         images = read_frames(self.clip, start=start, count=count, rate=self.rate)
         mattes = read_frames(self.folder / MATTE, start=start, count=count, pixels="gray")
         fills = read_frames(self.folder / BACKGROUND, start=start, count=count)
@@ -189,7 +199,7 @@ class PreparedClip:
             zip(images, mattes, fills, strict=True), start
         ):
             picture = cropping.crop(image, self.crop[index], self.size)
-            yield picture, matte, np.where(hole(matte)[..., None], fill, picture)
+            yield picture, matte, np.where(hole(matte)[..., None], fill, picture), image
 
     def paste(
         self, frame: np.ndarray, index: int, crop_image: np.ndarray, mask: np.ndarray

@@ -16,16 +16,16 @@ from markupsafe import Markup
 from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
-from dubbing import jobs as all_jobs
 from dubbing import json_records as kept
-from dubbing.engine.runner import Outcome, label
+from dubbing import pipeline
+from dubbing.engine.graph import Job, Jobs
+from dubbing.engine.runner import Outcome
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
-from dubbing.jobs import Job, Jobs
 from dubbing.manifest.manifest import Manifest
 from dubbing.printable import visible
 from dubbing.report.page import TEMPLATE
-from dubbing.stages.steps import SYNC_FILE
+from dubbing.stages.tasks import SYNC_FILE
 
 MOST_POINTS = 400  # of a curve on the page
 DATA, PAGE = "report.json", "report.html"
@@ -79,7 +79,7 @@ def collect(
     manifest: Manifest, planned: Jobs, outcomes: dict[str, Outcome], *, code: int, seconds: float
 ) -> dict[str, Any]:
     """Everything the report says, as plain data. Jobs left out by ``--only`` are listed too."""
-    everything = all_jobs.build(manifest)
+    everything = pipeline.build(manifest)
     absent = Outcome(state="not in this run")
     usage = resource.getrusage(resource.RUSAGE_SELF)
     return {
@@ -90,11 +90,11 @@ def collect(
         "machine": {"cores": os.cpu_count(), "system": platform.platform()},
         "warnings": list(manifest.warnings),
         "identities": {
-            name: _identity(manifest, job, outcomes.get(label(job), absent))
+            name: _identity(manifest, job, outcomes.get(job.label, absent))
             for name, job in everything.identities.items()
         },
         "dubs": {
-            name: _dub(manifest, job, outcomes.get(label(job), absent))
+            name: _dub(manifest, job, outcomes.get(job.label, absent))
             for name, job in everything.dubs.items()
         },
     }
@@ -102,7 +102,7 @@ def collect(
 
 def sync_of(job: Job) -> Sync:
     """What the sync check of a job found; empty where there is none, or a damaged one."""
-    stage = job.stages.get("sync") or job.stages.get("source")
+    stage = job.stages.get("check") or job.stages.get("check_source")
     return _read(stage.folder / SYNC_FILE, Sync, "sync check", []) if stage else {}
 
 
@@ -128,7 +128,7 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
 def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     codec = next(dub.codec for dub in manifest.dubs if dub.name == job.name)
     # One of another codec may lie beside it, from before the manifest was changed.
-    video = manifest.output / f"{job.name}{all_jobs.SUFFIX[codec]}"
+    video = manifest.output / f"{job.name}{SUFFIX[codec]}"
     return {
         **_common(job, outcome),
         "identity": job.waits_for,

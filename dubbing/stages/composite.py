@@ -48,7 +48,7 @@ class VideoSettings:
 
 def make(
     heads: Path,
-    prepared: Path,
+    clip: PreparedClip,
     audio: Path,
     out: Path,
     *,
@@ -60,7 +60,7 @@ def make(
 
     Args:
         heads: FFV1 RGBA segments, in the order of the dub.
-        prepared: the prepared clip whose frames lie under the heads.
+        clip: whose frames lie under the heads.
         audio: where the sound comes from.
         pose_index: (F,) frame of the clip under every frame of the dub.
 
@@ -68,7 +68,6 @@ def make(
         MediaError: a file broke off, or ffmpeg failed.
         RenderingError: fewer heads than frames, or the finished file is not what it should be.
     """
-    clip = PreparedClip.load(prepared)
     result = out / f"video{media.SUFFIX[settings.codec]}"
     segments = out / "segments"
     frames = len(pose_index)
@@ -148,13 +147,9 @@ def read_source(clip: PreparedClip, poses: np.ndarray, frame: str) -> Iterator[S
 
 
 def _forward(clip: PreparedClip, first: int, count: int, frame: str) -> Iterator[Source]:
-    crops = clip.frames(first, count)
-    if frame == "crop":
-        yield from ((*crop, None) for crop in crops)
-        return
-    wholes = media.read_frames(clip.clip, start=first, count=count, rate=clip.rate)
-    for crop, whole in zip(crops, wholes, strict=True):
-        yield (*crop, whole)
+    for *crop, whole in clip.whole_frames(first, count):
+        image, matte, background = crop
+        yield image, matte, background, whole if frame == "full" else None
 
 
 def read_heads(folder: Path, first: int, count: int) -> Iterator[np.ndarray]:
@@ -176,7 +171,7 @@ def read_heads(folder: Path, first: int, count: int) -> Iterator[np.ndarray]:
         raise RenderingError(
             f"{given} heads instead of {count} from frame {first} on",
             str(folder),
-            "run again with --force heads",
+            "run again with --force render",
         )
 
 

@@ -106,7 +106,7 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
 
 
 def finetune(
-    prepared: Path,
+    clip: PreparedClip,
     out: Path,
     *,
     start: float,
@@ -122,7 +122,7 @@ def finetune(
     Until then OUT/resume holds the state, from which the next call goes on.
 
     Args:
-        prepared: what `prepare` wrote.
+        clip: what `prepare` made of the film.
         out: folder; what an interrupted run left there is continued.
         start, seconds: the part of the clip to learn from.
         settings: see `FinetuneSettings`.
@@ -135,10 +135,9 @@ def finetune(
         TrainingError: no face in that part, no sound, or the loss diverged.
         CheckpointError: the base does not fit.
     """
-    clip = PreparedClip.load(prepared)
     windows = clip_windows(clip, settings.speech, settings.weights, offset)
     first = round(start * clip.rate)
-    person = load_identity(clip.clip.stem, prepared, windows, first, round(seconds * clip.rate))
+    person = load_identity(clip.clip.stem, clip, windows, first, round(seconds * clip.rate))
     model = init_from_base(base, settings)
     trainings = presets.trainings(settings.preset)
     config = trainings.alone if base is None else trainings.finetune

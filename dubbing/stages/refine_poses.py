@@ -7,6 +7,7 @@ is compared. K key frames.
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -21,12 +22,15 @@ from dfrf.head_model import HeadModel
 from dfrf.rendering.pose_refinement import Sight, moved, normal_equations
 from dfrf.training.method import Maps
 from dfrf.workers import Workers
+from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
+from dubbing.files import atomic_path
 from dubbing.identity.dataset import upper_measures
 from dubbing.preparation.alignment.banded import DOF, lower_band, smoothness_blocks, solve_band
 from dubbing.preparation.alignment.rotations import relative_vectors
 from dubbing.preparation.prepared import PreparedClip
 
+POSES_FILE = "poses.npz"
 # Frames and turn (rad) from one key frame to the next, and steps: far ones first, which find what a
 # whole shot is off by, so that few steps are enough for the near ones. What a pose is off by
 # changes with the pose, so a head that turns fast has a key frame in every frame.
@@ -80,6 +84,33 @@ def refined(
         found = shot_corrections(model, maps, clip, c2w, upper, index)
         corrections[index] = torch.from_numpy(found)
     return clip.seen_by(moved(c2w, corrections).double().numpy())
+
+
+def refine_clip(
+    model: HeadModel, maps: Maps | None, clip: PreparedClip, out: Path, progress: Progress
+) -> None:
+    """Writes OUT/poses.npz: the poses (T, 3, 4) of all frames of a clip, refined with a model."""
+    c2w = refined(model, maps, clip, np.arange(len(clip)), progress).c2w()
+    with atomic_path(out / POSES_FILE) as temporary:
+        np.savez_compressed(temporary, allow_pickle=False, c2w=c2w)
+
+
+def with_refined_poses(clip: PreparedClip, folder: Path) -> PreparedClip:
+    """A clip with the poses that `refine_clip` wrote into a folder.
+
+    Raises:
+        PreparationError: there are none, or they are of another clip.
+    """
+    try:
+        with np.load(folder / POSES_FILE, allow_pickle=False) as kept:
+            c2w = kept["c2w"]
+    except (OSError, ValueError, KeyError) as error:
+        what = f"no refined poses: {error}"
+        raise PreparationError(what, str(folder), "run with --force refine_poses") from error
+    if c2w.shape != (len(clip), 3, 4):
+        what = f"poses of {len(c2w)} frames for a clip of {len(clip)}"
+        raise PreparationError(what, str(folder), "run with --force refine_poses")
+    return clip.seen_by(c2w)
 
 
 def shot_corrections(

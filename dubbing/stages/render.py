@@ -20,7 +20,6 @@ from dubbing.errors import CheckpointError
 from dubbing.identity.dataset import upper_measures
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.stages.refine_poses import refined
 
 # Speech windows (count, 16, D) of frames first .. first + count.
 Heard = Callable[[int, int], np.ndarray]
@@ -44,7 +43,7 @@ def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dic
 
 def render(
     model: Path,
-    prepared: Path,
+    clip: PreparedClip,
     heard: Heard,
     out: Path,
     *,
@@ -59,7 +58,7 @@ def render(
 
     Args:
         model: of the person, written by `finetune`.
-        prepared: the clip whose poses are taken, refined with the model; see `refining`.
+        clip: whose poses are taken, refined with the model; see `refine_poses`.
         heard: speech windows of the frames to render, asked for a segment at a time.
         out: folder.
         pose_index: (T,) frame of the clip each frame takes its pose from.
@@ -71,7 +70,6 @@ def render(
     """
     count = len(pose_index)
     person, maps, _ = load(model, device)
-    clip = refined(person, maps, PreparedClip.load(prepared), pose_index, progress)
     out.mkdir(parents=True, exist_ok=True)
 
     def told(done: int) -> None:

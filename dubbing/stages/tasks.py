@@ -19,10 +19,25 @@ from dubbing.engine.stage import Progress
 from dubbing.files import atomic_write_json
 from dubbing.manifest.entries import Dub, Identity
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # both load what a plan does without
+    from dubbing.preparation.prepared import PreparedClip
     from dubbing.sync.result import SyncResult
 
 SYNC_FILE = "sync.json"
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Where a prepared clip lies, and the clip it was made from."""
+
+    folder: Path
+    clip: Path
+
+    def load(self) -> PreparedClip:
+        """See ``PreparedClip.load``."""
+        from dubbing.preparation.prepared import PreparedClip
+
+        return PreparedClip.load(self.folder, self.clip)
 
 
 @dataclass(frozen=True)
@@ -47,8 +62,8 @@ class Finetune:
     """A person's model, from the base checkpoint, the prepared clip and its sync check."""
 
     identity: Identity
-    prepared: Path
-    source: Path
+    prepared: Prepared
+    source_check: Path
     base: Path | None
     device: str
 
@@ -64,20 +79,37 @@ class Finetune:
             speech_weights=None if wanted.speech_weights is None else str(wanted.speech_weights),
         )
 
-        def told(state: Any) -> None:
+        def step(state: Any) -> None:
             progress(str(state), state.step / state.iterations)
 
         finetune(
-            self.prepared,
+            self.prepared.load(),
             out,
             start=wanted.start,
             seconds=wanted.seconds,
             settings=settings,
             base=self.base,
             device=self.device,
-            offset=offset_of(self.source),
-            progress=told,
+            offset=offset_of(self.source_check),
+            progress=step,
         )
+
+
+@dataclass(frozen=True)
+class RefinePoses:
+    """Head poses of every frame of a person's clip, refined with the learned head."""
+
+    model: Path
+    prepared: Prepared
+    device: str
+
+    def __call__(self, out: Path, progress: Progress) -> None:
+        from dubbing.stages.finetune import MODEL_FILE
+        from dubbing.stages.refine_poses import refine_clip
+        from dubbing.stages.render import load
+
+        model, maps, _ = load(self.model / MODEL_FILE, self.device)
+        refine_clip(model, maps, self.prepared.load(), out, progress)
 
 
 @dataclass(frozen=True)
@@ -111,41 +143,45 @@ class Render:
 
     dub: Dub
     model: Path
-    prepared: Path
+    prepared: Prepared
+    poses: Path
     speech: Path
     device: str
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.stages.finetune import MODEL_FILE
         from dubbing.stages.listen import Speech
+        from dubbing.stages.refine_poses import with_refined_poses
         from dubbing.stages.render import render
 
-        poses = poses_of(self.dub, self.prepared, self.speech)
+        speech = Speech.load(self.speech)
+        clip = with_refined_poses(self.prepared.load(), self.poses)
         render(
             self.model / MODEL_FILE,
-            self.prepared,
-            Speech.load(self.speech).windows,
+            clip,
+            speech.windows,
             out,
-            pose_index=poses,
+            pose_index=pose_index(self.dub, clip, speech.frames),
             device=self.device,
             progress=progress,
         )
 
 
 @dataclass(frozen=True)
-class Compose:
+class Composite:
     """Heads onto backgrounds, with the sound: the finished video."""
 
     dub: Dub
     heads: Path
-    prepared: Path
+    prepared: Prepared
     speech: Path
     seconds: float
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.stages.composite import VideoSettings, make
+        from dubbing.stages.listen import Speech
 
-        dub = self.dub
+        dub, clip = self.dub, self.prepared.load()
         settings = VideoSettings(
             frame=dub.frame,
             label=dub.label,
@@ -156,10 +192,10 @@ class Compose:
         )
         make(
             self.heads,
-            self.prepared,
+            clip,
             dub.audio,
             out,
-            pose_index=poses_of(dub, self.prepared, self.speech),
+            pose_index=pose_index(dub, clip, Speech.load(self.speech).frames),
             settings=settings,
             progress=progress,
         )
@@ -175,11 +211,10 @@ class Check:
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.sync.check import check
 
-        def told(share: float) -> None:
-            progress("listening and looking", share)
-
         own = read_check(self.source) if self.source is not None else None
-        found = check(self.video, source=own, progress=told)
+        found = check(
+            self.video, source=own, progress=lambda share: progress("listening and looking", share)
+        )
         atomic_write_json(out / SYNC_FILE, found.to_json())
 
 
@@ -204,12 +239,7 @@ def offset_of(folder: Path) -> int:
     return sound_offset(found) if found is not None else 0
 
 
-def poses_of(dub: Dub, prepared: Path, speech: Path) -> np.ndarray:
+def pose_index(dub: Dub, clip: PreparedClip, frames: int) -> np.ndarray:
     """Frame of the clip for every frame of a dub, int64 (F,); see ``timeline.pose_index``."""
-    from dubbing.preparation.prepared import PreparedClip
-    from dubbing.stages.listen import Speech
-
-    clip = PreparedClip.load(prepared)
-    frames = Speech.load(speech).frames
     first = timeline.first_frame(dub.video_start, clip.rate)
     return timeline.pose_index(frames, clip.segment, first, dub.on_longer_audio)

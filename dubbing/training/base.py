@@ -15,15 +15,15 @@ from dfrf import checkpoint, presets
 from dfrf.data import Identity as Person
 from dfrf.training.fit import Progress, TrainingDivergedError, fit
 from dfrf.training.validation import Validation
-from dubbing import jobs
+from dubbing import pipeline
 from dubbing.engine import lock
-from dubbing.engine import stage as stages
+from dubbing.engine.stage import run_stage
 from dubbing.errors import CheckpointError, DubbingError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text, digest_file
 from dubbing.identity.dataset import load_identity
 from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.stages import steps
+from dubbing.stages import tasks
 from dubbing.stages.finetune import FinetuneSettings, clip_windows, init_from_base, write_curve
 
 MOST_FRAMES = 240  # of one identity: more show little that is new, and memory is finite
@@ -186,15 +186,15 @@ def load_person(
 ) -> Person:
     """Prepares an identity where that is not done yet, and loads what is learned from it."""
     identity = manifest.identities[name]
-    job = jobs.identity_job(manifest, name, identity, device)
+    job = pipeline.identity_job(manifest, name, identity, device)
     if job.blocked is not None:
         raise job.blocked
-    prepare, source = job.stages["prepare"], job.stages["source"]
+    prepare, source = job.stages["prepare"], job.stages["check_source"]
     for stage in (prepare, source):
-        stages.run(stage, lambda message, share: progress(f"{name}: {message}", share))
-    clip = PreparedClip.load(prepare.folder)
+        run_stage(stage, lambda message, share: progress(f"{name}: {message}", share))
+    clip = PreparedClip.load(prepare.folder, identity.clip)
     first, count = round(identity.start * clip.rate), round(identity.seconds * clip.rate)
     every = max(1, math.ceil(min(count, clip.frames_count - first) / MOST_FRAMES))
-    offset = steps.offset_of(source.folder)
+    offset = tasks.offset_of(source.folder)
     windows = clip_windows(clip, settings.speech, settings.weights, offset)
-    return load_identity(name, prepare.folder, windows, first, count, every)
+    return load_identity(name, clip, windows, first, count, every)

@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from dubbing import pipeline
+from dubbing import batch
 from dubbing.cli import console
+from dubbing.engine.graph import Job
 from dubbing.engine.planner import Row
 from dubbing.engine.runner import Failure, Outcome
 from dubbing.engine.stage import Stage
 from dubbing.errors import DubbingError
-from dubbing.jobs import Job
 
 ODD = "[bold]a[/x] \x1b[31m"
 SHOWN = r"[bold]a[/x] \x1b[31m"
@@ -44,7 +44,7 @@ def test_markup_and_controls_in_names_are_shown_as_they_are(
     measured = {"offset_frames": 0, "offset_ms": 0.0, "confidence": 1.0, "distance": 1.0}
     console.sync({"verdict": "pass", "reason": ODD, **measured})
     failed = Outcome("failed", failure=Failure("speech", ODD))
-    result = pipeline.Result({ODD: failed}, 1, DubbingError(ODD), {ODD: {"reason": ODD}})
+    result = batch.Result({ODD: failed}, 1, DubbingError(ODD), {ODD: {"reason": ODD}})
     console.summary(result)
     shown = capsys.readouterr().out
     assert "\x1b[31m" not in shown
@@ -54,7 +54,7 @@ def test_markup_and_controls_in_names_are_shown_as_they_are(
 def test_markup_and_controls_in_what_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Console(file=io.StringIO(), width=200, force_terminal=True)
     monkeypatch.setattr(console, "screen", terminal)
-    job, stage = Job("dub", ODD, {}), Stage("speech", Path(), 1, {}, {}, lambda *_: None)
+    job, stage = Job("dub", ODD, {}), Stage("speech", Path(), "1", {}, {}, lambda *_: None)
     with console.Bars([ODD]) as bars:
         bars.begin(job, stage, [ODD])
         bars.progress(job, stage, ODD, 0.5)
@@ -66,6 +66,8 @@ def test_markup_and_controls_in_what_goes_on(monkeypatch: pytest.MonkeyPatch) ->
     said = terminal.file.getvalue()
     assert SHOWN in said
     assert "a[/x] \x1b[31m" not in said
+
+
 def rows_of(shown: str) -> list[list[str]]:
     """Cells of the tables that were printed."""
     return [[cell.strip() for cell in line.split("│")[1:-1]] for line in shown.splitlines()]

@@ -191,9 +191,9 @@ def test_interrupted_is_130_and_goes_on_later(  # type: ignore[no-untyped-def]
     request: pytest.FixtureRequest,
     number: int,
 ) -> None:
-    from dubbing.stages import steps
+    from dubbing.stages import tasks
 
-    finetune = steps.Finetune.__call__
+    finetune = tasks.Finetune.__call__
     # Whoever starts the tests in the background has SIGINT ignored.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
@@ -203,11 +203,11 @@ def test_interrupted_is_130_and_goes_on_later(  # type: ignore[no-untyped-def]
         time.sleep(60)
         raise AssertionError("the signal did not interrupt the run")
 
-    monkeypatch.setattr(steps.Finetune, "__call__", interrupted)
+    monkeypatch.setattr(tasks.Finetune, "__call__", interrupted)
     code, _, err = dfrf("dub", manifest)
     assert code == 130
     assert "run the same command again" in err
-    monkeypatch.setattr(steps.Finetune, "__call__", finetune)
+    monkeypatch.setattr(tasks.Finetune, "__call__", finetune)
     assert dfrf("dub", manifest)[0] == 0
 
 

@@ -43,7 +43,9 @@ def test_it_follows_imports_even_those_inside_of_functions(package: Write) -> No
 def test_comments_docstrings_and_layout_do_not_count(package: Write) -> None:
     package("one", "def f(x):\n    return (x, 1)\n")
     before = versions.code_version("made.one")
-    package("one", '"""Words."""\n# more\ndef f(x):\n    """Other words."""\n    return (\n x, 1)\n')
+    package(
+        "one", '"""Words."""\n# more\ndef f(x):\n    """Other words."""\n    return (\n x, 1)\n'
+    )
     assert versions.code_version("made.one") == before
 
 

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from dubbing.engine import runner as running
+from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.runner import Failure, Options
 from dubbing.engine.stage import Progress, Stage
 from dubbing.errors import MediaError
-from dubbing.jobs import Job, Jobs
-from dubbing.stage_names import OF_IDENTITY
-from tests.dubbing.test_pipeline import Listener
+from dubbing.pipeline import OF_IDENTITY
+from tests.dubbing.test_batch import Listener
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,8 @@ def test_inputs_that_cannot_be_looked_at_fail_their_own_job_alone(
 def jobs_of(folder: Path, names: tuple[str, ...]) -> Jobs:
     def job(name: str) -> Job:
         stages = {
-            kind: Stage(kind, folder / name / kind, 1, {}, {}, Write(name)) for kind in OF_IDENTITY
+            kind: Stage(kind, folder / name / kind, "1", {}, {}, Write(name))
+            for kind in OF_IDENTITY
         }
         return Job("identity", name, stages)
 

@@ -124,7 +124,7 @@ def test_sound_and_lips_of_every_frame_stand_beside_some_of_the_pictures(
 ) -> None:
     clip.save()
     windows = np.arange(FRAMES * 16 * 2, dtype=np.float32).reshape(FRAMES, 16, 2)
-    person = load_identity("someone", clip.folder, windows, 1, 9, every=4)
+    person = load_identity("someone", clip, windows, 1, 9, every=4)
     assert person.frames == 3
     assert person.number.tolist() == [0, 4, 8]
     assert torch.equal(person.windows, torch.from_numpy(windows[1:10]))
@@ -152,7 +152,7 @@ def test_rays_are_drawn_round_mouth_and_eyes_and_at_the_rim() -> None:
 
 def test_a_part_without_a_face_is_refused(prepared: PreparedClip) -> None:
     with pytest.raises(TrainingError, match="no frame with a face"):
-        load_identity("someone", prepared.folder, np.zeros((FRAMES, 16, 2)), 40, 5)
+        load_identity("someone", prepared, np.zeros((FRAMES, 16, 2)), 40, 5)
 
 
 def test_eyes_are_where_the_mean_face_has_them(clip: PreparedClip) -> None:

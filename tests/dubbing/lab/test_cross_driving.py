@@ -63,7 +63,7 @@ def person(tmp_path: Path) -> Path:
 def measured(folder: Path) -> tuple[dict[str, float], list[dict[str, str]]]:
     windows = np.random.default_rng(1).random((FRAMES, 16, 8)).astype(np.float32)
     figures = measure_dub(
-        *(folder / "model.safetensors", folder / "prepared", windows),
+        *(folder / "model.safetensors", PreparedClip.load(folder / "prepared"), windows),
         *(PARTS, LEARNED, folder / "out"),
         device="cpu",
         progress=lambda message, share: None,
@@ -102,7 +102,7 @@ def test_frames_go_through_the_compositor_of_a_dub(
     person: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They are what the video stage makes of the same heads over the same frames."""
-    clip = cross_driving.PreparedClip.load(person / "prepared")
+    clip = PreparedClip.load(person / "prepared")
     asked: list[int] = []
 
     def frames(*arguments: object) -> list[int]:

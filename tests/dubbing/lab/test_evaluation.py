@@ -12,7 +12,7 @@ import pytest
 from dubbing.errors import DubbingError, MediaError
 from dubbing.lab import evaluation, tiles
 from dubbing.manifest.manifest import Manifest, load
-from dubbing.stages import steps
+from dubbing.stages import tasks
 from tests import clips, fakes
 
 CONSENT = '{by: "the person on film", reference: "form 17"}'
@@ -56,7 +56,7 @@ def _stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evaluation, "measure", measure)
     monkeypatch.setattr(evaluation, "measure_dub", measure_dub)
     monkeypatch.setattr(evaluation, "clip_windows", lambda *_: None)
-    monkeypatch.setattr(steps, "offset_of", lambda _: 0)
+    monkeypatch.setattr(tasks, "offset_of", lambda _: 0)
     monkeypatch.setattr(evaluation, "check", lambda _: checked)
     monkeypatch.setattr(tiles, "write_methods", lambda *_: None)
 

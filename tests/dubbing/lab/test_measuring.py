@@ -75,7 +75,14 @@ def measured(folder: Path, every: int = 1) -> tuple[dict[str, float], list[dict[
     windows = np.random.default_rng(1).random((FIRST + COUNT, 16, 8)).astype(np.float32)
     out = folder / f"out{every}"
     means = measure(
-        *(folder / "model.safetensors", folder / "prepared", windows, FIRST, COUNT, out),
+        *(
+            folder / "model.safetensors",
+            PreparedClip.load(folder / "prepared"),
+            windows,
+            FIRST,
+            COUNT,
+            out,
+        ),
         every=every,
         lpips=Lpips().eval(),
         device="cpu",

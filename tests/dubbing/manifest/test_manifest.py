@@ -12,7 +12,7 @@ import soundfile
 from safetensors.numpy import save_file
 
 from dfrf.config import STEPS
-from dubbing import jobs
+from dubbing import pipeline
 from dubbing.engine.stage import Stage
 from dubbing.errors import ManifestError
 from dubbing.files import atomic_path
@@ -267,7 +267,7 @@ def test_speech_features_and_their_weights(folder: Path) -> None:
 
 def test_a_changed_number_of_steps_is_seen(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def stage() -> Stage:
-        return jobs.build(read(folder, GOOD)).identities["host"].stages["finetune"]
+        return pipeline.build(read(folder, GOOD)).identities["host"].stages["finetune"]
 
     before = stage()
     assert before.parameters["iterations"] == STEPS["fast"]
@@ -280,10 +280,14 @@ def test_a_changed_number_of_steps_is_seen(folder: Path, monkeypatch: pytest.Mon
 
 def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:
     """Other weights: the person is learned, and the sound heard, again."""
-    built = jobs.build(read(folder, with_speech("speech: rnn")))
-    stages = [built.identities["host"].stages["finetune"], built.dubs["host_it"].stages["speech"]]
+    built = pipeline.build(read(folder, with_speech("speech: rnn")))
+    stages = [built.identities["host"].stages["finetune"], built.dubs["host_it"].stages["listen"]]
     assert [stage.inputs["speech_weights"] for stage in stages] == [DEFAULT_WEIGHTS] * 2
-    mel = jobs.build(read(folder, with_speech("speech: mel"))).identities["host"].stages["finetune"]
+    mel = (
+        pipeline.build(read(folder, with_speech("speech: mel")))
+        .identities["host"]
+        .stages["finetune"]
+    )
     assert "speech_weights" not in mel.inputs
 
 

@@ -40,7 +40,7 @@ class Scene:
         chosen = VideoSettings(**{"seconds": seconds, **settings})  # type: ignore[arg-type]
         return make(
             self.folder / "heads",
-            self.prepared,
+            PreparedClip.load(self.prepared),
             self.audio,
             self.folder / name,
             pose_index=poses,

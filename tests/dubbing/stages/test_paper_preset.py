@@ -12,7 +12,7 @@ from dfrf import checkpoint, presets
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
 from dfrf.published import method as paper_method
 from dfrf.published.model import PaperConfig, PaperModel
-from dubbing import jobs
+from dubbing import pipeline
 from dubbing.errors import CheckpointError, ManifestError
 from dubbing.files import atomic_write_json
 from dubbing.manifest import preset_checks as published
@@ -20,7 +20,7 @@ from dubbing.manifest.entries import Finetune, Identity
 from dubbing.manifest.manifest import Manifest, load
 from dubbing.media import read_frames
 from dubbing.stages import render as heads
-from dubbing.stages import steps
+from dubbing.stages import tasks
 from dubbing.stages.finetune import (
     MODEL_FILE,
     SUMMARY_FILE,
@@ -77,7 +77,7 @@ def base_of(path: Path, config: ModelConfig | PaperConfig, speech: str = "mel") 
 def test_the_manifest_takes_it_and_says_what_it_costs(folder: Path) -> None:
     manifest = manifest_of(folder)
     assert manifest.identities["ann"].preset == "paper"
-    assert "base" not in jobs.build(manifest).identities["ann"].stages["finetune"].inputs
+    assert "base" not in pipeline.build(manifest).identities["ann"].stages["finetune"].inputs
     said = "\n".join(manifest.warnings)
     assert "identities.ann: preset paper learns 40000 steps in about " in said
     assert "identities.ann: no base of preset paper comes with this tool" in said
@@ -138,7 +138,7 @@ def test_a_person_is_learned_resumed_and_rendered(
     base = base_of(tmp_path / "base.safetensors", replace(TINY, speech_dim=80))
     out, again = tmp_path / "model", tmp_path / "again"
     asked = {"start": 0.0, "seconds": 1.0, "settings": PAPER, "base": base, "device": "cpu"}
-    finetune(prepared, out, **asked)  # type: ignore[arg-type]
+    finetune(clip, out, **asked)  # type: ignore[arg-type]
 
     # Killed after two steps, with a state kept after every one: it goes on to the same model.
     def stop(state: object) -> None:
@@ -148,9 +148,9 @@ def test_a_person_is_learned_resumed_and_rendered(
     often = replace(presets.PAPER_FINETUNE, checkpoint_every=1)
     monkeypatch.setattr(presets, "PAPER_FINETUNE", often)
     with pytest.raises(KeyboardInterrupt):
-        finetune(prepared, again, **asked, progress=stop)  # type: ignore[arg-type]
+        finetune(clip, again, **asked, progress=stop)  # type: ignore[arg-type]
     assert (again / "resume").is_dir()
-    finetune(prepared, again, **asked)  # type: ignore[arg-type]
+    finetune(clip, again, **asked)  # type: ignore[arg-type]
     one, views, header = checkpoint.load_person(out / MODEL_FILE)
     other, _, _ = checkpoint.load_person(again / MODEL_FILE)
     assert isinstance(one, PaperModel)
@@ -167,7 +167,7 @@ def test_a_person_is_learned_resumed_and_rendered(
     windows = random.random((3, 16, 80)).astype(np.float32)
     heads.render(
         out / MODEL_FILE,
-        prepared,
+        clip,
         lambda first, count: windows[first : first + count],
         tmp_path / "heads",
         pose_index=np.array([4, 5, 6]),
@@ -185,7 +185,7 @@ def test_from_nothing_the_coarse_stage_comes_first(folder: Path, tmp_path: Path)
     prepared.mkdir()
     clip = fakes.write_prepared(folder / "ann.mp4", prepared)
     replace(clip, landmarks=np.random.default_rng(0).random((30, 478, 2)) * 32).save()
-    finetune(prepared, tmp_path, start=0.0, seconds=1.0, settings=PAPER, base=None, device="cpu")
+    finetune(clip, tmp_path, start=0.0, seconds=1.0, settings=PAPER, base=None, device="cpu")
     train = json.loads((tmp_path / SUMMARY_FILE).read_text())["train"]
     assert (train["iterations"], train["coarse_iterations"]) == (4, 3)
     assert train["lip_iterations"] == 0
@@ -201,7 +201,7 @@ def test_the_stage_asks_for_the_steps_of_the_preset(
     (tmp_path / "source").mkdir()
     atomic_write_json(tmp_path / "source" / "none.json", {})
     person = Identity.model_construct(clip=folder / "ann.mp4", preset="paper", finetune=Finetune())
-    step = steps.Finetune(person, tmp_path, tmp_path / "source", None, "cpu")
+    step = tasks.Finetune(person, tmp_path, tmp_path / "source", None, "cpu")
     step(tmp_path, lambda _message, _share: None)
     assert (asked[0].preset, asked[0].iterations) == ("paper", 40_000)
     assert presets.trainings("paper").finetune.iterations == 40_000

@@ -39,7 +39,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     def made(folder: Path) -> list[np.ndarray]:
         heads.render(
             tmp_path / "model.safetensors",
-            tmp_path / "prepared",
+            clip,
             heard,
             folder,
             pose_index=np.arange(count),

@@ -12,7 +12,7 @@ import pytest
 
 from dubbing.files import atomic_write_json
 from dubbing.manifest.entries import Consent, Dub, Finetune, Identity
-from dubbing.stages import steps
+from dubbing.stages import tasks
 from dubbing.stages.listen import Speech
 from tests import clips, fakes
 
@@ -43,7 +43,7 @@ def test_prepare(identity: Identity, tmp_path: Path, monkeypatch: pytest.MonkeyP
 
     work = create_autospec(preparation.prepare)
     monkeypatch.setattr(preparation, "prepare", work)
-    steps.Prepare(identity)(tmp_path, quiet)
+    tasks.Prepare(identity)(tmp_path, quiet)
     work.assert_called_once_with(identity.clip, tmp_path, size=512, progress=quiet)
 
 
@@ -56,8 +56,8 @@ def test_finetune(identity: Identity, tmp_path: Path, monkeypatch: pytest.Monkey
     media = Media(75, "25", 3.0, 3.0, 2.0, 3.0)
     found = SyncResult("warn", "late", "lips", media, offset_frames=-3, confidence=0.2)
     (tmp_path / "source").mkdir()
-    atomic_write_json(tmp_path / "source" / steps.SYNC_FILE, found.to_json())
-    steps.Finetune(identity, tmp_path / "prepared", tmp_path / "source", None, "cpu")(
+    atomic_write_json(tmp_path / "source" / tasks.SYNC_FILE, found.to_json())
+    tasks.Finetune(identity, tmp_path / "prepared", tmp_path / "source", None, "cpu")(
         tmp_path, quiet
     )
     (positional, named) = work.call_args
@@ -76,14 +76,14 @@ def test_speech_then_heads(
     prepared, speech, out = tmp_path / "prepared", tmp_path / "speech", tmp_path / "heads"
     fakes.write_prepared(identity.clip, prepared)
     speech.mkdir()
-    steps.Listen(dub, "mel", None, Fraction(25), 1.6)(speech, quiet)
+    tasks.Listen(dub, "mel", None, Fraction(25), 1.6)(speech, quiet)
     heard = Speech.load(speech)
     assert (heard.name, heard.frames, heard.rate) == ("mel", 40, 25)
     assert heard.features.shape == (80, 80)
     assert heard.voice.shape == (80,)
     work = create_autospec(heads.render)
     monkeypatch.setattr(heads, "render", work)
-    steps.Render(dub, tmp_path / "model", prepared, speech, "cpu")(out, quiet)
+    tasks.Render(dub, tmp_path / "model", prepared, speech, "cpu")(out, quiet)
     model, folder, listen, target = work.call_args[0]
     assert (model.name, folder, target) == ("model.safetensors", prepared, out)
     whole = listen(0, 40)
@@ -107,10 +107,10 @@ def test_check_is_told_the_sources_figures(tmp_path: Path, monkeypatch: pytest.M
     work = create_autospec(module.check, return_value=found)
     monkeypatch.setattr(module, "check", work)
     told: list[float] = []
-    steps.Check(tmp_path / "clip.mp4")(tmp_path, lambda _message, share: told.append(share))
+    tasks.Check(tmp_path / "clip.mp4")(tmp_path, lambda _message, share: told.append(share))
     assert work.call_args[1]["source"] is None
     work.call_args[1]["progress"](0.25)
     assert told == [0.25]
     (tmp_path / "dub").mkdir()
-    steps.Check(tmp_path / "dub.mp4", tmp_path / "sync.json")(tmp_path / "dub", quiet)
+    tasks.Check(tmp_path / "dub.mp4", tmp_path / "sync.json")(tmp_path / "dub", quiet)
     assert work.call_args[1]["source"] == found

@@ -10,14 +10,15 @@ from pathlib import Path
 
 import pytest
 
-from dubbing import media, pipeline
+from dubbing import media
 from dubbing.engine import lock
 from dubbing.engine import planner as planning
+from dubbing.engine.graph import Job
 from dubbing.engine.runner import Failure, Options
 from dubbing.engine.stage import Stage
 from dubbing.errors import DubbingError, LockedError
-from dubbing.jobs import Job, build
 from dubbing.manifest.manifest import load
+from dubbing.pipeline import build
 from tests import clips, fakes
 
 CONSENT = '{by: "the person on film", reference: "form 17"}'
@@ -70,10 +71,10 @@ def manifest_of(footage: Path, folder: Path, people: dict[str, str], extra: str 
     return path
 
 
-def dub(path: Path, **options: object) -> tuple[pipeline.Result, list[str]]:
+def dub(path: Path, **options: object) -> tuple[batch.Result, list[str]]:
     listener = Listener()
     only = options.pop("only", ())
-    result = pipeline.dub(load(path), listener, Options(**options), only=only)  # type: ignore[arg-type]
+    result = batch.dub(load(path), listener, Options(**options), only=only)  # type: ignore[arg-type]
     return result, listener.began
 
 
@@ -224,8 +225,8 @@ def test_only(footage: Path, tmp_path: Path) -> None:
 def test_force(footage: Path, tmp_path: Path) -> None:
     path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
     dub(path)
-    _, began = dub(path, force=("speech",))
-    assert began == ["ann_it:speech"]  # it came out the same, so nothing follows
+    _, began = dub(path, force=("listen",))
+    assert began == ["ann_it:listen"]  # it came out the same, so nothing follows
 
 
 def test_a_locked_folder_is_left_alone(footage: Path, tmp_path: Path) -> None:
@@ -253,8 +254,8 @@ def test_plan_says_what_would_run_and_why(footage: Path, tmp_path: Path) -> None
     assert changed["ann:finetune"] == "run; ('seed: 0 before, 3 now',)"
     assert changed["ann_it:heads"].startswith("after; ('if finetune gives another result'")
     assert changed["ann_it:video"].startswith("after")
-    assert changed["ann_it:speech"] == "up to date; ()"
-    assert states(("speech",))["ann_it:speech"] == "run; ('forced',)"
+    assert changed["ann_it:listen"] == "up to date; ()"
+    assert states(("listen",))["ann_it:listen"] == "run; ('forced',)"
 
 
 def tree(folder: Path) -> dict[str, str]:
@@ -291,7 +292,7 @@ def test_kill_at_any_moment_then_run_again(footage: Path, tmp_path: Path) -> Non
     assert tree(killed / "out") == undisturbed
 
 
-@pytest.mark.parametrize("before", ["finetune", "heads", "video"])
+@pytest.mark.parametrize("before", ["finetune", "render", "composite"])
 def test_a_clip_exchanged_between_stages_fails_its_job(
     footage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, before: str
 ) -> None:
@@ -305,7 +306,7 @@ def test_a_clip_exchanged_between_stages_fails_its_job(
             if stage.name == before and job.name.startswith("ann"):
                 clip.write_bytes((footage / "noface.mp4").read_bytes() + b"other")
 
-    result = pipeline.dub(load(manifest), Exchange(), Options())
+    result = batch.dub(load(manifest), Exchange(), Options())
     assert result.code == 1
     label = "identity/ann" if before == "finetune" else "dub/ann_it"
     failure = result.outcomes[label].failure
