@@ -1,7 +1,6 @@
-"""Checkpoints: safetensors with a JSON header, never pickles; and the exact state of a run.
+"""The format of checkpoints: safetensors with a JSON header, never pickles.
 
-`save_model` / `load_model` keep a finished model; `save_resume` / `load_resume` keep an unfinished
-run so that it goes on bit for bit: weights, optimiser, random numbers, step and curve.
+`head_checkpoint` keeps finished models in it, `training.run_state` runs that are not finished.
 """
 
 from __future__ import annotations
@@ -9,26 +8,13 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
-from dfrf.config import FORMATS, TrainConfig
-from dfrf.field.model import Model
-from dfrf.field.reference_maps import ReferenceViews
-from dfrf.head_model import HeadModel
-from dfrf.published.model import PaperModel
-
-if TYPE_CHECKING:
-    from dfrf.training.fit import Curve
-    from dfrf.training.validation import Validation
-
-KINDS: dict[str, type[HeadModel]] = {FORMATS[k.FAMILY]: k for k in (Model, PaperModel)}
 STATE_FILE = "state.safetensors"
 # Of the settings that a kept state is compared by.
 WORDS = {"train": "training", "config": "sizes of the model", "held": "people held out"}
@@ -71,153 +57,28 @@ def read_tensors(path: str | Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
     return tensors, json.loads(metadata["dfrf"])
 
 
-def save_model(path: str | Path, model: HeadModel, header: dict[str, Any] | None = None) -> None:
-    """Keeps a model: weights, grid, sizes, and what the caller adds to the header."""
-    write_tensors(
-        path,
-        model.state_dict(),
-        {"format": FORMATS[model.FAMILY], "config": model.config.to_dict(), **(header or {})},
-    )
+def save_state(folder: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> None:
+    """Keeps the state of a run that is not finished."""
+    write_tensors(Path(folder) / STATE_FILE, tensors, header)
 
 
-def load_model(path: str | Path) -> tuple[HeadModel, dict[str, Any]]:
-    """A model and the header it was kept with.
+def load_state(
+    folder: str | Path, settings: Mapping[str, Any]
+) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
+    """Tensors and header of a kept state; None where there is none.
 
-    Raises:
-        CheckpointError: unreadable, of another format, or its tensors do not fit its sizes.
-    """
-    tensors, header = read_tensors(path)
-    return _build(path, tensors, header), header
-
-
-def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> HeadModel:
-    kind = KINDS.get(header.get("format", ""))
-    if kind is None:
-        found, known = header.get("format"), " and ".join(map(repr, KINDS))
-        raise CheckpointError(f"{path}: format {found!r}, this version reads {known}")
-    model = kind.from_dict(header["config"])
-    try:
-        model.load_state_dict(tensors)
-    except RuntimeError as error:
-        raise CheckpointError(f"{path}: tensors do not fit the sizes in its header") from error
-    return model
-
-
-def save_person(
-    path: str | Path, model: HeadModel, views: ReferenceViews | None, header: dict[str, Any]
-) -> None:
-    """Keeps a person's model together with the references it looks at."""
-    tensors = model.state_dict()
-    if views is not None:
-        tensors |= {
-            "reference.images": views.images,
-            "reference.mattes": views.mattes,
-            "reference.c2w": views.c2w,
-            "reference.centres": views.centres,
-            "reference.upper": views.upper,
-            "reference.eyes": views.eyes,
-        }
-        header = {**header, "focal": views.focal, "scale": views.scale, "blinks": views.blinks}
-    about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
-    write_tensors(path, tensors, {**about, **header})
-
-
-def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dict[str, Any]]:
-    """A person's model, references (None where the method has none) and header.
-
-    Raises:
-        CheckpointError: as `load_model`, or its references are another version's.
-    """
-    tensors, header = read_tensors(path)
-    views = None
-    if "reference.images" in tensors:
-        part = {k.removeprefix("reference."): v for k, v in tensors.items() if "reference." in k}
-        try:
-            views = ReferenceViews(
-                **part, focal=header["focal"], scale=header["scale"], blinks=header["blinks"]
-            )
-        except (KeyError, TypeError) as error:
-            raise CheckpointError(
-                f"{path}: keeps other things of its references than this version reads; learn the "
-                "person again"
-            ) from error
-    weights = {k: v for k, v in tensors.items() if not k.startswith("reference.")}
-    return _build(path, weights, header), views, header
-
-
-def save_resume(
-    folder: str | Path,
-    model: HeadModel,
-    optimiser: torch.optim.Optimizer,
-    generator: torch.Generator,
-    config: TrainConfig,
-    curve: Curve,
-    held: Validation,
-    about: Mapping[str, Any],
-    step: int,
-) -> None:
-    """Keeps the whole state of a run after `step` steps, in one file.
-
-    `about`: plain data by name; whoever goes on from the state must say the same.
-    """
-    tensors = {f"model.{k}": v for k, v in model.state_dict().items()}
-    state = optimiser.state_dict()
-    for index, values in state["state"].items():
-        for name, value in values.items():
-            tensors[f"optimiser.{index}.{name}"] = torch.as_tensor(value)
-    tensors["generator"] = generator.get_state()
-    tensors["curve"] = torch.tensor(curve.rows, dtype=torch.float64)
-    tensors["held"] = torch.tensor(held.rows, dtype=torch.float64)
-    tensors |= {f"best.{k}": v for k, v in held.best.items()}
-    write_tensors(
-        Path(folder) / STATE_FILE,
-        tensors,
-        {"format": FORMATS[model.FAMILY], "step": step, **_settings(model, config, held, about)},
-    )
-
-
-def _settings(
-    model: HeadModel, config: TrainConfig, held: Validation, about: Mapping[str, Any]
-) -> dict[str, Any]:
-    """What two runs have in common if the one can go on from the other's state."""
-    own = {"train": asdict(config), "config": model.config.to_dict(), "held": held.names}
-    return {**own, **about}
-
-
-def load_resume(
-    folder: str | Path,
-    model: HeadModel,
-    optimiser: torch.optim.Optimizer,
-    generator: torch.Generator,
-    config: TrainConfig,
-    curve: Curve,
-    held: Validation,
-    about: Mapping[str, Any],
-) -> int:
-    """Restores a run in place and returns its step; 0, and nothing is touched, where none is kept.
+    Args:
+        folder: where it is kept.
+        settings: what its header must say.
 
     Raises:
         CheckpointError: unreadable, or the state is of a run with other settings, which are named.
     """
     path = Path(folder) / STATE_FILE
     if not path.exists():
-        return 0
+        return None
     tensors, header = read_tensors(path)
-    settings = _settings(model, config, held, about)
     if others := [key for key, value in settings.items() if header.get(key) != value]:
         named = ", ".join(WORDS.get(key, key) for key in others)
         raise CheckpointError(f"{path}: holds the state of a run with other settings ({named})")
-    model.load_state_dict(
-        {k.removeprefix("model."): v for k, v in tensors.items() if k.startswith("model.")}
-    )
-    held.best = {k.removeprefix("best."): v for k, v in tensors.items() if k.startswith("best.")}
-    held.rows = [tuple(row) for row in tensors["held"].tolist()]
-    state = optimiser.state_dict()
-    for name, value in tensors.items():
-        if name.startswith("optimiser."):
-            _, index, key = name.split(".")
-            state["state"].setdefault(int(index), {})[key] = value
-    optimiser.load_state_dict(state)
-    generator.set_state(tensors["generator"])
-    curve.rows = [(int(s), a, b, c) for s, a, b, c in tensors["curve"].tolist()]
-    return int(header["step"])
+    return tensors, header

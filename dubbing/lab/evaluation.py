@@ -32,14 +32,16 @@ PRESET_OF_METHOD = {
     "dfrf": "fast",
     "dfrf-nowarp": "fast-nowarp",
     "dfrf-alone": "fast-alone",
-    "dfrf-1": "fast-1",
-    "dfrf-2": "fast-2",
-    "dfrf-4": "fast-4",
-    "dfrf-6": "fast-6",
+    "dfrf-1": "fast",
+    "dfrf-2": "fast",
+    "dfrf-4": "fast",
+    "dfrf-6": "fast",
     "paper": "paper",
     "ad-nerf": "ad-nerf",
     "nerf": "nerf",
 }
+# So many references, the same in every frame.
+REFERENCES_OF_METHOD = {"dfrf-1": 1, "dfrf-2": 2, "dfrf-4": 4, "dfrf-6": 6}
 
 Progress = Callable[[str, float], None]
 
@@ -130,6 +132,16 @@ def tested_part(manifest: Manifest, name: str, seconds: float | None) -> tuple[i
     return first, count
 
 
+def with_references(finetune: stages.Stage, count: int) -> stages.Stage:
+    """A fine-tune with another number of references than its preset's."""
+    assert isinstance(finetune.produce, steps.Finetune)
+    return replace(
+        finetune,
+        parameters={**finetune.parameters, "references": count},
+        produce=replace(finetune.produce, references=count),
+    )
+
+
 def evaluate_one(
     manifest: Manifest,
     name: str,
@@ -151,7 +163,10 @@ def evaluate_one(
     identity = own.model_copy(update={"preset": preset, "base": base})
     job = jobs.identity_job(manifest, name, identity, device)
     prepare, source, finetune = (job.stages[n] for n in ("prepare", "source", "finetune"))
-    if preset != own.preset:
+    references = REFERENCES_OF_METHOD.get(method)
+    if references is not None:
+        finetune = with_references(finetune, references)
+    if preset != own.preset or references is not None:
         # The model of the dubs stays where it is.
         finetune = replace(finetune, folder=finetune.folder.with_name(f"model-{method}"))
     for stage in (prepare, source, finetune):

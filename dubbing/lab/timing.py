@@ -19,24 +19,25 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from dfrf import device as devices
 from dfrf import presets
-from dfrf.cameras import pixel_rays
+from dfrf.cameras import Camera, Rays
 from dfrf.data import neighbour_windows
-from dfrf.field.model import REACH, Model
+from dfrf.fast.model import FastModel
+from dfrf.field.conditioning import REACH
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
 from dfrf.published.model import PaperModel, References
 from dfrf.registry import method_of
 from dfrf.rendering.frame_renderer import head_tiles, render_frame, tile_side
 from dfrf.rendering.pose_refinement import normal_equations
-from dfrf.rendering.ray_marching import march
+from dfrf.rendering.ray_marching import Search, march
 from dfrf.rendering.volume_rendering import evaluate
-from dfrf.training.fit import fit
+from dfrf.training.fit import FitOptions, fit
 from dubbing.compositing.composite import composite
 from dubbing.identity.dataset import load_identity, upper_measures
 from dubbing.preparation.matting.matting import hole
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import render as heads
 from dubbing.stages.finetune import reference_frames
-from dubbing.stages.refine_poses import sights_of
+from dubbing.stages.refine_poses import observations_of
 
 PAPER_RAYS = 96
 TRAINING_FRAMES, TRAINING_STEPS = 50, 10
@@ -90,7 +91,7 @@ def matrix_rate(device: torch.device) -> float:
 class Scene:
     """A person's model, its clip, and the frames that are timed."""
 
-    model: Model
+    model: FastModel
     maps: ReferenceMaps | None
     clip: PreparedClip
     windows: np.ndarray
@@ -100,20 +101,15 @@ class Scene:
     def device(self) -> torch.device:
         return self.model.grid.low.device
 
-    def camera(self, frame: int) -> tuple[Tensor, Tensor]:
-        """c2w (3, 4) and principal point (2,)."""
+    def camera(self, frame: int) -> Camera:
+        """What a frame is seen with."""
         c2w = torch.from_numpy(self.clip.c2w()[frame]).float().to(self.device)
-        return c2w, torch.from_numpy(self.clip.centre[frame]).float().to(self.device)
+        centre = torch.from_numpy(self.clip.centre[frame]).float().to(self.device)
+        return Camera(c2w, float(self.clip.focal), centre, self.clip.size)
 
-    def rays(self, frame: int, pixels: Tensor) -> tuple[Tensor, Tensor]:
-        """Origins and unit directions (P, 3) through row-major pixels (P,)."""
-        c2w, centre = self.camera(frame)
-        size, count = self.clip.size, pixels.numel()
-        position = torch.stack([pixels % size, pixels // size], -1).float()
-        origins, directions = pixel_rays(
-            c2w.expand(count, 3, 4), float(self.clip.focal), centre.expand(count, 2), position
-        )
-        return origins, F.normalize(directions, dim=-1)
+    def rays(self, frame: int, pixels: Tensor) -> Rays:
+        """Rays through row-major pixels (P,)."""
+        return self.camera(frame).rays(pixels)
 
     def heard(self, frame: int) -> Tensor:
         """Speech windows (2 REACH + 1, 8, 16, D) of a frame, those beside it, and neighbours."""
@@ -130,39 +126,33 @@ class Scene:
 @torch.no_grad()
 def frame_rows(scene: Scene) -> list[Row]:
     """What a frame of `fast` is made of, means over the frames."""
-    model, device, size = scene.model, scene.device, scene.clip.size
+    model, device = scene.model, scene.device
     spent: dict[str, list[Row]] = {}
 
     def note(stage: str, work: Callable[[], object], count: int = 0, unit: str = "") -> None:
         row = Row(stage, timed(work, device), count, unit, flop_of(work))
         spent.setdefault(stage, []).append(row)
 
-    focal, settings = float(scene.clip.focal), model.config.march
+    settings, grid = model.config.march, model.grid
     for frame in scene.frames:
         camera, heard = scene.camera(frame), scene.heard(frame)
-        codes = model.field.told(heard, scene.upper(frame))
-        side = tile_side(model, camera[0], focal, size)
-        pixels = head_tiles(model, camera[0], focal, camera[1], size, side).view(-1)
-        rays, owner = scene.rays(frame, pixels), torch.zeros_like(pixels)
-        step_through = partial(march, *rays, model.grid, settings, group=side * side)
+        conditioning = model.field.conditioning(heard, scene.upper(frame))
+        volume = model.volume(conditioning, scene.maps)
+        side = tile_side(grid, camera)
+        pixels = head_tiles(grid, camera, side).view(-1)
+        rays = scene.rays(frame, pixels)
+        step_through = partial(march, rays, grid, settings, Search(group=side * side))
         samples = step_through()
         found = samples.points.shape[0]
-        note("speech code", partial(model.field.speech_codes, heard))
-        project = partial(head_tiles, model, camera[0], focal, camera[1], size, side)
-        note("project the grid", project, pixels.numel(), "rays")
+        note("speech code", partial(model.field.conditioning.speech_codes, heard))
+        note("project the grid", partial(head_tiles, grid, camera, side), pixels.numel(), "rays")
         note("march", step_through, found, "samples")
-        near = scene.maps and scene.maps.near(camera[0][:, 3], model.config.field.references)
-        field = partial(evaluate, model, samples, rays[1], owner, codes, near, True)
-        note("field, every sample", field, found, "samples")
-        note(
-            "head, what is seen",
-            partial(render_frame, model, camera[0], focal, camera[1], codes[0], scene.maps, size),
-            pixels.numel(),
-            "rays",
-        )
-        sight = sights_of(scene.clip, np.array([frame]))[frame].to(device)
-        step = partial(normal_equations, model, sight, camera[0], codes[0], scene.maps)
-        note("a step of a pose", step, 7 * len(sight.pixels), "rays")
+        field = volume.field.seen_from(camera.c2w[:, 3])
+        note("field, every sample", partial(evaluate, field, samples, rays), found, "samples")
+        note("head, what is seen", partial(render_frame, volume, camera), pixels.numel(), "rays")
+        seen = observations_of(scene.clip, np.array([frame]))[frame].to(device)
+        step = partial(normal_equations, volume, seen, camera.c2w)
+        note("a step of a pose", step, 7 * len(seen.pixels), "rays")
         (whole,) = heads.frames(*scene_arguments(scene, frame))
         ((image, matte, background),) = scene.clip.frames(frame, 1)
         laid = (image, background, hole(matte), heads.to_rgba(*whole))
@@ -172,7 +162,7 @@ def frame_rows(scene: Scene) -> list[Row]:
 
 def scene_arguments(
     scene: Scene, frame: int
-) -> tuple[Model, ReferenceMaps | None, PreparedClip, np.ndarray, np.ndarray, int, int]:
+) -> tuple[FastModel, ReferenceMaps | None, PreparedClip, np.ndarray, np.ndarray, int, int]:
     """Arguments of `heads.frames` for one frame."""
     index = np.arange(scene.clip.frames_count)
     return scene.model, scene.maps, scene.clip, scene.windows, index, frame, frame + 1
@@ -198,16 +188,15 @@ def paper_row(scene: Scene) -> Row:
     model = PaperModel().to(device).eval().requires_grad_(False)
     maps = model.encode(whole_faces(scene.maps.views, scene.model.config.field.references))
     frame = scene.frames[0]
-    camera = scene.camera(frame)
-    head = head_tiles(scene.model, camera[0], float(scene.clip.focal), camera[1], size, 1).view(-1)
+    head = head_tiles(scene.model.grid, scene.camera(frame), 1).view(-1)
     pixels = head[torch.linspace(0, head.numel() - 1, PAPER_RAYS, device=device).long()]
-    origins, directions = scene.rays(frame, pixels)
+    rays = scene.rays(frame, pixels)
     near, far = float(scene.clip.near), float(scene.clip.far)
     windows = torch.zeros(8, 16, model.config.speech_dim, device=device)
     behind = torch.zeros(PAPER_RAYS, 3, device=device)
 
     def work() -> object:
-        return model(origins, directions, near, far, windows, maps, behind)
+        return model(rays.origins, rays.directions, near, far, windows, maps, behind)
 
     factor = size * size / PAPER_RAYS
     return Row(
@@ -233,6 +222,6 @@ def training_row(scene: Scene, prepared: Path) -> Row:
     config = replace(presets.FINETUNE, iterations=TRAINING_STEPS)
     references = reference_frames(person, scene.clip, 0, method_of(model))
     chosen = None if references is None else {person.name: references}
-    curve = fit(model, [person], config, references=chosen, device=scene.device.type)
+    curve = fit(method_of(model), [person], config, chosen, FitOptions(device=scene.device.type))
     first, last = curve.rows[1][3], curve.rows[-1][3]
     return Row("training step", (last - first) / (TRAINING_STEPS - 2), config.rays, "rays")

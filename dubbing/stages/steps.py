@@ -51,6 +51,7 @@ class Finetune:
     source: Path
     base: Path | None
     device: str
+    references: int | None = None
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.stages.finetune import FinetuneSettings, finetune
@@ -62,6 +63,7 @@ class Finetune:
             seed=wanted.seed,
             speech=wanted.speech,
             speech_weights=None if wanted.speech_weights is None else str(wanted.speech_weights),
+            references=self.references,
         )
 
         def told(state: Any) -> None:
