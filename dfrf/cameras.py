@@ -7,12 +7,56 @@ a focal length in pixels and a principal point (column, row).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import torch
-from jaxtyping import Float
+import torch.nn.functional as F
+from jaxtyping import Float, Int
 from torch import Tensor
 
 # Depths closer to the camera plane than this are moved away from it: nothing divides by zero.
 MIN_DEPTH = 1e-6
+
+
+@dataclass(frozen=True)
+class Rays:
+    """R rays in the head frame.
+
+    Attributes:
+        origins: where they begin.
+        directions: of unit length.
+        frame: index of the frame that each ray belongs to.
+    """
+
+    origins: Float[Tensor, "R 3"]
+    directions: Float[Tensor, "R 3"]
+    frame: Int[Tensor, " R"]
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A camera that takes square pictures.
+
+    Attributes:
+        c2w: camera to head frame.
+        focal: pixels.
+        centre: principal point, (column, row).
+        size: side of the picture, pixels.
+    """
+
+    c2w: Float[Tensor, "3 4"]
+    focal: float
+    centre: Float[Tensor, 2]
+    size: int
+
+    def rays(self, pixels: Int[Tensor, " P"]) -> Rays:
+        """Rays through pixels, counted row by row; all of them of frame 0."""
+        count = pixels.numel()
+        position = torch.stack([pixels % self.size, pixels // self.size], -1).float()
+        origins, directions = pixel_rays(
+            self.c2w.expand(count, 3, 4), self.focal, self.centre.expand(count, 2), position
+        )
+        return Rays(origins, F.normalize(directions, dim=-1), torch.zeros_like(pixels))
 
 
 def pixel_rays(

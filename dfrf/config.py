@@ -12,12 +12,10 @@ from typing import Any, TypeVar
 
 # The two families of presets: what the headers of their checkpoints say, and how many steps a
 # person learns by default.
-FORMATS = {"fast": "dfrf-1", "paper": "dfrf-paper-1"}
+FORMATS = {"fast": "dfrf-2", "paper": "dfrf-paper-1"}
 STEPS = {"fast": 1500, "paper": 40_000}
-# Fixed references of the variants that `fast` is compared with, and all that start from its base.
-REFERENCE_COUNTS = {"fast-1": 1, "fast-2": 2, "fast-4": 4, "fast-6": 6}
-FROM_BASE = ("fast", "fast-nowarp", *REFERENCE_COUNTS)
-PUBLISHED_SPEECH = "deepspeech"  # the features that published checkpoints hear
+FROM_BASE = ("fast", "fast-nowarp")  # what starts from the base of `fast`
+PUBLISHED_SPEECH = "deepspeech"  # the speech features of published checkpoints
 
 # Half sizes of the box round the head, head frame, y up, face towards +z. Hair reaches higher than
 # the chin reaches low; the centre lies between the ears.
@@ -70,10 +68,10 @@ class FieldConfig:
     Attributes:
         speech_dim: width D of the speech features (windows of 16 x D).
         code_dim: width of the speech code A.
-        upper_dim: measures of the upper face that stand beside the code.
+        expression_dim: measures of the upper face that stand beside the code.
         references: number N of references that a point is looked up in; 0 for a field without.
-        shown: frames a person can be shown by; of more than N the nearest to a view are its
-            references.
+        reference_pool_size: reference views that a person can have; of more than N the nearest to
+            a view are its references.
         use_speech: False leaves A out (a plain NeRF).
         use_warp: False looks references up where they project, equation (1), without (3) and (4).
         feature_dim: channels of the reference features, colour and matte (4) included.
@@ -84,9 +82,9 @@ class FieldConfig:
 
     speech_dim: int = 80
     code_dim: int = 64
-    upper_dim: int = 6
+    expression_dim: int = 6
     references: int = 5
-    shown: int = 12
+    reference_pool_size: int = 12
     use_speech: bool = True
     use_warp: bool = True
     feature_dim: int = 32
@@ -99,9 +97,9 @@ class FieldConfig:
     max_offset: float = 24.0
 
     @property
-    def told_dim(self) -> int:
-        """Width of what the field is told of a frame: the speech code and the upper face."""
-        return self.code_dim + self.upper_dim
+    def cond_dim(self) -> int:
+        """Width of what the field is conditioned on: the speech code and the upper face."""
+        return self.code_dim + self.expression_dim
 
 
 @dataclass(frozen=True)
@@ -134,7 +132,7 @@ class TrainConfig:
         mouth_share, eyes_share, rim_share: shares of the rays drawn round the mouth, round the eyes
             and at the head's rim.
         outside_share: share of the rays drawn further out; what is left falls on the head.
-        augment: whether each step changes its person's looks (`augmentation`).
+        augment: whether each step changes how its person looks (`augmentation`).
         learn_references_every: steps between those in which the reference CNN learns; 0 never.
         occupancy_every: steps between two looks at which cells are open.
         checkpoint_every: steps between two saves of the state, and between two measurements on

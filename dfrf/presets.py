@@ -7,25 +7,20 @@ from dataclasses import dataclass, replace
 from typing import overload
 
 from dfrf.config import (
-    FROM_BASE,
-    REFERENCE_COUNTS,
     STEPS,
     FieldConfig,
     MarchConfig,
     ModelConfig,
     TrainConfig,
 )
-from dfrf.field.model import PRIOR_CENTRE, PRIOR_RADII, Model
+from dfrf.fast.model import FastModel
 from dfrf.head_model import HeadModel
 from dfrf.published.conditioned_field import PaperConfig
 from dfrf.published.model import PaperModel
 
-PAPER = PaperConfig()
-PRESETS = (*FROM_BASE, "fast-alone", "paper", "ad-nerf", "nerf")
-
-# The one layer of the published model whose size is that of the speech features: where a base heard
-# others (DeepSpeech, in a published checkpoint), a person begins with a new one.
-HEARS = ("audio.convolutions.0.weight",)
+# The one layer of the published model whose size is that of the speech features: where a base was
+# trained with others (DeepSpeech, in a published checkpoint), a person begins with a new one.
+SPEECH_LAYERS = ("audio.convolutions.0.weight",)
 LIP_ITERATIONS = 400  # where the speech networks do not come from a base
 BASE_TRAINING = TrainConfig(
     iterations=4000,
@@ -77,77 +72,117 @@ class Trainings:
     alone: TrainConfig
 
 
-def trainings(preset: str) -> Trainings:
-    """Settings of `fit` for a preset."""
-    if preset == "paper":
-        # Who starts from nothing learns without the warp first, like a base.
-        alone = lasting(PAPER_BASE_TRAINING, PAPER_FINETUNE.iterations)
-        return Trainings(PAPER_BASE_TRAINING, PAPER_FINETUNE, alone)
-    alone = replace(FINETUNE, lip_iterations=LIP_ITERATIONS)
-    return Trainings(BASE_TRAINING, FINETUNE, alone)
-
-
 def lasting(config: TrainConfig, iterations: int) -> TrainConfig:
     """The same training in another number of steps, as large a part of them coarse."""
     coarse = math.ceil(iterations * config.coarse_iterations / config.iterations)
     return replace(config, iterations=iterations, coarse_iterations=coarse)
 
 
-def model_config(preset: str, speech_dim: int) -> ModelConfig | PaperConfig:
-    """Sizes of a preset, for speech features of `speech_dim` numbers.
+@dataclass(frozen=True)
+class Preset:
+    """A named configuration of a model, and how it is trained.
+
+    Attributes:
+        sizes: of the model; its `preset` and the width of its speech features are filled in.
+        trainings: settings of `fit`.
+    """
+
+    sizes: FieldConfig | PaperConfig
+    trainings: Trainings
+
+
+FAST_TRAININGS = Trainings(
+    base=BASE_TRAINING,
+    finetune=FINETUNE,
+    alone=replace(FINETUNE, lip_iterations=LIP_ITERATIONS),
+)
+# Who starts from nothing learns without the warp first, like a base.
+PAPER_TRAININGS = Trainings(
+    base=PAPER_BASE_TRAINING,
+    finetune=PAPER_FINETUNE,
+    alone=lasting(PAPER_BASE_TRAINING, PAPER_FINETUNE.iterations),
+)
+PRESETS = {
+    "fast": Preset(FieldConfig(), FAST_TRAININGS),
+    "fast-nowarp": Preset(FieldConfig(use_warp=False), FAST_TRAININGS),
+    "fast-alone": Preset(FieldConfig(), FAST_TRAININGS),
+    "paper": Preset(PaperConfig(), PAPER_TRAININGS),
+    "ad-nerf": Preset(FieldConfig(references=0, use_warp=False), FAST_TRAININGS),
+    "nerf": Preset(FieldConfig(references=0, use_warp=False, use_speech=False), FAST_TRAININGS),
+}
+
+
+def preset_named(name: str) -> Preset:
+    """The preset of that name.
 
     Raises:
-        ValueError: an unknown preset.
+        ValueError: there is none.
     """
-    if preset == "paper":
-        return replace(PAPER, speech_dim=speech_dim)
-    fast = FieldConfig(speech_dim=speech_dim)
-    fields = {
-        "fast": fast,
-        "fast-alone": fast,
-        **{name: replace(fast, references=n, shown=n) for name, n in REFERENCE_COUNTS.items()},
-        "fast-nowarp": FieldConfig(speech_dim=speech_dim, use_warp=False),
-        "ad-nerf": FieldConfig(speech_dim=speech_dim, references=0, use_warp=False),
-        "nerf": FieldConfig(speech_dim=speech_dim, references=0, use_warp=False, use_speech=False),
-    }
-    if preset not in fields:
-        raise ValueError(f"unknown preset {preset!r}; there are {', '.join(PRESETS)}")
-    return ModelConfig(preset=preset, field=fields[preset], march=MarchConfig())
+    if name not in PRESETS:
+        raise ValueError(f"unknown preset {name!r}; there are {', '.join(PRESETS)}")
+    return PRESETS[name]
+
+
+def trainings(preset: str) -> Trainings:
+    """Settings of `fit` for a preset."""
+    return preset_named(preset).trainings
+
+
+def model_config(
+    preset: str, speech_dim: int, references: int | None = None
+) -> ModelConfig | PaperConfig:
+    """Sizes of a preset.
+
+    Args:
+        preset: its name.
+        speech_dim: numbers of the speech features.
+        references: so many in every frame, always the same ones, instead of the preset's.
+
+    Raises:
+        ValueError: an unknown preset, or one whose references cannot be counted otherwise.
+    """
+    sizes = preset_named(preset).sizes
+    if isinstance(sizes, PaperConfig):
+        if references is not None:
+            raise ValueError(f"preset {preset!r} has a fixed number of references")
+        return replace(sizes, speech_dim=speech_dim)
+    if references is not None:
+        sizes = replace(sizes, references=references, reference_pool_size=references)
+    field = replace(sizes, speech_dim=speech_dim)
+    return ModelConfig(preset=preset, field=field, march=MarchConfig())
 
 
 @overload
-def build(config: ModelConfig) -> Model: ...
+def build(config: ModelConfig) -> FastModel: ...
 @overload
 def build(config: PaperConfig) -> PaperModel: ...
-def build(config: ModelConfig | PaperConfig) -> Model | PaperModel:
+def build(config: ModelConfig | PaperConfig) -> FastModel | PaperModel:
     """A model with random weights; a grid, where it has one, is open where skin can be."""
     if isinstance(config, PaperConfig):
         return PaperModel(config)
-    model = Model(config)
-    centre, radii = (model.grid.low.new_tensor(v) for v in (PRIOR_CENTRE, PRIOR_RADII))
-    reach = ((model.grid.centres() - centre) / radii).norm(dim=-1)
-    model.grid.start_from((reach > 0.7) & (reach < 1.25))
+    model = FastModel(config)
+    model.open_where_skin_can_be()
     return model
 
 
 @overload
-def adapt(base: HeadModel, config: ModelConfig) -> Model: ...
+def adapt(base: HeadModel, config: ModelConfig) -> FastModel: ...
 @overload
 def adapt(base: HeadModel, config: PaperConfig) -> PaperModel: ...
-def adapt(base: HeadModel, config: ModelConfig | PaperConfig) -> Model | PaperModel:
+def adapt(base: HeadModel, config: ModelConfig | PaperConfig) -> FastModel | PaperModel:
     """A model of `config` with everything it shares with a base: an ablation starts from it too.
 
     Raises:
         ValueError: a base of the other family, which shares nothing.
     """
-    model = PaperModel(config) if isinstance(config, PaperConfig) else Model(config)
+    model = PaperModel(config) if isinstance(config, PaperConfig) else FastModel(config)
     if base.FAMILY != model.FAMILY:
         raise ValueError(f"a model of {model.FAMILY!r} cannot start from one of {base.FAMILY!r}")
     wanted = model.state_dict()
     shared = {
         name: value
         for name, value in base.state_dict().items()
-        if name in wanted and (name not in HEARS or value.shape == wanted[name].shape)
+        if name in wanted and (name not in SPEECH_LAYERS or value.shape == wanted[name].shape)
     }
     model.load_state_dict({**wanted, **shared})
     return model

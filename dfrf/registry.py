@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-from dfrf.field.model import Model
+from dfrf.fast.method import FastMethod
+from dfrf.fast.model import FastModel
 from dfrf.head_model import HeadModel
+from dfrf.method import Method
 from dfrf.published.method import PaperMethod
 from dfrf.published.model import PaperModel
-from dfrf.training.fast_method import FastMethod
-from dfrf.training.method import Method
 
 
 def method_of(model: HeadModel) -> Method[Any, Any]:
@@ -19,7 +19,7 @@ def method_of(model: HeadModel) -> Method[Any, Any]:
         TypeError: a model of no known kind.
     """
     match model:
-        case Model():
+        case FastModel():
             return FastMethod(model)
         case PaperModel():
             return PaperMethod(model)

@@ -1,6 +1,7 @@
-"""Reference frames of a person, and the features read off them.
+"""Reference views of a person, and the features read off them.
 
-N references of H x W pixels, C feature channels, U measures of the upper face.
+N references of H x W pixels, n of them looked at, C feature channels, U measures of the upper face,
+M points.
 """
 
 from __future__ import annotations
@@ -10,23 +11,28 @@ from typing import Self
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
 from dfrf.cameras import project
 
-FADE = 6  # power by which a reference's say falls with its turn, to nothing at the first left out
-LEAST = 1e-4  # of a say, whose logarithm is taken
+# Power by which a view's weight falls with its turn, to nothing at the first view left out.
+FADE = 6
+LEAST_WEIGHT = 1e-4  # of a view, whose logarithm is taken
 
 
-def bilinear_rows(points: Tensor, height: int, width: int, first: Tensor) -> tuple[Tensor, Tensor]:
+def bilinear_rows(
+    points: Float[Tensor, "*P 2"], height: int, width: int, first: Int[Tensor, "*#P"]
+) -> tuple[Int[Tensor, "*P 4"], Float[Tensor, "*P 4"]]:
     """The four table rows round each position and their bilinear weights.
 
     Args:
-        points: (..., 2) column, row; clamped to the image.
-        first: (...,) row of the table where the image of each point begins.
+        points: column, row; clamped to the image.
+        height, width: of an image, pixels.
+        first: row of the table where the image of each point begins.
 
     Returns:
-        (..., 4) int64 and (..., 4) weights, differentiable in the points.
+        Rows, and weights, differentiable in the points.
     """
     # Not a number would become any index: the loss says so without reading outside the table.
     column, row = points.nan_to_num().unbind(-1)
@@ -45,22 +51,23 @@ class ReferenceViews:
     """Reference frames, cut to the head, before the CNN.
 
     Attributes:
-        images: (N, H, W, 3) uint8.
-        mattes: (N, H, W) uint8.
-        c2w: (N, 3, 4); focal in pixels; centres (N, 2), of the cut.
-        upper: (N, U) measures of the upper face.
-        eyes: (2, 7) where the person's eyes are, see `lids`.
+        images, mattes: P of them: all N, or none once their features are at hand.
+        c2w: camera to head frame.
+        focal: pixels.
+        centres: principal points of the cut, (column, row).
+        expression: measures of the upper face.
+        eyes: where the person's eyes are, see `eyelid_deformation`.
         scale: pixels of the reference for one pixel at a 512 crop (the unit of the warp).
-        blinks: 1 where the last view is of shut eyes, and only lids are read off it, else 0.
+        blinks: 1 where the last view is of closed eyes, and only lids are read off it, else 0.
     """
 
-    images: Tensor
-    mattes: Tensor
-    c2w: Tensor
+    images: UInt8[Tensor, "P H W 3"]
+    mattes: UInt8[Tensor, "P H W"]
+    c2w: Float[Tensor, "N 3 4"]
     focal: float
-    centres: Tensor
-    upper: Tensor
-    eyes: Tensor
+    centres: Float[Tensor, "N 2"]
+    expression: Float[Tensor, "N U"]
+    eyes: Float[Tensor, "2 7"]
     scale: float
     blinks: int = 0
 
@@ -72,16 +79,20 @@ class ReferenceViews:
             mattes=self.mattes.to(device),
             c2w=self.c2w.to(device),
             centres=self.centres.to(device),
-            upper=self.upper.to(device),
+            expression=self.expression.to(device),
             eyes=self.eyes.to(device),
         )
 
-    def project(self, points: Tensor, views: slice, below: Tensor) -> Tensor:
-        """Where n views show points (M, 3) that are `below` (n, M) lower there, (n, M, 2)."""
+    def project(
+        self, points: Float[Tensor, "M 3"], views: slice, below: Float[Tensor, "n M"]
+    ) -> Float[Tensor, "n M 2"]:
+        """Equation (1): where n views see points that were lower by `below` there."""
         return project(points, self.c2w[views], self.focal, self.centres[views], below)
 
-    def differences(self, points: Tensor, directions: Tensor, views: slice) -> Tensor:
-        """How unit directions (M, 3) differ from those in which n views see the points, (n, M, 4).
+    def direction_differences(
+        self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"], views: slice
+    ) -> Float[Tensor, "n M 4"]:
+        """How unit directions differ from those in which n views see the points.
 
         The difference of the two, then the cosine of the angle between them.
         """
@@ -94,43 +105,46 @@ class ReferenceViews:
         return slice(0, self.c2w.shape[0] - self.blinks)
 
     @property
-    def shut(self) -> slice:
-        """The view, if any, that lids of shut eyes are read off."""
+    def closed_eyes(self) -> slice:
+        """The view, if any, that the lids of closed eyes are read off."""
         return slice(self.c2w.shape[0] - self.blinks, self.c2w.shape[0])
 
 
 @dataclass(frozen=True)
 class ReferenceMaps:
-    """Reference features F_n as one channels-last table, (N * H * W, C), with their cameras.
+    """Reference features F_n as one channels-last table, R = N * H * W rows, with their cameras.
 
     Attributes:
+        table: features of all pixels of all references, row-major.
+        height, width: of a reference, pixels.
         views: the views that are looked at, some of those in the table.
-        number: (n,) which of the table's each of them is.
-        say: (n,) logarithm of how much say each has, where all else is equal.
+        number: which of the table's each of them is.
+        log_view_weight: logarithm of how much each view counts, where all else is equal.
     """
 
-    table: Tensor
+    table: Float[Tensor, "R C"]
     height: int
     width: int
     views: ReferenceViews
-    number: Tensor
-    say: Tensor
+    number: Int[Tensor, " n"]
+    log_view_weight: Float[Tensor, " n"]
 
     @classmethod
-    def of(cls, table: Tensor, views: ReferenceViews) -> Self:
-        """All views, with features (N * H * W, C)."""
+    def of(cls, table: Float[Tensor, "R C"], views: ReferenceViews) -> Self:
+        """All views, with their features."""
         count, height, width = views.mattes.shape
         number = torch.arange(count, device=table.device)
         return cls(table, height, width, views, number, torch.zeros(count, device=table.device))
 
-    def near(self, origin: Tensor, count: int) -> ReferenceMaps:
+    def select_nearest_views(self, origin: Float[Tensor, 3], count: int) -> ReferenceMaps:
         """Those of `count` references that show the head most nearly as it is seen from `origin`.
 
-        The say of a reference fades before another takes its place, so that nothing jumps while a
+        The weight of a view fades before another takes its place, so that nothing jumps while a
         head turns.
 
         Args:
-            origin: (3,) head frame.
+            origin: head frame.
+            count: of views; one of closed eyes stays beside them.
 
         Returns:
             Maps with the same table, whose views have no pictures any more.
@@ -141,28 +155,32 @@ class ReferenceMaps:
             return self
         turned = (faces - F.normalize(origin, dim=0)).norm(dim=-1)
         turned, nearest = turned.topk(count + 1, largest=False)
-        share = 1 - (turned[:-1] / turned[-1].clamp_min(LEAST)) ** FADE
-        some = torch.cat([nearest[:-1], torch.arange(len(faces), len(self.number)).to(nearest)])
+        weight = 1 - (turned[:-1] / turned[-1].clamp_min(LEAST_WEIGHT)) ** FADE
+        chosen = torch.cat([nearest[:-1], torch.arange(len(faces), len(self.number)).to(nearest)])
         return replace(
             self,
             views=replace(
                 views,
                 images=views.images[:0],
                 mattes=views.mattes[:0],
-                c2w=views.c2w[some],
-                centres=views.centres[some],
-                upper=views.upper[some],
+                c2w=views.c2w[chosen],
+                centres=views.centres[chosen],
+                expression=views.expression[chosen],
             ),
-            number=self.number[some],
-            say=torch.cat([share.clamp_min(LEAST).log(), self.say[views.shut]]),
+            number=self.number[chosen],
+            log_view_weight=torch.cat(
+                [weight.clamp_min(LEAST_WEIGHT).log(), self.log_view_weight[views.closed_eyes]]
+            ),
         )
 
-    def first_rows(self, views: slice) -> Tensor:
-        """Row of the table where each of the views begins, (n, 1)."""
+    def first_rows(self, views: slice) -> Int[Tensor, "n 1"]:
+        """Row of the table where each of the views begins."""
         return self.number[views, None] * (self.height * self.width)
 
-    def nearest(self, positions: Tensor, views: slice) -> Tensor:
-        """Features (n, M, C) of the pixels nearest to positions (n, M, 2), as they were stored.
+    def read_nearest(
+        self, positions: Float[Tensor, "n M 2"], views: slice
+    ) -> Float[Tensor, "n M C"]:
+        """Features of the pixels nearest to positions, as they were stored.
 
         Nothing is learned through them: the published code feeds the warp with features that it
         does not train, and so do we. Their gradient would cost a second look-up and taught nothing.
@@ -172,8 +190,10 @@ class ReferenceMaps:
         row = self.first_rows(views) + pixel[..., 1] * self.width + pixel[..., 0]
         return self.table.detach().index_select(0, row.view(-1)).view(*row.shape, -1)
 
-    def read(self, positions: Tensor, views: slice) -> Tensor:
-        """Features (n, M, C) of n of the views between the pixels at positions (n, M, 2)."""
+    def read_bilinear(
+        self, positions: Float[Tensor, "n M 2"], views: slice
+    ) -> Float[Tensor, "n M C"]:
+        """Features between the pixels, of n of the views."""
         rows, weights = bilinear_rows(positions, self.height, self.width, self.first_rows(views))
         return F.embedding_bag(
             rows.view(-1, 4),
@@ -187,10 +207,10 @@ class ReferenceMaps:
         return self.with_features(self.table.to(kind))
 
     @property
-    def features(self) -> Tensor:
+    def features(self) -> Float[Tensor, "R C"]:
         """The table, through which the CNN learns."""
         return self.table
 
-    def with_features(self, features: Tensor) -> Self:
+    def with_features(self, features: Float[Tensor, "R C"]) -> Self:
         """The same references with another table."""
         return replace(self, table=features)

@@ -84,7 +84,7 @@ class References:
 
 
 @dataclass(frozen=True)
-class ReferenceMaps:
+class EncodedReferences:
     """References with their features F_n. They are fixed for a person: make them once."""
 
     maps: Float[Tensor, "N H W C"]
@@ -154,7 +154,7 @@ class PaperField(nn.Module):
         points: Float[Tensor, "M 3"],
         encoded: Float[Tensor, "M E"],
         code: Float[Tensor, " A"],
-        references: ReferenceMaps,
+        references: EncodedReferences,
         warp: bool = True,
     ) -> tuple[Float[Tensor, "N M T"], Float[Tensor, "N M 2"]]:
         """Equations (1), (3) and (4): what each reference shows of each point, and its offset.
@@ -179,7 +179,7 @@ class PaperField(nn.Module):
         points: Float[Tensor, "R S 3"],
         directions: Float[Tensor, "R 3"],
         code: Float[Tensor, " A"],
-        references: ReferenceMaps | None,
+        references: EncodedReferences | None,
         *,
         warp: bool = True,
         noise: bool = False,

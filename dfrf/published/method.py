@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import torch
 from torch import Tensor
 
-from dfrf.cameras import pixel_grid, pixel_rays
+from dfrf.cameras import Camera, pixel_grid, pixel_rays
 from dfrf.config import TrainConfig
-from dfrf.data import Identity, RayBatch, draw_rays, neighbour_windows
+from dfrf.data import HeadDataset, RayBatch, draw_rays, neighbour_windows
 from dfrf.field.reference_maps import ReferenceViews
-from dfrf.published.conditioned_field import ReferenceMaps, References
+from dfrf.method import FrameInputs, Method, StepOutcome
+from dfrf.published.conditioned_field import EncodedReferences, References
 from dfrf.published.model import PaperModel, paper_loss
 from dfrf.training.losses import PAPER_SIZE, mse
-from dfrf.training.method import Method, Outcome
 
 METRES = 0.1  # in a head unit
 # Where rays are sampled, metres before and behind the middle of the head.
@@ -73,14 +73,14 @@ class PaperShare:
     size: int
 
 
-class PaperMethod(Method[PaperShare, ReferenceMaps]):
+class PaperMethod(Method[PaperShare, EncodedReferences]):
     """The published model: pictures teach all of it, AudioNet and the reference network too.
 
     Shares are worked on one after the other, each operation on all cores: the samples of one share
     and one gradient of the references' features are all that is in memory beside the model.
     """
 
-    side_by_side = 1
+    parallel_shares = 1
     segment = 1
     reach = 0
 
@@ -95,101 +95,86 @@ class PaperMethod(Method[PaperShare, ReferenceMaps]):
     def references(self) -> int:
         return REFERENCES if self.model.config.use_references else 0
 
-    def views(
-        self, person: Identity, frames: Tensor, asked: Tensor | None = None
+    def reference_views(
+        self, dataset: HeadDataset, frames: Tensor, exclude: Tensor | None = None
     ) -> ReferenceViews:
         """Whole pictures: the published aggregation is told the pixel that it reads."""
         return ReferenceViews(
-            images=person.images[frames],
-            mattes=person.mattes[frames],
-            c2w=person.c2w[frames],
-            focal=person.focal,
-            centres=person.centres[frames],
-            upper=person.upper[frames],
-            eyes=person.eyes,
-            scale=person.size / PAPER_SIZE,
+            images=dataset.images[frames],
+            mattes=dataset.mattes[frames],
+            c2w=dataset.c2w[frames],
+            focal=dataset.focal,
+            centres=dataset.centres[frames],
+            expression=dataset.expression[frames],
+            eyes=dataset.eyes,
+            scale=dataset.size / PAPER_SIZE,
         )
 
-    def encode(self, views: ReferenceViews) -> ReferenceMaps:
+    def encode(self, views: ReferenceViews) -> EncodedReferences:
         images = views.images.float() / 255
         references = References(images, in_metres(views.c2w), views.focal, views.centres)
         return self.model.encode(references)
 
-    def stored(self, maps: ReferenceMaps) -> ReferenceMaps:
-        return maps
-
-    def learns(self, name: str, config: TrainConfig) -> bool:
-        """All of them: a person's AudioNet and reference network go on learning, as published."""
-        return True
-
-    def begin(
-        self,
-        people: Sequence[Identity],
-        held: Sequence[Identity],
-        config: TrainConfig,
-        generator: torch.Generator,
-        resumed: bool,
-    ) -> None:
-        """Nothing: lip measures are no part of the published model."""
-
-    def draw(
-        self, person: Identity, config: TrainConfig, generator: torch.Generator
+    def draw_shares(
+        self, dataset: HeadDataset, config: TrainConfig, generator: torch.Generator
     ) -> list[PaperShare]:
         """As many shares as the step has frames."""
         part = replace(config, rays=config.rays // config.frames, frames=1)
-        return [self._share(person, part, generator) for _ in range(config.frames)]
+        return [self._share(dataset, part, generator) for _ in range(config.frames)]
 
     def _share(
-        self, person: Identity, config: TrainConfig, generator: torch.Generator
+        self, dataset: HeadDataset, config: TrainConfig, generator: torch.Generator
     ) -> PaperShare:
-        frames = torch.randint(person.frames, (1,), generator=generator)
-        batch = draw_rays(person, frames, config, generator).to(self.model.device)
+        frames = torch.randint(dataset.frames, (1,), generator=generator)
+        batch = draw_rays(dataset, frames, config, generator).to(self.model.device)
         frame = int(frames)
         return PaperShare(
             batch=batch,
-            directions=along_axis(batch.directions, person.c2w[frame]),
-            bounds=bounds(person.c2w[frame]),
-            windows=self._heard(person, frame),
+            directions=along_axis(batch.directions, dataset.c2w[frame]),
+            bounds=bounds(dataset.c2w[frame]),
+            windows=self._windows(dataset, frame),
             seed=int(torch.randint(2**62, (1,), generator=generator)),
-            size=person.size,
+            size=dataset.size,
         )
 
-    def _heard(self, person: Identity, frame: int) -> Tensor:
+    def _windows(self, dataset: HeadDataset, frame: int) -> Tensor:
         """Speech windows (8, 16, D) of a frame with a picture and of its neighbours."""
-        number = person.number[frame : frame + 1]
-        (windows,) = neighbour_windows(person.windows, person.segment, number)
+        number = dataset.number[frame : frame + 1]
+        (windows,) = neighbour_windows(dataset.windows, dataset.segment, number)
         return windows.to(self.model.device)
 
     @torch.no_grad()
-    def picture(self, person: Identity, batch: RayBatch, maps: ReferenceMaps | None) -> Tensor:
+    def render_batch(
+        self, dataset: HeadDataset, batch: RayBatch, maps: EncodedReferences | None
+    ) -> Tensor:
         training = self.model.training
         self.model.eval()
         colours = torch.zeros_like(batch.colour)
         for k, frame in enumerate(batch.frames.tolist()):
-            c2w, windows = person.c2w[frame], self._heard(person, frame)
+            c2w, windows = dataset.c2w[frame], self._windows(dataset, frame)
             for rays in torch.nonzero(batch.frame == k).view(-1).split(RAYS_AT_ONCE):
                 directions = along_axis(batch.directions[rays], c2w)
                 origins, behind = METRES * batch.origins[rays], batch.background[rays]
-                seen = self.model(origins, directions, *bounds(c2w), windows, maps, behind)
-                colours[rays] = seen["colour"]
+                rendered = self.model(origins, directions, *bounds(c2w), windows, maps, behind)
+                colours[rays] = rendered["colour"]
         self.model.train(training)
         return colours
 
-    def outcome(
+    def share_outcome(
         self,
         share: PaperShare,
-        maps: ReferenceMaps | None,
+        maps: EncodedReferences | None,
         config: TrainConfig,
         step: int,
         wanted: Sequence[Tensor],
-    ) -> Outcome:
+    ) -> StepOutcome:
         """Both passes; without the warp in the coarse stage, and unsmoothed in its beginning.
 
         Published training leaves the attention over neighbouring frames out for its first 100,000
         steps, of 300,000 that the paper gives the coarse stage.
         """
         batch, device = share.batch, self.model.device
-        seen = self.model(
+        rendered = self.model(
             METRES * batch.origins,
             share.directions,
             *share.bounds,
@@ -201,60 +186,40 @@ class PaperMethod(Method[PaperShare, ReferenceMaps]):
             warp=step >= config.coarse_iterations,
             generator=torch.Generator(device).manual_seed(share.seed),
         )
-        loss = paper_loss(seen, batch.colour, share.size, config.warp_weight)
+        loss = paper_loss(rendered, batch.colour, share.size, config.warp_weight)
         gradients = torch.autograd.grad(loss, list(wanted), allow_unused=True)
-        along = seen["depths"].detach()[..., None] / METRES
+        along = rendered["depths"].detach()[..., None] / METRES
         points = batch.origins[:, None] + along * share.directions[:, None]
-        return Outcome(
+        return StepOutcome(
             loss.detach(),
-            mse(seen["colour"].detach(), batch.colour),
+            mse(rendered["colour"].detach(), batch.colour),
             list(gradients),
             points.view(-1, 3),
-            seen["weights"].detach().view(-1),
+            rendered["weights"].detach().view(-1),
             len(batch.frame),
         )
 
-    def learned(self, done: Outcome) -> None:
-        """Nothing: every ray is sampled all along."""
-
-    def stepped(self, step: int, config: TrainConfig) -> None:
-        """Nothing."""
-
-    def finish(self, person: Identity, views: ReferenceViews | None, seed: int) -> None:
-        """Nothing."""
-
-    def frames(
-        self,
-        c2w: Tensor,
-        focal: float,
-        centres: Tensor,
-        windows: Tensor,
-        upper: Tensor,
-        maps: ReferenceMaps | None,
-        size: int,
+    def render_frames(
+        self, inputs: FrameInputs, maps: EncodedReferences | None
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """The upper face is not looked at: the published model knows nothing of it."""
         self.model.eval()
-        for camera, centre, heard in zip(c2w, centres, windows, strict=True):
-            yield self.frame(camera, focal, centre, heard, maps, size)
+        frames = zip(inputs.c2w, inputs.centres, inputs.windows, strict=True)
+        for c2w, centre, windows in frames:
+            camera = Camera(c2w, inputs.focal, centre, inputs.size)
+            yield self.render_frame(camera, windows, maps)
 
     @torch.no_grad()
-    def frame(
-        self,
-        c2w: Tensor,
-        focal: float,
-        centre: Tensor,
-        windows: Tensor,
-        maps: ReferenceMaps | None,
-        size: int,
+    def render_frame(
+        self, camera: Camera, windows: Tensor, maps: EncodedReferences | None
     ) -> tuple[Tensor, Tensor]:
-        """The head of one frame; as `frames`, a few rays after the other."""
-        camera, between = in_metres(c2w), bounds(c2w)
+        """The head of one frame; as `render_frames`, a few rays after the other."""
+        c2w, between, size = in_metres(camera.c2w), bounds(camera.c2w), camera.size
         colour, opacity = [], []
         for pixels in pixel_grid(size, size, c2w.device).view(-1, 2).split(RAYS_AT_ONCE):
-            origins, directions = pixel_rays(camera, focal, centre, pixels)
+            origins, directions = pixel_rays(c2w, camera.focal, camera.centre, pixels)
             behind = torch.zeros_like(origins)
-            seen = self.model(origins, directions, *between, windows, maps, behind)
-            colour.append(seen["head"])
-            opacity.append(seen["opacity"])
+            rendered = self.model(origins, directions, *between, windows, maps, behind)
+            colour.append(rendered["head"])
+            opacity.append(rendered["opacity"])
         return torch.cat(colour).view(size, size, 3), torch.cat(opacity).view(size, size)

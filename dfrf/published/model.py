@@ -22,14 +22,14 @@ from dfrf.head_model import HeadModel
 from dfrf.published import radiance_field as field
 from dfrf.published import sampling
 from dfrf.published import volume_rendering as volrend
-from dfrf.published.conditioned_field import PaperConfig, PaperField, ReferenceMaps, References
+from dfrf.published.conditioned_field import EncodedReferences, PaperConfig, PaperField, References
 from dfrf.training import losses
 
 __all__ = [
+    "EncodedReferences",
     "PaperConfig",
     "PaperField",
     "PaperModel",
-    "ReferenceMaps",
     "References",
     "paper_loss",
 ]
@@ -77,7 +77,7 @@ class PaperModel(HeadModel):
             return self.audio(windows[windows.shape[0] // 2])
         return self.smoothing(self.audio(windows))
 
-    def encode(self, references: References) -> ReferenceMaps:
+    def encode(self, references: References) -> EncodedReferences:
         """Runs the CNN over the references, once for all frames where they stay the same.
 
         One reference after the other; a backward pass runs it again instead of keeping all that
@@ -88,7 +88,7 @@ class PaperModel(HeadModel):
             checkpoint(self.field.encoder, *pair, use_reentrant=False, preserve_rng_state=False)
             for pair in pairs
         ]
-        return ReferenceMaps(torch.cat(maps), references)
+        return EncodedReferences(torch.cat(maps), references)
 
     def forward(
         self,
@@ -97,7 +97,7 @@ class PaperModel(HeadModel):
         near: float,
         far: float,
         windows: Float[Tensor, "K W D"] | None,
-        references: References | ReferenceMaps | None,
+        references: References | EncodedReferences | None,
         background: Float[Tensor, "R 3"],
         *,
         jitter: bool = False,
@@ -131,7 +131,7 @@ class PaperModel(HeadModel):
         Raises:
             ValueError: references or windows are missing that the model needs.
         """
-        maps: ReferenceMaps | None = None
+        maps: EncodedReferences | None = None
         if self.config.use_references:
             if references is None:
                 raise ValueError("this model needs references")

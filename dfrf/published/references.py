@@ -13,8 +13,6 @@ from torch import Tensor, nn
 
 from dfrf.encodings import REFERENCE_OCTAVES, encoded_size, frequency_encoding
 
-SPREAD = 1 / 3  # px^2 along an axis, what `sharpened` takes back
-
 
 def clamp_to_image(
     positions: Float[Tensor, "*B 2"], height: int, width: int
@@ -59,24 +57,6 @@ def bilinear(
         align_corners=False,
     )
     return sampled.squeeze(-1).transpose(1, 2).reshape(*positions.shape[:-1], channels)
-
-
-def sharpened(images: Float[Tensor, "N H W 3"], spread: float = SPREAD) -> Float[Tensor, "N H W 3"]:
-    """Colours that are as sharp as the images once they are read between pixels and mixed.
-
-    Read linearly at a place t of the way from one pixel centre to the next, a point is spread by a
-    variance of t (1 - t), 1/6 px^2 on average along each axis; references that are a little
-    misplaced spread it about as much again. The kernel (-s/2, 1 + s, -s/2) has the variance -s and
-    takes that back. Values may leave 0..1 at edges. Outside the images their border goes on.
-
-    Args:
-        spread: s, px^2 along an axis.
-    """
-    side = -spread / 2
-    line = images.new_tensor([side, 1 - 2 * side, side])
-    kernel = torch.outer(line, line).expand(3, 1, 3, 3)
-    padded = F.pad(images.permute(0, 3, 1, 2), (1, 1, 1, 1), mode="replicate")
-    return F.conv2d(padded, kernel, groups=3).permute(0, 2, 3, 1)
 
 
 def reference_input(

@@ -1,6 +1,6 @@
 """A whole frame of a head: which pixels it can cover, and what their rays see.
 
-G tiles of P pixels.
+G tiles of P pixels, S the side of the picture.
 """
 
 from __future__ import annotations
@@ -10,20 +10,21 @@ from typing import Self
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float, Int
 from torch import Tensor
 
-from dfrf.cameras import pixel_rays
-from dfrf.field.model import Model
-from dfrf.field.reference_maps import ReferenceMaps
-from dfrf.rendering.volume_rendering import RayColours, render_rays
+from dfrf.cameras import Camera
+from dfrf.rendering.occupancy import OccupancyGrid
+from dfrf.rendering.ray_marching import Search
+from dfrf.rendering.volume_rendering import RayColours, Volume, render_rays
 
 RAYS_AT_ONCE = 32768
 NEGLIGIBLE = 0.01  # weight of a sample that neighbours need not look for
 
 
-def tile_side(model: Model, c2w: Tensor, focal: float, size: int) -> int:
+def tile_side(grid: OccupancyGrid, camera: Camera) -> int:
     """Side in pixels of the square tiles whose rays stay within one cell of their mean."""
-    grid = model.grid
+    c2w, focal, size = camera.c2w, camera.focal, camera.size
     cell = float(((grid.high - grid.low) / grid.resolution).min())
     far = float((c2w[:, 3] - (grid.low + grid.high) / 2).norm() + (grid.high - grid.low).norm() / 2)
     for side in (8, 4, 2):
@@ -32,15 +33,13 @@ def tile_side(model: Model, c2w: Tensor, focal: float, size: int) -> int:
     return 1
 
 
-def head_tiles(
-    model: Model, c2w: Tensor, focal: float, centre: Tensor, size: int, side: int
-) -> Tensor:
-    """Pixels (G, side * side) (row-major) of the tiles that open cells can cover in a frame.
+def head_tiles(grid: OccupancyGrid, camera: Camera, side: int) -> Int[Tensor, "G P"]:
+    """Pixels (row-major) of the tiles, P = side * side, that open cells can cover in a frame.
 
     Every open cell is splatted as a disc that covers its projection, so no ray that would meet an
     open cell is left out.
     """
-    grid = model.grid
+    c2w, focal, centre, size = camera.c2w, camera.focal, camera.centre, camera.size
     centres = grid.centres()[grid.occupied.view(-1)]
     local = (centres - c2w[:, 3]) @ c2w[:, :3]
     depth = -local[:, 2]
@@ -64,38 +63,42 @@ def head_tiles(
 
 
 @dataclass(frozen=True)
-class Picture:
-    """A frame of S x S pixels in the making, each row-major.
+class FrameBuffer:
+    """A frame of S x S pixels in the making, Q = S * S of them row by row.
 
     Attributes:
-        colour: (S * S, 3) premultiplied; opacity: (S * S,).
-        near, far: (S * S,) distances of the first and the last sample of each ray that counts.
+        size: S.
+        colour: premultiplied.
+        opacity: in 0..1.
+        near, far: distances of the first and the last sample of each ray that counts.
     """
 
     size: int
-    colour: Tensor
-    opacity: Tensor
-    near: Tensor
-    far: Tensor
+    colour: Float[Tensor, "Q 3"]
+    opacity: Float[Tensor, " Q"]
+    near: Float[Tensor, " Q"]
+    far: Float[Tensor, " Q"]
 
     @classmethod
     def blank(cls, size: int, device: torch.device) -> Self:
-        """Nothing seen yet."""
+        """Nothing rendered yet."""
         count = size * size
         unseen = torch.full((count,), torch.inf, device=device)
         colour = torch.zeros(count, 3, device=device)
         return cls(size, colour, torch.zeros(count, device=device), unseen, -unseen)
 
-    def note(self, pixels: Tensor, seen: RayColours) -> None:
-        """Takes what rays (P,) through these pixels see."""
-        counts = seen.weights > NEGLIGIBLE
-        self.colour[pixels] = seen.colour
-        self.opacity[pixels] = seen.opacity
-        self.near[pixels] = torch.where(counts, seen.distances, torch.inf).amin(1)
-        self.far[pixels] = torch.where(counts, seen.distances, -torch.inf).amax(1)
+    def write(self, pixels: Int[Tensor, " P"], rendered: RayColours) -> None:
+        """Takes what rays through these pixels see."""
+        counts = rendered.weights > NEGLIGIBLE
+        self.colour[pixels] = rendered.colour
+        self.opacity[pixels] = rendered.opacity
+        self.near[pixels] = torch.where(counts, rendered.distances, torch.inf).amin(1)
+        self.far[pixels] = torch.where(counts, rendered.distances, -torch.inf).amax(1)
 
-    def between(self, pixels: Tensor, apart: int) -> tuple[Tensor, Tensor]:
-        """From where to where to look along the rays of pixels (...), (...) and (...).
+    def interval(
+        self, pixels: Int[Tensor, "*P"], apart: int
+    ) -> tuple[Float[Tensor, "*P"], Float[Tensor, "*P"]]:
+        """From where to where to look along the rays of pixels.
 
         As far as the rays round them do that are so many pixels apart: nine of them, so that
         nothing wider than twice that is left out. Where none sees anything, the first is larger.
@@ -108,65 +111,48 @@ class Picture:
         return limits[0], limits[1]
 
 
+def render_pixels(
+    volume: Volume,
+    camera: Camera,
+    buffer: FrameBuffer,
+    pixels: Int[Tensor, "G P"],
+    between: tuple[Float[Tensor, "G P"], Float[Tensor, "G P"]],
+) -> None:
+    """Renders groups of pixels into the buffer, looking along each ray between two distances."""
+    group = pixels.shape[1]
+    chunks = (values.split(RAYS_AT_ONCE // group) for values in (pixels, *between))
+    for part, near, far in zip(*chunks, strict=True):
+        search = Search(group=group, between=(near.view(-1), far.view(-1)))
+        buffer.write(part.view(-1), render_rays(volume, camera.rays(part.view(-1)), search))
+
+
 @torch.no_grad()
 def render_frame(
-    model: Model,
-    c2w: Tensor,
-    focal: float,
-    centre: Tensor,
-    told: Tensor,
-    maps: ReferenceMaps | None,
-    size: int,
-) -> tuple[Tensor, Tensor]:
+    volume: Volume, camera: Camera
+) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
     """The head of one frame, on the device of its camera.
 
     Where a ray meets the head, those beside it nearly do. So rays a quarter of a tile apart are
     looked along from end to end, and all others only where the ones round them saw anything.
 
     Args:
-        c2w: (3, 4); focal in pixels; centre (2,).
-        told: (told_dim,) what the field is told of the frame.
-        maps: reference features.
-        size: S, side of the square picture.
+        volume: the head as it is in that frame, the only one of its conditioning.
+        camera: that sees it.
 
     Returns:
-        Premultiplied colour (S, S, 3) in 0..1 and opacity (S, S).
+        Premultiplied colour in 0..1, and opacity.
     """
-    side = tile_side(model, c2w, focal, size)
-    tiles = head_tiles(model, c2w, focal, centre, size, side)
-    apart = max(1, side // 4)
-    picture = Picture.blank(size, c2w.device)
-
-    def render(pixels: Tensor, near: Tensor, far: Tensor) -> None:
-        """Looks along the rays of pixels (G, P), from the distances (G, P) to those."""
-        group = pixels.shape[1]
-        some = RAYS_AT_ONCE // group
-        for these, *ends in zip(pixels.split(some), near.split(some), far.split(some), strict=True):
-            part = these.view(-1)
-            count = part.numel()
-            position = torch.stack([part % size, part // size], -1).float()
-            origins, directions = pixel_rays(
-                c2w.expand(count, 3, 4), focal, centre.expand(count, 2), position
-            )
-            seen = render_rays(
-                model,
-                origins,
-                F.normalize(directions, dim=-1),
-                torch.zeros_like(part),
-                told[None],
-                maps,
-                group=group,
-                between=(ends[0].view(-1), ends[1].view(-1)),
-            )
-            picture.note(part, seen)
-
+    side = tile_side(volume.grid, camera)
+    tiles = head_tiles(volume.grid, camera, side)
+    apart, size = max(1, side // 4), camera.size
+    buffer = FrameBuffer.blank(size, camera.c2w.device)
     within = torch.arange(side, device=tiles.device) % apart == 0
     first = (within[:, None] & within).view(-1)
-    whole = torch.zeros(len(tiles), int(first.sum()), device=c2w.device)
-    render(tiles[:, first], whole, whole + torch.inf)
+    whole = torch.zeros(len(tiles), int(first.sum()), device=camera.c2w.device)
+    render_pixels(volume, camera, buffer, tiles[:, first], (whole, whole + torch.inf))
     if apart > 1:
         rest = tiles[:, ~first]
-        near, far = picture.between(rest, apart)
+        near, far = buffer.interval(rest, apart)
         some = (near <= far).any(1)
-        render(rest[some], near[some], far[some])
-    return picture.colour.view(size, size, 3), picture.opacity.view(size, size)
+        render_pixels(volume, camera, buffer, rest[some], (near[some], far[some]))
+    return buffer.colour.view(size, size, 3), buffer.opacity.view(size, size)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Bool, Float, Int
 from torch import Tensor, nn
 
 from dfrf.config import BOX_HIGH, BOX_LOW
@@ -20,10 +21,10 @@ FADE = 0.7
 class OccupancyGrid(nn.Module):
     """Cells (G, G, G) over the head's box, x, y, z order."""
 
-    low: Tensor
-    high: Tensor
-    weight: Tensor
-    occupied: Tensor
+    low: Float[Tensor, 3]
+    high: Float[Tensor, 3]
+    weight: Float[Tensor, "G G G"]
+    occupied: Bool[Tensor, "G G G"]
 
     def __init__(self, resolution: int) -> None:
         super().__init__()
@@ -34,22 +35,22 @@ class OccupancyGrid(nn.Module):
         self.register_buffer("weight", torch.ones(shape))
         self.register_buffer("occupied", torch.ones(shape, dtype=torch.bool))
 
-    def cell(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        """Flat index of the cell of each point (..., 3), and whether it lies in the box (...)."""
+    def cell(self, points: Float[Tensor, "*B 3"]) -> tuple[Int[Tensor, "*B"], Bool[Tensor, "*B"]]:
+        """Flat index of the cell of each point, and whether it lies in the box."""
         unit = (points - self.low) / (self.high - self.low)
         inside = ((unit >= 0) & (unit < 1)).all(-1)
         i = (unit * self.resolution).long().clamp_(0, self.resolution - 1)
         flat = (i[..., 0] * self.resolution + i[..., 1]) * self.resolution + i[..., 2]
         return flat, inside
 
-    def centres(self) -> Tensor:
-        """Centre of every cell, (G**3, 3), in the order of the flat index."""
+    def centres(self) -> Float[Tensor, "C 3"]:
+        """Centre of every cell, C = G**3, in the order of the flat index."""
         axis = (torch.arange(self.resolution, device=self.low.device) + 0.5) / self.resolution
         unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
         return self.low + unit * (self.high - self.low)
 
-    def bounds(self) -> tuple[Tensor, Tensor]:
-        """Corners (3,) of the box that holds all open cells; the same twice where none is open."""
+    def bounds(self) -> tuple[Float[Tensor, 3], Float[Tensor, 3]]:
+        """Corners of the box that holds all open cells; the same twice where none is open."""
         low, high = self.low.clone(), self.low.clone()
         cell = (self.high - self.low) / self.resolution
         counts = self.occupied.float()  # sums of floats take a fifth of the time of `any`
@@ -61,8 +62,8 @@ class OccupancyGrid(nn.Module):
                 high[axis] += cell[axis] * (open_cells[-1] + 1)
         return low, high
 
-    def near_open(self) -> Tensor:
-        """Cells (G, G, G) that are open or touch an open one."""
+    def near_open(self) -> Bool[Tensor, "G G G"]:
+        """Cells that are open or touch an open one."""
         near = self.occupied.clone()
         for axis in range(3):
             before = near.clone()
@@ -72,14 +73,14 @@ class OccupancyGrid(nn.Module):
         return near
 
     @torch.no_grad()
-    def start_from(self, keep: Tensor) -> None:
-        """Opens exactly the cells of `keep` (G**3,) bool."""
+    def start_from(self, keep: Bool[Tensor, "*C"]) -> None:
+        """Opens exactly the cells of `keep`, G**3 of them."""
         self.occupied.copy_(keep.reshape(self.occupied.shape))
         self.weight.copy_(self.occupied.float())
 
     @torch.no_grad()
-    def observe(self, points: Tensor, weights: Tensor) -> None:
-        """Takes note of the rendering weights (M,) of samples at `points` (M, 3)."""
+    def observe(self, points: Float[Tensor, "M 3"], weights: Float[Tensor, " M"]) -> None:
+        """Takes note of the rendering weights of samples at `points`."""
         flat, inside = self.cell(points)
         self.weight.view(-1).scatter_reduce_(
             0, flat[inside], weights[inside].float(), reduce="amax"

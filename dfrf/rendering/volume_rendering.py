@@ -1,23 +1,61 @@
-"""Volume rendering of rays through the occupancy grid.
+"""Volume rendering, equation (8), of rays through the occupancy grid.
 
 R rays, M packed samples, S slots a ray, N references.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Protocol
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from dfrf import device as devices
-from dfrf.field.model import FieldOutput, Model
-from dfrf.field.reference_maps import ReferenceMaps
-from dfrf.rendering.ray_marching import PackedSamples, march
+from dfrf.cameras import Rays
+from dfrf.config import MarchConfig
+from dfrf.field.field import FieldOutput
+from dfrf.rendering.occupancy import OccupancyGrid
+from dfrf.rendering.ray_marching import PackedSamples, Search, march
 
 SLAB = 2  # slots evaluated before looking again which rays are opaque
 OPAQUE = 5.0  # optical thickness
+
+
+class PointField(Protocol):
+    """Colour and density at points: all that a renderer asks."""
+
+    def __call__(
+        self,
+        points: Float[Tensor, "M 3"],
+        directions: Float[Tensor, "M 3"],
+        frame: Int[Tensor, " M"],
+    ) -> FieldOutput:
+        """The field at points seen along unit directions, each in the frame of that index."""
+
+
+class ViewField(Protocol):
+    """A field that may look otherwise from elsewhere: it has nearest references."""
+
+    def seen_from(self, origin: Float[Tensor, 3]) -> PointField:
+        """The field as it is seen from a place, head frame."""
+
+
+@dataclass(frozen=True)
+class Volume:
+    """What rays are sent through.
+
+    Attributes:
+        field: colour and density.
+        grid: where there is anything.
+        march: how rays are sampled.
+    """
+
+    field: ViewField
+    grid: OccupancyGrid
+    march: MarchConfig
 
 
 @dataclass(frozen=True)
@@ -25,45 +63,41 @@ class RayColours:
     """What the rays see.
 
     Attributes:
-        colour: (R, 3) premultiplied: sum of w_i c_i, without the background.
-        opacity: (R,) sum of w_i.
-        depth: (R,) sum of w_i t_i.
-        weights, distances: (R, S) dense, zero where a ray has no sample.
-        alpha: (M,) opacity of each sample.
-        offset: (N, M, 2) warp of each sample, pixels at 512; empty where no gradient is wanted.
+        colour: premultiplied: sum of w_i c_i, without the background.
+        opacity: sum of w_i.
+        depth: sum of w_i t_i.
+        weights, distances: zero where a ray has no sample.
+        alpha: opacity of each sample.
+        offset: warp of each sample, pixels at 512; empty where no gradient is wanted.
         samples: the packed samples.
     """
 
-    colour: Tensor
-    opacity: Tensor
-    depth: Tensor
-    weights: Tensor
-    distances: Tensor
-    alpha: Tensor
-    offset: Tensor
+    colour: Float[Tensor, "R 3"]
+    opacity: Float[Tensor, " R"]
+    depth: Float[Tensor, " R"]
+    weights: Float[Tensor, "R S"]
+    distances: Float[Tensor, "R S"]
+    alpha: Float[Tensor, " M"]
+    offset: Float[Tensor, "N M 2"]
     samples: PackedSamples
 
+    def over(self, background: Float[Tensor, "R 3"]) -> Float[Tensor, "R 3"]:
+        """The colour in front of a background."""
+        return self.colour + (1 - self.opacity[:, None]) * background
 
-def evaluate(
-    model: Model,
-    samples: PackedSamples,
-    directions: Tensor,
-    frame: Tensor,
-    codes: Tensor,
-    maps: ReferenceMaps | None,
-    warp: bool,
-) -> FieldOutput:
+
+def evaluate(field: PointField, samples: PackedSamples, rays: Rays) -> FieldOutput:
     """The field at packed samples, in chunks that fit the cache."""
     device = samples.points.device
     size = devices.chunk_size(device)
     count = samples.points.shape[0]
     fill = devices.fill(count) if count else devices.ROUND
     points = F.pad(samples.points, (0, 0, 0, fill))
-    rays = F.pad(samples.ray, (0, fill))
+    owner = F.pad(samples.ray, (0, fill))
     parts = []
     with devices.arithmetic(device):
-        for some, ray in zip(points.split(size), rays.split(size), strict=True):
-            parts.append(model.field(some, directions[ray], frame[ray], codes, maps, warp))
+        for some, ray in zip(points.split(size), owner.split(size), strict=True):
+            parts.append(field(some, rays.directions[ray], rays.frame[ray]))
     return FieldOutput(
         torch.cat([p.density for p in parts])[:count],
         torch.cat([p.colour for p in parts])[:count],
@@ -72,17 +106,14 @@ def evaluate(
 
 
 def evaluate_until_opaque(
-    model: Model,
-    samples: PackedSamples,
-    directions: Tensor,
-    frame: Tensor,
-    codes: Tensor,
-    maps: ReferenceMaps | None,
-    warp: bool,
+    field: PointField, samples: PackedSamples, rays: Rays, step: float
 ) -> FieldOutput:
     """The same front to back, a few slots at a time: samples that no light reaches are left at 0.
 
     At most exp(-OPAQUE) of a ray's light is lost.
+
+    Args:
+        step: length of a sample, head units.
     """
     density = samples.points.new_zeros(samples.points.shape[0])
     colour = torch.zeros_like(samples.points)
@@ -91,45 +122,32 @@ def evaluate_until_opaque(
         reached = (samples.slot >= first) & (samples.slot < first + SLAB)
         reached &= thickness[samples.ray] < OPAQUE
         pick = torch.nonzero(reached).view(-1)
-        part = replace(samples, points=samples.points[pick], ray=samples.ray[pick])
-        out = evaluate(model, part, directions, frame, codes, maps, warp)
+        part = samples.only(pick)
+        out = evaluate(field, part, rays)
         density[pick] = out.density
         colour[pick] = out.colour
-        thickness.index_add_(0, part.ray, out.density * model.config.march.step)
-    return FieldOutput(density, colour, colour.new_zeros(0, 0, 2))
+        thickness.index_add_(0, part.ray, out.density * step)
+    return FieldOutput(density, colour, colour.new_zeros(0, len(colour), 2))
 
 
-def render_rays(
-    model: Model,
-    origins: Tensor,
-    directions: Tensor,
-    frame: Tensor,
-    codes: Tensor,
-    maps: ReferenceMaps | None,
-    *,
-    jitter: Tensor | None = None,
-    warp: bool = True,
-    group: int = 1,
-    between: tuple[Tensor, Tensor] | None = None,
-) -> RayColours:
-    """Volume rendering, equation (8), of rays (R, 3) through occupied cells.
+def render_rays(volume: Volume, rays: Rays, search: Search | None = None) -> RayColours:
+    """Equation (8) along rays, through occupied cells.
+
+    All rays see the field as it is from the middle of their origins.
 
     Args:
-        origins, directions: (R, 3) head frame, directions of unit length.
-        frame: (R,) index into codes.
-        codes: (F, A) what the field is told of each frame.
-        maps: reference features, or None. All rays look at those nearest to the middle of their
-            origins.
-        jitter: (R,) in 0..1 shifts the samples of a ray by part of a step.
-        warp: False in the coarse stage.
-        group, between: neighbours in turn, and how far to look along each; see `march`.
+        volume: what they go through.
+        rays: head frame.
+        search: where along each ray to look; everywhere when None.
     """
-    if maps is not None:
-        maps = maps.near(origins.mean(0), model.config.field.references)
-    samples = march(origins, directions, model.grid, model.config.march, jitter, group, between)
-    look = evaluate if torch.is_grad_enabled() else evaluate_until_opaque
-    out = look(model, samples, directions, frame, codes, maps, warp)
-    thickness = out.density * model.config.march.step
+    field, step = volume.field.seen_from(rays.origins.mean(0)), volume.march.step
+    samples = march(rays, volume.grid, volume.march, search)
+    if torch.is_grad_enabled():
+        out = evaluate(field, samples, rays)
+    else:
+        out = evaluate_until_opaque(field, samples, rays, step)
+    # Equation (8): C = sum_i T_i alpha_i c_i, T_i = exp(-sum_{j<i} sigma_j step).
+    thickness = out.density * step
     alpha = -torch.expm1(-thickness)
     before = samples.dense(thickness).cumsum(-1)
     weights = torch.exp(-F.pad(before[:, :-1], (1, 0))) * samples.dense(alpha)

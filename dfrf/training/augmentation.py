@@ -1,7 +1,7 @@
 """People who were never filmed: a person mirrored, in another light, seen in other resolutions.
 
-A `Look` is drawn for a step and worn by all that is drawn of the person in it: rays and reference
-views change, the pictures in memory stay as they are. B rays, F frames, N references.
+An `Augmentation` is drawn for a step and holds for all that is drawn of the person in it: rays and
+reference views change, the pictures in memory stay as they are. B rays, F frames, N references.
 """
 
 from __future__ import annotations
@@ -11,12 +11,14 @@ from dataclasses import dataclass, replace
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float, UInt8
 from torch import Tensor
 
-from dfrf.data import MIRRORED_UPPER, RayBatch
-from dfrf.field import eyelid_deformation as lids
+from dfrf.cameras import Rays
+from dfrf.data import MIRRORED_EXPRESSION, SurfaceRays
+from dfrf.field import eyelid_deformation
 from dfrf.field.reference_maps import ReferenceViews
-from dfrf.training.fast_method import FastShare
+from dfrf.training.ray_share import RayShare
 
 # Largest changes, up and down alike: the person as filmed lies in the middle.
 GAIN = 0.25  # of the logarithm of the exposure
@@ -29,32 +31,32 @@ CUT_MOST = 0.1  # of a side, at either end
 
 
 @dataclass(frozen=True)
-class Look:
+class Augmentation:
     """What is changed about a person.
 
     Attributes:
         mirrored: in the plane x = 0 of the head frame.
-        gamma, mixing: of colours in 0..1, mixing @ colour ** gamma with mixing (3, 3).
+        gamma, mixing: of colours in 0..1, mixing @ colour ** gamma.
         scale: pixels of a reference for one of its pixels before.
         cuts: shares of the reference that are cut off left, top, right and bottom.
     """
 
     mirrored: bool
     gamma: float
-    mixing: Tensor
+    mixing: Float[Tensor, "3 3"]
     scale: float
     cuts: tuple[float, float, float, float]
 
-    def colour(self, shown: Tensor) -> Tensor:
-        """Colours (..., 3) uint8 in this look's light, uint8 as if they were filmed so."""
-        grades = 255 * torch.linspace(0, 1, 256, device=shown.device).pow(self.gamma)
+    def colour(self, filmed: UInt8[Tensor, "*B 3"]) -> UInt8[Tensor, "*B 3"]:
+        """Colours in this light, as if they were filmed so."""
+        grades = 255 * torch.linspace(0, 1, 256, device=filmed.device).pow(self.gamma)
         # By a table and channel by channel: four references are a million values in every step.
-        planes = shown.movedim(-1, 0).contiguous().int()
+        planes = filmed.movedim(-1, 0).contiguous().int()
         mixed = self.mixing.to(grades) @ grades.index_select(0, planes.view(-1)).view(3, -1)
         lit = mixed.add_(0.5).clamp_(0, 255).to(torch.uint8)
         return lit.view(planes.shape).movedim(0, -1)
 
-    def of_share(self, share: FastShare) -> FastShare:
+    def of_share(self, share: RayShare) -> RayShare:
         """What is drawn for a step, of the person who looks like this; its speech stays."""
         both = torch.stack([share.batch.colour, share.batch.background])
         colour, background = self.colour((255 * both).round().to(torch.uint8)).float() / 255
@@ -68,8 +70,8 @@ class Look:
         return mirrored_views(views) if self.mirrored else views
 
 
-def draw_look(generator: torch.Generator) -> Look:
-    """A look for one step; always the same number of draws."""
+def draw_augmentation(generator: torch.Generator) -> Augmentation:
+    """What is changed in one step; always the same number of draws."""
     mirrored, often, gain, gamma, scale, *rest = torch.rand(18, generator=generator).tolist()
     tints, others, edges = rest[:3], rest[3:9], rest[9:]
 
@@ -82,7 +84,7 @@ def draw_look(generator: torch.Generator) -> Look:
     mixing += torch.diag(1 - mixing.sum(1))
     light = torch.tensor([math.exp(spread(GAIN, gain) + spread(TINT, t)) for t in tints])
     left, top, right, bottom = (CUT_MOST * e if often < CUT_OFTEN else 0.0 for e in edges)
-    return Look(
+    return Augmentation(
         mirrored=mirrored < 0.5,
         gamma=math.exp(spread(GAMMA, gamma)),
         mixing=light[:, None] * mixing,
@@ -91,32 +93,32 @@ def draw_look(generator: torch.Generator) -> Look:
     )
 
 
-def mirror(vectors: Tensor) -> Tensor:
-    """Points or directions (..., 3) of the head frame in the plane x = 0."""
+def mirror(vectors: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B 3"]:
+    """Points or directions of the head frame, mirrored in the plane x = 0."""
     return vectors * vectors.new_tensor([-1, 1, 1])
 
 
-def mirrored_upper(upper: Tensor) -> Tensor:
-    """Measures of the upper face (..., U) of a mirrored person."""
-    order, signs = zip(*MIRRORED_UPPER, strict=True)
-    return upper[..., list(order)] * upper.new_tensor(signs)
+def mirrored_expression(expression: Float[Tensor, "*B U"]) -> Float[Tensor, "*B U"]:
+    """Measures of the upper face of a mirrored person."""
+    order, signs = zip(*MIRRORED_EXPRESSION, strict=True)
+    return expression[..., list(order)] * expression.new_tensor(signs)
 
 
-def mirrored_share(share: FastShare) -> FastShare:
+def mirrored_rays(rays: Rays) -> Rays:
+    """Rays from the mirrored place in the mirrored direction."""
+    return Rays(mirror(rays.origins), mirror(rays.directions), rays.frame)
+
+
+def mirrored_share(share: RayShare) -> RayShare:
     """Rays that see, mirrored, what they saw: a pixel and its mirror image have one colour."""
-    batch: RayBatch = replace(
-        share.batch,
-        origins=mirror(share.batch.origins),
-        directions=mirror(share.batch.directions),
-    )
-    origins, directions, frame, distance = share.surface
-    told = len(MIRRORED_UPPER)
-    codes, upper = share.told[:, :-told], mirrored_upper(share.told[:, -told:])
+    rays = mirrored_rays(share.batch.rays)
+    width = len(MIRRORED_EXPRESSION)
+    codes, expression = share.conditioning[:, :-width], share.conditioning[:, -width:]
     return replace(
         share,
-        batch=batch,
-        told=torch.cat([codes, upper], -1),
-        surface=(mirror(origins), mirror(directions), frame, distance),
+        batch=replace(share.batch, origins=rays.origins, directions=rays.directions),
+        conditioning=torch.cat([codes, mirrored_expression(expression)], -1),
+        surface=SurfaceRays(mirrored_rays(share.surface.rays), share.surface.distance),
     )
 
 
@@ -132,8 +134,8 @@ def mirrored_views(views: ReferenceViews) -> ReferenceViews:
         c2w=torch.cat([rotation, mirror(views.c2w[:, :, 3])[..., None]], -1),
         # Integers are pixel centres: the last column is the first one's mirror image.
         centres=torch.stack([views.images.shape[2] - 1 - column, row], -1),
-        upper=mirrored_upper(views.upper),
-        eyes=lids.mirrored(views.eyes),
+        expression=mirrored_expression(views.expression),
+        eyes=eyelid_deformation.mirrored(views.eyes),
     )
 
 

@@ -8,20 +8,20 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import torch
 from torch import Tensor
 
 from dfrf import device as devices
-from dfrf.checkpoint import load_resume, save_resume
 from dfrf.config import TrainConfig
-from dfrf.data import Identity
-from dfrf.head_model import HeadModel
-from dfrf.registry import method_of
-from dfrf.training.augmentation import Look, draw_look
-from dfrf.training.method import Maps, Method
+from dfrf.data import HeadDataset
+from dfrf.method import Maps, Method, Share, StepOutcome
+from dfrf.training.augmentation import draw_augmentation
+from dfrf.training.progress import Curve, Progress
+from dfrf.training.reference_source import ReferenceSource
+from dfrf.training.run_state import RunState
 from dfrf.training.step import step_outcome
 from dfrf.training.validation import Validation
 from dfrf.workers import Workers
@@ -29,51 +29,27 @@ from dfrf.workers import Workers
 BAD_STEPS = 10
 
 
-@dataclass
-class Progress:
-    """How far a run is, for a bar.
+@dataclass(frozen=True)
+class FitOptions:
+    """How a run is kept, watched and ended; nothing here changes what a step computes.
 
     Attributes:
-        step, iterations: steps done, and in all.
-        loss, psnr: of the last step, PSNR in dB over its rays.
-        seconds_left: at the present pace.
-        samples_per_ray: of the last step.
+        resume: folder that holds the state of an unfinished run, written as it goes.
+        progress: called after every step.
+        stop: asked after every step; True ends the run early with its state saved.
+        device: auto, cpu or cuda. The datasets stay where they are; each step's rays go there.
+        validation: people held out, who end the run when it no longer serves them better; holds
+            the best model afterwards.
+        about: what else a state in `resume` must agree in, plain data by name: who the people are
+            and what the model began from.
     """
 
-    step: int
-    iterations: int
-    loss: float
-    psnr: float
-    seconds_left: float
-    samples_per_ray: float
-
-    def within(self, done: int, iterations: int) -> Progress:
-        """The same step as one of a longer run, of which `done` steps came before this one's."""
-        step = done + self.step
-        share = (iterations - step) / max(self.iterations - self.step, 1)
-        left = self.seconds_left * share
-        return replace(self, step=step, iterations=iterations, seconds_left=left)
-
-    def __str__(self) -> str:
-        left = f"{self.seconds_left:.0f} s left"
-        samples = f"{self.samples_per_ray:.1f} samples a ray"
-        return f"step {self.step}, loss {self.loss:.4g}, {self.psnr:.1f} dB, {samples}, {left}"
-
-
-@dataclass
-class Curve:
-    """The loss curve: one row a step."""
-
-    rows: list[tuple[int, float, float, float]] = field(default_factory=list)
-
-    @property
-    def seconds(self) -> float:
-        """Spent so far."""
-        return self.rows[-1][3] if self.rows else 0.0
-
-    def add(self, step: int, loss: float, psnr: float, seconds: float) -> None:
-        """Notes a step: its loss, its PSNR in dB and the seconds since the run began."""
-        self.rows.append((step, loss, psnr, seconds))
+    resume: str | None = None
+    progress: Callable[[Progress], None] | None = None
+    stop: Callable[[], bool] | None = None
+    device: str = "auto"
+    validation: Validation | None = None
+    about: Mapping[str, Any] = field(default_factory=dict)
 
 
 class TrainingDivergedError(RuntimeError):
@@ -87,151 +63,6 @@ def learning_rate(step: int, config: TrainConfig) -> float:
     return config.learning_rate * start * (config.final_rate + (1 - config.final_rate) * fall)
 
 
-class References:
-    """Which frames a person is shown by, and their feature maps."""
-
-    def __init__(self, method: Method[Any, Any], config: TrainConfig) -> None:
-        self.method = method
-        self.config = config
-        self.fixed: dict[str, Maps] = {}
-
-    def maps(
-        self,
-        person: Identity,
-        chosen: Tensor | None,
-        exclude: Tensor,
-        generator: torch.Generator,
-        learn: bool,
-        look: Look | None = None,
-    ) -> Maps | None:
-        """Maps of `chosen` frames, in a look; of random frames other than `exclude` when None.
-
-        Only maps that `learn` carry a gradient to the CNN: its backward pass costs as much as the
-        rest of the step.
-        """
-        count = self.method.references
-        if not count:
-            return None
-        fixed = chosen is not None and look is None and not self.config.learn_references_every
-        if fixed and person.name in self.fixed:
-            return self.fixed[person.name]
-        frames, asked = chosen, None
-        if frames is None:
-            asked = exclude
-            order = torch.randperm(person.frames, generator=generator)
-            frames = order[~torch.isin(order, exclude)][:count]
-            if frames.numel() < count:
-                frames = order[:count]
-        views = self.method.views(person, frames, asked)
-        if look is not None:
-            views = look.of_views(views)
-        if learn:
-            return self.method.encode(views.to(self.method.model.device))
-        maps = self.method.maps(views)
-        if fixed:
-            self.fixed[person.name] = maps
-        return maps
-
-
-def fit(
-    model: HeadModel,
-    people: Sequence[Identity],
-    config: TrainConfig,
-    *,
-    references: dict[str, Tensor] | None = None,
-    resume: str | None = None,
-    progress: Callable[[Progress], None] | None = None,
-    stop: Callable[[], bool] | None = None,
-    device: str = "auto",
-    validation: Validation | None = None,
-    about: Mapping[str, Any] | None = None,
-) -> Curve:
-    """Trains a model of any preset on people, for the base and for a fine-tune alike.
-
-    Args:
-        model: changed in place.
-        people: one of them is drawn each step.
-        config: settings.
-        references: fixed reference frames of each person by name; drawn anew each step when None.
-        resume: folder that holds the state of an unfinished run, written as it goes.
-        progress: called after every step.
-        device: auto, cpu or cuda. The people stay where they are; each step's rays go there.
-        stop: asked after every step; True ends the run early with its state saved.
-        validation: people held out, who end the run when it no longer serves them better; holds
-            the best model afterwards.
-        about: what else a state in `resume` must agree in, plain data by name: who the people are
-            and what the model began from.
-
-    Returns:
-        The curve of the whole run, resumed steps included.
-
-    Raises:
-        TrainingDivergedError: ten steps on end whose loss was not finite.
-        dfrf.checkpoint.CheckpointError: `resume` holds the state of another run.
-    """
-    target = devices.choose(device)
-    model.to(target)
-    generator = torch.Generator().manual_seed(config.seed)
-    method = method_of(model)
-    optimiser = make_optimiser(method, config)
-    trained = [p for group in optimiser.param_groups for p in group["params"]]
-    curve = Curve()
-    held = validation or Validation()
-    run = model, optimiser, generator, config, curve, held, about or {}
-    first = 0 if resume is None else load_resume(resume, *run)
-    views = References(method, config)
-    model.train()
-    method.begin(people, held.people, config, generator, resumed=first > 0)
-    last = first if held.over(config.patience) else config.iterations
-    began, spent = time.monotonic(), curve.seconds
-    bad = 0
-    with Workers(target, method.side_by_side) as workers:
-        for step in range(first, last):
-            for group in optimiser.param_groups:
-                group["lr"] = learning_rate(step, config)
-            person = people[int(torch.randint(len(people), (1,), generator=generator))]
-            look = draw_look(generator) if config.augment else None
-            shares = method.draw(person, config, generator)
-            shares = [share if look is None else look.of_share(share) for share in shares]
-            shown = torch.cat([share.batch.frames for share in shares])
-            chosen = references[person.name] if references is not None else None
-            every = config.learn_references_every
-            learn = every > 0 and step % every == 0
-            maps = views.maps(person, chosen, shown, generator, learn, look)
-            done = step_outcome(method, shares, maps, config, step, trained, workers)
-            if torch.isfinite(done.loss):
-                for parameter, gradient in zip(trained, done.gradients, strict=True):
-                    parameter.grad = gradient
-                torch.nn.utils.clip_grad_norm_(trained, 1.0)
-                optimiser.step()
-                method.learned(done)
-                bad = 0
-            else:
-                bad += 1
-                if bad >= BAD_STEPS:
-                    raise TrainingDivergedError(
-                        f"the loss was not finite for {bad} steps on end, up to step {step}"
-                    )
-            method.stepped(step, config)
-            seconds = spent + time.monotonic() - began
-            psnr = -10 * math.log10(max(done.mse.item(), 1e-10))
-            curve.add(step, done.loss.item(), psnr, seconds)
-            if progress is not None:
-                pace = (time.monotonic() - began) / (step + 1 - first)
-                left = pace * (config.iterations - step - 1)
-                per_ray = len(done.points) / max(done.rays, 1)
-                progress(
-                    Progress(step + 1, config.iterations, done.loss.item(), psnr, left, per_ray)
-                )
-            held.measure(method, config, step + 1, workers)
-            ends = held.over(config.patience) or (stop is not None and stop())
-            if resume is not None and (ends or config.pauses(step + 1)):
-                save_resume(resume, *run, step + 1)
-            if ends:
-                break
-    return curve
-
-
 def make_optimiser(method: Method[Any, Any], config: TrainConfig) -> torch.optim.Adam:
     """Adam over what learns from pictures; the rest is frozen."""
     model = method.model
@@ -243,3 +74,141 @@ def make_optimiser(method: Method[Any, Any], config: TrainConfig) -> torch.optim
         betas=(0.9, 0.99),
         eps=1e-12,
     )
+
+
+def fit(
+    method: Method[Any, Any],
+    datasets: Sequence[HeadDataset],
+    config: TrainConfig,
+    references: dict[str, Tensor] | None = None,
+    options: FitOptions | None = None,
+) -> Curve:
+    """Trains a model of any preset on people, for the base and for a fine-tune alike.
+
+    Args:
+        method: of the model, which is changed in place.
+        datasets: of the people; one of them is drawn each step.
+        config: settings.
+        references: fixed reference frames of each person by name; drawn anew each step when None.
+        options: how the run is kept, watched and ended.
+
+    Returns:
+        The curve of the whole run, resumed steps included.
+
+    Raises:
+        TrainingDivergedError: ten steps on end whose loss was not finite.
+        dfrf.checkpoint.CheckpointError: `resume` holds the state of another run.
+    """
+    run = Run(method, datasets, config, references, options or FitOptions())
+    with Workers(method.model.device, method.parallel_shares) as workers:
+        for step in run.steps():
+            shares, maps = run.draw(step)
+            outcome = step_outcome(method, shares, maps, config, step, run.trained, workers)
+            run.update(step, outcome)
+            run.report(step, outcome)
+            run.state.validation.measure(method, config, step + 1, workers)
+            if run.ends_after(step):
+                break
+    return run.state.curve
+
+
+class Run:
+    """A run of `fit`: its state, and what happens in a step.
+
+    Attributes:
+        state: everything that is kept to go on from.
+        trained: the parameters that learn.
+    """
+
+    def __init__(
+        self,
+        method: Method[Any, Any],
+        datasets: Sequence[HeadDataset],
+        config: TrainConfig,
+        references: dict[str, Tensor] | None,
+        options: FitOptions,
+    ) -> None:
+        self.method, self.datasets = method, datasets
+        self.config, self.options = config, options
+        model = method.model.to(devices.choose(options.device))
+        self.state = RunState(
+            model,
+            make_optimiser(method, config),
+            torch.Generator().manual_seed(config.seed),
+            Curve(),
+            options.validation or Validation(),
+            config,
+            options.about,
+        )
+        self.trained = [p for g in self.state.optimiser.param_groups for p in g["params"]]
+        self.first = 0 if options.resume is None else self.state.load(options.resume)
+        self.references = ReferenceSource(method, config, references)
+        self.bad = 0
+        self.began, self.spent = time.monotonic(), self.state.curve.seconds
+
+    def steps(self) -> range:
+        """The steps that are left, once all that precedes them is done."""
+        self.method.model.train()
+        held = self.state.validation
+        self.method.begin(
+            self.datasets, held.datasets, self.config, self.state.generator, self.first > 0
+        )
+        self.began = time.monotonic()
+        over = held.over(self.config.patience)
+        return range(self.first, self.first if over else self.config.iterations)
+
+    def draw(self, step: int) -> tuple[list[Share], Maps | None]:
+        """Whom a step is about, as it looks to it: shares of rays, and references."""
+        generator = self.state.generator
+        chosen = int(torch.randint(len(self.datasets), (1,), generator=generator))
+        dataset = self.datasets[chosen]
+        augmentation = draw_augmentation(generator) if self.config.augment else None
+        shares = self.method.draw_shares(dataset, self.config, generator)
+        if augmentation is not None:
+            shares = [augmentation.of_share(share) for share in shares]
+        drawn = torch.cat([share.batch.frames for share in shares])
+        return shares, self.references.maps(dataset, drawn, generator, step, augmentation)
+
+    def update(self, step: int, outcome: StepOutcome) -> None:
+        """Takes a step of the optimiser where the loss is finite.
+
+        Raises:
+            TrainingDivergedError: it was not, ten times on end.
+        """
+        if torch.isfinite(outcome.loss):
+            for group in self.state.optimiser.param_groups:
+                group["lr"] = learning_rate(step, self.config)
+            for parameter, gradient in zip(self.trained, outcome.gradients, strict=True):
+                parameter.grad = gradient
+            torch.nn.utils.clip_grad_norm_(self.trained, 1.0)
+            self.state.optimiser.step()
+            self.method.after_update(outcome)
+            self.bad = 0
+        else:
+            self.bad += 1
+            if self.bad >= BAD_STEPS:
+                raise TrainingDivergedError(
+                    f"the loss was not finite for {self.bad} steps on end, up to step {step}"
+                )
+        self.method.after_step(step, self.config)
+
+    def report(self, step: int, outcome: StepOutcome) -> None:
+        """Adds a step to the curve, and says how far the run is."""
+        spent = time.monotonic() - self.began
+        loss, psnr = outcome.loss.item(), -10 * math.log10(max(outcome.mse.item(), 1e-10))
+        self.state.curve.add(step, loss, psnr, self.spent + spent)
+        if self.options.progress is not None:
+            left = spent / (step + 1 - self.first) * (self.config.iterations - step - 1)
+            per_ray = len(outcome.points) / max(outcome.rays, 1)
+            self.options.progress(
+                Progress(step + 1, self.config.iterations, loss, psnr, left, per_ray)
+            )
+
+    def ends_after(self, step: int) -> bool:
+        """Whether a step was the last; saves the state where that is due."""
+        options = self.options
+        ends = self.state.validation.over(self.config.patience)
+        ends = ends or (options.stop is not None and options.stop())
+        if options.resume is not None and (ends or self.config.pauses(step + 1)):
+            self.state.save(options.resume, step + 1)
+        return ends

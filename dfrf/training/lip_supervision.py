@@ -1,13 +1,13 @@
-"""Teaching the speech networks what the lips do, and showing the field what they did.
+"""The speech networks learn from the lips, and the field is conditioned on what these did.
 
-A picture tells the speech code little: most of its error is hair and skin, and fifteen seconds of
+A picture says little of the speech code: most of its error is hair and skin, and fifteen seconds of
 one person are soon learned by heart. Lip shapes that tracking measured anyway say directly what has
 to be heard. So the speech networks learn from those alone, and while pictures are learned each
 frame's code is moved to where it says what the lips really did: the field learns what lips look
 like, not what was heard wrongly.
 
-T frames with pictures, C frames in a row, B of them in a batch, K lip measures, A numbers of a
-code, D speech features.
+T frames with pictures, C frames in a row, B of them in a batch, L lip measures, A numbers of a
+code, W steps of a speech window and D features of each.
 """
 
 from __future__ import annotations
@@ -17,38 +17,39 @@ from dataclasses import dataclass
 
 import torch
 import torch.nn.functional as F
+from jaxtyping import Float
 from torch import Tensor
 
-from dfrf.data import Identity, neighbour_windows
-from dfrf.field.model import Model
+from dfrf.data import HeadDataset, neighbour_windows
+from dfrf.field.conditioning import Conditioning
 
 BATCH = 128
 PEOPLE = 4  # in a batch: with one at a time the networks swing from person to person
 LEARNING_RATE = 2e-3
-SPOILT = 0.1  # features left out of a window
+DROPPED = 0.1  # features left out of a window
 RIDGE = 1.0  # times the mean power of a feature, for all people together
-TEACHER = 0.7  # share of the teacher's answer in what is to be learned
+REGRESSION_SHARE = 0.7  # of the regression's answer in what is to be learned
 AT_ONCE = 256
 OPENING = 0  # of the lip measures: the gap in the middle
-SHUT = 0.05  # share of the frames that are taken for shut
+CLOSED = 0.05  # share of the frames that are taken for a closed mouth
 
 
 @dataclass(frozen=True)
-class Lesson:
-    """What the networks are to say of each frame of a person, (C, K)."""
+class LipTargets:
+    """What the networks are to say of each frame of a person."""
 
-    person: Identity
-    lips: Tensor
+    dataset: HeadDataset
+    lips: Float[Tensor, "C L"]
 
 
-def context(person: Identity) -> Tensor:
-    """What a linear map is told of each frame, (C, 10 D + 1).
+def regression_input(dataset: HeadDataset) -> Float[Tensor, "C I"]:
+    """What a linear map reads of each frame, I = 10 D + 1 numbers.
 
     Its window in steps of 40 ms, and means of the half windows before and after it.
     """
     parts = []
-    for frames in torch.arange(len(person.windows)).split(AT_ONCE):
-        near = neighbour_windows(person.windows, person.segment, frames) * 2 - 1
+    for frames in torch.arange(len(dataset.windows)).split(AT_ONCE):
+        near = neighbour_windows(dataset.windows, dataset.segment, frames) * 2 - 1
         middle = near.shape[1] // 2
         own = near[:, middle].unflatten(1, (-1, 2)).mean(2).flatten(1)
         half = near.shape[2] // 2
@@ -57,44 +58,48 @@ def context(person: Identity) -> Tensor:
     return torch.cat(parts)
 
 
-def lessons(people: Sequence[Identity]) -> list[Lesson]:
+def lip_targets(datasets: Sequence[HeadDataset]) -> list[LipTargets]:
     """The lips of each person, mixed with what a ridge regression on all the others says.
 
     The regression cannot know how this person differs from the others, so nor do its answers: the
     networks carry to a stranger what they learn from it. On people left out, the codes of networks
     taught this way say .60 / .54 of opening and width, .51 / .45 taught by the lips alone.
     """
-    if len(people) < 2:
-        return [Lesson(p, p.lips) for p in people]
-    told = [context(p) for p in people]
-    squares = [x.T @ x / len(x) for x in told]
-    products = [x.T @ p.lips / len(x) for x, p in zip(told, people, strict=True)]
+    if len(datasets) < 2:
+        return [LipTargets(d, d.lips) for d in datasets]
+    inputs = [regression_input(d) for d in datasets]
+    squares = [x.T @ x / len(x) for x in inputs]
+    products = [x.T @ d.lips / len(x) for x, d in zip(inputs, datasets, strict=True)]
     made = []
-    for k, person in enumerate(people):
+    for k, dataset in enumerate(datasets):
         square = torch.stack(squares[:k] + squares[k + 1 :]).sum(0)
         product = torch.stack(products[:k] + products[k + 1 :]).sum(0)
         square.diagonal().add_(RIDGE * square.diagonal().mean())
-        said = told[k] @ torch.linalg.solve(square, product)
-        made.append(Lesson(person, TEACHER * said + (1 - TEACHER) * person.lips))
+        answer = inputs[k] @ torch.linalg.solve(square, product)
+        mixed = REGRESSION_SHARE * answer + (1 - REGRESSION_SHARE) * dataset.lips
+        made.append(LipTargets(dataset, mixed))
     return made
 
 
-def draw_lesson(
-    taught: Sequence[Lesson], count: int, generator: torch.Generator
-) -> tuple[Tensor, Tensor]:
-    """Windows (B, 8, 16, D) of random frames of a few people, and their lips (B, K)."""
+def draw_windows(
+    targets: Sequence[LipTargets], count: int, generator: torch.Generator
+) -> tuple[Float[Tensor, "B 8 W D"], Float[Tensor, "B L"]]:
+    """Windows of random frames of a few people and of their neighbours, and their lips."""
     windows, lips = [], []
-    for k in torch.randperm(len(taught), generator=generator)[:PEOPLE].tolist():
-        person = taught[k].person
-        share = count // min(PEOPLE, len(taught))
-        frames = torch.randint(len(person.windows), (share,), generator=generator)
-        windows.append(neighbour_windows(person.windows, person.segment, frames))
-        lips.append(taught[k].lips[frames])
+    for k in torch.randperm(len(targets), generator=generator)[:PEOPLE].tolist():
+        dataset = targets[k].dataset
+        share = count // min(PEOPLE, len(targets))
+        frames = torch.randint(len(dataset.windows), (share,), generator=generator)
+        windows.append(neighbour_windows(dataset.windows, dataset.segment, frames))
+        lips.append(targets[k].lips[frames])
     return torch.cat(windows), torch.cat(lips)
 
 
-def learn_lips(
-    model: Model, people: Sequence[Identity], iterations: int, generator: torch.Generator
+def train_speech_networks(
+    conditioning: Conditioning,
+    datasets: Sequence[HeadDataset],
+    iterations: int,
+    generator: torch.Generator,
 ) -> float:
     """Trains the speech networks alone on the lips of all people, and freezes them.
 
@@ -103,22 +108,22 @@ def learn_lips(
     Returns:
         the last mean loss.
     """
-    speech = (model.field.audio, model.field.attention, model.field.lips)
+    speech = (conditioning.audio, conditioning.attention, conditioning.lips)
     parameters = [p for part in speech for p in part.parameters()]
     for parameter in parameters:
         parameter.requires_grad_(True)
     optimiser = torch.optim.AdamW(parameters, lr=LEARNING_RATE, weight_decay=1e-2)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, max(iterations, 1))
-    device = model.grid.low.device
-    taught = lessons(people)
+    device = conditioning.brow_range.device
+    targets = lip_targets(datasets)
     mean = 1.0
     for _ in range(iterations):
-        windows, lips = draw_lesson(taught, BATCH, generator)
-        kept = torch.rand(len(windows), 1, 1, windows.shape[-1], generator=generator) >= SPOILT
+        windows, lips = draw_windows(targets, BATCH, generator)
+        kept = torch.rand(len(windows), 1, 1, windows.shape[-1], generator=generator) >= DROPPED
         # A feature left out is 0 to AudioNet, which sees windows centred on 0.5.
-        spoilt = torch.where(kept, windows, 0.5)
-        said = model.field.lips(model.field.speech_codes(spoilt.to(device)))
-        loss = F.mse_loss(said, lips.to(device))
+        windows = torch.where(kept, windows, 0.5)
+        read = conditioning.lips(conditioning.speech_codes(windows.to(device)))
+        loss = F.mse_loss(read, lips.to(device))
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(parameters, 1.0)
@@ -131,38 +136,40 @@ def learn_lips(
 
 
 @torch.no_grad()
-def spoken_codes(model: Model, person: Identity) -> Tensor:
-    """The code of every frame of a person, (C, A), on the model's device."""
-    device = model.grid.low.device
+def dataset_codes(conditioning: Conditioning, dataset: HeadDataset) -> Float[Tensor, "C A"]:
+    """The code of every frame of a person as it is heard, on the networks' device."""
+    device = conditioning.brow_range.device
     codes = []
-    for frames in torch.arange(len(person.windows)).split(AT_ONCE):
-        windows = neighbour_windows(person.windows, person.segment, frames)
-        codes.append(model.field.speech_codes(windows.to(device)))
+    for frames in torch.arange(len(dataset.windows)).split(AT_ONCE):
+        windows = neighbour_windows(dataset.windows, dataset.segment, frames)
+        codes.append(conditioning.speech_codes(windows.to(device)))
     return torch.cat(codes)
 
 
+def target_lips(
+    conditioning: Conditioning, dataset: HeadDataset, codes: Float[Tensor, "C A"]
+) -> Float[Tensor, "C L"]:
+    """The measured lips with mean and spread of those read off the codes."""
+    read = conditioning.lips(codes)
+    return read.mean(0) + read.std(0) * dataset.lips.to(codes.device)
+
+
 @torch.no_grad()
-def shown_codes(model: Model, person: Identity) -> Tensor:
-    """Codes (T, A) that say of each picture what the lips did, not what was heard of it.
+def supervised_codes(conditioning: Conditioning, dataset: HeadDataset) -> Float[Tensor, "T A"]:
+    """Codes that say of each picture what the lips did, not what was heard of it.
 
     Each code is moved by the shortest way to where the lip measures read off it are the measured
     ones, given the mean and the spread that read-off ones have over these frames: so the rendered
     lips move as far on speech as the real ones did.
     """
-    codes = spoken_codes(model, person)
-    shown = model.field.saying(codes, wanted_lips(model, person, codes))
-    return shown[person.number.to(codes.device)]
+    codes = dataset_codes(conditioning, dataset)
+    lips = target_lips(conditioning, dataset, codes)
+    return conditioning.project_to_lips(codes, lips)[dataset.number.to(codes.device)]
 
 
 @torch.no_grad()
-def shut_lips(model: Model, person: Identity) -> Tensor:
-    """What is read off the codes (K,) where the mouth is shut: in the least open of the frames."""
-    wanted = wanted_lips(model, person, spoken_codes(model, person))
-    least = person.lips[:, OPENING].argsort()[: max(1, round(SHUT * len(person.lips)))]
-    return wanted[least.to(wanted.device)].mean(0)
-
-
-def wanted_lips(model: Model, person: Identity, codes: Tensor) -> Tensor:
-    """The measured lips (C, K) with mean and spread of those read off the codes (C, A)."""
-    said = model.field.lips(codes)
-    return said.mean(0) + said.std(0) * person.lips.to(codes.device)
+def closed_mouth_target(conditioning: Conditioning, dataset: HeadDataset) -> Float[Tensor, " L"]:
+    """What is read off the codes where the mouth is closed: in the least open of the frames."""
+    lips = target_lips(conditioning, dataset, dataset_codes(conditioning, dataset))
+    least = dataset.lips[:, OPENING].argsort()[: max(1, round(CLOSED * len(dataset.lips)))]
+    return lips[least.to(lips.device)].mean(0)

@@ -1,4 +1,4 @@
-"""What keeps the density on a surface: the distortion loss and the depth of the mean face.
+"""What keeps the density on a surface: the matte, the distortion loss, the mean face's depth.
 
 R rays, S slots a ray, nearest first.
 """
@@ -6,17 +6,32 @@ R rays, S slots a ray, nearest first.
 from __future__ import annotations
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
+UNSURE = 0.05  # a matte further than that from 0 and 1 is not sure
 
-def distortion_loss(weights: Tensor, distances: Tensor, step: float) -> Tensor:
+
+def matte_loss(opacity: Float[Tensor, " B"], matte: Float[Tensor, " B"]) -> Float[Tensor, ""]:
+    """Mean squared difference of opacity and matte, 0..1, where the matte is sure.
+
+    A soft edge of a matte is a guess. What is behind it is known there, so the picture itself says
+    how opaque the head is.
+    """
+    sure = ((matte - 0.5).abs() > 0.5 - UNSURE).to(matte.dtype)
+    return (sure * (opacity - matte) ** 2).mean()
+
+
+def distortion_loss(
+    weights: Float[Tensor, "R S"], distances: Float[Tensor, "R S"], step: float
+) -> Float[Tensor, ""]:
     """Distortion of the weights along rays (mip-NeRF 360, equation 15), mean over rays.
 
     sum_ij w_i w_j |t_i - t_j| + 1/3 sum_i w_i^2 step, computed with running sums since the samples
     of a ray are in order.
 
     Args:
-        weights, distances: (R, S); a weight of 0 is padding, whatever its distance.
+        weights, distances: a weight of 0 is padding, whatever its distance.
         step: length of a sample.
     """
     before = weights.cumsum(-1) - weights
@@ -26,13 +41,18 @@ def distortion_loss(weights: Tensor, distances: Tensor, step: float) -> Tensor:
     return (between + within).mean()
 
 
-def surface_loss(depth: Tensor, opacity: Tensor, distance: Tensor, margin: float = 0.2) -> Tensor:
+def surface_loss(
+    depth: Float[Tensor, " R"],
+    opacity: Float[Tensor, " R"],
+    distance: Float[Tensor, " R"],
+    margin: float = 0.2,
+) -> Float[Tensor, ""]:
     """Mean distance, cut off at half a unit, of the rendered surface from the mean face.
 
     Args:
-        depth: (R,) sum of w_i t_i.
-        opacity: (R,) sum of w_i; light that passes counts as a surface `margin` behind the face.
-        distance: (R,) of the face along the ray, head units.
+        depth: sum of w_i t_i.
+        opacity: sum of w_i; light that passes counts as a surface `margin` behind the face.
+        distance: of the face along the ray, head units.
     """
     gap = depth + (1 - opacity) * (distance + margin) - distance
     return torch.clamp(gap.abs(), max=0.5).mean()

@@ -14,27 +14,27 @@ import torch
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.training.method import Maps, Method, Outcome, Share
+from dfrf.method import Maps, Method, Share, StepOutcome
 from dfrf.workers import Workers
 
 ShareT = TypeVar("ShareT", bound=Share)
 MapsT = TypeVar("MapsT", bound=Maps)
 
 
-def total(outcomes: Iterable[Outcome]) -> Outcome:
+def total(outcomes: Iterable[StepOutcome]) -> StepOutcome:
     """Means of losses and gradients of shares alike in size, added up in their order as they come.
 
     A gradient of the references' features is large: none is kept beside the sum while the next
     share is worked on.
     """
     sums: list[Tensor | None] = []
-    small: list[Outcome] = []
+    small: list[StepOutcome] = []
     for outcome in outcomes:
         pairs = zip(sums or [None] * len(outcome.gradients), outcome.gradients, strict=True)
         sums = [_sum(*pair) for pair in pairs]
         small.append(replace(outcome, gradients=[]))
         del outcome, pairs
-    return Outcome(
+    return StepOutcome(
         torch.stack([o.loss for o in small]).mean(),
         torch.stack([o.mse for o in small]).mean(),
         [None if s is None else s / len(small) for s in sums],
@@ -58,8 +58,8 @@ def step_outcome(
     step: int,
     parameters: list[Tensor],
     workers: Workers,
-) -> Outcome:
-    """Outcome of all shares, with gradients for `parameters`.
+) -> StepOutcome:
+    """StepOutcome of all shares, with gradients for `parameters`.
 
     Maps that carry a gradient share a graph, through which threads must not go at once: the shares
     stop at the features, and the graph behind them is gone through once.
@@ -70,8 +70,8 @@ def step_outcome(
         leaf = features.detach().requires_grad_()
         wanted, maps = [*parameters, leaf], maps.with_features(leaf)
 
-    def work(share: ShareT) -> Outcome:
-        return method.outcome(share, maps, config, step, wanted)
+    def work(share: ShareT) -> StepOutcome:
+        return method.share_outcome(share, maps, config, step, wanted)
 
     together = total(workers.map(work, shares))
     if features is None:

@@ -8,9 +8,8 @@ import torch
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
-from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, Identity
-from dfrf.field import brow_deformation as brows
-from dfrf.field import eyelid_deformation as lids
+from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, HeadDataset
+from dfrf.field import brow_deformation, eyelid_deformation
 from dubbing.errors import TrainingError
 from dubbing.face.mesh_points import EYE_CORNERS, LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.face.mouth_shape import OUTER_LIP
@@ -22,7 +21,7 @@ LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2
 # Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.
 EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 # What counts as 1, in eye distances.
-LIDS, BROWS, GAZE = lids.LENGTH, brows.LENGTH, 0.01
+LIDS, BROWS, GAZE = eyelid_deformation.LENGTH, brow_deformation.LENGTH, 0.01
 BROWS_SMOOTH = 1.5  # frames: skin is moved by them, so their jitter would be seen
 RIM_WIDTH = 0.016  # of the crop's side
 
@@ -65,10 +64,10 @@ def upper_measures(clip: PreparedClip) -> np.ndarray:
     """How far lids and brows are up and where the eyes look, (T, 6), 0 where no face was found.
 
     Opening of the lids and height of the brow of the left and of the right eye, gaze of both to the
-    right and downwards, the order of `dfrf.data.MIRRORED_UPPER`: in units of the distance between
-    the eyes, less their medians over the clip, brows smoothed in time. Speech says nothing of them,
-    so the field is told, as it is told the pose: a rendered frame takes both from the same frame of
-    the clip.
+    right and downwards, the order of `dfrf.data.MIRRORED_EXPRESSION`: in units of the distance
+    between the eyes, less their medians over the clip, brows smoothed in time. Speech says nothing
+    of them, so the field is conditioned on them, and given the pose: a rendered frame takes both
+    from the same frame of the clip.
     """
     points = clip.landmarks
     _, right, unit = eye_axes(points[:, list(EYE_CORNERS)])
@@ -86,8 +85,8 @@ def upper_measures(clip: PreparedClip) -> np.ndarray:
     measures = np.where(clip.valid[:, None], measures - middle, 0.0)
     for shot in np.unique(clip.segment):
         index = clip.segment == shot
-        measures[index, brows.MEASURES] = gaussian_filter1d(
-            measures[index, brows.MEASURES], BROWS_SMOOTH, axis=0, mode="nearest"
+        measures[index, brow_deformation.MEASURES] = gaussian_filter1d(
+            measures[index, brow_deformation.MEASURES], BROWS_SMOOTH, axis=0, mode="nearest"
         )
     return np.where(clip.valid[:, None], measures, 0.0)
 
@@ -122,7 +121,7 @@ def region_map(matte: np.ndarray, mouth: np.ndarray, eyes: np.ndarray) -> np.nda
 
 def load_identity(
     name: str, clip: PreparedClip, windows: np.ndarray, start: int, count: int, every: int = 1
-) -> Identity:
+) -> HeadDataset:
     """Frames start .. start + count of a prepared clip, those without a face left out.
 
     Args:
@@ -166,7 +165,7 @@ def load_identity(
             for matte, *boxes in zip(mattes, mouths, eyes, strict=True)
         ]
     )
-    return Identity(
+    return HeadDataset(
         name=name,
         images=images,
         backgrounds=backgrounds,
@@ -175,7 +174,7 @@ def load_identity(
         c2w=torch.from_numpy(clip.c2w()[index]).float(),
         focal=float(clip.focal),
         centres=torch.from_numpy(clip.centre[index]).float(),
-        upper=torch.from_numpy(upper_measures(clip)[index]).float(),
+        expression=torch.from_numpy(upper_measures(clip)[index]).float(),
         number=torch.tensor(number),
         windows=torch.from_numpy(windows[heard]).float(),
         lips=torch.from_numpy(lip_measures(clip.landmarks[heard])).float(),
@@ -191,14 +190,16 @@ def eye_shapes(clip: PreparedClip) -> Tensor:
     Lids move as far up as halfway from the upper rim to the brow.
     """
     shape = clip.shape * np.array([1.0, -1.0, -1.0])
-    rest = np.median(lid_openings(clip.landmarks[clip.valid]), 0) * brows.EYE_DISTANCE
+    rest = np.median(lid_openings(clip.landmarks[clip.valid]), 0) * brow_deformation.EYE_DISTANCE
     eyes = []
     for (inner, outer, upper, lower, brow, _), apart in zip(EYES_POINTS, rest, strict=True):
         corners = sorted((shape[inner], shape[outer]), key=lambda point: float(point[0]))
         middle = (corners[0][1] + corners[1][1]) / 2
         end = (shape[upper, 1] + shape[brow, 1]) / 2 - middle
-        below = middle - shape[lower, 1] + lids.WHITE
-        eyes.append([*corners[0][:2], *corners[1][:2], below, end, apart + lids.WHITE])
+        below = middle - shape[lower, 1] + eyelid_deformation.WHITE
+        eyes.append(
+            [*corners[0][:2], *corners[1][:2], below, end, apart + eyelid_deformation.WHITE]
+        )
     return torch.tensor(np.array(eyes)).float()
 
 

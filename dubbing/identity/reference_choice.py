@@ -7,7 +7,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from dfrf.data import EYES, Identity
+from dfrf.data import EYES, HeadDataset
 from dfrf.metrics.image import crop, gradient_energy
 from dubbing.face.mouth_shape import OUTER_LIP
 
@@ -22,7 +22,7 @@ ALONE = np.radians(6)
 FAR = np.radians(4)
 
 
-def turns_far(person: Identity) -> bool:
+def turns_far(person: HeadDataset) -> bool:
     """Whether a head is seen from sides so different that no few frames stand for all."""
     seen_from = F.normalize(person.c2w[:, :, 3], dim=-1)
     middle = F.normalize(seen_from.mean(0), dim=0)
@@ -30,7 +30,7 @@ def turns_far(person: Identity) -> bool:
     return bool(turns.square().mean().sqrt() > FAR)
 
 
-def choose_references(person: Identity, landmarks: np.ndarray, count: int) -> Tensor:
+def choose_references(person: HeadDataset, landmarks: np.ndarray, count: int) -> Tensor:
     """Sharp frames that stand for all poses and mouth shapes, (count,).
 
     What a reference does not show sharply no dub will, and motion, a codec or a lid half shut make
@@ -83,7 +83,7 @@ def medoids(apart: np.ndarray, count: int) -> list[int]:
     return chosen
 
 
-def eye_sharpness(person: Identity, frames: np.ndarray) -> np.ndarray:
+def eye_sharpness(person: HeadDataset, frames: np.ndarray) -> np.ndarray:
     """Gradient energy of the luminance round the eyes of frames (F,); 0 where none is seen."""
     energy = np.zeros(len(frames))
     for n, t in enumerate(frames):

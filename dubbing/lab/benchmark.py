@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from dfrf.field.model import Model
+from dfrf.fast.model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dubbing import pipeline
 from dubbing.errors import DubbingError
@@ -67,7 +67,7 @@ def main() -> None:
         windows = clip_windows(clip, person.speech, person.speech_weights, offset)
     except DubbingError as error:
         parser.error(str(error))
-    if not (isinstance(model, Model) and isinstance(maps, ReferenceMaps | None)):
+    if not (isinstance(model, FastModel) and isinstance(maps, ReferenceMaps | None)):
         parser.error(f"{asked.identity!r} is a person of preset 'paper'; choose one of 'fast'")
     usable = np.flatnonzero(clip.valid)
     frames = usable[np.linspace(0, len(usable) - 1, FRAMES + 2).round().astype(int)][1:-1]

@@ -22,7 +22,7 @@ from dfrf.metrics.lpips import Lpips
 from dubbing import json_records as kept
 from dubbing import media, pipeline
 from dubbing.engine import lock
-from dubbing.engine.stage import run_stage
+from dubbing.engine.stage import Stage, run_stage
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, remove_torn
 from dubbing.lab import tiles
@@ -40,15 +40,17 @@ PRESET_OF_METHOD = {
     "dfrf": "fast",
     "dfrf-nowarp": "fast-nowarp",
     "dfrf-alone": "fast-alone",
-    "dfrf-1": "fast-1",
-    "dfrf-2": "fast-2",
-    "dfrf-4": "fast-4",
-    "dfrf-6": "fast-6",
+    "dfrf-1": "fast",
+    "dfrf-2": "fast",
+    "dfrf-4": "fast",
+    "dfrf-6": "fast",
     "paper": "paper",
     "ad-nerf": "ad-nerf",
     "nerf": "nerf",
 }
 PROTOCOLS = {"p15": ("p15",), "p15x": ("p15x",), "both": ("p15", "p15x")}
+# So many references, the same in every frame.
+REFERENCES_OF_METHOD = {"dfrf-1": 1, "dfrf-2": 2, "dfrf-4": 4, "dfrf-6": 6}
 
 Progress = Callable[[str, float], None]
 Figures = dict[str, dict[str, dict[str, Any]]]  # identity -> method -> figure -> value
@@ -197,6 +199,16 @@ def merged(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
     return {**kept, **now}
 
 
+def with_references(finetune: Stage, count: int) -> Stage:
+    """A fine-tune with another number of references than its preset's."""
+    assert isinstance(finetune.produce, tasks.Finetune)
+    return replace(
+        finetune,
+        parameters={**finetune.parameters, "references": count},
+        produce=replace(finetune.produce, references=count),
+    )
+
+
 def evaluate_one(
     manifest: Manifest,
     name: str,
@@ -219,7 +231,10 @@ def evaluate_one(
     identity = own.model_copy(update={"preset": preset, "base": base})
     job = pipeline.identity_job(manifest, name, identity, device)
     prepare, source, finetune = (job.stages[n] for n in ("prepare", "check_source", "finetune"))
-    if preset != own.preset:
+    references = REFERENCES_OF_METHOD.get(method)
+    if references is not None:
+        finetune = with_references(finetune, references)
+    if preset != own.preset or references is not None:
         # The model of the dubs stays where it is.
         finetune = replace(finetune, folder=finetune.folder.with_name(f"model-{method}"))
     began = finetune.sources()
@@ -267,7 +282,7 @@ def sync_figures(clip: PreparedClip, out: Path, part: Part) -> dict[str, Any]:
     """
     start, length = (float(frames / clip.rate) for frames in part)
     checks = {}
-    for kind in ("render", "check_source"):
+    for kind in ("render", "source"):
         video = out / f"{kind}.mp4"
         picture = out / f"{kind}_picture.mp4"
         media.mux(
@@ -280,7 +295,7 @@ def sync_figures(clip: PreparedClip, out: Path, part: Part) -> dict[str, Any]:
         )
         picture.unlink()
         checks[kind] = check(video)
-    render, source = checks["render"], checks["check_source"]
+    render, source = checks["render"], checks["source"]
     return {
         "offset_frames": render.offset_frames,
         "confidence": render.confidence,

@@ -17,17 +17,18 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from dfrf import device as devices
 from dfrf import presets
-from dfrf.cameras import pixel_rays
+from dfrf.cameras import Camera, Rays
 from dfrf.data import neighbour_windows
-from dfrf.field.model import REACH, Model
+from dfrf.fast.model import FastModel
+from dfrf.field.conditioning import REACH
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
 from dfrf.published.model import PaperModel, References
 from dfrf.registry import method_of
 from dfrf.rendering.frame_renderer import head_tiles, render_frame, tile_side
 from dfrf.rendering.pose_refinement import normal_equations
-from dfrf.rendering.ray_marching import march
+from dfrf.rendering.ray_marching import Search, march
 from dfrf.rendering.volume_rendering import evaluate
-from dfrf.training.fit import fit
+from dfrf.training.fit import FitOptions, fit
 from dubbing.compositing.composite import composite
 from dubbing.compositing.face_mask import spoken
 from dubbing.identity.dataset import load_identity, upper_measures
@@ -35,7 +36,7 @@ from dubbing.preparation.matting.matting import hole
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import render as heads
 from dubbing.stages.finetune import reference_frames
-from dubbing.stages.refine_poses import sights_of
+from dubbing.stages.refine_poses import observations_of
 
 PAPER_RAYS = 96
 TRAINING_FRAMES, TRAINING_STEPS = 50, 10
@@ -89,7 +90,7 @@ def matrix_rate(device: torch.device) -> float:
 class Scene:
     """A person's model, its clip, and the frames that are timed."""
 
-    model: Model
+    model: FastModel
     maps: ReferenceMaps | None
     clip: PreparedClip
     windows: np.ndarray
@@ -99,20 +100,15 @@ class Scene:
     def device(self) -> torch.device:
         return self.model.grid.low.device
 
-    def camera(self, frame: int) -> tuple[Tensor, Tensor]:
-        """c2w (3, 4) and principal point (2,)."""
+    def camera(self, frame: int) -> Camera:
+        """What a frame is seen with."""
         c2w = torch.from_numpy(self.clip.c2w()[frame]).float().to(self.device)
-        return c2w, torch.from_numpy(self.clip.centre[frame]).float().to(self.device)
+        centre = torch.from_numpy(self.clip.centre[frame]).float().to(self.device)
+        return Camera(c2w, float(self.clip.focal), centre, self.clip.size)
 
-    def rays(self, frame: int, pixels: Tensor) -> tuple[Tensor, Tensor]:
-        """Origins and unit directions (P, 3) through row-major pixels (P,)."""
-        c2w, centre = self.camera(frame)
-        size, count = self.clip.size, pixels.numel()
-        position = torch.stack([pixels % size, pixels // size], -1).float()
-        origins, directions = pixel_rays(
-            c2w.expand(count, 3, 4), float(self.clip.focal), centre.expand(count, 2), position
-        )
-        return origins, F.normalize(directions, dim=-1)
+    def rays(self, frame: int, pixels: Tensor) -> Rays:
+        """Rays through row-major pixels (P,)."""
+        return self.camera(frame).rays(pixels)
 
     def heard(self, frame: int) -> Tensor:
         """Speech windows (2 REACH + 1, 8, 16, D) of a frame, those beside it, and neighbours."""
@@ -138,64 +134,41 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
 
     Each is a lambda, whose call the type checker looks at; `partial` would hide it.
     """
-    model, maps, device, size = scene.model, scene.maps, scene.device, scene.clip.size
+    model, device = scene.model, scene.device
+    settings, grid = model.config.march, model.grid
     rows: list[Row] = []
 
     def note(stage: str, work: Callable[[], object], count: int = 0, unit: str = "") -> None:
         rows.append(Row(stage, timed(work, device), count, unit, flop_of(work)))
 
-    focal, settings = float(scene.clip.focal), model.config.march
-    (c2w, centre), heard = scene.camera(frame), scene.heard(frame)
-    codes = model.field.told(heard, scene.upper(frame))
-    side = tile_side(model, c2w, focal, size)
-    pixels = head_tiles(model, c2w, focal, centre, size, side).view(-1)
-    (origins, directions), owner = scene.rays(frame, pixels), torch.zeros_like(pixels)
-    samples = march(origins, directions, model.grid, settings, group=side * side)
-    found, rays = samples.points.shape[0], pixels.numel()
-    note("speech code", lambda: model.field.speech_codes(heard))
-    note(
-        "project the grid",
-        lambda: head_tiles(model, c2w, focal, centre, size, side),
-        rays,
-        "rays",
-    )
-    note(
-        "march",
-        lambda: march(origins, directions, model.grid, settings, group=side * side),
-        found,
-        "samples",
-    )
-    near = None if maps is None else maps.near(c2w[:, 3], model.config.field.references)
-    note(
-        "field, every sample",
-        lambda: evaluate(model, samples, directions, owner, codes, near, True),
-        found,
-        "samples",
-    )
-    note(
-        "head, what is seen",
-        lambda: render_frame(model, c2w, focal, centre, codes[0], maps, size),
-        rays,
-        "rays",
-    )
-    sight = sights_of(scene.clip, np.array([frame]))[frame].to(device)
-    note(
-        "a step of a pose",
-        lambda: normal_equations(model, sight, c2w, codes[0], maps),
-        7 * len(sight.pixels),
-        "rays",
-    )
+    camera, windows = scene.camera(frame), scene.heard(frame)
+    volume = model.volume(model.field.conditioning(windows, scene.upper(frame)), scene.maps)
+    side = tile_side(grid, camera)
+    pixels = head_tiles(grid, camera, side).view(-1)
+    rays = scene.rays(frame, pixels)
+    search = Search(group=side * side)
+    samples = march(rays, grid, settings, search)
+    found = samples.points.shape[0]
+    field = volume.field.seen_from(camera.c2w[:, 3])
+    note("speech code", lambda: model.field.conditioning.speech_codes(windows))
+    note("project the grid", lambda: head_tiles(grid, camera, side), pixels.numel(), "rays")
+    note("march", lambda: march(rays, grid, settings, search), found, "samples")
+    note("field, every sample", lambda: evaluate(field, samples, rays), found, "samples")
+    note("head, what is seen", lambda: render_frame(volume, camera), pixels.numel(), "rays")
+    seen = observations_of(scene.clip, np.array([frame]))[frame].to(device)
+    count = 7 * len(seen.pixels)
+    note("a step of a pose", lambda: normal_equations(volume, seen, camera.c2w), count, "rays")
     (whole,) = heads.frames(*scene_arguments(scene, frame))
     ((_, matte, background),) = scene.clip.frames(frame, 1)
     head = heads.to_rgba(*whole)
-    may = spoken(scene.clip.landmarks[frame], size)
+    may = spoken(scene.clip.landmarks[frame], scene.clip.size)
     note("composite", lambda: composite(background, hole(matte), head, may))
     return rows
 
 
 def scene_arguments(
     scene: Scene, frame: int
-) -> tuple[Model, ReferenceMaps | None, PreparedClip, np.ndarray, np.ndarray, int, int]:
+) -> tuple[FastModel, ReferenceMaps | None, PreparedClip, np.ndarray, np.ndarray, int, int]:
     """Arguments of `heads.frames` for one frame."""
     index = np.arange(scene.clip.frames_count)
     return scene.model, scene.maps, scene.clip, scene.windows, index, frame, frame + 1
@@ -221,16 +194,15 @@ def paper_row(scene: Scene) -> Row:
     model = PaperModel().to(device).eval().requires_grad_(False)
     maps = model.encode(whole_faces(scene.maps.views, scene.model.config.field.references))
     frame = scene.frames[0]
-    camera = scene.camera(frame)
-    head = head_tiles(scene.model, camera[0], float(scene.clip.focal), camera[1], size, 1).view(-1)
+    head = head_tiles(scene.model.grid, scene.camera(frame), 1).view(-1)
     pixels = head[torch.linspace(0, head.numel() - 1, PAPER_RAYS, device=device).long()]
-    origins, directions = scene.rays(frame, pixels)
+    rays = scene.rays(frame, pixels)
     near, far = float(scene.clip.near), float(scene.clip.far)
     windows = torch.zeros(8, 16, model.config.speech_dim, device=device)
     behind = torch.zeros(PAPER_RAYS, 3, device=device)
 
     def work() -> object:
-        return model(origins, directions, near, far, windows, maps, behind)
+        return model(rays.origins, rays.directions, near, far, windows, maps, behind)
 
     factor = size * size / PAPER_RAYS
     return Row(
@@ -256,6 +228,6 @@ def training_row(scene: Scene) -> Row:
     config = replace(presets.FINETUNE, iterations=TRAINING_STEPS)
     references = reference_frames(person, scene.clip, 0, method_of(model))
     chosen = None if references is None else {person.name: references}
-    curve = fit(model, [person], config, references=chosen, device=scene.device.type)
+    curve = fit(method_of(model), [person], config, chosen, FitOptions(device=scene.device.type))
     first, last = curve.rows[1][3], curve.rows[-1][3]
     return Row("training step", (last - first) / (TRAINING_STEPS - 2), config.rays, "rays")

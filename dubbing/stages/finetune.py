@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 import torch
 
-from dfrf import checkpoint, presets
+from dfrf import checkpoint, head_checkpoint, presets
 from dfrf.config import PUBLISHED_SPEECH, TrainConfig, family
-from dfrf.data import Identity
+from dfrf.data import HeadDataset
 from dfrf.head_model import HeadModel
+from dfrf.method import Method
 from dfrf.registry import method_of
-from dfrf.training.fit import Curve, Progress, TrainingDivergedError, fit
-from dfrf.training.method import Method
+from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
+from dfrf.training.progress import Curve, Progress
 from dubbing import media
 from dubbing.errors import CheckpointError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text
@@ -46,6 +47,7 @@ class FinetuneSettings:
         seed: of rays and, without a base, of the weights.
         speech: name of the speech features.
         speech_weights: weights of the user's own for them, a path.
+        references: so many in every frame, the same ones, instead of the preset's.
     """
 
     preset: str = "fast"
@@ -53,6 +55,7 @@ class FinetuneSettings:
     seed: int = 0
     speech: str = "rnn"
     speech_weights: str | None = None
+    references: int | None = None
 
     @property
     def weights(self) -> Path | None:
@@ -75,11 +78,11 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
     """
     torch.manual_seed(settings.seed)
     dim = features.features_by_name(settings.speech, settings.weights).dim
-    config = presets.model_config(settings.preset, dim)
+    config = presets.model_config(settings.preset, dim, settings.references)
     if base is None:
         return presets.build(config)
     try:
-        model, header = checkpoint.load_model(base)
+        model, header = head_checkpoint.load_model(base)
     except checkpoint.CheckpointError as error:
         raise CheckpointError(str(error), remedy="name another base checkpoint") from error
     if family(settings.preset) != model.FAMILY:
@@ -160,7 +163,7 @@ def finetune(
         raise TrainingError(
             str(error), person.name, "lower the learning rate or change the seed"
         ) from error
-    views = None if references is None else method.views(person, references)
+    views = None if references is None else method.reference_views(person, references)
     method.finish(person, views, config.seed)
     header = {
         **settings.heard_with(),
@@ -168,7 +171,7 @@ def finetune(
         "settings": asdict(settings),
         "clip": clip.clip.name,
     }
-    checkpoint.save_person(out / MODEL_FILE, model.cpu(), views, header)
+    head_checkpoint.save_person(out / MODEL_FILE, model.cpu(), views, header)
     write_curve(out / CURVE_FILE, curve)
     atomic_write_json(
         out / SUMMARY_FILE,
@@ -179,7 +182,7 @@ def finetune(
 
 def learn(
     model: HeadModel,
-    person: Identity,
+    person: HeadDataset,
     clip: PreparedClip,
     frames: np.ndarray,
     config: TrainConfig,
@@ -187,13 +190,13 @@ def learn(
     resume: Path,
     device: str,
     progress: Callable[[Progress], None] | None,
-) -> tuple[Identity, Curve]:
+) -> tuple[HeadDataset, Curve]:
     """Trains a person's model in place: some steps, then the poses they refine, then the rest.
 
     Args:
         frames: of the clip that the person's pictures are of.
         config: of all steps together.
-        references: frames that the person is shown by.
+        references: reference frames of the person.
         resume: folder for the state.
 
     Returns:
@@ -212,13 +215,11 @@ def learn(
                 progress(state.within(done, config.iterations))
 
         made = fit(
-            model,
+            method_of(model),
             [person],
             steps,
             references=None if references is None else {person.name: references},
-            resume=str(folder),
-            progress=told,
-            device=device,
+            options=FitOptions(resume=str(folder), progress=told, device=device),
         )
         for step, loss, psnr, seconds in made.rows:
             curve.add(done + step, loss, psnr, before + seconds)
@@ -227,7 +228,9 @@ def learn(
     if first:
         part(resume / "posing", presets.lasting(config, first))
         method = method_of(model)
-        maps = None if references is None else method.maps(method.views(person, references))
+        maps = (
+            None if references is None else method.maps(method.reference_views(person, references))
+        )
         posed = refined(model, maps, clip, frames).c2w()[frames]
         person = replace(person, c2w=torch.from_numpy(posed).float())
     rest = presets.lasting(config, config.iterations - first)
@@ -259,20 +262,20 @@ def clip_windows(
 
 
 def reference_frames(
-    person: Identity, clip: PreparedClip, first: int, method: Method[Any, Any]
+    person: HeadDataset, clip: PreparedClip, first: int, method: Method[Any, Any]
 ) -> torch.Tensor | None:
-    """Which frames a person is shown by; None for a method without references.
+    """Which frames are a person's references; None for a method without references.
 
     As many as a frame looks at, all of them the same for every frame; more to choose the nearest
     from where the head turns far.
     """
     if not method.references:
         return None
-    count = method.shown if turns_far(person) else method.references
+    count = method.reference_pool_size if turns_far(person) else method.references
     return choose_references(person, clip.landmarks[own_frames(person, clip, first)], count)
 
 
-def own_frames(person: Identity, clip: PreparedClip, first: int) -> np.ndarray:
+def own_frames(person: HeadDataset, clip: PreparedClip, first: int) -> np.ndarray:
     """Frames of the clip that a person's pictures are of, from frame `first` on."""
     return np.flatnonzero(clip.valid[first:])[: person.frames] + first
 

@@ -15,12 +15,13 @@ import torch
 from torch import Tensor
 
 from dfrf.data import HEAD_MATTE
+from dfrf.fast.model import FastModel
 from dfrf.field.audio import NEIGHBOURS
-from dfrf.field.model import REACH, Model
+from dfrf.field.conditioning import REACH
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.head_model import HeadModel
-from dfrf.rendering.pose_refinement import Sight, moved, normal_equations
-from dfrf.training.method import Maps
+from dfrf.method import Maps
+from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equations
 from dfrf.workers import Workers
 from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
@@ -49,7 +50,7 @@ Progress = Callable[[str, float], None]
 
 def refines(model: HeadModel) -> bool:
     """Whether poses are refined with a model: not for `paper`, which takes those it is given."""
-    return isinstance(model, Model)
+    return isinstance(model, FastModel)
 
 
 def refined(
@@ -68,7 +69,7 @@ def refined(
         model: of the person; maps: its references.
         progress: told a message and the share done.
     """
-    if not isinstance(model, Model):
+    if not isinstance(model, FastModel):
         return clip
     assert maps is None or isinstance(maps, ReferenceMaps)
     wanted = np.zeros(len(clip), bool)
@@ -114,7 +115,7 @@ def with_refined_poses(clip: PreparedClip, folder: Path) -> PreparedClip:
 
 
 def shot_corrections(
-    model: Model,
+    model: FastModel,
     maps: ReferenceMaps | None,
     clip: PreparedClip,
     c2w: Tensor,
@@ -129,22 +130,23 @@ def shot_corrections(
     device = model.device
     seen = index[clip.valid[index]]
     keys, found = seen[:1], np.zeros((1, DOF))
-    sights: dict[int, Sight] = {}
+    observations: dict[int, PoseObservation] = {}
 
-    def equations(key: tuple[Sight, Tensor, Tensor]) -> tuple[np.ndarray, np.ndarray]:
-        sight, camera, told = key
-        left, right = normal_equations(model, sight.to(device), camera, told, maps)
+    def equations(key: tuple[PoseObservation, Tensor, Tensor]) -> tuple[np.ndarray, np.ndarray]:
+        observation, camera, conditioning = key
+        volume = model.volume(conditioning[None], maps)
+        left, right = normal_equations(volume, observation.to(device), camera)
         return left.cpu().numpy(), right.cpu().numpy()
 
     with Workers(device, AT_ONCE) as workers:
         for apart, turn, steps in PASSES:
             before, keys = keys, key_frames(seen, c2w[seen, :, :3].double().numpy(), apart, turn)
             found = between(found, before, keys)
-            sights |= sights_of(clip, keys[~np.isin(keys, list(sights))])
-            told = silent(model, upper[keys])
+            observations |= observations_of(clip, keys[~np.isin(keys, list(observations))])
+            conditioning = silent(model, upper[keys])
             for _ in range(steps):
                 cameras = moved(c2w[keys], torch.from_numpy(found).float()).to(device)
-                asked = zip([sights[k] for k in keys], cameras, told, strict=True)
+                asked = zip([observations[k] for k in keys], cameras, conditioning, strict=True)
                 pairs = zip(*workers.map(equations, asked), strict=True)
                 left, right = (np.stack(side).astype(float) / NOISE**2 for side in pairs)
                 found = smoothest(left, right + np.einsum("kij,kj->ki", left, found))
@@ -186,30 +188,32 @@ def smoothest(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 @torch.no_grad()
-def silent(model: Model, upper: Tensor) -> Tensor:
-    """What the field is told of frames (K, U) while nobody speaks, (K, told_dim)."""
+def silent(model: FastModel, upper: Tensor) -> Tensor:
+    """Conditioning of frames (K, U) while nobody speaks, (K, cond_dim)."""
     shape = (len(upper) + 2 * REACH, NEIGHBOURS, 16, model.config.field.speech_dim)
-    return model.field.told(torch.zeros(shape, device=model.device), upper.to(model.device))
+    windows = torch.zeros(shape, device=model.device)
+    conditioning: Tensor = model.field.conditioning(windows, upper.to(model.device))
+    return conditioning
 
 
-def sights_of(clip: PreparedClip, keys: np.ndarray) -> dict[int, Sight]:
+def observations_of(clip: PreparedClip, keys: np.ndarray) -> dict[int, PoseObservation]:
     """What key frames (K,), rising, show above the base of the nose: `RAYS` pixels each."""
-    sights: dict[int, Sight] = {}
+    observations: dict[int, PoseObservation] = {}
     if not len(keys):
-        return sights
+        return observations
     first, count = int(keys[0]), int(keys[-1] - keys[0]) + 1
     for k, (image, matte, background) in enumerate(clip.frames(first, count), first):
         if k in keys:
             pixels = chosen_pixels(matte, clip.landmarks[k], np.random.default_rng(k))
             columns, rows = pixels.T
-            sights[k] = Sight(
+            observations[k] = PoseObservation(
                 pixels=torch.from_numpy(pixels).float(),
                 colour=torch.from_numpy(image[rows, columns]).float() / 255,
                 background=torch.from_numpy(background[rows, columns]).float() / 255,
                 focal=float(clip.focal),
                 centre=torch.from_numpy(clip.centre[k]).float(),
             )
-    return sights
+    return observations
 
 
 def chosen_pixels(

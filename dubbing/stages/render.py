@@ -9,13 +9,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dfrf import checkpoint
+from dfrf import checkpoint, head_checkpoint
 from dfrf import device as devices
 from dfrf.data import neighbour_windows
 from dfrf.field.audio import NEIGHBOURS
 from dfrf.head_model import HeadModel
+from dfrf.method import FrameInputs, Maps
 from dfrf.registry import method_of
-from dfrf.training.method import Maps
 from dubbing.errors import CheckpointError
 from dubbing.identity.dataset import upper_measures
 from dubbing.media import VideoWriter
@@ -32,7 +32,7 @@ def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dic
         CheckpointError: the file cannot be used.
     """
     try:
-        person, views, header = checkpoint.load_person(model)
+        person, views, header = head_checkpoint.load_person(model)
     except checkpoint.CheckpointError as error:
         raise CheckpointError(str(error), remedy="run with --force finetune") from error
     target = devices.choose(device)
@@ -54,7 +54,7 @@ def render(
     """Writes OUT/000000.mkv, OUT/000050.mkv ...: premultiplied colour and opacity (FFV1 RGBA).
 
     A file appears only when it is whole, and one that is there is not rendered again. It holds
-    `dfrf.training.method.Method.segment` frames: of a slow preset every single one is kept.
+    `dfrf.method.Method.segment` frames: of a slow preset every single one is kept.
 
     Args:
         model: of the person, written by `finetune`.
@@ -109,15 +109,15 @@ def frames(
     # Speech does not stop at a cut of the picture, so all frames count as one run.
     near = neighbour_windows(torch.from_numpy(windows).float(), torch.zeros(len(windows)), number)
     poses = pose_index[first:stop]
-    yield from method.frames(
+    inputs = FrameInputs(
         torch.from_numpy(clip.c2w()[poses]).float().to(device),
         float(clip.focal),
         torch.from_numpy(clip.centre[poses]).float().to(device),
         near.to(device),
         torch.from_numpy(upper_measures(clip)[poses]).float().to(device),
-        maps,
         clip.size,
     )
+    yield from method.render_frames(inputs, maps)
 
 
 def to_rgba(colour: Tensor, opacity: Tensor) -> np.ndarray:

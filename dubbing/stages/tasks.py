@@ -66,6 +66,7 @@ class Finetune:
     source_check: Path
     base: Path | None
     device: str
+    references: int | None = None
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.stages.finetune import FinetuneSettings, finetune
@@ -77,6 +78,7 @@ class Finetune:
             seed=wanted.seed,
             speech=wanted.speech,
             speech_weights=None if wanted.speech_weights is None else str(wanted.speech_weights),
+            references=self.references,
         )
 
         def step(state: Any) -> None:

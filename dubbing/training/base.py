@@ -11,9 +11,11 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from dfrf import checkpoint, presets
-from dfrf.data import Identity as Person
-from dfrf.training.fit import Progress, TrainingDivergedError, fit
+from dfrf import checkpoint, head_checkpoint, presets
+from dfrf.data import HeadDataset
+from dfrf.registry import method_of
+from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
+from dfrf.training.progress import Progress
 from dfrf.training.validation import Validation
 from dubbing import pipeline
 from dubbing.engine import lock
@@ -85,18 +87,20 @@ def train_base(
     validation = Validation(held)
     try:
         curve = fit(
-            model,
+            method_of(model),
             people,
             config,
-            resume=str(resume),
-            progress=told,
-            device=device,
-            validation=validation,
-            about={
-                **settings.heard_with(),
-                "people": [person_key(manifest, name) for name in (*learned, *asked)],
-                "init": "" if init is None else digest_file(init),
-            },
+            options=FitOptions(
+                resume=str(resume),
+                progress=told,
+                device=device,
+                validation=validation,
+                about={
+                    **settings.heard_with(),
+                    "people": [person_key(manifest, name) for name in (*learned, *asked)],
+                    "init": "" if init is None else digest_file(init),
+                },
+            ),
         )
     except TrainingDivergedError as error:
         raise TrainingError(str(error), out.name, "change the seed or the clips") from error
@@ -118,7 +122,7 @@ def train_base(
         model.load_state_dict(validation.best)
         header |= {"steps": int(step), "held_out": dict(zip(validation.names, psnr, strict=True))}
         write_validation(out.with_suffix(".held_out.csv"), validation)
-    checkpoint.save_model(out, model.cpu(), header)
+    head_checkpoint.save_model(out, model.cpu(), header)
     write_curve(out.with_suffix(".csv"), curve)
     atomic_write_json(out.with_suffix(".json"), {**header, "train": asdict(config)})
     shutil.rmtree(resume)
@@ -183,7 +187,7 @@ def load_person(
     device: str,
     settings: FinetuneSettings,
     progress: Callable[[str, float], None],
-) -> Person:
+) -> HeadDataset:
     """Prepares an identity where that is not done yet, and loads what is learned from it."""
     identity = manifest.identities[name]
     job = pipeline.identity_job(manifest, name, identity, device)

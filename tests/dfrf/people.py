@@ -6,9 +6,10 @@ import torch
 
 from dfrf import presets
 from dfrf.config import FieldConfig, MarchConfig, ModelConfig
-from dfrf.data import EYES, HEAD, MOUTH, RIM, Identity, cut_references
-from dfrf.field import eyelid_deformation as lids
-from dfrf.field.model import PRIOR_CENTRE, PRIOR_RADII, Model
+from dfrf.data import EYES, HEAD, MOUTH, RIM, HeadDataset, cut_references
+from dfrf.fast.model import FastModel
+from dfrf.field import eyelid_deformation
+from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII
 from dfrf.field.reference_maps import ReferenceMaps
 
 SIZE = 48
@@ -24,7 +25,7 @@ def small_config(**changes: object) -> ModelConfig:
     return ModelConfig(preset="fast", march=MarchConfig(resolution=24, step=0.1), field=field)
 
 
-def person(frames: int = 6, seed: int = 0) -> Identity:
+def person(frames: int = 6, seed: int = 0) -> HeadDataset:
     """Frames of an ellipsoid head that turns, lit by its own position, before grey."""
     generator = torch.Generator().manual_seed(seed)
     c2w = torch.eye(3, 4).repeat(frames, 1, 1)
@@ -54,9 +55,9 @@ def person(frames: int = 6, seed: int = 0) -> Identity:
     regions[:, 18:21, 18:30] = EYES
     windows = torch.randn(frames, 16, 8, generator=generator)
     lips = torch.randn(frames, 7, generator=generator)
-    upper = torch.randn(frames, 6, generator=generator)
-    upper[:, lids.MEASURES].clamp_(min=-0.5)  # nobody blinks
-    return Identity(
+    expression = torch.randn(frames, 6, generator=generator)
+    expression[:, eyelid_deformation.MEASURES].clamp_(min=-0.5)  # nobody blinks
+    return HeadDataset(
         name="ellipsoid",
         images=images,
         backgrounds=torch.full_like(images, 90),
@@ -68,7 +69,7 @@ def person(frames: int = 6, seed: int = 0) -> Identity:
         number=torch.arange(frames),
         windows=windows,
         lips=lips,
-        upper=upper,
+        expression=expression,
         segment=torch.zeros(frames, dtype=torch.long),
         eyes=torch.tensor(
             [
@@ -80,7 +81,7 @@ def person(frames: int = 6, seed: int = 0) -> Identity:
     )
 
 
-def shown() -> tuple[Model, ReferenceMaps]:
+def random_model() -> tuple[FastModel, ReferenceMaps]:
     """A tiny model, not learned, and its maps of two frames of a person."""
     someone = person()
     model = presets.build(small_config())

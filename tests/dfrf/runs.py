@@ -9,7 +9,9 @@ from torch import Tensor
 
 from dfrf.config import TrainConfig
 from dfrf.head_model import HeadModel
-from dfrf.training.fit import Curve, fit
+from dfrf.registry import method_of
+from dfrf.training.fit import FitOptions, fit
+from dfrf.training.progress import Curve
 from dfrf.training.validation import Validation
 from tests.dfrf.people import person
 
@@ -26,12 +28,14 @@ def run_fit(
     """Trains a model in place and ends after `steps` of this call; at the config's end if None."""
     done = count(1)
     return fit(
-        model,
+        method_of(model),
         [person()],
         config,
-        references=references,
-        resume=None if resume is None else str(resume),
-        stop=lambda: next(done) == steps,
-        device="cpu",
-        validation=validation,
+        references,
+        FitOptions(
+            resume=None if resume is None else str(resume),
+            stop=lambda: next(done) == steps,
+            device="cpu",
+            validation=validation,
+        ),
     )

@@ -7,17 +7,10 @@ import torch
 from safetensors.torch import save_file
 
 from dfrf import presets
-from dfrf.checkpoint import (
-    CheckpointError,
-    load_model,
-    load_person,
-    read_tensors,
-    save_model,
-    save_person,
-    write_tensors,
-)
+from dfrf.checkpoint import CheckpointError, read_tensors, write_tensors
 from dfrf.data import cut_references
-from dfrf.field import eyelid_deformation as lids
+from dfrf.field import eyelid_deformation
+from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
 from tests.dfrf.people import person, small_config
 
 
@@ -46,12 +39,12 @@ def test_a_person_comes_back_with_the_references(tmp_path: Path) -> None:
 
 def test_the_view_of_a_blink_comes_back_as_such(tmp_path: Path) -> None:
     someone = person()
-    someone.upper[2, lids.MEASURES] = -2.0
+    someone.expression[2, eyelid_deformation.MEASURES] = -2.0
     views = cut_references(someone, torch.tensor([1, 4]))
     save_person(tmp_path / "p.safetensors", presets.build(small_config()), views, {})
     _, again, _ = load_person(tmp_path / "p.safetensors")
     assert again is not None
-    assert (again.blinks, again.shut) == (1, slice(2, 3))
+    assert (again.blinks, again.closed_eyes) == (1, slice(2, 3))
 
 
 def test_a_person_of_another_version_is_to_be_learned_again(tmp_path: Path) -> None:

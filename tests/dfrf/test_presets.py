@@ -12,15 +12,18 @@ def fast(preset: str) -> ModelConfig:
     return config
 
 
-@pytest.mark.parametrize(("preset", "count"), [("fast-1", 1), ("fast-4", 4), ("fast-6", 6)])
-def test_numbers_of_references(preset: str, count: int) -> None:
-    field = fast(preset).field
-    assert field.references == field.shown == count
+@pytest.mark.parametrize("count", [1, 4, 6])
+def test_numbers_of_references(count: int) -> None:
+    config = presets.model_config("fast", 8, references=count)
+    assert isinstance(config, ModelConfig)
+    assert config.field.references == config.field.reference_pool_size == count
+    with pytest.raises(ValueError, match="paper"):
+        presets.model_config("paper", 8, references=count)
 
 
-def test_a_person_is_shown_by_more_frames_than_are_looked_at() -> None:
+def test_a_person_has_more_references_than_are_looked_at() -> None:
     field = fast("fast").field
-    assert 0 < field.references < field.shown
+    assert 0 < field.references < field.reference_pool_size
 
 
 def test_everything_that_a_base_serves_takes_all_it_has() -> None:

@@ -6,9 +6,8 @@ import torch
 from torch import Tensor
 
 from dfrf.data import cut_references
-from dfrf.field import brow_deformation as brows
-from dfrf.field import eyelid_deformation as lids
-from dfrf.field.model import Model
+from dfrf.fast.model import FastModel
+from dfrf.field import brow_deformation, eyelid_deformation
 from dfrf.training.augmentation import mirror
 from tests.dfrf.people import person, small_config
 
@@ -18,7 +17,10 @@ EYES = torch.tensor(
 )
 OPEN = torch.zeros(1, 2)
 # As far as measures go down where FaceMesh finds the eye 0.02 eye distances open.
-CLOSED = OPEN + (lids.SHUT - REST) / brows.EYE_DISTANCE / lids.LENGTH
+CLOSED = (
+    OPEN
+    + (eyelid_deformation.CLOSED - REST) / brow_deformation.EYE_DISTANCE / eyelid_deformation.LENGTH
+)
 
 
 def column(x: float = 0.31, count: int = 200) -> Tensor:
@@ -29,7 +31,7 @@ def column(x: float = 0.31, count: int = 200) -> Tensor:
 
 def read(points: Tensor, own: Tensor, theirs: Tensor) -> Tensor:
     """The heights (M,) at which one reference shows points."""
-    return points[:, 1] - lids.lifts(points[None], EYES, own, theirs)[0]
+    return points[:, 1] - eyelid_deformation.lifts(points[None], EYES, own, theirs)[0]
 
 
 def test_a_reference_with_the_same_lids_is_read_where_the_points_are() -> None:
@@ -43,8 +45,8 @@ def test_a_shut_eye_shows_the_upper_lid_and_nothing_of_the_eye() -> None:
     points = column()
     rim = LINE - LOWER + REST
     edge = LINE - LOWER
-    over = (points[:, 1] > edge + lids.RIM / 2) & (points[:, 1] < LINE + END)
-    under = (points[:, 1] < edge - lids.RIM / 2) | (points[:, 1] > LINE + END)
+    over = (points[:, 1] > edge + eyelid_deformation.RIM / 2) & (points[:, 1] < LINE + END)
+    under = (points[:, 1] < edge - eyelid_deformation.RIM / 2) | (points[:, 1] > LINE + END)
     found = read(points, CLOSED, OPEN)
     assert (found[over] > rim).all()
     assert (found[over] < LINE + END).all()
@@ -57,10 +59,13 @@ def test_a_shut_eye_shows_the_upper_lid_and_nothing_of_the_eye() -> None:
 
 def test_half_a_blink_hides_the_upper_half_of_the_eye_and_leaves_the_lower() -> None:
     half = CLOSED / 2
-    points, opening = column(), float(lids.openings(EYES, half)[0, 1])
+    points, opening = column(), float(eyelid_deformation.openings(EYES, half)[0, 1])
     assert abs(opening - REST / 2) < 1e-3
     rim = LINE - LOWER + opening
-    below, above = (points[:, 1] < rim - lids.RIM / 2), (points[:, 1] > rim + lids.RIM / 2)
+    below, above = (
+        (points[:, 1] < rim - eyelid_deformation.RIM / 2),
+        (points[:, 1] > rim + eyelid_deformation.RIM / 2),
+    )
     found = read(points, half, OPEN)
     torch.testing.assert_close(found[below], points[below, 1])
     assert (found[above] > LINE - LOWER + REST - 1e-3).all()
@@ -89,34 +94,38 @@ def test_only_points_round_the_eyes_are_lifted_and_as_by_all_points() -> None:
     own = torch.randn(4000, 2, generator=generator)
     theirs = torch.randn(3, 2, generator=generator)
     lift = 0.05 * torch.randn(3, 4000, generator=generator) * (points[:, 1] > 0.3)
-    skin = brows.lowered(points.expand(3, -1, -1), lift)
-    expected = lift + lids.lifts(skin, EYES, own, theirs)
-    lids.add_lifts(lift, points, lids.near(points, EYES), EYES, own, theirs)
-    front = points[:, 2] > brows.FRONT
-    near = (points[:, 1] < LINE + END + lids.BESIDE) & (points[:, 1] > LINE - LOWER)
+    skin = brow_deformation.lowered(points.expand(3, -1, -1), lift)
+    expected = lift + eyelid_deformation.lifts(skin, EYES, own, theirs)
+    eyelid_deformation.add_lifts(
+        lift, points, eyelid_deformation.points_near_eyes(points, EYES), EYES, own, theirs
+    )
+    front = points[:, 2] > brow_deformation.FRONT
+    near = (points[:, 1] < LINE + END + eyelid_deformation.BESIDE) & (points[:, 1] > LINE - LOWER)
     torch.testing.assert_close(lift[:, front & near], expected[:, front & near])
 
 
 def test_a_mirrored_person_has_mirrored_lids() -> None:
     eyes = EYES + 0.01 * torch.arange(14).view(2, 7)
     points, measures = torch.cat([column(-0.3), column(0.25)]), torch.tensor([[-2.0, -0.5]])
-    expected = lids.lifts(points[None], eyes, measures, OPEN)
-    found = lids.lifts(mirror(points)[None], lids.mirrored(eyes), measures.flip(1), OPEN)
+    expected = eyelid_deformation.lifts(points[None], eyes, measures, OPEN)
+    found = eyelid_deformation.lifts(
+        mirror(points)[None], eyelid_deformation.mirrored(eyes), measures.flip(1), OPEN
+    )
     torch.testing.assert_close(found, expected)
-    torch.testing.assert_close(lids.mirrored(lids.mirrored(eyes)), eyes)
+    torch.testing.assert_close(eyelid_deformation.mirrored(eyelid_deformation.mirrored(eyes)), eyes)
 
 
 def test_a_field_shows_the_lid_of_the_references_where_an_eye_is_shut() -> None:
     torch.manual_seed(0)
-    model, someone = Model(small_config(use_warp=False)), person()
+    model, someone = FastModel(small_config(use_warp=False)), person()
     views = cut_references(someone, torch.tensor([0, 1, 2, 3]))
-    views = replace(views, eyes=EYES, upper=torch.zeros(4, 6))
+    views = replace(views, eyes=EYES, expression=torch.zeros(4, 6))
     maps = replace(model.field.encoder(views), views=views)
     points = column()[60:120]
     towards = torch.tensor([[0.0, 0.0, -1.0]]).expand(len(points), -1)
     frame = torch.zeros(len(points), dtype=torch.long)
-    told = torch.zeros(1, model.config.field.told_dim)
-    told[:, model.config.field.code_dim :][:, lids.MEASURES] = CLOSED
+    told = torch.zeros(1, model.config.field.cond_dim)
+    told[:, model.config.field.code_dim :][:, eyelid_deformation.MEASURES] = CLOSED
     with torch.no_grad():
         moved = points.clone()
         moved[:, 1] = read(points, CLOSED, OPEN)
@@ -130,22 +139,26 @@ def test_a_field_shows_the_lid_of_the_references_where_an_eye_is_shut() -> None:
 def test_a_view_of_shut_eyes_is_read_where_a_lid_is_shut_and_nowhere_else() -> None:
     points = torch.cat([column(-0.31), column(0.31), torch.tensor([[0.0, LINE, 0.6]])])
     at = torch.arange(len(points))
-    assert not lids.shut_shares(points, at, EYES, OPEN).any()
+    assert not eyelid_deformation.closed_eye_weights(points, at, EYES, OPEN).any()
     wink = torch.stack([OPEN[:, 0], CLOSED[:, 1]], 1)
-    share = lids.shut_shares(points, at, EYES, wink)
+    share = eyelid_deformation.closed_eye_weights(points, at, EYES, wink)
     assert not share[:200].any()
     assert not share[-1].any()
     height = points[200:400, 1]
-    lid = (height > LINE - LOWER) & (height < LINE - LOWER + (1 - lids.SOFT) * (END + LOWER))
+    lid = (height > LINE - LOWER) & (
+        height < LINE - LOWER + (1 - eyelid_deformation.SOFT) * (END + LOWER)
+    )
     torch.testing.assert_close(share[200:400][lid], torch.ones(int(lid.sum())))
-    assert not share[200:400][(height > LINE + END) | (height < LINE - LOWER - lids.BELOW)].any()
+    assert not share[200:400][
+        (height > LINE + END) | (height < LINE - LOWER - eyelid_deformation.BELOW)
+    ].any()
     assert share[200:400].diff().abs().max() < 0.1
 
 
 def test_of_half_a_blink_the_lid_is_read_off_it_and_the_eye_is_not() -> None:
     points, half = column(), CLOSED * 0.48
-    share = lids.shut_shares(points, torch.arange(len(points)), EYES, half)
-    rim = LINE - LOWER + float(lids.openings(EYES, half)[0, 1])
+    share = eyelid_deformation.closed_eye_weights(points, torch.arange(len(points)), EYES, half)
+    rim = LINE - LOWER + float(eyelid_deformation.openings(EYES, half)[0, 1])
     above, below = points[:, 1] > rim + 1e-3, points[:, 1] < rim - 1e-3
     assert share[above].max() > 0.6
     assert not share[below].any()
@@ -155,33 +168,33 @@ def test_the_frame_of_shut_eyes_is_one_where_both_are_shut_in_the_most_usual_pos
     measures = torch.cat([OPEN, CLOSED, CLOSED / 2, CLOSED, OPEN])
     measures[1, 0] = 0
     forward = torch.tensor([[0.0, 0, 1]]).repeat(5, 1)
-    assert lids.shut_frame(EYES, measures, forward) == 3
+    assert eyelid_deformation.closed_eye_frame(EYES, measures, forward) == 3
     measures[4] = CLOSED
     forward[3, 0] = 0.3
-    assert lids.shut_frame(EYES, measures, forward) == 4
-    assert lids.shut_frame(EYES, measures[:3], forward[:3]) is None
+    assert eyelid_deformation.closed_eye_frame(EYES, measures, forward) == 4
+    assert eyelid_deformation.closed_eye_frame(EYES, measures[:3], forward[:3]) is None
 
 
 def test_a_person_who_blinks_has_a_view_of_it_and_one_who_does_not_has_none() -> None:
     someone = person()
-    someone.upper[:, lids.MEASURES] = 0
+    someone.expression[:, eyelid_deformation.MEASURES] = 0
     frames = torch.tensor([1, 4])
     assert cut_references(someone, frames).blinks == 0
-    someone.upper[2, lids.MEASURES] = -2.0
+    someone.expression[2, eyelid_deformation.MEASURES] = -2.0
     views = cut_references(someone, frames)
     assert views.blinks == 1
     assert torch.equal(views.c2w, someone.c2w[torch.tensor([1, 4, 2])])
     assert cut_references(someone, frames, asked=torch.tensor([2, 3])).blinks == 0
-    someone.upper[5, lids.MEASURES] = -2.0
+    someone.expression[5, eyelid_deformation.MEASURES] = -2.0
     others = cut_references(someone, frames, asked=torch.tensor([2, 3]))
     assert torch.equal(others.c2w, someone.c2w[torch.tensor([1, 4, 5])])
 
 
 def test_a_shut_lid_has_the_colours_of_the_blink_and_an_open_one_those_of_the_faces() -> None:
     torch.manual_seed(0)
-    model, someone = Model(small_config(use_warp=False)), person()
-    someone = replace(someone, eyes=EYES, upper=torch.zeros(6, 6))
-    someone.upper[2, lids.MEASURES] = CLOSED
+    model, someone = FastModel(small_config(use_warp=False)), person()
+    someone = replace(someone, eyes=EYES, expression=torch.zeros(6, 6))
+    someone.expression[2, eyelid_deformation.MEASURES] = CLOSED
     views = cut_references(someone, torch.tensor([0, 1]))
     points = column()[25:80]  # up to where the lid goes over into its surroundings
     towards = torch.tensor([[0.0, 0.0, -1.0]]).expand(len(points), -1)
@@ -192,14 +205,14 @@ def test_a_shut_lid_has_the_colours_of_the_blink_and_an_open_one_those_of_the_fa
         images = views.images.clone()
         images[black] = 0
         maps = model.field.encoder(replace(views, images=images))
-        told = torch.zeros(1, model.config.field.told_dim)
-        told[:, model.config.field.code_dim :][:, lids.MEASURES] = measure
+        told = torch.zeros(1, model.config.field.cond_dim)
+        told[:, model.config.field.code_dim :][:, eyelid_deformation.MEASURES] = measure
         return model.field(points, towards, frame, told, maps).colour
 
     nothing = slice(0, 0)
     for measure, read_off, rest in (
-        (CLOSED, views.shut, views.faces),
-        (OPEN, views.faces, views.shut),
+        (CLOSED, views.closed_eyes, views.faces),
+        (OPEN, views.faces, views.closed_eyes),
     ):
         whole = colour(measure, nothing)
         torch.testing.assert_close(colour(measure, rest), whole, atol=1e-5, rtol=0)

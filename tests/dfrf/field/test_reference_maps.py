@@ -7,8 +7,9 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from dfrf import presets
+from dfrf.cameras import Rays
 from dfrf.data import cut_references, frames_alike
-from dfrf.field import eyelid_deformation as lids
+from dfrf.field import eyelid_deformation
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.volume_rendering import render_rays
 from tests.dfrf.people import person, small_config
@@ -16,10 +17,10 @@ from tests.dfrf.people import person, small_config
 TURNS = 12
 
 
-def shown_by_many() -> ReferenceMaps:
+def maps_of_many() -> ReferenceMaps:
     """Maps of all frames of a head that turns from right to left, the last with shut eyes."""
     someone = person(TURNS)
-    someone.upper[3, lids.MEASURES] = -1.2
+    someone.expression[3, eyelid_deformation.MEASURES] = -1.2
     model = presets.build(small_config())
     with torch.no_grad():
         return model.field.encoder(cut_references(someone, torch.arange(TURNS)))
@@ -31,47 +32,50 @@ def origin_at(turn: float) -> Tensor:
 
 
 def test_the_nearest_are_looked_at_and_the_one_of_shut_eyes() -> None:
-    maps = shown_by_many()
+    maps = maps_of_many()
     assert maps.views.blinks == 1
-    near = maps.near(origin_at(4.2), 3)
+    near = maps.select_nearest_views(origin_at(4.2), 3)
     assert near.number.tolist() == [4, 5, 3, TURNS]
     assert near.views.faces == slice(0, 3)
-    assert near.views.shut == slice(3, 4)
+    assert near.views.closed_eyes == slice(3, 4)
     torch.testing.assert_close(near.views.c2w, maps.views.c2w[near.number])
     at = torch.rand(1, 5, 2) * 20 + 5
     for n, number in enumerate(near.number.tolist()):
         one, same = slice(n, n + 1), slice(number, number + 1)
-        assert near.read(at, one).equal(maps.read(at, same))
-        assert near.nearest(at, one).equal(maps.nearest(at, same))
-    say = near.say[near.views.faces].exp()
+        assert near.read_bilinear(at, one).equal(maps.read_bilinear(at, same))
+        assert near.read_nearest(at, one).equal(maps.read_nearest(at, same))
+    say = near.log_view_weight[near.views.faces].exp()
     assert say[0] > 0.9
     assert (say.diff() < 0).all()
 
 
 def test_as_many_as_there_are_have_an_equal_say() -> None:
-    maps = shown_by_many()
-    assert maps.near(origin_at(2.0), TURNS) is maps
-    assert (maps.say == 0).all()
+    maps = maps_of_many()
+    assert maps.select_nearest_views(origin_at(2.0), TURNS) is maps
+    assert (maps.log_view_weight == 0).all()
 
 
 def test_a_head_that_does_not_turn_can_be_shown_by_any() -> None:
-    maps = shown_by_many()
+    maps = maps_of_many()
     maps.views.c2w[:, :, 3] = origin_at(5.0)
-    assert maps.near(origin_at(5.0), 2).say.equal(torch.zeros(3))
+    assert maps.select_nearest_views(origin_at(5.0), 2).log_view_weight.equal(torch.zeros(3))
 
 
 def test_nothing_jumps_where_one_reference_takes_the_place_of_another() -> None:
-    maps = shown_by_many()
+    maps = maps_of_many()
     model = presets.build(small_config()).eval()
     directions = F.normalize(torch.randn(200, 3) * 0.6 - origin_at(5.0), dim=-1)
-    told = torch.zeros(1, model.config.field.told_dim)
+    told = torch.zeros(1, model.config.field.cond_dim)
 
     def picture(turn: float) -> tuple[set[int], Tensor]:
         origins = origin_at(turn).expand(200, 3)
         frame = torch.zeros(200, dtype=torch.long)
-        looked = maps.near(origins[0], model.config.field.references).number.tolist()
+        looked = maps.select_nearest_views(
+            origins[0], model.config.field.references
+        ).number.tolist()
         with torch.no_grad():
-            return set(looked), render_rays(model, origins, directions, frame, told, maps).colour
+            rays = Rays(origins, directions, frame)
+            return set(looked), render_rays(model.volume(told, maps), rays).colour
 
     before, after, further = picture(4.999), picture(5.001), picture(5.1)
     assert before[0] != after[0]

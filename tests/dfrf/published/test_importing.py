@@ -6,7 +6,8 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor
 
-from dfrf.checkpoint import CheckpointError, load_model
+from dfrf.checkpoint import CheckpointError
+from dfrf.head_checkpoint import load_model
 from dfrf.published.importing import import_checkpoint
 from dfrf.published.model import PaperModel
 

@@ -9,16 +9,17 @@ import torch
 from torch import Tensor
 
 from dfrf.cameras import pixel_grid, pixel_rays
-from dfrf.checkpoint import CheckpointError, load_model, load_person, save_model, save_person
+from dfrf.checkpoint import CheckpointError
 from dfrf.config import TrainConfig
-from dfrf.data import OUTSIDE, Identity, neighbour_windows
+from dfrf.data import OUTSIDE, HeadDataset, neighbour_windows
+from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
 from dfrf.published import method as paper_method
 from dfrf.published.method import PaperMethod, bounds
 from dfrf.published.model import PaperConfig, PaperModel, ReferenceMaps, paper_loss
 from dfrf.registry import method_of
 from dfrf.training.fit import TrainingDivergedError, fit
 from dfrf.training.step import step_outcome
-from dfrf.training.validation import Validation, draw_exam
+from dfrf.training.validation import Validation, draw_held_out_rays
 from dfrf.workers import Workers
 from tests.dfrf.people import FOCAL, SIZE, person
 from tests.dfrf.runs import run_fit
@@ -112,7 +113,7 @@ def test_everything_learns_from_pictures_the_smoothing_and_the_warp_in_their_tur
         method = method_of(model)
         config = replace(CONFIG, iterations=9, coarse_iterations=6)
         shares = method.draw(person(), config, torch.Generator().manual_seed(0))
-        maps = method.encode(method.views(person(), REFERENCES["ellipsoid"]))
+        maps = method.encode(method.reference_views(person(), REFERENCES["ellipsoid"]))
         named = dict(model.named_parameters())
         with Workers(CPU, 1) as workers:
             done = step_outcome(method, shares, maps, config, step, [*named.values()], workers)
@@ -140,7 +141,7 @@ def test_the_gradient_is_that_of_equation_9_over_all_shares() -> None:
     someone, model = person(), made(config=replace(TINY, slot_noise=False))
     method = PaperMethod(model)
     shares = method.draw(someone, CONFIG, torch.Generator().manual_seed(3))
-    views = method.views(someone, REFERENCES["ellipsoid"])
+    views = method.reference_views(someone, REFERENCES["ellipsoid"])
     parameters: list[Tensor] = [p for _, p in model.named_parameters()]
     with Workers(CPU, 1) as workers:
         found = step_outcome(method, shares, method.encode(views), CONFIG, 5, parameters, workers)
@@ -210,7 +211,7 @@ def test_people_held_out_are_measured_by_what_the_model_says_of_their_rays() -> 
     assert [row[0] for row in validation.rows] == [2, 4]
     assert model.training
     method = PaperMethod(model)
-    exam = draw_exam(held, method, config)
+    exam = draw_held_out_rays(held, method, config)
     assert exam.psnr(method) == pytest.approx(validation.rows[1][1])
     assert exam.views is not None
     maps, one = method.maps(exam.views), int(exam.batch.frames[1])
@@ -248,7 +249,7 @@ def test_a_rendered_frame_is_what_the_model_says_of_all_its_pixels(
     someone, model = person(), made()
     monkeypatch.setattr(paper_method, "RAYS_AT_ONCE", 700)  # 2304 rays: the last part is shorter
     method = PaperMethod(model.train())
-    maps = method.maps(method.views(someone, REFERENCES["ellipsoid"]))
+    maps = method.maps(method.reference_views(someone, REFERENCES["ellipsoid"]))
     heard = neighbour_windows(someone.windows, someone.segment, torch.tensor([1, 4]))
     numbers = torch.tensor([1, 4])
     frames = list(
@@ -257,7 +258,7 @@ def test_a_rendered_frame_is_what_the_model_says_of_all_its_pixels(
             FOCAL,
             someone.centres[numbers],
             heard,
-            someone.upper[numbers],
+            someone.expression[numbers],
             maps,
             SIZE,
         )
@@ -289,7 +290,7 @@ def test_bounds_go_with_the_head() -> None:
 def test_references_are_whole_pictures_encoded_one_by_one() -> None:
     someone, model = person(), made()
     method = PaperMethod(model)
-    views = method.views(someone, REFERENCES["ellipsoid"])
+    views = method.reference_views(someone, REFERENCES["ellipsoid"])
     assert torch.equal(views.images, someone.images[REFERENCES["ellipsoid"]])
     maps = method.encode(views)
     assert isinstance(maps, ReferenceMaps)
@@ -305,7 +306,7 @@ def test_a_model_and_a_person_come_back_from_their_files(tmp_path: Path) -> None
     assert isinstance(base, PaperModel)
     assert (base.config, header["speech"]) == (TINY, "mel")
     method = PaperMethod(model)
-    views = method.views(someone, REFERENCES["ellipsoid"])
+    views = method.reference_views(someone, REFERENCES["ellipsoid"])
     save_person(tmp_path / "person.safetensors", model, views, {"steps": 3})
     again, kept, _ = load_person(tmp_path / "person.safetensors")
     assert kept is not None
@@ -318,7 +319,9 @@ def test_a_model_and_a_person_come_back_from_their_files(tmp_path: Path) -> None
 
 def test_a_loss_that_is_not_finite_stops_the_run() -> None:
     someone, model = person(), made()
-    bad = Identity(**{**someone.__dict__, "windows": torch.full_like(someone.windows, torch.nan)})
+    bad = HeadDataset(
+        **{**someone.__dict__, "windows": torch.full_like(someone.windows, torch.nan)}
+    )
     before = {name: value.clone() for name, value in model.state_dict().items()}
     with pytest.raises(TrainingDivergedError, match="10 steps"):
         fit(model, [bad], replace(CONFIG, iterations=20), references=REFERENCES, device="cpu")

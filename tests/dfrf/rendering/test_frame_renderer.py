@@ -8,12 +8,14 @@ import torch
 from dfrf import device
 from dfrf.cameras import pixel_rays
 from dfrf.data import cut_references, neighbour_windows
-from dfrf.field.model import REACH, FieldOutput, Model
+from dfrf.fast.method import FastMethod
+from dfrf.fast.model import FastModel
+from dfrf.field.conditioning import REACH
+from dfrf.field.field import FieldOutput
 from dfrf.rendering import volume_rendering as rendering
 from dfrf.rendering.frame_renderer import head_tiles, render_frame, tile_side
 from dfrf.rendering.ray_marching import PackedSamples, march
 from dfrf.rendering.volume_rendering import evaluate, render_rays
-from dfrf.training.fast_method import FastMethod
 from tests.dfrf.people import FOCAL, SIZE, person, shown
 
 
@@ -67,7 +69,7 @@ def test_a_frame_does_not_depend_on_the_frames_beside_it() -> None:
     someone = person()
     reached = torch.arange(-REACH, 3 + REACH).clamp(0, len(someone.windows) - 1)
     near = neighbour_windows(someone.windows, someone.segment, reached)
-    upper = someone.upper[:3]
+    upper = someone.expression[:3]
     cameras = (someone.c2w[:3], FOCAL, someone.centres[:3])
     together = list(FastMethod(model).frames(*cameras, near, upper, maps, SIZE))
     one = slice(1, 2)
@@ -98,7 +100,7 @@ def test_rays_looked_along_in_part_lose_next_to_nothing(monkeypatch: pytest.Monk
     assert side == 8  # so there are rays between
     looked: list[int] = []
 
-    def counted(field: Model, samples: PackedSamples, *rest: Any) -> FieldOutput:
+    def counted(field: FastModel, samples: PackedSamples, *rest: Any) -> FieldOutput:
         looked.append(len(samples.points))
         return evaluate(field, samples, *rest)
 

@@ -9,9 +9,9 @@ import torch.nn.functional as F
 from dfrf import presets
 from dfrf.cameras import pixel_rays
 from dfrf.data import cut_references
-from dfrf.field import eyelid_deformation as lids
-from dfrf.field.model import PRIOR_CENTRE, PRIOR_RADII, FieldOutput
-from dfrf.rendering import grid_pruning as carving
+from dfrf.field import eyelid_deformation
+from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII, FieldOutput
+from dfrf.rendering import grid_pruning as grid_pruning
 from dfrf.rendering.grid_pruning import carve
 from dfrf.rendering.volume_rendering import render_rays
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
@@ -56,20 +56,20 @@ def test_eyes_are_shut_in_every_second_frame_of_a_field_that_moves_lids(
     someone = person()
     asked: list[torch.Tensor] = []
     model = presets.build(small_config(references=references, use_warp=references > 0)).eval()
-    told = torch.randn(6, model.config.field.told_dim)
+    told = torch.randn(6, model.config.field.cond_dim)
 
-    real = carving.evaluate
+    real = grid_pruning.evaluate
 
     def note(*args: Any) -> FieldOutput:
         asked.append(args[4])
         return real(*args)
 
-    monkeypatch.setattr(carving, "evaluate", note)
+    monkeypatch.setattr(grid_pruning, "evaluate", note)
     with torch.no_grad():
         maps = None
         if references:
             maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
         carve(model, told, someone.c2w, maps, torch.Generator().manual_seed(0))
     first = model.config.field.code_dim
-    shut = [bool((codes[:, first:][:, lids.MEASURES] < -5).all()) for codes in asked]
+    shut = [bool((codes[:, first:][:, eyelid_deformation.MEASURES] < -5).all()) for codes in asked]
     assert shut == [bool(k % 2) and references > 0 for k in range(6)]

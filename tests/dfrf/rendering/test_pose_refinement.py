@@ -5,14 +5,14 @@ import torch
 from dfrf import presets
 from dfrf.cameras import pixel_grid
 from dfrf.data import cut_references
-from dfrf.field.model import Model
+from dfrf.fast.model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.frame_renderer import render_frame
-from dfrf.rendering.pose_refinement import STEPS, Sight, moved, normal_equations
+from dfrf.rendering.pose_refinement import STEPS, PoseObservation, moved, normal_equations
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 
 
-def shown() -> tuple[Model, ReferenceMaps]:
+def shown() -> tuple[FastModel, ReferenceMaps]:
     someone = person()
     torch.manual_seed(0)
     model = presets.build(small_config())
@@ -44,7 +44,7 @@ def test_steps_find_the_camera_that_a_picture_was_taken_with() -> None:
     inside = torch.zeros(SIZE, SIZE, dtype=torch.bool)
     inside[4:-4, 4:-4] = True
     pixels = pixel_grid(SIZE, SIZE)[inside]
-    sight = Sight(pixels, picture[inside], behind[inside], FOCAL, centre)
+    observation = PoseObservation(pixels, picture[inside], behind[inside], FOCAL, centre)
     wrong = torch.tensor([0.01, -0.02, 0.015, 0.02, -0.015, 0.03])
     camera = moved(true, wrong)
 
@@ -62,7 +62,7 @@ def test_steps_find_the_camera_that_a_picture_was_taken_with() -> None:
 
     before = off(camera)
     for _ in range(6):
-        left, right = normal_equations(model, sight, camera, told, maps)
+        left, right = normal_equations(model, observation, camera, told, maps)
         assert torch.linalg.eigvalsh(left).min() > -1e-4 * left.abs().max()
         camera = moved(camera, torch.linalg.solve(left + 1e-3 * torch.eye(6), right))
     assert before > 0.3
@@ -75,9 +75,9 @@ def test_what_the_head_does_not_explain_has_little_say() -> None:
     true, centre, told = someone.c2w[3], someone.centres[3], torch.zeros(70)
     pixels = pixel_grid(SIZE, SIZE)[10:30, 10:30].reshape(-1, 2)
     behind = torch.zeros(len(pixels), 3)
-    sight = Sight(pixels, torch.ones(len(pixels), 3) * 5, behind, FOCAL, centre)
-    left, right = normal_equations(model, sight, true, told, maps)
-    plain = Sight(pixels, torch.zeros(len(pixels), 3), behind, FOCAL, centre)
+    observation = PoseObservation(pixels, torch.ones(len(pixels), 3) * 5, behind, FOCAL, centre)
+    left, right = normal_equations(model, observation, true, told, maps)
+    plain = PoseObservation(pixels, torch.zeros(len(pixels), 3), behind, FOCAL, centre)
     usual, _ = normal_equations(model, plain, true, told, maps)
     assert left.diagonal().sum() < 1e-3 * usual.diagonal().sum()
     assert right.isfinite().all()
@@ -87,7 +87,7 @@ def test_a_frame_without_pixels_says_nothing() -> None:
     model, maps = shown()
     someone = person()
     none = torch.zeros(0, 2), torch.zeros(0, 3), torch.zeros(0, 3)
-    sight = Sight(*none, FOCAL, someone.centres[3])
-    left, right = normal_equations(model, sight, someone.c2w[3], torch.zeros(70), maps)
+    observation = PoseObservation(*none, FOCAL, someone.centres[3])
+    left, right = normal_equations(model, observation, someone.c2w[3], torch.zeros(70), maps)
     assert not left.any()
     assert not right.any()

@@ -14,12 +14,12 @@ from dfrf.data import cut_references
 from dfrf.field.reference_maps import ReferenceViews
 from dfrf.published.references import bilinear
 from dfrf.training import augmentation
-from dfrf.training.augmentation import Look, draw_look
-from dfrf.training.fast_method import FastShare, draw_shares
+from dfrf.training.augmentation import Augmentation, draw_augmentation
+from dfrf.training.ray_share import RayShare, draw_shares
 from tests.dfrf.people import SIZE, person, small_config
 from tests.dfrf.runs import run_fit
 
-PLAIN = Look(False, 1.0, torch.eye(3), 1.0, (0, 0, 0, 0))
+PLAIN = Augmentation(False, 1.0, torch.eye(3), 1.0, (0, 0, 0, 0))
 CONFIG = TrainConfig(rays=192, frames=4)
 POINTS = torch.tensor([[0.3, 0.2, 0.6], [-0.5, 0.4, 0.3], [0.1, -0.6, 0.5]])
 
@@ -39,7 +39,7 @@ def views() -> ReferenceViews:
 
 
 @pytest.fixture
-def share() -> FastShare:
+def share() -> RayShare:
     someone = person()
     known = torch.arange(someone.frames * 10.0).view(-1, 10)
     generator = torch.Generator().manual_seed(3)
@@ -76,7 +76,7 @@ def test_mirrored_rays_are_those_of_mirrored_pictures() -> None:
         someone.c2w,
         someone.focal,
         someone.centres,
-        someone.upper,
+        someone.expression,
         someone.eyes,
         1.0,
     )
@@ -93,24 +93,30 @@ def test_mirrored_rays_are_those_of_mirrored_pictures() -> None:
     assert column.max() < SIZE
 
 
-def test_a_mirrored_person_looks_the_other_way_and_says_the_same(share: FastShare) -> None:
-    told = replace(PLAIN, mirrored=True).of_share(share).told
-    assert torch.equal(told[:, :4], share.told[:, :4])
-    lids, brows, right, down = (share.told[:, 4:6], share.told[:, 6:8], *share.told[:, 8:].T)
-    expected = torch.cat([lids.flip(1), brows.flip(1), -right[:, None], down[:, None]], 1)
+def test_a_mirrored_person_looks_the_other_way_and_says_the_same(share: RayShare) -> None:
+    told = replace(PLAIN, mirrored=True).of_share(share).conditioning
+    assert torch.equal(told[:, :4], share.conditioning[:, :4])
+    lids, brows, right, down = (
+        share.conditioning[:, 4:6],
+        share.conditioning[:, 6:8],
+        *share.conditioning[:, 8:].T,
+    )
+    expected = torch.cat(
+        [eyelid_deformation.flip(1), brow_deformation.flip(1), -right[:, None], down[:, None]], 1
+    )
     assert torch.equal(told[:, 4:], expected)
 
 
-def test_rays_through_the_face_meet_its_mirrored_points(share: FastShare) -> None:
-    origins, directions, _, distance = share.surface
+def test_rays_through_the_face_meet_its_mirrored_points(share: RayShare) -> None:
+    rays, distance = share.surface.rays, share.surface.distance
     found = replace(PLAIN, mirrored=True).of_share(share).surface
-    met = found[0] + found[3][:, None] * found[1]
-    expected = augmentation.mirror(origins + distance[:, None] * directions)
+    met = found.rays.origins + found.distance[:, None] * found.rays.directions
+    expected = augmentation.mirror(rays.origins + distance[:, None] * rays.directions)
     torch.testing.assert_close(met, expected)
 
 
-def test_rays_and_references_are_in_the_same_light(views: ReferenceViews, share: FastShare) -> None:
-    look = draw_look(torch.Generator().manual_seed(1))
+def test_rays_and_references_are_in_the_same_light(views: ReferenceViews, share: RayShare) -> None:
+    look = draw_augmentation(torch.Generator().manual_seed(1))
     look = replace(PLAIN, gamma=look.gamma, mixing=look.mixing)
     assert not torch.allclose(look.mixing, torch.eye(3), atol=0.02)
     assert torch.equal(look.of_views(views).images, look.colour(views.images))
@@ -154,7 +160,7 @@ def test_what_is_cut_off_is_missing_and_the_rest_stays(views: ReferenceViews) ->
     )
 
 
-def test_the_plain_look_changes_nothing(views: ReferenceViews, share: FastShare) -> None:
+def test_the_plain_look_changes_nothing(views: ReferenceViews, share: RayShare) -> None:
     after = PLAIN.of_views(views)
     assert torch.equal(after.images, views.images)
     assert torch.equal(after.mattes, views.mattes)
@@ -163,8 +169,8 @@ def test_the_plain_look_changes_nothing(views: ReferenceViews, share: FastShare)
 
 def test_looks_are_drawn_from_the_generator_and_stay_within_bounds() -> None:
     first, second = (torch.Generator().manual_seed(5) for _ in range(2))
-    drawn = [draw_look(first) for _ in range(300)]
-    again = [draw_look(second) for _ in range(300)]
+    drawn = [draw_augmentation(first) for _ in range(300)]
+    again = [draw_augmentation(second) for _ in range(300)]
     assert all(
         torch.equal(a.mixing, b.mixing) and replace(a, mixing=b.mixing) == b
         for a, b in zip(drawn, again, strict=True)

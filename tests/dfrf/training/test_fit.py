@@ -11,9 +11,10 @@ import torch
 from dfrf import presets
 from dfrf.checkpoint import CheckpointError
 from dfrf.config import TrainConfig
-from dfrf.data import Identity
-from dfrf.field.model import Model
-from dfrf.training.fit import TrainingDivergedError, fit, learning_rate
+from dfrf.data import HeadDataset
+from dfrf.fast.method import FastMethod
+from dfrf.fast.model import FastModel
+from dfrf.training.fit import FitOptions, TrainingDivergedError, fit, learning_rate
 from tests.dfrf.people import person, small_config
 from tests.dfrf.runs import run_fit
 
@@ -23,7 +24,7 @@ CONFIG = TrainConfig(
 REFERENCES = {"ellipsoid": torch.tensor([0, 5])}
 
 
-def made(seed: int = 1) -> Model:
+def made(seed: int = 1) -> FastModel:
     torch.manual_seed(seed)
     return presets.build(small_config())
 
@@ -87,10 +88,12 @@ def test_a_loss_that_is_not_finite_stops_the_run() -> None:
 
 def test_one_bad_step_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     someone = person()
-    bad = Identity(**{**someone.__dict__, "windows": torch.full_like(someone.windows, torch.nan)})
+    bad = HeadDataset(
+        **{**someone.__dict__, "windows": torch.full_like(someone.windows, torch.nan)}
+    )
     model = made()
     before = {n: p.clone() for n, p in model.named_parameters()}
-    fit(model, [bad], CONFIG, references=REFERENCES, device="cpu")
+    fit(FastMethod(model), [bad], CONFIG, REFERENCES, FitOptions(device="cpu"))
     assert all(torch.equal(p, before[n]) for n, p in model.named_parameters())
 
 

@@ -5,22 +5,23 @@ from dataclasses import replace
 import torch
 
 from dfrf import presets
-from dfrf.data import Identity
-from dfrf.field.model import REACH, Model
-from dfrf.training.fast_method import FastMethod
+from dfrf.data import HeadDataset
+from dfrf.fast.method import FastMethod
+from dfrf.fast.model import FastModel
+from dfrf.field.conditioning import REACH
 from dfrf.training.lip_supervision import (
-    TEACHER,
-    context,
-    learn_lips,
-    lessons,
-    shown_codes,
-    shut_lips,
-    spoken_codes,
+    REGRESSION_SHARE,
+    closed_mouth_target,
+    dataset_codes,
+    lip_targets,
+    regression_input,
+    supervised_codes,
+    train_speech_networks,
 )
 from tests.dfrf.people import person, small_config
 
 
-def talking(seed: int, frames: int = 60) -> Identity:
+def talking(seed: int, frames: int = 60) -> HeadDataset:
     """Someone whose lips follow two features of the speech, and a third that is theirs alone."""
     someone = person(frames=frames, seed=seed)
     generator = torch.Generator().manual_seed(100 + seed)
@@ -34,19 +35,21 @@ def test_lip_measures_are_learned_from_the_sound_and_nothing_else_changes() -> N
     people = [talking(0), talking(1)]
     model = presets.build(small_config())
     before = {n: p.clone() for n, p in model.named_parameters()}
-    last = learn_lips(model, people, 300, torch.Generator().manual_seed(0))
+    last = train_speech_networks(
+        model.field.conditioning, people, 300, torch.Generator().manual_seed(0)
+    )
     assert last < 0.5
     changed = {
         n.split(".")[1] for n, p in model.named_parameters() if not torch.equal(p, before[n])
     }
     assert changed == {"audio", "attention", "lips"}
-    assert not any(p.requires_grad for p in model.field.audio.parameters())
+    assert not any(p.requires_grad for p in model.field.conditioning.audio.parameters())
 
 
 def test_what_only_one_person_does_is_not_taught_by_the_others() -> None:
     people = [talking(seed) for seed in range(4)]
-    for lesson, someone in zip(lessons(people), people, strict=True):
-        said = (lesson.lips - (1 - TEACHER) * someone.lips) / TEACHER
+    for target, someone in zip(lip_targets(people), people, strict=True):
+        said = (target.lips - (1 - REGRESSION_SHARE) * someone.lips) / REGRESSION_SHARE
         agreement = [
             float(torch.corrcoef(torch.stack([said[:, k], someone.lips[:, k]]))[0, 1])
             for k in (0, 1, 6)
@@ -57,13 +60,13 @@ def test_what_only_one_person_does_is_not_taught_by_the_others() -> None:
 
 def test_one_person_alone_teaches_themselves() -> None:
     someone = talking(0)
-    (lesson,) = lessons([someone])
-    assert torch.equal(lesson.lips, someone.lips)
+    (target,) = lip_targets([someone])
+    assert torch.equal(target.lips, someone.lips)
 
 
 def test_the_context_of_a_frame_is_its_window_and_what_lies_beside_it() -> None:
     someone = person(frames=12)
-    told = context(someone)
+    told = regression_input(someone)
     assert told.shape == (12, 10 * 8 + 1)
     window = someone.windows * 2 - 1
     own = torch.stack([window[6, 2 * k : 2 * k + 2].mean(0) for k in range(8)]).flatten()
@@ -75,14 +78,17 @@ def test_shown_codes_say_what_the_lips_did_with_the_spread_of_what_is_heard() ->
     someone = talking(0)
     someone = replace(someone, number=torch.tensor([3, 7, 20, 41, 42, 59]))
     model = presets.build(small_config())
-    learn_lips(model, [someone], 50, torch.Generator().manual_seed(0))
-    heard = model.field.lips(spoken_codes(model, someone))
-    shown = model.field.lips(shown_codes(model, someone))
+    train_speech_networks(model.field.conditioning, [someone], 50, torch.Generator().manual_seed(0))
+    heard = model.field.conditioning.lips(dataset_codes(model.field.conditioning, someone))
+    shown = model.field.conditioning.lips(supervised_codes(model.field.conditioning, someone))
     expected = (heard.mean(0) + heard.std(0) * someone.lips)[someone.number]
     torch.testing.assert_close(shown, expected, atol=1e-4, rtol=1e-4)
     # The shortest way: nothing but what the lips are read from has changed.
-    moved = shown_codes(model, someone) - spoken_codes(model, someone)[someone.number]
-    rows = model.field.lips.weight
+    moved = (
+        supervised_codes(model.field.conditioning, someone)
+        - dataset_codes(model.field.conditioning, someone)[someone.number]
+    )
+    rows = model.field.conditioning.lips.weight
     left = moved - moved @ torch.linalg.pinv(rows) @ rows
     assert moved.norm() > 0.1
     assert left.norm() < 1e-3 * moved.norm()
@@ -91,50 +97,65 @@ def test_shown_codes_say_what_the_lips_did_with_the_spread_of_what_is_heard() ->
 def test_different_sounds_have_different_codes_from_the_start() -> None:
     model = presets.build(small_config())
     windows = (torch.rand(32, 1, 1, 8) * 1.2).expand(32, 8, 16, 8)
-    codes = model.field.speech_codes(windows)
+    codes = model.field.conditioning.speech_codes(windows)
     assert codes.std(0).norm() > 0.3 * codes.mean(0).norm()
 
 
 def test_the_mouth_is_shut_where_nothing_is_heard_and_only_there() -> None:
     someone = talking(0)
     model = presets.build(small_config())
-    learn_lips(model, [someone], 50, torch.Generator().manual_seed(0))
-    shut = shut_lips(model, someone)
-    assert shut[0] < model.field.lips(spoken_codes(model, someone))[:, 0].mean()
-    model.field.shut.copy_(shut)
+    train_speech_networks(model.field.conditioning, [someone], 50, torch.Generator().manual_seed(0))
+    shut = closed_mouth_target(model.field.conditioning, someone)
+    assert (
+        shut[0]
+        < model.field.conditioning.lips(dataset_codes(model.field.conditioning, someone))[
+            :, 0
+        ].mean()
+    )
+    model.field.conditioning.closed_mouth_target.copy_(shut)
     windows = torch.rand(3 + 2 * REACH, 8, 16, 8) + 0.1
     windows[REACH + 1] = 0  # silence
     windows[REACH + 2, 4, 4:8] = 0  # speech ends within the middle half of the window
     upper = torch.zeros(3, 6)
-    codes, told = model.field.speech_codes(windows)[REACH:-REACH], model.field.told(windows, upper)
-    read = model.field.lips(told[:, :-6])
-    torch.testing.assert_close(read[0], model.field.lips(codes)[0], atol=1e-4, rtol=1e-4)
+    codes, told = (
+        model.field.conditioning.speech_codes(windows)[REACH:-REACH],
+        model.field.conditioning(windows, upper),
+    )
+    read = model.field.conditioning.lips(told[:, :-6])
+    torch.testing.assert_close(
+        read[0], model.field.conditioning.lips(codes)[0], atol=1e-4, rtol=1e-4
+    )
     torch.testing.assert_close(read[1], shut, atol=1e-4, rtol=1e-4)
-    half = (model.field.lips(codes)[2] + shut) / 2
+    half = (model.field.conditioning.lips(codes)[2] + shut) / 2
     torch.testing.assert_close(read[2], half, atol=1e-4, rtol=1e-4)
 
 
 def test_what_a_code_says_beside_the_lips_stays_near_what_was_learned() -> None:
     model = presets.build(small_config())
-    model.field.usual.copy_(torch.randn(model.field.usual.shape))
+    model.field.conditioning.mean_code.copy_(torch.randn(model.field.conditioning.mean_code.shape))
     windows, upper = torch.rand(5 + 2 * REACH, 8, 16, 8), torch.zeros(5, 6)
     with torch.no_grad():
-        codes = model.field.speech_codes(windows)[REACH:-REACH]
-        told = model.field.told(windows, upper)[:, :-6]
+        codes = model.field.conditioning.speech_codes(windows)[REACH:-REACH]
+        told = model.field.conditioning(windows, upper)[:, :-6]
         torch.testing.assert_close(
-            model.field.lips(told), model.field.lips(codes), atol=1e-4, rtol=1e-4
+            model.field.conditioning.lips(told),
+            model.field.conditioning.lips(codes),
+            atol=1e-4,
+            rtol=1e-4,
         )
-        rows = model.field.lips.weight
-        beside = torch.eye(len(model.field.usual)) - torch.linalg.pinv(rows) @ rows
-        away = (codes - model.field.usual) @ beside
+        rows = model.field.conditioning.lips.weight
+        beside = torch.eye(len(model.field.conditioning.mean_code)) - torch.linalg.pinv(rows) @ rows
+        away = (codes - model.field.conditioning.mean_code) @ beside
         torch.testing.assert_close(
-            (told - model.field.usual) @ beside, away / 2, atol=1e-4, rtol=1e-4
+            (told - model.field.conditioning.mean_code) @ beside, away / 2, atol=1e-4, rtol=1e-4
         )
 
 
 def test_a_finished_model_knows_the_usual_code() -> None:
     someone, config = person(frames=12), small_config()
-    model = Model(replace(config, field=replace(config.field, references=0, use_warp=False)))
+    model = FastModel(replace(config, field=replace(config.field, references=0, use_warp=False)))
     FastMethod(model).finish(someone, None, 0)
-    torch.testing.assert_close(model.field.usual, spoken_codes(model, someone).mean(0))
-    assert model.field.usual.norm() > 0
+    torch.testing.assert_close(
+        model.field.conditioning.mean_code, dataset_codes(model.field.conditioning, someone).mean(0)
+    )
+    assert model.field.conditioning.mean_code.norm() > 0

@@ -7,20 +7,23 @@ from torch import Tensor
 
 from dfrf import presets
 from dfrf.data import neighbour_windows
-from dfrf.field.model import REACH, Model
-from dfrf.training.lip_supervision import learn_lips, spoken_codes
-from dfrf.training.speaker_adaptation import beside, learn_manner
+from dfrf.fast.model import FastModel
+from dfrf.field.conditioning import REACH
+from dfrf.training.lip_supervision import dataset_codes, train_speech_networks
+from dfrf.training.speaker_adaptation import fit_speaker_adaptation, padded_neighbours
 from tests.dfrf.people import small_config
 from tests.dfrf.training.test_lip_supervision import talking
 
 
-def read_off(model: Model, windows: Tensor, segment: Tensor) -> Tensor:
+def read_off(model: FastModel, windows: Tensor, segment: Tensor) -> Tensor:
     """Lips (C, K) that the codes of a speaking person say."""
     count = len(windows)
     number = torch.arange(-REACH, count + REACH).clamp(0, count - 1)
-    told = model.field.told(neighbour_windows(windows, segment, number), torch.zeros(count, 6))
+    told = model.field.conditioning(
+        neighbour_windows(windows, segment, number), torch.zeros(count, 6)
+    )
     with torch.no_grad():
-        return model.field.lips(told[:, :-6])
+        return model.field.conditioning.lips(told[:, :-6])
 
 
 def agreement(one: Tensor, other: Tensor) -> list[float]:
@@ -32,7 +35,7 @@ def agreement(one: Tensor, other: Tensor) -> list[float]:
 
 def test_neighbours_stand_beside_a_frame_and_the_ends_go_on() -> None:
     said = torch.arange(10.0).view(5, 2)
-    near = beside(said)
+    near = padded_neighbours(said)
     assert near.shape == (5, 2 * (2 * REACH + 1))
     for frame in range(5):
         expected = [said[min(max(frame + k, 0), 4)] for k in range(-REACH, REACH + 1)]
@@ -41,21 +44,25 @@ def test_neighbours_stand_beside_a_frame_and_the_ends_go_on() -> None:
 
 def test_without_a_manner_codes_say_what_is_heard() -> None:
     model, someone = presets.build(small_config()), talking(0)
-    heard = model.field.lips(spoken_codes(model, someone))
+    heard = model.field.conditioning.lips(dataset_codes(model.field.conditioning, someone))
     said = read_off(model, someone.windows, someone.segment)
     torch.testing.assert_close(said, heard, atol=1e-4, rtol=1e-4)
 
 
 def test_a_person_who_answers_a_frame_late_and_mixes_measures_is_learned() -> None:
     model, someone = presets.build(small_config()), talking(0, frames=240)
-    learn_lips(model, [someone], 100, torch.Generator().manual_seed(0))
+    train_speech_networks(
+        model.field.conditioning, [someone], 100, torch.Generator().manual_seed(0)
+    )
     with torch.no_grad():
-        heard = model.field.lips(spoken_codes(model, someone))
+        heard = model.field.conditioning.lips(dataset_codes(model.field.conditioning, someone))
     late = heard.roll(2, 0) @ torch.randn(7, 7, generator=torch.Generator().manual_seed(3))
     lips = (late - late.mean(0)) / late.std(0)
     learned = replace(someone, lips=lips[:150], windows=someone.windows[:150])
     before = agreement(heard[150:], lips[150:])
-    learn_manner(model, replace(learned, segment=someone.segment[:150]))
+    fit_speaker_adaptation(
+        model.field.conditioning, replace(learned, segment=someone.segment[:150])
+    )
     said = read_off(model, someone.windows, someone.segment)
     after = agreement(said[150:], lips[150:])
     assert min(after) > 0.5

@@ -9,8 +9,11 @@ import torch
 from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data import cut_references
-from dfrf.training.fast_method import FastMethod, FastShare, draw_shares, matte_loss, share_outcome
-from dfrf.training.fit import fit
+from dfrf.fast.method import FastMethod
+from dfrf.fast.objective import share_outcome
+from dfrf.training.fit import FitOptions, fit
+from dfrf.training.ray_share import RayShare, draw_shares
+from dfrf.training.regularizers import matte_loss
 from dfrf.training.step import step_outcome
 from dfrf.workers import Workers
 from tests.dfrf.people import person, small_config
@@ -19,7 +22,7 @@ CPU = torch.device("cpu")
 CONFIG = TrainConfig(iterations=3, rays=192, frames=4, warmup=2, occupancy_every=2)
 
 
-def shares(count: int) -> list[FastShare]:
+def shares(count: int) -> list[RayShare]:
     generator = torch.Generator().manual_seed(0)
     known = torch.randn(6, 70, generator=generator)
     return draw_shares(person(), known, CONFIG, generator, count)
@@ -28,7 +31,7 @@ def shares(count: int) -> list[FastShare]:
 def test_shares_divide_the_rays_and_the_frames() -> None:
     dealt = shares(4)
     assert [s.batch.frame.numel() for s in dealt] == [48] * 4
-    assert [s.told.shape for s in dealt] == [(1, 70)] * 4
+    assert [s.conditioning.shape for s in dealt] == [(1, 70)] * 4
 
 
 def test_gradients_are_those_of_the_mean_loss_and_reach_the_reference_network() -> None:
@@ -79,7 +82,8 @@ def test_one_thread_and_four_give_the_same_model(
         model = presets.build(small_config())
         config = replace(CONFIG, learn_references_every=every)
         someone = person()
-        fit(model, [someone], config, references={someone.name: torch.tensor([0, 5])}, device="cpu")
+        references = {someone.name: torch.tensor([0, 5])}
+        fit(FastMethod(model), [someone], config, references, FitOptions(device="cpu"))
         trained.append(model.state_dict())
     for name, value in trained[0].items():
         assert torch.equal(value, trained[1][name]), name

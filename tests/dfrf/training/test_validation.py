@@ -9,11 +9,11 @@ import torch
 
 from dfrf import presets
 from dfrf.config import TrainConfig
-from dfrf.data import Identity
-from dfrf.field.model import Model
-from dfrf.training.fast_method import FastMethod
-from dfrf.training.fit import Curve
-from dfrf.training.validation import Exam, Validation, draw_exam
+from dfrf.data import HeadDataset
+from dfrf.fast.method import FastMethod
+from dfrf.fast.model import FastModel
+from dfrf.training.progress import Curve
+from dfrf.training.validation import HeldOutRays, Validation, draw_held_out_rays
 from tests.dfrf.people import person, small_config
 from tests.dfrf.runs import run_fit
 
@@ -22,7 +22,7 @@ CONFIG = TrainConfig(
 )
 
 
-def stranger() -> Identity:
+def stranger() -> HeadDataset:
     return replace(person(seed=1), name="stranger")
 
 
@@ -31,7 +31,7 @@ def run(
     config: TrainConfig = CONFIG,
     resume: Path | None = None,
     steps: int | None = None,
-) -> tuple[Model, Curve]:
+) -> tuple[FastModel, Curve]:
     torch.manual_seed(1)
     model = presets.build(small_config())
     curve = run_fit(model, config, resume, steps, validation=validation)
@@ -42,7 +42,7 @@ def run(
 def marks(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """PSNR that the measurements find, one after the other; to be filled in by the test."""
     given: list[float] = []
-    monkeypatch.setattr(Exam, "psnr", lambda *_: given.pop(0))
+    monkeypatch.setattr(HeldOutRays, "psnr", lambda *_: given.pop(0))
     return given
 
 
@@ -89,12 +89,12 @@ def test_a_resumed_run_keeps_the_same_best(
     tmp_path: Path, steps: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The best is the second of three, before or after the pause.
-    real = Exam.psnr
+    real = HeldOutRays.psnr
     plain, whole, first, second = (Validation([stranger()]) for _ in range(4))
     config = replace(CONFIG, iterations=6)
     run(plain, config)
     middle = plain.rows[1][1]
-    monkeypatch.setattr(Exam, "psnr", lambda *a: -abs(real(*a) - middle))
+    monkeypatch.setattr(HeldOutRays, "psnr", lambda *a: -abs(real(*a) - middle))
     expected, _ = run(whole, config)
     run(first, config, tmp_path, steps=steps)
     found, curve = run(second, config, tmp_path)
@@ -119,7 +119,7 @@ def test_a_run_that_is_over_is_not_gone_on_with(tmp_path: Path, marks: list[floa
 def test_an_exam_is_the_same_every_time_and_shows_none_of_its_answers() -> None:
     someone = person(frames=12)
     method = FastMethod(presets.build(small_config()))
-    first, second = (draw_exam(someone, method, CONFIG) for _ in range(2))
+    first, second = (draw_held_out_rays(someone, method, CONFIG) for _ in range(2))
     assert torch.equal(first.batch.origins, second.batch.origins)
     assert first.views is not None
     assert second.views is not None
@@ -133,8 +133,8 @@ def test_an_exam_compares_the_picture_with_the_background_behind_it() -> None:
     model = presets.build(small_config())
     model.grid.start_from(torch.zeros_like(model.grid.occupied))
     method = FastMethod(model)
-    method.known = {"stranger": torch.zeros(someone.frames, model.config.field.told_dim)}
-    exam = draw_exam(someone, method, CONFIG)
+    method.conditioning = {"stranger": torch.zeros(someone.frames, model.config.field.cond_dim)}
+    exam = draw_held_out_rays(someone, method, CONFIG)
     mse = float(((exam.batch.background - exam.batch.colour) ** 2).mean())
     assert exam.psnr(method) == pytest.approx(-10 * math.log10(mse))
 
@@ -144,5 +144,5 @@ def test_a_model_that_is_not_a_number_is_the_worst() -> None:
     with torch.no_grad():
         model.field.density.bias.fill_(float("nan"))
     someone, method = stranger(), FastMethod(model)
-    method.known = {"stranger": torch.zeros(someone.frames, model.config.field.told_dim)}
-    assert draw_exam(someone, method, CONFIG).psnr(method) == 0
+    method.conditioning = {"stranger": torch.zeros(someone.frames, model.config.field.cond_dim)}
+    assert draw_held_out_rays(someone, method, CONFIG).psnr(method) == 0

@@ -9,7 +9,7 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter1d
 
-from dfrf.data import EYES, HEAD, MIRRORED_UPPER, MOUTH, RIM
+from dfrf.data import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
 from dfrf.field.brow_deformation import EYE_DISTANCE
 from dfrf.field.eyelid_deformation import WHITE
 from dubbing.errors import TrainingError
@@ -98,7 +98,7 @@ def test_a_mirrored_face_has_the_mirrored_measures(clip: PreparedClip) -> None:
     mirrored = clip.landmarks.copy()
     mirrored[:, left], mirrored[:, right] = clip.landmarks[:, right], clip.landmarks[:, left]
     mirrored[..., 0] = clip.size - 1 - mirrored[..., 0]
-    order, signs = map(list, zip(*MIRRORED_UPPER, strict=True))
+    order, signs = map(list, zip(*MIRRORED_EXPRESSION, strict=True))
     found = upper_measures(replace(clip, landmarks=mirrored))
     np.testing.assert_allclose(found, upper_measures(clip)[:, order] * signs, atol=1e-3)
 
@@ -129,7 +129,7 @@ def test_sound_and_lips_of_every_frame_stand_beside_some_of_the_pictures(
     assert person.number.tolist() == [0, 4, 8]
     assert torch.equal(person.windows, torch.from_numpy(windows[1:10]))
     assert person.lips.shape == (9, 7)
-    assert person.upper.shape == (3, 6)
+    assert person.expression.shape == (3, 6)
 
 
 def test_rays_are_drawn_round_mouth_and_eyes_and_at_the_rim() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from dfrf.data import EYES, HEAD, Identity
+from dfrf.data import EYES, HEAD, HeadDataset
 from dubbing.face.mouth_shape import OUTER_LIP
 from dubbing.identity.reference_choice import choose_references, eye_sharpness, medoids, turns_far
 from dubbing.stages import finetune as finetuning
@@ -80,7 +80,7 @@ def test_frames_whose_eyes_are_not_seen_are_not_sharp() -> None:
     assert not eye_sharpness(replace(someone, regions=regions), np.arange(someone.frames)).any()
 
 
-def turned(degrees: float, nods: float = 0.0) -> Identity:
+def turned(degrees: float, nods: float = 0.0) -> HeadDataset:
     """A person who looks so far to one side and the other, and nods so far, in turn."""
     someone = person(frames=8)
     across = torch.deg2rad(torch.tensor([degrees, -degrees, 0, 0] * 2))

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfrf import checkpoint, presets
+from dfrf import head_checkpoint, presets
 from dubbing.lab import cross_driving, tiles
 from dubbing.lab.cross_driving import measure_dub, pictures, unlearned
 from dubbing.media import read_frames
@@ -56,7 +56,7 @@ def person(tmp_path: Path) -> Path:
     shape = np.concatenate([random.uniform(-0.8, 0.8, (478, 2)), np.zeros((478, 1))], 1)
     replace(clip, shape=shape).save()
     model = presets.build(small_config(references=0, use_warp=False))
-    checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
+    head_checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
     return tmp_path
 
 

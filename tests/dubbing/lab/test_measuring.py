@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfrf import checkpoint, presets
+from dfrf import head_checkpoint, presets
 from dfrf.metrics.lpips import Lpips
 from dubbing.lab import measuring, tiles
 from dubbing.lab.measuring import FrameFigures, held_out, mean_figures, measure
@@ -66,7 +66,7 @@ def person(tmp_path: Path) -> Path:
     marks = 4 + random.random((len(clip), 478, 2)) * 24
     replace(clip, landmarks=marks, shape=shape).save()
     model = presets.build(small_config(references=0, use_warp=False))
-    checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
+    head_checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
     return tmp_path
 
 

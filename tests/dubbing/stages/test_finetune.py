@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import torch
 
-from dfrf import checkpoint, presets
+from dfrf import head_checkpoint, presets
 from dfrf.config import TrainConfig
-from dfrf.field.model import Model
-from dfrf.training.fit import Progress
+from dfrf.fast.model import FastModel
+from dfrf.training.progress import Progress
 from dubbing.errors import CheckpointError
 from dubbing.speech import features
 from dubbing.stages import finetune as finetuning
@@ -26,13 +26,13 @@ RNN = FinetuneSettings(speech="rnn")
 def base(tmp_path: Path) -> Path:
     dim = features.features_by_name("rnn").dim
     model = presets.build(presets.model_config("fast", dim))
-    checkpoint.save_model(tmp_path / "base.safetensors", model, RNN.heard_with())
+    head_checkpoint.save_model(tmp_path / "base.safetensors", model, RNN.heard_with())
     return tmp_path / "base.safetensors"
 
 
 def test_a_base_starts_a_person_with_the_same_features(base: Path) -> None:
     model = init_from_base(base, RNN)
-    assert isinstance(model, Model)
+    assert isinstance(model, FastModel)
     assert model.config.field.speech_dim == features.features_by_name("rnn").dim
 
 

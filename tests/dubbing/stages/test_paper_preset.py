@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from dfrf import checkpoint, presets
+from dfrf import head_checkpoint, presets
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
 from dfrf.published import method as paper_method
 from dfrf.published.model import PaperConfig, PaperModel
@@ -70,7 +70,7 @@ dubs:
 
 def base_of(path: Path, config: ModelConfig | PaperConfig, speech: str = "mel") -> Path:
     torch.manual_seed(5)
-    checkpoint.save_model(path, presets.build(config), {"speech": speech})
+    head_checkpoint.save_model(path, presets.build(config), {"speech": speech})
     return path
 
 
@@ -108,7 +108,7 @@ def test_a_base_of_another_preset_is_a_mistake_in_the_manifest(folder: Path) -> 
 
 def test_a_base_gives_all_it_has_to_a_person(folder: Path) -> None:
     base = base_of(folder / "own.safetensors", replace(TINY, speech_dim=80))
-    kept, _ = checkpoint.load_model(base)
+    kept, _ = head_checkpoint.load_model(base)
     model = init_from_base(base, PAPER)
     assert all(torch.equal(v, kept.state_dict()[n]) for n, v in model.state_dict().items())
     with pytest.raises(CheckpointError, match="'mel' speech, asked for 'rnn'"):
@@ -118,7 +118,7 @@ def test_a_base_gives_all_it_has_to_a_person(folder: Path) -> None:
 def test_an_imported_base_gives_all_but_the_layer_that_hears_deepspeech(folder: Path) -> None:
     config = replace(TINY, speech_dim=29)
     base = base_of(folder / "imported.safetensors", config, PUBLISHED_SPEECH)
-    kept = checkpoint.load_model(base)[0].state_dict()
+    kept = head_checkpoint.load_model(base)[0].state_dict()
     model = init_from_base(base, PAPER).state_dict()
     other = {n for n in kept if kept[n].shape != model[n].shape or not kept[n].equal(model[n])}
     assert other == {"audio.convolutions.0.weight"}
@@ -151,8 +151,8 @@ def test_a_person_is_learned_resumed_and_rendered(
         finetune(clip, again, **asked, progress=stop)  # type: ignore[arg-type]
     assert (again / "resume").is_dir()
     finetune(clip, again, **asked)  # type: ignore[arg-type]
-    one, views, header = checkpoint.load_person(out / MODEL_FILE)
-    other, _, _ = checkpoint.load_person(again / MODEL_FILE)
+    one, views, header = head_checkpoint.load_person(out / MODEL_FILE)
+    other, _, _ = head_checkpoint.load_person(again / MODEL_FILE)
     assert isinstance(one, PaperModel)
     for name, value in one.state_dict().items():
         assert torch.equal(value, other.state_dict()[name]), name

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from dfrf import presets
-from dfrf.field.model import Model
+from dfrf.fast.model import FastModel
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.pose_refinement import moved
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
@@ -31,7 +31,7 @@ def landmarks() -> np.ndarray:
     return points
 
 
-def filmed(model: Model, folder: Path, count: int) -> PreparedClip:
+def filmed(model: FastModel, folder: Path, count: int) -> PreparedClip:
     """A prepared clip of a model of references 0, with the poses it was rendered at."""
     fill = np.full((SIZE, SIZE, 3), GREY, np.uint8)
     c2w = torch.eye(3, 4).repeat(count, 1, 1)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfrf import checkpoint, presets
-from dfrf.training.fast_method import FastMethod
+from dfrf import head_checkpoint, presets
+from dfrf.fast.method import FastMethod
 from dubbing.media import VideoWriter, read_frames
 from dubbing.stages import render as heads
 from tests.dfrf.people import small_config
@@ -28,7 +28,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     random = np.random.default_rng(0)
     replace(clip, landmarks=random.random((count, 478, 2)) * 32).save()
     model = presets.build(small_config(references=0, use_warp=False))
-    checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
+    head_checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
     windows = random.random((count, 16, 8)).astype(np.float32)
     asked: list[tuple[int, int]] = []
 

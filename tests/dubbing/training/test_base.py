@@ -10,13 +10,13 @@ import pytest
 import torch
 
 from dfrf import presets
-from dfrf.checkpoint import load_model
 from dfrf.config import TrainConfig
-from dfrf.data import Identity
-from dfrf.head_model import HeadModel
+from dfrf.data import HeadDataset
+from dfrf.head_checkpoint import load_model
+from dfrf.method import Method
 from dfrf.training import fit as training
-from dfrf.training.fit import Curve
-from dfrf.training.validation import Exam
+from dfrf.training.progress import Curve
+from dfrf.training.validation import HeldOutRays
 from dubbing.errors import CheckpointError, DubbingError
 from dubbing.manifest.manifest import Manifest, load
 from dubbing.training import base as basetraining
@@ -43,15 +43,17 @@ def manifest(tmp_path: Path) -> Manifest:
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Tiny people and a tiny model."""
 
-    def load_person(_: Manifest, name: str, *__: object) -> Identity:
+    def load_person(_: Manifest, name: str, *__: object) -> HeadDataset:
         return replace(person(seed=NAMES.index(name)), name=name)
 
     marks = iter(PSNR)
     config = TrainConfig(rays=96, frames=2, checkpoint_every=2, patience=2, augment=True)
-    monkeypatch.setattr(presets, "BASE_TRAINING", config)
+    fast = presets.PRESETS["fast"]
+    trained = replace(fast, trainings=replace(fast.trainings, base=config))
+    monkeypatch.setitem(presets.PRESETS, "fast", trained)
     monkeypatch.setattr(basetraining, "load_person", load_person)
     monkeypatch.setattr(basetraining, "init_from_base", lambda *_: presets.build(small_config()))
-    monkeypatch.setattr(Exam, "psnr", lambda *_: next(marks))
+    monkeypatch.setattr(HeldOutRays, "psnr", lambda *_: next(marks))
 
 
 @pytest.mark.usefixtures("small")
@@ -61,10 +63,11 @@ def test_the_model_that_serves_who_is_held_out_best_is_written(
     best: dict[str, torch.Tensor] = {}
     last: dict[str, torch.Tensor] = {}
 
-    def fit(model: HeadModel, *arguments: Any, **named: Any) -> Curve:
-        curve = training.fit(model, *arguments, **named)
-        best.update(named["validation"].best)
-        last.update({name: value.clone() for name, value in model.state_dict().items()})
+    def fit(method: Method[Any, Any], *arguments: Any, options: training.FitOptions) -> Curve:
+        curve = training.fit(method, *arguments, options=options)
+        assert options.validation is not None
+        best.update(options.validation.best)
+        last.update({name: v.clone() for name, v in method.model.state_dict().items()})
         return curve
 
     monkeypatch.setattr(basetraining, "fit", fit)

@@ -12,10 +12,11 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, Self, TypeVar
 
 import torch
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.data import Identity, RayBatch
+from dfrf.data import HeadDataset, RayBatch
 from dfrf.field.reference_maps import ReferenceViews
 from dfrf.head_model import HeadModel
 
@@ -40,22 +41,43 @@ class Maps(Protocol):
 
 
 @dataclass(frozen=True)
-class Outcome:
+class StepOutcome:
     """What a step, or a share of one, came to.
 
     Attributes:
         loss, mse: scalars.
         gradients: of the loss, one for each tensor asked for; None where it takes no part.
-        points, weights: (M, 3) and (M,) samples and their rendering weights, head frame.
+        points, weights: samples and their rendering weights, head frame.
         rays: B.
     """
 
-    loss: Tensor
-    mse: Tensor
+    loss: Float[Tensor, ""]
+    mse: Float[Tensor, ""]
     gradients: list[Tensor | None]
-    points: Tensor
-    weights: Tensor
+    points: Float[Tensor, "M 3"]
+    weights: Float[Tensor, " M"]
     rays: int
+
+
+@dataclass(frozen=True)
+class FrameInputs:
+    """What the heads of T frames in a row are rendered from.
+
+    Attributes:
+        c2w: cameras.
+        focal: pixels.
+        centres: principal points, (column, row).
+        windows: speech windows of each frame's neighbours, of P = T + 2 reach frames.
+        expression: measures of the upper face.
+        size: S.
+    """
+
+    c2w: Float[Tensor, "T 3 4"]
+    focal: float
+    centres: Float[Tensor, "T 2"]
+    windows: Float[Tensor, "P 8 W D"]
+    expression: Float[Tensor, "T U"]
+    size: int
 
 
 ShareT = TypeVar("ShareT", bound=Share)
@@ -66,12 +88,12 @@ class Method(ABC, Generic[ShareT, MapsT]):
     """How a model of one kind looks at references, learns, and renders.
 
     Attributes:
-        side_by_side: shares of a step that are worked on at once, at most.
+        parallel_shares: shares of a step that are worked on at once, at most.
         segment: frames that are rendered before they are kept: what a kill costs at most.
-        reach: frames before and after those to render whose speech is asked for too.
+        reach: frames before and after those to render whose speech is needed too.
     """
 
-    side_by_side: int
+    parallel_shares: int
     segment: int
     reach: int
 
@@ -86,109 +108,98 @@ class Method(ABC, Generic[ShareT, MapsT]):
         """Number N of reference frames; 0 for a model without references."""
 
     @property
-    def shown(self) -> int:
-        """Number of frames that a person can be shown by, to choose N from for every view."""
+    def reference_pool_size(self) -> int:
+        """Number of reference views of a person, to choose N from for every view."""
         return self.references
 
     @abstractmethod
-    def views(
-        self, person: Identity, frames: Tensor, asked: Tensor | None = None
+    def reference_views(
+        self, dataset: HeadDataset, frames: Int[Tensor, " N"], exclude: Tensor | None = None
     ) -> ReferenceViews:
-        """Reference views of frames (N,) of a person.
+        """Reference views of frames of a person.
 
         Args:
-            asked: frames that the model is to be asked of, which none may be added from.
+            dataset: of the person.
+            frames: which to take.
+            exclude: frames that are rendered from these references, of which none may be added.
         """
 
     @abstractmethod
     def encode(self, views: ReferenceViews) -> MapsT:
         """Features of references on the model's device, with a gradient to their network."""
 
-    @abstractmethod
     def stored(self, maps: MapsT) -> MapsT:
         """Features that are read again and again, as they are kept."""
+        return maps
 
     @torch.no_grad()
     def maps(self, views: ReferenceViews) -> MapsT:
         """Features of references while their network rests."""
         return self.stored(self.encode(views.to(self.model.device)))
 
-    @abstractmethod
     def learns(self, name: str, config: TrainConfig) -> bool:
-        """Whether pictures teach the parameter of that name."""
+        """Whether pictures teach the parameter of that name: all of them do."""
+        return True
 
-    @abstractmethod
     def begin(
         self,
-        people: Sequence[Identity],
-        held: Sequence[Identity],
+        datasets: Sequence[HeadDataset],
+        held: Sequence[HeadDataset],
         config: TrainConfig,
         generator: torch.Generator,
         resumed: bool,
     ) -> None:
-        """What precedes the first step of a run; less of it where a run is resumed.
+        """What precedes the first step of a run: nothing; less of it where a run is resumed.
 
         Args:
-            people: who is learned from.
-            held: who is held out.
+            datasets: of the people who are learned from.
+            held: of those held out.
+            config: settings.
+            generator: of everything drawn.
+            resumed: whether the run goes on from a state.
         """
 
     @abstractmethod
-    def draw(
-        self, person: Identity, config: TrainConfig, generator: torch.Generator
+    def draw_shares(
+        self, dataset: HeadDataset, config: TrainConfig, generator: torch.Generator
     ) -> list[ShareT]:
         """Shares of a step's rays, alike in size, on the model's device."""
 
     @abstractmethod
-    def outcome(
+    def share_outcome(
         self,
         share: ShareT,
         maps: MapsT | None,
         config: TrainConfig,
         step: int,
         wanted: Sequence[Tensor],
-    ) -> Outcome:
+    ) -> StepOutcome:
         """Loss of equation (9) over a share, and its gradients for the tensors wanted.
 
         Called by threads at once: everything random has been drawn before.
         """
 
     @abstractmethod
-    def picture(self, person: Identity, batch: RayBatch, maps: MapsT | None) -> Tensor:
-        """Colours (B, 3) of rays of a person over the background, as the model is; no gradient."""
+    def render_batch(
+        self, dataset: HeadDataset, batch: RayBatch, maps: MapsT | None
+    ) -> Float[Tensor, "B 3"]:
+        """Colours of rays of a person over the background, as the model is; no gradient."""
+
+    def after_update(self, outcome: StepOutcome) -> None:
+        """What follows a step whose loss was finite: nothing."""
+
+    def after_step(self, step: int, config: TrainConfig) -> None:
+        """What follows every step: nothing."""
+
+    def finish(self, dataset: HeadDataset, views: ReferenceViews | None, seed: int) -> None:
+        """What follows the last step of a fine-tune: nothing."""
 
     @abstractmethod
-    def learned(self, done: Outcome) -> None:
-        """Takes note of a step whose loss was finite."""
-
-    @abstractmethod
-    def stepped(self, step: int, config: TrainConfig) -> None:
-        """What follows every step."""
-
-    @abstractmethod
-    def finish(self, person: Identity, views: ReferenceViews | None, seed: int) -> None:
-        """What follows the last step of a fine-tune."""
-
-    @abstractmethod
-    def frames(
-        self,
-        c2w: Tensor,
-        focal: float,
-        centres: Tensor,
-        windows: Tensor,
-        upper: Tensor,
-        maps: MapsT | None,
-        size: int,
-    ) -> Iterator[tuple[Tensor, Tensor]]:
+    def render_frames(
+        self, inputs: FrameInputs, maps: MapsT | None
+    ) -> Iterator[tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]]:
         """Heads of frames, in their order.
 
-        Args:
-            c2w: (T, 3, 4); focal in pixels; centres (T, 2).
-            windows: (T + 2 reach, 8, 16, D) speech windows of each frame's neighbours.
-            upper: (T, U) measures of the upper face.
-            maps: reference features.
-            size: S.
-
         Yields:
-            Premultiplied colour (S, S, 3) in 0..1 and opacity (S, S).
+            Premultiplied colour in 0..1, and opacity.
         """

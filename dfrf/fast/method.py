@@ -1,0 +1,199 @@
+"""How the `fast` model and its ablations learn and render: rays through occupied cells.
+
+T frames, S the picture's side in pixels, K numbers of conditioning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from dfrf import device as devices
+from dfrf.cameras import Camera
+from dfrf.config import TrainConfig
+from dfrf.data import HeadDataset, RayBatch, cut_references
+from dfrf.fast.model import FastModel
+from dfrf.fast.objective import share_outcome
+from dfrf.field import brow_deformation, eyelid_deformation
+from dfrf.field.conditioning import REACH
+from dfrf.field.field import ConditionedField
+from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
+from dfrf.image import unsharp
+from dfrf.method import FrameInputs, Method, StepOutcome
+from dfrf.rendering.frame_renderer import render_frame
+from dfrf.rendering.grid_pruning import prune_grid
+from dfrf.rendering.volume_rendering import render_rays
+from dfrf.training.lip_supervision import (
+    closed_mouth_target,
+    dataset_codes,
+    supervised_codes,
+    train_speech_networks,
+)
+from dfrf.training.ray_share import RayShare, draw_shares
+from dfrf.training.speaker_adaptation import fit_speaker_adaptation
+from dfrf.workers import Workers
+
+SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
+FRAMES_AT_ONCE = 8
+
+
+def training_conditioning(
+    model: FastModel, datasets: Sequence[HeadDataset]
+) -> dict[str, Float[Tensor, "T K"]]:
+    """Conditioning of every picture of each person, by name: codes say what the lips really did."""
+    device, config = model.device, model.config.field
+    if config.use_speech:
+        codes = {d.name: supervised_codes(model.field.conditioning, d) for d in datasets}
+    else:
+        codes = {d.name: torch.zeros(d.frames, config.code_dim) for d in datasets}
+    return {
+        d.name: torch.cat([codes[d.name].to(device), d.expression.to(device)], -1) for d in datasets
+    }
+
+
+def prune(
+    model: FastModel,
+    conditioning: Float[Tensor, "T K"],
+    c2w: Float[Tensor, "T 3 4"],
+    maps: ReferenceMaps | None,
+    generator: torch.Generator,
+) -> None:
+    """Closes the cells in which the model shows nothing, in any of these frames.
+
+    In every second one the eyes are closed: closed lids lie where open eyes have nothing, and
+    blinks are rare. A field without references does not move lids, and never knew them so closed.
+    """
+    closed = conditioning
+    if maps is not None:
+        closed = eyelid_deformation.with_closed_eyes(conditioning, model.config.field.code_dim)
+
+    def field_of(turn: int, frame: int) -> ConditionedField:
+        rows = closed if turn % 2 else conditioning
+        return ConditionedField(model.field, rows[frame : frame + 1], maps)
+
+    prune_grid(model.grid, model.config.march.step, field_of, c2w, generator)
+
+
+class FastMethod(Method[RayShare, ReferenceMaps]):
+    """The field that knows where it is, and learns speech from lip measures.
+
+    Attributes:
+        conditioning: of every frame of each person of a run, by name.
+    """
+
+    parallel_shares = SHARES
+    segment = 50
+    reach = REACH
+
+    def __init__(self, model: FastModel) -> None:
+        self._model = model
+        self.conditioning: dict[str, Tensor] = {}
+
+    @property
+    def model(self) -> FastModel:
+        return self._model
+
+    @property
+    def references(self) -> int:
+        return self.model.config.field.references
+
+    @property
+    def reference_pool_size(self) -> int:
+        return self.model.config.field.reference_pool_size if self.references else 0
+
+    def reference_views(
+        self, dataset: HeadDataset, frames: Int[Tensor, " N"], exclude: Tensor | None = None
+    ) -> ReferenceViews:
+        return cut_references(dataset, frames, exclude)
+
+    def encode(self, views: ReferenceViews) -> ReferenceMaps:
+        maps: ReferenceMaps = self.model.field.encoder(views)
+        return maps
+
+    def stored(self, maps: ReferenceMaps) -> ReferenceMaps:
+        return maps.as_type(devices.table_type(maps.table.device))
+
+    def learns(self, name: str, config: TrainConfig) -> bool:
+        """Not the speech networks, which learn from lips; the CNN where `config` says so."""
+        if name.startswith("field.conditioning."):
+            return False
+        return config.learn_references_every > 0 or not name.startswith("field.encoder.")
+
+    def begin(
+        self,
+        datasets: Sequence[HeadDataset],
+        held: Sequence[HeadDataset],
+        config: TrainConfig,
+        generator: torch.Generator,
+        resumed: bool,
+    ) -> None:
+        if not resumed and config.lip_iterations and self.model.config.field.use_speech:
+            train_speech_networks(
+                self.model.field.conditioning, datasets, config.lip_iterations, generator
+            )
+        self.conditioning = training_conditioning(self.model, [*datasets, *held])
+
+    def draw_shares(
+        self, dataset: HeadDataset, config: TrainConfig, generator: torch.Generator
+    ) -> list[RayShare]:
+        return draw_shares(dataset, self.conditioning[dataset.name], config, generator, SHARES)
+
+    def share_outcome(
+        self,
+        share: RayShare,
+        maps: ReferenceMaps | None,
+        config: TrainConfig,
+        step: int,
+        wanted: Sequence[Tensor],
+    ) -> StepOutcome:
+        warp = step >= config.coarse_iterations
+        return share_outcome(self.model, share, maps, config, warp, wanted)
+
+    @torch.no_grad()
+    def render_batch(
+        self, dataset: HeadDataset, batch: RayBatch, maps: ReferenceMaps | None
+    ) -> Float[Tensor, "B 3"]:
+        known = self.conditioning[dataset.name]
+        volume = self.model.volume(known[batch.frames.to(known.device)], maps)
+        return render_rays(volume, batch.rays).over(batch.background)
+
+    def after_update(self, outcome: StepOutcome) -> None:
+        self.model.grid.observe(outcome.points, outcome.weights)
+
+    def after_step(self, step: int, config: TrainConfig) -> None:
+        if (step + 1) % config.occupancy_every == 0:
+            self.model.grid.refresh()
+
+    def finish(self, dataset: HeadDataset, views: ReferenceViews | None, seed: int) -> None:
+        """Sets what is the person's own in the conditioning; closes cells that show nothing."""
+        model, own = self.model, self.model.field.conditioning
+        if model.config.field.use_speech:
+            fit_speaker_adaptation(own, dataset)
+            own.closed_mouth_target.copy_(closed_mouth_target(own, dataset))
+            own.mean_code.copy_(dataset_codes(own, dataset).mean(0))
+        brows = dataset.expression[:, brow_deformation.MEASURES]
+        own.brow_range.copy_(brow_deformation.brow_range(brows))
+        maps = None if views is None else self.maps(views)
+        conditioning = training_conditioning(model, [dataset])[dataset.name]
+        generator = torch.Generator().manual_seed(seed)
+        prune(model.eval(), conditioning, dataset.c2w, maps, generator)
+
+    def render_frames(
+        self, inputs: FrameInputs, maps: ReferenceMaps | None
+    ) -> Iterator[tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]]:
+        """On a CPU as many at once as there are cores."""
+        with torch.no_grad():
+            field = self.model.eval().field
+            conditioning = field.conditioning(inputs.windows, inputs.expression)
+        model = self.model.rounded()
+
+        def one(t: int) -> tuple[Tensor, Tensor]:
+            camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)
+            colour, opacity = render_frame(model.volume(conditioning[t : t + 1], maps), camera)
+            return unsharp(colour, opacity), opacity
+
+        with Workers(inputs.c2w.device, FRAMES_AT_ONCE) as workers:
+            yield from workers.map(one, range(inputs.c2w.shape[0]))

@@ -1,0 +1,124 @@
+"""What the field is conditioned on in each frame: the speech code and the upper face.
+
+The code is that of the sound, moved to where the lips of this person are read off it. F frames in
+a row, D speech features, A numbers of a code, L lip measures, U measures of the upper face.
+"""
+
+from __future__ import annotations
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from dfrf.config import FieldConfig
+from dfrf.field import brow_deformation
+from dfrf.field.audio import LEAK, AudioAttNet, AudioNet
+
+LIP_MEASURES = 7
+REACH = 3  # frames to each side whose lips count for a frame's, see `speaker_adaptation`
+OWN = slice(REACH * LIP_MEASURES, (REACH + 1) * LIP_MEASURES)  # the frame's own in such a row
+# How far from the mean a code goes where no lips are read off it. Fifteen seconds show few codes:
+# one unlike all of them drew specks beside the lips, though nothing unusual was said.
+BESIDE_LIPS = 0.5
+
+
+def rows_of_neighbours(lips: Float[Tensor, "P L"]) -> Float[Tensor, "F RL"]:
+    """Measures of P = F + 2 REACH frames in a row: each frame's with REACH to each side.
+
+    Returns:
+        RL = (2 REACH + 1) L numbers a frame, the earliest first.
+    """
+    return lips.unfold(0, 2 * REACH + 1, 1).mT.flatten(1)
+
+
+def silence(windows: Float[Tensor, "F W D"]) -> Float[Tensor, "F 1"]:
+    """Share of the middle half of each window in which nothing is heard: all features are 0."""
+    quarter = windows.shape[1] // 4
+    unheard = (windows[:, quarter:-quarter] == 0).all(-1)
+    return unheard.to(windows.dtype).mean(1, keepdim=True)
+
+
+class Conditioning(nn.Module):
+    """From speech windows and the upper face to K = A + U numbers a frame.
+
+    Attributes:
+        brow_range: least and most that each brow is up in a picture.
+        closed_mouth_target: what is read off the code where the person's mouth is closed.
+        mean_code: of the frames the person was learned from.
+        lips: reads lip measures off the code; pictures do not use it.
+        speaker_adaptation: what the lips do where a frame and its neighbours say so much; at first,
+            just that.
+    """
+
+    brow_range: Float[Tensor, "2 2"]
+    closed_mouth_target: Float[Tensor, " L"]
+    mean_code: Float[Tensor, " A"]
+
+    def __init__(self, config: FieldConfig) -> None:
+        super().__init__()
+        self.config = config
+        self.register_buffer("brow_range", torch.tensor([[-torch.inf] * 2, [torch.inf] * 2]))
+        if not config.use_speech:
+            return
+        self.audio = AudioNet(config.speech_dim, config.code_dim)
+        self.attention = AudioAttNet()
+        self.lips = nn.Linear(config.code_dim, LIP_MEASURES)
+        self.register_buffer("closed_mouth_target", torch.zeros(LIP_MEASURES))
+        self.register_buffer("mean_code", torch.zeros(config.code_dim))
+        self.speaker_adaptation = nn.Linear((2 * REACH + 1) * LIP_MEASURES, LIP_MEASURES)
+        nn.init.zeros_(self.speaker_adaptation.bias)
+        nn.init.zeros_(self.speaker_adaptation.weight)
+        nn.init.eye_(self.speaker_adaptation.weight[:, OWN])
+        for layer in self.audio.modules():
+            if isinstance(layer, nn.Conv1d | nn.Linear) and layer.bias is not None:
+                # The default start gives the same code for every sound.
+                nn.init.kaiming_normal_(layer.weight, a=LEAK)
+                nn.init.zeros_(layer.bias)
+
+    def speech_codes(self, windows: Float[Tensor, "F 8 W D"]) -> Float[Tensor, "F A"]:
+        """The code A of each frame from the windows of its neighbours."""
+        if not self.config.use_speech:
+            return windows.new_zeros(windows.shape[0], self.config.code_dim)
+        frames, neighbours = windows.shape[:2]
+        # Features are 0 in silence and about 1 in speech: centred, a network learns from both.
+        codes = self.audio(windows.flatten(0, 1) * 2 - 1).view(frames, neighbours, -1)
+        return self.attention(codes)
+
+    def project_to_lips(
+        self, codes: Float[Tensor, "F A"], lips: Float[Tensor, "*B L"]
+    ) -> Float[Tensor, "F A"]:
+        """Codes moved by the shortest way to where the lip measures are read off."""
+        return codes + (lips - self.lips(codes)) @ torch.linalg.pinv(self.lips.weight).T
+
+    def adapted_codes(self, windows: Float[Tensor, "P 8 W D"]) -> Float[Tensor, "F A"]:
+        """Codes of F frames as this person speaks; P = F + 2 REACH."""
+        codes = self.speech_codes(windows)
+        lips = self.speaker_adaptation(rows_of_neighbours(self.lips(codes)))
+        own = slice(REACH, REACH + len(lips))
+        codes = self.project_to_lips(
+            self.mean_code + BESIDE_LIPS * (codes[own] - self.mean_code), lips
+        )
+        heard = windows[own]
+        silent = silence(heard[:, heard.shape[1] // 2]).to(codes.dtype)
+        closed = self.project_to_lips(codes, self.closed_mouth_target)
+        return codes + silent * (closed - codes)
+
+    def forward(
+        self, windows: Float[Tensor, "P 8 W D"], expression: Float[Tensor, "F U"]
+    ) -> Float[Tensor, "F K"]:
+        """Conditioning of F frames in a row when their person speaks; P = F + 2 REACH.
+
+        Where nothing is heard, features are 0 and the mouth is closed.
+
+        Args:
+            windows: of these frames and of those beside them.
+            expression: measures of the upper face.
+        """
+        if self.config.use_speech:
+            codes = self.adapted_codes(windows)
+        else:
+            codes = self.speech_codes(windows)[: len(expression)]
+        expression = expression.clone()
+        brows = expression[:, brow_deformation.MEASURES]
+        expression[:, brow_deformation.MEASURES] = brows.clamp(*self.brow_range)
+        return torch.cat([codes, expression], -1)

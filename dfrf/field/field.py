@@ -1,0 +1,251 @@
+"""The radiance field of the `fast` preset: equation (7), and the references that feed it.
+
+M points, N references, F frames in a batch, C feature channels, K numbers of conditioning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float, Int
+from torch import Tensor, nn
+
+from dfrf import device as devices
+from dfrf.config import FieldConfig
+from dfrf.encodings import encoded_size, frequency_encoding
+from dfrf.field import brow_deformation, eyelid_deformation
+from dfrf.field.aggregation import Aggregation
+from dfrf.field.conditioning import Conditioning
+from dfrf.field.query import FieldQuery, per_point
+from dfrf.field.reference_encoder import COLOUR, ReferenceEncoder
+from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.field.warp import Warp, warped
+
+# The density's prior: an ellipsoid, head units.
+PRIOR_CENTRE = (0.0, 0.1, -0.05)
+PRIOR_RADII = (0.85, 1.25, 1.05)
+PRIOR_SLOPE = 20.0
+PRIOR_SKIN = 0.9  # of the radii
+DENSITY_SCALE = 25.0
+
+# F~ of M points, the colour that the references blend to, and the warp of each reference.
+Fused = tuple[Float[Tensor, "M O"], Float[Tensor, "M 3"], Float[Tensor, "n M 2"]]
+
+
+@dataclass(frozen=True)
+class FieldOutput:
+    """What the field says of points.
+
+    Attributes:
+        density: per head unit.
+        colour: in 0..1.
+        offset: warp, pixels at 512 (column, row); zeros without warp, no rows without references.
+    """
+
+    density: Float[Tensor, " M"]
+    colour: Float[Tensor, "M 3"]
+    offset: Float[Tensor, "N M 2"]
+
+
+def density_prior(points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
+    """What is added to the raw density: large inside of a mean head, negative outside."""
+    centre, radii = points.new_tensor(PRIOR_CENTRE), points.new_tensor(PRIOR_RADII)
+    return PRIOR_SLOPE * (PRIOR_SKIN - ((points - centre) / radii).norm(dim=-1))
+
+
+class Field(nn.Module):
+    """F_theta of equation (7), with everything that feeds it."""
+
+    def __init__(self, config: FieldConfig) -> None:
+        super().__init__()
+        self.config = config
+        point_dim = encoded_size(3, config.point_octaves)
+        direction_dim = encoded_size(3, config.direction_octaves)
+        width = config.width
+        # The order of the parts is that of their random draws: another one is another model.
+        self.conditioning = Conditioning(config)
+        aggregated = 0
+        if config.references:
+            self.encoder = ReferenceEncoder(config)
+            self.aggregation = Aggregation(config, point_dim)
+            aggregated = self.aggregation.out_dim
+            if config.use_warp:
+                self.warp = Warp(config, point_dim)
+        self.input = nn.Linear(point_dim + aggregated, width)
+        self.input_conditioning = nn.Linear(config.cond_dim, width, bias=False)
+        self.hidden = nn.ModuleList(nn.Linear(width, width) for _ in range(config.depth - 1))
+        self.density = nn.Linear(width, 1)
+        self.view = nn.Linear(width + direction_dim, 64)
+        self.colour = nn.Linear(64, 4)
+        nn.init.zeros_(self.density.bias)
+
+    def sample_references(
+        self,
+        query: FieldQuery,
+        maps: ReferenceMaps,
+        which: slice,
+        conditioning: Float[Tensor, "F K"],
+        warp: bool,
+    ) -> Fused:
+        """Equations (1), (3) and (4), and the aggregation: what n of the views show of points."""
+        views = maps.views
+        projected = views.project(query.points, which, query.lifts(views, which))
+        offset = torch.zeros_like(projected)
+        if warp and self.config.use_warp:
+            shown = maps.read_nearest(projected, which)
+            offset = self.warp(query.encoded, conditioning, query.belongs, shown)
+        feature = maps.read_bilinear(warped(projected, offset, views.scale), which)
+        towards = views.direction_differences(query.points, query.directions, which)
+        fused, weight = self.aggregation(
+            feature,
+            towards.to(feature.dtype),
+            maps.log_view_weight[which],
+            query.encoded,
+            conditioning,
+            query.belongs,
+        )
+        return fused, (weight[..., None] * feature[..., COLOUR].float()).sum(0), offset
+
+    def fuse_references(
+        self,
+        query: FieldQuery,
+        maps: ReferenceMaps,
+        conditioning: Float[Tensor, "F K"],
+        warp: bool,
+    ) -> Fused:
+        """What the references show of points: of lids that close, the view of a blink."""
+        views = maps.views
+        fused, colour, offset = self.sample_references(query, maps, views.faces, conditioning, warp)
+        if not views.blinks:
+            return fused, colour, offset
+        weight = eyelid_deformation.closed_eye_weights(
+            query.points, query.at_eyes, views.eyes, query.lids
+        )
+        some = weight.nonzero().squeeze(1)
+        if len(some):
+            at, weight = query.at_eyes[some], weight[some, None]
+            fill = devices.fill(len(at))
+            at = torch.cat([at, at[:1].expand(fill)])
+            weight = F.pad(weight, (0, 0, 0, fill))
+            blink, lid_colour, _ = self.sample_references(
+                query.only(at), maps, views.closed_eyes, conditioning, False
+            )
+            fused = fused.index_add(0, at, (weight * (blink - fused[at])).to(fused.dtype))
+            colour = colour.index_add(0, at, weight * (lid_colour - colour[at]))
+        return fused, colour, offset
+
+    def query(
+        self,
+        points: Float[Tensor, "M 3"],
+        directions: Float[Tensor, "M 3"],
+        frame: Int[Tensor, " M"],
+        conditioning: Float[Tensor, "F K"],
+        eyes: Float[Tensor, "2 7"] | None,
+    ) -> tuple[FieldQuery, Float[Tensor, "M 3"]]:
+        """The query of points, and the points where brows and lids are at rest.
+
+        Args:
+            points, directions, frame, conditioning: as `forward`.
+            eyes: of the references; None leaves the lids' motion to the conditioning.
+        """
+        belongs = F.one_hot(frame, conditioning.shape[0]).to(conditioning.dtype)
+        weights = brow_deformation.motion_weights(points)
+        expression = per_point(conditioning[:, self.config.code_dim :], belongs)
+        brows = expression[:, brow_deformation.MEASURES]
+        lids = expression[:, eyelid_deformation.MEASURES]
+        lift = brow_deformation.lifts(weights, brows)
+        at_eyes = frame[:0]
+        if eyes is not None:
+            at_eyes = eyelid_deformation.points_near_eyes(points, eyes)
+            eyelid_deformation.add_lifts(
+                lift[None], points, at_eyes, eyes, lids, lids.new_zeros(1, 2)
+            )
+        rest = brow_deformation.lowered(points, lift)
+        # Rounded once, not at every layer that reads it.
+        encoded = frequency_encoding(rest, self.config.point_octaves).to(
+            devices.matrix_type(points.device)
+        )
+        query = FieldQuery(points, directions, encoded, belongs, brows, lids, weights, at_eyes)
+        return query, rest
+
+    def forward(
+        self,
+        points: Float[Tensor, "M 3"],
+        directions: Float[Tensor, "M 3"],
+        frame: Int[Tensor, " M"],
+        conditioning: Float[Tensor, "F K"],
+        maps: ReferenceMaps | None,
+        warp: bool = True,
+    ) -> FieldOutput:
+        """Density and colour of points seen along unit directions.
+
+        Args:
+            points: head frame.
+            directions: of unit length.
+            frame: index of the frame of each point into the conditioning.
+            conditioning: see `Conditioning`.
+            maps: references; None for a field without them.
+            warp: False in the coarse stage.
+        """
+        query, rest = self.query(
+            points, directions, frame, conditioning, None if maps is None else maps.views.eyes
+        )
+        parts, offset = [query.encoded], points.new_zeros(0, points.shape[0], 2)
+        if maps is not None:
+            conditioning = eyelid_deformation.with_eyelids_at_rest(
+                conditioning, self.config.code_dim
+            )
+            fused, blended, offset = self.fuse_references(query, maps, conditioning, warp)
+            parts.append(fused.to(query.encoded.dtype))
+        # Equation (7): colour and density = F_theta(p, d, A, F~).
+        h = self.input(torch.cat(parts, -1))
+        shared = per_point(self.input_conditioning(conditioning), query.belongs)
+        h = F.relu(h.add_(shared), inplace=True)
+        for layer in self.hidden:
+            h = F.relu(layer(h), inplace=True)
+        raw_density = 4 * self.density(h).squeeze(-1).float() + density_prior(rest)
+        density = DENSITY_SCALE * F.softplus(raw_density)
+        towards = frequency_encoding(directions, self.config.direction_octaves).to(
+            query.encoded.dtype
+        )
+        raw = self.colour(F.relu(self.view(torch.cat([h, towards], -1)), inplace=True)).float()
+        own = raw[..., :3].sigmoid()
+        if maps is None:
+            return FieldOutput(density, own, offset)
+        gate = (raw[..., 3:] + 2).sigmoid()
+        return FieldOutput(density, gate * blended + (1 - gate) * own, offset)
+
+
+@dataclass(frozen=True)
+class ConditionedField:
+    """A field with all that it needs beside points: what a renderer is given.
+
+    Attributes:
+        field: the network.
+        conditioning: of each frame.
+        maps: references; None for a field without them.
+        warp: False in the coarse stage.
+    """
+
+    field: Field
+    conditioning: Float[Tensor, "F K"]
+    maps: ReferenceMaps | None
+    warp: bool = True
+
+    def seen_from(self, origin: Float[Tensor, 3]) -> ConditionedField:
+        """The same field with the references nearest to a place, head frame."""
+        if self.maps is None:
+            return self
+        count = self.field.config.references
+        return replace(self, maps=self.maps.select_nearest_views(origin, count))
+
+    def __call__(
+        self,
+        points: Float[Tensor, "M 3"],
+        directions: Float[Tensor, "M 3"],
+        frame: Int[Tensor, " M"],
+    ) -> FieldOutput:
+        """Density and colour of points, see `Field.forward`."""
+        return self.field(points, directions, frame, self.conditioning, self.maps, self.warp)

@@ -1,0 +1,50 @@
+"""The encoder of the references: pixel-aligned features F_n.
+
+N references of H x W pixels, C feature channels.
+"""
+
+from __future__ import annotations
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float, UInt8
+from torch import Tensor, nn
+
+from dfrf.config import FieldConfig
+from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
+from dfrf.image import sharpened
+
+COLOUR = slice(0, 3)  # of the features of a reference
+MATTE_AND_COLOUR = 4  # channels that are not learned
+
+
+class ReferenceEncoder(nn.Module):
+    """Two 3x3 convolutions without down-sampling, then a linear layer a pixel.
+
+    The first four channels of the result are the colour, sharpened, and the matte themselves, so
+    that the field can blend what the references really show.
+    """
+
+    def __init__(self, config: FieldConfig) -> None:
+        super().__init__()
+        width = config.cnn_width
+        self.conv1 = nn.Conv2d(MATTE_AND_COLOUR, width, 3, padding=1)
+        self.conv2 = nn.Conv2d(width, width, 3, padding=1)
+        self.head = nn.Conv2d(width, config.feature_dim - MATTE_AND_COLOUR, 1)
+
+    def forward(self, views: ReferenceViews) -> ReferenceMaps:
+        """The feature table of the references, float32."""
+        # One by one: the layers of all of them need not be in memory at once.
+        pairs = zip(views.images.split(1), views.mattes.split(1), strict=True)
+        table = torch.cat([self.features(image, matte).flatten(0, 2) for image, matte in pairs])
+        return ReferenceMaps.of(table, views)
+
+    def features(
+        self, images: UInt8[Tensor, "N H W 3"], mattes: UInt8[Tensor, "N H W"]
+    ) -> Float[Tensor, "N H W C"]:
+        """F_n of images and mattes."""
+        matte, colours = mattes[..., None].float() / 255, images.float() / 255
+        x = torch.cat([colours, matte], -1).permute(0, 3, 1, 2)
+        x = x.contiguous(memory_format=torch.channels_last)
+        learned = self.head(F.relu(self.conv2(F.relu(self.conv1(x * 2 - 1)))))
+        return torch.cat([sharpened(colours), matte, learned.permute(0, 2, 3, 1)], -1)

@@ -1,0 +1,137 @@
+"""Checkpoints of finished models: a base, or a person with the references of their head."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from dfrf.checkpoint import ODD, CheckpointError, read_tensors, write_tensors
+from dfrf.config import FORMATS
+from dfrf.fast.model import FastModel
+from dfrf.field.reference_maps import ReferenceViews
+from dfrf.head_model import HeadModel
+from dfrf.published.model import PaperModel
+
+KINDS: dict[str, type[HeadModel]] = {FORMATS[k.FAMILY]: k for k in (FastModel, PaperModel)}
+# Of a person's references, N of H x W pixels; a letter stands for one number wherever it is.
+REFERENCE_SHAPES = {
+    "images": ("N", "H", "W", 3),
+    "mattes": ("N", "H", "W"),
+    "c2w": ("N", 3, 4),
+    "centres": ("N", 2),
+    "expression": ("N", "U"),
+    "eyes": (2, 7),
+}
+
+
+def save_model(path: str | Path, model: HeadModel, header: dict[str, Any] | None = None) -> None:
+    """Keeps a model: weights, grid, sizes, and what the caller adds to the header."""
+    write_tensors(
+        path,
+        model.state_dict(),
+        {"format": FORMATS[model.FAMILY], "config": model.config.to_dict(), **(header or {})},
+    )
+
+
+def load_model(path: str | Path) -> tuple[HeadModel, dict[str, Any]]:
+    """A model and the header it was kept with.
+
+    Raises:
+        CheckpointError: unreadable, of another format, of sizes that no model has, its tensors do
+            not fit its sizes, or hold what is no number.
+    """
+    tensors, header = read_tensors(path)
+    return _build(path, tensors, header), header
+
+
+def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> HeadModel:
+    found, known = header.get("format"), " and ".join(map(repr, KINDS))
+    kind = KINDS.get(found) if isinstance(found, str) else None
+    if kind is None:
+        raise CheckpointError(
+            f"{path}: format {found!r:.60}, this version reads {known}; learn the person again"
+        )
+    try:
+        model = kind.from_dict(header.get("config", {}))
+    except ODD as error:
+        raise CheckpointError(f"{path}: no model has the sizes in its header: {error}") from error
+    for name, value in model.state_dict().items():
+        if name in tensors and tensors[name].is_floating_point() != value.is_floating_point():
+            raise CheckpointError(f"{path}: {name} is of another type than the model's")
+    try:
+        model.load_state_dict(tensors)
+    except RuntimeError as error:
+        raise CheckpointError(f"{path}: tensors do not fit the sizes in its header") from error
+    weights = dict(model.named_parameters())
+    for name, value in model.state_dict().items():
+        # Bounds among the buffers may be endless; a weight may not.
+        if value.isnan().any() or (name in weights and not value.isfinite().all()):
+            raise CheckpointError(f"{path}: {name} holds numbers that are not finite")
+    return model
+
+
+def save_person(
+    path: str | Path, model: HeadModel, views: ReferenceViews | None, header: dict[str, Any]
+) -> None:
+    """Keeps a person's model together with the references it looks at."""
+    tensors = model.state_dict()
+    if views is not None:
+        tensors |= {
+            "reference.images": views.images,
+            "reference.mattes": views.mattes,
+            "reference.c2w": views.c2w,
+            "reference.centres": views.centres,
+            "reference.expression": views.expression,
+            "reference.eyes": views.eyes,
+        }
+        header = {**header, "focal": views.focal, "scale": views.scale, "blinks": views.blinks}
+    about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
+    write_tensors(path, tensors, {**about, **header})
+
+
+def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dict[str, Any]]:
+    """A person's model, references (None where the method has none) and header.
+
+    Raises:
+        CheckpointError: as `load_model`, or its references are another version's.
+    """
+    tensors, header = read_tensors(path)
+    views = None
+    if "reference.images" in tensors:
+        part = {k.removeprefix("reference."): v for k, v in tensors.items() if "reference." in k}
+        try:
+            views = _views(part, header)
+        except ODD as error:
+            raise CheckpointError(
+                f"{path}: keeps other things of its references than this version reads; learn the "
+                "person again"
+            ) from error
+    weights = {k: v for k, v in tensors.items() if not k.startswith("reference.")}
+    return _build(path, weights, header), views, header
+
+
+def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
+    """References of the shapes and types that they are kept with.
+
+    Raises:
+        ValueError, LookupError, TypeError: they are of others.
+    """
+    lengths: dict[str | int, int] = {}
+    for name, shape in REFERENCE_SHAPES.items():
+        value = part[name]
+        picture = name in ("images", "mattes")
+        if value.dtype != (torch.uint8 if picture else torch.float32) or value.isnan().any():
+            raise ValueError(name)
+        for letter, length in zip(shape, value.shape, strict=True):
+            if length != (
+                lengths.setdefault(letter, length) if isinstance(letter, str) else letter
+            ):
+                raise ValueError(name)
+    focal, scale, blinks = (header[name] for name in ("focal", "scale", "blinks"))
+    if not (0 < focal < math.inf and 0 < scale < math.inf and 0 <= blinks < lengths["N"]):
+        raise ValueError("focal, scale, blinks")
+    return ReferenceViews(**part, focal=float(focal), scale=float(scale), blinks=int(blinks))

@@ -1,0 +1,57 @@
+"""What is drawn for a part of a step: rays of a few frames that show the head alike.
+
+B rays, F frames in a share, T frames of a dataset, K numbers of conditioning.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from dfrf.config import TrainConfig
+from dfrf.data import HeadDataset, RayBatch, SurfaceRays, draw_rays, frames_alike, surface_rays
+
+SURFACE_RAYS = 24  # a frame
+
+
+@dataclass(frozen=True)
+class RayShare:
+    """What is drawn for a part of a step's rays.
+
+    Attributes:
+        batch: the rays.
+        conditioning: of the batch's frames.
+        jitter: in 0..1.
+        surface: rays through the mean face.
+    """
+
+    batch: RayBatch
+    conditioning: Float[Tensor, "F K"]
+    jitter: Float[Tensor, " B"]
+    surface: SurfaceRays
+
+
+def draw_shares(
+    dataset: HeadDataset,
+    conditioning: Float[Tensor, "T K"],
+    config: TrainConfig,
+    generator: torch.Generator,
+    count: int,
+) -> list[RayShare]:
+    """Shares of a step's rays, on the device of the conditioning.
+
+    The rays of a share look at the same references, so its frames show the head alike.
+    """
+    device = conditioning.device
+    part = replace(config, rays=config.rays // count, frames=max(1, config.frames // count))
+    shares = []
+    for _ in range(count):
+        frames = frames_alike(dataset, part.frames, generator)
+        batch = draw_rays(dataset, frames, part, generator).to(device)
+        jitter = torch.rand(batch.frame.numel(), generator=generator).to(device)
+        surface = surface_rays(dataset, batch.frames, SURFACE_RAYS, generator).to(device)
+        shares.append(RayShare(batch, conditioning[batch.frames.to(device)], jitter, surface))
+    return shares

@@ -1,0 +1,74 @@
+"""Which frames are a person's references in a step, and their feature maps."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from jaxtyping import Int
+from torch import Tensor
+
+from dfrf.config import TrainConfig
+from dfrf.data import HeadDataset
+from dfrf.method import Maps, Method
+from dfrf.training.augmentation import Augmentation
+
+
+class ReferenceSource:
+    """Reference maps of the people of a run.
+
+    Args:
+        method: of the model that learns.
+        config: says how often the reference network learns.
+        chosen: fixed reference frames of each person by name; drawn anew each step when None.
+    """
+
+    def __init__(
+        self, method: Method[Any, Any], config: TrainConfig, chosen: dict[str, Tensor] | None
+    ) -> None:
+        self.method = method
+        self.config = config
+        self.chosen = chosen
+        self.fixed: dict[str, Maps] = {}
+
+    def maps(
+        self,
+        dataset: HeadDataset,
+        exclude: Int[Tensor, " F"],
+        generator: torch.Generator,
+        step: int,
+        augmentation: Augmentation | None = None,
+    ) -> Maps | None:
+        """Maps of the chosen frames, or of random ones other than `exclude`, as augmented.
+
+        Only maps of every so many steps carry a gradient to the reference network: its backward
+        pass costs as much as the rest of the step.
+        """
+        if not self.method.references:
+            return None
+        every = self.config.learn_references_every
+        fixed = self.chosen is not None and augmentation is None and not every
+        if fixed and dataset.name in self.fixed:
+            return self.fixed[dataset.name]
+        if self.chosen is not None:
+            views = self.method.reference_views(dataset, self.chosen[dataset.name])
+        else:
+            frames = self.random_frames(dataset, exclude, generator)
+            views = self.method.reference_views(dataset, frames, exclude)
+        if augmentation is not None:
+            views = augmentation.of_views(views)
+        if every > 0 and step % every == 0:
+            return self.method.encode(views.to(self.method.model.device))
+        maps = self.method.maps(views)
+        if fixed:
+            self.fixed[dataset.name] = maps
+        return maps
+
+    def random_frames(
+        self, dataset: HeadDataset, exclude: Int[Tensor, " F"], generator: torch.Generator
+    ) -> Int[Tensor, " N"]:
+        """As many frames as the method wants, none of `exclude` where there are enough others."""
+        count = self.method.references
+        order = torch.randperm(dataset.frames, generator=generator)
+        frames = order[~torch.isin(order, exclude)][:count]
+        return frames if frames.numel() == count else order[:count]

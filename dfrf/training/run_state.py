@@ -1,0 +1,92 @@
+"""The state of a run that is not finished, kept so that it goes on bit for bit.
+
+Weights, optimiser, random numbers, curve, and the measurements on people held out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import torch
+
+from dfrf.checkpoint import ODD, STATE_FILE, CheckpointError, load_state, save_state
+from dfrf.config import FORMATS, TrainConfig
+from dfrf.head_model import HeadModel
+from dfrf.training.progress import Curve
+from dfrf.training.validation import Validation
+
+
+@dataclass
+class RunState:
+    """Everything about a run that changes while it goes on, and what it must agree in.
+
+    Attributes:
+        model, optimiser, generator, curve, validation: changed in place.
+        config: settings of the run.
+        about: what else must agree, plain data by name.
+    """
+
+    model: HeadModel
+    optimiser: torch.optim.Optimizer
+    generator: torch.Generator
+    curve: Curve
+    validation: Validation
+    config: TrainConfig
+    about: Mapping[str, Any]
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What two runs have in common if the one can go on from the other's state."""
+        own = {
+            "train": asdict(self.config),
+            "config": self.model.config.to_dict(),
+            "held": self.validation.names,
+        }
+        return {**own, **self.about}
+
+    def save(self, folder: str, step: int) -> None:
+        """Keeps the state after `step` steps, in one file."""
+        tensors = {f"model.{k}": v for k, v in self.model.state_dict().items()}
+        for index, values in self.optimiser.state_dict()["state"].items():
+            for name, value in values.items():
+                tensors[f"optimiser.{index}.{name}"] = torch.as_tensor(value)
+        tensors["generator"] = self.generator.get_state()
+        tensors["curve"] = torch.tensor(self.curve.rows, dtype=torch.float64)
+        tensors["held"] = torch.tensor(self.validation.rows, dtype=torch.float64)
+        tensors |= {f"best.{k}": v for k, v in self.validation.best.items()}
+        header = {"format": FORMATS[self.model.FAMILY], "step": step, **self.settings}
+        save_state(folder, tensors, header)
+
+    def load(self, folder: str) -> int:
+        """Restores a run in place and returns its step; 0, and nothing is touched, without one.
+
+        Raises:
+            CheckpointError: unreadable, damaged, or of a run with other settings, which are named.
+        """
+        found = load_state(folder, self.settings)
+        if found is None:
+            return 0
+        try:
+            return self._restore(*found)
+        except ODD as error:
+            where = f"{folder}/{STATE_FILE}"
+            raise CheckpointError(f"{where}: its state is damaged: {error}; remove it") from error
+
+    def _restore(self, tensors: dict[str, torch.Tensor], header: dict[str, Any]) -> int:
+        def part(name: str) -> dict[str, torch.Tensor]:
+            start = f"{name}."
+            return {k.removeprefix(start): v for k, v in tensors.items() if k.startswith(start)}
+
+        self.model.load_state_dict(part("model"))
+        self.validation.best = part("best")
+        self.validation.rows = [tuple(row) for row in tensors["held"].tolist()]
+        state = self.optimiser.state_dict()
+        for name, value in part("optimiser").items():
+            index, key = name.split(".")
+            state["state"].setdefault(int(index), {})[key] = value
+        self.optimiser.load_state_dict(state)
+        self.generator.set_state(tensors["generator"])
+        self.curve.rows = [(int(s), a, b, c) for s, a, b, c in tensors["curve"].tolist()]
+        return int(header["step"])
