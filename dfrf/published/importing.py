@@ -153,9 +153,14 @@ def read_torch(file: Path) -> dict[Any, Any]:
         content = torch.load(file, weights_only=True, map_location="cpu")
     except (pickle.UnpicklingError, EOFError, OSError, MemoryError, *ODD) as error:
         raise CheckpointError(
-            f"{file}: cannot be read as weights written by torch.save: {error}"
+            f"{file}: cannot be read as weights written by torch.save: {first_line(error)}"
         ) from error
     return content if isinstance(content, dict) else {}
+
+
+def first_line(error: BaseException) -> str:
+    """What an error says, without the pages of advice that torch adds."""
+    return next(iter(str(error).splitlines()), type(error).__name__)
 
 
 def convert(published: dict[str, Tensor]) -> tuple[dict[str, Tensor], bool]:

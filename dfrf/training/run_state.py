@@ -72,7 +72,7 @@ class RunState:
             return self._restore(*found)
         except ODD as error:
             where = f"{folder}/{STATE_FILE}"
-            raise CheckpointError(f"{where}: its state is damaged: {error}; remove it") from error
+            raise CheckpointError(f"{where}: the state in it is damaged; remove it") from error
 
     def _restore(self, tensors: dict[str, torch.Tensor], header: dict[str, Any]) -> int:
         def part(name: str) -> dict[str, torch.Tensor]:

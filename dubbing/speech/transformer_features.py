@@ -16,8 +16,8 @@ import torch
 
 from dubbing.errors import DubbingError
 from dubbing.speech import voice_activity as voice
-from dubbing.speech.acoustics.paths import weights_file
-from dubbing.speech.acoustics.recurrent import voice_gate
+from dubbing.speech.rnn_features import voice_gate
+from dubbing.speech.weight_paths import weights_file
 
 MODELS = {"hubert": "HubertModel", "wav2vec2": "Wav2Vec2Model"}
 # Both kinds make a value of 400 samples every 320.

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dubbing.speech.acoustics.recurrent import RnnFeatures
-from dubbing.speech.features import MelFeatures
+from dubbing.speech.mel_features import MelFeatures
+from dubbing.speech.rnn_features import RnnFeatures
 from dubbing.speech.voice_activity import SAMPLE_RATE
 
 # Where each kind of feature stands among the channels. A member hears one of them.

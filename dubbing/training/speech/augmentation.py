@@ -13,7 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dubbing.speech.acoustics import front
+from dubbing.speech import acoustic_input as front
 from dubbing.speech.voice_activity import HOP, SAMPLE_RATE, STEP_RATE
 from dubbing.training.speech.corpus import Part, Utterance
 from dubbing.training.speech.phones import SILENCE, UNKNOWN

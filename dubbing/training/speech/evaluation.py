@@ -19,10 +19,11 @@ import torch
 
 from dubbing import media
 from dubbing.speech import features as kinds
+from dubbing.speech import listening
 from dubbing.speech import voice_activity as voice
-from dubbing.speech.acoustics import listening
-from dubbing.speech.acoustics.weights import load_model
-from dubbing.speech.features import MelFeatures, SpeechFeatures
+from dubbing.speech.acoustic_weights import load_model
+from dubbing.speech.features import SpeechFeatures
+from dubbing.speech.mel_features import MelFeatures
 from dubbing.training.speech import corpus, probe, synthesis
 from dubbing.training.speech.phones import classes_at_steps
 from dubbing.training.speech.teacher import senone_posteriors
@@ -214,7 +215,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--cache", type=Path, help="folder to keep the measured clips in")
     parser.add_argument("--weights", type=Path, help="other weights than the shipped ones")
     chosen = parser.parse_args(arguments)
-    from dubbing.speech.acoustics.recurrent import RnnFeatures
+    from dubbing.speech.rnn_features import RnnFeatures
 
     rnn = RnnFeatures() if chosen.weights is None else RnnFeatures(chosen.weights)
     everyone = probe.speakers([*chosen.clips, *chosen.test], chosen.cache)

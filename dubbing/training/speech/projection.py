@@ -11,9 +11,9 @@ import torch
 from scipy.ndimage import minimum_filter1d
 
 from dubbing.errors import TrainingError
-from dubbing.speech.acoustics import front
-from dubbing.speech.acoustics.network import AcousticNetwork
-from dubbing.speech.acoustics.weights import SpeechModel, outputs
+from dubbing.speech import acoustic_input as front
+from dubbing.speech.acoustic_network import AcousticNetwork
+from dubbing.speech.acoustic_weights import SpeechModel, outputs
 from dubbing.training.speech.corpus import Part
 from dubbing.training.speech.phones import SILENCE
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dubbing.errors import TrainingError
-from dubbing.speech.acoustics.network import SENONES
+from dubbing.speech.acoustic_network import SENONES
 from dubbing.speech.voice_activity import HOP, SAMPLE_RATE, steps
 
 ALL_SENONES = 5126

@@ -11,8 +11,8 @@ import torch
 
 from dubbing.errors import TrainingError
 from dubbing.files import atomic_path
-from dubbing.speech.acoustics.network import AcousticNetwork, losses
-from dubbing.speech.acoustics.weights import save_model
+from dubbing.speech.acoustic_network import AcousticNetwork, losses
+from dubbing.speech.acoustic_weights import save_model
 from dubbing.speech.voice_activity import SAMPLE_RATE
 from dubbing.training.speech.augmentation import Batches
 from dubbing.training.speech.corpus import Amounts, Part, Progress, build_corpus

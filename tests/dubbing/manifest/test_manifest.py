@@ -18,7 +18,7 @@ from dubbing.errors import ManifestError
 from dubbing.files import atomic_path
 from dubbing.manifest import yaml_lines
 from dubbing.manifest.manifest import Manifest, load
-from dubbing.speech.acoustics.paths import DEFAULT_WEIGHTS
+from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
 from tests import clips
 
 

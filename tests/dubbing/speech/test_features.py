@@ -7,7 +7,8 @@ import pytest
 
 from dubbing.errors import DubbingError
 from dubbing.speech import voice_activity as voice
-from dubbing.speech.features import MelFeatures, features_by_name, mel_filters, windows
+from dubbing.speech.features import features_by_name, windows
+from dubbing.speech.mel_features import MelFeatures, mel_filters
 from tests.dubbing.speech.test_voice_activity import pieces, silence, vowels
 
 SPEECH = np.concatenate([silence(0.5), vowels(1.5), silence(0.3)])

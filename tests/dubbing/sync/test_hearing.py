@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dubbing.speech.features import MelFeatures, features_by_name
+from dubbing.speech.features import features_by_name
+from dubbing.speech.mel_features import MelFeatures
 from dubbing.speech.voice_activity import STEP_RATE
 from dubbing.sync.hearing import CHANNELS, WIDTH, Hearing, Take, another_take
 from dubbing.sync.windows import take_windows

@@ -8,9 +8,9 @@ import torch
 
 from dubbing.cli import main as cli
 from dubbing.errors import DubbingError, TrainingError
-from dubbing.speech.acoustics import listening
-from dubbing.speech.acoustics.network import AcousticNetwork
-from dubbing.speech.acoustics.weights import load_model, save_model
+from dubbing.speech import listening
+from dubbing.speech.acoustic_network import AcousticNetwork
+from dubbing.speech.acoustic_weights import load_model, save_model
 from dubbing.speech.features import features_by_name, fingerprint
 from dubbing.training.speech import augmentation, corpus, synthesis, training
 from dubbing.training.speech.augmentation import Batches

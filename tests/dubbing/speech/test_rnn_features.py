@@ -7,11 +7,11 @@ import pytest
 import soundfile
 from scipy.signal import resample_poly
 
+from dubbing.speech import listening
 from dubbing.speech import voice_activity as voice
-from dubbing.speech.acoustics import listening
-from dubbing.speech.acoustics.paths import DEFAULT_WEIGHTS
-from dubbing.speech.acoustics.recurrent import RnnFeatures, voice_gate
 from dubbing.speech.features import features_by_name, features_of_file, windows
+from dubbing.speech.rnn_features import RnnFeatures, voice_gate
+from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
 from dubbing.training.speech.evaluation import cosine
 from tests.dubbing.speech.test_voice_activity import pieces, silence
 from tests.dubbing.training.speech.made import spoken

@@ -11,7 +11,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from dubbing.speech.acoustics.front import BANDS, SPECTRA
+from dubbing.speech.acoustic_input import BANDS, SPECTRA
 
 # The teacher's context-independent states, the classes of `dubbing.training.speech.phones`, and
 # the channels of `dubbing.synthetic.visemes`.

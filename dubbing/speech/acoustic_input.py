@@ -9,7 +9,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from dubbing.speech.features import mel_filters
+from dubbing.speech.mel_features import mel_filters
 from dubbing.speech.voice_activity import HOP, LOUD_SHARE, SAMPLE_RATE
 
 BANDS = 64

@@ -6,7 +6,7 @@ from typing import Any
 from dubbing import json_records as kept
 from dubbing.errors import DubbingError
 
-DEFAULT_WEIGHTS = Path(__file__).with_name("weights.safetensors")
+DEFAULT_WEIGHTS = Path(__file__).with_name("acoustic_weights.safetensors")
 WEIGHT_FILES = ("model.safetensors", "pytorch_model.bin", "model.safetensors.index.json")
 
 

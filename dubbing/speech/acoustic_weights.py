@@ -13,8 +13,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dubbing.shipped.weights import load_float, save_half
-from dubbing.speech.acoustics.network import AcousticNetwork, Heard
-from dubbing.speech.acoustics.paths import DEFAULT_WEIGHTS
+from dubbing.speech.acoustic_network import AcousticNetwork, Heard
+from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
 
 FORMAT = "dfrf-speech-1"
 _PREFIX = "network."

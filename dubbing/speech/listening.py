@@ -11,9 +11,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from dubbing.speech import acoustic_input as front
 from dubbing.speech import voice_activity as voice
-from dubbing.speech.acoustics import front
-from dubbing.speech.acoustics.network import AcousticNetwork, Heard
+from dubbing.speech.acoustic_network import AcousticNetwork, Heard
 
 # Steps worked on at once, and how many more are heard on each side: 40 s and 3 s.
 PIECE, AROUND = 2000, 150

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import torch
 
+from dubbing.speech import acoustic_input as front
+from dubbing.speech import listening
 from dubbing.speech import voice_activity as voice
-from dubbing.speech.acoustics import front, listening
 from tests.dubbing.speech.test_voice_activity import pieces, silence, vowels
 
 SPEECH = np.concatenate([silence(0.5), vowels(1.5), silence(0.3)])

@@ -2,7 +2,7 @@
 
 import torch
 
-from dubbing.speech.acoustics.network import LIPS, PHONES, AcousticNetwork, losses, parameters
+from dubbing.speech.acoustic_network import LIPS, PHONES, AcousticNetwork, losses, parameters
 from dubbing.synthetic.visemes import CHANNELS
 from dubbing.training.speech.phones import CLASSES
 

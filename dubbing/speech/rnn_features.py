@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import convolve1d, maximum_filter1d
 
+from dubbing.speech import listening
 from dubbing.speech import voice_activity as voice
-from dubbing.speech.acoustics import listening
-from dubbing.speech.acoustics.paths import DEFAULT_WEIGHTS
-from dubbing.speech.acoustics.weights import load_model
+from dubbing.speech.acoustic_weights import load_model
+from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
 
 # Voice is held this many steps each way, and faded over as many around the end of that.
 HOLD, FADE = 6, 4

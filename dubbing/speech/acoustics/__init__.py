@@ -1,1 +1,0 @@
-"""What is spoken: a recurrent acoustic network and what it makes of a sound."""
