@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dubbing import pipeline
 from dubbing.engine import lock, runner
-from dubbing.engine.graph import Job
+from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.runner import Options, Outcome, Reporter, failure_of
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_path, digest_file, remove_torn, writing
@@ -60,6 +60,8 @@ def dub(
     planned = pipeline.build(manifest, only=only, device=device)
     with lock.hold(manifest.work):
         started = time.perf_counter()
+        if adopt_renamed(manifest, planned):
+            planned = pipeline.build(manifest, only=only, device=device)
         outcomes = runner.run(planned, options, reporter)
         for job in planned.dubs.values():
             outcome = outcomes[job.label]
@@ -77,6 +79,19 @@ def dub(
         except DubbingError as error:  # what became of the jobs is said nevertheless
             written, code = error, SOME_FAILED
     return Result(outcomes, code, written, syncs)
+
+
+def adopt_renamed(manifest: Manifest, planned: Jobs) -> bool:
+    """Gives folders of dubs that were renamed their new names. True if there were any."""
+    moves = {
+        next(iter(job.stages.values())).folder.parent: pipeline.dub_folder(manifest, name)
+        for name, job in planned.dubs.items()
+        if job.stages
+    }
+    for folder, named in moves.items():
+        if folder != named:
+            folder.rename(named)
+    return any(folder != named for folder, named in moves.items())
 
 
 def publish(manifest: Manifest, job: Job) -> None:

@@ -108,8 +108,14 @@ def identity_job(manifest: Manifest, name: str, identity: Identity, device: str)
     return Job("identity", name, stages.declared, blocked=manifest.damaged.get(clip))
 
 
-def dub_job(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
-    """What is made for one dub: speech features, heads, video, sync check."""
+def dub_job(
+    manifest: Manifest, dub: Dub, person: Job, device: str, folder: Path | None = None
+) -> Job:
+    """What is made for one dub: speech features, heads, video, sync check.
+
+    Args:
+        folder: where its stages lie; named after the dub by default.
+    """
     damaged = manifest.damaged.get(dub.audio)
     if damaged or person.blocked:
         return Job("dub", dub.name, {}, dub.identity, damaged)
@@ -122,7 +128,7 @@ def dub_job(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
     seconds = min(left, dub.audio_seconds) if dub.audio_seconds else left
     cut = {"audio_start": dub.audio_start, "seconds": seconds}
     frames = {"video_start": dub.video_start, "on_longer_audio": dub.on_longer_audio}
-    stages = _Stages(manifest.work / "dubs" / dub.name)
+    stages = _Stages(folder or dub_folder(manifest, dub.name))
     listen = stages.add(
         "listen",
         tasks.Listen(dub, identity.speech, identity.speech_weights, clip.rate, seconds),
@@ -174,8 +180,28 @@ def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto
         if not only or name in only or name in needed
     }
     return Jobs(
-        identities, {d.name: dub_job(manifest, d, identities[d.identity], device) for d in dubs}
+        identities,
+        {dub.name: _found(manifest, dub, identities[dub.identity], device) for dub in dubs},
     )
+
+
+def dub_folder(manifest: Manifest, name: str) -> Path:
+    """Where the stages of a dub lie."""
+    return manifest.work / "dubs" / name
+
+
+def _found(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
+    """The job of a dub: where it lies under the name it had before, in the folder of that name."""
+    job = dub_job(manifest, dub, person, device)
+    folders = dub_folder(manifest, dub.name).parent
+    if not job.stages or not folders.is_dir() or dub_folder(manifest, dub.name).exists():
+        return job
+    named = {other.name for other in manifest.dubs}
+    for folder in sorted(p for p in folders.iterdir() if p.is_dir() and p.name not in named):
+        renamed = dub_job(manifest, dub, person, device, folder)
+        if not any(stage.changes() for stage in renamed.stages.values()):
+            return renamed
+    return job
 
 
 def video_file(composite: Stage, dub: Dub) -> Path:

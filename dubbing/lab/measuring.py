@@ -122,6 +122,8 @@ def measure(
     index = np.arange(clip.frames_count)
     tested = range(first, first + count, every)
     posed = refined(person, maps, clip, index[first : first + count], progress)
+    render: VideoWriter | None
+    source: VideoWriter | None
     with ExitStack() as open_files:
         if every == 1:
             rendered = heads.frames(person, maps, posed, windows, index, first, first + count)
@@ -132,10 +134,10 @@ def measure(
                 for kind in ("render", "source")
             )
         else:
+            render = source = None
             rendered = chain.from_iterable(
                 heads.frames(person, maps, posed, windows, index, k, k + 1) for k in tested
             )
-            render = source = None
         # A face is followed from frame to frame, where these are frames in a row.
         render_mesh, source_mesh = (
             open_files.enter_context(FaceMesh(tracking=every == 1)) for _ in range(2)

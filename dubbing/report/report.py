@@ -23,6 +23,7 @@ from dubbing.engine.runner import Outcome
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
 from dubbing.manifest.manifest import Manifest
+from dubbing.media import SUFFIX
 from dubbing.printable import visible
 from dubbing.report.page import TEMPLATE
 from dubbing.stages.tasks import SYNC_FILE

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing import media
+from dubbing import batch, media
 from dubbing.engine import lock
 from dubbing.engine import planner as planning
 from dubbing.engine.graph import Job
@@ -83,7 +83,8 @@ def test_a_dub_from_end_to_end(footage: Path, tmp_path: Path) -> None:
     result, began = dub(path)
     assert result.code == 0
     expected = (
-        "ann:prepare ann:source ann:finetune ann_it:speech ann_it:heads ann_it:video ann_it:sync"
+        "ann:prepare ann:check_source ann:finetune ann:refine_poses "
+        "ann_it:listen ann_it:render ann_it:composite ann_it:check"
     )
     assert began == expected.split()
     out = tmp_path / "out"
@@ -118,11 +119,36 @@ def test_only_what_depends_on_a_change_is_made_again(footage: Path, tmp_path: Pa
     dub(path)
     path.write_text(path.read_text().replace("it.wav}", "it.wav, label: false}"))
     _, began = dub(path)
-    assert began == ["ann_it:video", "ann_it:sync"]
+    assert began == ["ann_it:composite", "ann_it:check"]
     path.write_text(path.read_text().replace("seconds: 1,", "seconds: 1, seed: 3,"))
     _, began = dub(path)
     # The stand-in heads do not depend on the seed, so nothing follows from them.
-    assert began == ["ann:finetune", "ann_it:heads"]
+    assert began == ["ann:finetune", "ann:refine_poses", "ann_it:render"]
+
+
+def test_a_folder_that_was_moved_is_up_to_date(footage: Path, tmp_path: Path) -> None:
+    before, after = tmp_path / "before", tmp_path / "after"
+    before.mkdir()
+    for name in ("ann.mp4", "it.wav"):
+        (before / name).write_bytes((footage / name).read_bytes())
+    path = manifest_of(before, before, {"ann": "ann.mp4"})
+    dub(path)
+    before.rename(after)
+    moved = after / path.name
+    moved.write_text(moved.read_text().replace(str(before), str(after)))
+    assert dub(moved)[1] == []
+    assert dub(moved, force=("render",))[1] == ["ann_it:render"]  # it reads the clip where it is
+
+
+def test_a_dub_that_was_renamed_is_up_to_date(footage: Path, tmp_path: Path) -> None:
+    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
+    dub(path)
+    path.write_text(path.read_text().replace("name: ann_it", "name: other"))
+    assert {row.state for row in planning.rows(build(load(path)))} == {"up to date"}
+    assert (tmp_path / "out" / "work" / "dubs" / "ann_it").is_dir()  # a plan moves nothing
+    assert dub(path)[1] == []
+    assert (tmp_path / "out" / "other.mp4").is_file()
+    assert [p.name for p in (tmp_path / "out" / "work" / "dubs").iterdir()] == ["other"]
 
 
 def test_the_report_shows_the_codec_that_was_asked_for(footage: Path, tmp_path: Path) -> None:
@@ -152,7 +178,7 @@ def test_consent_is_in_the_record_of_a_dub(footage: Path, tmp_path: Path) -> Non
     assert consent == {"by": "the person on film", "date": None, "reference": "form 17"}
     path.write_text(path.read_text().replace("form 17", "form 18"))
     _, began = dub(path)
-    assert began == ["ann_it:video"]
+    assert began == ["ann_it:composite"]
     assert json.loads(record.read_text())["parameters"]["consent"]["reference"] == "form 18"
 
 
@@ -252,8 +278,8 @@ def test_plan_says_what_would_run_and_why(footage: Path, tmp_path: Path) -> None
     changed = states()
     assert changed["ann:prepare"] == "up to date; ()"
     assert changed["ann:finetune"] == "run; ('seed: 0 before, 3 now',)"
-    assert changed["ann_it:heads"].startswith("after; ('if finetune gives another result'")
-    assert changed["ann_it:video"].startswith("after")
+    assert changed["ann_it:render"].startswith("after; ('if finetune or refine_poses gives another")
+    assert changed["ann_it:composite"].startswith("after")
     assert changed["ann_it:listen"] == "up to date; ()"
     assert states(("listen",))["ann_it:listen"] == "run; ('forced',)"
 
@@ -285,7 +311,7 @@ def test_kill_at_any_moment_then_run_again(footage: Path, tmp_path: Path) -> Non
     killed.mkdir()
     path = manifest_of(footage, killed, {"ann": "ann.mp4"})
     # One run after another, each killed a little later, in one and the same folder.
-    for kill in ("prepare:2", "finetune:3", "heads:4", "video:17", "mux:1"):
+    for kill in ("prepare:2", "finetune:3", "refine_poses:1", "render:4", "composite:17", "mux:1"):
         assert in_a_process(path, kill) == -signal.SIGKILL, kill
         assert not (killed / "out" / "ann_it.mp4").exists()
     assert in_a_process(path) == 0
@@ -364,7 +390,7 @@ def test_damaged_files_of_ours_do_not_end_a_run(
     path = manifest_of(footage, tmp_path, people)
     dub(path, only=("ann_it",))
     work = tmp_path / "out" / "work"
-    for name in ("sync/sync.json", "speech/stage.json", "speech/speech.json"):
+    for name in ("check/sync.json", "speech/stage.json", "speech/speech.json"):
         (work / "dubs" / "ann_it" / name).write_text(content)
     for name in ("prepared/prepared.json", "model/stage.json"):
         (work / "identities" / "ann" / name).write_text(content)
