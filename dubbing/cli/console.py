@@ -181,7 +181,7 @@ def metrics(found: dict[str, dict[str, dict[str, Any]]]) -> None:
 
 def one_level(row: dict[str, Any]) -> dict[str, Any]:
     """Figures of one method with those of P15x among them, named after it."""
-    flat = {}
+    flat: dict[str, Any] = {}
     for name, value in row.items():
         if isinstance(value, dict):
             flat |= {f"{name} {inner}": figure for inner, figure in value.items()}
