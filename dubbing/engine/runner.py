@@ -153,8 +153,7 @@ class _Runner:
         if job.kind == "dub":
             person = self.jobs.identities[job.waits_for]
             failure = self.outcomes[person.label].failure
-            needed = {stage.name for stage in job.stages[name].earlier()}
-            if failure and (failure.stage == "input" or failure.stage in needed):
+            if failure and (failure.stage == "input" or job.stages[name].needs(failure.stage)):
                 what = f"identity {person.name} failed: {failure.what}"
                 outcome.failure = replace(failure, what=what, trace="")
                 outcome.state = "skipped"

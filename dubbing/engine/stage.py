@@ -12,7 +12,7 @@ import os
 import shutil
 import stat
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import metadata
@@ -89,12 +89,10 @@ class Stage:
             found |= source.sources() if isinstance(source, Stage) else {source: digest_of(source)}
         return found
 
-    def earlier(self) -> Iterator[Stage]:
-        """All stages that its results go back to."""
-        for source in self.inputs.values():
-            if isinstance(source, Stage):
-                yield source
-                yield from source.earlier()
+    def needs(self, name: str) -> bool:
+        """Whether its results go back to a stage of that name."""
+        earlier = (source for source in self.inputs.values() if isinstance(source, Stage))
+        return any(stage.name == name or stage.needs(name) for stage in earlier)
 
     def result(self) -> str:
         """Digest of everything the stage made; '' if it is not done."""

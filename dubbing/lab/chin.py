@@ -15,8 +15,8 @@ import numpy as np
 from dubbing.face.mesh_points import JAW, LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 
 CHIN_LINE = JAW[4:13]  # the part of the jaw's line round which all may change, see `face_mask`
-HALF_BAND = 0.04  # eye distances to either side of a line
-APART = 3  # half bands: so far from the rendered chin, the film's chin is another edge
+HALF_BAND = 0.04  # eye distances to either side of a line; a collar may be three times as far
+APART = 2  # half bands: from there on, the bands of the two chins do not overlap
 NOT_KNOWN = float("nan")
 
 

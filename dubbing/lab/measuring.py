@@ -122,22 +122,18 @@ def measure(
     index = np.arange(clip.frames_count)
     tested = range(first, first + count, every)
     posed = refined(person, maps, clip, index[first : first + count], progress)
-    render: VideoWriter | None
-    source: VideoWriter | None
+    if every == 1:
+        rendered = heads.frames(person, maps, posed, windows, index, first, first + count)
+    else:
+        rendered = chain.from_iterable(
+            heads.frames(person, maps, posed, windows, index, k, k + 1) for k in tested
+        )
     with ExitStack() as open_files:
-        if every == 1:
-            rendered = heads.frames(person, maps, posed, windows, index, first, first + count)
-            render, source = (
-                open_files.enter_context(
-                    VideoWriter(out / f"{kind}_picture.mp4", clip.size, clip.size, clip.rate)
-                )
-                for kind in ("render", "source")
-            )
-        else:
-            render = source = None
-            rendered = chain.from_iterable(
-                heads.frames(person, maps, posed, windows, index, k, k + 1) for k in tested
-            )
+        videos = [
+            open_files.enter_context(VideoWriter(path, clip.size, clip.size, clip.rate))
+            for path in (out / "render_picture.mp4", out / "source_picture.mp4")
+            if every == 1
+        ]
         # A face is followed from frame to frame, where these are frames in a row.
         render_mesh, source_mesh = (
             open_files.enter_context(FaceMesh(tracking=every == 1)) for _ in range(2)
@@ -146,9 +142,8 @@ def measure(
             if k not in tested:
                 continue
             shown = over(*next(rendered), background)
-            if render is not None and source is not None:
-                render.write(shown)
-                source.write(image)
+            for video, picture in zip(videos, (shown, image), strict=False):
+                video.write(picture)
             flicker.add(k, shown, image)
             if k in tiles.shown_frames(first, count, every):
                 shown_tiles.append(np.concatenate([image, shown]))

@@ -141,11 +141,11 @@ def test_a_folder_that_was_moved_is_up_to_date(footage: Path, tmp_path: Path) ->
 
 
 def test_a_dub_that_was_renamed_is_up_to_date(footage: Path, tmp_path: Path) -> None:
-    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
+    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"}, ", name: before")
     dub(path)
-    path.write_text(path.read_text().replace("name: ann_it", "name: other"))
+    path.write_text(path.read_text().replace("name: before", "name: other"))
     assert {row.state for row in planning.rows(build(load(path)))} == {"up to date"}
-    assert (tmp_path / "out" / "work" / "dubs" / "ann_it").is_dir()  # a plan moves nothing
+    assert (tmp_path / "out" / "work" / "dubs" / "before").is_dir()  # a plan moves nothing
     assert dub(path)[1] == []
     assert (tmp_path / "out" / "other.mp4").is_file()
     assert [p.name for p in (tmp_path / "out" / "work" / "dubs").iterdir()] == ["other"]
@@ -208,7 +208,7 @@ def test_fail_fast_stops(footage: Path, tmp_path: Path) -> None:
     assert result.outcomes["dub/ann_it"].state == "stopped"
     # Without it the rest is made.
     result, began = dub(path)
-    assert "ann_it:video" in began
+    assert "ann_it:composite" in began
 
 
 def test_a_sync_check_that_falls_short(footage: Path, tmp_path: Path) -> None:

@@ -117,6 +117,8 @@ def test_dub_then_plan(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped
         (["dub"], "MANIFEST"),
         (["sync", "nothing.mp4"], "nothing.mp4"),
         (["evaluate", "{m}", "--lpips-weights", "{m}"], "m.yaml: weights cannot be read"),
+        (["evaluate", "{m}", "--protocol", "p16"], "no protocol is called p16"),
+        (["evaluate", "{m}", "--every", "0"], "--every"),
         (["prepare", "{m}", "--size", "60"], "use 64 to 1024 in steps of 8"),
         (["prepare", "{m}", "--size", "100"], "no head crop of 100 px"),
         (["paint"], "paint"),

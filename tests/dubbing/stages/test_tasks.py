@@ -57,11 +57,11 @@ def test_finetune(identity: Identity, tmp_path: Path, monkeypatch: pytest.Monkey
     found = SyncResult("warn", "late", "lips", media, offset_frames=-3, confidence=0.2)
     (tmp_path / "source").mkdir()
     atomic_write_json(tmp_path / "source" / tasks.SYNC_FILE, found.to_json())
-    tasks.Finetune(identity, tmp_path / "prepared", tmp_path / "source", None, "cpu")(
-        tmp_path, quiet
-    )
+    fakes.write_prepared(identity.clip, tmp_path / "prepared")
+    prepared = tasks.Prepared(tmp_path / "prepared", identity.clip)
+    tasks.Finetune(identity, prepared, tmp_path / "source", None, "cpu")(tmp_path, quiet)
     (positional, named) = work.call_args
-    assert positional == (tmp_path / "prepared", tmp_path)
+    assert (positional[0].folder, positional[1]) == (tmp_path / "prepared", tmp_path)
     assert (named["start"], named["seconds"], named["device"]) == (0.0, 1.0, "cpu")
     assert named["offset"] == -3
     settings = named["settings"]
@@ -83,9 +83,13 @@ def test_speech_then_heads(
     assert heard.voice.shape == (80,)
     work = create_autospec(heads.render)
     monkeypatch.setattr(heads, "render", work)
-    tasks.Render(dub, tmp_path / "model", prepared, speech, "cpu")(out, quiet)
-    model, folder, listen, target = work.call_args[0]
-    assert (model.name, folder, target) == ("model.safetensors", prepared, out)
+    c2w = np.random.default_rng(0).normal(size=(30, 3, 4))
+    np.savez(tmp_path / "poses.npz", c2w=c2w)
+    found = tasks.Prepared(prepared, identity.clip)
+    tasks.Render(dub, tmp_path / "model", found, tmp_path, speech, "cpu")(out, quiet)
+    model, clip, listen, target = work.call_args[0]
+    assert (model.name, clip.folder, target) == ("model.safetensors", prepared, out)
+    np.testing.assert_allclose(clip.c2w()[:, :, :3], c2w[:, :, :3])  # the refined poses
     whole = listen(0, 40)
     assert whole.shape == (40, 16, 80)
     np.testing.assert_array_equal(listen(13, 9), whole[13:22])
