@@ -184,9 +184,9 @@ def test_a_person_who_blinks_has_a_view_of_it_and_one_who_does_not_has_none() ->
     views = cut_references(someone, frames)
     assert views.blinks == 1
     assert torch.equal(views.c2w, someone.c2w[torch.tensor([1, 4, 2])])
-    assert cut_references(someone, frames, asked=torch.tensor([2, 3])).blinks == 0
+    assert cut_references(someone, frames, exclude=torch.tensor([2, 3])).blinks == 0
     someone.expression[5, eyelid_deformation.MEASURES] = -2.0
-    others = cut_references(someone, frames, asked=torch.tensor([2, 3]))
+    others = cut_references(someone, frames, exclude=torch.tensor([2, 3]))
     assert torch.equal(others.c2w, someone.c2w[torch.tensor([1, 4, 5])])
 
 

@@ -5,6 +5,7 @@ from torch import Tensor
 from torch.autograd import gradcheck
 
 from dfrf.encodings import frequency_encoding
+from dfrf.image import sharpened
 from dfrf.published.references import (
     SPREAD,
     ReferenceCNN,
@@ -12,7 +13,6 @@ from dfrf.published.references import (
     clamp_to_image,
     nearest,
     reference_input,
-    sharpened,
 )
 
 # Inside, between, on the border, and outside of a picture of 6 rows and 9 columns.

@@ -101,9 +101,7 @@ def test_a_mirrored_person_looks_the_other_way_and_says_the_same(share: RayShare
         share.conditioning[:, 6:8],
         *share.conditioning[:, 8:].T,
     )
-    expected = torch.cat(
-        [eyelid_deformation.flip(1), brow_deformation.flip(1), -right[:, None], down[:, None]], 1
-    )
+    expected = torch.cat([lids.flip(1), brows.flip(1), -right[:, None], down[:, None]], 1)
     assert torch.equal(told[:, 4:], expected)
 
 

@@ -71,7 +71,7 @@ def test_the_mean_over_people_decides() -> None:
     assert held.best_row() == 1
     assert held.over(1)
     assert not held.over(2)
-    assert not Validation(held.people).over(1)
+    assert not Validation(held.datasets).over(1)
 
 
 def test_measuring_teaches_nothing() -> None:
