@@ -94,15 +94,15 @@ def test_mirrored_rays_are_those_of_mirrored_pictures() -> None:
 
 
 def test_a_mirrored_person_looks_the_other_way_and_says_the_same(share: RayShare) -> None:
-    told = replace(PLAIN, mirrored=True).of_share(share).conditioning
-    assert torch.equal(told[:, :4], share.conditioning[:, :4])
+    conditioning = replace(PLAIN, mirrored=True).of_share(share).conditioning
+    assert torch.equal(conditioning[:, :4], share.conditioning[:, :4])
     lids, brows, right, down = (
         share.conditioning[:, 4:6],
         share.conditioning[:, 6:8],
         *share.conditioning[:, 8:].T,
     )
     expected = torch.cat([lids.flip(1), brows.flip(1), -right[:, None], down[:, None]], 1)
-    assert torch.equal(told[:, 4:], expected)
+    assert torch.equal(conditioning[:, 4:], expected)
 
 
 def test_rays_through_the_face_meet_its_mirrored_points(share: RayShare) -> None:
