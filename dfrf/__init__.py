@@ -7,28 +7,44 @@ above all) is loaded when the name is first used.
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+if TYPE_CHECKING:
+    from dfrf.cameras import Camera
+    from dfrf.config import TrainConfig
+    from dfrf.data import HeadDataset
+    from dfrf.head import Head, fit_head, load_head, render_frame, save_head
+    from dfrf.method import FrameInputs
+    from dfrf.training.fit import FitOptions, fit
+
+__all__ = [
+    "Camera",
+    "FitOptions",
+    "FrameInputs",
+    "Head",
+    "HeadDataset",
+    "TrainConfig",
+    "fit",
+    "fit_head",
+    "load_head",
+    "render_frame",
+    "save_head",
+]
 _HOMES = {
-    "Camera": "dfrf.cameras",
-    "FitOptions": "dfrf.training.fit",
-    "FrameInputs": "dfrf.method",
-    "Head": "dfrf.head",
-    "HeadDataset": "dfrf.data",
-    "TrainConfig": "dfrf.config",
-    "fit": "dfrf.training.fit",
-    "fit_head": "dfrf.head",
-    "load_head": "dfrf.head",
-    "render_frame": "dfrf.head",
-    "save_head": "dfrf.head",
+    "dfrf.cameras": ["Camera"],
+    "dfrf.config": ["TrainConfig"],
+    "dfrf.data": ["HeadDataset"],
+    "dfrf.head": ["Head", "fit_head", "load_head", "render_frame", "save_head"],
+    "dfrf.method": ["FrameInputs"],
+    "dfrf.training.fit": ["FitOptions", "fit"],
 }
-__all__ = [*_HOMES]
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'dfrf' has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+    for home, names in _HOMES.items():
+        if name in names:
+            return getattr(importlib.import_module(home), name)
+    raise AttributeError(f"module 'dfrf' has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:

@@ -100,8 +100,8 @@ def fit_head(
     """
     sizes = model_config(preset, dataset.windows.shape[-1])
     model = build(sizes) if base is None else adapt(load_model(base)[0], sizes)
-    usual = trainings(preset)
-    config = config or (usual.alone if base is None else usual.finetune)
+    default = trainings(preset)
+    config = config or (default.alone if base is None else default.finetune)
     method = method_of(model)
     chosen = {dataset.name: references} if method.references else None
     fit(method, [dataset], config, chosen, FitOptions(device=device))

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -32,7 +33,7 @@ def imported(path: Path) -> Iterator[tuple[int, str]]:
 def room(name: str) -> str:
     """The room of a dotted name: its folder, or the module itself where it lies at the top.
 
-    ``dubbing.media.probing.probe`` -> ``dubbing.media``; ``dfrf.config.FORMATS`` -> ``dfrf.config``.
+    ``dubbing.media.probing.probe`` -> ``dubbing.media``, ``dfrf.config.FORMATS`` -> itself.
     """
     parts = name.split(".")
     while parts:
@@ -68,7 +69,7 @@ def test_no_rooms_import_one_another(package: str) -> None:
         TopologicalSorter({own: set(others) for own, others in graph.items()}).prepare()
     except CycleError as error:
         ring = error.args[1]
-        places = [graph[b][a] for a, b in zip(ring, ring[1:], strict=False)]
+        places = [graph[b][a] for a, b in pairwise(ring)]
         pytest.fail("rooms import one another:\n" + "\n".join(places))
 
 

@@ -1,4 +1,4 @@
-"""Which of the frames that a person is shown by are looked at."""
+"""Which of a person's reference views are read for a frame."""
 
 from __future__ import annotations
 

@@ -29,13 +29,13 @@ def test_pruning_closes_air_and_leaves_the_picture() -> None:
     with torch.no_grad():
         maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
 
-        def look() -> torch.Tensor:
+        def picture() -> torch.Tensor:
             seen = render_rays(model.volume(conditioning[:1], maps), rays)
             return torch.cat([seen.colour, seen.opacity[:, None]], 1)
 
-        before = look()
+        before = picture()
         prune(model, conditioning, someone.c2w, maps, torch.Generator().manual_seed(0))
-        after = look()
+        after = picture()
     assert 0.3 * open_before < model.grid.occupied.float().mean() < 0.8 * open_before
     assert before[:, 3].max() > 0.95
     assert (before - after).abs().mean() < 0.003
@@ -47,14 +47,14 @@ def test_eyes_are_shut_in_every_second_frame_of_a_field_that_moves_lids(
     references: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     someone = person()
-    asked: list[torch.Tensor] = []
+    conditionings: list[torch.Tensor] = []
     model = presets.build(small_config(references=references, use_warp=references > 0)).eval()
     conditioning = torch.randn(6, model.config.field.cond_dim)
 
     real = grid_pruning.evaluate
 
     def note(field: ConditionedField, *args: Any) -> FieldOutput:
-        asked.append(field.conditioning)
+        conditionings.append(field.conditioning)
         return real(field, *args)
 
     monkeypatch.setattr(grid_pruning, "evaluate", note)
@@ -64,5 +64,8 @@ def test_eyes_are_shut_in_every_second_frame_of_a_field_that_moves_lids(
             maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
         prune(model, conditioning, someone.c2w, maps, torch.Generator().manual_seed(0))
     first = model.config.field.code_dim
-    shut = [bool((codes[:, first:][:, eyelid_deformation.MEASURES] < -5).all()) for codes in asked]
-    assert shut == [bool(k % 2) and references > 0 for k in range(6)]
+    closed = [
+        bool((codes[:, first:][:, eyelid_deformation.MEASURES] < -5).all())
+        for codes in conditionings
+    ]
+    assert closed == [bool(k % 2) and references > 0 for k in range(6)]

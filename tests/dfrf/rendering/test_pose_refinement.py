@@ -80,8 +80,8 @@ def test_what_the_head_does_not_explain_has_little_say() -> None:
     observation = PoseObservation(pixels, torch.ones(len(pixels), 3) * 5, behind, FOCAL, centre)
     left, right = normal_equations(model.volume(conditioning, maps), observation, true)
     plain = PoseObservation(pixels, torch.zeros(len(pixels), 3), behind, FOCAL, centre)
-    usual, _ = normal_equations(model.volume(conditioning, maps), plain, true)
-    assert left.diagonal().sum() < 1e-3 * usual.diagonal().sum()
+    black, _ = normal_equations(model.volume(conditioning, maps), plain, true)
+    assert left.diagonal().sum() < 1e-3 * black.diagonal().sum()
     assert right.isfinite().all()
 
 

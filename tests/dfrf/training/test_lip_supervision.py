@@ -1,4 +1,4 @@
-"""The speech networks learn what the lips do, and the field is conditioned on what they really did."""
+"""The speech networks learn what the lips do; the field is conditioned on what these did."""
 
 from dataclasses import replace
 
