@@ -151,8 +151,10 @@ def test_a_person_is_learned_resumed_and_rendered(
         if getattr(state, "step", 0) == 3:
             raise KeyboardInterrupt
 
-    often = replace(presets.PAPER_FINETUNE, checkpoint_every=1)
-    monkeypatch.setattr(presets, "PAPER_FINETUNE", often)
+    tiny = presets.PRESETS["paper"]
+    often = replace(tiny.trainings.finetune, checkpoint_every=1)
+    trainings = replace(tiny.trainings, finetune=often)
+    monkeypatch.setitem(presets.PRESETS, "paper", replace(tiny, trainings=trainings))
     with pytest.raises(KeyboardInterrupt):
         finetune(prepared, again, **asked, progress=stop)  # type: ignore[arg-type]
     assert (again / "resume").is_dir()
