@@ -108,6 +108,11 @@ class Method(ABC, Generic[ShareT, MapsT]):
         """Number N of reference frames; 0 for a model without references."""
 
     @property
+    @abstractmethod
+    def speech_dim(self) -> int:
+        """D, numbers of the speech features."""
+
+    @property
     def reference_pool_size(self) -> int:
         """Number of reference views of a person, to choose N from for every view."""
         return self.references

@@ -101,6 +101,10 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         return self.model.config.field.references
 
     @property
+    def speech_dim(self) -> int:
+        return self.model.config.field.speech_dim
+
+    @property
     def reference_pool_size(self) -> int:
         return self.model.config.field.reference_pool_size if self.references else 0
 

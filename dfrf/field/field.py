@@ -94,8 +94,8 @@ class Field(nn.Module):
         projected = views.project(query.points, which, query.lifts(views, which))
         offset = torch.zeros_like(projected)
         if warp and self.config.use_warp:
-            shown = maps.read_nearest(projected, which)
-            offset = self.warp(query.encoded, conditioning, query.belongs, shown)
+            at_pixel = maps.read_nearest(projected, which)
+            offset = self.warp(query.encoded, conditioning, query.belongs, at_pixel)
         feature = maps.read_bilinear(warped(projected, offset, views.scale), which)
         towards = views.direction_differences(query.points, query.directions, which)
         fused, weight = self.aggregation(

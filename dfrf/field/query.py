@@ -1,4 +1,4 @@
-"""What a field is asked: points of some frames, and how the face's motion moves them.
+"""A query of a field: points of some frames, and how the face's motion moves them.
 
 M points, F frames in a batch, n reference views.
 """
@@ -26,7 +26,7 @@ def per_point(values: Float[Tensor, "F K"], belongs: Float[Tensor, "M F"]) -> Fl
 
 @dataclass(frozen=True)
 class FieldQuery:
-    """Points that the field is asked of.
+    """Points that the field is evaluated at.
 
     Attributes:
         points, directions: head frame, directions of unit length.

@@ -101,6 +101,25 @@ class EncodedReferences:
 
 
 @dataclass(frozen=True)
+class FrameConditions:
+    """What the field knows of a frame beside points.
+
+    Attributes:
+        code: A of the frame; empty without speech.
+        references: with their features; None for a field without references.
+        warp: False in the coarse stage of training.
+        noise: whether slots start from fresh noise.
+        generator: of the noise.
+    """
+
+    code: Float[Tensor, " A"]
+    references: EncodedReferences | None
+    warp: bool = True
+    noise: bool = False
+    generator: torch.Generator | None = None
+
+
+@dataclass(frozen=True)
 class Samples:
     """What a field says of points.
 
@@ -178,12 +197,7 @@ class PaperField(nn.Module):
         network: RadianceMLP,
         points: Float[Tensor, "R S 3"],
         directions: Float[Tensor, "R 3"],
-        code: Float[Tensor, " A"],
-        references: EncodedReferences | None,
-        *,
-        warp: bool = True,
-        noise: bool = False,
-        generator: torch.Generator | None = None,
+        conditions: FrameConditions,
     ) -> Samples:
         """Raw colour and density of points, seen along unit directions.
 
@@ -191,21 +205,20 @@ class PaperField(nn.Module):
             network: `self.coarse` or `self.fine`.
             points: in the world.
             directions: of the rays, of length 1.
-            code: A of the frame; empty without speech.
-            references: with their features; None for a field without references.
-            warp: False in the coarse stage of training.
-            noise: whether slots start from fresh noise.
-            generator: of the noise.
+            conditions: of the frame.
         """
         rays, count = points.shape[:2]
+        code, references = conditions.code, conditions.references
         flat = points.reshape(-1, 3)
         encoded = frequency_encoding(flat, POINT_OCTAVES)
         parts = [encoded, code.expand(flat.shape[0], -1)]
         offset = points.new_zeros(0, flat.shape[0], 2)
         feature = points.new_zeros(flat.shape[0], 0)
         if references is not None:
-            tokens, offset = self.look_up(flat, encoded, code, references, warp)
-            start = self.aggregation.noise(flat.shape[0], generator) if noise else None
+            tokens, offset = self.look_up(flat, encoded, code, references, conditions.warp)
+            start = None
+            if conditions.noise:
+                start = self.aggregation.noise(flat.shape[0], conditions.generator)
             feature = self.aggregation(tokens, encoded, start)
             parts.insert(0, feature)
         views = frequency_encoding(directions, DIRECTION_OCTAVES).repeat_interleave(count, 0)

@@ -95,6 +95,10 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
     def references(self) -> int:
         return REFERENCES if self.model.config.use_references else 0
 
+    @property
+    def speech_dim(self) -> int:
+        return self.model.config.speech_dim
+
     def reference_views(
         self, dataset: HeadDataset, frames: Tensor, exclude: Tensor | None = None
     ) -> ReferenceViews:

@@ -8,6 +8,7 @@ R rays of one frame, S samples a ray, N references of H x W pixels, D speech fea
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any, ClassVar, Self
 
 import torch
@@ -22,7 +23,13 @@ from dfrf.head_model import HeadModel
 from dfrf.published import radiance_field as field
 from dfrf.published import sampling
 from dfrf.published import volume_rendering as volrend
-from dfrf.published.conditioned_field import EncodedReferences, PaperConfig, PaperField, References
+from dfrf.published.conditioned_field import (
+    EncodedReferences,
+    FrameConditions,
+    PaperConfig,
+    PaperField,
+    References,
+)
 from dfrf.training import losses
 
 __all__ = [
@@ -90,6 +97,33 @@ class PaperModel(HeadModel):
         ]
         return EncodedReferences(torch.cat(maps), references)
 
+    def render_pass(
+        self,
+        rays_o: Float[Tensor, "R 3"],
+        rays_d: Float[Tensor, "R 3"],
+        background: Float[Tensor, "R 3"],
+        conditions: FrameConditions,
+        network: field.RadianceMLP,
+        depths: Float[Tensor, "R S"],
+    ) -> dict[str, Tensor]:
+        """What rays see in one pass, see `forward`; the last depth is the background's."""
+        points = rays_o[:, None] + depths[:, :-1, None] * rays_d[:, None]
+        length = rays_d.norm(dim=-1, keepdim=True)
+        out = self.field(network, points, rays_d / length, conditions)
+        alpha = volrend.opacities(field.density(out.density) * depths.diff(dim=-1) * length)
+        rendered = volrend.composite(out.colour.sigmoid(), alpha, depths[:, :-1])
+        assert rendered.depth is not None
+        return {
+            "colour": rendered.over(background),
+            "head": rendered.colour,
+            "opacity": rendered.opacity,
+            "depth": rendered.depth,
+            "weights": rendered.weights,
+            "depths": depths[:, :-1],
+            "alpha": alpha,
+            "offset": out.offset,
+        }
+
     def forward(
         self,
         rays_o: Float[Tensor, "R 3"],
@@ -139,36 +173,11 @@ class PaperModel(HeadModel):
         code = self.speech_code(windows, smooth)
         rays, config = rays_o.shape[0], self.config
         noise = self.training and config.slot_noise
+        conditions = FrameConditions(code, maps, warp, noise, generator)
+        render = partial(self.render_pass, rays_o, rays_d, background, conditions)
 
         def uniform(count: int) -> Tensor:
             return torch.rand((rays, count), generator=generator, device=rays_o.device)
-
-        def march(network: field.RadianceMLP, depths: Tensor) -> dict[str, Tensor]:
-            points = rays_o[:, None] + depths[:, :-1, None] * rays_d[:, None]
-            length = rays_d.norm(dim=-1, keepdim=True)
-            out = self.field(
-                network,
-                points,
-                rays_d / length,
-                code,
-                maps,
-                warp=warp,
-                noise=noise,
-                generator=generator,
-            )
-            alpha = volrend.opacities(field.density(out.density) * depths.diff(dim=-1) * length)
-            seen = volrend.composite(out.colour.sigmoid(), alpha, depths[:, :-1])
-            assert seen.depth is not None
-            return {
-                "colour": seen.over(background),
-                "head": seen.colour,
-                "opacity": seen.opacity,
-                "depth": seen.depth,
-                "weights": seen.weights,
-                "depths": depths[:, :-1],
-                "alpha": alpha,
-                "offset": out.offset,
-            }
 
         depths = sampling.stratified(
             rays_o.new_full((rays,), near),
@@ -176,12 +185,12 @@ class PaperModel(HeadModel):
             config.coarse_samples,
             uniform(config.coarse_samples) if jitter else None,
         )
-        coarse = march(self.field.coarse, depths)
+        coarse = render(self.field.coarse, depths)
         even = torch.linspace(0, 1, config.fine_samples, device=rays_o.device)[None]
         u = uniform(config.fine_samples) if jitter else even
         # The bins leave out the last sample, so the background's weight is any number.
         weights = F.pad(coarse["weights"].detach(), (0, 1))
-        fine = march(self.field.fine, sampling.importance(depths, weights, u))
+        fine = render(self.field.fine, sampling.importance(depths, weights, u))
         return fine | {f"coarse_{name}": value for name, value in coarse.items()}
 
 

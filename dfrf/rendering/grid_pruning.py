@@ -34,8 +34,8 @@ def prune_grid(
 ) -> None:
     """Closes open cells where no sample of any frame looked at would be `THIN` or more.
 
-    The density itself is asked, one random point a cell and frame, so a cell that rays seldom
-    reached stays open where there is something in it.
+    The density itself is evaluated, at one random point a cell and frame, so a cell that rays
+    seldom reached stays open where there is something in it.
 
     Args:
         grid: changed in place.

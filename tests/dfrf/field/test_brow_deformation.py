@@ -65,18 +65,24 @@ def test_a_reference_is_looked_up_where_its_own_brow_is() -> None:
     model, someone = FastModel(small_config(use_warp=False)), person()
     views = cut_references(someone, torch.tensor([0, 1, 2, 3]))
     maps = model.field.encoder(views)
-    told = torch.zeros(1, model.config.field.cond_dim)
+    conditioning = torch.zeros(1, model.config.field.cond_dim)
     towards, frame = torch.tensor([[0.0, 0.0, -1.0]]), torch.zeros(1, dtype=torch.long)
     with torch.no_grad():
         model.field.input_conditioning.weight.zero_()
         model.field.aggregation.conditioning.weight.zero_()
-    plain = model.field(LEFT, towards, frame, told, replace(maps, views=at_height(views, 0.0)))
-    told[:, model.config.field.code_dim + 2] = 2.0
+    plain = model.field(
+        LEFT, towards, frame, conditioning, replace(maps, views=at_height(views, 0.0))
+    )
+    conditioning[:, model.config.field.code_dim + 2] = 2.0
     up = torch.tensor([[0.0, 2 * 0.03 * 0.9, 0.0]])
     # A raised brow before references that are not raised shows what the lower one showed.
-    moved = model.field(LEFT + up, towards, frame, told, replace(maps, views=at_height(views, 0.0)))
+    moved = model.field(
+        LEFT + up, towards, frame, conditioning, replace(maps, views=at_height(views, 0.0))
+    )
     torch.testing.assert_close(moved.colour, plain.colour, atol=0.01, rtol=0)
-    other = model.field(LEFT, towards, frame, told, replace(maps, views=at_height(views, 0.0)))
+    other = model.field(
+        LEFT, towards, frame, conditioning, replace(maps, views=at_height(views, 0.0))
+    )
     assert (other.colour - plain.colour).abs().max() > (moved.colour - plain.colour).abs().max()
 
 
@@ -96,16 +102,18 @@ def test_brows_go_no_further_than_they_usually_did_and_nothing_else_is_held() ->
     assert -4 < low.min() <= low.max() <= -1
     assert 1 <= high.min() <= high.max() < 4
     with torch.no_grad():
-        told = model.field.conditioning(torch.zeros(40 + 2 * REACH, 8, 16, 8), upper)[:, -6:]
-    torch.testing.assert_close(told[7, brow_deformation.MEASURES], high)
-    torch.testing.assert_close(told[9, brow_deformation.MEASURES], low)
+        conditioning = model.field.conditioning(torch.zeros(40 + 2 * REACH, 8, 16, 8), upper)[
+            :, -6:
+        ]
+    torch.testing.assert_close(conditioning[7, brow_deformation.MEASURES], high)
+    torch.testing.assert_close(conditioning[9, brow_deformation.MEASURES], low)
     inside = (
         (upper[:, brow_deformation.MEASURES] > low) & (upper[:, brow_deformation.MEASURES] < high)
     ).all(1)
     assert inside.sum() > 25
-    torch.testing.assert_close(told[inside], upper[inside])
-    torch.testing.assert_close(told[:, :2], upper[:, :2])
-    torch.testing.assert_close(told[:, 4:], upper[:, 4:])
+    torch.testing.assert_close(conditioning[inside], upper[inside])
+    torch.testing.assert_close(conditioning[:, :2], upper[:, :2])
+    torch.testing.assert_close(conditioning[:, 4:], upper[:, 4:])
 
 
 def test_a_brow_that_hardly_moved_may_still_move() -> None:

@@ -124,14 +124,14 @@ def test_a_field_shows_the_lid_of_the_references_where_an_eye_is_shut() -> None:
     points = column()[60:120]
     towards = torch.tensor([[0.0, 0.0, -1.0]]).expand(len(points), -1)
     frame = torch.zeros(len(points), dtype=torch.long)
-    told = torch.zeros(1, model.config.field.cond_dim)
-    told[:, model.config.field.code_dim :][:, eyelid_deformation.MEASURES] = CLOSED
+    conditioning = torch.zeros(1, model.config.field.cond_dim)
+    conditioning[:, model.config.field.code_dim :][:, eyelid_deformation.MEASURES] = CLOSED
     with torch.no_grad():
         moved = points.clone()
         moved[:, 1] = read(points, CLOSED, OPEN)
-        shut = model.field(points, towards, frame, told, maps)
-        lid = model.field(moved, towards, frame, torch.zeros_like(told), maps)
-        eye = model.field(points, towards, frame, torch.zeros_like(told), maps)
+        shut = model.field(points, towards, frame, conditioning, maps)
+        lid = model.field(moved, towards, frame, torch.zeros_like(conditioning), maps)
+        eye = model.field(points, towards, frame, torch.zeros_like(conditioning), maps)
     # All that is left is the direction each place is seen in.
     assert (shut.colour - lid.colour).abs().mean() < 0.1 * (eye.colour - lid.colour).abs().mean()
 
@@ -184,9 +184,9 @@ def test_a_person_who_blinks_has_a_view_of_it_and_one_who_does_not_has_none() ->
     views = cut_references(someone, frames)
     assert views.blinks == 1
     assert torch.equal(views.c2w, someone.c2w[torch.tensor([1, 4, 2])])
-    assert cut_references(someone, frames, asked=torch.tensor([2, 3])).blinks == 0
+    assert cut_references(someone, frames, exclude=torch.tensor([2, 3])).blinks == 0
     someone.expression[5, eyelid_deformation.MEASURES] = -2.0
-    others = cut_references(someone, frames, asked=torch.tensor([2, 3]))
+    others = cut_references(someone, frames, exclude=torch.tensor([2, 3]))
     assert torch.equal(others.c2w, someone.c2w[torch.tensor([1, 4, 5])])
 
 
@@ -205,9 +205,9 @@ def test_a_shut_lid_has_the_colours_of_the_blink_and_an_open_one_those_of_the_fa
         images = views.images.clone()
         images[black] = 0
         maps = model.field.encoder(replace(views, images=images))
-        told = torch.zeros(1, model.config.field.cond_dim)
-        told[:, model.config.field.code_dim :][:, eyelid_deformation.MEASURES] = measure
-        return model.field(points, towards, frame, told, maps).colour
+        conditioning = torch.zeros(1, model.config.field.cond_dim)
+        conditioning[:, model.config.field.code_dim :][:, eyelid_deformation.MEASURES] = measure
+        return model.field(points, towards, frame, conditioning, maps).colour
 
     nothing = slice(0, 0)
     for measure, read_off, rest in (

@@ -1,4 +1,4 @@
-"""Which of the frames that a person is shown by are looked at."""
+"""Which of a person's reference views are read for a frame."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_nothing_jumps_where_one_reference_takes_the_place_of_another() -> None:
     maps = maps_of_many()
     model = presets.build(small_config()).eval()
     directions = F.normalize(torch.randn(200, 3) * 0.6 - origin_at(5.0), dim=-1)
-    told = torch.zeros(1, model.config.field.cond_dim)
+    conditioning = torch.zeros(1, model.config.field.cond_dim)
 
     def picture(turn: float) -> tuple[set[int], Tensor]:
         origins = origin_at(turn).expand(200, 3)
@@ -75,7 +75,7 @@ def test_nothing_jumps_where_one_reference_takes_the_place_of_another() -> None:
         ).number.tolist()
         with torch.no_grad():
             rays = Rays(origins, directions, frame)
-            return set(looked), render_rays(model.volume(told, maps), rays).colour
+            return set(looked), render_rays(model.volume(conditioning, maps), rays).colour
 
     before, after, further = picture(4.999), picture(5.001), picture(5.1)
     assert before[0] != after[0]

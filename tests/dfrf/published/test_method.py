@@ -8,16 +8,17 @@ import pytest
 import torch
 from torch import Tensor
 
-from dfrf.cameras import pixel_grid, pixel_rays
+from dfrf.cameras import Camera, pixel_grid, pixel_rays
 from dfrf.checkpoint import CheckpointError
 from dfrf.config import TrainConfig
 from dfrf.data import OUTSIDE, HeadDataset, neighbour_windows
 from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
+from dfrf.method import FrameInputs
 from dfrf.published import method as paper_method
 from dfrf.published.method import PaperMethod, bounds
-from dfrf.published.model import PaperConfig, PaperModel, ReferenceMaps, paper_loss
+from dfrf.published.model import EncodedReferences, PaperConfig, PaperModel, paper_loss
 from dfrf.registry import method_of
-from dfrf.training.fit import TrainingDivergedError, fit
+from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.step import step_outcome
 from dfrf.training.validation import Validation, draw_held_out_rays
 from dfrf.workers import Workers
@@ -112,7 +113,7 @@ def test_everything_learns_from_pictures_the_smoothing_and_the_warp_in_their_tur
         model.train()
         method = method_of(model)
         config = replace(CONFIG, iterations=9, coarse_iterations=6)
-        shares = method.draw(person(), config, torch.Generator().manual_seed(0))
+        shares = method.draw_shares(person(), config, torch.Generator().manual_seed(0))
         maps = method.encode(method.reference_views(person(), REFERENCES["ellipsoid"]))
         named = dict(model.named_parameters())
         with Workers(CPU, 1) as workers:
@@ -140,7 +141,7 @@ def test_the_gradient_is_that_of_equation_9_over_all_shares() -> None:
     # No noise and no jitter to be drawn: the same numbers by one graph over whole frames.
     someone, model = person(), made(config=replace(TINY, slot_noise=False))
     method = PaperMethod(model)
-    shares = method.draw(someone, CONFIG, torch.Generator().manual_seed(3))
+    shares = method.draw_shares(someone, CONFIG, torch.Generator().manual_seed(3))
     views = method.reference_views(someone, REFERENCES["ellipsoid"])
     parameters: list[Tensor] = [p for _, p in model.named_parameters()]
     with Workers(CPU, 1) as workers:
@@ -188,12 +189,14 @@ def test_a_base_draws_references_anew_and_resumes_bit_for_bit(tmp_path: Path) ->
     def learned(folder: Path | None, steps: int) -> PaperModel:
         model, left = made(), iter(range(steps - 1, -1, -1))
         fit(
-            model,
+            PaperMethod(model),
             people,
             CONFIG,
-            resume=None if folder is None else str(folder),
-            stop=lambda: next(left) == 0,
-            device="cpu",
+            options=FitOptions(
+                resume=None if folder is None else str(folder),
+                stop=lambda: next(left) == 0,
+                device="cpu",
+            ),
         )
         return model
 
@@ -207,23 +210,26 @@ def test_people_held_out_are_measured_by_what_the_model_says_of_their_rays() -> 
     someone, held = person(), replace(person(seed=1), name="held")
     model, validation = made(), Validation([held])
     config = replace(CONFIG, iterations=4, checkpoint_every=2)
-    fit(model, [someone], config, references=REFERENCES, device="cpu", validation=validation)
+    options = FitOptions(device="cpu", validation=validation)
+    fit(PaperMethod(model), [someone], config, REFERENCES, options)
     assert [row[0] for row in validation.rows] == [2, 4]
     assert model.training
     method = PaperMethod(model)
-    exam = draw_held_out_rays(held, method, config)
-    assert exam.psnr(method) == pytest.approx(validation.rows[1][1])
-    assert exam.views is not None
-    maps, one = method.maps(exam.views), int(exam.batch.frames[1])
-    seen = method.picture(held, exam.batch, maps)
+    held_out = draw_held_out_rays(held, method, config)
+    assert held_out.psnr(method) == pytest.approx(validation.rows[1][1])
+    assert held_out.views is not None
+    maps, one = method.maps(held_out.views), int(held_out.batch.frames[1])
+    seen = method.render_batch(held, held_out.batch, maps)
     near = neighbour_windows(held.windows, held.segment, torch.tensor([one]))[0]
     model.eval()
-    colour, opacity = method.frame(held.c2w[one], FOCAL, held.centres[one], near, maps, SIZE)
-    rays = exam.batch.frame == 1
-    local = exam.batch.directions[rays] @ held.c2w[one, :, :3]
+    colour, opacity = method.render_frame(
+        Camera(held.c2w[one], FOCAL, held.centres[one], SIZE), near, maps
+    )
+    rays = held_out.batch.frame == 1
+    local = held_out.batch.directions[rays] @ held.c2w[one, :, :3]
     plane = local[:, :2] / -local[:, 2:] * torch.tensor([1.0, -1.0])
     column, row = (held.centres[one] + FOCAL * plane).round().long().unbind(-1)
-    over = colour[row, column] + (1 - opacity[row, column, None]) * exam.batch.background[rays]
+    over = colour[row, column] + (1 - opacity[row, column, None]) * held_out.batch.background[rays]
     torch.testing.assert_close(seen[rays], over, atol=1e-3, rtol=0)
 
 
@@ -234,7 +240,7 @@ def test_rays_fall_inside_and_outside_of_the_head() -> None:
     regions = torch.where(far, OUTSIDE, someone.regions).to(torch.uint8)
     marked = torch.where(far[..., None], 7, someone.images).to(torch.uint8)
     someone = replace(someone, regions=regions, images=marked)
-    shares = method_of(made()).draw(someone, CONFIG, torch.Generator().manual_seed(0))
+    shares = method_of(made()).draw_shares(someone, CONFIG, torch.Generator().manual_seed(0))
     assert [share.batch.frames.numel() for share in shares] == [1, 1, 1]
     for share in shares:
         outside = (share.batch.colour * 255).round().eq(7).all(-1)
@@ -252,17 +258,15 @@ def test_a_rendered_frame_is_what_the_model_says_of_all_its_pixels(
     maps = method.maps(method.reference_views(someone, REFERENCES["ellipsoid"]))
     heard = neighbour_windows(someone.windows, someone.segment, torch.tensor([1, 4]))
     numbers = torch.tensor([1, 4])
-    frames = list(
-        method.frames(
-            someone.c2w[numbers],
-            FOCAL,
-            someone.centres[numbers],
-            heard,
-            someone.expression[numbers],
-            maps,
-            SIZE,
-        )
+    inputs = FrameInputs(
+        someone.c2w[numbers],
+        FOCAL,
+        someone.centres[numbers],
+        heard,
+        someone.expression[numbers],
+        SIZE,
     )
+    frames = list(method.render_frames(inputs, maps))
     for k, (colour, opacity) in zip(numbers.tolist(), frames, strict=True):
         c2w = someone.c2w[k].clone()
         c2w[:, 3] /= 10
@@ -293,7 +297,7 @@ def test_references_are_whole_pictures_encoded_one_by_one() -> None:
     views = method.reference_views(someone, REFERENCES["ellipsoid"])
     assert torch.equal(views.images, someone.images[REFERENCES["ellipsoid"]])
     maps = method.encode(views)
-    assert isinstance(maps, ReferenceMaps)
+    assert isinstance(maps, EncodedReferences)
     assert maps.features.requires_grad
     together = model.field.encoder(views.images / 255, views.c2w[:, :, 3] / 10)
     torch.testing.assert_close(maps.features, together)
@@ -323,6 +327,7 @@ def test_a_loss_that_is_not_finite_stops_the_run() -> None:
         **{**someone.__dict__, "windows": torch.full_like(someone.windows, torch.nan)}
     )
     before = {name: value.clone() for name, value in model.state_dict().items()}
+    config = replace(CONFIG, iterations=20)
     with pytest.raises(TrainingDivergedError, match="10 steps"):
-        fit(model, [bad], replace(CONFIG, iterations=20), references=REFERENCES, device="cpu")
+        fit(PaperMethod(model), [bad], config, REFERENCES, FitOptions(device="cpu"))
     assert not moved(before, model)

@@ -9,7 +9,7 @@ from dfrf.cameras import pixel_rays
 from dfrf.config import TrainConfig
 from dfrf.encodings import frequency_encoding
 from dfrf.published import radiance_field as field
-from dfrf.published.model import PaperConfig, PaperModel, ReferenceMaps, References, paper_loss
+from dfrf.published.model import EncodedReferences, PaperConfig, PaperModel, References, paper_loss
 
 NEAR, FAR = 0.5, 1.1
 WHOLE = PaperConfig()
@@ -146,7 +146,7 @@ def test_look_up_reads_where_the_warp_points() -> None:
     points = torch.tensor([[0.02, -0.05, 0.01], [0.1, 0.07, 0.1], [4.0, 4.0, 0.0]])
     encoded = frequency_encoding(points, 10)
     tokens, offset = model.field.look_up(
-        points, encoded, torch.randn(8), ReferenceMaps(ramp, views)
+        points, encoded, torch.randn(8), EncodedReferences(ramp, views)
     )
     for n in range(4):
         for m in range(3):
@@ -163,7 +163,7 @@ def test_look_up_reads_where_the_warp_points() -> None:
 
 def test_the_warp_learns_but_does_not_teach() -> None:
     model, views = tiny(), references()
-    maps = ReferenceMaps(model.encode(views).maps.detach().requires_grad_(), views)
+    maps = EncodedReferences(model.encode(views).maps.detach().requires_grad_(), views)
     points, code = 0.1 * torch.randn(9, 3), torch.randn(8, requires_grad=True)
     _, offset = model.field.look_up(points, frequency_encoding(points, 10), code, maps)
     offset.square().sum().backward()

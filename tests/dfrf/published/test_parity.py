@@ -19,7 +19,7 @@ from dfrf.cameras import pixel_grid, pixel_rays, project
 from dfrf.encodings import frequency_encoding
 from dfrf.head_checkpoint import load_model
 from dfrf.published.importing import import_checkpoint
-from dfrf.published.model import PaperModel, ReferenceMaps, References
+from dfrf.published.model import EncodedReferences, PaperModel, References
 from dfrf.published.references import clamp_to_image
 
 FOLDER = Path(__file__).resolve().parents[4] / "shared" / "parity"
@@ -59,7 +59,7 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Published:
 
 
 @pytest.fixture(scope="module")
-def maps(published: Published) -> ReferenceMaps:
+def maps(published: Published) -> EncodedReferences:
     with torch.no_grad():
         return published.model.encode(published.references)
 
@@ -73,13 +73,13 @@ def test_speech(published: Published) -> None:
 
 
 @torch.no_grad()
-def test_reference_features(published: Published, maps: ReferenceMaps) -> None:
+def test_reference_features(published: Published, maps: EncodedReferences) -> None:
     sample = maps.maps[:, ::16, ::16]
     torch.testing.assert_close(sample, published.numbers["reference_features_sample"], **CLOSE)
 
 
 @torch.no_grad()
-def test_projections_and_offsets(published: Published, maps: ReferenceMaps) -> None:
+def test_projections_and_offsets(published: Published, maps: EncodedReferences) -> None:
     numbers, views = published.numbers, published.references
     points = numbers["points"]
     seen = project(points, views.c2w, views.focal, views.centre)
@@ -96,7 +96,7 @@ def test_projections_and_offsets(published: Published, maps: ReferenceMaps) -> N
 
 
 @torch.no_grad()
-def test_aggregated_feature_and_raw_output(published: Published, maps: ReferenceMaps) -> None:
+def test_aggregated_feature_and_raw_output(published: Published, maps: EncodedReferences) -> None:
     numbers, fields = published.numbers, published.model.field
     origins, directions = (x[numbers["ray_index"].long()] for x in published.rays())
     points = origins[:, None] + directions[:, None] * numbers["z"][:, None]
@@ -108,7 +108,7 @@ def test_aggregated_feature_and_raw_output(published: Published, maps: Reference
 
 
 @torch.no_grad()
-def test_picture(published: Published, maps: ReferenceMaps) -> None:
+def test_picture(published: Published, maps: EncodedReferences) -> None:
     numbers = published.numbers
     origins, directions = published.rays()
     near, far = numbers["near_far"].tolist()

@@ -5,14 +5,13 @@ from torch import Tensor
 from torch.autograd import gradcheck
 
 from dfrf.encodings import frequency_encoding
+from dfrf.image import BILINEAR_SPREAD, sharpened
 from dfrf.published.references import (
-    SPREAD,
     ReferenceCNN,
     bilinear,
     clamp_to_image,
     nearest,
     reference_input,
-    sharpened,
 )
 
 # Inside, between, on the border, and outside of a picture of 6 rows and 9 columns.
@@ -68,7 +67,7 @@ def test_sharpening_keeps_means_and_ramps_and_takes_back_a_variance() -> None:
     away = torch.arange(9.0) - 4
     torch.testing.assert_close(kernel.sum(), torch.tensor(1.0))
     for along in (kernel.sum(0), kernel.sum(1)):
-        torch.testing.assert_close((along * away**2).sum(), torch.tensor(-SPREAD))
+        torch.testing.assert_close((along * away**2).sum(), torch.tensor(-BILINEAR_SPREAD))
     ramp = torch.arange(9.0)[None, None, :, None].expand(1, 5, 9, 3)
     torch.testing.assert_close(sharpened(ramp)[:, :, 1:-1], ramp[:, :, 1:-1])
     torch.testing.assert_close(sharpened(torch.ones(2, 4, 5, 3)), torch.ones(2, 4, 5, 3))

@@ -4,45 +4,38 @@ from typing import Any
 
 import pytest
 import torch
-import torch.nn.functional as F
 
 from dfrf import presets
-from dfrf.cameras import pixel_rays
+from dfrf.cameras import Camera
 from dfrf.data import cut_references
+from dfrf.fast.method import prune
 from dfrf.field import eyelid_deformation
-from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII, FieldOutput
-from dfrf.rendering import grid_pruning as grid_pruning
-from dfrf.rendering.grid_pruning import carve
+from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII, ConditionedField, FieldOutput
+from dfrf.rendering import grid_pruning
 from dfrf.rendering.volume_rendering import render_rays
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 
 
-def test_carving_closes_air_and_leaves_the_picture() -> None:
+def test_pruning_closes_air_and_leaves_the_picture() -> None:
     someone = person()
     model = presets.build(small_config()).eval()
     centre, radii = torch.tensor(PRIOR_CENTRE), torch.tensor(PRIOR_RADII)
     reach = ((model.grid.centres() - centre) / radii).norm(dim=-1)
     model.grid.start_from((reach > 0.8) & (reach < 1.4))
     open_before = float(model.grid.occupied.float().mean())
-    told = torch.randn(6, 70)
+    conditioning = torch.randn(6, 70)
+    camera = Camera(someone.c2w[2], FOCAL, someone.centres[2], SIZE)
+    rays = camera.rays(torch.arange(SIZE * SIZE))
     with torch.no_grad():
         maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
-        rows, columns = torch.meshgrid(torch.arange(SIZE), torch.arange(SIZE), indexing="ij")
-        pixels = torch.stack([columns, rows], -1).view(-1, 2).float()
-        count = len(pixels)
-        origins, directions = pixel_rays(
-            someone.c2w[2].expand(count, 3, 4), FOCAL, someone.centres[2].expand(count, 2), pixels
-        )
-        directions = F.normalize(directions, dim=-1)
-        frame = torch.zeros(count).long()
 
-        def look() -> torch.Tensor:
-            seen = render_rays(model, origins, directions, frame, told[:1], maps)
+        def picture() -> torch.Tensor:
+            seen = render_rays(model.volume(conditioning[:1], maps), rays)
             return torch.cat([seen.colour, seen.opacity[:, None]], 1)
 
-        before = look()
-        carve(model, told, someone.c2w, maps, torch.Generator().manual_seed(0))
-        after = look()
+        before = picture()
+        prune(model, conditioning, someone.c2w, maps, torch.Generator().manual_seed(0))
+        after = picture()
     assert 0.3 * open_before < model.grid.occupied.float().mean() < 0.8 * open_before
     assert before[:, 3].max() > 0.95
     assert (before - after).abs().mean() < 0.003
@@ -54,22 +47,25 @@ def test_eyes_are_shut_in_every_second_frame_of_a_field_that_moves_lids(
     references: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     someone = person()
-    asked: list[torch.Tensor] = []
+    conditionings: list[torch.Tensor] = []
     model = presets.build(small_config(references=references, use_warp=references > 0)).eval()
-    told = torch.randn(6, model.config.field.cond_dim)
+    conditioning = torch.randn(6, model.config.field.cond_dim)
 
     real = grid_pruning.evaluate
 
-    def note(*args: Any) -> FieldOutput:
-        asked.append(args[4])
-        return real(*args)
+    def note(field: ConditionedField, *args: Any) -> FieldOutput:
+        conditionings.append(field.conditioning)
+        return real(field, *args)
 
     monkeypatch.setattr(grid_pruning, "evaluate", note)
     with torch.no_grad():
         maps = None
         if references:
             maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
-        carve(model, told, someone.c2w, maps, torch.Generator().manual_seed(0))
+        prune(model, conditioning, someone.c2w, maps, torch.Generator().manual_seed(0))
     first = model.config.field.code_dim
-    shut = [bool((codes[:, first:][:, eyelid_deformation.MEASURES] < -5).all()) for codes in asked]
-    assert shut == [bool(k % 2) and references > 0 for k in range(6)]
+    closed = [
+        bool((codes[:, first:][:, eyelid_deformation.MEASURES] < -5).all())
+        for codes in conditionings
+    ]
+    assert closed == [bool(k % 2) and references > 0 for k in range(6)]

@@ -3,7 +3,7 @@
 import torch
 
 from dfrf import presets
-from dfrf.cameras import pixel_grid
+from dfrf.cameras import Camera, pixel_grid
 from dfrf.data import cut_references
 from dfrf.fast.model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
@@ -12,7 +12,7 @@ from dfrf.rendering.pose_refinement import STEPS, PoseObservation, moved, normal
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 
 
-def shown() -> tuple[FastModel, ReferenceMaps]:
+def fixed_model() -> tuple[FastModel, ReferenceMaps]:
     someone = person()
     torch.manual_seed(0)
     model = presets.build(small_config())
@@ -35,10 +35,12 @@ def test_a_camera_moves_about_the_head() -> None:
 
 
 def test_steps_find_the_camera_that_a_picture_was_taken_with() -> None:
-    model, maps = shown()
+    model, maps = fixed_model()
     someone = person()
-    true, centre, told = someone.c2w[3], someone.centres[3], torch.zeros(70)
-    colour, opacity = render_frame(model, true, FOCAL, centre, told, maps, SIZE)
+    true, centre, conditioning = someone.c2w[3], someone.centres[3], torch.zeros(1, 70)
+    colour, opacity = render_frame(
+        model.volume(conditioning, maps), Camera(true, FOCAL, centre, SIZE)
+    )
     behind = torch.full((SIZE, SIZE, 3), 90 / 255)
     picture = colour + (1 - opacity[..., None]) * behind
     inside = torch.zeros(SIZE, SIZE, dtype=torch.bool)
@@ -62,7 +64,7 @@ def test_steps_find_the_camera_that_a_picture_was_taken_with() -> None:
 
     before = off(camera)
     for _ in range(6):
-        left, right = normal_equations(model, observation, camera, told, maps)
+        left, right = normal_equations(model.volume(conditioning, maps), observation, camera)
         assert torch.linalg.eigvalsh(left).min() > -1e-4 * left.abs().max()
         camera = moved(camera, torch.linalg.solve(left + 1e-3 * torch.eye(6), right))
     assert before > 0.3
@@ -70,24 +72,26 @@ def test_steps_find_the_camera_that_a_picture_was_taken_with() -> None:
 
 
 def test_what_the_head_does_not_explain_has_little_say() -> None:
-    model, maps = shown()
+    model, maps = fixed_model()
     someone = person()
-    true, centre, told = someone.c2w[3], someone.centres[3], torch.zeros(70)
+    true, centre, conditioning = someone.c2w[3], someone.centres[3], torch.zeros(1, 70)
     pixels = pixel_grid(SIZE, SIZE)[10:30, 10:30].reshape(-1, 2)
     behind = torch.zeros(len(pixels), 3)
     observation = PoseObservation(pixels, torch.ones(len(pixels), 3) * 5, behind, FOCAL, centre)
-    left, right = normal_equations(model, observation, true, told, maps)
+    left, right = normal_equations(model.volume(conditioning, maps), observation, true)
     plain = PoseObservation(pixels, torch.zeros(len(pixels), 3), behind, FOCAL, centre)
-    usual, _ = normal_equations(model, plain, true, told, maps)
-    assert left.diagonal().sum() < 1e-3 * usual.diagonal().sum()
+    black, _ = normal_equations(model.volume(conditioning, maps), plain, true)
+    assert left.diagonal().sum() < 1e-3 * black.diagonal().sum()
     assert right.isfinite().all()
 
 
 def test_a_frame_without_pixels_says_nothing() -> None:
-    model, maps = shown()
+    model, maps = fixed_model()
     someone = person()
     none = torch.zeros(0, 2), torch.zeros(0, 3), torch.zeros(0, 3)
     observation = PoseObservation(*none, FOCAL, someone.centres[3])
-    left, right = normal_equations(model, observation, someone.c2w[3], torch.zeros(70), maps)
+    left, right = normal_equations(
+        model.volume(torch.zeros(1, 70), maps), observation, someone.c2w[3]
+    )
     assert not left.any()
     assert not right.any()

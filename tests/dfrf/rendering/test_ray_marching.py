@@ -2,17 +2,19 @@
 
 import torch
 
+from dfrf.cameras import Rays
 from dfrf.config import MarchConfig
 from dfrf.rendering.occupancy import FADE, OPEN_WEIGHT, OccupancyGrid
-from dfrf.rendering.ray_marching import box_interval, march
+from dfrf.rendering.ray_marching import Search, box_interval, march
 
 CONFIG = MarchConfig(resolution=8, step=0.2, max_samples=5)
 
 
-def rays(count: int) -> tuple[torch.Tensor, torch.Tensor]:
+def rays(count: int) -> Rays:
     origins = torch.randn(count, 3) * 0.3 + torch.tensor([0.0, 0.0, 6.0])
     directions = torch.randn(count, 3) * 0.15 + torch.tensor([0.0, 0.0, -1.0])
-    return origins, torch.nn.functional.normalize(directions, dim=-1)
+    directions = torch.nn.functional.normalize(directions, dim=-1)
+    return Rays(origins, directions, torch.zeros(count, dtype=torch.long))
 
 
 def test_march_keeps_what_a_loop_keeps() -> None:
@@ -21,9 +23,10 @@ def test_march_keeps_what_a_loop_keeps() -> None:
     occupied[:2] = False
     occupied[:, :, 7] = False
     grid.start_from(occupied)
-    origins, directions = rays(40)
+    seen = rays(40)
+    origins, directions = seen.origins, seen.directions
     jitter = torch.rand(40)
-    packed = march(origins, directions, grid, CONFIG, jitter)
+    packed = march(seen, grid, CONFIG, Search(jitter))
     enter, leave = box_interval(origins, directions, *grid.bounds())
     enter = (enter / CONFIG.step).floor() * CONFIG.step
     expected = []
@@ -46,17 +49,17 @@ def test_march_keeps_what_a_loop_keeps() -> None:
     )
 
 
-def test_march_looks_no_further_than_it_is_told() -> None:
+def test_march_looks_no_further_than_it_may() -> None:
     grid = OccupancyGrid(8)
     grid.start_from(torch.rand(512) < 0.7)
-    origins, directions = rays(60)
-    whole = march(origins, directions, grid, CONFIG)
+    seen = rays(60)
+    whole = march(seen, grid, CONFIG)
     distances = whole.dense(whole.distance)
     near, far = distances[:, 1], distances[:, 2]  # of each ray's second and third sample
     near = torch.where(far > 0, near, torch.inf)
     far = torch.where(far > 0, far, -torch.inf)
     for group in (1, 2):
-        part = march(origins, directions, grid, CONFIG, group=group, between=(near, far))
+        part = march(seen, grid, CONFIG, Search(group=group, between=(near, far)))
         reached = far.isfinite()
         assert 20 < reached.sum() < 60
         assert part.dense(part.distance).shape[1] == 2
@@ -69,7 +72,7 @@ def test_march_looks_no_further_than_it_is_told() -> None:
 def test_a_total_is_the_weighted_sum_along_a_ray() -> None:
     grid = OccupancyGrid(8)
     grid.start_from(torch.rand(512) < 0.4)
-    packed = march(*rays(10), grid, CONFIG)
+    packed = march(rays(10), grid, CONFIG)
     values = torch.randn(len(packed.points), 3)
     weights = torch.rand(10, packed.slots)
     expected = (weights[..., None] * packed.dense(values)).sum(1)
@@ -78,7 +81,10 @@ def test_a_total_is_the_weighted_sum_along_a_ray() -> None:
 
 def test_a_ray_that_misses_the_box_has_no_sample() -> None:
     grid = OccupancyGrid(8)
-    packed = march(torch.tensor([[0.0, 9.0, 6.0]]), torch.tensor([[0.0, 0.0, -1.0]]), grid, CONFIG)
+    missing = Rays(
+        torch.tensor([[0.0, 9.0, 6.0]]), torch.tensor([[0.0, 0.0, -1.0]]), torch.zeros(1).long()
+    )
+    packed = march(missing, grid, CONFIG)
     assert packed.points.shape == (0, 3)
     assert packed.dense(torch.zeros(0)).shape == (1, 1)
 
@@ -86,7 +92,7 @@ def test_a_ray_that_misses_the_box_has_no_sample() -> None:
 def test_dense_puts_every_sample_at_its_place() -> None:
     grid = OccupancyGrid(8)
     grid.start_from(torch.rand(512) < 0.4)
-    packed = march(*rays(10), grid, CONFIG)
+    packed = march(rays(10), grid, CONFIG)
     dense = packed.dense(packed.distance)
     assert dense.shape == (10, packed.slots)
     torch.testing.assert_close(dense[packed.ray, packed.slot], packed.distance)

@@ -1,4 +1,4 @@
-"""A person in another look: what rays see and what references show change together."""
+"""A person augmented: what rays see and what references show change together."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -94,17 +94,15 @@ def test_mirrored_rays_are_those_of_mirrored_pictures() -> None:
 
 
 def test_a_mirrored_person_looks_the_other_way_and_says_the_same(share: RayShare) -> None:
-    told = replace(PLAIN, mirrored=True).of_share(share).conditioning
-    assert torch.equal(told[:, :4], share.conditioning[:, :4])
+    conditioning = replace(PLAIN, mirrored=True).of_share(share).conditioning
+    assert torch.equal(conditioning[:, :4], share.conditioning[:, :4])
     lids, brows, right, down = (
         share.conditioning[:, 4:6],
         share.conditioning[:, 6:8],
         *share.conditioning[:, 8:].T,
     )
-    expected = torch.cat(
-        [eyelid_deformation.flip(1), brow_deformation.flip(1), -right[:, None], down[:, None]], 1
-    )
-    assert torch.equal(told[:, 4:], expected)
+    expected = torch.cat([lids.flip(1), brows.flip(1), -right[:, None], down[:, None]], 1)
+    assert torch.equal(conditioning[:, 4:], expected)
 
 
 def test_rays_through_the_face_meet_its_mirrored_points(share: RayShare) -> None:
@@ -116,18 +114,18 @@ def test_rays_through_the_face_meet_its_mirrored_points(share: RayShare) -> None
 
 
 def test_rays_and_references_are_in_the_same_light(views: ReferenceViews, share: RayShare) -> None:
-    look = draw_augmentation(torch.Generator().manual_seed(1))
-    look = replace(PLAIN, gamma=look.gamma, mixing=look.mixing)
-    assert not torch.allclose(look.mixing, torch.eye(3), atol=0.02)
-    assert torch.equal(look.of_views(views).images, look.colour(views.images))
-    lit = look.of_share(share).batch
+    changed = draw_augmentation(torch.Generator().manual_seed(1))
+    changed = replace(PLAIN, gamma=changed.gamma, mixing=changed.mixing)
+    assert not torch.allclose(changed.mixing, torch.eye(3), atol=0.02)
+    assert torch.equal(changed.of_views(views).images, changed.colour(views.images))
+    lit = changed.of_share(share).batch
     for before, after in (
         (share.batch.colour, lit.colour),
         (share.batch.background, lit.background),
     ):
-        seen_as = look.colour((before * 255).round().to(torch.uint8))
+        seen_as = changed.colour((before * 255).round().to(torch.uint8))
         assert torch.equal((after * 255).round().to(torch.uint8), seen_as)
-        expected = (before.pow(look.gamma) @ look.mixing.T).clamp(0, 1)
+        expected = (before.pow(changed.gamma) @ changed.mixing.T).clamp(0, 1)
         torch.testing.assert_close(after, expected, atol=0.51 / 255, rtol=0)
     assert torch.equal(lit.matte, share.batch.matte)
 
@@ -176,14 +174,14 @@ def test_looks_are_drawn_from_the_generator_and_stay_within_bounds() -> None:
         for a, b in zip(drawn, again, strict=True)
     )
     assert torch.equal(first.get_state(), second.get_state())
-    assert 100 < sum(look.mirrored for look in drawn) < 200
-    assert 40 < sum(any(look.cuts) for look in drawn) < 110
-    assert all(0.8 <= look.scale <= 1.25 for look in drawn)
-    brightness = torch.stack([look.mixing.sum(1).mean().log() for look in drawn])
+    assert 100 < sum(changed.mirrored for changed in drawn) < 200
+    assert 40 < sum(any(changed.cuts) for changed in drawn) < 110
+    assert all(0.8 <= changed.scale <= 1.25 for changed in drawn)
+    brightness = torch.stack([changed.mixing.sum(1).mean().log() for changed in drawn])
     assert brightness.abs().max() < augmentation.GAIN + augmentation.TINT
     assert brightness.mean().abs() < 0.05
     grey = torch.full((3,), 128, dtype=torch.uint8)
-    assert max(look.colour(grey).float().std() for look in drawn) < 16
+    assert max(changed.colour(grey).float().std() for changed in drawn) < 16
 
 
 def test_a_run_in_changing_looks_resumes_bit_for_bit(tmp_path: Path) -> None:

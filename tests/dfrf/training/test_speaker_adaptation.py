@@ -19,11 +19,11 @@ def read_off(model: FastModel, windows: Tensor, segment: Tensor) -> Tensor:
     """Lips (C, K) that the codes of a speaking person say."""
     count = len(windows)
     number = torch.arange(-REACH, count + REACH).clamp(0, count - 1)
-    told = model.field.conditioning(
+    conditioning = model.field.conditioning(
         neighbour_windows(windows, segment, number), torch.zeros(count, 6)
     )
     with torch.no_grad():
-        return model.field.conditioning.lips(told[:, :-6])
+        return model.field.conditioning.lips(conditioning[:, :-6])
 
 
 def agreement(one: Tensor, other: Tensor) -> list[float]:
@@ -42,7 +42,7 @@ def test_neighbours_stand_beside_a_frame_and_the_ends_go_on() -> None:
         assert torch.equal(near[frame], torch.cat(expected))
 
 
-def test_without_a_manner_codes_say_what_is_heard() -> None:
+def test_without_adaptation_codes_say_what_is_heard() -> None:
     model, someone = presets.build(small_config()), talking(0)
     heard = model.field.conditioning.lips(dataset_codes(model.field.conditioning, someone))
     said = read_off(model, someone.windows, someone.segment)
@@ -58,11 +58,11 @@ def test_a_person_who_answers_a_frame_late_and_mixes_measures_is_learned() -> No
         heard = model.field.conditioning.lips(dataset_codes(model.field.conditioning, someone))
     late = heard.roll(2, 0) @ torch.randn(7, 7, generator=torch.Generator().manual_seed(3))
     lips = (late - late.mean(0)) / late.std(0)
-    learned = replace(someone, lips=lips[:150], windows=someone.windows[:150])
-    before = agreement(heard[150:], lips[150:])
-    fit_speaker_adaptation(
-        model.field.conditioning, replace(learned, segment=someone.segment[:150])
+    learned = replace(
+        someone, lips=lips[:150], windows=someone.windows[:150], segment=someone.segment[:150]
     )
+    before = agreement(heard[150:], lips[150:])
+    fit_speaker_adaptation(model.field.conditioning, learned)
     said = read_off(model, someone.windows, someone.segment)
     after = agreement(said[150:], lips[150:])
     assert min(after) > 0.5

@@ -71,7 +71,7 @@ def test_the_mean_over_people_decides() -> None:
     assert held.best_row() == 1
     assert held.over(1)
     assert not held.over(2)
-    assert not Validation(held.people).over(1)
+    assert not Validation(held.datasets).over(1)
 
 
 def test_measuring_teaches_nothing() -> None:
@@ -134,9 +134,9 @@ def test_an_exam_compares_the_picture_with_the_background_behind_it() -> None:
     model.grid.start_from(torch.zeros_like(model.grid.occupied))
     method = FastMethod(model)
     method.conditioning = {"stranger": torch.zeros(someone.frames, model.config.field.cond_dim)}
-    exam = draw_held_out_rays(someone, method, CONFIG)
-    mse = float(((exam.batch.background - exam.batch.colour) ** 2).mean())
-    assert exam.psnr(method) == pytest.approx(-10 * math.log10(mse))
+    held_out = draw_held_out_rays(someone, method, CONFIG)
+    mse = float(((held_out.batch.background - held_out.batch.colour) ** 2).mean())
+    assert held_out.psnr(method) == pytest.approx(-10 * math.log10(mse))
 
 
 def test_a_model_that_is_not_a_number_is_the_worst() -> None:

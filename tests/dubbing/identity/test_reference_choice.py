@@ -102,13 +102,13 @@ def test_a_head_turns_far_by_the_root_mean_square_of_its_turns() -> None:
 
 
 @pytest.mark.parametrize(
-    ("degrees", "references", "shown", "wanted"),
+    ("degrees", "references", "pool", "wanted"),
     [(2, 5, 12, 5), (10, 5, 12, 12), (10, 4, 4, 4), (10, 0, 0, None)],
 )
-def test_only_a_head_that_turns_far_is_shown_by_more_frames_than_are_looked_at(
+def test_only_a_head_that_turns_far_has_more_references_than_a_frame_looks_at(
     degrees: float,
     references: int,
-    shown: int,
+    pool: int,
     wanted: int | None,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -116,6 +116,6 @@ def test_only_a_head_that_turns_far_is_shown_by_more_frames_than_are_looked_at(
         finetuning, "choose_references", lambda person, landmarks, count: torch.arange(count)
     )
     clip: Any = SimpleNamespace(valid=np.ones(8, bool), landmarks=np.zeros((8, 478, 2)))
-    method: Any = SimpleNamespace(references=references, shown=shown)
+    method: Any = SimpleNamespace(references=references, reference_pool_size=pool)
     chosen = finetuning.reference_frames(turned(degrees), clip, 0, method)
     assert (None if chosen is None else len(chosen)) == wanted

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import av
 import pytest
 
+from dubbing import pipeline
 from dubbing.errors import DubbingError, MediaError
 from dubbing.lab import evaluation, tiles
 from dubbing.manifest.manifest import Manifest, load
@@ -148,3 +149,13 @@ def test_a_damaged_clip_is_said(manifest: Manifest) -> None:
     damaged = manifest.model_copy(update={"media": {}, "damaged": {clip: MediaError("torn")}})
     with pytest.raises(MediaError, match="torn"):
         evaluation.evaluate(damaged, device="cpu", progress=quiet)
+
+
+def test_another_number_of_references_is_another_fine_tune(manifest: Manifest) -> None:
+    job = pipeline.identity_job(manifest, "ann", manifest.identities["ann"], "cpu")
+    plain = job.stages["finetune"]
+    two = evaluation.with_references(plain, evaluation.REFERENCES_OF_METHOD["dfrf-2"])
+    assert two.key() != plain.key()
+    assert isinstance(two.produce, tasks.Finetune)
+    assert two.produce.references == 2
+    assert evaluation.PRESET_OF_METHOD["dfrf-2"] == "fast"

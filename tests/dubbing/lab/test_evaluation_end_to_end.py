@@ -14,7 +14,7 @@ from dfrf import checkpoint, presets
 from dubbing.files import atomic_write_json
 from dubbing.lab import cross_driving, evaluation, measuring
 from dubbing.manifest.manifest import load
-from dubbing.stages import steps
+from dubbing.stages import tasks
 from tests import clips, fakes
 from tests.dfrf.people import small_config
 from tests.dubbing.lab.faces import show_faces
@@ -30,7 +30,7 @@ OF_PICTURES = {
 }
 
 
-def prepare(self: steps.Prepare, out: Path, _: object) -> None:
+def prepare(self: tasks.Prepare, out: Path, _: object) -> None:
     random = np.random.default_rng(0)
     clip = fakes.write_prepared(self.identity.clip, out)
     shape = np.concatenate([random.uniform(-0.8, 0.8, (478, 2)), np.zeros((478, 1))], 1)
@@ -38,7 +38,7 @@ def prepare(self: steps.Prepare, out: Path, _: object) -> None:
     replace(clip, shape=shape, landmarks=marks).save()
 
 
-def finetune(_self: steps.Finetune, out: Path, _: object) -> None:
+def finetune(_self: tasks.Finetune, out: Path, _: object) -> None:
     model = presets.build(small_config(references=0, use_warp=False))
     checkpoint.save_person(out / "model.safetensors", model, None, {})
     atomic_write_json(out / "finetune.json", {"steps": 6, "seconds": 1.5})
@@ -55,10 +55,10 @@ def test_both_protocols_of_a_tiny_person(tmp_path: Path, monkeypatch: pytest.Mon
     talks = [talk(gaps / 2, wide), talk(gaps, wide)]
     checked = SimpleNamespace(offset_frames=0, confidence=0.25)
     random = np.random.default_rng(1)
-    monkeypatch.setattr(steps.Prepare, "__call__", prepare)
-    monkeypatch.setattr(steps.Finetune, "__call__", finetune)
-    monkeypatch.setattr(steps.Check, "__call__", lambda _, out, told: None)
-    monkeypatch.setattr(steps, "offset_of", lambda _: 0)
+    monkeypatch.setattr(tasks.Prepare, "__call__", prepare)
+    monkeypatch.setattr(tasks.Finetune, "__call__", finetune)
+    monkeypatch.setattr(tasks.Check, "__call__", lambda _, out, told: None)
+    monkeypatch.setattr(tasks, "offset_of", lambda _: 0)
     monkeypatch.setattr(evaluation, "clip_windows", lambda *_: random.random((FRAMES, 16, 8)))
     monkeypatch.setattr(evaluation, "check", lambda _: checked)
     show_faces(monkeypatch, measuring, talks, scale=16)

@@ -9,7 +9,7 @@ import pytest
 
 from dubbing.lab.timing import Scene, frame_rows
 from dubbing.media import VideoWriter
-from tests.dfrf.people import FOCAL, SIZE, shown
+from tests.dfrf.people import FOCAL, SIZE, random_model
 from tests.fakes import write_prepared
 
 COUNT = 12
@@ -27,7 +27,7 @@ STAGES = (
 @pytest.fixture
 def scene(tmp_path: Path) -> Scene:
     """A model that has learned nothing, before a grey clip."""
-    model, maps = shown()
+    model, maps = random_model()
     with VideoWriter(tmp_path / "clip.mkv", SIZE, SIZE, Fraction(25), "ffv1") as video:
         for _ in range(COUNT):
             video.write(np.full((SIZE, SIZE, 3), 90, np.uint8))

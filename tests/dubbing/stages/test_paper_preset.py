@@ -39,10 +39,16 @@ PAPER = FinetuneSettings(preset="paper", iterations=4, speech="mel")
 @pytest.fixture(autouse=True)
 def _tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     """The published sizes and numbers of rays made small; everything else as it is."""
-    monkeypatch.setattr(presets, "PAPER", replace(TINY, slot_noise=presets.PAPER.slot_noise))
-    for name in ("PAPER_BASE_TRAINING", "PAPER_FINETUNE"):
-        usual = getattr(presets, name)
-        monkeypatch.setattr(presets, name, replace(usual, rays=40, frames=2))
+    real = presets.PRESETS["paper"]
+    assert isinstance(real.sizes, PaperConfig)
+    sizes = replace(TINY, slot_noise=real.sizes.slot_noise)
+    trainings = presets.Trainings(
+        **{
+            name: replace(getattr(real.trainings, name), rays=40, frames=2)
+            for name in ("base", "finetune", "alone")
+        }
+    )
+    monkeypatch.setitem(presets.PRESETS, "paper", presets.Preset(sizes, trainings))
 
 
 @pytest.fixture(scope="module")
@@ -145,8 +151,10 @@ def test_a_person_is_learned_resumed_and_rendered(
         if getattr(state, "step", 0) == 3:
             raise KeyboardInterrupt
 
-    often = replace(presets.PAPER_FINETUNE, checkpoint_every=1)
-    monkeypatch.setattr(presets, "PAPER_FINETUNE", often)
+    tiny = presets.PRESETS["paper"]
+    often = replace(tiny.trainings.finetune, checkpoint_every=1)
+    trainings = replace(tiny.trainings, finetune=often)
+    monkeypatch.setitem(presets.PRESETS, "paper", replace(tiny, trainings=trainings))
     with pytest.raises(KeyboardInterrupt):
         finetune(clip, again, **asked, progress=stop)  # type: ignore[arg-type]
     assert (again / "resume").is_dir()

@@ -8,7 +8,9 @@ import numpy as np
 import torch
 
 from dfrf import presets
+from dfrf.cameras import Camera
 from dfrf.fast.model import FastModel
+from dfrf.published.conditioned_field import PaperConfig
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.pose_refinement import moved
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
@@ -49,9 +51,8 @@ def filmed(model: FastModel, folder: Path, count: int) -> PreparedClip:
         VideoWriter(folder / "prepared" / BACKGROUND, SIZE, SIZE, RATE, "ffv1") as fills,
     ):
         for camera in c2w:
-            colour, opacity = render_frame(
-                model, camera, FOCAL, centre, torch.zeros(70), None, SIZE
-            )
+            volume = model.volume(torch.zeros(1, 70), None)
+            colour, opacity = render_frame(volume, Camera(camera, FOCAL, centre, SIZE))
             picture = colour + (1 - opacity[..., None]) * GREY / 255
             video.write((picture * 255).round().to(torch.uint8).numpy())
             mattes.write((opacity * 255).round().to(torch.uint8).numpy())
@@ -109,7 +110,7 @@ def test_a_clip_seen_by_its_own_cameras_is_the_same(tmp_path: Path) -> None:
 def test_the_published_model_keeps_the_poses_it_is_given(tmp_path: Path) -> None:
     model = presets.build(small_config(references=0, use_warp=False)).eval()
     clip = filmed(model, tmp_path, 6)
-    published = presets.build(presets.PAPER)
+    published = presets.build(PaperConfig())
     assert refined(published, None, clip, np.arange(6)) is clip
 
 

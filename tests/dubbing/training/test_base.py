@@ -63,8 +63,13 @@ def test_the_model_that_serves_who_is_held_out_best_is_written(
     best: dict[str, torch.Tensor] = {}
     last: dict[str, torch.Tensor] = {}
 
-    def fit(method: Method[Any, Any], *arguments: Any, options: training.FitOptions) -> Curve:
-        curve = training.fit(method, *arguments, options=options)
+    def fit(
+        method: Method[Any, Any],
+        people: list[HeadDataset],
+        config: TrainConfig,
+        options: training.FitOptions,
+    ) -> Curve:
+        curve = training.fit(method, people, config, options=options)
         assert options.validation is not None
         best.update(options.validation.best)
         last.update({name: v.clone() for name, v in method.model.state_dict().items()})

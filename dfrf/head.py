@@ -1,0 +1,146 @@
+"""A person's head: loaded, fitted, rendered. What a researcher begins with.
+
+N references, W steps of a speech window, D speech features, U measures of the upper face, S the
+picture's side in pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from dfrf import device as devices
+from dfrf.cameras import Camera
+from dfrf.config import TrainConfig
+from dfrf.data import HeadDataset
+from dfrf.field.audio import NEIGHBOURS, WINDOW
+from dfrf.field.reference_maps import ReferenceViews
+from dfrf.head_checkpoint import load_model, load_person, save_person
+from dfrf.head_model import HeadModel
+from dfrf.method import FrameInputs, Maps, Method
+from dfrf.presets import adapt, build, model_config, trainings
+from dfrf.registry import method_of
+from dfrf.training.fit import FitOptions, fit
+
+EXPRESSION = 6  # measures of the upper face
+
+
+@dataclass(frozen=True)
+class Head:
+    """A person's model with the references it looks at.
+
+    Attributes:
+        method: how the model learns and renders.
+        views: None for a model without references.
+        maps: features of the references.
+        header: what the checkpoint says of itself.
+    """
+
+    method: Method[Any, Any]
+    views: ReferenceViews | None
+    maps: Maps | None
+    header: dict[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls, model: HeadModel, views: ReferenceViews | None, header: dict[str, Any] | None = None
+    ) -> Head:
+        """A model and its reference views, which are encoded once."""
+        method = method_of(model.eval())
+        maps = None if views is None else method.maps(views)
+        return cls(method, views, maps, header or {})
+
+
+def load_head(path: str | Path, device: str = "auto") -> Head:
+    """A person that `dfrf dub` or `save_head` kept.
+
+    Args:
+        path: of `model.safetensors`.
+        device: auto, cpu or cuda.
+
+    Raises:
+        dfrf.checkpoint.CheckpointError: unreadable, or of another version.
+    """
+    model, views, header = load_person(path)
+    return Head.of(model.to(devices.choose(device)), views, header)
+
+
+def save_head(path: str | Path, head: Head) -> None:
+    """Keeps a person as one file."""
+    header = {k: v for k, v in head.header.items() if k not in ("format", "config")}
+    save_person(path, head.method.model, head.views, header)
+
+
+def fit_head(
+    dataset: HeadDataset,
+    references: Int[Tensor, " N"],
+    preset: str = "fast",
+    base: str | Path | None = None,
+    config: TrainConfig | None = None,
+    device: str = "auto",
+) -> Head:
+    """Learns a person.
+
+    Args:
+        dataset: of the person.
+        references: frames of it that become references; not looked at by presets without.
+        preset: of the model, see `dfrf.presets`.
+        base: checkpoint to start from; None starts from random weights.
+        config: settings; the preset's by default.
+        device: auto, cpu or cuda.
+
+    Raises:
+        TrainingDivergedError: the loss was not finite for several steps on end.
+        dfrf.checkpoint.CheckpointError: the base cannot be read.
+    """
+    sizes = model_config(preset, dataset.windows.shape[-1])
+    model = build(sizes) if base is None else adapt(load_model(base)[0], sizes)
+    default = trainings(preset)
+    config = config or (default.alone if base is None else default.finetune)
+    method = method_of(model)
+    chosen = {dataset.name: references} if method.references else None
+    fit(method, [dataset], config, chosen, FitOptions(device=device))
+    views = method.reference_views(dataset, references) if method.references else None
+    method.finish(dataset, views, config.seed)
+    return Head.of(model, views)
+
+
+def render_frame(
+    head: Head,
+    camera: Camera,
+    windows: Float[Tensor, "P 8 W D"] | None = None,
+    expression: Float[Tensor, "1 U"] | None = None,
+) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+    """One frame of a head.
+
+    Args:
+        head: whose.
+        camera: where it is seen from, head frame.
+        windows: speech windows of the frame, of `reach` frames to each side, and of the neighbours
+            of each; silence when None.
+        expression: measures of the upper face; at rest when None.
+
+    Returns:
+        Premultiplied colour in 0..1, and opacity: `colour + (1 - opacity[..., None]) * background`
+        is the picture.
+    """
+    method = head.method
+    device = method.model.device
+    if windows is None:
+        windows = torch.zeros(1 + 2 * method.reach, NEIGHBOURS, WINDOW, method.speech_dim)
+    if expression is None:
+        expression = torch.zeros(1, EXPRESSION)
+    inputs = FrameInputs(
+        camera.c2w[None].to(device),
+        camera.focal,
+        camera.centre[None].to(device),
+        windows.to(device),
+        expression.to(device),
+        camera.size,
+    )
+    return next(iter(method.render_frames(inputs, head.maps)))
