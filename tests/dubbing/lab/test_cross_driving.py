@@ -14,6 +14,7 @@ from dfrf import head_checkpoint, presets
 from dubbing.lab import cross_driving, tiles
 from dubbing.lab.cross_driving import measure_dub, pictures, unlearned
 from dubbing.media import read_frames
+from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import composite
 from dubbing.stages import render as heads
 from tests import clips

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dfrf import checkpoint, presets
+from dfrf import head_checkpoint, presets
 from dubbing.files import atomic_write_json
 from dubbing.lab import cross_driving, evaluation, measuring
 from dubbing.manifest.manifest import load
@@ -40,7 +40,7 @@ def prepare(self: tasks.Prepare, out: Path, _: object) -> None:
 
 def finetune(_self: tasks.Finetune, out: Path, _: object) -> None:
     model = presets.build(small_config(references=0, use_warp=False))
-    checkpoint.save_person(out / "model.safetensors", model, None, {})
+    head_checkpoint.save_person(out / "model.safetensors", model, None, {})
     atomic_write_json(out / "finetune.json", {"steps": 6, "seconds": 1.5})
 
 
