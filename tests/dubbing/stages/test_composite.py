@@ -11,6 +11,7 @@ import pytest
 
 from dubbing import media
 from dubbing.errors import RenderingError
+from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import composite as video
 from dubbing.stages.composite import VideoSettings, make, read_heads, read_source, verify
 from dubbing.timeline import frame_count
@@ -81,7 +82,6 @@ def test_poses_may_run_any_way(scene: Scene) -> None:
 def test_long_backward_runs_are_read_in_pieces(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dubbing.preparation.prepared import PreparedClip
 
     monkeypatch.setattr(video, "BACKWARDS", 3)
     clip = PreparedClip.load(scene.prepared)

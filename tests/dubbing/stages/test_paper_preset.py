@@ -209,7 +209,10 @@ def test_the_stage_asks_for_the_steps_of_the_preset(
     (tmp_path / "source").mkdir()
     atomic_write_json(tmp_path / "source" / "none.json", {})
     person = Identity.model_construct(clip=folder / "ann.mp4", preset="paper", finetune=Finetune())
-    step = tasks.Finetune(person, tmp_path, tmp_path / "source", None, "cpu")
-    step(tmp_path, lambda _message, _share: None)
+    (tmp_path / "prepared").mkdir()
+    fakes.write_prepared(person.clip, tmp_path / "prepared")
+    prepared = tasks.Prepared(tmp_path / "prepared", person.clip)
+    learn = tasks.Finetune(person, prepared, tmp_path / "source", None, "cpu")
+    learn(tmp_path, lambda _message, _share: None)
     assert (asked[0].preset, asked[0].iterations) == ("paper", 40_000)
     assert presets.trainings("paper").finetune.iterations == 40_000
