@@ -67,7 +67,9 @@ class FrameInputs:
         c2w: cameras.
         focal: pixels.
         centres: principal points, (column, row).
-        windows: speech windows of each frame's neighbours, of P = T + 2 reach frames.
+        windows: speech windows of each frame's neighbours.
+        predicted_lips: P numbers that speech says of the lips of people in general, of N = T + 2
+            reach frames; see `dfrf.field.speaker_adaptation`.
         expression: measures of the upper face.
         size: S.
     """
@@ -75,7 +77,8 @@ class FrameInputs:
     c2w: Float[Tensor, "T 3 4"]
     focal: float
     centres: Float[Tensor, "T 2"]
-    windows: Float[Tensor, "P 8 W D"]
+    windows: Float[Tensor, "T 8 W D"]
+    predicted_lips: Float[Tensor, "N P"]
     expression: Float[Tensor, "T U"]
     size: int
 

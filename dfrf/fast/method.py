@@ -18,9 +18,9 @@ from dfrf.data import HeadDataset, RayBatch, cut_references
 from dfrf.fast.model import FastModel
 from dfrf.fast.objective import share_outcome
 from dfrf.field import brow_deformation, eyelid_deformation
-from dfrf.field.conditioning import REACH
 from dfrf.field.field import ConditionedField
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
+from dfrf.field.speaker_adaptation import REACH
 from dfrf.image import unsharp
 from dfrf.method import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame
@@ -33,7 +33,6 @@ from dfrf.training.lip_supervision import (
     train_speech_networks,
 )
 from dfrf.training.ray_share import RayShare, draw_shares
-from dfrf.training.speaker_adaptation import fit_speaker_adaptation
 from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
@@ -191,7 +190,9 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         """On a CPU as many at once as there are cores."""
         with torch.no_grad():
             field = self.model.eval().field
-            conditioning = field.conditioning(inputs.windows, inputs.expression)
+            conditioning = field.conditioning(
+                inputs.windows, inputs.predicted_lips, inputs.expression
+            )
         model = self.model.rounded()
 
         def one(t: int) -> tuple[Tensor, Tensor]:

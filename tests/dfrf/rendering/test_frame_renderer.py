@@ -9,8 +9,8 @@ from dfrf import device
 from dfrf.cameras import Camera
 from dfrf.data import cut_references, neighbour_windows
 from dfrf.fast.method import FastMethod
-from dfrf.field.conditioning import REACH
 from dfrf.field.field import FieldOutput
+from dfrf.field.speaker_adaptation import REACH
 from dfrf.method import FrameInputs
 from dfrf.rendering import volume_rendering as rendering
 from dfrf.rendering.frame_renderer import head_tiles, render_frame, tile_side
@@ -58,7 +58,8 @@ def test_a_frame_does_not_depend_on_the_frames_beside_it() -> None:
     model, maps = random_model()
     someone = person()
     reached = torch.arange(-REACH, 3 + REACH).clamp(0, len(someone.windows) - 1)
-    near = neighbour_windows(someone.windows, someone.segment, reached)
+    near = neighbour_windows(someone.windows, someone.segment, torch.arange(3))
+    predicted = someone.predicted_lips[reached]
     method = FastMethod(model)
 
     def inputs(first: int, stop: int) -> FrameInputs:
@@ -66,7 +67,8 @@ def test_a_frame_does_not_depend_on_the_frames_beside_it() -> None:
             someone.c2w[first:stop],
             FOCAL,
             someone.centres[first:stop],
-            near[first : stop + 2 * REACH],
+            near[first:stop],
+            predicted[first : stop + 2 * REACH],
             someone.expression[first:stop],
             SIZE,
         )

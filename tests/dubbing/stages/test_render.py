@@ -10,6 +10,7 @@ import pytest
 from dfrf import head_checkpoint, presets
 from dfrf.fast.method import FastMethod
 from dubbing.media import VideoWriter, read_frames
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
 from tests.dfrf.people import small_config
 from tests.fakes import write_prepared
@@ -30,11 +31,12 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     model = presets.build(small_config(references=0, use_warp=False))
     head_checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
     windows = random.random((count, 16, 8)).astype(np.float32)
+    speech = SpeechFrames(windows, random.random((count, 8)).astype(np.float32))
     asked: list[tuple[int, int]] = []
 
-    def heard(first: int, number: int) -> np.ndarray:
+    def heard(first: int, number: int) -> SpeechFrames:
         asked.append((first, number))
-        return windows[first : first + number]
+        return speech.part(first, first + number)
 
     def made(folder: Path) -> list[np.ndarray]:
         heads.render(
