@@ -29,6 +29,7 @@ from dfrf.rendering.volume_rendering import render_rays
 from dfrf.training.lip_supervision import (
     closed_mouth_target,
     dataset_codes,
+    fit_speaker_adaptation,
     supervised_codes,
     train_speech_networks,
 )
