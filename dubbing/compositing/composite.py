@@ -11,31 +11,31 @@ import numpy as np
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 FLOOR = 6  # of 255: a lower opacity is haze, not head
-REACH = 30  # px beyond the hole where a head (an open jaw) may lie; over as much again it fades
-FEATHER = 5  # px, inside the edge of the mask; less than the hole is wider than the old head
+REACH = 30  # px beyond the inpaint mask where an open jaw may lie; over as much again it fades
+FEATHER = 5  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
 def composite(
-    background: np.ndarray, hole: np.ndarray, head: np.ndarray, spoken: np.ndarray
+    background: np.ndarray, inpaint_mask: np.ndarray, head: np.ndarray, face_mask: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """C + (1 - a) * background, and how much of it replaces the source.
 
     Args:
-        background: (S, S, 3) uint8 restored background, equal to the source outside of the hole.
-        hole: (S, S) bool, where the background is restored.
+        background: (S, S, 3) uint8, equal to the source outside of the inpaint mask.
+        inpaint_mask: (S, S) bool, where the background is restored.
         head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity.
-        spoken: (S, S) uint8, the share of each pixel that may be replaced; see `spoken`.
+        face_mask: (S, S) uint8, the share of each pixel that may be replaced; see `face_mask`.
 
     Returns:
         The composite (S, S, 3) uint8, and the mask (S, S) uint8 to paste it with: 0 where there
-        is neither hole nor head (so the source's pixels stay), rising to 255 over a few px inside
-        of that, so that no seam shows, and nowhere more than ``spoken``.
+        is neither inpaint mask nor head (so the source's pixels stay), rising to 255 over a few
+        px inside of that, so that no seam shows, and nowhere more than ``face_mask``.
     """
     scale = len(background) / REFERENCE_SIZE
-    head = without_haze(head, hole, REACH * scale)
+    head = without_haze(head, inpaint_mask, REACH * scale)
     opacity = head[..., 3]
-    inside = hole | (opacity > 0)
-    mask = np.minimum(feathered(inside, max(1.0, FEATHER * scale)), spoken)
+    inside = inpaint_mask | (opacity > 0)
+    mask = np.minimum(feathered(inside, max(1.0, FEATHER * scale)), face_mask)
     picture = background.copy()
     rows, columns = _extent(opacity > 0)
     under = background[rows, columns].astype(np.float32)
@@ -55,10 +55,10 @@ def blend(image: np.ndarray, picture: np.ndarray, mask: np.ndarray) -> np.ndarra
     return out
 
 
-def without_haze(head: np.ndarray, hole: np.ndarray, reach: float) -> np.ndarray:
-    """A head (S, S, 4) without haze and without what floats far from the hole."""
-    away = cv2.distanceTransform((~hole).astype(np.uint8), cv2.DIST_L2, 3)
-    if not hole.any():
+def without_haze(head: np.ndarray, inpaint_mask: np.ndarray, reach: float) -> np.ndarray:
+    """A head (S, S, 4) without haze and without what floats far from the inpaint mask."""
+    away = cv2.distanceTransform((~inpaint_mask).astype(np.uint8), cv2.DIST_L2, 3)
+    if not inpaint_mask.any():
         away = np.zeros_like(away)
     keep = np.clip(2 - away / max(reach, 1.0), 0, 1)
     keep[head[..., 3] < FLOOR] = 0

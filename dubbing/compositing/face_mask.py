@@ -22,7 +22,7 @@ CHIN = FACE_OVAL.index(152)
 JAW, CHEEK = 4, 6
 
 
-def spoken(landmarks: np.ndarray, size: int) -> np.ndarray:
+def face_mask(landmarks: np.ndarray, size: int) -> np.ndarray:
     """Share of each pixel that a rendered head may replace, (S, S) uint8.
 
     255 on the face and all round its jaw, falling to 0 across the rest of its edge.

@@ -30,9 +30,9 @@ from dfrf.rendering.ray_marching import march
 from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import fit
 from dubbing.compositing.composite import composite
-from dubbing.compositing.face_mask import spoken
+from dubbing.compositing.face_mask import face_mask
 from dubbing.identity.dataset import load_identity, upper_measures
-from dubbing.preparation.matting.matting import hole
+from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import render as heads
 from dubbing.stages.finetune import reference_frames
@@ -189,8 +189,8 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     (whole,) = heads.frames(*scene_arguments(scene, frame))
     ((_, matte, background),) = scene.clip.frames(frame, 1)
     head = heads.to_rgba(*whole)
-    may = spoken(scene.clip.landmarks[frame], size)
-    note("composite", lambda: composite(background, hole(matte), head, may))
+    may = face_mask(scene.clip.landmarks[frame], size)
+    note("composite", lambda: composite(background, inpaint_mask(matte), head, may))
     return rows
 
 

@@ -20,7 +20,7 @@ from dubbing import json_records as kept
 from dubbing.errors import DubbingError, PreparationError
 from dubbing.files import atomic_path, atomic_write_json
 from dubbing.media import read_frames
-from dubbing.preparation.matting.matting import hole
+from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.tracking import cropping
 
 VERSION = 5
@@ -180,7 +180,7 @@ class PreparedClip:
     ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Crops one by one: image (S, S, 3), matte (S, S), background (S, S, 3), all uint8.
 
-        The background equals the image bit for bit outside of the matte's hole.
+        The background equals the image bit for bit outside of the matte's inpaint mask.
         """
         images = read_frames(self.clip, start=start, count=count, rate=self.rate)
         mattes = read_frames(self.folder / MATTE, start=start, count=count, pixels="gray")
@@ -189,7 +189,7 @@ class PreparedClip:
             zip(images, mattes, fills, strict=True), start
         ):
             picture = cropping.crop(image, self.crop[index], self.size)
-            yield picture, matte, np.where(hole(matte)[..., None], fill, picture)
+            yield picture, matte, np.where(inpaint_mask(matte)[..., None], fill, picture)
 
     def paste(
         self, frame: np.ndarray, index: int, crop_image: np.ndarray, mask: np.ndarray

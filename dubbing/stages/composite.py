@@ -17,10 +17,10 @@ import numpy as np
 
 from dubbing import media, timeline
 from dubbing.compositing.composite import blend, composite
-from dubbing.compositing.face_mask import spoken
+from dubbing.compositing.face_mask import face_mask
 from dubbing.errors import RenderingError
 from dubbing.media.overlap import ahead, behind
-from dubbing.preparation.matting.matting import hole
+from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
 
@@ -123,8 +123,8 @@ class Composer:
         image, matte, background, whole = source
         out = image if whole is None else whole
         if self.clip.valid[index]:
-            may = spoken(self.clip.landmarks[index], self.clip.size)
-            picture, mask = composite(background, hole(matte), head, may)
+            may = face_mask(self.clip.landmarks[index], self.clip.size)
+            picture, mask = composite(background, inpaint_mask(matte), head, may)
             if whole is None:
                 out = blend(image, picture, mask)
             else:

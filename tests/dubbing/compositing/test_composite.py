@@ -7,23 +7,23 @@ ALL = np.full((S, S), 255, np.uint8)
 
 
 def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A noisy picture with a round hole, its background, and a head inside of the hole."""
+    """A noisy picture with a round inpaint mask, its background, and a head inside of that."""
     noise = np.random.default_rng(0)
     image = noise.integers(0, 256, (S, S, 3), dtype=np.uint8)
     rows, columns = np.mgrid[0:S, 0:S] - S // 2
     radius = np.hypot(rows, columns)
-    hole = radius < 107
+    inpaint_mask = radius < 107
     background = image.copy()
-    background[hole] = (0, 100, 0)
+    background[inpaint_mask] = (0, 100, 0)
     head = np.zeros((S, S, 4), np.uint8)
     head[radius < 100] = (220, 20, 60, 255)
     head[(radius >= 100) & (radius < 102)] = (110, 10, 30, 128)  # premultiplied
-    return image, background, hole, head
+    return image, background, inpaint_mask, head
 
 
 def test_composite_is_colour_plus_the_rest_of_the_background() -> None:
-    _, background, hole, head = scene()
-    picture, mask = composite(background, hole, head, ALL)
+    _, background, inpaint_mask, head = scene()
+    picture, mask = composite(background, inpaint_mask, head, ALL)
     assert tuple(picture[S // 2, S // 2]) == (220, 20, 60)
     assert mask[S // 2, S // 2] == 255
     half = (S // 2, S // 2 + 101)  # 110 + (1 - 128 / 255) * 0, 10 + ... * 100, 30
@@ -33,20 +33,20 @@ def test_composite_is_colour_plus_the_rest_of_the_background() -> None:
 
 
 def test_outside_of_hole_and_head_every_pixel_is_the_sources() -> None:
-    image, background, hole, head = scene()
-    head[40:60, 200:300] = (9, 9, 9, 255)  # a chin lower than the hole, say
-    picture, mask = composite(background, hole, head, ALL)
-    outside = ~hole & (head[..., 3] == 0)
+    image, background, inpaint_mask, head = scene()
+    head[40:60, 200:300] = (9, 9, 9, 255)  # a chin lower than the inpaint mask, say
+    picture, mask = composite(background, inpaint_mask, head, ALL)
+    outside = ~inpaint_mask & (head[..., 3] == 0)
     assert (mask[outside] == 0).all()
     np.testing.assert_array_equal(blend(image, picture, mask)[outside], image[outside])
 
 
 def test_what_speech_does_not_change_stays_as_it_is() -> None:
-    image, background, hole, head = scene()
-    spoken = ALL.copy()
-    spoken[: S // 2] = 0
-    spoken[S // 2 : S // 2 + 20] = 100
-    picture, mask = composite(background, hole, head, spoken)
+    image, background, inpaint_mask, head = scene()
+    face_mask = ALL.copy()
+    face_mask[: S // 2] = 0
+    face_mask[S // 2 : S // 2 + 20] = 100
+    picture, mask = composite(background, inpaint_mask, head, face_mask)
     shown = blend(image, picture, mask)
     np.testing.assert_array_equal(shown[: S // 2], image[: S // 2])
     assert mask[S // 2 + 10, S // 2] == 100
@@ -54,39 +54,39 @@ def test_what_speech_does_not_change_stays_as_it_is() -> None:
 
 
 def test_the_seam_is_feathered() -> None:
-    _, background, hole, head = scene()
-    _, mask = composite(background, hole, head, ALL)
+    _, background, inpaint_mask, head = scene()
+    _, mask = composite(background, inpaint_mask, head, ALL)
     profile = mask[S // 2, S // 2 :].astype(int)
     steps = np.diff(profile)
     assert (steps <= 0).all()
     assert np.abs(steps).max() < 60
     soft = (profile > 0) & (profile < 255)
     assert 4 <= soft.sum() <= 8
-    # It ends before the old head begins: the hole is 7 px wider than that.
+    # It ends before the old head begins: the inpaint mask is 7 px wider than that.
     assert profile[100] == 255
 
 
 def test_without_a_head_the_background_stays() -> None:
-    _, background, hole, head = scene()
-    picture, mask = composite(background, hole, np.zeros_like(head), ALL)
+    _, background, inpaint_mask, head = scene()
+    picture, mask = composite(background, inpaint_mask, np.zeros_like(head), ALL)
     np.testing.assert_array_equal(picture, background)
     assert mask[S // 2, S // 2] == 255
 
 
 def test_haze_is_no_head() -> None:
-    _, background, hole, head = scene()
+    _, background, inpaint_mask, head = scene()
     hazy = head.copy()
     hazy[head[..., 3] == 0] = (1, 1, 1, 3)
-    _, clean_mask = composite(background, hole, head, ALL)
-    picture, mask = composite(background, hole, hazy, ALL)
+    _, clean_mask = composite(background, inpaint_mask, head, ALL)
+    picture, mask = composite(background, inpaint_mask, hazy, ALL)
     np.testing.assert_array_equal(mask, clean_mask)
-    np.testing.assert_array_equal(picture, composite(background, hole, head, ALL)[0])
+    np.testing.assert_array_equal(picture, composite(background, inpaint_mask, head, ALL)[0])
 
 
 def test_what_floats_far_from_the_head_is_dropped() -> None:
-    _, background, hole, head = scene()
+    _, background, inpaint_mask, head = scene()
     head[5:20, 5:20] = (255, 255, 255, 255)
-    _, mask = composite(background, hole, head, ALL)
+    _, mask = composite(background, inpaint_mask, head, ALL)
     assert (mask[:30, :30] == 0).all()
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dubbing.compositing.face_mask import CHIN, INSIDE, OUTSIDE, spoken
+from dubbing.compositing.face_mask import CHIN, INSIDE, OUTSIDE, face_mask
 from dubbing.face.mesh_points import FACE_OVAL
 
 S = 256
@@ -19,7 +19,7 @@ def landmarks(roll: float = 0.0) -> np.ndarray:
 
 @pytest.mark.parametrize("roll", [0.0, 40.0, -75.0])
 def test_the_face_and_the_room_round_its_jaw(roll: float) -> None:
-    share = spoken(landmarks(roll), S)
+    share = face_mask(landmarks(roll), S)
 
     def at(degrees: float, radius: float) -> int:
         """Of the pixel so many degrees from the chin, as the head is held."""
@@ -39,7 +39,7 @@ def test_the_face_and_the_room_round_its_jaw(roll: float) -> None:
 
 
 def test_lengths_follow_the_crop() -> None:
-    small, large = spoken(landmarks(), S), spoken(landmarks() * 2 + 0.5, 2 * S)
+    small, large = face_mask(landmarks(), S), face_mask(landmarks() * 2 + 0.5, 2 * S)
     assert small.dtype == np.uint8
     assert np.abs(large[::2, ::2].astype(int) - small).mean() < 2
 
