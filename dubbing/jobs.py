@@ -25,8 +25,8 @@ VERSIONS = {
     "finetune": 17,
     "source": 2,
     "speech": 1,
-    "heads": 11,
-    "video": 3,
+    "heads": 12,
+    "video": 4,
     "sync": 2,
 }
 NEEDS = {  # the stages of the identity that a dub's stage waits for

@@ -232,8 +232,9 @@ class PaperMethod(Method[PaperShare, ReferenceMaps]):
         upper: Tensor,
         maps: ReferenceMaps | None,
         size: int,
+        regions: Tensor | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
-        """The upper face is not looked at: the published model knows nothing of it."""
+        """All of every head. The published model knows nothing of upper faces or of regions."""
         self.model.eval()
         for camera, centre, heard in zip(c2w, centres, windows, strict=True):
             yield self.frame(camera, focal, centre, heard, maps, size)

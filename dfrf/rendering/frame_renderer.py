@@ -18,6 +18,7 @@ from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.volume_rendering import RayColours, render_rays
 
 RAYS_AT_ONCE = 32768
+SHARPENING = 4  # px round a pixel that `unsharp` may look at
 NEGLIGIBLE = 0.01  # weight of a sample that neighbours need not look for
 
 
@@ -33,12 +34,19 @@ def tile_side(model: Model, c2w: Tensor, focal: float, size: int) -> int:
 
 
 def head_tiles(
-    model: Model, c2w: Tensor, focal: float, centre: Tensor, size: int, side: int
+    model: Model,
+    c2w: Tensor,
+    focal: float,
+    centre: Tensor,
+    size: int,
+    side: int,
+    region: Tensor | None = None,
 ) -> Tensor:
     """Pixels (G, side * side) (row-major) of the tiles that open cells can cover in a frame.
 
     Every open cell is splatted as a disc that covers its projection, so no ray that would meet an
-    open cell is left out.
+    open cell is left out. Of the others only those are given that hold pixels of the region (S, S)
+    bool, where there is one.
     """
     grid = model.grid
     centres = grid.centres()[grid.occupied.view(-1)]
@@ -57,7 +65,10 @@ def head_tiles(
     wide, tall = (1, 2 * radius + 1), (2 * radius + 1, 1)
     grown = F.max_pool2d(mask[None, None], wide, stride=1, padding=(0, radius))
     grown = F.max_pool2d(grown, tall, stride=1, padding=(radius, 0))
-    row, column = torch.nonzero(F.max_pool2d(grown, side)[0, 0] > 0).unbind(-1)
+    covered = F.max_pool2d(grown, side)[0, 0]
+    if region is not None:
+        covered = covered * F.max_pool2d(region.float()[None], side)[0]
+    row, column = torch.nonzero(covered > 0).unbind(-1)
     within = torch.arange(side, device=c2w.device)
     first = row * side * size + column * side
     return first[:, None] + (within[:, None] * size + within).view(-1)
@@ -117,6 +128,7 @@ def render_frame(
     told: Tensor,
     maps: ReferenceMaps | None,
     size: int,
+    region: Tensor | None = None,
 ) -> tuple[Tensor, Tensor]:
     """The head of one frame, on the device of its camera.
 
@@ -128,14 +140,22 @@ def render_frame(
         told: (told_dim,) what the field is told of the frame.
         maps: reference features.
         size: S, side of the square picture.
+        region: (S, S) bool, the pixels that are asked for; others may be left blank. None is all.
 
     Returns:
         Premultiplied colour (S, S, 3) in 0..1 and opacity (S, S).
     """
     side = tile_side(model, c2w, focal, size)
-    tiles = head_tiles(model, c2w, focal, centre, size, side)
+    if region is not None:
+        # What is asked for depends on its neighbours: on how far they look, and how sharp they are.
+        beside = max(side, SHARPENING)
+        near = F.max_pool2d(region.float()[None], 2 * beside + 1, stride=1, padding=beside)
+        region = near[0] > 0
+    tiles = head_tiles(model, c2w, focal, centre, size, side, region)
     apart = max(1, side // 4)
     picture = Picture.blank(size, c2w.device)
+    if not len(tiles):
+        return picture.colour.view(size, size, 3), picture.opacity.view(size, size)
 
     def render(pixels: Tensor, near: Tensor, far: Tensor) -> None:
         """Looks along the rays of pixels (G, P), from the distances (G, P) to those."""

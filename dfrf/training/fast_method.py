@@ -247,6 +247,7 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
         upper: Tensor,
         maps: ReferenceMaps | None,
         size: int,
+        regions: Tensor | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """On a CPU as many at once as there are cores."""
         with torch.no_grad():
@@ -254,7 +255,10 @@ class FastMethod(Method[FastShare, ReferenceMaps]):
         model = self.model.rounded()
 
         def one(t: int) -> tuple[Tensor, Tensor]:
-            colour, opacity = render_frame(model, c2w[t], focal, centres[t], told[t], maps, size)
+            region = None if regions is None else regions[t].to(c2w.device)
+            colour, opacity = render_frame(
+                model, c2w[t], focal, centres[t], told[t], maps, size, region
+            )
             return crisp(colour, opacity), opacity
 
         with Workers(c2w.device, FRAMES_AT_ONCE) as workers:

@@ -179,6 +179,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
         upper: Tensor,
         maps: MapsT | None,
         size: int,
+        regions: Tensor | None = None,
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Heads of frames, in their order.
 
@@ -188,6 +189,8 @@ class Method(ABC, Generic[ShareT, MapsT]):
             upper: (T, U) measures of the upper face.
             maps: reference features.
             size: S.
+            regions: (T, S, S) bool, the pixels that are asked for; others may be left blank. None
+                is all.
 
         Yields:
             Premultiplied colour (S, S, 3) in 0..1 and opacity (S, S).

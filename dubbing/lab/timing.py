@@ -29,10 +29,9 @@ from dfrf.rendering.pose_refinement import normal_equations
 from dfrf.rendering.ray_marching import march
 from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import fit
-from dubbing.compositing.composite import composite
-from dubbing.compositing.face_mask import face_mask
+from dubbing.compositing.composite import replacement
+from dubbing.compositing.face_mask import rendered_region
 from dubbing.identity.dataset import load_identity, upper_measures
-from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import render as heads
 from dubbing.stages.finetune import reference_frames
@@ -179,6 +178,14 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
         rays,
         "rays",
     )
+    landmarks = scene.clip.landmarks[frame]
+    region = torch.from_numpy(rendered_region(landmarks, size)).to(device)
+    note(
+        "head, what a dub shows",
+        lambda: render_frame(model, c2w, focal, centre, codes[0], maps, size, region),
+        int(region.sum()),
+        "px",
+    )
     sight = sights_of(scene.clip, np.array([frame]))[frame].to(device)
     note(
         "a step of a pose",
@@ -187,10 +194,9 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
         "rays",
     )
     (whole,) = heads.frames(*scene_arguments(scene, frame))
-    ((_, matte, background),) = scene.clip.frames(frame, 1)
+    ((image, matte, background),) = scene.clip.frames(frame, 1)
     head = heads.to_rgba(*whole)
-    may = face_mask(scene.clip.landmarks[frame], size)
-    note("composite", lambda: composite(background, inpaint_mask(matte), head, may))
+    note("composite", lambda: replacement(image, matte, background, head, landmarks))
     return rows
 
 

@@ -16,11 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from dubbing import media, timeline
-from dubbing.compositing.composite import blend, composite
-from dubbing.compositing.face_mask import face_mask
+from dubbing.compositing.composite import blend, replacement
 from dubbing.errors import RenderingError
 from dubbing.media.overlap import ahead, behind
-from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
 
@@ -123,8 +121,8 @@ class Composer:
         image, matte, background, whole = source
         out = image if whole is None else whole
         if self.clip.valid[index]:
-            may = face_mask(self.clip.landmarks[index], self.clip.size)
-            picture, mask = composite(background, inpaint_mask(matte), head, may)
+            landmarks = self.clip.landmarks[index]
+            picture, mask = replacement(image, matte, background, head, landmarks)
             if whole is None:
                 out = blend(image, picture, mask)
             else:

@@ -122,6 +122,46 @@ def test_rays_looked_along_in_part_lose_next_to_nothing(monkeypatch: pytest.Monk
     assert -10 * error.log10() > 45  # dB
 
 
+@pytest.mark.parametrize("scale", [1, 4])
+def test_a_region_shows_what_the_whole_frame_shows(
+    scale: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, maps = shown()
+    someone = person()
+    size = scale * SIZE
+    camera = (someone.c2w[1][None], scale * FOCAL, scale * someone.centres[1][None])
+    near = neighbour_windows(
+        someone.windows, someone.segment, torch.arange(1 - REACH, 2 + REACH).clamp(0)
+    )
+    region = torch.zeros(1, size, size, dtype=torch.bool)
+    region[0, size // 2 : size * 7 // 8, size // 3 : size // 2 + 1] = True
+    looked: list[int] = []
+
+    def counted(field: Model, samples: PackedSamples, *rest: Any) -> FieldOutput:
+        looked.append(len(samples.points))
+        return evaluate(field, samples, *rest)
+
+    monkeypatch.setattr(rendering, "evaluate", counted)
+
+    def frame(regions: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor, int]:
+        looked.clear()
+        method = FastMethod(model)
+        ((colour, opacity),) = method.frames(*camera, near, someone.upper[1:2], maps, size, regions)
+        return colour, opacity, sum(looked)
+
+    colour, opacity, all_samples = frame(None)
+    part, part_opacity, some_samples = frame(region)
+    assert opacity[region[0]].max() > 0.5
+    # Rays are worked on in other company, which moves the last bits of float32.
+    torch.testing.assert_close(part[region[0]], colour[region[0]], rtol=0, atol=1e-5)
+    torch.testing.assert_close(part_opacity[region[0]], opacity[region[0]], rtol=0, atol=1e-5)
+    assert some_samples < 0.7 * all_samples
+    nothing, nowhere, none = frame(torch.zeros_like(region))
+    assert not nothing.any()
+    assert not nowhere.any()
+    assert none == 0
+
+
 def test_weights_rounded_beforehand_give_the_same_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     model, maps = shown()
     monkeypatch.setattr(device, "has_bfloat16", lambda _: True)

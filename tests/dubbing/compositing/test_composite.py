@@ -1,6 +1,7 @@
 import numpy as np
 
-from dubbing.compositing.composite import blend, composite
+from dubbing.compositing.composite import REACH, blend, composite, replacement, without_haze
+from tests import fakes
 
 S = 512
 ALL = np.full((S, S), 255, np.uint8)
@@ -43,10 +44,10 @@ def test_outside_of_hole_and_head_every_pixel_is_the_sources() -> None:
 
 def test_what_speech_does_not_change_stays_as_it_is() -> None:
     image, background, inpaint_mask, head = scene()
-    face_mask = ALL.copy()
-    face_mask[: S // 2] = 0
-    face_mask[S // 2 : S // 2 + 20] = 100
-    picture, mask = composite(background, inpaint_mask, head, face_mask)
+    share = ALL.copy()
+    share[: S // 2] = 0
+    share[S // 2 : S // 2 + 20] = 100
+    picture, mask = composite(background, inpaint_mask, head, share)
     shown = blend(image, picture, mask)
     np.testing.assert_array_equal(shown[: S // 2], image[: S // 2])
     assert mask[S // 2 + 10, S // 2] == 100
@@ -74,20 +75,29 @@ def test_without_a_head_the_background_stays() -> None:
 
 
 def test_haze_is_no_head() -> None:
-    _, background, inpaint_mask, head = scene()
+    _, _, inpaint_mask, head = scene()
     hazy = head.copy()
     hazy[head[..., 3] == 0] = (1, 1, 1, 3)
-    _, clean_mask = composite(background, inpaint_mask, head, ALL)
-    picture, mask = composite(background, inpaint_mask, hazy, ALL)
-    np.testing.assert_array_equal(mask, clean_mask)
-    np.testing.assert_array_equal(picture, composite(background, inpaint_mask, head, ALL)[0])
+    np.testing.assert_array_equal(without_haze(hazy, inpaint_mask, REACH), head)
 
 
 def test_what_floats_far_from_the_head_is_dropped() -> None:
-    _, background, inpaint_mask, head = scene()
-    head[5:20, 5:20] = (255, 255, 255, 255)
-    _, mask = composite(background, inpaint_mask, head, ALL)
-    assert (mask[:30, :30] == 0).all()
+    _, _, inpaint_mask, head = scene()
+    floating = head.copy()
+    floating[5:20, 5:20] = (255, 255, 255, 255)
+    np.testing.assert_array_equal(without_haze(floating, inpaint_mask, REACH), head)
+
+
+def test_above_the_lower_face_every_pixel_is_the_films() -> None:
+    image, background, _, head = scene()
+    matte = np.where(np.hypot(*(np.mgrid[:S, :S] - S // 2)) < 100, 255, 0).astype(np.uint8)
+    landmarks = fakes.face(S)
+    picture, mask = replacement(image, matte, background, head, landmarks)
+    eyes, base = landmarks[33, 1], landmarks[2, 1]
+    below_the_eyes = round(eyes + 0.4 * (base - eyes))
+    shown = blend(image, picture, mask)
+    np.testing.assert_array_equal(shown[:below_the_eyes], image[:below_the_eyes])
+    assert tuple(shown[S // 2 + 30, S // 2]) == (220, 20, 60)
 
 
 def test_blend_mixes() -> None:
