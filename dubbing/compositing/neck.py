@@ -54,7 +54,12 @@ def with_neck(
     share[(high >= low) | (high < low / 2)] = 0  # covered, or there is no head
     if not share.any():
         return background, np.zeros((size, size), bool)
-    x, y = (np.arange(size) - place for place in middle)
+    inner, outer = high - UNDER * unit, low + room
+    rows, columns = extent(share > 0, inner, outer, middle, size)
+    y, x = (
+        np.arange(k.start, k.stop) - place
+        for k, place in zip((rows, columns), middle[::-1], strict=True)
+    )
     radius = np.hypot(y[:, None], x).astype(np.float32)
     line = np.arctan2(y[:, None], x) * (ANGLES / (2 * np.pi))
 
@@ -62,20 +67,37 @@ def with_neck(
         """Values of the lines at every pixel."""
         return np.interp(line, np.arange(ANGLES), values, period=ANGLES).astype(np.float32)
 
-    chin, end = at(low), at(low + room)
-    stretched = end - (end - radius) * at(room / np.maximum(low + room - high, unit))
-    source = np.maximum(stretched, chin) / np.maximum(radius, 1)
-    columns, rows = (middle[0] + x * source, middle[1] + y[:, None] * source)
+    end = at(outer)
+    stretched = end - (end - radius) * at(room / np.maximum(outer - high, unit))
+    source = np.maximum(stretched, at(low)) / np.maximum(radius, 1)
     neck = cv2.remap(
         image,
-        columns.astype(np.float32),
-        rows.astype(np.float32),
+        (middle[0] + x * source).astype(np.float32),
+        (middle[1] + y[:, None] * source).astype(np.float32),
         cv2.INTER_CUBIC,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    weight = at(share) * ((radius < end) & (radius > at(high) - UNDER * unit))
-    mixed = background + weight[..., None] * (neck.astype(np.float32) - background)
-    return mixed.round().astype(np.uint8), weight > 0
+    weight = at(share) * ((radius < end) & (radius > at(inner)))
+    below = background[rows, columns]
+    made, where = background.copy(), np.zeros((size, size), bool)
+    mixed = below + weight[..., None] * (neck.astype(np.float32) - below)
+    made[rows, columns], where[rows, columns] = mixed.round(), weight > 0
+    return made, where
+
+
+def extent(
+    lines: np.ndarray, inner: np.ndarray, outer: np.ndarray, middle: np.ndarray, size: int
+) -> tuple[slice, slice]:
+    """Rows and columns that hold some lines (A,) bool, each from one radius (A,) to another."""
+    angles = np.flatnonzero(np.convolve(np.pad(lines, 1, mode="wrap"), np.ones(3), "valid"))
+    radii = np.stack([inner[angles], outer[angles]])
+    turned = angles * (2 * np.pi / ANGLES)
+    found = []
+    for place, unit in ((middle[1], np.sin(turned)), (middle[0], np.cos(turned))):
+        ends = place + radii * unit
+        first, last = np.clip([np.floor(ends.min()), np.ceil(ends.max()) + 1], 0, size).astype(int)
+        found.append(slice(first, last))
+    return found[0], found[1]
 
 
 def outline(head: np.ndarray, middle: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 import numpy as np
 
 from dubbing.compositing.composite import REACH, blend, composite, replacement, without_haze
+from dubbing.compositing.face_mask import rendered_region
 from tests import fakes
 
 S = 512
@@ -112,3 +113,19 @@ def test_an_empty_hole_and_an_empty_head() -> None:
     picture, mask = composite(image, nothing, np.zeros((S, S, 4), np.uint8), ALL)
     assert not mask.any()
     np.testing.assert_array_equal(blend(image, picture, mask), image)
+
+
+def test_what_lies_beyond_the_rendered_region_changes_nothing() -> None:
+    image, background, _, head = scene()
+    rows, columns = np.mgrid[0:S, 0:S] - S // 2
+    matte = np.where(np.hypot(rows, columns) < 120, 255, 0).astype(np.uint8)  # an open jaw
+    image[(rows > 0) & (matte == 0)] = (200, 130, 110)
+    head[(np.abs(columns) < 90) & (rows > -150) & (rows < 0)] = (60, 40, 20, 255)  # and hair
+    landmarks = fakes.face(S)
+    region = rendered_region(landmarks, S)
+    assert (head[~region][:, 3] > 0).sum() > 1000
+    whole = replacement(image, matte, background, head, landmarks)
+    part = replacement(image, matte, background, head * region[..., None], landmarks)
+    shown, again = (blend(image, *made) for made in (whole, part))
+    assert (shown != blend(image, background, whole[1])).any()
+    np.testing.assert_array_equal(again, shown)
