@@ -18,7 +18,6 @@ from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.volume_rendering import RayColours, render_rays
 
 RAYS_AT_ONCE = 32768
-SHARPENING = 4  # px round a pixel that `unsharp` may look at
 NEGLIGIBLE = 0.01  # weight of a sample that neighbours need not look for
 
 
@@ -45,8 +44,8 @@ def head_tiles(
     """Pixels (G, side * side) (row-major) of the tiles that open cells can cover in a frame.
 
     Every open cell is splatted as a disc that covers its projection, so no ray that would meet an
-    open cell is left out. Of the others only those are given that hold pixels of the region (S, S)
-    bool, where there is one.
+    open cell is left out. Of a region (S, S) bool only those tiles are given that hold pixels of
+    it, and those beside them: how far to look and how to sharpen is learned from neighbours.
     """
     grid = model.grid
     centres = grid.centres()[grid.occupied.view(-1)]
@@ -67,7 +66,8 @@ def head_tiles(
     grown = F.max_pool2d(grown, tall, stride=1, padding=(radius, 0))
     covered = F.max_pool2d(grown, side)[0, 0]
     if region is not None:
-        covered = covered * F.max_pool2d(region.float()[None], side)[0]
+        asked = F.max_pool2d(region.float()[None], side)
+        covered = covered * F.max_pool2d(asked, 3, stride=1, padding=1)[0]
     row, column = torch.nonzero(covered > 0).unbind(-1)
     within = torch.arange(side, device=c2w.device)
     first = row * side * size + column * side
@@ -146,11 +146,6 @@ def render_frame(
         Premultiplied colour (S, S, 3) in 0..1 and opacity (S, S).
     """
     side = tile_side(model, c2w, focal, size)
-    if region is not None:
-        # What is asked for depends on its neighbours: on how far they look, and how sharp they are.
-        beside = max(side, SHARPENING)
-        near = F.max_pool2d(region.float()[None], 2 * beside + 1, stride=1, padding=beside)
-        region = near[0] > 0
     tiles = head_tiles(model, c2w, focal, centre, size, side, region)
     apart = max(1, side // 4)
     picture = Picture.blank(size, c2w.device)
