@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, Self, TypeVar
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from dfrf.config import TrainConfig
@@ -72,6 +72,7 @@ class FrameInputs:
             reach frames; see `dfrf.field.speaker_adaptation`.
         expression: measures of the upper face.
         size: S.
+        regions: the pixels that are needed; others may be left blank. None is all.
     """
 
     c2w: Float[Tensor, "T 3 4"]
@@ -81,6 +82,7 @@ class FrameInputs:
     predicted_lips: Float[Tensor, "N P"]
     expression: Float[Tensor, "T U"]
     size: int
+    regions: Bool[Tensor, "T S S"] | None = None
 
 
 ShareT = TypeVar("ShareT", bound=Share)

@@ -198,7 +198,9 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
 
         def one(t: int) -> tuple[Tensor, Tensor]:
             camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)
-            colour, opacity = render_frame(model.volume(conditioning[t : t + 1], maps), camera)
+            region = None if inputs.regions is None else inputs.regions[t]
+            volume = model.volume(conditioning[t : t + 1], maps)
+            colour, opacity = render_frame(volume, camera, region)
             return unsharp(colour, opacity), opacity
 
         with Workers(inputs.c2w.device, FRAMES_AT_ONCE) as workers:

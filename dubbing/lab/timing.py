@@ -29,10 +29,9 @@ from dfrf.rendering.pose_refinement import normal_equations
 from dfrf.rendering.ray_marching import Search, march
 from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import FitOptions, fit
-from dubbing.compositing.composite import composite
-from dubbing.compositing.face_mask import spoken
+from dubbing.compositing.composite import replacement
+from dubbing.compositing.face_mask import rendered_region
 from dubbing.identity.dataset import load_identity, upper_measures
-from dubbing.preparation.matting.matting import hole
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
@@ -163,14 +162,17 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     note("march", lambda: march(rays, grid, settings, search), found, "samples")
     note("field, every sample", lambda: evaluate(field, samples, rays), found, "samples")
     note("head, what is seen", lambda: render_frame(volume, camera), pixels.numel(), "rays")
+    landmarks = scene.clip.landmarks[frame]
+    region = torch.from_numpy(rendered_region(landmarks, scene.clip.size)).to(device)
+    shown = int(region.sum())
+    note("head, what a dub shows", lambda: render_frame(volume, camera, region), shown, "px")
     seen = observations_of(scene.clip, np.array([frame]))[frame].to(device)
     count = 7 * len(seen.pixels)
     note("a step of a pose", lambda: normal_equations(volume, seen, camera.c2w), count, "rays")
     (whole,) = heads.frames(*scene_arguments(scene, frame))
-    ((_, matte, background),) = scene.clip.frames(frame, 1)
+    ((image, matte, background),) = scene.clip.frames(frame, 1)
     head = heads.to_rgba(*whole)
-    may = spoken(scene.clip.landmarks[frame], scene.clip.size)
-    note("composite", lambda: composite(background, hole(matte), head, may))
+    note("composite", lambda: replacement(image, matte, background, head, landmarks))
     return rows
 
 

@@ -16,6 +16,7 @@ from dfrf.field.audio import NEIGHBOURS
 from dfrf.head_model import HeadModel
 from dfrf.method import FrameInputs, Maps
 from dfrf.registry import method_of
+from dubbing.compositing.face_mask import rendered_region
 from dubbing.errors import CheckpointError
 from dubbing.identity.dataset import upper_measures
 from dubbing.media import VideoWriter
@@ -54,6 +55,8 @@ def render(
 ) -> None:
     """Writes OUT/000000.mkv, OUT/000050.mkv ...: premultiplied colour and opacity (FFV1 RGBA).
 
+    Of each head there is what the dub shows of it; see `dubbing.compositing.face_mask`.
+
     A file appears only when it is whole, and one that is there is not rendered again. It holds
     `dfrf.method.Method.segment` frames: of a slow preset every single one is kept.
 
@@ -86,7 +89,8 @@ def render(
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
                 low, high = max(0, first - around), min(count, stop + around)
                 some = (speech(low, high - low), pose_index[low:high])
-                heads = frames(person, maps, clip, *some, first - low, stop - low)
+                shown = regions_of(clip, pose_index[first:stop])
+                heads = frames(person, maps, clip, *some, first - low, stop - low, shown)
                 for done, (colour, opacity) in enumerate(heads, first + 1):
                     video.write(to_rgba(colour, opacity))
                     told(done)
@@ -102,8 +106,12 @@ def frames(
     pose_index: np.ndarray,
     first: int,
     stop: int,
+    regions: np.ndarray | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
-    """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop."""
+    """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop.
+
+    Of the whole head, or of what of it lies in regions (stop - first, S, S) bool at least.
+    """
     device = model.device
     method = method_of(model)
     # Speech does not stop at a cut of the picture, so all frames count as one run.
@@ -119,8 +127,18 @@ def frames(
         torch.from_numpy(speech.lips[around]).float().to(device),
         torch.from_numpy(upper_measures(clip)[poses]).float().to(device),
         clip.size,
+        None if regions is None else torch.from_numpy(regions).to(device),
     )
     yield from method.render_frames(inputs, maps)
+
+
+def regions_of(clip: PreparedClip, poses: np.ndarray) -> np.ndarray:
+    """What a dub shows of heads over frames `poses` (F,): (F, S, S) bool, none without a face."""
+    regions = np.zeros((len(poses), clip.size, clip.size), bool)
+    for region, pose in zip(regions, poses, strict=True):
+        if clip.valid[pose]:
+            region[:] = rendered_region(clip.landmarks[pose], clip.size)
+    return regions
 
 
 def to_rgba(colour: Tensor, opacity: Tensor) -> np.ndarray:

@@ -20,6 +20,7 @@ STAGES = (
     "march",
     "field, every sample",
     "head, what is seen",
+    "head, what a dub shows",
     "a step of a pose",
     "composite",
 )
