@@ -4,7 +4,7 @@ BIN := .venv/bin
 # Two threads that spin on one busy core are ten times slower than two that wait.
 export OMP_WAIT_POLICY ?= PASSIVE
 
-.PHONY: install demo test check bench speech-table clean
+.PHONY: install demo test test-fast check bench speech-table clean
 
 # requirements.txt is the lock: plain pins of the whole closure, so nothing is resolved at
 # install time. mediapipe declares packages it does not need (and a second OpenCV), hence --no-deps.
@@ -15,18 +15,27 @@ export OMP_WAIT_POLICY ?= PASSIVE
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -e .
 	touch $@
 
-.venv/installed-dev: .venv/installed requirements-dev.txt
+# The synthetic speaker: `dfrf dub` does without it.
+.venv/installed-synthetic: .venv/installed requirements-synthetic.txt
+	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements-synthetic.txt
+	touch $@
+
+.venv/installed-dev: .venv/installed-synthetic requirements-dev.txt
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements-dev.txt
 	touch $@
 
 install: .venv/installed
 
-demo: .venv/installed
+demo: .venv/installed-synthetic
 	$(BIN)/python -m dubbing.synthetic out/demo/source
 	$(BIN)/dfrf dub manifests/demo.yaml
 
 test: .venv/installed-dev
 	$(BIN)/python -m pytest -q
+
+# Under a minute on two quiet cores: without the files and tests that are marked slow or medium.
+test-fast: .venv/installed-dev
+	$(BIN)/python -m pytest -q -m "not slow and not medium"
 
 # Times a person that was dubbed before; the demo's by default.
 BENCH ?= manifests/demo.yaml alba
@@ -40,7 +49,7 @@ check: .venv/installed-dev
 	$(BIN)/python -m pytest -q tests/test_imports.py
 
 # The tables of docs/speech.md: CLIPS of one talking person each, TEST clips never trained on.
-speech-table: .venv/installed
+speech-table: .venv/installed-synthetic
 	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.training.speech.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
 
 clean:

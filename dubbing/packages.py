@@ -37,18 +37,21 @@ DECLARED = {
     "jinja2": "Jinja2==3.1.6",
     "matplotlib": "matplotlib==3.11.2",
     "webrtcvad": "webrtcvad-wheels==2.0.14.post1",
-    "espeakng_loader": "espeakng-loader==0.2.4",
-    "embreex": "embreex==4.4.0.post1",
+    "typing_extensions": "typing_extensions==4.16.0",
     "absl": "absl-py==2.5.1",
     "attr": "attrs==26.1.0",
     "flatbuffers": "flatbuffers==25.12.19",
     "google.protobuf": "protobuf==4.25.9",
 }
+# What the extras of pyproject.toml add.
+SYNTHETIC = {"embreex": "embreex==4.4.0.post1", "espeakng_loader": "espeakng-loader==0.2.4"}
+EXTRAS = {"synthetic": SYNTHETIC, "train": {**SYNTHETIC, "pocketsphinx": "pocketsphinx==5.1.1"}}
 
 
-def missing() -> list[str]:
-    """Modules that cannot be found."""
-    return [name for name in (*TRACKER, *DECLARED) if not _is_there(name)]
+def missing(extra: str | None = None) -> list[str]:
+    """Modules that cannot be found, those of an extra among them."""
+    wanted = (*TRACKER, *DECLARED, *(EXTRAS[extra] if extra else ()))
+    return [name for name in wanted if not _is_there(name)]
 
 
 def lacking(names: list[str]) -> DubbingError:
@@ -56,13 +59,13 @@ def lacking(names: list[str]) -> DubbingError:
     return DubbingError(f"not installed: {', '.join(names)}", remedy=f"run {command(names)}")
 
 
-def require() -> None:
-    """Looks for every package, before any work.
+def require(extra: str | None = None) -> None:
+    """Looks for every package, those of an extra too, before any work.
 
     Raises:
         DubbingError: some are missing; it says what to run.
     """
-    if names := missing():
+    if names := missing(extra):
         raise lacking(names)
 
 
@@ -73,8 +76,9 @@ def command(names: list[str]) -> str:
     them again, with what they need, brings it.
     """
     pip = [sys.executable, "-m", "pip", "install"]
-    known = [DECLARED[name] for name in names if name in DECLARED]
-    if any(name not in DECLARED | TRACKER for name in names):
+    pinned = DECLARED | EXTRAS["train"]
+    known = [pinned[name] for name in names if name in pinned]
+    if any(name not in pinned | TRACKER for name in names):
         known = list(DECLARED.values())
     calls = [[*pip, *known]] if known else []
     if set(names) & set(TRACKER):

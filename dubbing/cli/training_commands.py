@@ -19,7 +19,7 @@ def train_sync(
     out: Annotated[Path, typer.Option("--out", help="The weights to write.")],
 ) -> None:
     """Train the network of the sync check on clips of people who talk."""
-    packages.require()
+    packages.require("synthetic")
     from dubbing.training.sync.training import train_sync as work
 
     about = work(clips, checked_output(out, *clips), progress=typer.echo)
@@ -40,7 +40,7 @@ def train_speech(
     seed: Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1)] = 0,
 ) -> None:
     """Train the network of the speech features from nothing; resumes by itself."""
-    packages.require()
+    packages.require("train")
     from dubbing.cli import console
     from dubbing.training.speech.training import SpeechTraining
     from dubbing.training.speech.training import train_speech as work

@@ -12,10 +12,8 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from dubbing import packages
 from dubbing.errors import DubbingError
-from dubbing.synthetic.anatomy.face import random_face
-from dubbing.synthetic.speaker import make_speaker
-from dubbing.synthetic.voice import speak
 
 SCRIPT = (
     "Hello. My name is Alba, and nobody filmed me: every pixel of this clip was computed. "
@@ -40,6 +38,9 @@ VOICES = ("en-us", "en-us+f2", "en-gb-x-rp+m3", "en-us+f4", "en-gb-scotland+f3",
 
 def demo(out: Path, size: int) -> None:
     """The clip (out/clip.mp4) and the new speech (out/italian.wav, out/german.wav)."""
+    from dubbing.synthetic.speaker import make_speaker
+    from dubbing.synthetic.voice import speak
+
     for name, (voice, text) in DUBS.items():
         if not (out / f"{name}.wav").exists():
             speak(text, voice, out / f"{name}.wav")
@@ -58,6 +59,9 @@ def demo(out: Path, size: int) -> None:
 
 def identities(out: Path, count: int, size: int, seconds: float) -> None:
     """Clips of `count` different people: out/person000/clip.mp4 and so on."""
+    from dubbing.synthetic.anatomy.face import random_face
+    from dubbing.synthetic.speaker import make_speaker
+
     for i in tqdm(range(count), desc="synthetic people"):
         folder = out / f"person{i:03d}"
         if not (folder / "truth.npz").exists():
@@ -82,6 +86,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=20.0, help="length of each of the N clips")
     call = parser.parse_args()
     try:
+        packages.require("synthetic")  # before anything of it is imported
         if call.identities:
             identities(call.out, call.identities, call.size, call.seconds)
         else:

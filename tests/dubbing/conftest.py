@@ -11,7 +11,7 @@ import soundfile
 
 from dubbing import media
 from dubbing.media import VideoWriter
-from dubbing.synthetic import make_speaker
+from dubbing.synthetic.speaker import make_speaker
 
 TEXT = "The quick brown fox jumps over the lazy dog, and then we walked back home."
 RATE = Fraction(25)

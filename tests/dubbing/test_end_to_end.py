@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from dubbing import media
-from dubbing.synthetic import make_speaker
+from dubbing.synthetic.speaker import make_speaker
 
 SIZE = 192
 # Each is a file that shows that a stage is in the middle of its work.

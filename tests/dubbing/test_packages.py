@@ -89,6 +89,43 @@ def test_every_declared_package_is_looked_for(name: str, monkeypatch: pytest.Mon
     assert error.value.remedy.endswith(f" -m pip install {packages.DECLARED[name]}")
 
 
+@pytest.mark.parametrize("extra", packages.EXTRAS)
+def test_the_packages_of_an_extra_are_looked_for_by_who_needs_them(
+    extra: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "embreex", None)
+    packages.require()  # a dub does without
+    with pytest.raises(DubbingError) as error:
+        packages.require(extra)
+    assert error.value.what == "not installed: embreex"
+    assert error.value.remedy.endswith(" -m pip install embreex==4.4.0.post1")
+
+
+def test_the_synthetic_speaker_says_what_to_install(tmp_path: Path) -> None:
+    code = (
+        "import runpy, sys; sys.modules['embreex'] = None; sys.argv[1:] = [sys.argv[1]]\n"
+        "runpy.run_module('dubbing.synthetic', run_name='__main__')"
+    )
+    call = [sys.executable, "-c", code, str(tmp_path)]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: not installed: embreex: run ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_dub_imports_no_package_of_an_extra() -> None:
+    """What a dub runs loads neither the synthetic speaker nor what only training needs."""
+    code = (
+        "import sys\n"
+        "for name in ('embreex', 'espeakng_loader', 'pocketsphinx'): sys.modules[name] = None\n"
+        "import dubbing.batch, dubbing.lab.evaluation, dubbing.preparation.prepare\n"
+        "import dubbing.stages.composite, dubbing.stages.finetune, dubbing.stages.listen\n"
+        "import dubbing.stages.refine_poses, dubbing.stages.render, dubbing.sync.check\n"
+        "import dubbing.speech.rnn_features, dubbing.training.base"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_the_tracker_is_installed_beside_others_without_what_it_declares() -> None:
     first, second = packages.command(["mediapipe", "scipy"]).split(" && ")
     assert first.endswith("pip install scipy==1.17.1")
@@ -108,12 +145,20 @@ def test_what_cannot_even_be_loaded_is_no_traceback(name: str, folder: Path) -> 
 
 
 def test_the_commands_are_those_of_the_lock() -> None:
-    lock = (ROOT / "requirements.txt").read_text().split()
+    def pins(name: str) -> list[str]:
+        return (ROOT / f"requirements{name}.txt").read_text().split()
+
+    lock = pins("")
     torch = "torch==2.13.0"
     assert torch in (ROOT / "Makefile").read_text()
     assert {*packages.DECLARED.values(), *packages.TRACKER.values()} <= {*lock, torch}
-    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
-    names = [re.split("[=<>]", text)[0].lower() for text in declared]
-    assert sorted(names) == sorted(
-        text.split("==")[0].lower() for text in packages.DECLARED.values()
-    )
+    assert set(packages.SYNTHETIC.values()) == set(pins("-synthetic"))
+    assert set(packages.EXTRAS["train"].values()) <= {*pins("-synthetic"), *pins("-dev")}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    for declared, pinned in (
+        (project["dependencies"], packages.DECLARED),
+        *((extras[name], packages.EXTRAS[name]) for name in packages.EXTRAS),
+    ):
+        names = [re.split("[=<>]", text)[0].lower() for text in declared]
+        assert sorted(names) == sorted(text.split("==")[0].lower() for text in pinned.values())

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dubbing import packages
 from dubbing.errors import TrainingError
 from dubbing.speech.acoustic_network import SENONES
 from dubbing.speech.voice_activity import HOP, SAMPLE_RATE, steps
@@ -52,7 +53,7 @@ def _heard(samples: np.ndarray) -> np.ndarray:
         from pocketsphinx import Decoder, get_model_path
     except ImportError as error:
         raise TrainingError(
-            "the teacher is missing", "pocketsphinx", "pip install pocketsphinx==5.1.1"
+            "the teacher is missing", "pocketsphinx", packages.command(["pocketsphinx"])
         ) from error
     loudest = max(float(np.abs(samples).max()), 1e-4)
     pcm = np.round(samples * (0.5 * 32767 / loudest)).astype("<i2")

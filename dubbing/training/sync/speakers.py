@@ -10,8 +10,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from dubbing.synthetic import make_speaker
 from dubbing.synthetic.anatomy.face import random_face
+from dubbing.synthetic.speaker import make_speaker
 
 SECONDS = 8.0
 SIZE = 128

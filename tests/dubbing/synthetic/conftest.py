@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.synthetic import SpeakerTruth, make_speaker
+from dubbing.synthetic.speaker import SpeakerTruth, make_speaker
 
 TEXT = "Papa bought five maps, my warm umbrella, and a big apple."
 

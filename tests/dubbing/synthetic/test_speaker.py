@@ -11,10 +11,10 @@ import pytest
 
 from dubbing.errors import DubbingError
 from dubbing.media import probe, read_audio, read_frames
-from dubbing.synthetic import Phone, SpeakerTruth, make_speaker
 from dubbing.synthetic.anatomy.face import FACES
 from dubbing.synthetic.anatomy.skin_grid import skin_grid
-from dubbing.synthetic.speaker import fit_phones, place_sound
+from dubbing.synthetic.speaker import SpeakerTruth, fit_phones, make_speaker, place_sound
+from dubbing.synthetic.visemes import Phone
 
 Clip = tuple[Path, SpeakerTruth]
 OUTER, INNER = (33, 263), (133, 362)  # FaceMesh: eye corners, in the picture left and right

@@ -8,8 +8,8 @@ import pytest
 import soundfile
 
 from dubbing.errors import DubbingError
-from dubbing.synthetic import speak, synthesise
 from dubbing.synthetic.__main__ import VOICES
+from dubbing.synthetic.voice import speak, synthesise
 
 
 def test_phones_are_ordered_and_cover_the_sound() -> None:
