@@ -137,7 +137,7 @@ def summary(result: Result) -> None:
 def plan(rows: Sequence[Row], warnings: Sequence[str], *, as_json: bool) -> None:
     """What would run, and why."""
     if as_json:
-        told = [
+        entries = [
             {
                 "kind": row.job.kind,
                 "name": row.job.name,
@@ -147,7 +147,7 @@ def plan(rows: Sequence[Row], warnings: Sequence[str], *, as_json: bool) -> None
             }
             for row in rows
         ]
-        print(json.dumps({"warnings": list(warnings), "stages": told}, indent=2))
+        print(json.dumps({"warnings": list(warnings), "stages": entries}, indent=2))
         return
     table = _table("job", "stage", "state", "why")
     for row in rows:

@@ -109,7 +109,7 @@ def init(
     from dubbing.manifest.init import write_manifest
 
     written = write_manifest(folder)
-    say(f"wrote {written}; fill in who gave consent, then run: dfrf plan {written}")
+    print_line(f"wrote {written}; fill in who gave consent, then run: dfrf plan {written}")
 
 
 @app.command()
@@ -137,8 +137,8 @@ def prepare(
     with claimed(folder, clip), console.Bar(f"prepare {clip.name}") as progress:
         found = work(clip, folder, size=size, progress=progress)
     for warning in found.warnings:
-        say(f"warning: {warning}")
-    say(f"{folder / 'contact_sheet.png'}: residual shift {found.residual_shift:.3f} px")
+        print_line(f"warning: {warning}")
+    print_line(f"{folder / 'contact_sheet.png'}: residual shift {found.residual_shift:.3f} px")
 
 
 @app.command()
@@ -260,7 +260,7 @@ def import_checkpoint(
         work(file, checked_output(out, file))
     except CheckpointError as error:
         raise DubbingError(str(error)) from error
-    say(f"wrote {out}")
+    print_line(f"wrote {out}")
 
 
 @app.command()
@@ -310,7 +310,7 @@ def main() -> None:
         raise
 
 
-def say(text: str, *, err: bool = False) -> None:
+def print_line(text: str, *, err: bool = False) -> None:
     """Print a line, without orders to the terminal."""
     typer.echo(visible(text), err=err)
 
@@ -318,7 +318,7 @@ def say(text: str, *, err: bool = False) -> None:
 def _end(text: str, code: int) -> NoReturn:
     """Say why the run ends, if that can be said."""
     with suppress(OSError):
-        say(f"dfrf: {text}", err=True)
+        print_line(f"dfrf: {text}", err=True)
     for stream, original in ((sys.stdout, sys.__stdout__), (sys.stderr, sys.__stderr__)):
         if stream is original and stream is not None:
             # Python tries to write the rest at its end; where that fails, its exit code is 120.

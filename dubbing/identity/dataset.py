@@ -132,7 +132,7 @@ def load_identity(
             f"{clip.clip.name}, frames {start} to {stop}",
             "choose another start for this identity",
         )
-    index, heard = np.asarray(wanted), np.asarray(spoken)
+    index, speaking = np.asarray(wanted), np.asarray(spoken)
     keep = set(wanted)
     images, mattes, backgrounds = (
         torch.empty((len(wanted), clip.size, clip.size, *channels), dtype=torch.uint8)
@@ -164,11 +164,11 @@ def load_identity(
         centres=torch.from_numpy(clip.centre[index]).float(),
         expression=torch.from_numpy(upper_measures(clip)[index]).float(),
         number=torch.tensor(number),
-        windows=torch.from_numpy(speech.windows[heard]).float(),
-        predicted_lips=torch.from_numpy(speech.lips[heard]).float(),
-        lips=torch.from_numpy(lip_measures(clip.landmarks[heard])).float(),
-        touching=torch.from_numpy(lips_touch(clip.landmarks[heard])).float(),
-        segment=torch.from_numpy(clip.segment[heard]).long(),
+        windows=torch.from_numpy(speech.windows[speaking]).float(),
+        predicted_lips=torch.from_numpy(speech.lips[speaking]).float(),
+        lips=torch.from_numpy(lip_measures(clip.landmarks[speaking])).float(),
+        touching=torch.from_numpy(lips_touch(clip.landmarks[speaking])).float(),
+        segment=torch.from_numpy(clip.segment[speaking]).long(),
         eyes=eye_shapes(clip),
         surface=surface_points(clip),
     )

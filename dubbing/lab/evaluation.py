@@ -132,10 +132,10 @@ def evaluate(
         for name, part in parts.items():
             for method in methods:
 
-                def told(message: str, share: float, title: str = f"{name}, {method}") -> None:
+                def notify(message: str, share: float, title: str = f"{name}, {method}") -> None:
                     progress(f"{title}: {message}", share)
 
-                figures = evaluate_one(manifest, name, method, part, every, network, device, told)
+                figures = evaluate_one(manifest, name, method, part, every, network, device, notify)
                 before = found.setdefault(name, {}).get(method, {})
                 found[name][method] = merged(before, figures)
                 atomic_write_json(path, found)

@@ -52,7 +52,7 @@ class Flicker:
         self._sum = np.zeros(2)
         self._number = 0
 
-    def add(self, frame: int, shown: np.ndarray, image: np.ndarray) -> None:
+    def add(self, frame: int, rendered: np.ndarray, image: np.ndarray) -> None:
         """The next frame: its number in the clip, render and source (S, S, 3) uint8."""
         valid, shot = self._clip.valid, self._clip.segment
         if frame != self._frame + 1 or shot[frame] != shot[self._frame] or not valid[frame]:
@@ -61,7 +61,7 @@ class Flicker:
         if not valid[frame]:
             return
         at = self._pixels(frame)
-        self._last.append(np.stack([_sampled(shown, at), _sampled(image, at)]))
+        self._last.append(np.stack([_sampled(rendered, at), _sampled(image, at)]))
         if len(self._last) == 3:
             before, now, after = self._last
             second = before - 2 * now + after

@@ -142,16 +142,16 @@ def measure(
         for k, (image, _, background) in enumerate(clip.frames(first, count), first):
             if k not in tested:
                 continue
-            shown = over(*next(rendered), background)
-            for video, picture in zip(videos, (shown, image), strict=False):
+            composed = over(*next(rendered), background)
+            for video, picture in zip(videos, (composed, image), strict=False):
                 video.write(picture)
-            flicker.add(k, shown, image)
+            flicker.add(k, composed, image)
             if k in tiles.shown_frames(first, count, every):
-                shown_tiles.append(np.concatenate([image, shown]))
+                shown_tiles.append(np.concatenate([image, composed]))
             if clip.valid[k]:
-                found, truth = render_mesh(shown), source_mesh(image)
-                figures.append(compare(k, shown, image, clip.landmarks[k], found, truth, lpips))
-                mouth = mouths.add(k, shown, image, first_of(found), first_of(truth))
+                found, truth = render_mesh(composed), source_mesh(image)
+                figures.append(compare(k, composed, image, clip.landmarks[k], found, truth, lpips))
+                mouth = mouths.add(k, composed, image, first_of(found), first_of(truth))
                 rows.append({**asdict(figures[-1]), **asdict(mouth)})
             progress(f"frame {k - first + 1} of {count}", (k - first + 1) / count)
     write_csv(out / "frames.csv", rows)
@@ -173,7 +173,7 @@ def over(colour: Tensor, opacity: Tensor, background: np.ndarray) -> np.ndarray:
 
 def compare(
     frame: int,
-    shown: np.ndarray,
+    composed: np.ndarray,
     image: np.ndarray,
     landmarks: np.ndarray,
     found: list[np.ndarray],
@@ -182,7 +182,7 @@ def compare(
 ) -> FrameFigures:
     """Figures of one frame; LMD is not known where a face is missed, LPIPS without its network."""
     size = image.shape[0]
-    a, b = torch.from_numpy(shown).float() / 255, torch.from_numpy(image).float() / 255
+    a, b = torch.from_numpy(composed).float() / 255, torch.from_numpy(image).float() / 255
     mouth = torch.from_numpy(mouth_boxes(landmarks[None], size)[0])
     face = box_of(landmarks[list(FACE_OVAL)], size)
     eyes = box_of(landmarks[[*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW]], size)

@@ -63,7 +63,7 @@ class MouthSeries:
     def add(
         self,
         frame: int,
-        shown: np.ndarray,
+        rendered: np.ndarray,
         image: np.ndarray,
         found: np.ndarray | None,
         truth: np.ndarray | None,
@@ -89,7 +89,7 @@ class MouthSeries:
                 *(float(gap[0]), float(gap[1]), float(wide[0]), float(wide[1])),
                 lmd=float(lips.distances(both[:1], both[1:])[0] * unit),
                 lip_rms=lips.rms(lips.squared_distances(both[:1], both[1:])) * unit,
-                texture=texture(shown, found),
+                texture=texture(rendered, found),
                 source_texture=texture(image, truth),
             )
         self._frames.append(frame)

@@ -164,8 +164,8 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     note("head, what is seen", lambda: render_frame(volume, camera), pixels.numel(), "rays")
     landmarks = scene.clip.landmarks[frame]
     region = torch.from_numpy(rendered_region(landmarks, scene.clip.size)).to(device)
-    shown = int(region.sum())
-    note("head, what a dub shows", lambda: render_frame(volume, camera, region), shown, "px")
+    pixels_shown = int(region.sum())
+    note("head, what a dub shows", lambda: render_frame(volume, camera, region), pixels_shown, "px")
     seen = observations_of(scene.clip, np.array([frame]))[frame].to(device)
     count = 7 * len(seen.pixels)
     note("a step of a pose", lambda: normal_equations(volume, seen, camera.c2w), count, "rays")

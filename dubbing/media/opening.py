@@ -41,8 +41,8 @@ def address(path: Path | str) -> str:
     Raises:
         MediaError: the path is no text.
     """
-    if (told := os.fsencode(path).decode(errors="replace")) != str(path):
-        raise MediaError("its name or folder is not valid UTF-8", told, "rename it")
+    if (text := os.fsencode(path).decode(errors="replace")) != str(path):
+        raise MediaError("its name or folder is not valid UTF-8", text, "rename it")
     return f"file:{os.path.abspath(path)}"
 
 

@@ -207,8 +207,8 @@ def choose_rate(times: Sequence[float], hints: Sequence[Fraction]) -> tuple[Frac
     intervals = [b - a for a, b in itertools.pairwise(times)]
     median = statistics.median(intervals)
     # Their mean, because time stamps in whole milliseconds make 33 and 34 of 1/30 s.
-    usual = [interval for interval in intervals if abs(interval - median) < 0.5 * median]
-    typical = 1 / statistics.fmean(usual) if median > 0 else pace
+    regular = [interval for interval in intervals if abs(interval - median) < 0.5 * median]
+    typical = 1 / statistics.fmean(regular) if median > 0 else pace
     return min(COMMON_RATES, key=lambda r: max(r / typical, typical / r)), True
 
 

@@ -131,8 +131,8 @@ def _frame_graph(
     if start > lead:
         picture = picture.filter("select", "if(isnan(prev_selected_n),key,1)")
         picture = picture.filter("metadata", mode="add", key="first", value=1)
-        told = {"file": address(note), "direct": 1, "enable": "eq(n,0)"}
-        picture = picture.filter("metadata", mode="print", **told)
+        options = {"file": address(note), "direct": 1, "enable": "eq(n,0)"}
+        picture = picture.filter("metadata", mode="print", **options)
     picture = picture.filter("fps", fps=f"{rate}", start_time=0, round="near")
     if lead:
         picture = picture.filter("trim", start_frame=lead).filter("setpts", "PTS-STARTPTS")
@@ -146,8 +146,8 @@ def _frame_graph(
 
 def _landed(note: str, lead: int, rate: Fraction) -> bool:
     """Whether there is a key frame, whose time the note tells, and frame ``lead`` not before it."""
-    _, told, time = note.partition("pts_time:")
-    return bool(told) and float(time.split()[0]) * rate < lead + NEAREST
+    _, options, time = note.partition("pts_time:")
+    return bool(options) and float(time.split()[0]) * rate < lead + NEAREST
 
 
 def _fill(process: Process, frame: np.ndarray) -> bool:

@@ -96,8 +96,8 @@ def prepare(
     shape = track["shape"]
     landmarks = tracking.filled_landmarks(found, shape, poses, observed)
     outline = tracking.jaw_outline(landmarks, shape, poses, observed)
-    shown = tracking.bridged(found["valid"], observed.rate)
-    footage = Footage(info, size, seen["window"], landmarks, outline, shown, seen["segment"])
+    seen = tracking.bridged(found["valid"], observed.rate)
+    footage = Footage(info, size, seen["window"], landmarks, outline, seen, seen["segment"])
 
     def write_matte(report: Callable[[float], None]) -> Arrays:
         return {"profiles": matte_step(footage, matte, person, report)}
@@ -156,12 +156,12 @@ class Steps:
     ) -> None:
         self.folder, self._clip, self._progress = folder, clip, progress
         key = {"clip": digest_file(clip), "size": size, "version": VERSION}
-        told = folder / "key.json"
-        if _key(told) != key:
+        key_file = folder / "key.json"
+        if _key(key_file) != key:
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
             (folder.parent / SUMMARY).unlink(missing_ok=True)
-            atomic_write_json(told, key)
+            atomic_write_json(key_file, key)
 
     def run(self, name: str, step: Callable[[Callable[[float], None]], Arrays]) -> Arrays:
         """The arrays of a step: read if it was finished, else computed and written.

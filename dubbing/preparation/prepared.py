@@ -112,7 +112,7 @@ class PreparedClip:
         try:
             version = kept.read(folder / SUMMARY, Version, "summary")["version"]
             if version == VERSION:
-                told = kept.read(folder / SUMMARY, Summary, "summary")
+                summary = kept.read(folder / SUMMARY, Summary, "summary")
                 with np.load(folder / TRACK, allow_pickle=False) as stored:
                     arrays = {name: stored[name] for name in ARRAYS}
         except (DubbingError, *UNREADABLE) as error:
@@ -127,16 +127,16 @@ class PreparedClip:
             )
         return PreparedClip(
             folder=folder,
-            clip=clip or Path(told["clip"]),
-            rate=told["rate"],
-            frames_count=told["frames"],
-            size=told["size"],
-            source_size=told["source_size"],
-            focal=told["focal"],
-            near=told["near"],
-            far=told["far"],
-            warnings=told["warnings"],
-            residual_shift=told["residual_shift"],
+            clip=clip or Path(summary["clip"]),
+            rate=summary["rate"],
+            frames_count=summary["frames"],
+            size=summary["size"],
+            source_size=summary["source_size"],
+            focal=summary["focal"],
+            near=summary["near"],
+            far=summary["far"],
+            warnings=summary["warnings"],
+            residual_shift=summary["residual_shift"],
             **arrays,
         )
 
@@ -145,7 +145,7 @@ class PreparedClip:
         with atomic_path(self.folder / TRACK) as temporary:
             arrays = {name: getattr(self, name) for name in ARRAYS}
             np.savez_compressed(temporary, allow_pickle=False, **arrays)
-        told: dict[str, Any] = {
+        summary: dict[str, Any] = {
             "version": VERSION,
             "clip": str(self.clip),
             "rate": str(self.rate),
@@ -158,7 +158,7 @@ class PreparedClip:
             "residual_shift": self.residual_shift,
             "warnings": self.warnings,
         }
-        atomic_write_json(self.folder / SUMMARY, told)
+        atomic_write_json(self.folder / SUMMARY, summary)
 
     def c2w(self) -> np.ndarray:
         """Camera-to-world (T, 3, 4) float64 in the head frame, OpenGL axes in both.

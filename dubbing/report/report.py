@@ -111,15 +111,15 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     identity = manifest.identities[job.name]
     prepared, model = job.stages["prepare"].folder, job.stages["finetune"].folder
     damaged: list[str] = []
-    told = _read(prepared / "prepared.json", Prepared, "prepared clip", damaged)
+    summary = _read(prepared / "prepared.json", Prepared, "prepared clip", damaged)
     curves = {name: _column(model / "loss.csv", name, damaged) for name in ("loss", "psnr")}
     sheet = prepared / "contact_sheet.png"
     return {
         **_common(job, outcome),
         "clip": str(identity.clip),
         "consent": identity.consent.model_dump(mode="json"),
-        "warnings": [*told.get("warnings", []), *dict.fromkeys(damaged)],
-        "residual_shift": told.get("residual_shift"),
+        "warnings": [*summary.get("warnings", []), *dict.fromkeys(damaged)],
+        "residual_shift": summary.get("residual_shift"),
         "contact_sheet": _relative(manifest, sheet) if sheet.is_file() else None,
         **curves,
         "sync": _brief(sync_of(job)),

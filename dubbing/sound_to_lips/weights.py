@@ -15,8 +15,12 @@ FORMAT = "dfrf-lips-1"
 
 def save(network: LipNetwork, path: Path, about: dict[str, Any]) -> None:
     """Weights in half precision; sizes and `about` in the header."""
-    told = {"format": FORMAT, "sizes": json.dumps(network.settings()), "about": json.dumps(about)}
-    save_half(network.state_dict(), path, told)
+    metadata = {
+        "format": FORMAT,
+        "sizes": json.dumps(network.settings()),
+        "about": json.dumps(about),
+    }
+    save_half(network.state_dict(), path, metadata)
 
 
 def load(path: Path = DEFAULT_WEIGHTS) -> LipNetwork:

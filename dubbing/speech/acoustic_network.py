@@ -68,13 +68,13 @@ def losses(
     """
     total = known.sum().clamp_min(1)
     teacher = -(senones * F.log_softmax(heard.senones, -1)).sum(-1)
-    told = (phones >= 0) & (known > 0)
-    named = F.cross_entropy(heard.phones[told], phones[told], label_smoothing=0.05)
+    labelled = (phones >= 0) & (known > 0)
+    named = F.cross_entropy(heard.phones[labelled], phones[labelled], label_smoothing=0.05)
     shaped = torch.isfinite(lips).all(-1) & (known > 0)
     squared = (heard.lips[shaped] - lips[shaped]).square().sum(-1)
     zero = heard.hidden.sum() * 0
     return (
         (teacher * known).sum() / total,
-        named if told.any() else zero,
+        named if labelled.any() else zero,
         squared.mean() if shaped.any() else zero,
     )

@@ -90,15 +90,15 @@ def voice_activity_of_blocks(blocks: Blocks) -> np.ndarray:
         return np.zeros(len(energy), np.float32)
     gain = 10 ** ((TARGET_DB - level) / 20)
     detector = webrtcvad.Vad(AGGRESSIVENESS)
-    heard = np.zeros(len(energy), np.float32)
+    voiced = np.zeros(len(energy), np.float32)
     t = 0
     for windows in step_windows(blocks()):
         pcm = np.clip(np.round(windows * (gain * 32767)), -32768, 32767).astype("<i2")
         for step in pcm:
-            heard[t] = detector.is_speech(step.tobytes(), SAMPLE_RATE)
+            voiced[t] = detector.is_speech(step.tobytes(), SAMPLE_RATE)
             t += 1
-    heard[energy < level - RANGE_DB] = 0
-    return np.convolve(heard, _SMOOTHING, mode="same")[: len(heard)].astype(np.float32)
+    voiced[energy < level - RANGE_DB] = 0
+    return np.convolve(voiced, _SMOOTHING, mode="same")[: len(voiced)].astype(np.float32)
 
 
 def voice_activity(samples: np.ndarray) -> np.ndarray:

@@ -76,8 +76,8 @@ def make(
             part = segments / f"{first:06d}{SEGMENT_SUFFIX[settings.codec]}"
             parts.append((part, len(poses) / clip.rate))
             if not part.exists():
-                heard = zip(read_heads(heads, first, len(poses)), poses, strict=True)
-                pictures = zip(read_source(clip, poses, settings.frame), heard, strict=True)
+                posed_heads = zip(read_heads(heads, first, len(poses)), poses, strict=True)
+                pictures = zip(read_source(clip, poses, settings.frame), posed_heads, strict=True)
                 draw = Composer(clip, settings)
                 width, height = draw.size
                 encoder = media.VideoWriter(part, width, height, clip.rate, settings.codec)

@@ -211,7 +211,7 @@ def learn(
     def part(folder: Path, steps: TrainConfig) -> None:
         done, before = len(curve.rows), curve.seconds
 
-        def told(state: Progress) -> None:
+        def notify(state: Progress) -> None:
             if progress is not None:
                 progress(state.within(done, config.iterations))
 
@@ -220,7 +220,7 @@ def learn(
             [person],
             steps,
             references=None if references is None else {person.name: references},
-            options=FitOptions(resume=str(folder), progress=told, device=device),
+            options=FitOptions(resume=str(folder), progress=notify, device=device),
         )
         for step, loss, psnr, seconds in made.rows:
             curve.add(done + step, loss, psnr, before + seconds)

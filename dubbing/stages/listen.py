@@ -51,13 +51,13 @@ class Speech:
         Raises:
             DubbingError: its summary is something else.
         """
-        told = kept.read(folder / SUMMARY, Summary, "speech", "run with --force listen")
+        kept_summary = kept.read(folder / SUMMARY, Summary, "speech", "run with --force listen")
         tensors = load_file(folder / TENSORS)
         return Speech(
-            name=told["name"],
-            frames=told["frames"],
-            rate=told["rate"],
-            seconds=told["seconds"],
+            name=kept_summary["name"],
+            frames=kept_summary["frames"],
+            rate=kept_summary["rate"],
+            seconds=kept_summary["seconds"],
             features=tensors["features"],
             voice=tensors["voice"],
             lips=tensors["lips"],

@@ -76,7 +76,7 @@ def render(
     person, maps, _ = load(model, device)
     out.mkdir(parents=True, exist_ok=True)
 
-    def told(done: int) -> None:
+    def notify(done: int) -> None:
         if progress is not None:
             progress(f"frame {done} of {count}", done / count)
 
@@ -89,13 +89,13 @@ def render(
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
                 low, high = max(0, first - around), min(count, stop + around)
                 some = (speech(low, high - low), pose_index[low:high])
-                shown = regions_of(clip, pose_index[first:stop])
-                heads = frames(person, maps, clip, *some, first - low, stop - low, shown)
+                needed = regions_of(clip, pose_index[first:stop])
+                heads = frames(person, maps, clip, *some, first - low, stop - low, needed)
                 for done, (colour, opacity) in enumerate(heads, first + 1):
                     video.write(to_rgba(colour, opacity))
-                    told(done)
+                    notify(done)
         else:
-            told(stop)
+            notify(stop)
 
 
 def frames(

@@ -34,8 +34,8 @@ def distances(mouth: np.ndarray, sound: np.ndarray, reach: int = REACH) -> np.nd
     count = len(mouth)
     columns = []
     for offset in range(-reach, reach + 1):
-        heard = sound[reach - offset : reach - offset + count]
-        columns.append(np.linalg.norm(mouth - heard, axis=1))
+        shifted = sound[reach - offset : reach - offset + count]
+        columns.append(np.linalg.norm(mouth - shifted, axis=1))
     return np.stack(columns, axis=1).astype(np.float32)
 
 

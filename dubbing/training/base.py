@@ -80,7 +80,7 @@ def train_base(
             config, iterations=iterations, coarse_iterations=math.ceil(iterations * 3 / 4)
         )
 
-    def told(state: Progress) -> None:
+    def notify(state: Progress) -> None:
         progress(str(state), state.step / state.iterations)
 
     resume = out.with_name(out.name + ".resume")
@@ -92,7 +92,7 @@ def train_base(
             config,
             options=FitOptions(
                 resume=str(resume),
-                progress=told,
+                progress=notify,
                 device=device,
                 validation=validation,
                 about={

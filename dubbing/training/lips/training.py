@@ -185,8 +185,8 @@ def balance(network: LipNetwork, found: Sequence[Lesson]) -> None:
         take = one.takes[0]
         parts = network.parts(take.heard.float()[None], take.voice.float()[None])
         spread.append(torch.stack([p[0].std(0) for p in parts]))
-    usual = torch.stack(spread).mean(0)
-    network.scale.copy_(usual[:1] / usual.clamp_min(1e-6))
+    mean_spread = torch.stack(spread).mean(0)
+    network.scale.copy_(mean_spread[:1] / mean_spread.clamp_min(1e-6))
 
 
 def main(

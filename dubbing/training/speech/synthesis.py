@@ -97,9 +97,9 @@ def _espeak(voice: Voice, text: str, rng: np.random.Generator) -> Spoken:
 def _flite(voice: Voice, text: str, wav: Path, rng: np.random.Generator) -> Spoken:
     stretch = f"duration_stretch={rng.uniform(0.8, 1.25):.2f}"
     call = ["flite", "-voice", voice.name, "--setf", stretch, "-psdur", "-t", text, str(wav)]
-    told = _run(call).split()
+    lines = _run(call).split()
     phones, start = [], 0.0
-    for entry in told:
+    for entry in lines:
         name, _, end = entry.rpartition(":")
         phones.append(Phone(ARPABET.get(name, name), start, float(end)))
         # A sentence of several clauses counts on; should it ever start again, so do we.

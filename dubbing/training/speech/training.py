@@ -66,7 +66,7 @@ def train_network(
         rates.step()
         done = step + 1
         if done % 20 == 0:
-            shown = ", ".join(f"{part.item():.3f}" for part in each)
+            loss_text = ", ".join(f"{part.item():.3f}" for part in each)
             progress(f"step {done} of {settings.steps}: {shown}", done / settings.steps)
         if done % SAVED_EVERY == 0 and done < settings.steps:
             _save(resume / STATE, told, done, network, optimiser, rates, batches)
