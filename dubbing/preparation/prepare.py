@@ -96,8 +96,8 @@ def prepare(
     shape = track["shape"]
     landmarks = tracking.filled_landmarks(found, shape, poses, observed)
     outline = tracking.jaw_outline(landmarks, shape, poses, observed)
-    seen = tracking.bridged(found["valid"], observed.rate)
-    footage = Footage(info, size, seen["window"], landmarks, outline, seen, seen["segment"])
+    visible = tracking.bridged(found["valid"], observed.rate)
+    footage = Footage(info, size, seen["window"], landmarks, outline, visible, seen["segment"])
 
     def write_matte(report: Callable[[float], None]) -> Arrays:
         return {"profiles": matte_step(footage, matte, person, report)}
