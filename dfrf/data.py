@@ -45,7 +45,10 @@ class HeadDataset:
         number: which of the C frames each picture is of. Speech needs every frame, also where
             only some are kept as pictures.
         windows: speech windows.
+        predicted_lips: what the sound says of the lips of people in general, see
+            `dfrf.field.speaker_adaptation`.
         lips: L lip measures, each of mean 0 and variance 1.
+        touching: 1 where the inner lips touch.
         segment: which uncut run of the clip a frame belongs to.
         eyes: where the eyes are, see `dfrf.field.eyelid_deformation`.
         surface: rigid points of the mean face, head frame (y up).
@@ -62,7 +65,9 @@ class HeadDataset:
     expression: Float[Tensor, "T U"]
     number: Int[Tensor, " T"]
     windows: Float[Tensor, "C W D"]
+    predicted_lips: Float[Tensor, "C P"]
     lips: Float[Tensor, "C L"]
+    touching: Float[Tensor, " C"]
     segment: Int[Tensor, " C"]
     eyes: Float[Tensor, "2 7"]
     surface: Float[Tensor, "V 3"]

@@ -20,6 +20,7 @@ from dfrf.config import TrainConfig
 from dfrf.data import HeadDataset
 from dfrf.field.audio import NEIGHBOURS, WINDOW
 from dfrf.field.reference_maps import ReferenceViews
+from dfrf.field.speaker_adaptation import PREDICTED
 from dfrf.head_checkpoint import load_model, load_person, save_person
 from dfrf.head_model import HeadModel
 from dfrf.method import FrameInputs, Maps, Method
@@ -113,7 +114,8 @@ def fit_head(
 def render_frame(
     head: Head,
     camera: Camera,
-    windows: Float[Tensor, "P 8 W D"] | None = None,
+    windows: Float[Tensor, "1 8 W D"] | None = None,
+    predicted_lips: Float[Tensor, "N P"] | None = None,
     expression: Float[Tensor, "1 U"] | None = None,
 ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
     """One frame of a head.
@@ -121,8 +123,9 @@ def render_frame(
     Args:
         head: whose.
         camera: where it is seen from, head frame.
-        windows: speech windows of the frame, of `reach` frames to each side, and of the neighbours
-            of each; silence when None.
+        windows: speech windows of the frame and of its neighbours; silence when None.
+        predicted_lips: of the frame and of `reach` frames to each side, see
+            `dfrf.field.speaker_adaptation`; those of nobody in particular when None.
         expression: measures of the upper face; at rest when None.
 
     Returns:
@@ -132,7 +135,9 @@ def render_frame(
     method = head.method
     device = method.model.device
     if windows is None:
-        windows = torch.zeros(1 + 2 * method.reach, NEIGHBOURS, WINDOW, method.speech_dim)
+        windows = torch.zeros(1, NEIGHBOURS, WINDOW, method.speech_dim)
+    if predicted_lips is None:
+        predicted_lips = torch.zeros(1 + 2 * method.reach, PREDICTED)
     if expression is None:
         expression = torch.zeros(1, EXPRESSION)
     inputs = FrameInputs(
@@ -140,6 +145,7 @@ def render_frame(
         camera.focal,
         camera.centre[None].to(device),
         windows.to(device),
+        predicted_lips.to(device),
         expression.to(device),
         camera.size,
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, Self, TypeVar
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from dfrf.config import TrainConfig
@@ -67,17 +67,22 @@ class FrameInputs:
         c2w: cameras.
         focal: pixels.
         centres: principal points, (column, row).
-        windows: speech windows of each frame's neighbours, of P = T + 2 reach frames.
+        windows: speech windows of each frame's neighbours.
+        predicted_lips: P numbers that speech says of the lips of people in general, of N = T + 2
+            reach frames; see `dfrf.field.speaker_adaptation`.
         expression: measures of the upper face.
         size: S.
+        regions: the pixels that are needed; others may be left blank. None is all.
     """
 
     c2w: Float[Tensor, "T 3 4"]
     focal: float
     centres: Float[Tensor, "T 2"]
-    windows: Float[Tensor, "P 8 W D"]
+    windows: Float[Tensor, "T 8 W D"]
+    predicted_lips: Float[Tensor, "N P"]
     expression: Float[Tensor, "T U"]
     size: int
+    regions: Bool[Tensor, "T S S"] | None = None
 
 
 ShareT = TypeVar("ShareT", bound=Share)

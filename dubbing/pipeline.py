@@ -24,6 +24,7 @@ from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.manifest import Manifest
 from dubbing.media import SUFFIX, MediaInfo
 from dubbing.shipped.base import shipped_base
+from dubbing.sound_to_lips.paths import DEFAULT_WEIGHTS as LIP_WEIGHTS
 from dubbing.speech import features
 from dubbing.stages import tasks
 
@@ -210,9 +211,10 @@ def video_file(composite: Stage, dub: Dub) -> Path:
 
 
 def _speech_weights(identity: Identity) -> dict[str, Path]:
-    """The weights of an identity's speech features, where they have any."""
+    """The weights of what hears an identity's speech: its features, and the lips of it."""
     file = features.weights_file(identity.speech, identity.speech_weights)
-    return {} if file is None else {"speech_weights": file}
+    own = {} if file is None else {"speech_weights": file}
+    return {**own, "lip_weights": LIP_WEIGHTS}
 
 
 def _too_long(dub: Dub, clip: MediaInfo, seconds: float) -> DubbingError | None:

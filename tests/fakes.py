@@ -16,7 +16,7 @@ import numpy as np
 
 from dubbing import media
 from dubbing.errors import PreparationError
-from dubbing.face.mesh_points import FACE_OVAL
+from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.files import atomic_write_json, atomic_write_text
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
 from dubbing.stages import tasks
@@ -79,6 +79,8 @@ def face(size: int = SIZE) -> np.ndarray:
     landmarks = np.full((478, 2), size / 2)
     angle = np.arange(len(FACE_OVAL)) * 2 * np.pi / len(FACE_OVAL)
     landmarks[list(FACE_OVAL)] += size / 3 * np.stack([np.sin(angle), -np.cos(angle)], -1)
+    landmarks[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER]] += size / 6 * np.array([[-1, -1.5], [1, -1.5]])
+    landmarks[NOSE_BASE] -= (0, size / 8)
     return landmarks
 
 

@@ -18,9 +18,9 @@ from dfrf.data import HeadDataset, RayBatch, cut_references
 from dfrf.fast.model import FastModel
 from dfrf.fast.objective import share_outcome
 from dfrf.field import brow_deformation, eyelid_deformation
-from dfrf.field.conditioning import REACH
 from dfrf.field.field import ConditionedField
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
+from dfrf.field.speaker_adaptation import REACH
 from dfrf.image import unsharp
 from dfrf.method import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame
@@ -29,11 +29,11 @@ from dfrf.rendering.volume_rendering import render_rays
 from dfrf.training.lip_supervision import (
     closed_mouth_target,
     dataset_codes,
+    fit_speaker_adaptation,
     supervised_codes,
     train_speech_networks,
 )
 from dfrf.training.ray_share import RayShare, draw_shares
-from dfrf.training.speaker_adaptation import fit_speaker_adaptation
 from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
@@ -191,12 +191,16 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         """On a CPU as many at once as there are cores."""
         with torch.no_grad():
             field = self.model.eval().field
-            conditioning = field.conditioning(inputs.windows, inputs.expression)
+            conditioning = field.conditioning(
+                inputs.windows, inputs.predicted_lips, inputs.expression
+            )
         model = self.model.rounded()
 
         def one(t: int) -> tuple[Tensor, Tensor]:
             camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)
-            colour, opacity = render_frame(model.volume(conditioning[t : t + 1], maps), camera)
+            region = None if inputs.regions is None else inputs.regions[t]
+            volume = model.volume(conditioning[t : t + 1], maps)
+            colour, opacity = render_frame(volume, camera, region)
             return unsharp(colour, opacity), opacity
 
         with Workers(inputs.c2w.device, FRAMES_AT_ONCE) as workers:

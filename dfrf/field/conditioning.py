@@ -13,22 +13,11 @@ from torch import Tensor, nn
 from dfrf.config import FieldConfig
 from dfrf.field import brow_deformation
 from dfrf.field.audio import LEAK, AudioAttNet, AudioNet
+from dfrf.field.speaker_adaptation import LIP_MEASURES, SpeakerAdaptation
 
-LIP_MEASURES = 7
-REACH = 3  # frames to each side whose lips count for a frame's, see `speaker_adaptation`
-OWN = slice(REACH * LIP_MEASURES, (REACH + 1) * LIP_MEASURES)  # the frame's own in such a row
 # How far from the mean a code goes where no lips are read off it. Fifteen seconds show few codes:
 # one unlike all of them drew specks beside the lips, though nothing unusual was said.
 BESIDE_LIPS = 0.5
-
-
-def rows_of_neighbours(lips: Float[Tensor, "P L"]) -> Float[Tensor, "F RL"]:
-    """Measures of P = F + 2 REACH frames in a row: each frame's with REACH to each side.
-
-    Returns:
-        RL = (2 REACH + 1) L numbers a frame, the earliest first.
-    """
-    return lips.unfold(0, 2 * REACH + 1, 1).mT.flatten(1)
 
 
 def silence(windows: Float[Tensor, "F W D"]) -> Float[Tensor, "F 1"]:
@@ -46,8 +35,7 @@ class Conditioning(nn.Module):
         closed_mouth_target: what is read off the code where the person's mouth is closed.
         mean_code: of the frames the person was learned from.
         lips: reads lip measures off the code; pictures do not use it.
-        speaker_adaptation: what the lips do where a frame and its neighbours say so much; at first,
-            just that.
+        speaker_adaptation: this person's lips, from the predicted ones; at first, just these.
     """
 
     brow_range: Float[Tensor, "2 2"]
@@ -65,10 +53,7 @@ class Conditioning(nn.Module):
         self.lips = nn.Linear(config.code_dim, LIP_MEASURES)
         self.register_buffer("closed_mouth_target", torch.zeros(LIP_MEASURES))
         self.register_buffer("mean_code", torch.zeros(config.code_dim))
-        self.speaker_adaptation = nn.Linear((2 * REACH + 1) * LIP_MEASURES, LIP_MEASURES)
-        nn.init.zeros_(self.speaker_adaptation.bias)
-        nn.init.zeros_(self.speaker_adaptation.weight)
-        nn.init.eye_(self.speaker_adaptation.weight[:, OWN])
+        self.speaker_adaptation = SpeakerAdaptation()
         for layer in self.audio.modules():
             if isinstance(layer, nn.Conv1d | nn.Linear) and layer.bias is not None:
                 # The default start gives the same code for every sound.
@@ -90,34 +75,36 @@ class Conditioning(nn.Module):
         """Codes moved by the shortest way to where the lip measures are read off."""
         return codes + (lips - self.lips(codes)) @ torch.linalg.pinv(self.lips.weight).T
 
-    def adapted_codes(self, windows: Float[Tensor, "P 8 W D"]) -> Float[Tensor, "F A"]:
-        """Codes of F frames as this person speaks; P = F + 2 REACH."""
+    def adapted_codes(
+        self, windows: Float[Tensor, "F 8 W D"], predicted_lips: Float[Tensor, "N P"]
+    ) -> Float[Tensor, "F A"]:
+        """Codes of F frames as this person speaks; N = F + 2 REACH."""
         codes = self.speech_codes(windows)
-        lips = self.speaker_adaptation(rows_of_neighbours(self.lips(codes)))
-        own = slice(REACH, REACH + len(lips))
-        codes = self.project_to_lips(
-            self.mean_code + BESIDE_LIPS * (codes[own] - self.mean_code), lips
-        )
-        heard = windows[own]
-        silent = silence(heard[:, heard.shape[1] // 2]).to(codes.dtype)
+        lips = self.speaker_adaptation(predicted_lips, self.closed_mouth_target)
+        codes = self.project_to_lips(self.mean_code + BESIDE_LIPS * (codes - self.mean_code), lips)
+        silent = silence(windows[:, windows.shape[1] // 2]).to(codes.dtype)
         closed = self.project_to_lips(codes, self.closed_mouth_target)
         return codes + silent * (closed - codes)
 
     def forward(
-        self, windows: Float[Tensor, "P 8 W D"], expression: Float[Tensor, "F U"]
+        self,
+        windows: Float[Tensor, "F 8 W D"],
+        predicted_lips: Float[Tensor, "N P"],
+        expression: Float[Tensor, "F U"],
     ) -> Float[Tensor, "F K"]:
-        """Conditioning of F frames in a row when their person speaks; P = F + 2 REACH.
+        """Conditioning of F frames in a row when their person speaks; N = F + 2 REACH.
 
         Where nothing is heard, features are 0 and the mouth is closed.
 
         Args:
-            windows: of these frames and of those beside them.
+            windows: speech windows of each frame's neighbours.
+            predicted_lips: of these frames and of those beside them, see `speaker_adaptation`.
             expression: measures of the upper face.
         """
         if self.config.use_speech:
-            codes = self.adapted_codes(windows)
+            codes = self.adapted_codes(windows, predicted_lips)
         else:
-            codes = self.speech_codes(windows)[: len(expression)]
+            codes = self.speech_codes(windows)
         expression = expression.clone()
         brows = expression[:, brow_deformation.MEASURES]
         expression[:, brow_deformation.MEASURES] = brows.clamp(*self.brow_range)

@@ -206,7 +206,7 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
     def render_frames(
         self, inputs: FrameInputs, maps: EncodedReferences | None
     ) -> Iterator[tuple[Tensor, Tensor]]:
-        """The upper face is not looked at: the published model knows nothing of it."""
+        """All of every head: the published model knows of no lips, expressions or regions."""
         self.model.eval()
         frames = zip(inputs.c2w, inputs.centres, inputs.windows, strict=True)
         for c2w, centre, windows in frames:

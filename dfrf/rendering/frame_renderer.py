@@ -10,7 +10,7 @@ from typing import Self
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from dfrf.cameras import Camera
@@ -33,11 +33,14 @@ def tile_side(grid: OccupancyGrid, camera: Camera) -> int:
     return 1
 
 
-def head_tiles(grid: OccupancyGrid, camera: Camera, side: int) -> Int[Tensor, "G P"]:
+def head_tiles(
+    grid: OccupancyGrid, camera: Camera, side: int, region: Bool[Tensor, "S S"] | None = None
+) -> Int[Tensor, "G P"]:
     """Pixels (row-major) of the tiles, P = side * side, that open cells can cover in a frame.
 
     Every open cell is splatted as a disc that covers its projection, so no ray that would meet an
-    open cell is left out.
+    open cell is left out. Of a region only those tiles are given that hold pixels of
+    it, and those beside them: how far to look and how to sharpen is learned from neighbours.
     """
     c2w, focal, centre, size = camera.c2w, camera.focal, camera.centre, camera.size
     centres = grid.centres()[grid.occupied.view(-1)]
@@ -56,7 +59,11 @@ def head_tiles(grid: OccupancyGrid, camera: Camera, side: int) -> Int[Tensor, "G
     wide, tall = (1, 2 * radius + 1), (2 * radius + 1, 1)
     grown = F.max_pool2d(mask[None, None], wide, stride=1, padding=(0, radius))
     grown = F.max_pool2d(grown, tall, stride=1, padding=(radius, 0))
-    row, column = torch.nonzero(F.max_pool2d(grown, side)[0, 0] > 0).unbind(-1)
+    covered = F.max_pool2d(grown, side)[0, 0]
+    if region is not None:
+        asked = F.max_pool2d(region.float()[None], side)
+        covered = covered * F.max_pool2d(asked, 3, stride=1, padding=1)[0]
+    row, column = torch.nonzero(covered > 0).unbind(-1)
     within = torch.arange(side, device=c2w.device)
     first = row * side * size + column * side
     return first[:, None] + (within[:, None] * size + within).view(-1)
@@ -128,7 +135,7 @@ def render_pixels(
 
 @torch.no_grad()
 def render_frame(
-    volume: Volume, camera: Camera
+    volume: Volume, camera: Camera, region: Bool[Tensor, "S S"] | None = None
 ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
     """The head of one frame, on the device of its camera.
 
@@ -138,14 +145,17 @@ def render_frame(
     Args:
         volume: the head as it is in that frame, the only one of its conditioning.
         camera: that sees it.
+        region: the pixels that are needed; others may be left blank. None is all.
 
     Returns:
         Premultiplied colour in 0..1, and opacity.
     """
     side = tile_side(volume.grid, camera)
-    tiles = head_tiles(volume.grid, camera, side)
+    tiles = head_tiles(volume.grid, camera, side, region)
     apart, size = max(1, side // 4), camera.size
     buffer = FrameBuffer.blank(size, camera.c2w.device)
+    if not len(tiles):
+        return buffer.colour.view(size, size, 3), buffer.opacity.view(size, size)
     within = torch.arange(side, device=tiles.device) % apart == 0
     first = (within[:, None] & within).view(-1)
     whole = torch.zeros(len(tiles), int(first.sum()), device=camera.c2w.device)

@@ -22,6 +22,7 @@ from torch import Tensor
 
 from dfrf.data import HeadDataset, neighbour_windows
 from dfrf.field.conditioning import Conditioning
+from dfrf.field.speaker_adaptation import closed_mouth
 
 BATCH = 128
 PEOPLE = 4  # in a batch: with one at a time the networks swing from person to person
@@ -30,8 +31,6 @@ DROPPED = 0.1  # features left out of a window
 RIDGE = 1.0  # times the mean power of a feature, for all people together
 REGRESSION_SHARE = 0.7  # of the regression's answer in what is to be learned
 AT_ONCE = 256
-OPENING = 0  # of the lip measures: the gap in the middle
-CLOSED = 0.05  # share of the frames that are taken for a closed mouth
 
 
 @dataclass(frozen=True)
@@ -150,8 +149,16 @@ def target_lips(
     conditioning: Conditioning, dataset: HeadDataset, codes: Float[Tensor, "C A"]
 ) -> Float[Tensor, "C L"]:
     """The measured lips with mean and spread of those read off the codes."""
+    mean, spread = lips_read(conditioning, codes)
+    return mean + spread * dataset.lips.to(codes.device)
+
+
+def lips_read(
+    conditioning: Conditioning, codes: Float[Tensor, "C A"]
+) -> tuple[Float[Tensor, " L"], Float[Tensor, " L"]]:
+    """Mean and spread of the lip measures that are read off codes."""
     read = conditioning.lips(codes)
-    return read.mean(0) + read.std(0) * dataset.lips.to(codes.device)
+    return read.mean(0), read.std(0)
 
 
 @torch.no_grad()
@@ -170,6 +177,15 @@ def supervised_codes(conditioning: Conditioning, dataset: HeadDataset) -> Float[
 @torch.no_grad()
 def closed_mouth_target(conditioning: Conditioning, dataset: HeadDataset) -> Float[Tensor, " L"]:
     """What is read off the codes where the mouth is closed: in the least open of the frames."""
-    lips = target_lips(conditioning, dataset, dataset_codes(conditioning, dataset))
-    least = dataset.lips[:, OPENING].argsort()[: max(1, round(CLOSED * len(dataset.lips)))]
-    return lips[least.to(lips.device)].mean(0)
+    mean, spread = lips_read(conditioning, dataset_codes(conditioning, dataset))
+    return mean + spread * closed_mouth(dataset.lips).to(mean)
+
+
+@torch.no_grad()
+def fit_speaker_adaptation(conditioning: Conditioning, dataset: HeadDataset) -> None:
+    """Fits the adaptation to a person, its answers as the field is conditioned on lips."""
+    mean, spread = lips_read(conditioning, dataset_codes(conditioning, dataset))
+    predicted, lips, touching = (
+        part.to(mean) for part in (dataset.predicted_lips, dataset.lips, dataset.touching)
+    )
+    conditioning.speaker_adaptation.fit(predicted, lips, touching, mean, spread)

@@ -8,34 +8,56 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dubbing.preparation.matting.matting import REFERENCE_SIZE
+from dubbing.compositing.face_mask import face_mask
+from dubbing.compositing.neck import with_neck
+from dubbing.preparation.matting.matting import REFERENCE_SIZE, inpaint_mask
 
 FLOOR = 6  # of 255: a lower opacity is haze, not head
-REACH = 30  # px beyond the hole where a head (an open jaw) may lie; over as much again it fades
-FEATHER = 5  # px, inside the edge of the mask; less than the hole is wider than the old head
+REACH = 30  # px beyond the inpaint mask where an open jaw may lie; over as much again it fades
+FEATHER = 5  # px, inside the edge; less than the inpaint mask is wider than the old head
+
+
+def replacement(
+    image: np.ndarray,
+    matte: np.ndarray,
+    background: np.ndarray,
+    head: np.ndarray,
+    landmarks: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a dub puts in the place of a frame of the film, and how much of it; see `composite`.
+
+    Args:
+        image, matte, background: (S, S, 3), (S, S), (S, S, 3) uint8 of the prepared frame.
+        head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity.
+        landmarks: (478, 2) px of the film's face.
+    """
+    size = len(image)
+    restored = inpaint_mask(matte)
+    clean = without_haze(head, restored, REACH * size / REFERENCE_SIZE)
+    under, stretched = with_neck(image, background, matte, clean[..., 3], landmarks)
+    return composite(under, restored | stretched, clean, face_mask(landmarks, size))
 
 
 def composite(
-    background: np.ndarray, hole: np.ndarray, head: np.ndarray, spoken: np.ndarray
+    background: np.ndarray, restored: np.ndarray, head: np.ndarray, share: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """C + (1 - a) * background, and how much of it replaces the source.
 
     Args:
-        background: (S, S, 3) uint8 restored background, equal to the source outside of the hole.
-        hole: (S, S) bool, where the background is restored.
-        head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity.
-        spoken: (S, S) uint8, the share of each pixel that may be replaced; see `spoken`.
+        background: (S, S, 3) uint8, equal to the source outside of the inpaint mask.
+        restored: (S, S) bool, the inpaint mask: where the background is restored.
+        head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity; see `without_haze`.
+        share: (S, S) uint8, how much of each pixel may be replaced; see `face_mask`.
 
     Returns:
         The composite (S, S, 3) uint8, and the mask (S, S) uint8 to paste it with: 0 where there
-        is neither hole nor head (so the source's pixels stay), rising to 255 over a few px inside
-        of that, so that no seam shows, and nowhere more than ``spoken``.
+        is neither inpaint mask nor head (so the source's pixels stay), rising to 255 over a few
+        px inside of that, so that no seam shows, and nowhere more than ``share``.
     """
     scale = len(background) / REFERENCE_SIZE
-    head = without_haze(head, hole, REACH * scale)
     opacity = head[..., 3]
-    inside = hole | (opacity > 0)
-    mask = np.minimum(feathered(inside, max(1.0, FEATHER * scale)), spoken)
+    inside = restored | (opacity > 0)
+    mask = np.minimum(feathered(inside, max(1.0, FEATHER * scale)), share)
     picture = background.copy()
     rows, columns = _extent(opacity > 0)
     under = background[rows, columns].astype(np.float32)
@@ -55,10 +77,10 @@ def blend(image: np.ndarray, picture: np.ndarray, mask: np.ndarray) -> np.ndarra
     return out
 
 
-def without_haze(head: np.ndarray, hole: np.ndarray, reach: float) -> np.ndarray:
-    """A head (S, S, 4) without haze and without what floats far from the hole."""
-    away = cv2.distanceTransform((~hole).astype(np.uint8), cv2.DIST_L2, 3)
-    if not hole.any():
+def without_haze(head: np.ndarray, restored: np.ndarray, reach: float) -> np.ndarray:
+    """A head (S, S, 4) without haze and without what floats far from the inpaint mask."""
+    away = cv2.distanceTransform((~restored).astype(np.uint8), cv2.DIST_L2, 3)
+    if not restored.any():
         away = np.zeros_like(away)
     keep = np.clip(2 - away / max(reach, 1.0), 0, 1)
     keep[head[..., 3] < FLOOR] = 0

@@ -1,8 +1,8 @@
-"""What of a picture speech can change: the face, and the room round its jaw.
+"""What of a picture speech can change: the lower face, and the room round its jaw.
 
-Hair, ears and what is behind them are, like pose and background, those of the frame of the clip
-whose place is taken, so a dub keeps their pixels. S side of the crop in px; lengths are for S = 512
-and scale with it.
+Eyes with their lids and gaze, hair, ears and what is behind them are, like pose and background,
+those of the frame of the clip whose place is taken, so a dub keeps their pixels. S side of the crop
+in px; lengths are for S = 512 and scale with it.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dubbing.face.mesh_points import FACE_OVAL
-from dubbing.preparation.matting.matting import REFERENCE_SIZE
+from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
+from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
 # From where to where the clip's own pixels take over, px from the edge of the face: what a model
 # gets wrong lies along it first.
@@ -20,12 +20,20 @@ CHIN = FACE_OVAL.index(152)
 # Points of the oval to each side of the chin round which all may change. The jaw hangs on hinges
 # below the ears: further up its edge hardly moves. In between it fades.
 JAW, CHEEK = 4, 6
+# From where to where the rendered head takes over, across cheeks and nose: on the way from the line
+# through the eyes (0) to the base of the nose (1).
+ABOVE, BELOW = 0.4, 0.8
+# That way in distances between the eyes, at least: a nose that points at the camera has none.
+SHORTEST = 0.3
+# px beyond the mask that decide about it: its feather, and the smoothing of the neck's outlines.
+AROUND = 24.0
 
 
-def spoken(landmarks: np.ndarray, size: int) -> np.ndarray:
+def face_mask(landmarks: np.ndarray, size: int) -> np.ndarray:
     """Share of each pixel that a rendered head may replace, (S, S) uint8.
 
-    255 on the face and all round its jaw, falling to 0 across the rest of its edge.
+    255 on the lower face and all round its jaw, falling to 0 across the rest of its edge and from
+    the mouth up to the eyes.
 
     Args:
         landmarks: (478, 2) px.
@@ -38,10 +46,41 @@ def spoken(landmarks: np.ndarray, size: int) -> np.ndarray:
     unit = size / REFERENCE_SIZE
     outside, inside = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (255 - face, face))
     near = np.clip((OUTSIDE * unit - outside + inside) / ((OUTSIDE + INSIDE) * unit), 0, 1)
+    x, y = (np.arange(size) - middle for middle in face_middle(landmarks))
+    share = np.maximum(near, jaw_share(landmarks, np.arctan2(y[:, None], x)))
+    return (share * lower_share(landmarks, size) * 255).round().astype(np.uint8)
+
+
+def rendered_region(landmarks: np.ndarray, size: int) -> np.ndarray:
+    """Pixels (S, S) bool of a rendered head that a composite depends on; see `face_mask`."""
+    return dilate(face_mask(landmarks, size) > 0, AROUND * size / REFERENCE_SIZE)
+
+
+def lower_share(landmarks: np.ndarray, size: int) -> np.ndarray:
+    """0 (S, S) above the cheeks, 1 below them, rising straight in between."""
+    left, right = landmarks[LEFT_EYE_OUTER], landmarks[RIGHT_EYE_OUTER]
+    apart = max(float(np.linalg.norm(right - left)), 1.0)
+    down = np.array([left[1] - right[1], right[0] - left[0]]) / apart
+    eyes = (left + right) / 2
+    nose = max(float((landmarks[NOSE_BASE] - eyes) @ down), SHORTEST * apart)
+    x, y = (np.arange(size) - place for place in eyes)
+    way = (x * down[0] + y[:, None] * down[1]) / nose
+    share: np.ndarray = np.clip((way - ABOVE) / (BELOW - ABOVE), 0, 1)
+    return share
+
+
+def face_middle(landmarks: np.ndarray) -> np.ndarray:
+    """Middle (2,) of the face's outline, px."""
+    middle: np.ndarray = landmarks[list(FACE_OVAL)].mean(0)
+    return middle
+
+
+def jaw_share(landmarks: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """How much what lies beyond the face may change, seen from its middle at angles (...) (rad).
+
+    1 round the jaw, 0 beyond the cheeks and the forehead.
+    """
     below = np.abs(np.arange(len(FACE_OVAL)) - CHIN)
     jaw = np.clip((CHEEK - below) / (CHEEK - JAW), 0, 1)
-    x, y = (np.arange(size) - middle for middle in oval.mean(0))
-    towards = np.arctan2(y[:, None], x)
-    sides = np.arctan2(*(oval - oval.mean(0)).T[::-1])
-    share = np.maximum(near, np.interp(towards, sides, jaw, period=2 * np.pi))
-    return (share * 255).round().astype(np.uint8)
+    oval = landmarks[list(FACE_OVAL)] - face_middle(landmarks)
+    return np.interp(angles, np.arctan2(oval[:, 1], oval[:, 0]), jaw, period=2 * np.pi)

@@ -11,13 +11,13 @@ from torch import Tensor
 from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, HeadDataset
 from dfrf.field import brow_deformation, eyelid_deformation
 from dubbing.errors import TrainingError
-from dubbing.face.mesh_points import EYE_CORNERS, LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
+from dubbing.face.lip_measures import lip_measures, lips_touch
+from dubbing.face.mesh_points import EYE_CORNERS, RIGID
 from dubbing.face.mouth_shape import OUTER_LIP
 from dubbing.preparation.alignment.silhouette import eye_axes, upwards
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 
-# Inner gap in the middle, left and right; width; base of the nose to lower lip, upper lip and chin.
-LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2, 152))
 # Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.
 EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 # What counts as 1, in eye distances.
@@ -38,18 +38,6 @@ def mouth_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
         [centre[:, 0] - wide, centre[:, 1] - tall, centre[:, 0] + wide, centre[:, 1] + tall], -1
     )
     return np.clip(np.nan_to_num(boxes).round(), 0, size).astype(np.int64)
-
-
-def lip_measures(landmarks: np.ndarray) -> np.ndarray:
-    """What the lips do, (T, 7) of mean 0 and variance 1, from landmarks (T, 478, 2).
-
-    Distances between points of the lips, the chin and the base of the nose, in units of the
-    distance between the eyes.
-    """
-    eyes = np.linalg.norm(landmarks[:, LEFT_EYE_OUTER] - landmarks[:, RIGHT_EYE_OUTER], axis=-1)
-    first, second = np.array(LIP_DISTANCES).T
-    length = np.linalg.norm(landmarks[:, first] - landmarks[:, second], axis=-1) / eyes[:, None]
-    return (length - length.mean(0)) / (length.std(0) + 1e-6)
 
 
 def lid_openings(points: np.ndarray) -> np.ndarray:
@@ -120,14 +108,14 @@ def region_map(matte: np.ndarray, mouth: np.ndarray, eyes: np.ndarray) -> np.nda
 
 
 def load_identity(
-    name: str, clip: PreparedClip, windows: np.ndarray, start: int, count: int, every: int = 1
+    name: str, clip: PreparedClip, speech: SpeechFrames, start: int, count: int, every: int = 1
 ) -> HeadDataset:
     """Frames start .. start + count of a prepared clip, those without a face left out.
 
     Args:
         name: of the person, for messages.
         clip: what `prepare` made of the film.
-        windows: (T, 16, D) speech windows of every frame of the clip.
+        speech: of every frame of the clip.
         start, count: frames; the clip's end cuts them off.
         every: keep the picture of one frame of so many.
 
@@ -176,8 +164,10 @@ def load_identity(
         centres=torch.from_numpy(clip.centre[index]).float(),
         expression=torch.from_numpy(upper_measures(clip)[index]).float(),
         number=torch.tensor(number),
-        windows=torch.from_numpy(windows[heard]).float(),
+        windows=torch.from_numpy(speech.windows[heard]).float(),
+        predicted_lips=torch.from_numpy(speech.lips[heard]).float(),
         lips=torch.from_numpy(lip_measures(clip.landmarks[heard])).float(),
+        touching=torch.from_numpy(lips_touch(clip.landmarks[heard])).float(),
         segment=torch.from_numpy(clip.segment[heard]).long(),
         eyes=eye_shapes(clip),
         surface=surface_points(clip),

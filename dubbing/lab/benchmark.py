@@ -27,7 +27,7 @@ from dubbing.manifest.manifest import load
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import render as heads
 from dubbing.stages import tasks
-from dubbing.stages.finetune import MODEL_FILE, clip_windows
+from dubbing.stages.finetune import MODEL_FILE, clip_speech
 
 FRAMES = 3
 
@@ -64,14 +64,14 @@ def main() -> None:
         clip = PreparedClip.load(made["prepare"].folder, person.clip)
         model, maps, _ = heads.load(made["finetune"].folder / MODEL_FILE, asked.device)
         offset = tasks.offset_of(made["check_source"].folder)
-        windows = clip_windows(clip, person.speech, person.speech_weights, offset)
+        speech = clip_speech(clip, person.speech, person.speech_weights, offset)
     except DubbingError as error:
         parser.error(str(error))
     if not (isinstance(model, FastModel) and isinstance(maps, ReferenceMaps | None)):
         parser.error(f"{asked.identity!r} is a person of preset 'paper'; choose one of 'fast'")
     usable = np.flatnonzero(clip.valid)
     frames = usable[np.linspace(0, len(usable) - 1, FRAMES + 2).round().astype(int)][1:-1]
-    scene = Scene(model, maps, clip, windows, frames.tolist())
+    scene = Scene(model, maps, clip, speech, frames.tolist())
     rate = matrix_rate(scene.device)
     rows = frame_rows(scene)
     if maps is not None:

@@ -24,6 +24,7 @@ from dubbing.lab.mouth import MouthSeries
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import cropping
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import composite
 from dubbing.stages import render as heads
 from dubbing.stages.refine_poses import refined
@@ -71,7 +72,7 @@ def pictures(valid: np.ndarray, segment: np.ndarray, learned: Part, count: int) 
 def measure_dub(
     model: Path,
     clip: PreparedClip,
-    windows: np.ndarray,
+    speech: SpeechFrames,
     parts: list[Part],
     learned: Part,
     out: Path,
@@ -87,7 +88,7 @@ def measure_dub(
 
     Args:
         model: a person's model.
-        clip: of the person, whose speech windows are `windows` (T, 16, D).
+        clip: of the person; speech: what is heard at its frames.
         parts: frames whose speech is spoken; see `unlearned`.
         learned: frames that were learned from.
         out: folder.
@@ -100,7 +101,7 @@ def measure_dub(
     out.mkdir(parents=True, exist_ok=True)
     total = sum(count for _, count in parts)
     under = pictures(clip.valid, clip.segment, learned, total)
-    finished = dubbed(model, clip, windows, parts, under, device, progress)
+    finished = dubbed(model, clip, speech, parts, under, device, progress)
     mouths = MouthSeries(load_network().face.numpy(), float(clip.rate))
     rows: list[dict[str, float]] = []
     chins: list[ChinFigures] = []
@@ -142,7 +143,7 @@ def measure_dub(
 def dubbed(
     model: Path,
     clip: PreparedClip,
-    windows: np.ndarray,
+    speech: SpeechFrames,
     parts: Iterable[Part],
     under: np.ndarray,
     device: str,
@@ -163,7 +164,7 @@ def dubbed(
         done += count
         for start in range(first, first + count, AT_ONCE):
             stop = min(start + AT_ONCE, first + count)
-            rendered = heads.frames(person, maps, posed, windows, index, start, stop)
+            rendered = heads.frames(person, maps, posed, speech, index, start, stop)
             sources = composite.read_source(clip, index[start:stop], "full")
             for k, (colour, opacity), source in zip(
                 index[start:stop].tolist(), rendered, sources, strict=True

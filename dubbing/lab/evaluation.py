@@ -32,7 +32,7 @@ from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
 from dubbing.stages import tasks
-from dubbing.stages.finetune import MODEL_FILE, SUMMARY_FILE, clip_windows
+from dubbing.stages.finetune import MODEL_FILE, SUMMARY_FILE, clip_speech
 from dubbing.sync.check import check
 
 RESULT_FILE = "evaluate.json"
@@ -242,7 +242,7 @@ def evaluate_one(
         run_stage(stage, progress, began=began)
     clip = PreparedClip.load(prepare.folder, identity.clip)
     model = finetune.folder / MODEL_FILE
-    windows = clip_windows(
+    speech = clip_speech(
         clip, identity.speech, identity.speech_weights, tasks.offset_of(source.folder)
     )
     out = manifest.work / "evaluation" / name / method
@@ -251,7 +251,7 @@ def evaluate_one(
         first, count = part.p15
         found = dict(
             measure(
-                *(model, clip, windows, first, count, out),
+                *(model, clip, speech, first, count, out),
                 every=every,
                 lpips=network,
                 device=device,
@@ -265,7 +265,7 @@ def evaluate_one(
             found["every"] = every
     if part.p15x:
         figures = measure_dub(
-            *(model, clip, windows, part.p15x, part.learned, out / "p15x"),
+            *(model, clip, speech, part.p15x, part.learned, out / "p15x"),
             device=device,
             progress=progress,
         )

@@ -28,6 +28,7 @@ from dubbing.lab.flicker import Flicker, brow_skin
 from dubbing.lab.mouth import MouthSeries
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
 from dubbing.stages.refine_poses import refined
 from dubbing.sync.network import load_network
@@ -81,7 +82,7 @@ def box_of(points: np.ndarray, size: int, margin: float = 0.0) -> Tensor:
 def measure(
     model: Path,
     clip: PreparedClip,
-    windows: np.ndarray,
+    speech: SpeechFrames,
     first: int,
     count: int,
     out: Path,
@@ -98,7 +99,7 @@ def measure(
 
     Args:
         model: a person's model.
-        clip: of the person, whose speech windows are `windows` (T, 16, D).
+        clip: of the person; speech: what is heard at its frames.
         first, count: frames to test.
         out: folder.
         every: one frame of so many is rendered and compared, its pose and speech what they are when
@@ -123,10 +124,10 @@ def measure(
     tested = range(first, first + count, every)
     posed = refined(person, maps, clip, index[first : first + count], progress)
     if every == 1:
-        rendered = heads.frames(person, maps, posed, windows, index, first, first + count)
+        rendered = heads.frames(person, maps, posed, speech, index, first, first + count)
     else:
         rendered = chain.from_iterable(
-            heads.frames(person, maps, posed, windows, index, k, k + 1) for k in tested
+            heads.frames(person, maps, posed, speech, index, k, k + 1) for k in tested
         )
     with ExitStack() as open_files:
         videos = [

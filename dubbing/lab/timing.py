@@ -20,8 +20,8 @@ from dfrf import presets
 from dfrf.cameras import Camera, Rays
 from dfrf.data import neighbour_windows
 from dfrf.fast.model import FastModel
-from dfrf.field.conditioning import REACH
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
+from dfrf.field.speaker_adaptation import REACH
 from dfrf.published.model import PaperModel, References
 from dfrf.registry import method_of
 from dfrf.rendering.frame_renderer import head_tiles, render_frame, tile_side
@@ -29,11 +29,11 @@ from dfrf.rendering.pose_refinement import normal_equations
 from dfrf.rendering.ray_marching import Search, march
 from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import FitOptions, fit
-from dubbing.compositing.composite import composite
-from dubbing.compositing.face_mask import spoken
+from dubbing.compositing.composite import replacement
+from dubbing.compositing.face_mask import rendered_region
 from dubbing.identity.dataset import load_identity, upper_measures
-from dubbing.preparation.matting.matting import hole
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
 from dubbing.stages.finetune import reference_frames
 from dubbing.stages.refine_poses import observations_of
@@ -93,7 +93,7 @@ class Scene:
     model: FastModel
     maps: ReferenceMaps | None
     clip: PreparedClip
-    windows: np.ndarray
+    speech: SpeechFrames
     frames: list[int]
 
     @property
@@ -111,11 +111,15 @@ class Scene:
         return self.camera(frame).rays(pixels)
 
     def heard(self, frame: int) -> Tensor:
-        """Speech windows (2 REACH + 1, 8, 16, D) of a frame, those beside it, and neighbours."""
-        windows = torch.from_numpy(self.windows).float()
-        number = torch.arange(frame - REACH, frame + REACH + 1).clamp(0, len(windows) - 1)
-        near = neighbour_windows(windows, torch.zeros(len(windows)), number)
+        """Speech windows (1, 8, 16, D) of a frame's neighbours."""
+        windows = torch.from_numpy(self.speech.windows).float()
+        near = neighbour_windows(windows, torch.zeros(len(windows)), torch.tensor([frame]))
         return near.to(self.device)
+
+    def predicted_lips(self, frame: int) -> Tensor:
+        """Of a frame and of those beside it, (2 REACH + 1, P)."""
+        number = np.arange(frame - REACH, frame + REACH + 1).clip(0, len(self.speech) - 1)
+        return torch.from_numpy(self.speech.lips[number]).float().to(self.device)
 
     def upper(self, frame: int) -> Tensor:
         """Measures of the upper face (1, U)."""
@@ -142,7 +146,10 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
         rows.append(Row(stage, timed(work, device), count, unit, flop_of(work)))
 
     camera, windows = scene.camera(frame), scene.heard(frame)
-    volume = model.volume(model.field.conditioning(windows, scene.upper(frame)), scene.maps)
+    conditioning = model.field.conditioning(
+        windows, scene.predicted_lips(frame), scene.upper(frame)
+    )
+    volume = model.volume(conditioning, scene.maps)
     side = tile_side(grid, camera)
     pixels = head_tiles(grid, camera, side).view(-1)
     rays = scene.rays(frame, pixels)
@@ -155,23 +162,26 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     note("march", lambda: march(rays, grid, settings, search), found, "samples")
     note("field, every sample", lambda: evaluate(field, samples, rays), found, "samples")
     note("head, what is seen", lambda: render_frame(volume, camera), pixels.numel(), "rays")
+    landmarks = scene.clip.landmarks[frame]
+    region = torch.from_numpy(rendered_region(landmarks, scene.clip.size)).to(device)
+    shown = int(region.sum())
+    note("head, what a dub shows", lambda: render_frame(volume, camera, region), shown, "px")
     seen = observations_of(scene.clip, np.array([frame]))[frame].to(device)
     count = 7 * len(seen.pixels)
     note("a step of a pose", lambda: normal_equations(volume, seen, camera.c2w), count, "rays")
     (whole,) = heads.frames(*scene_arguments(scene, frame))
-    ((_, matte, background),) = scene.clip.frames(frame, 1)
+    ((image, matte, background),) = scene.clip.frames(frame, 1)
     head = heads.to_rgba(*whole)
-    may = spoken(scene.clip.landmarks[frame], scene.clip.size)
-    note("composite", lambda: composite(background, hole(matte), head, may))
+    note("composite", lambda: replacement(image, matte, background, head, landmarks))
     return rows
 
 
 def scene_arguments(
     scene: Scene, frame: int
-) -> tuple[FastModel, ReferenceMaps | None, PreparedClip, np.ndarray, np.ndarray, int, int]:
+) -> tuple[FastModel, ReferenceMaps | None, PreparedClip, SpeechFrames, np.ndarray, int, int]:
     """Arguments of `heads.frames` for one frame."""
     index = np.arange(scene.clip.frames_count)
-    return scene.model, scene.maps, scene.clip, scene.windows, index, frame, frame + 1
+    return scene.model, scene.maps, scene.clip, scene.speech, index, frame, frame + 1
 
 
 def mean_row(rows: list[Row]) -> Row:
@@ -223,7 +233,7 @@ def whole_faces(views: ReferenceViews, count: int) -> References:
 
 def training_row(scene: Scene) -> Row:
     """Steps of fine-tuning with the default settings."""
-    person = load_identity("timed", scene.clip, scene.windows, 0, TRAINING_FRAMES)
+    person = load_identity("timed", scene.clip, scene.speech, 0, TRAINING_FRAMES)
     model = presets.adapt(scene.model, scene.model.config)
     config = replace(presets.FINETUNE, iterations=TRAINING_STEPS)
     references = reference_frames(person, scene.clip, 0, method_of(model))

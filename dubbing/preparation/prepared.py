@@ -20,7 +20,7 @@ from dubbing import json_records as kept
 from dubbing.errors import DubbingError, PreparationError
 from dubbing.files import atomic_path, atomic_write_json
 from dubbing.media import read_frames
-from dubbing.preparation.matting.matting import hole
+from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.tracking import cropping
 
 VERSION = 5
@@ -183,7 +183,7 @@ class PreparedClip:
     ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Crops one by one: image (S, S, 3), matte (S, S), background (S, S, 3), all uint8.
 
-        The background equals the image bit for bit outside of the matte's hole.
+        The background equals the image bit for bit outside of the matte's inpaint mask.
         """
         for image, matte, background, _ in self.whole_frames(start, count):
             yield image, matte, background
@@ -199,7 +199,8 @@ class PreparedClip:
             zip(images, mattes, fills, strict=True), start
         ):
             picture = cropping.crop(image, self.crop[index], self.size)
-            yield picture, matte, np.where(hole(matte)[..., None], fill, picture), image
+            background = np.where(inpaint_mask(matte)[..., None], fill, picture)
+            yield picture, matte, background, image
 
     def paste(
         self, frame: np.ndarray, index: int, crop_image: np.ndarray, mask: np.ndarray

@@ -16,11 +16,9 @@ from pathlib import Path
 import numpy as np
 
 from dubbing import media, timeline
-from dubbing.compositing.composite import blend, composite
-from dubbing.compositing.face_mask import spoken
+from dubbing.compositing.composite import blend, replacement
 from dubbing.errors import RenderingError
 from dubbing.media.overlap import ahead, behind
-from dubbing.preparation.matting.matting import hole
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
 
@@ -122,8 +120,8 @@ class Composer:
         image, matte, background, whole = source
         out = image if whole is None else whole
         if self.clip.valid[index]:
-            may = spoken(self.clip.landmarks[index], self.clip.size)
-            picture, mask = composite(background, hole(matte), head, may)
+            landmarks = self.clip.landmarks[index]
+            picture, mask = replacement(image, matte, background, head, landmarks)
             if whole is None:
                 out = blend(image, picture, mask)
             else:

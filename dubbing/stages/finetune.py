@@ -27,6 +27,7 @@ from dubbing.files import atomic_write_json, atomic_write_text
 from dubbing.identity.dataset import load_identity
 from dubbing.identity.reference_choice import choose_references, turns_far
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
 from dubbing.speech import features
 from dubbing.stages.refine_poses import refined, refines
 
@@ -131,16 +132,16 @@ def finetune(
         settings: see `FinetuneSettings`.
         base: checkpoint to start from; None starts from random weights.
         device: auto, cpu or cuda.
-        offset: frames by which the clip's sound comes early; see `clip_windows`.
+        offset: frames by which the clip's sound comes early; see `clip_speech`.
         progress: called after every step.
 
     Raises:
         TrainingError: no face in that part, no sound, or the loss diverged.
         CheckpointError: the base does not fit.
     """
-    windows = clip_windows(clip, settings.speech, settings.weights, offset)
+    speech = clip_speech(clip, settings.speech, settings.weights, offset)
     first = round(start * clip.rate)
-    person = load_identity(clip.clip.stem, clip, windows, first, round(seconds * clip.rate))
+    person = load_identity(clip.clip.stem, clip, speech, first, round(seconds * clip.rate))
     model = init_from_base(base, settings)
     trainings = presets.trainings(settings.preset)
     config = trainings.alone if base is None else trainings.finetune
@@ -239,10 +240,10 @@ def learn(
     return person, curve
 
 
-def clip_windows(
+def clip_speech(
     clip: PreparedClip, speech: str, weights: Path | None = None, offset: int = 0
-) -> np.ndarray:
-    """Speech windows of every frame of a clip, (T, 16, D), from its own sound.
+) -> SpeechFrames:
+    """What is heard at every frame of a clip, from its own sound.
 
     Args:
         offset: frames by which the sound comes early: what belongs to frame i is heard at
@@ -258,7 +259,8 @@ def clip_windows(
             "use a clip of the person speaking, with its sound",
         )
     heard, _ = features.features_of_file(clip.clip, features.features_by_name(speech, weights))
-    return features.windows(heard, clip.frames_count, clip.rate, first=-offset)
+    lips = lips_of_file(clip.clip)
+    return at_frames(heard, lips, clip.frames_count, clip.rate, first=-offset)
 
 
 def reference_frames(

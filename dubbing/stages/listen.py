@@ -14,6 +14,7 @@ from dubbing import json_records as kept
 from dubbing import timeline
 from dubbing.errors import RenderingError
 from dubbing.files import atomic_write_bytes, atomic_write_json
+from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
 from dubbing.speech import features
 
 TENSORS, SUMMARY = "features.safetensors", "speech.json"
@@ -30,7 +31,10 @@ class Summary(TypedDict):
 
 @dataclass(frozen=True)
 class Speech:
-    """Features (T, D) and voice activity (T,), 50 a second, of F frames of speech."""
+    """Features (T, D), voice activity (T,) and predicted lips (T, P) of F frames of speech.
+
+    50 a second.
+    """
 
     name: str
     frames: int
@@ -38,6 +42,7 @@ class Speech:
     seconds: float
     features: np.ndarray
     voice: np.ndarray
+    lips: np.ndarray
 
     @staticmethod
     def load(folder: Path) -> Speech:
@@ -46,7 +51,7 @@ class Speech:
         Raises:
             DubbingError: its summary is something else.
         """
-        told = kept.read(folder / SUMMARY, Summary, "speech", "run with --force speech")
+        told = kept.read(folder / SUMMARY, Summary, "speech", "run with --force listen")
         tensors = load_file(folder / TENSORS)
         return Speech(
             name=told["name"],
@@ -55,11 +60,12 @@ class Speech:
             seconds=told["seconds"],
             features=tensors["features"],
             voice=tensors["voice"],
+            lips=tensors["lips"],
         )
 
-    def windows(self, first: int, count: int) -> np.ndarray:
-        """(count, 16, D) float32 around each video frame first .. first + count."""
-        return features.windows(self.features, count, self.rate, first)
+    def part(self, first: int, count: int) -> SpeechFrames:
+        """What is heard at the video frames first .. first + count."""
+        return at_frames(self.features, self.lips, count, self.rate, first)
 
 
 def listen(
@@ -91,7 +97,8 @@ def listen(
         raise RenderingError(
             "no sound there", f"{audio.name} from {start:g} s", "change audio_start"
         )
-    tensors = {"features": found, "voice": voice}
+    lips = lips_of_file(audio, start=start, seconds=seconds)
+    tensors = {"features": found, "voice": voice, "lips": lips}
     atomic_write_bytes(
         out / TENSORS, save({k: np.ascontiguousarray(v) for k, v in tensors.items()})
     )

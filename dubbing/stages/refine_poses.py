@@ -17,8 +17,8 @@ from torch import Tensor
 from dfrf.data import HEAD_MATTE
 from dfrf.fast.model import FastModel
 from dfrf.field.audio import NEIGHBOURS
-from dfrf.field.conditioning import REACH
 from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.field.speaker_adaptation import PREDICTED, REACH
 from dfrf.head_model import HeadModel
 from dfrf.method import Maps
 from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equations
@@ -190,9 +190,9 @@ def smoothest(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 @torch.no_grad()
 def silent(model: FastModel, upper: Tensor) -> Tensor:
     """Conditioning of frames (K, U) while nobody speaks, (K, cond_dim)."""
-    shape = (len(upper) + 2 * REACH, NEIGHBOURS, 16, model.config.field.speech_dim)
-    windows = torch.zeros(shape, device=model.device)
-    conditioning: Tensor = model.field.conditioning(windows, upper.to(model.device))
+    windows = torch.zeros(len(upper), NEIGHBOURS, 16, model.config.field.speech_dim)
+    parts = windows, torch.zeros(len(upper) + 2 * REACH, PREDICTED), upper
+    conditioning: Tensor = model.field.conditioning(*(part.to(model.device) for part in parts))
     return conditioning
 
 

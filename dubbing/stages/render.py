@@ -16,13 +16,15 @@ from dfrf.field.audio import NEIGHBOURS
 from dfrf.head_model import HeadModel
 from dfrf.method import FrameInputs, Maps
 from dfrf.registry import method_of
+from dubbing.compositing.face_mask import rendered_region
 from dubbing.errors import CheckpointError
 from dubbing.identity.dataset import upper_measures
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 
-# Speech windows (count, 16, D) of frames first .. first + count.
-Heard = Callable[[int, int], np.ndarray]
+# What is heard at `count` frames from `first` on.
+SpeechPart = Callable[[int, int], SpeechFrames]
 
 
 def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dict[str, object]]:
@@ -44,7 +46,7 @@ def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dic
 def render(
     model: Path,
     clip: PreparedClip,
-    heard: Heard,
+    speech: SpeechPart,
     out: Path,
     *,
     pose_index: np.ndarray,
@@ -53,13 +55,15 @@ def render(
 ) -> None:
     """Writes OUT/000000.mkv, OUT/000050.mkv ...: premultiplied colour and opacity (FFV1 RGBA).
 
+    Of each head there is what the dub shows of it; see `dubbing.compositing.face_mask`.
+
     A file appears only when it is whole, and one that is there is not rendered again. It holds
     `dfrf.method.Method.segment` frames: of a slow preset every single one is kept.
 
     Args:
         model: of the person, written by `finetune`.
         clip: whose poses are taken, refined with the model; see `refine_poses`.
-        heard: speech windows of the frames to render, asked for a segment at a time.
+        speech: of the frames to render, asked for a segment at a time.
         out: folder.
         pose_index: (T,) frame of the clip each frame takes its pose from.
         device: auto, cpu or cuda.
@@ -84,8 +88,9 @@ def render(
         if not path.exists():
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
                 low, high = max(0, first - around), min(count, stop + around)
-                some = (heard(low, high - low), pose_index[low:high])
-                heads = frames(person, maps, clip, *some, first - low, stop - low)
+                some = (speech(low, high - low), pose_index[low:high])
+                shown = regions_of(clip, pose_index[first:stop])
+                heads = frames(person, maps, clip, *some, first - low, stop - low, shown)
                 for done, (colour, opacity) in enumerate(heads, first + 1):
                     video.write(to_rgba(colour, opacity))
                     told(done)
@@ -97,27 +102,43 @@ def frames(
     model: HeadModel,
     maps: Maps | None,
     clip: PreparedClip,
-    windows: np.ndarray,
+    speech: SpeechFrames,
     pose_index: np.ndarray,
     first: int,
     stop: int,
+    regions: np.ndarray | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
-    """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop."""
+    """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop.
+
+    Of the whole head, or of what of it lies in regions (stop - first, S, S) bool at least.
+    """
     device = model.device
     method = method_of(model)
-    number = torch.arange(first - method.reach, stop + method.reach).clamp(0, len(windows) - 1)
     # Speech does not stop at a cut of the picture, so all frames count as one run.
-    near = neighbour_windows(torch.from_numpy(windows).float(), torch.zeros(len(windows)), number)
+    one_run, own = torch.zeros(len(speech)), torch.arange(first, stop)
+    near = neighbour_windows(torch.from_numpy(speech.windows).float(), one_run, own)
+    around = np.arange(first - method.reach, stop + method.reach).clip(0, len(speech) - 1)
     poses = pose_index[first:stop]
     inputs = FrameInputs(
         torch.from_numpy(clip.c2w()[poses]).float().to(device),
         float(clip.focal),
         torch.from_numpy(clip.centre[poses]).float().to(device),
         near.to(device),
+        torch.from_numpy(speech.lips[around]).float().to(device),
         torch.from_numpy(upper_measures(clip)[poses]).float().to(device),
         clip.size,
+        None if regions is None else torch.from_numpy(regions).to(device),
     )
     yield from method.render_frames(inputs, maps)
+
+
+def regions_of(clip: PreparedClip, poses: np.ndarray) -> np.ndarray:
+    """What a dub shows of heads over frames `poses` (F,): (F, S, S) bool, none without a face."""
+    regions = np.zeros((len(poses), clip.size, clip.size), bool)
+    for region, pose in zip(regions, poses, strict=True):
+        if clip.valid[pose]:
+            region[:] = rendered_region(clip.landmarks[pose], clip.size)
+    return regions
 
 
 def to_rgba(colour: Tensor, opacity: Tensor) -> np.ndarray:

@@ -161,7 +161,7 @@ class Render:
         render(
             self.model / MODEL_FILE,
             clip,
-            speech.windows,
+            speech.part,
             out,
             pose_index=pose_index(self.dub, clip, speech.frames),
             device=self.device,

@@ -26,7 +26,7 @@ from dubbing.identity.dataset import load_identity
 from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import tasks
-from dubbing.stages.finetune import FinetuneSettings, clip_windows, init_from_base, write_curve
+from dubbing.stages.finetune import FinetuneSettings, clip_speech, init_from_base, write_curve
 
 MOST_FRAMES = 240  # of one identity: more show little that is new, and memory is finite
 
@@ -200,5 +200,5 @@ def load_person(
     first, count = round(identity.start * clip.rate), round(identity.seconds * clip.rate)
     every = max(1, math.ceil(min(count, clip.frames_count - first) / MOST_FRAMES))
     offset = tasks.offset_of(source.folder)
-    windows = clip_windows(clip, settings.speech, settings.weights, offset)
-    return load_identity(name, clip, windows, first, count, every)
+    speech = clip_speech(clip, settings.speech, settings.weights, offset)
+    return load_identity(name, clip, speech, first, count, every)

@@ -68,7 +68,9 @@ def person(frames: int = 6, seed: int = 0) -> HeadDataset:
         centres=torch.full((frames, 2), centre),
         number=torch.arange(frames),
         windows=windows,
+        predicted_lips=torch.cat([lips, -lips[:, :1]], 1),
         lips=lips,
+        touching=(lips[:, 0] < -1).float(),
         expression=expression,
         segment=torch.zeros(frames, dtype=torch.long),
         eyes=torch.tensor(

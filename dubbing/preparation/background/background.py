@@ -1,7 +1,7 @@
 """What lies behind the head: a plate of each shot, and a neck that goes on under the chin.
 
 S is the side of the crop in px, T frames. The head's own pixels are never used: the plate is made
-of pixels where no person is, the neck of pixels below the hole.
+of pixels where no person is, the neck of pixels below the inpaint mask.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ PLATE_FRAMES = 40
 COARSE = 8  # the slow difference of frame and plate is computed this much smaller
 PROFILE = 96  # samples across the neck, over PROFILE_SPAN face widths to both sides
 PROFILE_SPAN = 1.0
-PROFILE_DEPTH = 8  # px at S = 512 below the hole that are averaged
+PROFILE_DEPTH = 8  # px at S = 512 below the inpaint mask that are averaged
 NECK_HEIGHT = 0.38  # face widths
 NECK_HALF_WIDTH = 0.22  # face widths: further out the neck ends, what is there is a collar
 NECK_ROUNDING = 0.2  # face widths over which its height falls to nothing
 NECK_DARKENING = 0.12  # at its upper end, under the chin's shadow
-SEAM_ROWS = 3  # px below the hole whose colour the seam takes
+SEAM_ROWS = 3  # px below the inpaint mask whose colour the seam takes
 SEAM_DEPTH = 10.0  # px at S = 512 over which it goes over into the smoothed colour
-RIM_FULL, RIM_END = 5.0, 10.0  # px at S = 512 inside the hole: what lies beside it fades out
+RIM_FULL, RIM_END = 5.0, 10.0  # px at S = 512 inside the mask: what lies beside it fades out
 MEDIAN_FRAMES, SMOOTH_FRAMES = 9, 4.0
 
 
@@ -80,7 +80,7 @@ def bottom_of(region: np.ndarray) -> np.ndarray:
 def neck_profile(
     image: np.ndarray, person: np.ndarray, region: np.ndarray, landmarks: np.ndarray
 ) -> np.ndarray:
-    """Colour and share of the person just below the hole: (PROFILE, 4), NaN where unknown.
+    """Colour and share of the person just below the inpaint mask: (PROFILE, 4), NaN where unknown.
 
     Columns 0..2 are RGB in grey levels, column 3 how much of it is person, 0..1.
     """
@@ -145,8 +145,8 @@ def restore(
     """The frame without its head: (S, S, 3) uint8, equal to the image outside of the region.
 
     Args:
-        image: (S, S, 3) uint8. region: (S, S) bool hole. wall: (S, S, 3) from :func:`wall_of`.
-        growing: colour and share of what grows into the hole.
+        image: (S, S, 3) uint8. region: (S, S) bool inpaint mask. wall: (S, S, 3), see `wall_of`.
+        growing: colour and share of what grows into the inpaint mask.
     """
     colour, share = growing
     filled = wall + share[..., None] * (colour - wall)
@@ -160,13 +160,13 @@ def rim(
     person: np.ndarray,
     growing: tuple[np.ndarray, np.ndarray],
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What grows into the hole, with what lies beside the hole going on into its rim.
+    """What grows into the inpaint mask, with what lies beside it going on into its rim.
 
     A neck grows from below; beside a jaw that rises steeply there is more of it, or a collar or
-    hair, just across the hole's edge.
+    hair, just across the inpaint mask's edge.
 
     Args:
-        image: (S, S, 3) uint8. region: (S, S) bool hole. person: (S, S) mask, 0..1.
+        image: (S, S, 3) uint8. region: (S, S) bool inpaint mask. person: (S, S) mask, 0..1.
         growing: colour (S, S, 3) and share (S, S) of the :func:`neck`.
     """
     colour, share = growing
@@ -199,10 +199,10 @@ def slow_difference(image: np.ndarray, behind: np.ndarray, known: np.ndarray) ->
 def neck(
     image: np.ndarray, region: np.ndarray, landmarks: np.ndarray, profile: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Colour (S, S, 3) and share (S, S) of what grows from below the hole up into it.
+    """Colour (S, S, 3) and share (S, S) of what grows from below the inpaint mask up into it.
 
     Args:
-        image: (S, S, 3) uint8. region: (S, S) bool hole. landmarks: (478, 2) px.
+        image: (S, S, 3) uint8. region: (S, S) bool inpaint mask. landmarks: (478, 2) px.
         profile: (PROFILE, 4) smoothed.
     """
     size = len(region)
@@ -215,7 +215,7 @@ def neck(
     has_below = (bottom >= 0) & (bottom < size - 1)
     outside = np.abs(np.arange(size) - frame.middle) / frame.width - NECK_HALF_WIDTH
     height = frame.width * NECK_HEIGHT * np.clip(1 - outside / NECK_ROUNDING, 0.05, 1)
-    above = (bottom[None] - np.arange(size)[:, None]) / height  # 0 at the hole's end, 1 at the top
+    above = (bottom[None] - np.arange(size)[:, None]) / height  # 0 at the mask's end, 1 at the top
     fade = np.clip((1 - above) / 0.3, 0, 1) * (above >= 0) * has_below
     share = (by_column[:, 3] * fade).astype(np.float32)
     colour = by_column[:, :3] * (1 - NECK_DARKENING * np.clip(above, 0, 1))[..., None]

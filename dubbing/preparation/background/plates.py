@@ -33,7 +33,7 @@ from dubbing.preparation.matting.matting import (
     component_at,
     covered,
     head_matte,
-    hole,
+    inpaint_mask,
     opacity,
     person_mask,
 )
@@ -160,7 +160,7 @@ def matte_step(footage: Footage, matte: Path, person: Path, progress: Progress) 
             alpha = head_matte(image, mask, lines[t], bridge)
         else:
             alpha = np.zeros((size, size), np.uint8)
-        profile = neck_profile(image, mask, hole(alpha), footage.landmarks[t])
+        profile = neck_profile(image, mask, inpaint_mask(alpha), footage.landmarks[t])
         return alpha, profile
 
     profiles = []
@@ -189,17 +189,17 @@ def shots(footage: Footage, masks: tuple[Path, Path]) -> list[Shot]:
     for t, (image, alpha, mask) in enumerate(zip(footage.crops(), mattes, people, strict=True)):
         if t not in wanted:
             continue
-        seen.append((image, mask.astype(np.float32) / 255, hole(alpha)))
+        seen.append((image, mask.astype(np.float32) / 255, inpaint_mask(alpha)))
         frames = chosen[wanted[t]]
         if t == frames[-1]:
-            images, person, holes = (np.stack(part) for part in zip(*seen, strict=True))
+            images, person, inpaint_masks = (np.stack(part) for part in zip(*seen, strict=True))
             width, height = offsets[footage.segment == wanted[t]].max(0) + size
             canvas = np.zeros((len(frames), height, width, 3), np.uint8)
             known = np.zeros((len(frames), height, width), bool)
             for k, (x, y) in enumerate(offsets[frames]):
                 canvas[k, y : y + size, x : x + size] = images[k]
                 known[k, y : y + size, x : x + size] = background_pixels(person[k])
-            out.append(Shot(plate(canvas, known), torso(images, person, holes)))
+            out.append(Shot(plate(canvas, known), torso(images, person, inpaint_masks)))
             seen = []
     return out
 
@@ -237,7 +237,7 @@ def background_step(
     background: Path,
     progress: Progress,
 ) -> None:
-    """Write the restored background: the hole's pixels, black elsewhere.
+    """Write the restored background: the pixels of the inpaint mask, black elsewhere.
 
     Args:
         profiles: (T, PROFILE, 4), from :func:`matte_step`. masks: matte and person.
@@ -260,7 +260,7 @@ def background_step(
         growing = neck(under, left, footage.landmarks[t], smooth[t])
         growing = rim(under, left, person, growing)
         restored = restore(under, left, wall, growing)
-        return np.where(hole(alpha)[..., None], restored, 0).astype(np.uint8)
+        return np.where(inpaint_mask(alpha)[..., None], restored, 0).astype(np.uint8)
 
     mattes, people = (read_frames(path, pixels="gray") for path in masks)
     frames = zip(footage.crops(), mattes, people, range(len(footage.window)), strict=True)

@@ -25,7 +25,7 @@ LEAST_CORNERS = 20
 PATCH, LEVELS = 41, 4  # px and pyramid levels of the Lucas-Kanade tracker
 THERE_AND_BACK = 0.7  # px that a corner may miss its place by, tracked to and fro
 OUTLIER = 1.5  # px
-CLEAR = 4.0  # px round a hole that may still show the jaw
+CLEAR = 4.0  # px round an inpaint mask that may still show the jaw
 REACH = 90.0  # px round the head within which clothes are followed: further off they move otherwise
 LEAST_SEEN = 0.15  # share of the frames that must have shown a point
 LEAST_FOUND = 0.9  # share of the frames in which the torso must be found
@@ -57,10 +57,10 @@ class Torso:
     def fill(
         self, image: np.ndarray, region: np.ndarray, wall: np.ndarray, motion: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The image (S, S, 3) uint8 with the torso where the hole shows it, and what is left of it.
+        """The image (S, S, 3) uint8 with the torso in the inpaint mask, and what is left of that.
 
         Args:
-            image: a frame of the shot. region: (S, S) bool, its hole.
+            image: a frame of the shot. region: (S, S) bool, its inpaint mask.
             wall: (S, S, 3), what is behind the torso.
             motion: (2, 3) that lays the torso over the image.
         """
@@ -76,10 +76,10 @@ class Torso:
 
 
 def reached(region: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """What of a hole (S, S) is seen from its lower end upwards without a gap, with an even top."""
+    """What of an inpaint mask (S, S) is seen from its lower end up without a gap, its top even."""
     size = len(region)
     bottom = bottom_of(region)
-    above = bottom[None] - np.arange(size)[:, None]  # 0 at the hole's lower end, grows upwards
+    above = bottom[None] - np.arange(size)[:, None]  # 0 at the mask's lower end, grows upwards
     gap = np.where((above >= 0) & ~(seen & region), above, size)
     height = np.where(bottom >= 0, gap.min(0), 0).astype(np.float32)
     unit = size / REFERENCE_SIZE
@@ -122,22 +122,23 @@ def flow(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> tuple[np.nda
     return np.asarray(there), np.asarray(found)[:, 0] > 0
 
 
-def torso(images: np.ndarray, person: np.ndarray, holes: np.ndarray) -> Torso | None:
+def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> Torso | None:
     """The torso of a shot from some of its frames.
 
     Args:
-        images: (K, S, S, 3) uint8. person: (K, S, S) person masks, 0..1. holes: (K, S, S) bool,
-            where the head is.
+        images: (K, S, S, 3) uint8. person: (K, S, S) person masks, 0..1. inpaint_masks: (K, S, S)
+            bool, where the head is.
 
     Returns:
         None where there is nothing to follow.
     """
     size = images.shape[1]
     unit = size / REFERENCE_SIZE
-    free = [~dilate(region, CLEAR * unit) for region in holes]
+    free = [~dilate(region, CLEAR * unit) for region in inpaint_masks]
     middle = len(images) // 2
     reference = cv2.cvtColor(images[middle], GREY)
-    near = dilate(holes[middle], REACH * unit) & ~dilate(holes[middle], PATCH / 4 * unit)
+    head = inpaint_masks[middle]
+    near = dilate(head, REACH * unit) & ~dilate(head, PATCH / 4 * unit)
     cloth = near & (person[middle] > PERSON)
     corners = cv2.goodFeaturesToTrack(
         reference, MOST_CORNERS, CORNER_QUALITY, CORNER_GAP * unit, mask=cloth.astype(np.uint8)

@@ -121,7 +121,7 @@ def component_at(mask: np.ndarray, point: np.ndarray) -> np.ndarray:
     return labels == label if label else mask
 
 
-def hole(matte: np.ndarray) -> np.ndarray:
+def inpaint_mask(matte: np.ndarray) -> np.ndarray:
     """Where the background is restored, (S, S) bool: the matte above .02, widened.
 
     By 11 px upwards, where hair is finer than a matte, and by 4 px downwards, where neck and collar
@@ -136,7 +136,7 @@ def hole(matte: np.ndarray) -> np.ndarray:
 
 
 def covered(matte: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """What of the hole is to be restored, (S, S) bool: not the neck and collar beside the jaw.
+    """What of the inpaint mask is to be restored, (S, S) bool: not the neck beside the jaw.
 
     Below the ear lobes there is no hair that a matte could miss, so what is 2 px from it or more
     can be seen.
@@ -148,7 +148,7 @@ def covered(matte: np.ndarray, outline: np.ndarray) -> np.ndarray:
     lobes = above_jaw(outline[[0, -1]], size)
     hair = fill_polygon(lobes, size) > 0.5
     jaw = dilate(matte > SEEN * 255, JAW_MARGIN * size / REFERENCE_SIZE)
-    return hole(matte) & (hair | jaw)
+    return inpaint_mask(matte) & (hair | jaw)
 
 
 def dilate(mask: np.ndarray, radius: float) -> np.ndarray:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from dubbing.face.lip_measures import lip_measures
 from dubbing.face.mouth_shape import canonical_face
-from dubbing.identity.dataset import lip_measures
 from dubbing.speech.voice_activity import at_times
 from dubbing.training.sync.clips import Recording, laid_on, recorded
 from dubbing.training.sync.correlation import align

@@ -8,8 +8,8 @@ from dfrf.data import cut_references
 from dfrf.fast.method import FastMethod
 from dfrf.fast.model import FastModel
 from dfrf.field import brow_deformation
-from dfrf.field.conditioning import REACH
 from dfrf.field.reference_maps import ReferenceViews
+from dfrf.field.speaker_adaptation import extended
 from tests.dfrf.people import person, small_config
 
 LEFT, RIGHT, LID, BACK = (
@@ -102,9 +102,9 @@ def test_brows_go_no_further_than_they_usually_did_and_nothing_else_is_held() ->
     assert -4 < low.min() <= low.max() <= -1
     assert 1 <= high.min() <= high.max() < 4
     with torch.no_grad():
-        conditioning = model.field.conditioning(torch.zeros(40 + 2 * REACH, 8, 16, 8), upper)[
-            :, -6:
-        ]
+        predicted = extended(someone.predicted_lips)
+        conditioning = model.field.conditioning(torch.zeros(40, 8, 16, 8), predicted, upper)
+    conditioning = conditioning[:, -6:]
     torch.testing.assert_close(conditioning[7, brow_deformation.MEASURES], high)
     torch.testing.assert_close(conditioning[9, brow_deformation.MEASURES], low)
     inside = (

@@ -263,6 +263,7 @@ def test_a_rendered_frame_is_what_the_model_says_of_all_its_pixels(
         FOCAL,
         someone.centres[numbers],
         heard,
+        someone.predicted_lips[numbers],
         someone.expression[numbers],
         SIZE,
     )

@@ -9,8 +9,8 @@ from dfrf import device
 from dfrf.cameras import Camera
 from dfrf.data import cut_references, neighbour_windows
 from dfrf.fast.method import FastMethod
-from dfrf.field.conditioning import REACH
 from dfrf.field.field import FieldOutput
+from dfrf.field.speaker_adaptation import REACH
 from dfrf.method import FrameInputs
 from dfrf.rendering import volume_rendering as rendering
 from dfrf.rendering.frame_renderer import head_tiles, render_frame, tile_side
@@ -58,7 +58,8 @@ def test_a_frame_does_not_depend_on_the_frames_beside_it() -> None:
     model, maps = random_model()
     someone = person()
     reached = torch.arange(-REACH, 3 + REACH).clamp(0, len(someone.windows) - 1)
-    near = neighbour_windows(someone.windows, someone.segment, reached)
+    near = neighbour_windows(someone.windows, someone.segment, torch.arange(3))
+    predicted = someone.predicted_lips[reached]
     method = FastMethod(model)
 
     def inputs(first: int, stop: int) -> FrameInputs:
@@ -66,7 +67,8 @@ def test_a_frame_does_not_depend_on_the_frames_beside_it() -> None:
             someone.c2w[first:stop],
             FOCAL,
             someone.centres[first:stop],
-            near[first : stop + 2 * REACH],
+            near[first:stop],
+            predicted[first : stop + 2 * REACH],
             someone.expression[first:stop],
             SIZE,
         )
@@ -104,6 +106,48 @@ def test_rays_looked_along_in_part_lose_next_to_nothing(monkeypatch: pytest.Monk
     assert (opacity.view(-1)[flat] - whole.opacity).abs().mean() < 5e-3
     error = (colour.view(-1, 3)[flat] - whole.colour).square().mean()
     assert -10 * error.log10() > 45  # dB
+
+
+@pytest.mark.parametrize("scale", [1, 4])
+def test_a_region_shows_what_the_whole_frame_shows(
+    scale: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, maps = random_model()
+    someone = person()
+    size = scale * SIZE
+    around = torch.arange(1 - REACH, 2 + REACH).clamp(0, len(someone.windows) - 1)
+    speech = (
+        neighbour_windows(someone.windows, someone.segment, torch.tensor([1])),
+        someone.predicted_lips[around],
+    )
+    camera = (someone.c2w[1][None], scale * FOCAL, scale * someone.centres[1][None])
+    region = torch.zeros(1, size, size, dtype=torch.bool)
+    region[0, size // 2 : size * 7 // 8, size // 3 : size // 2 + 1] = True
+    looked: list[int] = []
+
+    def counted(field: PointField, samples: PackedSamples, *rest: Any) -> FieldOutput:
+        looked.append(len(samples.points))
+        return evaluate(field, samples, *rest)
+
+    monkeypatch.setattr(rendering, "evaluate", counted)
+
+    def frame(regions: torch.Tensor | None) -> tuple[torch.Tensor, torch.Tensor, int]:
+        looked.clear()
+        inputs = FrameInputs(*camera, *speech, someone.expression[1:2], size, regions)
+        ((colour, opacity),) = FastMethod(model).render_frames(inputs, maps)
+        return colour, opacity, sum(looked)
+
+    colour, opacity, all_samples = frame(None)
+    part, part_opacity, some_samples = frame(region)
+    assert opacity[region[0]].max() > 0.5
+    # Rays are worked on in other company, which moves the last bits of float32.
+    torch.testing.assert_close(part[region[0]], colour[region[0]], rtol=0, atol=1e-5)
+    torch.testing.assert_close(part_opacity[region[0]], opacity[region[0]], rtol=0, atol=1e-5)
+    assert some_samples < 0.7 * all_samples
+    nothing, nowhere, none = frame(torch.zeros_like(region))
+    assert not nothing.any()
+    assert not nowhere.any()
+    assert none == 0
 
 
 def test_weights_rounded_beforehand_give_the_same_picture(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from dfrf import presets
 from dfrf.data import HeadDataset
 from dfrf.fast.method import FastMethod
 from dfrf.fast.model import FastModel
-from dfrf.field.conditioning import REACH
+from dfrf.field.speaker_adaptation import PREDICTED, REACH
 from dfrf.training.lip_supervision import (
     REGRESSION_SHARE,
     closed_mouth_target,
@@ -116,33 +116,29 @@ def test_the_mouth_is_shut_where_nothing_is_heard_and_only_there() -> None:
         ].mean()
     )
     model.field.conditioning.closed_mouth_target.copy_(closed)
-    windows = torch.rand(3 + 2 * REACH, 8, 16, 8) + 0.1
-    windows[REACH + 1] = 0  # silence
-    windows[REACH + 2, 4, 4:8] = 0  # speech ends within the middle half of the window
-    upper = torch.zeros(3, 6)
-    codes, conditioning = (
-        model.field.conditioning.speech_codes(windows)[REACH:-REACH],
-        model.field.conditioning(windows, upper),
-    )
+    windows, predicted = torch.rand(3, 8, 16, 8) + 0.1, torch.randn(3 + 2 * REACH, PREDICTED)
+    windows[1] = 0  # silence
+    windows[2, 4, 4:8] = 0  # speech ends within the middle half of the window
+    conditioning = model.field.conditioning(windows, predicted, torch.zeros(3, 6))
+    lips = predicted[REACH:-REACH, :7]
     read = model.field.conditioning.lips(conditioning[:, :-6])
-    torch.testing.assert_close(
-        read[0], model.field.conditioning.lips(codes)[0], atol=1e-4, rtol=1e-4
-    )
+    torch.testing.assert_close(read[0], lips[0], atol=1e-4, rtol=1e-4)
     torch.testing.assert_close(read[1], closed, atol=1e-4, rtol=1e-4)
-    half = (model.field.conditioning.lips(codes)[2] + closed) / 2
+    half = (lips[2] + closed) / 2
     torch.testing.assert_close(read[2], half, atol=1e-4, rtol=1e-4)
 
 
 def test_what_a_code_says_beside_the_lips_stays_near_what_was_learned() -> None:
     model = presets.build(small_config())
     model.field.conditioning.mean_code.copy_(torch.randn(model.field.conditioning.mean_code.shape))
-    windows, upper = torch.rand(5 + 2 * REACH, 8, 16, 8), torch.zeros(5, 6)
+    windows, upper = torch.rand(5, 8, 16, 8), torch.zeros(5, 6)
+    predicted = torch.randn(5 + 2 * REACH, PREDICTED)
     with torch.no_grad():
-        codes = model.field.conditioning.speech_codes(windows)[REACH:-REACH]
-        conditioning = model.field.conditioning(windows, upper)[:, :-6]
+        codes = model.field.conditioning.speech_codes(windows)
+        conditioning = model.field.conditioning(windows, predicted, upper)[:, :-6]
         torch.testing.assert_close(
             model.field.conditioning.lips(conditioning),
-            model.field.conditioning.lips(codes),
+            predicted[REACH:-REACH, :7],
             atol=1e-4,
             rtol=1e-4,
         )

@@ -1,29 +1,31 @@
 import numpy as np
 
-from dubbing.compositing.composite import blend, composite
+from dubbing.compositing.composite import REACH, blend, composite, replacement, without_haze
+from dubbing.compositing.face_mask import rendered_region
+from tests import fakes
 
 S = 512
 ALL = np.full((S, S), 255, np.uint8)
 
 
 def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A noisy picture with a round hole, its background, and a head inside of the hole."""
+    """A noisy picture with a round inpaint mask, its background, and a head inside of that."""
     noise = np.random.default_rng(0)
     image = noise.integers(0, 256, (S, S, 3), dtype=np.uint8)
     rows, columns = np.mgrid[0:S, 0:S] - S // 2
     radius = np.hypot(rows, columns)
-    hole = radius < 107
+    inpaint_mask = radius < 107
     background = image.copy()
-    background[hole] = (0, 100, 0)
+    background[inpaint_mask] = (0, 100, 0)
     head = np.zeros((S, S, 4), np.uint8)
     head[radius < 100] = (220, 20, 60, 255)
     head[(radius >= 100) & (radius < 102)] = (110, 10, 30, 128)  # premultiplied
-    return image, background, hole, head
+    return image, background, inpaint_mask, head
 
 
 def test_composite_is_colour_plus_the_rest_of_the_background() -> None:
-    _, background, hole, head = scene()
-    picture, mask = composite(background, hole, head, ALL)
+    _, background, inpaint_mask, head = scene()
+    picture, mask = composite(background, inpaint_mask, head, ALL)
     assert tuple(picture[S // 2, S // 2]) == (220, 20, 60)
     assert mask[S // 2, S // 2] == 255
     half = (S // 2, S // 2 + 101)  # 110 + (1 - 128 / 255) * 0, 10 + ... * 100, 30
@@ -33,20 +35,20 @@ def test_composite_is_colour_plus_the_rest_of_the_background() -> None:
 
 
 def test_outside_of_hole_and_head_every_pixel_is_the_sources() -> None:
-    image, background, hole, head = scene()
-    head[40:60, 200:300] = (9, 9, 9, 255)  # a chin lower than the hole, say
-    picture, mask = composite(background, hole, head, ALL)
-    outside = ~hole & (head[..., 3] == 0)
+    image, background, inpaint_mask, head = scene()
+    head[40:60, 200:300] = (9, 9, 9, 255)  # a chin lower than the inpaint mask, say
+    picture, mask = composite(background, inpaint_mask, head, ALL)
+    outside = ~inpaint_mask & (head[..., 3] == 0)
     assert (mask[outside] == 0).all()
     np.testing.assert_array_equal(blend(image, picture, mask)[outside], image[outside])
 
 
 def test_what_speech_does_not_change_stays_as_it_is() -> None:
-    image, background, hole, head = scene()
-    spoken = ALL.copy()
-    spoken[: S // 2] = 0
-    spoken[S // 2 : S // 2 + 20] = 100
-    picture, mask = composite(background, hole, head, spoken)
+    image, background, inpaint_mask, head = scene()
+    share = ALL.copy()
+    share[: S // 2] = 0
+    share[S // 2 : S // 2 + 20] = 100
+    picture, mask = composite(background, inpaint_mask, head, share)
     shown = blend(image, picture, mask)
     np.testing.assert_array_equal(shown[: S // 2], image[: S // 2])
     assert mask[S // 2 + 10, S // 2] == 100
@@ -54,40 +56,49 @@ def test_what_speech_does_not_change_stays_as_it_is() -> None:
 
 
 def test_the_seam_is_feathered() -> None:
-    _, background, hole, head = scene()
-    _, mask = composite(background, hole, head, ALL)
+    _, background, inpaint_mask, head = scene()
+    _, mask = composite(background, inpaint_mask, head, ALL)
     profile = mask[S // 2, S // 2 :].astype(int)
     steps = np.diff(profile)
     assert (steps <= 0).all()
     assert np.abs(steps).max() < 60
     soft = (profile > 0) & (profile < 255)
     assert 4 <= soft.sum() <= 8
-    # It ends before the old head begins: the hole is 7 px wider than that.
+    # It ends before the old head begins: the inpaint mask is 7 px wider than that.
     assert profile[100] == 255
 
 
 def test_without_a_head_the_background_stays() -> None:
-    _, background, hole, head = scene()
-    picture, mask = composite(background, hole, np.zeros_like(head), ALL)
+    _, background, inpaint_mask, head = scene()
+    picture, mask = composite(background, inpaint_mask, np.zeros_like(head), ALL)
     np.testing.assert_array_equal(picture, background)
     assert mask[S // 2, S // 2] == 255
 
 
 def test_haze_is_no_head() -> None:
-    _, background, hole, head = scene()
+    _, _, inpaint_mask, head = scene()
     hazy = head.copy()
     hazy[head[..., 3] == 0] = (1, 1, 1, 3)
-    _, clean_mask = composite(background, hole, head, ALL)
-    picture, mask = composite(background, hole, hazy, ALL)
-    np.testing.assert_array_equal(mask, clean_mask)
-    np.testing.assert_array_equal(picture, composite(background, hole, head, ALL)[0])
+    np.testing.assert_array_equal(without_haze(hazy, inpaint_mask, REACH), head)
 
 
 def test_what_floats_far_from_the_head_is_dropped() -> None:
-    _, background, hole, head = scene()
-    head[5:20, 5:20] = (255, 255, 255, 255)
-    _, mask = composite(background, hole, head, ALL)
-    assert (mask[:30, :30] == 0).all()
+    _, _, inpaint_mask, head = scene()
+    floating = head.copy()
+    floating[5:20, 5:20] = (255, 255, 255, 255)
+    np.testing.assert_array_equal(without_haze(floating, inpaint_mask, REACH), head)
+
+
+def test_above_the_lower_face_every_pixel_is_the_films() -> None:
+    image, background, _, head = scene()
+    matte = np.where(np.hypot(*(np.mgrid[:S, :S] - S // 2)) < 100, 255, 0).astype(np.uint8)
+    landmarks = fakes.face(S)
+    picture, mask = replacement(image, matte, background, head, landmarks)
+    eyes, base = landmarks[33, 1], landmarks[2, 1]
+    below_the_eyes = round(eyes + 0.4 * (base - eyes))
+    shown = blend(image, picture, mask)
+    np.testing.assert_array_equal(shown[:below_the_eyes], image[:below_the_eyes])
+    assert tuple(shown[S // 2 + 30, S // 2]) == (220, 20, 60)
 
 
 def test_blend_mixes() -> None:
@@ -102,3 +113,19 @@ def test_an_empty_hole_and_an_empty_head() -> None:
     picture, mask = composite(image, nothing, np.zeros((S, S, 4), np.uint8), ALL)
     assert not mask.any()
     np.testing.assert_array_equal(blend(image, picture, mask), image)
+
+
+def test_what_lies_beyond_the_rendered_region_changes_nothing() -> None:
+    image, background, _, head = scene()
+    rows, columns = np.mgrid[0:S, 0:S] - S // 2
+    matte = np.where(np.hypot(rows, columns) < 120, 255, 0).astype(np.uint8)  # an open jaw
+    image[(rows > 0) & (matte == 0)] = (200, 130, 110)
+    head[(np.abs(columns) < 90) & (rows > -150) & (rows < 0)] = (60, 40, 20, 255)  # and hair
+    landmarks = fakes.face(S)
+    region = rendered_region(landmarks, S)
+    assert (head[~region][:, 3] > 0).sum() > 1000
+    whole = replacement(image, matte, background, head, landmarks)
+    part = replacement(image, matte, background, head * region[..., None], landmarks)
+    shown, again = (blend(image, *made) for made in (whole, part))
+    assert (shown != blend(image, background, whole[1])).any()
+    np.testing.assert_array_equal(again, shown)

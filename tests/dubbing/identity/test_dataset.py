@@ -30,6 +30,7 @@ from dubbing.identity.dataset import (
 )
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from tests.fakes import write_prepared
 
 FRAMES, UNIT = 12, 100.0
@@ -124,11 +125,15 @@ def test_sound_and_lips_of_every_frame_stand_beside_some_of_the_pictures(
 ) -> None:
     clip.save()
     windows = np.arange(FRAMES * 16 * 2, dtype=np.float32).reshape(FRAMES, 16, 2)
-    person = load_identity("someone", clip, windows, 1, 9, every=4)
+    lips = np.arange(FRAMES * 8, dtype=np.float32).reshape(FRAMES, 8)
+    speech = SpeechFrames(windows, lips)
+    person = load_identity("someone", clip, speech, 1, 9, every=4)
     assert person.frames == 3
     assert person.number.tolist() == [0, 4, 8]
     assert torch.equal(person.windows, torch.from_numpy(windows[1:10]))
+    assert torch.equal(person.predicted_lips, torch.from_numpy(lips[1:10]))
     assert person.lips.shape == (9, 7)
+    assert person.touching.shape == (9,)
     assert person.expression.shape == (3, 6)
 
 
@@ -151,8 +156,9 @@ def test_rays_are_drawn_round_mouth_and_eyes_and_at_the_rim() -> None:
 
 
 def test_a_part_without_a_face_is_refused(prepared: PreparedClip) -> None:
+    speech = SpeechFrames(np.zeros((FRAMES, 16, 2)), np.zeros((FRAMES, 8)))
     with pytest.raises(TrainingError, match="no frame with a face"):
-        load_identity("someone", prepared, np.zeros((FRAMES, 16, 2)), 40, 5)
+        load_identity("someone", prepared, speech, 40, 5)
 
 
 def test_eyes_are_where_the_mean_face_has_them(clip: PreparedClip) -> None:

@@ -15,6 +15,7 @@ from dubbing.lab import cross_driving, tiles
 from dubbing.lab.cross_driving import measure_dub, pictures, unlearned
 from dubbing.media import read_frames
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import composite
 from dubbing.stages import render as heads
 from tests import clips
@@ -63,8 +64,9 @@ def person(tmp_path: Path) -> Path:
 
 def measured(folder: Path) -> tuple[dict[str, float], list[dict[str, str]]]:
     windows = np.random.default_rng(1).random((FRAMES, 16, 8)).astype(np.float32)
+    speech = SpeechFrames(windows, np.zeros((len(windows), 8), np.float32))
     figures = measure_dub(
-        *(folder / "model.safetensors", PreparedClip.load(folder / "prepared"), windows),
+        *(folder / "model.safetensors", PreparedClip.load(folder / "prepared"), speech),
         *(PARTS, LEARNED, folder / "out"),
         device="cpu",
         progress=lambda message, share: None,
@@ -123,9 +125,10 @@ def test_frames_go_through_the_compositor_of_a_dub(
     monkeypatch.setattr(cross_driving, "AT_ONCE", 2)
     under = np.array([4, 5, 6, 5, 4, 3, 2])
     windows = np.zeros((FRAMES, 16, 8), np.float32)
+    speech = SpeechFrames(windows, np.zeros((len(windows), 8), np.float32))
     found = list(
         cross_driving.dubbed(
-            *(person / "model.safetensors", clip, windows, PARTS, under, "cpu"),
+            *(person / "model.safetensors", clip, speech, PARTS, under, "cpu"),
             lambda message, share: None,
         )
     )

@@ -56,7 +56,7 @@ def _stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
     fakes.install(monkeypatch.setattr)
     monkeypatch.setattr(evaluation, "measure", measure)
     monkeypatch.setattr(evaluation, "measure_dub", measure_dub)
-    monkeypatch.setattr(evaluation, "clip_windows", lambda *_: None)
+    monkeypatch.setattr(evaluation, "clip_speech", lambda *_: None)
     monkeypatch.setattr(tasks, "offset_of", lambda _: 0)
     monkeypatch.setattr(evaluation, "check", lambda _: checked)
     monkeypatch.setattr(tiles, "write_methods", lambda *_: None)

@@ -12,7 +12,7 @@ from dfrf import head_checkpoint, presets
 from dfrf.metrics.lpips import Lpips
 from dubbing.lab import measuring, tiles
 from dubbing.lab.measuring import FrameFigures, held_out, mean_figures, measure
-from dubbing.preparation.prepared import PreparedClip
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from tests import clips
 from tests.dfrf.people import small_config
 from tests.dubbing.lab.faces import show_faces
@@ -74,12 +74,13 @@ def person(tmp_path: Path) -> Path:
 def measured(folder: Path, every: int = 1) -> tuple[dict[str, float], list[dict[str, str]]]:
     """Figures and the rows of frames.csv."""
     windows = np.random.default_rng(1).random((FIRST + COUNT, 16, 8)).astype(np.float32)
+    speech = SpeechFrames(windows, np.zeros((len(windows), 8), np.float32))
     out = folder / f"out{every}"
     means = measure(
         *(
             folder / "model.safetensors",
             PreparedClip.load(folder / "prepared"),
-            windows,
+            speech,
             FIRST,
             COUNT,
             out,

@@ -9,6 +9,7 @@ import pytest
 
 from dubbing.lab.timing import Scene, frame_rows
 from dubbing.media import VideoWriter
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from tests.dfrf.people import FOCAL, SIZE, random_model
 from tests.fakes import write_prepared
 
@@ -19,6 +20,7 @@ STAGES = (
     "march",
     "field, every sample",
     "head, what is seen",
+    "head, what a dub shows",
     "a step of a pose",
     "composite",
 )
@@ -35,7 +37,8 @@ def scene(tmp_path: Path) -> Scene:
     landmarks = clip.landmarks + np.random.default_rng(0).normal(0, 4, clip.landmarks.shape)
     clip = replace(clip, focal=FOCAL, landmarks=landmarks)
     windows = np.random.default_rng(1).normal(size=(COUNT, 16, 8))
-    return Scene(model, maps, clip, windows, [3, 6])
+    speech = SpeechFrames(windows, np.zeros((len(windows), 8), np.float32))
+    return Scene(model, maps, clip, speech, [3, 6])
 
 
 def test_every_stage_of_a_frame_runs_and_is_timed(scene: Scene) -> None:

@@ -11,7 +11,7 @@ from dubbing.errors import PreparationError
 from dubbing.media import VideoWriter, read_frames
 from dubbing.preparation import PreparedClip
 from dubbing.preparation.alignment.rotations import rotation_from_vector
-from dubbing.preparation.matting.matting import hole
+from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.prepared import BACKGROUND, MATTE, VERSION
 
 FRAMES, SIZE = 6, 64
@@ -88,7 +88,7 @@ def test_frames_stream_from_anywhere_and_keep_the_picture_outside_the_hole(
         assert len(read) == (count or FRAMES)
         for k, (image, matte, background) in enumerate(read, start):
             assert np.array_equal(image, source[k][5:69, 12:76])
-            inside = hole(matte)
+            inside = inpaint_mask(matte)
             assert inside.any()
             assert not inside.all()
             assert np.array_equal(background[~inside], image[~inside])

@@ -19,6 +19,7 @@ from dubbing.manifest import preset_checks as published
 from dubbing.manifest.entries import Finetune, Identity
 from dubbing.manifest.manifest import Manifest, load
 from dubbing.media import read_frames
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
 from dubbing.stages import tasks
 from dubbing.stages.finetune import (
@@ -172,11 +173,11 @@ def test_a_person_is_learned_resumed_and_rendered(
     assert summary["train"]["coarse_iterations"] == 0
 
     monkeypatch.setattr(paper_method, "RAYS_AT_ONCE", 300)
-    windows = random.random((3, 16, 80)).astype(np.float32)
+    speech = SpeechFrames(random.random((3, 16, 80)).astype(np.float32), np.zeros((3, 8)))
     heads.render(
         out / MODEL_FILE,
         clip,
-        lambda first, count: windows[first : first + count],
+        lambda first, count: speech.part(first, first + count),
         tmp_path / "heads",
         pose_index=np.array([4, 5, 6]),
         device="cpu",

@@ -10,6 +10,7 @@ import pytest
 from dfrf import head_checkpoint, presets
 from dfrf.fast.method import FastMethod
 from dubbing.media import VideoWriter, read_frames
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
 from tests.dfrf.people import small_config
 from tests.fakes import write_prepared
@@ -30,11 +31,12 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     model = presets.build(small_config(references=0, use_warp=False))
     head_checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
     windows = random.random((count, 16, 8)).astype(np.float32)
+    speech = SpeechFrames(windows, random.random((count, 8)).astype(np.float32))
     asked: list[tuple[int, int]] = []
 
-    def heard(first: int, number: int) -> np.ndarray:
+    def heard(first: int, number: int) -> SpeechFrames:
         asked.append((first, number))
-        return windows[first : first + number]
+        return speech.part(first, first + number)
 
     def made(folder: Path) -> list[np.ndarray]:
         heads.render(
@@ -57,3 +59,16 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     for a, b in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(a, b)
     assert max(p[..., 3].max() for p in whole) > 200
+
+
+def test_only_what_a_dub_shows_is_asked_for(tmp_path: Path) -> None:
+    path = tmp_path / "clip.mkv"
+    with VideoWriter(path, 48, 40, Fraction(25), "ffv1") as writer:
+        for _ in range(4):
+            writer.write(np.full((40, 48, 3), 90, np.uint8))
+    clip = write_prepared(path, tmp_path, size=64, invalid=(2,))
+    face, again, none = heads.regions_of(clip, np.array([1, 1, 2]))
+    np.testing.assert_array_equal(face, again)
+    assert not none.any()  # there the film stays as it is
+    assert not face[:12].any()  # the forehead
+    assert face[32:40, 32].all()  # the mouth

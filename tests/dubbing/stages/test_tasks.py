@@ -91,8 +91,9 @@ def test_speech_then_heads(
     assert (model.name, clip.folder, target) == ("model.safetensors", prepared, out)
     np.testing.assert_allclose(clip.c2w()[:, :, :3], c2w[:, :, :3])  # the refined poses
     whole = listen(0, 40)
-    assert whole.shape == (40, 16, 80)
-    np.testing.assert_array_equal(listen(13, 9), whole[13:22])
+    assert whole.windows.shape == (40, 16, 80)
+    np.testing.assert_array_equal(listen(13, 9).windows, whole.windows[13:22])
+    np.testing.assert_allclose(listen(13, 9).lips, whole.lips[13:22], atol=1e-6)
     np.testing.assert_array_equal(work.call_args[1]["pose_index"], [*range(30), *range(28, 18, -1)])
 
 

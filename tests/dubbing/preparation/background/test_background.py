@@ -20,7 +20,7 @@ SKIN, WALL = np.array([200, 150, 120], np.uint8), np.array([60, 90, 130], np.uin
 
 
 def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Image, person mask, hole and landmarks of a head on a neck before a wall."""
+    """Image, person mask, inpaint mask and landmarks of a head on a neck before a wall."""
     image = np.tile(WALL, (SIZE, SIZE, 1))
     image[60:, 36:60] = SKIN
     image[12:60, 30:66] = HEAD
@@ -49,7 +49,7 @@ def test_nothing_of_the_head_is_in_the_background_and_the_rest_is_untouched() ->
 
 
 def test_what_lies_beside_a_steep_jaw_goes_on_into_the_rim_of_the_hole() -> None:
-    # A column of skin stands beside the hole, and nothing is below it: no neck grows there.
+    # A column of skin stands beside the inpaint mask, and nothing is below it: no neck grows there.
     image = np.tile(WALL, (512, 512, 1))
     image[100:300, 300:340] = SKIN
     person = np.zeros((512, 512), np.float32)
@@ -64,7 +64,7 @@ def test_what_lies_beside_a_steep_jaw_goes_on_into_the_rim_of_the_hole() -> None
     assert np.array_equal(out[~region], image[~region])
     np.testing.assert_allclose(out[150:250, 298:300], np.tile(SKIN, (100, 2, 1)), atol=8)
     np.testing.assert_allclose(out[150:250, 295:300], np.tile(SKIN, (100, 5, 1)), atol=20)
-    # It fades out, and where there is wall beside the hole the wall goes on.
+    # It fades out, and where there is wall beside the inpaint mask the wall goes on.
     np.testing.assert_array_equal(out[150:250, 289], np.tile(WALL, (100, 1)))
     np.testing.assert_allclose(out[150:250, 200:205], np.tile(WALL, (100, 5, 1)), atol=3)
     assert (share[150:250, 291:300] > 0).all()

@@ -12,16 +12,16 @@ SHIRT = np.clip(4 * (SHIRT.astype(float) - 128) + 128, 30, 220).astype(np.uint8)
 
 
 def frame(shift: float, jaw: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Picture, picture without the head, person mask and hole; the shirt begins at row 100."""
+    """Picture, the same without head, person mask, inpaint mask; the shirt begins at row 100."""
     motion = np.array([[1, 0, shift - 60], [0, 1, -60.0]])
     clean = cv2.warpAffine(SHIRT, motion, (SIZE, SIZE))
     clean[:100] = 90
-    image, hole = clean.copy(), np.zeros((SIZE, SIZE), bool)
-    hole[20:jaw, 70:190] = True
-    image[hole] = [220, 150, 120]
+    image, inpaint_mask = clean.copy(), np.zeros((SIZE, SIZE), bool)
+    inpaint_mask[20:jaw, 70:190] = True
+    image[inpaint_mask] = [220, 150, 120]
     person = np.zeros((SIZE, SIZE), np.float32)
-    person[100:] = person[hole] = 1
-    return image, clean, person, hole
+    person[100:] = person[inpaint_mask] = 1
+    return image, clean, person, inpaint_mask
 
 
 FRAMES = [frame(2 * np.sin(k), 130 + 20 * (k % 3)) for k in range(12)]
@@ -31,11 +31,11 @@ FOUND = torso(*(np.stack([f[k] for f in FRAMES]) for k in (0, 2, 3)))
 def test_what_one_jaw_covers_is_taken_from_frames_that_show_it() -> None:
     assert FOUND is not None
     wall = np.full((SIZE, SIZE, 3), 90, np.float32)
-    for image, clean, _, hole in FRAMES[2::3]:  # the jaw is as low as it gets
+    for image, clean, _, inpaint_mask in FRAMES[2::3]:  # the jaw is as low as it gets
         motion = FOUND.motion(image)
         assert motion is not None
-        filled, left = FOUND.fill(image, hole, wall, motion)
-        new = hole & ~left
+        filled, left = FOUND.fill(image, inpaint_mask, wall, motion)
+        new = inpaint_mask & ~left
         assert new[140:165, 80:180].mean() > 0.9  # down from where the highest jaw ended
         assert not new[:125].any()  # and no further: no frame showed that
         assert np.array_equal(filled[~new], image[~new])
@@ -57,8 +57,8 @@ def test_motion_is_found_and_a_blank_is_not_followed() -> None:
 
 def test_a_shot_without_texture_has_no_torso() -> None:
     images = np.full((6, SIZE, SIZE, 3), 120, np.uint8)
-    person, holes = (np.stack([f[k] for f in FRAMES[:6]]) for k in (2, 3))
-    assert torso(images, person, holes) is None
+    person, inpaint_masks = (np.stack([f[k] for f in FRAMES[:6]]) for k in (2, 3))
+    assert torso(images, person, inpaint_masks) is None
 
 
 def test_what_is_filled_hangs_together_from_below() -> None:

@@ -1,4 +1,4 @@
-"""Jaw polygon, matte and hole on made pictures."""
+"""Jaw polygon, matte and inpaint mask on made pictures."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from dubbing.preparation.matting.matting import (
     dilate,
     fill_polygon,
     head_matte,
-    hole,
+    inpaint_mask,
     without_holes,
 )
 
@@ -48,7 +48,7 @@ def test_matte_of_a_whole_person_ends_at_the_jaw() -> None:
     assert (matte[20:60, 40:88] > 250).all()
     assert matte[112:].max() == 0
     assert matte[:, :25].max() == 0
-    widened = hole(matte)
+    widened = inpaint_mask(matte)
     assert widened[matte > 5].all()
     assert not widened[118:].any()
 
@@ -79,11 +79,11 @@ def test_neck_and_collar_beside_the_jaw_are_not_restored_where_they_are_seen() -
     outline = np.array([[140.0, 250], [256, 360], [372, 250]])
     region = covered(matte, outline)
     above = rows < 248
-    assert np.array_equal(region[above], hole(matte)[above])
+    assert np.array_equal(region[above], inpaint_mask(matte)[above])
     below = rows > 252
     jaw = dilate(matte > 0, 2)
-    assert np.array_equal(region[below], (hole(matte) & jaw)[below])
-    assert (hole(matte) & ~region)[below].sum() > 500
+    assert np.array_equal(region[below], (inpaint_mask(matte) & jaw)[below])
+    assert (inpaint_mask(matte) & ~region)[below].sum() > 500
 
 
 def test_without_a_head_nothing_is_covered() -> None:

@@ -1,0 +1,37 @@
+"""What lips do, as a few distances between landmarks. T frames."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+
+# Inner gap in the middle, left and right; width; base of the nose to lower lip, upper lip and chin.
+LIP_DISTANCES = ((13, 14), (81, 178), (311, 402), (61, 291), (2, 17), (2, 0), (2, 152))
+TOUCHING = 0.02  # inner lips nearer than this, in eye distances, touch
+
+
+def lip_lengths(landmarks: np.ndarray) -> np.ndarray:
+    """Distances between points of the lips, the chin and the base of the nose, (T, 7).
+
+    In units of the distance between the eyes, from landmarks (T, 478, 2).
+    """
+    eyes = np.linalg.norm(landmarks[:, LEFT_EYE_OUTER] - landmarks[:, RIGHT_EYE_OUTER], axis=-1)
+    first, second = np.array(LIP_DISTANCES).T
+    lengths = np.linalg.norm(landmarks[:, first] - landmarks[:, second], axis=-1) / eyes[:, None]
+    return np.asarray(lengths)
+
+
+def standardised(values: np.ndarray) -> np.ndarray:
+    """Each column of (T, K) with mean 0 and variance 1."""
+    return np.asarray((values - values.mean(0)) / (values.std(0) + 1e-6))
+
+
+def lip_measures(landmarks: np.ndarray) -> np.ndarray:
+    """What the lips do, (T, 7) of mean 0 and variance 1, from landmarks (T, 478, 2)."""
+    return standardised(lip_lengths(landmarks))
+
+
+def lips_touch(landmarks: np.ndarray) -> np.ndarray:
+    """Whether the inner lips touch in the middle, (T,) bool, from landmarks (T, 478, 2)."""
+    return np.asarray(lip_lengths(landmarks)[:, 0] < TOUCHING)

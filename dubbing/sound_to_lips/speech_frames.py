@@ -1,0 +1,65 @@
+"""What is heard at video frames: what the model's speech code is made of, and the lips of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from dubbing import media
+from dubbing.sound_to_lips.predict import predict
+from dubbing.speech import features
+from dubbing.speech import voice_activity as voice
+
+
+@dataclass(frozen=True)
+class SpeechFrames:
+    """F frames of speech.
+
+    Attributes:
+        windows: (F, 16, D) speech features round each frame.
+        lips: (F, P) what a stranger's lips would do meanwhile, see `dfrf.field.speaker_adaptation`.
+    """
+
+    windows: np.ndarray
+    lips: np.ndarray
+
+    def __post_init__(self) -> None:
+        if len(self.windows) != len(self.lips):
+            raise ValueError(f"{len(self.windows)} frames of sound, {len(self.lips)} of lips")
+
+    def __len__(self) -> int:
+        return len(self.windows)
+
+    def part(self, first: int, stop: int) -> SpeechFrames:
+        """Frames first .. stop."""
+        return SpeechFrames(self.windows[first:stop], self.lips[first:stop])
+
+
+def at_frames(
+    heard: np.ndarray, lips: np.ndarray, frames: int, rate: Fraction, first: int = 0
+) -> SpeechFrames:
+    """Speech at video frames from features (T, D) and lips (T, P), both 50 a second.
+
+    Args:
+        frames: how many.
+        rate: frames a second.
+        first: number of the first one.
+    """
+    middle = (np.arange(first, first + frames) + 0.5) / float(rate)
+    # Before the first and after the last step lips go on: there is no sound, so they are shut.
+    inside = np.clip(middle, 0.5 / voice.STEP_RATE, (len(lips) - 0.5) / voice.STEP_RATE)
+    return SpeechFrames(features.windows(heard, frames, rate, first), voice.at_times(lips, inside))
+
+
+def lips_of_file(path: Path, *, start: float = 0.0, seconds: float | None = None) -> np.ndarray:
+    """Predicted lips (T, P) of a sound file or of the sound of a video, 50 a second.
+
+    Raises:
+        MediaError: the file is missing, unreadable or has no sound.
+    """
+    return predict(
+        lambda: media.iter_audio(path, rate=voice.SAMPLE_RATE, start=start, seconds=seconds)
+    ).table()

@@ -1,0 +1,141 @@
+"""A person's lips, from the predicted lips of people in general."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from dfrf.field.speaker_adaptation import (
+    LIP_MEASURES,
+    OPENING,
+    PREDICTED,
+    REACH,
+    TOUCHING,
+    SpeakerAdaptation,
+    closed_mouth,
+    extended,
+    rows_of_neighbours,
+    smoothed_score,
+)
+
+
+def closures(adaptation: SpeakerAdaptation, predicted: Tensor, opening: Tensor) -> Tensor:
+    """How far lips touch, (F,) in 0..1, from predictions (F + 2R, P) and openings (F,)."""
+    of_score, of_opening, offset = adaptation.score
+    score = of_score * smoothed_score(predicted) + of_opening * opening + offset
+    return score.sigmoid()
+
+
+def smooth(frames: int, columns: int, seed: int) -> Tensor:
+    """Numbers (C, columns) that change over a few frames."""
+    noise = torch.randn(frames + 8, columns, generator=torch.Generator().manual_seed(seed))
+    made = noise.unfold(0, 9, 1).mean(-1)
+    return (made - made.mean(0)) / made.std(0)
+
+
+def talking(frames: int = 600, seed: int = 0) -> tuple[Tensor, Tensor, Tensor]:
+    """Predictions (C, P), the lips (C, K) of somebody who is late and mixes measures, touching."""
+    predicted = smooth(frames, PREDICTED, seed)
+    predicted[:, TOUCHING] = -predicted[:, 0] + 0.3 * predicted[:, TOUCHING]
+    mixing = torch.eye(LIP_MEASURES) + 0.5 * torch.randn(
+        LIP_MEASURES, LIP_MEASURES, generator=torch.Generator().manual_seed(3)
+    )
+    lips = predicted[:, :LIP_MEASURES].roll(2, 0) @ mixing
+    lips = (lips - lips.mean(0)) / lips.std(0)
+    touching = (lips[:, 0] < lips[:, 0].quantile(0.2)).float()
+    return predicted, lips, touching
+
+
+def agreement(one: Tensor, other: Tensor) -> Tensor:
+    """Correlation of each column."""
+    a, b = one - one.mean(0), other - other.mean(0)
+    return (a * b).sum(0) / (a.norm(dim=0) * b.norm(dim=0))
+
+
+def learned(count: int = 400) -> tuple[SpeakerAdaptation, Tensor, Tensor, Tensor]:
+    """An adaptation learned from the first frames of somebody, and all there is of them."""
+    predicted, lips, touching = talking()
+    adaptation = SpeakerAdaptation()
+    mean, spread = torch.zeros(LIP_MEASURES), torch.ones(LIP_MEASURES)
+    adaptation.fit(predicted[:count], lips[:count], touching[:count], mean, spread)
+    return adaptation, predicted, lips, touching
+
+
+def test_the_ends_of_a_row_go_on() -> None:
+    predicted = torch.arange(10.0).view(5, 2)
+    made = extended(predicted)
+    assert made.shape == (5 + 2 * REACH, 2)
+    assert torch.equal(made[:REACH], predicted[:1].expand(REACH, -1))
+    assert torch.equal(made[-REACH:], predicted[-1:].expand(REACH, -1))
+
+
+def test_without_an_adaptation_lips_do_what_is_predicted() -> None:
+    predicted, _, _ = talking(50)
+    made = SpeakerAdaptation()(extended(predicted), torch.full((LIP_MEASURES,), -5.0))
+    torch.testing.assert_close(made, predicted[:, :LIP_MEASURES])
+
+
+def test_a_person_who_is_late_and_mixes_measures_is_learned() -> None:
+    adaptation, predicted, lips, _ = learned()
+    made = adaptation(extended(predicted), closed_mouth(lips))[400:]
+    before = agreement(predicted[400:, :LIP_MEASURES], lips[400:])
+    after = agreement(made, lips[400:])
+    assert (after > 0.5).all()
+    assert after.mean() > before.mean() + 0.1
+
+
+def test_answers_have_the_mean_and_the_spread_that_are_asked_for() -> None:
+    predicted, lips, touching = talking()
+    adaptation = SpeakerAdaptation()
+    mean, spread = torch.linspace(-1, 1, LIP_MEASURES), torch.linspace(0.5, 2, LIP_MEASURES)
+    adaptation.fit(predicted, lips, touching, mean, spread)
+    made = adaptation(extended(predicted), mean + spread * closed_mouth(lips))
+    torch.testing.assert_close(made.mean(0), mean, atol=0.1, rtol=0.1)
+    torch.testing.assert_close(made.std(0), spread, atol=0.1, rtol=0.1)
+
+
+def test_lips_touch_as_often_as_the_person_s_own_and_then_are_shut() -> None:
+    adaptation, predicted, lips, touching = learned()
+    opening = adaptation.linear(rows_of_neighbours(extended(predicted)))[:, OPENING]
+    share = closures(adaptation, extended(predicted), opening)
+    assert abs(float((share[:400] > 0.5).float().mean()) - float(touching[:400].mean())) < 0.02
+    shut = closed_mouth(lips[:400])
+    made = adaptation(extended(predicted), shut)
+    closed = share > 0.95
+    assert closed.any()
+    torch.testing.assert_close(made[closed, 0], shut[0].expand(int(closed.sum())), atol=0.2, rtol=0)
+
+
+def test_somebody_whose_lips_never_touch_has_none_that_do() -> None:
+    predicted, lips, _ = talking()
+    adaptation = SpeakerAdaptation()
+    adaptation.fit(
+        predicted,
+        lips,
+        torch.zeros(len(predicted)),
+        torch.zeros(LIP_MEASURES),
+        torch.ones(LIP_MEASURES),
+    )
+    assert closures(adaptation, extended(predicted), torch.zeros(len(predicted))).max() < 1e-3
+
+
+def test_lips_do_not_twitch_where_one_frame_s_score_does() -> None:
+    adaptation, predicted, _, _ = learned()
+    heard, _, offset = adaptation.score
+    once = predicted[:1].repeat(30, 1)
+    once[:, TOUCHING] = (-1 - offset) / heard
+    once[15, TOUCHING] += 2 / heard
+    share = closures(adaptation, extended(once), torch.zeros(30))
+    assert (share[14:17] > share[0] + 0.02).all()
+    assert share.diff().abs().max() < 0.2
+
+
+def test_a_part_has_the_lips_of_the_whole() -> None:
+    adaptation, predicted, lips, _ = learned()
+    whole = adaptation(extended(predicted), closed_mouth(lips))
+    part = adaptation(predicted[100 - REACH : 150 + REACH], closed_mouth(lips))
+    torch.testing.assert_close(part, whole[100:150], atol=1e-5, rtol=1e-5)
+
+
+def test_predictions_of_another_width_are_refused() -> None:
+    with pytest.raises(RuntimeError):
+        SpeakerAdaptation()(torch.zeros(20, PREDICTED - 1), torch.zeros(LIP_MEASURES))

@@ -1,0 +1,91 @@
+"""The neck that a closing jaw uncovers."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from dubbing.compositing.neck import outline, with_neck
+from tests import fakes
+
+S = 256
+MIDDLE = np.array([S / 2, S / 2])
+SKIN, GROWN, SHIRT, WALL = (200, 130, 110), (90, 90, 90), (230, 230, 240), (20, 60, 120)
+FILM, COLLAR = 100, 125  # px from the middle: the film's open jaw, and where a shirt begins
+
+
+def disc(radius: float) -> np.ndarray:
+    """A head (S, S) uint8 of that radius."""
+    rows, columns = np.mgrid[:S, :S] - S / 2
+    soft = np.clip(0.5 + radius - np.hypot(rows, columns), 0, 1)
+    return (255 * soft).round().astype(np.uint8)
+
+
+def scene(collar: float = COLLAR) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Film, background and matte of an open jaw above a neck with a line in it; landmarks."""
+    rows, columns = np.mgrid[:S, :S] - S / 2
+    radius = np.hypot(rows, columns)
+    image = np.empty((S, S, 3), np.uint8)
+    image[:] = np.where((rows > 0)[..., None], SKIN, WALL)
+    image[(radius > FILM + 8) & (radius < FILM + 11) & (rows > 0)] = (160, 100, 80)
+    image[(radius > collar) & (rows > 0)] = SHIRT
+    image[radius < FILM] = SKIN
+    background = image.copy()
+    background[radius < FILM + 4] = GROWN
+    landmarks = fakes.face(S)
+    return image, background, disc(FILM), landmarks
+
+
+def test_the_films_neck_reaches_up_to_a_chin_that_is_higher() -> None:
+    image, background, matte, landmarks = scene()
+    made, where = with_neck(image, background, matte, disc(90), landmarks)
+    below = made[:, S // 2].astype(int)  # down from the middle of the face
+    at = S // 2
+    assert np.abs(below[at + 91 : at + 95] - SKIN).max() < 4  # grey before
+    # The line in the neck went up, by less than the chin did.
+    line = np.abs(below[at + 90 : at + 120] - SKIN).sum(1).argmax() + 90
+    assert 100 < line < FILM + 8
+    # The shirt stays where it is, and so does all beside the jaw.
+    radius = np.hypot(*(np.mgrid[:S, :S] - S / 2))
+    np.testing.assert_array_equal(made[radius > COLLAR + 1], background[radius > COLLAR + 1])
+    np.testing.assert_array_equal(made[: S // 2], background[: S // 2])
+    np.testing.assert_array_equal(made[~where], background[~where])
+    assert not where[: S // 2].any()
+
+
+def test_a_chin_that_is_lower_changes_nothing() -> None:
+    image, background, matte, landmarks = scene()
+    made, where = with_neck(image, background, matte, disc(FILM + 6), landmarks)
+    np.testing.assert_array_equal(made, background)
+    assert not where.any()
+
+
+def test_a_collar_right_below_the_chin_is_not_pulled_up() -> None:
+    image, background, matte, landmarks = scene(collar=FILM + 4)
+    made, where = with_neck(image, background, matte, disc(90), landmarks)
+    np.testing.assert_array_equal(made, background)
+    assert not where.any()
+
+
+def test_without_a_head_the_background_stays() -> None:
+    image, background, matte, landmarks = scene()
+    nothing = np.zeros((S, S), np.uint8)
+    for film, head in ((matte, nothing), (nothing, disc(90)), (nothing, nothing)):
+        made, where = with_neck(image, background, film, head, landmarks)
+        np.testing.assert_array_equal(made, background)
+        assert not where.any()
+
+
+def test_it_moves_as_smoothly_as_the_chin() -> None:
+    image, background, matte, landmarks = scene()
+    film = image.astype(int)
+    chins = np.linspace(88, 104, 33)
+    seen = [with_neck(image, background, matte, disc(r), landmarks)[0] for r in chins]
+    below = [made.astype(int)[S // 2 + 110 :] for made in seen]  # under every chin
+    jumps = [np.abs(b - a).mean() for a, b in pairwise(below)]
+    assert max(jumps) < 0.5
+    assert np.abs(below[-1] - film[S // 2 + 110 :]).mean() < 0.01
+
+
+def test_an_outline_is_found_between_pixels() -> None:
+    found = outline(disc(77.5), MIDDLE)
+    assert np.abs(found - 77.5).max() < 0.3
