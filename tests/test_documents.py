@@ -1,8 +1,7 @@
-"""Every command that a document names is there, and takes what the document gives it."""
+"""Every command and file that a document names is there; documents stay short and narrow."""
 
 from __future__ import annotations
 
-import argparse
 import importlib
 import re
 import runpy
@@ -134,6 +133,86 @@ def wrong(words: tuple[str, ...]) -> str:
     return ""
 
 
+DOCUMENTS = sorted(
+    path.relative_to(ROOT) for place in PLACES[:3] for path in ROOT.glob(place)
+)  # *.md
+FOLDERS = ("dfrf/", "dubbing/", "tests/", "docs/", "manifests/")
+LONGEST_LINE = 120
+MOST_LINES = {"README.md": 149, "docs/method.md": 199}
+
+
+def text_of(document: Path) -> str:
+    return (ROOT / document).read_text(encoding="utf-8")
+
+
+def named_paths(text: str) -> Iterator[str]:
+    """Files and folders of the project that a document names as code."""
+    for span in re.findall(r"`([^`\n]+)`", text):
+        if span.startswith(FOLDERS) and re.fullmatch(r"[\w./-]+", span):
+            yield span
+
+
+def named_modules(text: str) -> Iterator[str]:
+    """Modules named by the end of their path: `warp.py`, `field/warp.py`."""
+    yield from re.findall(r"`((?:\w+/)*\w+\.py)`", text)
+
+
+def named_places(text: str) -> Iterator[tuple[str, str]]:
+    """A name and the file that it is said to be in: `warped` in `dfrf/field/warp.py`."""
+    for names, path in re.findall(r"((?:`[^`\n]+`, )*`[^`\n]+`)\s+in\s+`([\w/]+\.py)`", text):
+        for name in re.findall(r"`([\w.]+)(?:\([^`]*\))?`", names):
+            yield name.split(".")[-1], path
+
+
+def defined(name: str, path: Path) -> bool:
+    """Whether a module defines a function, a class, a constant or an attribute of that name."""
+    pattern = rf"^\s*(?:(?:def|class) {name}\b|(?:self\.)?{name}\b[^=\n]*[:=])"
+    return re.search(pattern, path.read_text(encoding="utf-8"), re.MULTILINE) is not None
+
+
+def by_name(document: Path) -> str:
+    return str(document)
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=by_name)
+def test_a_path_that_is_named_is_there(document: Path) -> None:
+    text = text_of(document)
+    assert not [path for path in named_paths(text) if not (ROOT / path).exists()]
+    ours = [
+        str(path)
+        for package in ("dfrf", "dubbing", "tests")
+        for path in ROOT.glob(f"{package}/**/*.py")
+    ]
+    lost = [n for n in named_modules(text) if not any(f"/{o}".endswith(f"/{n}") for o in ours)]
+    assert not lost
+    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text):
+        assert (ROOT / document).parent.joinpath(target).exists(), target
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=by_name)
+def test_a_name_is_defined_where_a_document_says(document: Path) -> None:
+    for name, path in named_places(text_of(document)):
+        assert defined(name, ROOT / path), f"no {name} in {path}"
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=by_name)
+def test_a_document_is_narrow_and_no_longer_than_it_may_be(document: Path) -> None:
+    lines = text_of(document).splitlines()
+    wide = [n for n, line in enumerate(lines, 1) if len(line) > LONGEST_LINE]
+    assert not [n for n in wide if not lines[n - 1].lstrip().startswith("|")]  # rows of tables
+    assert len(lines) <= MOST_LINES.get(str(document), len(lines))
+
+
+def test_what_a_document_names_is_found() -> None:
+    """So that a change of the documents' style does not empty the tests above."""
+    method = text_of(Path("docs/method.md"))
+    assert len(list(named_paths(method))) > 30
+    assert ("warped", "dfrf/field/warp.py") in set(named_places(method))
+    assert not defined("warpe", ROOT / "dfrf/field/warp.py")
+    assert list(named_modules("`field/warp.py` and `no.txt`")) == ["field/warp.py"]
+    assert {Path("README.md"), Path("CONTRIBUTING.md"), Path("CHANGELOG.md")} < set(DOCUMENTS)
+
+
 def test_enough_commands_are_found() -> None:
     """So that a change of the documents' style does not empty the tests below."""
     assert {c.words[1] for c in OURS} >= set(PROGRAM.commands)  # type: ignore[attr-defined]
@@ -170,25 +249,18 @@ def test_every_command_explains_itself(name: str) -> None:
 
 @pytest.mark.parametrize("command", MODULES, ids=named)
 def test_a_module_that_is_run_takes_what_it_is_given(
-    command: Command, monkeypatch: pytest.MonkeyPatch
+    command: Command, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     module, *arguments = command.words[2:]
     if module in ("pip", "pytest"):
         return
-    known: set[str] = set()
-    add = argparse.ArgumentParser.add_argument
-
-    def noted(self: argparse.ArgumentParser, *names: str, **settings: object) -> argparse.Action:
-        known.update(names)
-        return add(self, *names, **settings)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(argparse.ArgumentParser, "add_argument", noted)
     monkeypatch.setattr(sys, "argv", [module, "--help"])
     importlib.import_module(module)
     monkeypatch.delitem(sys.modules, module)  # or runpy warns
     with pytest.raises(SystemExit) as end:
         runpy.run_module(module, run_name="__main__")
     assert not end.value.code
+    known = set(re.findall(r"--[\w-]+", capsys.readouterr().out))
     assert {word for word in arguments if word.startswith("--")} <= known
 
 
