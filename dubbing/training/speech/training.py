@@ -67,7 +67,7 @@ def train_network(
         done = step + 1
         if done % 20 == 0:
             loss_text = ", ".join(f"{part.item():.3f}" for part in each)
-            progress(f"step {done} of {settings.steps}: {shown}", done / settings.steps)
+            progress(f"step {done} of {settings.steps}: {loss_text}", done / settings.steps)
         if done % SAVED_EVERY == 0 and done < settings.steps:
             _save(resume / STATE, told, done, network, optimiser, rates, batches)
     shutil.rmtree(resume, ignore_errors=True)
