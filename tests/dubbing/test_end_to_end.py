@@ -20,7 +20,7 @@ SIZE = 192
 MOMENTS = (
     "identities/someone/prepared.partial-*/**/*",
     "identities/someone/model.partial-*/resume/*",
-    "dubs/words/heads.partial-*/000000.mkv",
+    "dubs/words/render.partial-*/000000.mkv",
     "dubs/words/video.partial-*/.*",
 )
 MANIFEST = """\
