@@ -11,7 +11,6 @@ or the code that does the work changed. Paths do not count, contents do. Nothing
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,31 +25,8 @@ from dubbing.media import SUFFIX, MediaInfo
 from dubbing.shipped.base import shipped_base
 from dubbing.sound_to_lips.paths import DEFAULT_WEIGHTS as LIP_WEIGHTS
 from dubbing.speech import features
+from dubbing.stage_kinds import KINDS
 from dubbing.stages import tasks
-
-
-@dataclass(frozen=True)
-class StageKind:
-    """Where a stage's results lie, and which module makes them."""
-
-    folder: str
-    module: str
-
-
-OF_IDENTITY = {
-    "prepare": StageKind("prepared", "dubbing.preparation.prepare"),
-    "check_source": StageKind("source_check", "dubbing.sync.check"),
-    "finetune": StageKind("model", "dubbing.stages.finetune"),
-    "refine_poses": StageKind("poses", "dubbing.stages.refine_poses"),
-}
-OF_DUB = {
-    "listen": StageKind("speech", "dubbing.stages.listen"),
-    "render": StageKind("render", "dubbing.stages.render"),
-    "composite": StageKind("video", "dubbing.stages.composite"),
-    "check": StageKind("check", "dubbing.sync.check"),
-}
-KINDS = {**OF_IDENTITY, **OF_DUB}
-STAGES = tuple(KINDS)
 
 
 class _Stages:

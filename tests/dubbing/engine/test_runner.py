@@ -15,7 +15,7 @@ from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.runner import Failure, Options
 from dubbing.engine.stage import Progress, Stage
 from dubbing.errors import MediaError
-from dubbing.pipeline import OF_IDENTITY
+from dubbing.stage_kinds import OF_IDENTITY
 from tests.dubbing.test_batch import Listener
 
 

@@ -1,0 +1,32 @@
+"""The stages by name, in their order: where results lie and which module makes them.
+
+The command line knows them without loading anything; `dubbing.pipeline` says what each needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class StageKind:
+    """Where a stage's results lie, and which module makes them."""
+
+    folder: str
+    module: str
+
+
+OF_IDENTITY = {
+    "prepare": StageKind("prepared", "dubbing.preparation.prepare"),
+    "check_source": StageKind("source_check", "dubbing.sync.check"),
+    "finetune": StageKind("model", "dubbing.stages.finetune"),
+    "refine_poses": StageKind("poses", "dubbing.stages.refine_poses"),
+}
+OF_DUB = {
+    "listen": StageKind("speech", "dubbing.stages.listen"),
+    "render": StageKind("render", "dubbing.stages.render"),
+    "composite": StageKind("video", "dubbing.stages.composite"),
+    "check": StageKind("check", "dubbing.sync.check"),
+}
+KINDS = {**OF_IDENTITY, **OF_DUB}
+STAGES = tuple(KINDS)
