@@ -25,7 +25,6 @@ from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, re
 from dubbing.manifest.manifest import Manifest
 from dubbing.media import SUFFIX
 from dubbing.printable import visible
-from dubbing.report.page import TEMPLATE
 from dubbing.stages.tasks import SYNC_FILE
 
 MOST_POINTS = 400  # of a curve on the page
@@ -72,7 +71,8 @@ def write(
         autoescape=True, undefined=jinja2.StrictUndefined, finalize=_shown
     )
     environment.filters["curve"] = curve
-    atomic_write_text(page, environment.from_string(TEMPLATE).render(found))
+    template = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
+    atomic_write_text(page, environment.from_string(template).render(found))
     return page
 
 
