@@ -14,6 +14,7 @@ from dfrf import head_checkpoint, presets
 from dubbing.files import atomic_write_json
 from dubbing.lab import cross_driving, evaluation, measuring
 from dubbing.manifest.manifest import load
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import tasks
 from tests import clips, fakes
 from tests.dfrf.people import small_config
@@ -59,7 +60,8 @@ def test_both_protocols_of_a_tiny_person(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(tasks.Finetune, "__call__", finetune)
     monkeypatch.setattr(tasks.Check, "__call__", lambda _, out, told: None)
     monkeypatch.setattr(tasks, "offset_of", lambda _: 0)
-    monkeypatch.setattr(evaluation, "clip_windows", lambda *_: random.random((FRAMES, 16, 8)))
+    speech = SpeechFrames(random.random((FRAMES, 16, 8)), random.random((FRAMES, 8)))
+    monkeypatch.setattr(evaluation, "clip_speech", lambda *_: speech)
     monkeypatch.setattr(evaluation, "check", lambda _: checked)
     show_faces(monkeypatch, measuring, talks, scale=16)
     show_faces(monkeypatch, cross_driving, talks, scale=16)
