@@ -72,7 +72,7 @@ def test_a_frame_of_another_shape_is_said(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with (
-        pytest.raises(DubbingError, match="File exists.*see whether"),
+        pytest.raises(DubbingError, match=r"File exists.*see whether"),
         media.VideoWriter(tmp_path / "file" / "a.mp4", 64, 48, Fraction(25)) as writer,
     ):
         writer.write(clips.frame(0))
