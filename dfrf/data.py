@@ -13,9 +13,10 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int, Num, UInt8
 from torch import Tensor
 
-from dfrf.cameras import Rays, pixel_rays
+from dfrf.cameras import Rays, pixel_rays, project
 from dfrf.config import TrainConfig
 from dfrf.field import eyelid_deformation
+from dfrf.field.mouth_views import MouthViews
 from dfrf.field.reference_maps import ReferenceViews
 
 # Codes of the region map: where rays are drawn.
@@ -49,6 +50,7 @@ class HeadDataset:
         segment: which uncut run of the clip a frame belongs to.
         eyes: where the eyes are, see `dfrf.field.eyelid_deformation`.
         surface: rigid points of the mean face, head frame (y up).
+        mouth: middle of the mouth region, and how far it reaches from there, head units.
     """
 
     name: str
@@ -66,6 +68,7 @@ class HeadDataset:
     segment: Int[Tensor, " C"]
     eyes: Float[Tensor, "2 7"]
     surface: Float[Tensor, "V 3"]
+    mouth: Float[Tensor, "2 3"]
 
     @property
     def frames(self) -> int:
@@ -292,3 +295,38 @@ def cut_references(
         scale=dataset.size / 512,
         blinks=int(blink is not None),
     )
+
+
+def cut_mouths(
+    dataset: HeadDataset, frames: Int[Tensor, " P"], lips: Float[Tensor, "P L"]
+) -> MouthViews:
+    """Crops round the mouths of frames, as large as the mouth region needs in any of them.
+
+    Args:
+        dataset: of the person.
+        frames: which to take.
+        lips: of these frames.
+    """
+    middle, reach = dataset.mouth
+    corners = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 3)
+    seen = project(
+        middle + reach * corners, dataset.c2w[frames], dataset.focal, dataset.centres[frames]
+    )
+    margin = MARGIN / 2 * dataset.size
+    low, high = (seen.amin(1) - margin).floor().long(), (seen.amax(1) + margin).ceil().long()
+    width, height = (high - low).amax(0).clamp(max=dataset.size).tolist()
+    most = torch.tensor([dataset.size - width, dataset.size - height])
+    left_top = torch.minimum(low.clamp_min(0), most)
+    boxes = [(slice(y, y + height), slice(x, x + width)) for x, y in left_top.tolist()]
+    cut = list(zip(frames.tolist(), boxes, strict=True))
+    views = ReferenceViews(
+        images=torch.stack([dataset.images[t][box] for t, box in cut]),
+        mattes=torch.stack([dataset.mattes[t][box] for t, box in cut]),
+        c2w=dataset.c2w[frames],
+        focal=dataset.focal,
+        centres=dataset.centres[frames] - left_top,
+        expression=dataset.expression[frames],
+        eyes=dataset.eyes,
+        scale=dataset.size / 512,
+    )
+    return MouthViews(views, lips, frames, dataset.mouth)

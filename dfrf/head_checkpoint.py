@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from torch import Tensor
 from dfrf.checkpoint import ODD, CheckpointError, read_tensors, write_tensors
 from dfrf.config import FORMATS
 from dfrf.fast.model import FastModel
+from dfrf.field.mouth_views import MouthViews
 from dfrf.field.reference_maps import ReferenceViews
 from dfrf.head_model import HeadModel
 from dfrf.published.model import PaperModel
@@ -89,6 +91,17 @@ def save_person(
             "reference.eyes": views.eyes,
         }
         header = {**header, "focal": views.focal, "scale": views.scale, "blinks": views.blinks}
+        if views.mouths is not None:
+            of = views.mouths.views
+            tensors |= {
+                "mouth.images": of.images,
+                "mouth.mattes": of.mattes,
+                "mouth.c2w": of.c2w,
+                "mouth.centres": of.centres,
+                "mouth.lips": views.mouths.lips,
+                "mouth.frames": views.mouths.frames,
+                "mouth.region": views.mouths.region,
+            }
     about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
     write_tensors(path, tensors, {**about, **header})
 
@@ -110,7 +123,12 @@ def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dic
                 f"{path}: keeps other things of its references than this version reads; learn the "
                 "person again"
             ) from error
-    weights = {k: v for k, v in tensors.items() if not k.startswith("reference.")}
+    if views is not None and "mouth.images" in tensors:
+        m = {k.removeprefix("mouth."): v for k, v in tensors.items() if k.startswith("mouth.")}
+        P = len(m["images"])
+        crops = ReferenceViews(m["images"], m["mattes"], m["c2w"], views.focal, m["centres"], torch.zeros(P, views.expression.shape[1]), views.eyes, views.scale)
+        views = replace(views, mouths=MouthViews(crops, m["lips"], m["frames"], m["region"]))
+    weights = {k: v for k, v in tensors.items() if not k.startswith(("reference.", "mouth."))}
     return _build(path, weights, header), views, header
 
 

@@ -6,22 +6,26 @@ T frames, S the picture's side in pixels, K numbers of conditioning.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
 from dfrf import device as devices
 from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset, RayBatch, cut_references
+from dfrf.data import HeadDataset, RayBatch, cut_mouths, cut_references
 from dfrf.fast.model import FastModel
 from dfrf.fast.objective import share_outcome
 from dfrf.field import brow_deformation, eyelid_deformation
 from dfrf.field.conditioning import REACH
 from dfrf.field.field import ConditionedField
+from dfrf.field.mouth_views import TURN, MouthViews
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
 from dfrf.image import unsharp
+from dfrf.medoids import medoids
 from dfrf.method import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.grid_pruning import prune_grid
@@ -30,6 +34,7 @@ from dfrf.training.lip_supervision import (
     closed_mouth_target,
     dataset_codes,
     supervised_codes,
+    target_lips,
     train_speech_networks,
 )
 from dfrf.training.ray_share import RayShare, draw_shares
@@ -38,6 +43,7 @@ from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
 FRAMES_AT_ONCE = 8
+MOUTHS = 64  # of a person
 
 
 def training_conditioning(
@@ -111,7 +117,28 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     def reference_views(
         self, dataset: HeadDataset, frames: Int[Tensor, " N"], exclude: Tensor | None = None
     ) -> ReferenceViews:
-        return cut_references(dataset, frames, exclude)
+        """Beside frames that are always the same, crops round many mouths."""
+        views = cut_references(dataset, frames, exclude)
+        if exclude is not None or not self.mouths_wanted:
+            return views
+        return replace(views, mouths=self.mouth_views(dataset))
+
+    mouths_wanted = True
+
+    @torch.no_grad()
+    def mouth_views(self, dataset: HeadDataset) -> MouthViews:
+        """Crops round the mouths of frames that stand for all lips and poses of a person."""
+        conditioning = self.model.field.conditioning
+        codes = dataset_codes(conditioning, dataset)
+        lips = target_lips(conditioning, dataset, codes).cpu()[dataset.number]
+        measures = dataset.lips[dataset.number]
+        seen_from = F.normalize(dataset.c2w[:, :, 3], dim=-1)
+        traits = torch.cat([measures / measures.shape[1] ** 0.5, seen_from / TURN], 1)
+        frames = torch.arange(dataset.frames)
+        if dataset.frames > MOUTHS:
+            apart = torch.cdist(traits, traits).square().double().numpy()
+            frames = torch.tensor(sorted(medoids(apart, MOUTHS)))
+        return cut_mouths(dataset, frames, lips[frames])
 
     def encode(self, views: ReferenceViews) -> ReferenceMaps:
         maps: ReferenceMaps = self.model.field.encoder(views)

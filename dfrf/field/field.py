@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from dfrf import device as devices
 from dfrf.config import FieldConfig
 from dfrf.encodings import encoded_size, frequency_encoding
-from dfrf.field import brow_deformation, eyelid_deformation
+from dfrf.field import brow_deformation, eyelid_deformation, mouth_views
 from dfrf.field.aggregation import Aggregation
 from dfrf.field.conditioning import Conditioning
 from dfrf.field.query import FieldQuery, per_point
@@ -115,25 +115,48 @@ class Field(nn.Module):
         conditioning: Float[Tensor, "F K"],
         warp: bool,
     ) -> Fused:
-        """What the references show of points: of lids that close, the view of a blink."""
+        """What the references show of points: of lids that close, the view of a blink.
+
+        Near the lips of a mouth, views of such mouths.
+        """
         views = maps.views
         fused, colour, offset = self.sample_references(query, maps, views.faces, conditioning, warp)
-        if not views.blinks:
-            return fused, colour, offset
-        weight = eyelid_deformation.closed_eye_weights(
-            query.points, query.at_eyes, views.eyes, query.lids
-        )
-        some = weight.nonzero().squeeze(1)
-        if len(some):
-            at, weight = query.at_eyes[some], weight[some, None]
+
+        def mix(
+            at: Int[Tensor, " K"],
+            weight: Float[Tensor, " K"],
+            lids: bool,
+            maps: ReferenceMaps,
+            which: slice,
+            warp: bool,
+        ) -> None:
+            """Takes a share of what points show from other views."""
+            nonlocal fused, colour
+            some = weight.nonzero().squeeze(1)
+            if not len(some):
+                return
+            at, weight = at[some], weight[some, None]
             fill = devices.fill(len(at))
             at = torch.cat([at, at[:1].expand(fill)])
             weight = F.pad(weight, (0, 0, 0, fill))
-            blink, lid_colour, _ = self.sample_references(
-                query.only(at), maps, views.closed_eyes, conditioning, False
+            other, its_colour, _ = self.sample_references(
+                query.only(at, lids), maps, which, conditioning, warp
             )
-            fused = fused.index_add(0, at, (weight * (blink - fused[at])).to(fused.dtype))
-            colour = colour.index_add(0, at, weight * (lid_colour - colour[at]))
+            fused = fused.index_add(0, at, (weight * (other - fused[at])).to(fused.dtype))
+            colour = colour.index_add(0, at, weight * (its_colour - colour[at]))
+
+        if views.blinks:
+            closed = eyelid_deformation.closed_eye_weights(
+                query.points, query.at_eyes, views.eyes, query.lids
+            )
+            mix(query.at_eyes, closed, True, maps, views.closed_eyes, False)
+        if maps.chosen:
+            assert views.mouths is not None
+            share = views.mouths.share(query.points)
+            near = share.nonzero().squeeze(1)
+            for frame, mouths in enumerate(maps.chosen):
+                weight = share[near] * query.belongs[near, frame]
+                mix(near, weight, False, mouths, mouths.views.faces, warp)
         return fused, colour, offset
 
     def query(
@@ -227,19 +250,40 @@ class ConditionedField:
         conditioning: of each frame.
         maps: references; None for a field without them.
         warp: False in the coarse stage.
+        learned: numbers of the frames that are learned, which must not look at their own mouths;
+            None where nothing is learned.
     """
 
     field: Field
     conditioning: Float[Tensor, "F K"]
     maps: ReferenceMaps | None
     warp: bool = True
+    learned: Int[Tensor, " F"] | None = None
 
     def seen_from(self, origin: Float[Tensor, 3]) -> ConditionedField:
         """The same field with the references nearest to a place, head frame."""
         if self.maps is None:
             return self
         count = self.field.config.references
-        return replace(self, maps=self.maps.select_nearest_views(origin, count))
+        maps = self.maps.select_nearest_views(origin, count)
+        return replace(self, maps=replace(maps, chosen=self.chosen_mouths(origin)))
+
+    def chosen_mouths(self, origin: Float[Tensor, 3]) -> tuple[ReferenceMaps, ...]:
+        """The mouths that each frame looks at; none where there are none."""
+        if self.maps is None or self.maps.mouths is None:
+            return ()
+        mouths, of_all = self.maps.views.mouths, self.maps.mouths
+        assert mouths is not None
+        codes = self.conditioning[:, : self.field.config.code_dim].detach()
+        with torch.no_grad():
+            lips = self.field.conditioning.lips(codes)
+        barred: list[Tensor | None] = [None] * len(lips)
+        if self.learned is not None:
+            barred = [mouths.learned_beside(frame) for frame in self.learned]
+        return tuple(
+            mouth_views.nearest(mouths, of_all, *one, barred=bar)
+            for one, bar in zip([(wanted, origin) for wanted in lips], barred, strict=True)
+        )
 
     def __call__(
         self,

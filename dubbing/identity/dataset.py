@@ -23,6 +23,8 @@ EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 # What counts as 1, in eye distances.
 LIDS, BROWS, GAZE = eyelid_deformation.LENGTH, brow_deformation.LENGTH, 0.01
 BROWS_SMOOTH = 1.5  # frames: skin is moved by them, so their jitter would be seen
+# Half axes of the mouth region to the side, up and forwards, in half the width of the lips.
+MOUTH_REACH = (1.5, 1.3, 1.5)
 RIM_WIDTH = 0.016  # of the crop's side
 
 
@@ -181,6 +183,7 @@ def load_identity(
         segment=torch.from_numpy(clip.segment[heard]).long(),
         eyes=eye_shapes(clip),
         surface=surface_points(clip),
+        mouth=mouth_region(clip),
     )
 
 
@@ -207,3 +210,11 @@ def surface_points(clip: PreparedClip) -> Tensor:
     """Rigid points of the person's mean face in the head frame, y up, (V, 3)."""
     points = clip.shape[list(RIGID)] * np.array([1.0, -1.0, -1.0])
     return torch.from_numpy(points).float()
+
+
+def mouth_region(clip: PreparedClip) -> Tensor:
+    """Middle of the lips of the mean face and the reach of their region, head frame, (2, 3)."""
+    lips = (clip.shape * np.array([1.0, -1.0, -1.0]))[list(OUTER_LIP)]
+    low, high = lips.min(0), lips.max(0)
+    half = (high - low)[0] / 2
+    return torch.tensor(np.array([(low + high) / 2, half * np.array(MOUTH_REACH)])).float()
