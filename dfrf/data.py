@@ -16,7 +16,7 @@ from torch import Tensor
 from dfrf.cameras import Rays, pixel_rays, project
 from dfrf.config import TrainConfig
 from dfrf.field import eyelid_deformation
-from dfrf.field.mouth_views import MouthViews
+from dfrf.field.mouth_views import MouthViews, fit_reading, region
 from dfrf.field.reference_maps import ReferenceViews
 
 # Codes of the region map: where rays are drawn.
@@ -50,7 +50,8 @@ class HeadDataset:
         segment: which uncut run of the clip a frame belongs to.
         eyes: where the eyes are, see `dfrf.field.eyelid_deformation`.
         surface: rigid points of the mean face, head frame (y up).
-        mouth: middle of the mouth region, and how far it reaches from there, head units.
+        lip_shape: points of the lips of the mean face, head frame.
+        lip_points: how far the lips of each picture lie beside these, see `mouth_views`.
     """
 
     name: str
@@ -68,7 +69,8 @@ class HeadDataset:
     segment: Int[Tensor, " C"]
     eyes: Float[Tensor, "2 7"]
     surface: Float[Tensor, "V 3"]
-    mouth: Float[Tensor, "2 3"]
+    lip_shape: Float[Tensor, "Q 3"]
+    lip_points: Float[Tensor, "T Q 2"]
 
     @property
     def frames(self) -> int:
@@ -298,16 +300,16 @@ def cut_references(
 
 
 def cut_mouths(
-    dataset: HeadDataset, frames: Int[Tensor, " P"], lips: Float[Tensor, "P L"]
+    dataset: HeadDataset, frames: Int[Tensor, " P"], measures: Float[Tensor, "T L"]
 ) -> MouthViews:
     """Crops round the mouths of frames, as large as the mouth region needs in any of them.
 
     Args:
         dataset: of the person.
         frames: which to take.
-        lips: of these frames.
+        measures: of the lips of all pictures, as they are read off codes.
     """
-    middle, reach = dataset.mouth
+    middle, reach = region(dataset.lip_shape)
     corners = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 3)
     seen = project(
         middle + reach * corners, dataset.c2w[frames], dataset.focal, dataset.centres[frames]
@@ -325,8 +327,15 @@ def cut_mouths(
         c2w=dataset.c2w[frames],
         focal=dataset.focal,
         centres=dataset.centres[frames] - left_top,
-        expression=dataset.expression[frames],
+        expression=torch.zeros(len(frames), dataset.expression.shape[1]),  # no part of a mouth
         eyes=dataset.eyes,
         scale=dataset.size / 512,
     )
-    return MouthViews(views, lips, frames, dataset.mouth)
+    return MouthViews(
+        views,
+        dataset.lip_points[frames],
+        dataset.lip_shape,
+        fit_reading(measures, dataset.c2w, dataset.lip_points),
+        frames,
+        dataset.lip_points,
+    )

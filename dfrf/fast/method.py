@@ -22,7 +22,7 @@ from dfrf.fast.objective import share_outcome
 from dfrf.field import brow_deformation, eyelid_deformation
 from dfrf.field.conditioning import REACH
 from dfrf.field.field import ConditionedField
-from dfrf.field.mouth_views import TURN, MouthViews
+from dfrf.field.mouth_views import MOUTHS, TURN, MouthViews, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
 from dfrf.image import unsharp
 from dfrf.medoids import medoids
@@ -43,7 +43,6 @@ from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
 FRAMES_AT_ONCE = 8
-MOUTHS = 64  # of a person
 
 
 def training_conditioning(
@@ -117,28 +116,23 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     def reference_views(
         self, dataset: HeadDataset, frames: Int[Tensor, " N"], exclude: Tensor | None = None
     ) -> ReferenceViews:
-        """Beside frames that are always the same, crops round many mouths."""
+        """Those of a person, who has the same ones in every step, with views of the mouth."""
         views = cut_references(dataset, frames, exclude)
-        if exclude is not None or not self.mouths_wanted:
+        if exclude is not None or not self.model.config.field.use_speech:
             return views
         return replace(views, mouths=self.mouth_views(dataset))
-
-    mouths_wanted = True
 
     @torch.no_grad()
     def mouth_views(self, dataset: HeadDataset) -> MouthViews:
         """Crops round the mouths of frames that stand for all lips and poses of a person."""
         conditioning = self.model.field.conditioning
         codes = dataset_codes(conditioning, dataset)
-        lips = target_lips(conditioning, dataset, codes).cpu()[dataset.number]
-        measures = dataset.lips[dataset.number]
+        measures = target_lips(conditioning, dataset, codes).cpu()[dataset.number]
         seen_from = F.normalize(dataset.c2w[:, :, 3], dim=-1)
-        traits = torch.cat([measures / measures.shape[1] ** 0.5, seen_from / TURN], 1)
-        frames = torch.arange(dataset.frames)
-        if dataset.frames > MOUTHS:
-            apart = torch.cdist(traits, traits).square().double().numpy()
-            frames = torch.tensor(sorted(medoids(apart, MOUTHS)))
-        return cut_mouths(dataset, frames, lips[frames])
+        traits = torch.cat([lip_traits(dataset.lip_points), seen_from / TURN], 1).double()
+        apart = torch.cdist(traits, traits).square().numpy()
+        count = min(MOUTHS, dataset.frames)
+        return cut_mouths(dataset, torch.tensor(sorted(medoids(apart, count))), measures)
 
     def encode(self, views: ReferenceViews) -> ReferenceMaps:
         maps: ReferenceMaps = self.model.field.encoder(views)

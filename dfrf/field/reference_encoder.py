@@ -41,7 +41,8 @@ class ReferenceEncoder(nn.Module):
         table = torch.cat([self.features(image, matte).flatten(0, 2) for image, matte in pairs])
         maps = ReferenceMaps.of(table, views)
         if views.mouths is not None:
-            maps = replace(maps, mouths=self(views.mouths.views))
+            with torch.no_grad():  # they teach the network nothing: a person's is at rest
+                maps = replace(maps, mouths=self(views.mouths.views))
         return maps
 
     def features(

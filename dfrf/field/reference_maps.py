@@ -17,7 +17,7 @@ from torch import Tensor
 from dfrf.cameras import project
 
 if TYPE_CHECKING:
-    from dfrf.field.mouth_views import MouthViews
+    from dfrf.field.mouth_views import ChosenMouths, MouthViews
 
 # Power by which a view's weight falls with its turn, to nothing at the first view left out.
 FADE = 6
@@ -137,7 +137,7 @@ class ReferenceMaps:
     number: Int[Tensor, " n"]
     log_view_weight: Float[Tensor, " n"]
     mouths: ReferenceMaps | None = None
-    chosen: tuple[ReferenceMaps, ...] = ()
+    chosen: tuple[ChosenMouths, ...] = ()
 
     @classmethod
     def of(cls, table: Float[Tensor, "R C"], views: ReferenceViews) -> Self:

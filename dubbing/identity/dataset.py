@@ -8,11 +8,13 @@ import torch
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
+from dfrf.cameras import project
 from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, HeadDataset
 from dfrf.field import brow_deformation, eyelid_deformation
+from dfrf.field.mouth_views import region
 from dubbing.errors import TrainingError
 from dubbing.face.mesh_points import EYE_CORNERS, LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
-from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.preparation.alignment.silhouette import eye_axes, upwards
 from dubbing.preparation.prepared import PreparedClip
 
@@ -23,8 +25,6 @@ EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 # What counts as 1, in eye distances.
 LIDS, BROWS, GAZE = eyelid_deformation.LENGTH, brow_deformation.LENGTH, 0.01
 BROWS_SMOOTH = 1.5  # frames: skin is moved by them, so their jitter would be seen
-# Half axes of the mouth region to the side, up and forwards, in half the width of the lips.
-MOUTH_REACH = (1.5, 1.3, 1.5)
 RIM_WIDTH = 0.016  # of the crop's side
 
 
@@ -183,7 +183,8 @@ def load_identity(
         segment=torch.from_numpy(clip.segment[heard]).long(),
         eyes=eye_shapes(clip),
         surface=surface_points(clip),
-        mouth=mouth_region(clip),
+        lip_shape=lip_shape(clip),
+        lip_points=lip_points(clip, index),
     )
 
 
@@ -212,9 +213,21 @@ def surface_points(clip: PreparedClip) -> Tensor:
     return torch.from_numpy(points).float()
 
 
-def mouth_region(clip: PreparedClip) -> Tensor:
-    """Middle of the lips of the mean face and the reach of their region, head frame, (2, 3)."""
-    lips = (clip.shape * np.array([1.0, -1.0, -1.0]))[list(OUTER_LIP)]
-    low, high = lips.min(0), lips.max(0)
-    half = (high - low)[0] / 2
-    return torch.tensor(np.array([(low + high) / 2, half * np.array(MOUTH_REACH)])).float()
+def lip_shape(clip: PreparedClip) -> Tensor:
+    """Points of the lips of the person's mean face in the head frame, y up, (40, 3)."""
+    points = clip.shape[[*OUTER_LIP, *INNER_LIP]] * np.array([1.0, -1.0, -1.0])
+    return torch.from_numpy(points).float()
+
+
+def lip_points(clip: PreparedClip, frames: np.ndarray) -> Tensor:
+    """How far the lips of frames lie beside those of the mean face, (T, 40, 2) right and down.
+
+    Head units, in the picture: pixels over the focal length times the distance of the mouth.
+    """
+    c2w = torch.from_numpy(clip.c2w()[frames]).float()
+    centre = torch.from_numpy(clip.centre[frames]).float()
+    shape = lip_shape(clip)
+    still = project(shape, c2w, float(clip.focal), centre)
+    seen = torch.from_numpy(clip.landmarks[frames][:, [*OUTER_LIP, *INNER_LIP]]).float()
+    unit = float(clip.focal) / (c2w[:, :, 3] - region(shape)[0]).norm(dim=-1)
+    return (seen - still) / unit[:, None, None]
