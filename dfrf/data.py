@@ -13,9 +13,10 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int, Num, UInt8
 from torch import Tensor
 
-from dfrf.cameras import Rays, pixel_rays
+from dfrf.cameras import Rays, pixel_rays, project
 from dfrf.config import TrainConfig
 from dfrf.field import eyelid_deformation
+from dfrf.field.mouth_views import MouthViews, fit_reading, region
 from dfrf.field.reference_maps import ReferenceViews
 
 # Codes of the region map: where rays are drawn.
@@ -52,6 +53,8 @@ class HeadDataset:
         segment: which uncut run of the clip a frame belongs to.
         eyes: where the eyes are, see `dfrf.field.eyelid_deformation`.
         surface: rigid points of the mean face, head frame (y up).
+        lip_shape: points of the lips of the mean face, head frame.
+        lip_points: how far the lips of each picture lie beside these, see `mouth_views`.
     """
 
     name: str
@@ -71,6 +74,8 @@ class HeadDataset:
     segment: Int[Tensor, " C"]
     eyes: Float[Tensor, "2 7"]
     surface: Float[Tensor, "V 3"]
+    lip_shape: Float[Tensor, "Q 3"]
+    lip_points: Float[Tensor, "T Q 2"]
 
     @property
     def frames(self) -> int:
@@ -296,4 +301,46 @@ def cut_references(
         eyes=dataset.eyes,
         scale=dataset.size / 512,
         blinks=int(blink is not None),
+    )
+
+
+def cut_mouths(
+    dataset: HeadDataset, frames: Int[Tensor, " P"], measures: Float[Tensor, "T L"]
+) -> MouthViews:
+    """Crops round the mouths of frames, as large as the mouth region needs in any of them.
+
+    Args:
+        dataset: of the person.
+        frames: which to take.
+        measures: of the lips of all pictures, as they are read off codes.
+    """
+    middle, reach = region(dataset.lip_shape)
+    corners = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 3)
+    seen = project(
+        middle + reach * corners, dataset.c2w[frames], dataset.focal, dataset.centres[frames]
+    )
+    margin = MARGIN / 2 * dataset.size
+    low, high = (seen.amin(1) - margin).floor().long(), (seen.amax(1) + margin).ceil().long()
+    width, height = (high - low).amax(0).clamp(max=dataset.size).tolist()
+    most = torch.tensor([dataset.size - width, dataset.size - height])
+    left_top = torch.minimum(low.clamp_min(0), most)
+    boxes = [(slice(y, y + height), slice(x, x + width)) for x, y in left_top.tolist()]
+    cut = list(zip(frames.tolist(), boxes, strict=True))
+    views = ReferenceViews(
+        images=torch.stack([dataset.images[t][box] for t, box in cut]),
+        mattes=torch.stack([dataset.mattes[t][box] for t, box in cut]),
+        c2w=dataset.c2w[frames],
+        focal=dataset.focal,
+        centres=dataset.centres[frames] - left_top,
+        expression=torch.zeros(len(frames), dataset.expression.shape[1]),  # no part of a mouth
+        eyes=dataset.eyes,
+        scale=dataset.size / 512,
+    )
+    return MouthViews(
+        views,
+        dataset.lip_points[frames],
+        dataset.lip_shape,
+        fit_reading(measures, dataset.c2w, dataset.lip_points),
+        frames,
+        dataset.lip_points,
     )

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,9 @@ from torch import Tensor
 from dfrf.checkpoint import ODD, CheckpointError, read_tensors, write_tensors
 from dfrf.config import FORMATS
 from dfrf.fast.model import FastModel
+from dfrf.field.mouth_views import LIP_POINTS, MouthViews
 from dfrf.field.reference_maps import ReferenceViews
+from dfrf.field.speaker_adaptation import LIP_MEASURES
 from dfrf.head_model import HeadModel
 from dfrf.published.model import PaperModel
 
@@ -25,6 +29,16 @@ REFERENCE_SHAPES = {
     "centres": ("N", 2),
     "expression": ("N", "U"),
     "eyes": (2, 7),
+}
+# Of the P crops of h x w pixels round a person's mouth.
+MOUTH_SHAPES = {
+    "images": ("P", "h", "w", 3),
+    "mattes": ("P", "h", "w"),
+    "c2w": ("P", 3, 4),
+    "centres": ("P", 2),
+    "lips": ("P", LIP_POINTS, 2),
+    "shape": (LIP_POINTS, 3),
+    "reading": (LIP_MEASURES + 4, 2 * LIP_POINTS),
 }
 
 
@@ -89,6 +103,8 @@ def save_person(
             "reference.eyes": views.eyes,
         }
         header = {**header, "focal": views.focal, "scale": views.scale, "blinks": views.blinks}
+        if views.mouths is not None:
+            tensors |= {f"mouth.{name}": value for name, value in _mouth_tensors(views.mouths)}
     about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
     write_tensors(path, tensors, {**about, **header})
 
@@ -102,26 +118,39 @@ def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dic
     tensors, header = read_tensors(path)
     views = None
     if "reference.images" in tensors:
-        part = {k.removeprefix("reference."): v for k, v in tensors.items() if "reference." in k}
+        part, mouth = (
+            {k.removeprefix(of): v for k, v in tensors.items() if k.startswith(of)}
+            for of in ("reference.", "mouth.")
+        )
         try:
             views = _views(part, header)
+            if mouth:
+                views = replace(views, mouths=_mouths(mouth, views))
         except ODD as error:
             raise CheckpointError(
                 f"{path}: keeps other things of its references than this version reads; learn the "
                 "person again"
             ) from error
-    weights = {k: v for k, v in tensors.items() if not k.startswith("reference.")}
+    weights = {k: v for k, v in tensors.items() if not k.startswith(("reference.", "mouth."))}
     return _build(path, weights, header), views, header
 
 
-def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
-    """References of the shapes and types that they are kept with.
+def _mouth_tensors(mouths: MouthViews) -> Iterator[tuple[str, Tensor]]:
+    """What is kept of views of a mouth, by its name in `MOUTH_SHAPES`."""
+    for name in MOUTH_SHAPES:
+        yield name, getattr(mouths if hasattr(mouths, name) else mouths.views, name)
+
+
+def _check(part: dict[str, Tensor], shapes: Mapping[str, Sequence[str | int]]) -> dict[str, int]:
+    """The numbers that letters stand for, where all tensors have their shapes and types.
 
     Raises:
-        ValueError, LookupError, TypeError: they are of others.
+        ValueError, LookupError: they have others.
     """
-    lengths: dict[str | int, int] = {}
-    for name, shape in REFERENCE_SHAPES.items():
+    if part.keys() != shapes.keys():
+        raise LookupError("other tensors")
+    lengths: dict[str, int] = {}
+    for name, shape in shapes.items():
         value = part[name]
         picture = name in ("images", "mattes")
         if value.dtype != (torch.uint8 if picture else torch.float32) or value.isnan().any():
@@ -131,6 +160,35 @@ def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
                 lengths.setdefault(letter, length) if isinstance(letter, str) else letter
             ):
                 raise ValueError(name)
+    return lengths
+
+
+def _mouths(part: dict[str, Tensor], whole: ReferenceViews) -> MouthViews:
+    """Views of a mouth beside the references of the same camera.
+
+    Raises:
+        ValueError, LookupError: as `_check`, or there are none.
+    """
+    count = _check(part, MOUTH_SHAPES)["P"]
+    if not count:
+        raise ValueError("mouths")
+    crops = replace(
+        whole,
+        **{name: part[name] for name in ("images", "mattes", "c2w", "centres")},
+        expression=torch.zeros(count, whole.expression.shape[1]),
+        blinks=0,
+    )
+    lips = part["lips"]
+    return MouthViews(crops, lips, part["shape"], part["reading"], torch.arange(count), lips[:0])
+
+
+def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
+    """References of the shapes and types that they are kept with.
+
+    Raises:
+        ValueError, LookupError, TypeError: they are of others.
+    """
+    lengths = _check(part, REFERENCE_SHAPES)
     focal, scale, blinks = (header[name] for name in ("focal", "scale", "blinks"))
     if not (0 < focal < math.inf and 0 < scale < math.inf and 0 <= blinks < lengths["N"]):
         raise ValueError("focal, scale, blinks")

@@ -6,22 +6,26 @@ T frames, S the picture's side in pixels, K numbers of conditioning.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
 from dfrf import device as devices
 from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset, RayBatch, cut_references
+from dfrf.data import HeadDataset, RayBatch, cut_mouths, cut_references
 from dfrf.fast.model import FastModel
 from dfrf.fast.objective import share_outcome
 from dfrf.field import brow_deformation, eyelid_deformation
 from dfrf.field.field import ConditionedField
+from dfrf.field.mouth_views import MOUTHS, TURN, MouthViews, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
 from dfrf.field.speaker_adaptation import REACH
 from dfrf.image import unsharp
+from dfrf.medoids import medoids
 from dfrf.method import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.grid_pruning import prune_grid
@@ -31,6 +35,7 @@ from dfrf.training.lip_supervision import (
     dataset_codes,
     fit_speaker_adaptation,
     supervised_codes,
+    target_lips,
     train_speech_networks,
 )
 from dfrf.training.ray_share import RayShare, draw_shares
@@ -111,7 +116,23 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     def reference_views(
         self, dataset: HeadDataset, frames: Int[Tensor, " N"], exclude: Tensor | None = None
     ) -> ReferenceViews:
-        return cut_references(dataset, frames, exclude)
+        """Those of a person, who has the same ones in every step, with views of the mouth."""
+        views = cut_references(dataset, frames, exclude)
+        if exclude is not None or not self.model.config.field.use_speech:
+            return views
+        return replace(views, mouths=self.mouth_views(dataset))
+
+    @torch.no_grad()
+    def mouth_views(self, dataset: HeadDataset) -> MouthViews:
+        """Crops round the mouths of frames that stand for all lips and poses of a person."""
+        conditioning = self.model.field.conditioning
+        codes = dataset_codes(conditioning, dataset)
+        measures = target_lips(conditioning, dataset, codes).cpu()[dataset.number]
+        seen_from = F.normalize(dataset.c2w[:, :, 3], dim=-1)
+        traits = torch.cat([lip_traits(dataset.lip_points), seen_from / TURN], 1).double()
+        apart = torch.cdist(traits, traits).square().numpy()
+        count = min(MOUTHS, dataset.frames)
+        return cut_mouths(dataset, torch.tensor(sorted(medoids(apart, count))), measures)
 
     def encode(self, views: ReferenceViews) -> ReferenceMaps:
         maps: ReferenceMaps = self.model.field.encoder(views)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 from typing import Any, ClassVar, Self
 
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from dfrf import device as devices
@@ -43,6 +43,7 @@ class FastModel(HeadModel):
         conditioning: Float[Tensor, "F K"],
         maps: ReferenceMaps | None,
         warp: bool = True,
+        learned: Int[Tensor, " F"] | None = None,
     ) -> Volume:
         """What rays of these frames go through.
 
@@ -50,8 +51,9 @@ class FastModel(HeadModel):
             conditioning: of each frame, see `Conditioning`.
             maps: references; None for a field without them.
             warp: False in the coarse stage.
+            learned: numbers of the frames, where they are learned.
         """
-        field = ConditionedField(self.field, conditioning, maps, warp)
+        field = ConditionedField(self.field, conditioning, maps, warp, learned)
         return Volume(field, self.grid, self.config.march)
 
     def open_where_skin_can_be(self) -> None:
@@ -67,4 +69,6 @@ class FastModel(HeadModel):
         """
         copied = copy.deepcopy(self)
         copied.field.to(devices.table_type(self.device))
+        # Which mouths are nearest is said in float32.
+        copied.field.conditioning = self.field.conditioning
         return copied

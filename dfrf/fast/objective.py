@@ -35,7 +35,9 @@ def share_loss(
         config: weights of the loss.
         warp: False in the coarse stage.
     """
-    batch, volume = share.batch, model.volume(share.conditioning, maps, warp)
+    batch = share.batch
+    learned = batch.frames.to(share.conditioning.device)
+    volume = model.volume(share.conditioning, maps, warp, learned)
     rendered = render_rays(volume, batch.rays, Search(jitter=share.jitter))
     # Equation (9): L = MSE + lambda L_r'.
     mse = F.mse_loss(rendered.over(batch.background), batch.colour)

@@ -14,10 +14,11 @@ from torch import Tensor, nn
 
 from dfrf import device as devices
 from dfrf.config import FieldConfig
-from dfrf.field import brow_deformation, eyelid_deformation
+from dfrf.field import brow_deformation, eyelid_deformation, mouth_views
 from dfrf.field.aggregation import Aggregation
 from dfrf.field.conditioning import Conditioning
 from dfrf.field.encodings import encoded_size, frequency_encoding
+from dfrf.field.mouth_views import ChosenMouths
 from dfrf.field.query import FieldQuery, per_point
 from dfrf.field.reference_encoder import COLOUR, ReferenceEncoder
 from dfrf.field.reference_maps import ReferenceMaps
@@ -32,6 +33,7 @@ DENSITY_SCALE = 25.0
 
 # F~ of M points, the colour that the references blend to, and the warp of each reference.
 Fused = tuple[Float[Tensor, "M O"], Float[Tensor, "M 3"], Float[Tensor, "n M 2"]]
+FusedSome = tuple[Float[Tensor, "k O"], Float[Tensor, "k 3"], Float[Tensor, "m k 2"]]  # of k
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,25 @@ def density_prior(points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
     """What is added to the raw density: large inside of a mean head, negative outside."""
     centre, radii = points.new_tensor(PRIOR_CENTRE), points.new_tensor(PRIOR_RADII)
     return PRIOR_SLOPE * (PRIOR_SKIN - ((points - centre) / radii).norm(dim=-1))
+
+
+def weighty(
+    at: Int[Tensor, " K"], weight: Float[Tensor, " K"]
+) -> tuple[Int[Tensor, " k"], Float[Tensor, "k 1"]]:
+    """Those of the points `at` that have a weight; filled to a round number with weight 0."""
+    some = weight.nonzero().squeeze(1)
+    at, weight = at[some], weight[some, None]
+    fill = devices.fill(len(at))
+    return torch.cat([at, at[:1].expand(fill)]), F.pad(weight, (0, 0, 0, fill))
+
+
+def mixed(
+    first: Fused, other: FusedSome, at: Int[Tensor, " k"], weight: Float[Tensor, "k 1"]
+) -> Fused:
+    """What references show, of the points `at` a share of what others show; the first's warp."""
+    fused, colour, offset = first
+    fused = fused.index_add(0, at, (weight * (other[0] - fused[at])).to(fused.dtype))
+    return fused, colour.index_add(0, at, weight * (other[1] - colour[at])), offset
 
 
 class Field(nn.Module):
@@ -88,10 +109,16 @@ class Field(nn.Module):
         which: slice,
         conditioning: Float[Tensor, "F K"],
         warp: bool,
+        moved: Float[Tensor, "n M 2"] | None = None,
     ) -> Fused:
-        """Equations (1), (3) and (4), and the aggregation: what n of the views show of points."""
+        """Equations (1), (3) and (4), and the aggregation: what n of the views show of points.
+
+        `moved` is how far beside their projection, pixels.
+        """
         views = maps.views
         projected = views.project(query.points, which, query.lifts(views, which))
+        if moved is not None:
+            projected = projected + moved
         offset = torch.zeros_like(projected)
         if warp and self.config.use_warp:
             at_pixel = maps.read_nearest(projected, which)
@@ -115,26 +142,35 @@ class Field(nn.Module):
         conditioning: Float[Tensor, "F K"],
         warp: bool,
     ) -> Fused:
-        """What the references show of points: of lids that close, the view of a blink."""
+        """What the references show of points.
+
+        Of lids that close, the view of a blink; near the lips, views of mouths like that one.
+        """
         views = maps.views
-        fused, colour, offset = self.sample_references(query, maps, views.faces, conditioning, warp)
-        if not views.blinks:
-            return fused, colour, offset
-        weight = eyelid_deformation.closed_eye_weights(
-            query.points, query.at_eyes, views.eyes, query.lids
-        )
-        some = weight.nonzero().squeeze(1)
-        if len(some):
-            at, weight = query.at_eyes[some], weight[some, None]
-            fill = devices.fill(len(at))
-            at = torch.cat([at, at[:1].expand(fill)])
-            weight = F.pad(weight, (0, 0, 0, fill))
-            blink, lid_colour, _ = self.sample_references(
-                query.only(at), maps, views.closed_eyes, conditioning, False
+        seen = self.sample_references(query, maps, views.faces, conditioning, warp)
+        if views.blinks:
+            closed = eyelid_deformation.closed_eye_weights(
+                query.points, query.at_eyes, views.eyes, query.lids
             )
-            fused = fused.index_add(0, at, (weight * (blink - fused[at])).to(fused.dtype))
-            colour = colour.index_add(0, at, weight * (lid_colour - colour[at]))
-        return fused, colour, offset
+            at, weight = weighty(query.at_eyes, closed)
+            if len(at):
+                lids = query.only(at, lids=True)
+                blink = self.sample_references(lids, maps, views.closed_eyes, conditioning, False)
+                seen = mixed(seen, blink, at, weight)
+        if views.mouths is not None and maps.chosen:
+            share = views.mouths.share(query.points)
+            near = share.nonzero().squeeze(1)
+            for frame, mouths in enumerate(maps.chosen):
+                at, weight = weighty(near, share[near] * query.belongs[near, frame])
+                if len(at):
+                    some, crops = query.only(at, lids=False), mouths.maps
+                    # Their motion is measured and stands in for what D_eta has to guess.
+                    mouth = self.sample_references(
+                        *(some, crops, crops.views.faces, conditioning, False),
+                        moved=mouths.moved(some.points),
+                    )
+                    seen = mixed(seen, mouth, at, weight)
+        return seen
 
     def query(
         self,
@@ -227,19 +263,38 @@ class ConditionedField:
         conditioning: of each frame.
         maps: references; None for a field without them.
         warp: False in the coarse stage.
+        learned: numbers of the frames that are learned, which must not look at their own mouths;
+            None where nothing is learned.
     """
 
     field: Field
     conditioning: Float[Tensor, "F K"]
     maps: ReferenceMaps | None
     warp: bool = True
+    learned: Int[Tensor, " F"] | None = None
 
     def seen_from(self, origin: Float[Tensor, 3]) -> ConditionedField:
         """The same field with the references nearest to a place, head frame."""
         if self.maps is None:
             return self
         count = self.field.config.references
-        return replace(self, maps=self.maps.select_nearest_views(origin, count))
+        maps = self.maps.select_nearest_views(origin, count)
+        return replace(self, maps=replace(maps, chosen=self.chosen_mouths(origin)))
+
+    def chosen_mouths(self, origin: Float[Tensor, 3]) -> tuple[ChosenMouths, ...]:
+        """The mouths that each frame looks at; none where there are none."""
+        if self.maps is None or self.maps.mouths is None:
+            return ()
+        mouths, of_all = self.maps.views.mouths, self.maps.mouths
+        assert mouths is not None
+        codes = self.conditioning[:, : self.field.config.code_dim].detach()
+        with torch.no_grad():
+            lips = self.field.conditioning.lips(codes)
+        learned = [None] * len(lips) if self.learned is None else self.learned
+        return tuple(
+            mouth_views.nearest(mouths, of_all, wanted, origin, frame)
+            for wanted, frame in zip(lips, learned, strict=True)
+        )
 
     def __call__(
         self,

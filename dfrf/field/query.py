@@ -47,8 +47,8 @@ class FieldQuery:
     brow_weights: Float[Tensor, "M 2"]
     at_eyes: Int[Tensor, " K"]
 
-    def only(self, at: Int[Tensor, " K"]) -> FieldQuery:
-        """The points `at`, all of which lids may move."""
+    def only(self, at: Int[Tensor, " K"], lids: bool) -> FieldQuery:
+        """The points `at`; `lids` says whether lids may move all of them, or none."""
 
         def rows(values: Tensor) -> Tensor:
             return values if len(values) == 1 else values.index_select(0, at)
@@ -61,7 +61,7 @@ class FieldQuery:
             rows(self.brows),
             rows(self.lids),
             self.brow_weights[at],
-            torch.arange(len(at), device=at.device),
+            torch.arange(len(at) if lids else 0, device=at.device),
         )
 
     def lifts(self, views: ReferenceViews, which: slice) -> Float[Tensor, "n M"]:

@@ -5,6 +5,8 @@ N references of H x W pixels, C feature channels.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float, UInt8
@@ -37,7 +39,11 @@ class ReferenceEncoder(nn.Module):
         # One by one: the layers of all of them need not be in memory at once.
         pairs = zip(views.images.split(1), views.mattes.split(1), strict=True)
         table = torch.cat([self.features(image, matte).flatten(0, 2) for image, matte in pairs])
-        return ReferenceMaps.of(table, views)
+        maps = ReferenceMaps.of(table, views)
+        if views.mouths is not None:
+            with torch.no_grad():  # they teach the network nothing: a person's is at rest
+                maps = replace(maps, mouths=self(views.mouths.views))
+        return maps
 
     def features(
         self, images: UInt8[Tensor, "N H W 3"], mattes: UInt8[Tensor, "N H W"]

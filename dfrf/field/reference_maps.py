@@ -7,7 +7,7 @@ M points.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import torch
 import torch.nn.functional as F
@@ -15,6 +15,9 @@ from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
 from dfrf.cameras import project
+
+if TYPE_CHECKING:
+    from dfrf.field.mouth_views import ChosenMouths, MouthViews
 
 # Power by which a view's weight falls with its turn, to nothing at the first view left out.
 FADE = 6
@@ -59,6 +62,7 @@ class ReferenceViews:
         eyes: where the person's eyes are, see `eyelid_deformation`.
         scale: pixels of the reference for one pixel at a 512 crop (the unit of the warp).
         blinks: 1 where the last view is of closed eyes, and only lids are read off it, else 0.
+        mouths: crops round many mouths, see `mouth_views`; None without.
     """
 
     images: UInt8[Tensor, "P H W 3"]
@@ -70,6 +74,7 @@ class ReferenceViews:
     eyes: Float[Tensor, "2 7"]
     scale: float
     blinks: int = 0
+    mouths: MouthViews | None = None
 
     def to(self, device: torch.device) -> ReferenceViews:
         """The same views on a device."""
@@ -81,6 +86,7 @@ class ReferenceViews:
             centres=self.centres.to(device),
             expression=self.expression.to(device),
             eyes=self.eyes.to(device),
+            mouths=None if self.mouths is None else self.mouths.to(device),
         )
 
     def project(
@@ -120,6 +126,8 @@ class ReferenceMaps:
         views: the views that are looked at, some of those in the table.
         number: which of the table's each of them is.
         log_view_weight: logarithm of how much each view counts, where all else is equal.
+        mouths: maps of `views.mouths`; None without.
+        chosen: of those, for each frame of a batch, the ones it looks at; none before the choice.
     """
 
     table: Float[Tensor, "R C"]
@@ -128,6 +136,8 @@ class ReferenceMaps:
     views: ReferenceViews
     number: Int[Tensor, " n"]
     log_view_weight: Float[Tensor, " n"]
+    mouths: ReferenceMaps | None = None
+    chosen: tuple[ChosenMouths, ...] = ()
 
     @classmethod
     def of(cls, table: Float[Tensor, "R C"], views: ReferenceViews) -> Self:
@@ -157,6 +167,16 @@ class ReferenceMaps:
         turned, nearest = turned.topk(count + 1, largest=False)
         weight = 1 - (turned[:-1] / turned[-1].clamp_min(LEAST_WEIGHT)) ** FADE
         chosen = torch.cat([nearest[:-1], torch.arange(len(faces), len(self.number)).to(nearest)])
+        return self.only(
+            chosen,
+            torch.cat(
+                [weight.clamp_min(LEAST_WEIGHT).log(), self.log_view_weight[views.closed_eyes]]
+            ),
+        )
+
+    def only(self, chosen: Int[Tensor, " k"], log_view_weight: Float[Tensor, " k"]) -> Self:
+        """Some of the views, with the same table and no pictures any more."""
+        views = self.views
         return replace(
             self,
             views=replace(
@@ -168,9 +188,7 @@ class ReferenceMaps:
                 expression=views.expression[chosen],
             ),
             number=self.number[chosen],
-            log_view_weight=torch.cat(
-                [weight.clamp_min(LEAST_WEIGHT).log(), self.log_view_weight[views.closed_eyes]]
-            ),
+            log_view_weight=log_view_weight,
         )
 
     def first_rows(self, views: slice) -> Int[Tensor, "n 1"]:
@@ -204,7 +222,8 @@ class ReferenceMaps:
 
     def as_type(self, kind: torch.dtype) -> ReferenceMaps:
         """The same maps with a table of another type."""
-        return self.with_features(self.table.to(kind))
+        mouths = None if self.mouths is None else self.mouths.as_type(kind)
+        return replace(self.with_features(self.table.to(kind)), mouths=mouths)
 
     @property
     def features(self) -> Float[Tensor, "R C"]:

@@ -8,12 +8,14 @@ import torch
 from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
+from dfrf.cameras import project
 from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, HeadDataset
 from dfrf.field import brow_deformation, eyelid_deformation
+from dfrf.field.mouth_views import region
 from dubbing.errors import TrainingError
 from dubbing.face.lip_measures import lip_measures, lips_touch
 from dubbing.face.mesh_points import EYE_CORNERS, RIGID
-from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.preparation.alignment.silhouette import eye_axes, upwards
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
@@ -171,6 +173,8 @@ def load_identity(
         segment=torch.from_numpy(clip.segment[speaking]).long(),
         eyes=eye_shapes(clip),
         surface=surface_points(clip),
+        lip_shape=lip_shape(clip),
+        lip_points=lip_points(clip, index),
     )
 
 
@@ -197,3 +201,23 @@ def surface_points(clip: PreparedClip) -> Tensor:
     """Rigid points of the person's mean face in the head frame, y up, (V, 3)."""
     points = clip.shape[list(RIGID)] * np.array([1.0, -1.0, -1.0])
     return torch.from_numpy(points).float()
+
+
+def lip_shape(clip: PreparedClip) -> Tensor:
+    """Points of the lips of the person's mean face in the head frame, y up, (40, 3)."""
+    points = clip.shape[[*OUTER_LIP, *INNER_LIP]] * np.array([1.0, -1.0, -1.0])
+    return torch.from_numpy(points).float()
+
+
+def lip_points(clip: PreparedClip, frames: np.ndarray) -> Tensor:
+    """How far the lips of frames lie beside those of the mean face, (T, 40, 2) right and down.
+
+    Head units, in the picture: pixels over the focal length times the distance of the mouth.
+    """
+    c2w = torch.from_numpy(clip.c2w()[frames]).float()
+    centre = torch.from_numpy(clip.centre[frames]).float()
+    shape = lip_shape(clip)
+    still = project(shape, c2w, float(clip.focal), centre)
+    seen = torch.from_numpy(clip.landmarks[frames][:, [*OUTER_LIP, *INNER_LIP]]).float()
+    unit = float(clip.focal) / (c2w[:, :, 3] - region(shape)[0]).norm(dim=-1)
+    return (seen - still) / unit[:, None, None]

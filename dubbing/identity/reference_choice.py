@@ -8,12 +8,12 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from dfrf.data import EYES, HeadDataset
+from dfrf.medoids import medoids
 from dfrf.metrics.image import crop, gradient_energy
 from dubbing.face.mouth_shape import OUTER_LIP
 
 UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
 MOST_COMPARED = 1000  # frames: more show little that is new
-EXCHANGE = 1e-9  # of the mean distance: less is rounding
 SOFT = 2 / 3  # share of the frames
 # Turn (rad) from the nearest sharp frame beyond which a soft one is better than none.
 ALONE = np.radians(6)
@@ -57,30 +57,6 @@ def choose_references(person: HeadDataset, landmarks: np.ndarray, count: int) ->
     may = some[is_sharp | (turn > ALONE)]
     apart = ((traits[some, None] - traits[may]) ** 2).sum(-1)
     return torch.from_numpy(may[medoids(apart, count)])
-
-
-def medoids(apart: np.ndarray, count: int) -> list[int]:
-    """Columns of a distance (F, C) that are nearest to all rows in the mean (k-medoids).
-
-    One after the other is added, then exchanged for another as long as that helps (Kaufman and
-    Rousseeuw 1990).
-    """
-    chosen: list[int] = []
-    better = True
-    while better:
-        better = False
-        for k in range(count):
-            rest = apart[:, chosen[:k] + chosen[k + 1 :]].min(1, initial=np.inf)
-            cost = np.minimum(rest[:, None], apart).mean(0)
-            best = int(cost.argmin())
-            if k == len(chosen):
-                chosen.append(best)
-            elif cost[best] < cost[chosen[k]] - EXCHANGE:
-                chosen[k] = best
-            else:
-                continue
-            better = True
-    return chosen
 
 
 def eye_sharpness(person: HeadDataset, frames: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ from dfrf.data import EYES, HEAD, MOUTH, RIM, HeadDataset, cut_references
 from dfrf.fast.model import FastModel
 from dfrf.field import eyelid_deformation
 from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII
+from dfrf.field.mouth_views import LIP_POINTS
 from dfrf.field.reference_maps import ReferenceMaps
 
 SIZE = 48
@@ -80,7 +81,16 @@ def person(frames: int = 6, seed: int = 0) -> HeadDataset:
             ]
         ),
         surface=torch.tensor([[0.0, 0.1, 0.89], [0.2, 0.2, 0.84]]),
+        lip_shape=lip_shape(),
+        lip_points=0.02 * torch.randn(frames, LIP_POINTS, 2, generator=generator),
     )
+
+
+def lip_shape() -> torch.Tensor:
+    """Points of lips, two ellipses, on the skin."""
+    angle = torch.linspace(0, 2 * torch.pi, LIP_POINTS // 2 + 1)[:-1]
+    ring = torch.stack([angle.cos(), 0.4 * angle.sin(), torch.zeros_like(angle)], 1)
+    return torch.cat([0.25 * ring, 0.18 * ring]) + torch.tensor([0.0, -0.4, 0.8])
 
 
 def random_model() -> tuple[FastModel, ReferenceMaps]:

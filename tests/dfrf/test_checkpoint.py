@@ -9,6 +9,7 @@ from safetensors.torch import save_file
 from dfrf import presets
 from dfrf.checkpoint import CheckpointError, read_tensors, write_tensors
 from dfrf.data import cut_references
+from dfrf.fast.method import FastMethod
 from dfrf.field import eyelid_deformation
 from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
 from tests.dfrf.people import person, small_config
@@ -35,6 +36,23 @@ def test_a_person_comes_back_with_the_references(tmp_path: Path) -> None:
     assert again.focal == views.focal
     assert torch.equal(again.centres, views.centres)
     assert torch.equal(again.eyes, views.eyes)
+
+
+def test_the_views_of_a_mouth_come_back(tmp_path: Path) -> None:
+    method = FastMethod(presets.build(small_config()))
+    views = method.reference_views(person(), torch.tensor([1, 4]))
+    save_person(tmp_path / "p.safetensors", method.model, views, {})
+    _, again, _ = load_person(tmp_path / "p.safetensors")
+    assert again is not None
+    assert views.mouths is not None
+    assert again.mouths is not None
+    for name in ("lips", "shape", "reading"):
+        assert torch.equal(getattr(again.mouths, name), getattr(views.mouths, name))
+    assert torch.equal(again.mouths.views.images, views.mouths.views.images)
+    before, after = method.maps(views).mouths, method.maps(again).mouths
+    assert before is not None
+    assert after is not None
+    assert torch.equal(before.table, after.table)
 
 
 def test_the_view_of_a_blink_comes_back_as_such(tmp_path: Path) -> None:
@@ -167,6 +185,10 @@ def test_weights_of_another_type_are_refused(tmp_path: Path, kind: torch.dtype) 
         ("reference.c2w", torch.zeros(9, 3, 4)),
         ("reference.eyes", torch.full((2, 7), torch.nan)),
         ("reference.more", torch.zeros(1)),
+        ("mouth.images", torch.zeros(6, 4, 4, 3)),
+        ("mouth.lips", torch.zeros(5, 40, 2)),
+        ("mouth.reading", torch.full((11, 80), torch.nan)),
+        ("mouth.more", torch.zeros(1)),
         ("focal", "long"),
         ("focal", float("inf")),
         ("scale", -1.0),
@@ -176,8 +198,9 @@ def test_weights_of_another_type_are_refused(tmp_path: Path, kind: torch.dtype) 
 )
 def test_odd_references_are_refused(tmp_path: Path, name: str, value: object) -> None:
     path = tmp_path / "p.safetensors"
-    views = cut_references(person(), torch.tensor([1, 4]))
-    save_person(path, presets.build(small_config()), views, {})
+    model = presets.build(small_config())
+    views = FastMethod(model).reference_views(person(), torch.tensor([1, 4]))
+    save_person(path, model, views, {})
     tensors, header = read_tensors(path)
     if isinstance(value, torch.Tensor):
         tensors[name] = value

@@ -9,11 +9,13 @@ import pytest
 import torch
 from scipy.ndimage import gaussian_filter1d
 
+from dfrf.cameras import project
 from dfrf.data import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
 from dfrf.field.brow_deformation import EYE_DISTANCE
 from dfrf.field.eyelid_deformation import WHITE
 from dubbing.errors import TrainingError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.identity.dataset import (
     BROWS,
     BROWS_SMOOTH,
@@ -23,6 +25,8 @@ from dubbing.identity.dataset import (
     eye_boxes,
     eye_shapes,
     lid_openings,
+    lip_points,
+    lip_shape,
     load_identity,
     mouth_boxes,
     region_map,
@@ -171,3 +175,19 @@ def test_eyes_are_where_the_mean_face_has_them(clip: PreparedClip) -> None:
         np.testing.assert_allclose(line - eye[4] + WHITE, shape[lower, 1], atol=1e-5)
     rest = np.median(lid_openings(clip.landmarks[clip.valid]), 0)
     np.testing.assert_allclose(eyes[:, 6], rest * EYE_DISTANCE + WHITE, rtol=1e-5)
+
+
+def test_lips_lie_beside_those_of_the_mean_face_by_what_is_seen(clip: PreparedClip) -> None:
+    lips = [*OUTER_LIP, *INNER_LIP]
+    shape = np.random.default_rng(0).normal(size=(478, 3)) * 0.05 + [0, 0.4, -0.8]
+    clip = replace(clip, shape=shape, landmarks=clip.landmarks.copy())
+    frames = np.array([2, 5])
+    c2w = torch.from_numpy(clip.c2w()[frames]).float()
+    still = project(lip_shape(clip), c2w, float(clip.focal), torch.from_numpy(clip.centre[frames]))
+    clip.landmarks[np.ix_(frames, lips)] = still.numpy()
+    torch.testing.assert_close(lip_points(clip, frames), torch.zeros(2, 40, 2), atol=1e-4, rtol=0)
+    clip.landmarks[np.ix_(frames, lips)] += [0, 3]
+    moved = lip_points(clip, frames)
+    assert moved[..., 0].abs().max() < 1e-4
+    apart = np.linalg.norm(c2w[0, :, 3].numpy() - [0, -0.4, 0.8])
+    assert moved[0, :, 1].mean().item() == pytest.approx(3 * apart / float(clip.focal), rel=0.05)

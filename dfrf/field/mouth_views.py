@@ -1,0 +1,160 @@
+"""Views of a person's mouth: of many learned frames, those with the lips that are wanted.
+
+A few whole references show few mouths. So crops round the mouths of frames that stand for all lips
+are kept beside them, and points near the lips look at those of a like mouth in a like pose. Each is
+moved to where the lips are wanted: mouths that lie on one another keep their texture when mixed.
+
+P crops, n of them looked at, L lip measures, Q = `LIP_POINTS` points of the lips, M points. Where
+lips are is how far they lie beside those of the mean face, right and down in the picture, head
+units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from dfrf.field import brow_deformation
+from dfrf.field.reference_maps import LEAST_WEIGHT, ReferenceMaps, ReferenceViews
+
+LIP_POINTS = 40
+MOUTHS = 24  # crops of a person: 64 were no better
+VIEWS = 4  # that a point looks at
+TURN = 0.15  # rad that count as much as lips apart by the spread of each measure
+FADE = 2  # power by which a view's weight falls with its distance
+EDGE = 0.7  # of the region's radii, from where its weight falls to nothing
+REACH = (1.5, 1.3, 1.5)  # half axes of the region to the side, up and forwards, half mouth widths
+NEIGHBOURS = 10  # frames to each side of one that is learned, which show nearly the same
+KERNEL = 0.05  # head units, how far the motion of a point of the lips carries
+STILL = 0.05  # weight of what does not move
+RIDGE = 3.0  # frames' worth
+
+
+@dataclass(frozen=True)
+class MouthViews:
+    """Crops round a person's mouth.
+
+    Attributes:
+        views: the crops.
+        lips: where they are in each.
+        shape: points of the lips of the mean face, head frame.
+        reading: from lip measures and a viewpoint to where lips are, rows of weights, then a bias.
+        frames: number of each crop among the learned frames.
+        measured: where lips are in all T learned frames; none once all is learned.
+    """
+
+    views: ReferenceViews
+    lips: Float[Tensor, "P Q 2"]
+    shape: Float[Tensor, "Q 3"]
+    reading: Float[Tensor, "I Q2"]
+    frames: Int[Tensor, " P"]
+    measured: Float[Tensor, "T Q 2"]
+
+    def to(self, device: torch.device) -> MouthViews:
+        """The same on a device."""
+        return MouthViews(
+            self.views.to(device),
+            *(
+                t.to(device)
+                for t in (self.lips, self.shape, self.reading, self.frames, self.measured)
+            ),
+        )
+
+    def share(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
+        """How much of what is seen of points is read off mouths, 0..1."""
+        middle, reach = region(self.shape)
+        return brow_deformation.ramp(((points - middle) / reach).norm(dim=-1), 1, EDGE)
+
+    def wanted(
+        self, measures: Float[Tensor, " L"], origin: Float[Tensor, 3]
+    ) -> Float[Tensor, "Q 2"]:
+        """Where lips with these measures are, seen from a place."""
+        seen = torch.cat([measures, F.normalize(origin, dim=0)])
+        return (seen @ self.reading[:-1] + self.reading[-1]).view(-1, 2)
+
+
+def region(shape: Float[Tensor, "Q 3"]) -> tuple[Float[Tensor, 3], Float[Tensor, 3]]:
+    """Middle of the mouth region and its half axes, head units."""
+    low, high = shape.amin(0), shape.amax(0)
+    return (low + high) / 2, (high - low)[0] / 2 * shape.new_tensor(REACH)
+
+
+def lip_traits(lips: Float[Tensor, "T Q 2"]) -> Float[Tensor, "T Q2"]:
+    """Where lips are, in units in which their squared distance from the mean is 1 in the mean."""
+    return lips.flatten(1) / lips.var(0).sum().sqrt().clamp_min(LEAST_WEIGHT)
+
+
+def fit_reading(
+    measures: Float[Tensor, "T L"], c2w: Float[Tensor, "T 3 4"], lips: Float[Tensor, "T Q 2"]
+) -> Float[Tensor, "I Q2"]:
+    """Ridge regression from lip measures and viewpoints to where lips are."""
+    inputs = torch.cat([measures, F.normalize(c2w[:, :, 3], dim=-1)], 1).double()
+    target = lips.flatten(1).double()
+    x = inputs - inputs.mean(0)
+    square = x.T @ x + torch.diag(RIDGE * x.square().mean(0) + 1e-9)
+    weights = torch.linalg.solve(square, x.T @ (target - target.mean(0)))
+    return torch.cat([weights, (target.mean(0) - inputs.mean(0) @ weights)[None]]).float()
+
+
+@dataclass(frozen=True)
+class ChosenMouths:
+    """The few crops that a frame looks at.
+
+    Attributes:
+        maps: of these.
+        at: points of the lips where they are wanted, x and y in the head frame.
+        motion: from there to where each crop shows them, pixels of the crop.
+    """
+
+    maps: ReferenceMaps
+    at: Float[Tensor, "Q 2"]
+    motion: Float[Tensor, "n Q 2"]
+
+    def moved(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, "n M 2"]:
+        """How far beside their projection the crops show points, pixels."""
+        apart = torch.cdist(points[:, :2], self.at)
+        kernel = torch.exp(-0.5 * (apart / KERNEL) ** 2)
+        kernel = kernel / (kernel.sum(1, keepdim=True) + STILL)
+        return kernel @ self.motion
+
+
+def nearest(
+    mouths: MouthViews,
+    maps: ReferenceMaps,
+    measures: Float[Tensor, " L"],
+    origin: Float[Tensor, 3],
+    learned: Int[Tensor, ""] | None = None,
+) -> ChosenMouths:
+    """The few crops with the most similar lips and pose; weights fade before another takes over.
+
+    Args:
+        mouths: to choose from.
+        maps: of all of them.
+        measures: of the lips that are wanted, as they are read off codes.
+        origin: of the camera, head frame.
+        learned: number of the frame, where it is learned: then neither it nor what is beside it is
+            looked at.
+    """
+    views = mouths.views
+    wanted = mouths.wanted(measures, origin) if learned is None else mouths.measured[learned]
+    spread = mouths.lips.var(0).mean().clamp_min(LEAST_WEIGHT**2)
+    of_lips = (mouths.lips - wanted).square().mean((1, 2)) / spread
+    seen_from = F.normalize(views.c2w[:, :, 3], dim=-1)
+    turned = (seen_from - F.normalize(origin, dim=0)).square().sum(-1) / TURN**2
+    apart = (of_lips + turned).sqrt()
+    if learned is not None:
+        apart = apart.masked_fill((mouths.frames - learned).abs() <= NEIGHBOURS, torch.inf)
+    apart, chosen = apart.topk(min(VIEWS + 1, len(apart)), largest=False)
+    weight = 1 - (apart[:-1] / apart[-1].clamp_min(LEAST_WEIGHT)).nan_to_num(1.0) ** FADE
+    chosen = chosen[:-1]
+    down = wanted.new_tensor([1, -1])
+    scale = views.focal / (views.c2w[chosen, :, 3] - region(mouths.shape)[0]).norm(dim=-1)
+    return ChosenMouths(
+        maps.only(chosen, weight.clamp_min(LEAST_WEIGHT).log()),
+        mouths.shape[:, :2] + wanted * down,
+        (mouths.lips[chosen] - wanted) * scale[:, None, None],
+    )

@@ -1,0 +1,135 @@
+"""Views of a mouth: the right ones are looked at, where they show it, and nothing jumps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import pytest
+import torch
+from torch import Tensor
+
+from dfrf import device as devices
+from dfrf import presets
+from dfrf.data import HeadDataset
+from dfrf.fast.method import FastMethod
+from dfrf.field import mouth_views
+from dfrf.field.field import ConditionedField, FieldOutput
+from dfrf.field.mouth_views import ChosenMouths, MouthViews, fit_reading, nearest
+from dfrf.field.reference_maps import ReferenceMaps
+from tests.dfrf.people import lip_shape, person, small_config
+
+FRAMES = 40
+
+
+@dataclass(frozen=True)
+class Someone:
+    """A person whose lips open from the first frame to the last, seen from one place."""
+
+    dataset: HeadDataset
+    method: FastMethod
+    maps: ReferenceMaps
+    mouths: MouthViews
+
+    def looked_at(
+        self, measure: float, learned: int | None = None
+    ) -> tuple[list[int], ChosenMouths]:
+        """Which frames' mouths are looked at where lips have that measure."""
+        assert self.maps.mouths is not None
+        chosen = nearest(
+            self.mouths,
+            self.maps.mouths,
+            torch.full((7,), measure),
+            self.dataset.c2w[0, :, 3],
+            None if learned is None else torch.tensor(learned),
+        )
+        return self.mouths.frames[chosen.maps.number].tolist(), chosen
+
+    def seen(self, points: Tensor, conditioning: Tensor, **changes: object) -> FieldOutput:
+        """The field at points in one frame, with the mouth views changed."""
+        mouths = replace(self.mouths, **changes)  # type: ignore[arg-type]
+        maps = replace(self.maps, views=replace(self.maps.views, mouths=mouths))
+        field = ConditionedField(self.method.model.field, conditioning, maps)
+        towards = torch.tensor([[0.0, 0.0, -1.0]]).expand(len(points), 3)
+        origin = self.dataset.c2w[0, :, 3]
+        with torch.no_grad(), devices.arithmetic(points.device):
+            return field.seen_from(origin)(points, towards, torch.zeros(len(points)).long())
+
+
+@pytest.fixture(scope="module")
+def someone() -> Someone:
+    below = -(lip_shape()[:, 1] - lip_shape()[:, 1].mean())
+    opens = torch.linspace(0, 1, FRAMES)[:, None] * below
+    measures = torch.linspace(-1.7, 1.7, FRAMES)[:, None].repeat(1, 7)
+    dataset = person(FRAMES)
+    dataset = replace(
+        dataset,
+        c2w=dataset.c2w[:1].repeat(FRAMES, 1, 1),
+        lip_points=torch.stack([torch.zeros_like(opens), opens], -1),
+        lips=measures,
+    )
+    torch.manual_seed(0)
+    method = FastMethod(presets.build(small_config()).eval())
+    maps = method.maps(method.reference_views(dataset, torch.tensor([0, 5])))
+    assert maps.views.mouths is not None
+    reading = fit_reading(measures, dataset.c2w, dataset.lip_points)
+    return Someone(dataset, method, maps, replace(maps.views.mouths, reading=reading))
+
+
+def test_a_frame_looks_at_the_mouths_most_like_the_one_wanted(someone: Someone) -> None:
+    frames, chosen = someone.looked_at(float(someone.dataset.lips[20, 0]))
+    assert all(abs(frame - 20) <= 3 for frame in frames)
+    most = frames[int(chosen.maps.log_view_weight.argmax())]
+    assert most in (19, 20, 21)
+    assert max(someone.looked_at(-1.7)[0]) < 6
+
+
+def test_a_frame_that_is_learned_sees_no_mouth_of_its_own_moment(someone: Someone) -> None:
+    frames, _ = someone.looked_at(0.0, learned=20)
+    assert all(abs(frame - 20) > mouth_views.NEIGHBOURS for frame in frames)
+
+
+def test_weights_fade_before_another_mouth_takes_their_place(someone: Someone) -> None:
+    rows = torch.zeros(401, FRAMES)
+    for row, measure in zip(rows, torch.linspace(-1, 1, 401).tolist(), strict=True):
+        frames, chosen = someone.looked_at(measure)
+        row[frames] = chosen.maps.log_view_weight.exp()
+    assert rows.argmax(1).unique().numel() > 15
+    assert rows.diff(dim=0).abs().max() < 0.15
+
+
+def test_lips_are_where_the_measures_say(someone: Someone) -> None:
+    wanted = someone.mouths.wanted(someone.dataset.lips[30], someone.dataset.c2w[0, :, 3])
+    torch.testing.assert_close(wanted, someone.dataset.lip_points[30], atol=2e-3, rtol=0)
+
+
+def test_a_lip_is_read_where_the_crop_shows_it(someone: Someone) -> None:
+    _, chosen = someone.looked_at(0.0)
+    shape = someone.mouths.shape
+    at = torch.cat([chosen.at, shape[:, 2:]], 1)
+    lips = someone.mouths.lips[chosen.maps.number]
+    views = chosen.maps.views
+    still = views.project(shape, views.faces, torch.zeros(len(lips), len(shape)))
+    middle, _ = mouth_views.region(shape)
+    scale = views.focal / (views.c2w[:, :, 3] - middle).norm(dim=-1)
+    seen = views.project(at, views.faces, torch.zeros(len(lips), len(at))) + chosen.moved(at)
+    shown = still + lips * scale[:, None, None]
+    before = (seen - chosen.moved(at) - shown).norm(dim=-1).mean()
+    assert (seen - shown).norm(dim=-1).mean() < 0.4 * before
+
+
+def test_the_choice_changes_the_mouth_and_nothing_else(someone: Someone) -> None:
+    middle, reach = mouth_views.region(someone.mouths.shape)
+    conditioning = torch.randn(1, 70, generator=torch.Generator().manual_seed(1))
+    points = torch.stack([middle, middle + 1.05 * reach * torch.tensor([0.0, 1.0, 0.0])])
+    as_is = someone.seen(points, conditioning)
+    closed = someone.seen(points, conditioning, reading=someone.mouths.reading + 0.1)
+    assert (as_is.colour[0] - closed.colour[0]).abs().max() > 1e-4
+    assert torch.equal(as_is.colour[1], closed.colour[1])
+
+
+def test_what_a_mouth_is_read_off_fades_to_nothing(someone: Someone) -> None:
+    middle, reach = mouth_views.region(someone.mouths.shape)
+    line = middle + torch.linspace(0, 1.2, 200)[:, None] * reach * torch.tensor([1.0, 0.0, 0.0])
+    share = someone.mouths.share(line)
+    assert (share[0], share[-1]) == (1, 0)
+    assert share.diff().abs().max() < 0.04
