@@ -103,7 +103,7 @@ def test_dub_then_plan(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped
     assert code == 0
     assert {row["state"] for row in json.loads(out)["stages"]} == {"up to date"}
     code, out, _ = dfrf("plan", manifest)
-    assert "0 to run, 7 up to date" in out
+    assert "0 to run, 8 up to date" in out
 
 
 @pytest.mark.parametrize(
@@ -246,7 +246,7 @@ def test_doctor_works_where_everything_is_missing() -> None:
     """It is there for a machine on which the installation went wrong."""
     code = (
         "import sys; sys.modules.update(dict.fromkeys(sys.argv[1].split(',')))\n"
-        "from dubbing import machine\n"
+        "from dubbing.cli import doctor as machine\n"
         "machine._version = lambda package: ''\n"
         "from dubbing.cli.main import app\n"
         "app(['doctor'])"
