@@ -14,10 +14,10 @@ from torch import Tensor, nn
 
 from dfrf import device as devices
 from dfrf.config import FieldConfig
-from dfrf.encodings import encoded_size, frequency_encoding
 from dfrf.field import brow_deformation, eyelid_deformation
 from dfrf.field.aggregation import Aggregation
 from dfrf.field.conditioning import Conditioning
+from dfrf.field.encodings import encoded_size, frequency_encoding
 from dfrf.field.query import FieldQuery, per_point
 from dfrf.field.reference_encoder import COLOUR, ReferenceEncoder
 from dfrf.field.reference_maps import ReferenceMaps

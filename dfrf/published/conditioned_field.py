@@ -14,7 +14,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from dfrf.cameras import project
-from dfrf.encodings import DIRECTION_OCTAVES, POINT_OCTAVES, encoded_size, frequency_encoding
+from dfrf.field.encodings import DIRECTION_OCTAVES, POINT_OCTAVES, encoded_size, frequency_encoding
 from dfrf.published.radiance_field import RadianceMLP
 from dfrf.published.references import ReferenceCNN, bilinear, clamp_to_image, nearest
 from dfrf.published.slot_attention import TOKEN_EXTRA, SlotAttention

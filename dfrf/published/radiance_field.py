@@ -7,7 +7,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from dfrf.encodings import DIRECTION_OCTAVES, POINT_OCTAVES, encoded_size
+from dfrf.field.encodings import DIRECTION_OCTAVES, POINT_OCTAVES, encoded_size
 
 # Density of the published model where the network says nothing, per unit of length.
 MIN_DENSITY = 1e-6

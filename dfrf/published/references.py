@@ -11,7 +11,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from dfrf.encodings import REFERENCE_OCTAVES, encoded_size, frequency_encoding
+from dfrf.field.encodings import REFERENCE_OCTAVES, encoded_size, frequency_encoding
 
 
 def clamp_to_image(

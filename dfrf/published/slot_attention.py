@@ -15,7 +15,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from dfrf.encodings import POINT_OCTAVES, encoded_size
+from dfrf.field.encodings import POINT_OCTAVES, encoded_size
 
 # A reference gives its features and the pixel they were read at.
 TOKEN_EXTRA = 2

@@ -12,7 +12,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from dfrf.encodings import POINT_OCTAVES, encoded_size
+from dfrf.field.encodings import POINT_OCTAVES, encoded_size
 
 # Largest offset of the published model, in pixels; there is no gradient beyond it.
 MAX_OFFSET = 10.0

@@ -7,7 +7,7 @@ from torch import Tensor, nn
 
 from dfrf.cameras import pixel_rays
 from dfrf.config import TrainConfig
-from dfrf.encodings import frequency_encoding
+from dfrf.field.encodings import frequency_encoding
 from dfrf.published import radiance_field as field
 from dfrf.published.model import EncodedReferences, PaperConfig, PaperModel, References, paper_loss
 

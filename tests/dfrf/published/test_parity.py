@@ -16,7 +16,7 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from dfrf.cameras import pixel_grid, pixel_rays, project
-from dfrf.encodings import frequency_encoding
+from dfrf.field.encodings import frequency_encoding
 from dfrf.head_checkpoint import load_model
 from dfrf.published.importing import import_checkpoint
 from dfrf.published.model import EncodedReferences, PaperModel, References

@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 from torch.autograd import gradcheck
 
-from dfrf.encodings import frequency_encoding
+from dfrf.field.encodings import frequency_encoding
 from dfrf.image import BILINEAR_SPREAD, sharpened
 from dfrf.published.references import (
     ReferenceCNN,

@@ -3,7 +3,7 @@ import math
 import torch
 from torch.autograd import gradcheck
 
-from dfrf.encodings import encoded_size, frequency_encoding
+from dfrf.field.encodings import encoded_size, frequency_encoding
 
 
 def test_order_is_identity_then_sine_and_cosine_of_each_octave() -> None:
