@@ -12,6 +12,7 @@ from dfrf import head_checkpoint, presets
 from dfrf.metrics.lpips import Lpips
 from dubbing.lab import measuring, tiles
 from dubbing.lab.measuring import FrameFigures, held_out, mean_figures, measure
+from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from tests import clips
 from tests.dfrf.people import small_config
