@@ -1,7 +1,52 @@
-"""Before any test imports dfrf: the shapes in its signatures are checked at every call."""
+"""Before any test imports dfrf: the shapes in its signatures are checked at every call.
 
+And which files hold tests that take seconds: `make test-fast` leaves them out.
+"""
+
+from pathlib import Path
+
+import pytest
 from jaxtyping import install_import_hook
 
 import tests.shapes  # noqa: F401 - the hook below finds it by its name
 
 install_import_hook(["dfrf"], "tests.shapes.checked")
+
+HERE = Path(__file__).parent
+MEDIUM = (
+    "dfrf/rendering/test_frame_renderer.py",
+    "dfrf/rendering/test_pose_refinement.py",
+    "dfrf/published/test_method.py",
+    "dfrf/training/test_augmentation.py",
+    "dfrf/training/test_fit.py",
+    "dfrf/training/test_lip_supervision.py",
+    "dfrf/training/test_step.py",
+    "dfrf/training/test_validation.py",
+    "dubbing/cli/test_main.py",
+    "dubbing/engine/test_runner.py",
+    "dubbing/lab/",
+    "dubbing/media/test_opening.py",
+    "dubbing/media/test_reading.py",
+    "dubbing/preparation/alignment/test_photometric.py",
+    "dubbing/preparation/test_prepare.py",
+    "dubbing/speech/test_rnn_features.py",
+    "dubbing/speech/test_transformer_features.py",
+    "dubbing/stages/test_composite.py",
+    "dubbing/stages/test_finetune.py",
+    "dubbing/stages/test_paper_preset.py",
+    "dubbing/stages/test_refine_poses.py",
+    "dubbing/stages/test_render.py",
+    "dubbing/sync/syncnet/",
+    "dubbing/sync/test_check.py",
+    "dubbing/sync/test_hearing.py",
+    "dubbing/synthetic/",
+    "dubbing/test_batch.py",
+    "dubbing/test_packages.py",
+    "dubbing/training/",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if item.path.relative_to(HERE).as_posix().startswith(MEDIUM):
+            item.add_marker("medium")
