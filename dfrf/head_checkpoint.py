@@ -174,7 +174,10 @@ def _mouths(part: dict[str, Tensor], whole: ReferenceViews) -> MouthViews:
         raise ValueError("mouths")
     crops = replace(
         whole,
-        **{name: part[name] for name in ("images", "mattes", "c2w", "centres")},
+        images=part["images"],
+        mattes=part["mattes"],
+        c2w=part["c2w"],
+        centres=part["centres"],
         expression=torch.zeros(count, whole.expression.shape[1]),
         blinks=0,
     )
@@ -192,4 +195,14 @@ def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
     focal, scale, blinks = (header[name] for name in ("focal", "scale", "blinks"))
     if not (0 < focal < math.inf and 0 < scale < math.inf and 0 <= blinks < lengths["N"]):
         raise ValueError("focal, scale, blinks")
-    return ReferenceViews(**part, focal=float(focal), scale=float(scale), blinks=int(blinks))
+    return ReferenceViews(
+        images=part["images"],
+        mattes=part["mattes"],
+        c2w=part["c2w"],
+        centres=part["centres"],
+        expression=part["expression"],
+        eyes=part["eyes"],
+        focal=float(focal),
+        scale=float(scale),
+        blinks=int(blinks),
+    )

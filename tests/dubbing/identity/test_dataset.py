@@ -184,9 +184,9 @@ def test_lips_lie_beside_those_of_the_mean_face_by_what_is_seen(clip: PreparedCl
     frames = np.array([2, 5])
     c2w = torch.from_numpy(clip.c2w()[frames]).float()
     still = project(lip_shape(clip), c2w, float(clip.focal), torch.from_numpy(clip.centre[frames]))
-    clip.landmarks[np.ix_(frames, lips)] = still.numpy()
+    clip.landmarks[frames[:, None], lips] = still.numpy()
     torch.testing.assert_close(lip_points(clip, frames), torch.zeros(2, 40, 2), atol=1e-4, rtol=0)
-    clip.landmarks[np.ix_(frames, lips)] += [0, 3]
+    clip.landmarks[frames[:, None], lips] += [0, 3]
     moved = lip_points(clip, frames)
     assert moved[..., 0].abs().max() < 1e-4
     apart = np.linalg.norm(c2w[0, :, 3].numpy() - [0, -0.4, 0.8])
