@@ -202,7 +202,9 @@ def sync(
 
     with console.Bar(f"sync {video.name}") as progress:
         if weights is None:
-            own = source and check(source, progress=lambda share: progress("the source", share))
+            own = None
+            if source is not None:
+                own = check(source, progress=lambda share: progress("the source", share))
             found = check(
                 video,
                 source=own,
