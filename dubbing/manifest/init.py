@@ -86,7 +86,8 @@ def _identities(found: _Found) -> list[str]:
 def _dubs(found: _Found) -> list[str]:
     if not found.recordings:
         return ["dubs: []  # no recordings were found"]
-    matched, unmatched = [], []
+    matched: list[str] = []
+    unmatched: list[str] = []
     only = next(iter(found.clips)) if len(found.clips) == 1 else ""
     for recording in found.recordings:
         clip = clip_of(recording.stem, found.clips)
