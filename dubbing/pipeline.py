@@ -21,6 +21,7 @@ from dubbing.engine.stage import Produce, Stage
 from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.manifest import Manifest
+from dubbing.manifest.only import chosen_names
 from dubbing.media import SUFFIX, MediaInfo
 from dubbing.shipped.base import shipped_base
 from dubbing.sound_to_lips.paths import DEFAULT_WEIGHTS as LIP_WEIGHTS
@@ -141,20 +142,19 @@ def dub_job(
 def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto") -> Jobs:
     """The jobs of a manifest, or of those identities and dubs that ``only`` names.
 
+    Args:
+        only: names, or patterns of names as a shell's: ``shot1_*``.
+
     Raises:
         DubbingError: ``only`` names something the manifest does not have.
     """
-    known = {*manifest.identities, *(dub.name for dub in manifest.dubs)}
-    if unknown := [name for name in only if name not in known]:
-        raise DubbingError(
-            f"nothing is called {', '.join(unknown)}", "--only", f"there is {', '.join(known)}"
-        )
-    dubs = [d for d in manifest.dubs if not only or {d.name, d.identity} & set(only)]
+    named = chosen_names(only, [*manifest.identities, *(dub.name for dub in manifest.dubs)])
+    dubs = [d for d in manifest.dubs if {d.name, d.identity} & named]
     needed = {dub.identity for dub in dubs}
     identities = {
         name: identity_job(manifest, name, identity, device)
         for name, identity in manifest.identities.items()
-        if not only or name in only or name in needed
+        if name in named or name in needed
     }
     return Jobs(
         identities,

@@ -103,7 +103,7 @@ def named(command: Command) -> str:
 def wrong(words: tuple[str, ...]) -> str:
     """What ``dfrf`` has against a call, or nothing. Files need not be there."""
     name, *arguments = words
-    if name == "--help":
+    if name in ("-h", "--help", "--version", "--install-completion"):
         return ""
     known = PROGRAM.commands.get(name)  # type: ignore[attr-defined]
     if known is None:

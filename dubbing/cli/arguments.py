@@ -13,7 +13,9 @@ from dubbing.stage_kinds import STAGES
 ManifestPath = Annotated[Path, typer.Argument(metavar="MANIFEST", help="A manifest (YAML).")]
 Only = Annotated[
     list[str] | None,
-    typer.Option("--only", metavar="NAME", help="This dub or identity only; may be repeated."),
+    typer.Option(
+        "--only", metavar="NAME", help="This dub or identity only, or all like 'a_*'; repeatable."
+    ),
 ]
 Force = Annotated[
     list[str] | None,

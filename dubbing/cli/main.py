@@ -1,7 +1,7 @@
 """The command line. A body maps its arguments onto one library call and an exit code.
 
-0 all made and passed; 1 a job failed; 2 the manifest or the call is wrong; 3 all made, but a sync
-check fell short; 130 interrupted, and resumable. Nothing here imports torch.
+0 all made, no sync check failed; 1 a job failed; 2 the manifest or the call is wrong; 3 all made,
+but a sync check failed; 130 interrupted, and resumable. Nothing here imports torch.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 from contextlib import suppress
+from importlib import metadata
 from pathlib import Path
 from types import FrameType
 from typing import Annotated, Any, NoReturn
@@ -43,12 +44,33 @@ ENVIRONMENT = {
 
 app = typer.Typer(
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     help="Dub consenting people on film into another language.",
 )
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        try:
+            print_line(f"dfrf {metadata.version('dfrf')}")
+        except metadata.PackageNotFoundError:
+            print_line("dfrf, run from its folder without having been installed")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version", is_eager=True, callback=_print_version, help="Print the version."
+        ),
+    ] = False,
+) -> None:
+    """Options of no command."""
 
 
 @app.command()
@@ -156,9 +178,23 @@ def sync(
             help="The published SyncNet (syncnet_v2.model), instead of our network.",
         ),
     ] = None,
+    source: Annotated[
+        Path | None,
+        typer.Option(
+            "--source",
+            metavar="CLIP",
+            exists=True,
+            dir_okay=False,
+            help="What the video was dubbed from: judges it beside this clip, as the report does.",
+        ),
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Measure the lip sync of any video: offset, confidence, distance. Exit code 3 on fail."""
+    if source and weights:
+        raise CallError(
+            "judges by our network only", "--source", "leave --source or --weights away"
+        )
     packages.require()
     from dubbing.cli import console
     from dubbing.sync.check import check
@@ -166,7 +202,14 @@ def sync(
 
     with console.Bar(f"sync {video.name}") as progress:
         if weights is None:
-            found = check(video, progress=lambda share: progress("listening and looking", share))
+            own = None
+            if source is not None:
+                own = check(source, progress=lambda share: progress("the source", share))
+            found = check(
+                video,
+                source=own,
+                progress=lambda share: progress("listening and looking", share),
+            )
         else:
             found = published_check(video, weights)
     if as_json:

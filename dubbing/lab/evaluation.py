@@ -29,6 +29,7 @@ from dubbing.lab import tiles
 from dubbing.lab.cross_driving import Part, measure_dub, unlearned
 from dubbing.lab.measuring import held_out, measure
 from dubbing.manifest.manifest import Manifest
+from dubbing.manifest.only import chosen_names
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
 from dubbing.stages import tasks
@@ -84,7 +85,7 @@ def evaluate(
         manifest: its dubs are not needed.
         methods: dfrf (the `fast` preset), dfrf-nowarp, dfrf-alone (without a base), dfrf-1, -2, -4,
             -6 (so many references, the same in every frame), paper, ad-nerf, nerf.
-        only: names of identities; all when empty.
+        only: names of identities or patterns; all when empty.
         protocol: p15, p15x or both.
         seconds: of the held-out part that are tested, its first; all when None.
         every: P15 renders and compares one frame of so many. More than one says nothing of how the
@@ -107,15 +108,16 @@ def evaluate(
             "--method",
             f"there is {', '.join(PRESET_OF_METHOD)}",
         )
-    if unknown := [name for name in only if name not in manifest.identities]:
-        raise DubbingError(f"no identity is called {', '.join(unknown)}", "--only")
+    chosen = chosen_names(only, list(manifest.identities))
     if protocol not in PROTOCOLS:
         raise DubbingError(
             f"no protocol is called {protocol}", "--protocol", f"there is {', '.join(PROTOCOLS)}"
         )
     asked = PROTOCOLS[protocol]
     parts = {
-        name: tested_parts(manifest, name, seconds, asked) for name in only or manifest.identities
+        name: tested_parts(manifest, name, seconds, asked)
+        for name in manifest.identities
+        if name in chosen
     }
     network = None
     if lpips_weights:

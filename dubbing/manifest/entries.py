@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -21,6 +22,8 @@ from dubbing.printable import is_blank
 LONGEST_NAME = 100  # characters
 LONGEST_BYTES = files.LONGEST_NAME - len(".sync.json")  # of a name, which a file's name begins with
 LONGEST_SECONDS = 1e9
+# 1:05 or 0:01:05.5; the first number may be larger than 59.
+CLOCK = re.compile(r"(?:([0-9]{1,6}):(?=[0-5][0-9]:))?([0-9]{1,6}):([0-5][0-9](?:\.[0-9]*)?)")
 SIZES = range(64, 1025, 8)  # sides of the head crop, pixels
 
 
@@ -80,7 +83,21 @@ def _check_words(value: str) -> str:
     return value
 
 
+def _seconds(value: Any) -> Any:
+    """Seconds of what a clock shows; anything else as it is."""
+    if not isinstance(value, str) or ":" not in value:
+        return value
+    found = CLOCK.fullmatch(value.strip())
+    if found is None:
+        raise ValueError(
+            f"must be seconds as 65.5, or a time as 1:05.5 or 0:01:05.5, not {value!r:.60}"
+        )
+    hours, minutes, seconds = found.groups(default="0")
+    return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
+
+
 FilePath = Annotated[Path, BeforeValidator(_resolve)]
+Seconds = Annotated[float, BeforeValidator(_seconds)]
 Name = Annotated[str, BeforeValidator(check_name)]
 Words = Annotated[str, Field(min_length=1), AfterValidator(_check_words)]
 
@@ -109,8 +126,8 @@ class Identity(Entry):
     """A filmed person: a clip, which seconds of it to learn from, and how."""
 
     clip: FilePath
-    start: float = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
-    seconds: float = Field(default=15.0, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    seconds: Seconds = Field(default=15.0, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     consent: Consent
     preset: Literal["fast", "paper", "ad-nerf", "nerf"] = "fast"
     seed: int = Field(default=0, ge=0, lt=2**31)
@@ -127,9 +144,11 @@ class Dub(Entry):
     name: Name
     identity: str
     audio: FilePath
-    audio_start: float = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
-    audio_seconds: float | None = Field(default=None, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False)
-    video_start: float = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    audio_start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    audio_seconds: Seconds | None = Field(
+        default=None, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False
+    )
+    video_start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     on_longer_audio: Literal["bounce", "loop", "hold", "cut", "fail"] = "bounce"
     frame: Literal["full", "crop"] = "full"
     label: bool = True

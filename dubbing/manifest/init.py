@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import unicodedata
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from dubbing.errors import ManifestError, MediaError, Problem
@@ -23,8 +26,8 @@ defaults: {preset: fast, seed: 0}
 def write_manifest(folder: Path) -> Path:
     """Write ``folder/manifest.yaml``; an existing one is left alone.
 
-    Every recording is dubbed onto the clip whose name its own name begins with, or else onto
-    every clip.
+    Every recording is dubbed onto one clip at most, see `clip_of`. What fits no clip, or is no
+    clip to learn from, becomes a comment.
 
     Raises:
         ManifestError: there is a manifest already, or nothing to write one from.
@@ -34,11 +37,41 @@ def write_manifest(folder: Path) -> Path:
     target = folder / NAME
     if target.exists():
         raise ManifestError(str(target), [Problem(0, "", "it is there already; nothing written")])
-    clips, recordings = _sort(folder)
-    if not clips:
+    found = _sort(folder)
+    if not found.clips:
         raise ManifestError(str(target), [Problem(0, "", f"no clip with sound in {folder}")])
-    lines = [HEADER + "identities:"]
-    for name, info in clips.items():
+    atomic_write_text(
+        target, "\n".join([HEADER + "identities:", *_identities(found), *_dubs(found)]) + "\n"
+    )
+    return target
+
+
+def clip_of(recording: str, clips: Iterable[str]) -> str | None:
+    """The clip that a recording is meant for, by their names; None where there is none.
+
+    The recording is called as the clip, or begins with its name and a character that is neither
+    letter nor digit: ``shot1_it`` belongs to ``shot1``, not to ``shot10`` or ``shot``. Of several
+    that fit it is the longest. Case does not matter.
+    """
+    name = _key(recording)
+    fitting = [
+        c for c in clips if name.startswith(_key(c)) and not name[len(_key(c)) :][:1].isalnum()
+    ]
+    return max(fitting, key=len, default=None)
+
+
+@dataclass
+class _Found:
+    """Clips with picture and sound by name, recordings, and why other videos are left out."""
+
+    clips: dict[str, MediaInfo] = field(default_factory=dict)
+    recordings: list[Path] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+
+
+def _identities(found: _Found) -> list[str]:
+    lines = []
+    for name, info in found.clips.items():
         seconds = min(LONGEST_LEARNT, int(0.75 * info.duration) or 1)
         about = f"{info.duration:.1f} s, {info.width}x{info.height}"
         lines += [
@@ -47,30 +80,52 @@ def write_manifest(folder: Path) -> Path:
             f"    seconds: {seconds}",
             '    consent: {by: "", reference: ""}',
         ]
-    dubs = [
-        f"  - {{identity: {_quoted(clip)}, audio: {_quoted(recording.name)}}}"
-        for recording in recordings
-        for clip in ([c for c in clips if recording.stem.startswith(c)] or clips)
-    ]
-    lines += ["dubs:", *dubs] if dubs else ["dubs: []  # no recordings were found"]
-    atomic_write_text(target, "\n".join(lines) + "\n")
-    return target
+    return lines + [f"  # left out: {why}" for why in found.left_out]
 
 
-def _sort(folder: Path) -> tuple[dict[str, MediaInfo], list[Path]]:
-    """Clips with picture and sound by name, and recordings without a picture."""
-    clips: dict[str, MediaInfo] = {}
-    recordings: list[Path] = []
+def _dubs(found: _Found) -> list[str]:
+    if not found.recordings:
+        return ["dubs: []  # no recordings were found"]
+    matched: list[str] = []
+    unmatched: list[str] = []
+    only = next(iter(found.clips)) if len(found.clips) == 1 else ""
+    for recording in found.recordings:
+        clip = clip_of(recording.stem, found.clips)
+        entry = f"- {{identity: {_quoted(clip or only)}, audio: {_quoted(recording.name)}}}"
+        (unmatched if clip is None else matched).append(entry)
+    lines = ["dubs:", *(f"  {entry}" for entry in matched)]
+    if unmatched:
+        lines += ["  # These begin with no clip's name and a separator: say whose they are."]
+        lines += [f"  # {entry}" for entry in unmatched]
+    return lines
+
+
+def _sort(folder: Path) -> _Found:
+    found = _Found()
+    taken: dict[str, str] = {}
     for path in sorted(folder.iterdir()):
         try:
             info = probe(path)
         except MediaError:
             continue  # not media
-        if info.rate is not None and info.audio_rate is not None and info.frames > 1:
-            clips.setdefault(path.stem, info)
-        elif info.audio_rate is not None and info.rate is None:
-            recordings.append(path)
-    return clips, recordings
+        if info.rate is None:
+            if info.audio_rate is not None:
+                found.recordings.append(path)
+        elif info.frames > 1 and info.audio_rate is None:
+            found.left_out.append(f"{_quoted(path.name)} has no sound to learn from")
+        elif info.frames > 1:
+            other = taken.setdefault(_key(path.stem), path.name)
+            if other == path.name:
+                found.clips[path.stem] = info
+            else:
+                why = f"{_quoted(path.name)} has the name of {_quoted(other)}"
+                found.left_out.append(why)
+    return found
+
+
+def _key(name: str) -> str:
+    """A name as names are compared: file systems write accents in two ways."""
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 def _quoted(text: str) -> str:

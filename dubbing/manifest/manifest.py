@@ -132,9 +132,10 @@ class _Reader:
         except ValueError as error:
             self._say(("output",), str(error))
             return None
-        there = next(path for path in (output, *output.parents) if path.exists())
-        if not there.is_dir():
-            self._say(("output",), f"{there} is a file, not a folder")
+        for folder in (output, output / overwriting.WORK):
+            if said := overwriting.unwritable(folder):
+                self._say(("output",), said)
+                break
         return output
 
     def _identities(self) -> dict[str, Identity]:

@@ -1,8 +1,9 @@
-"""Results that would take the place of what a manifest reads, or of its own working files."""
+"""Results that would take the place of what a manifest reads, or cannot be written at all."""
 
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -42,10 +43,24 @@ def problems(
     for place, dub in dubs.items():
         results += [(("dubs", place), name) for name in results_of(dub.name, dub.codec)]
     for at, name in results:
+        if (output / name).is_dir():
+            yield at, f"{output / name} is a folder, where a file should go: move it away"
         said = next((known[i] for i in _identities(output / name) if i in known), None)
         if said is not None:
             remedy = "choose another output" + ("" if at == ("output",) else " or name")
             yield at, f"{output / name} would take the place of {said}: {remedy}"
+
+
+def unwritable(folder: Path) -> str:
+    """Why nothing could be written to a folder, that may be still to be made; else empty."""
+    there = next(path for path in (folder, *folder.parents) if path.exists())
+    if not there.is_dir():
+        return f"{there} is a file, not a folder"
+    try:  # rights do not tell all: root has them on a disk that takes nothing
+        with tempfile.TemporaryFile(dir=there):
+            return ""
+    except OSError as error:
+        return f"nothing can be written in {there}: {error.strerror}"
 
 
 def _identities(path: Path) -> Iterator[object]:

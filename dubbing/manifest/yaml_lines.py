@@ -16,6 +16,7 @@ MOST_NODES = 100_000  # aliases can make a short file describe an endless tree
 DEEPEST = 50
 LONGEST_VALUE = 100  # characters of what is no text: a number of a million digits takes hours
 MERGE, TEXT = "tag:yaml.org,2002:merge", "tag:yaml.org,2002:str"
+NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 
 @dataclass
@@ -113,6 +114,9 @@ class _Builder:
         try:
             if node.tag != TEXT and len(node.value) > LONGEST_VALUE:
                 raise ValueError
+            if node.tag in NUMBERS and ":" in node.value:
+                # YAML 1.1 counts in sixties, where the first digit is no 0: 1:05 is 65, 0:30 text.
+                return node.value
             value = self.loader.construct_object(node, deep=True)
             if isinstance(value, str):
                 value.encode()  # half a character, as "\ud800", is none

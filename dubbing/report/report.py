@@ -29,6 +29,10 @@ from dubbing.stages.tasks import SYNC_FILE
 
 MOST_POINTS = 400  # of a curve on the page
 DATA, PAGE = "report.json", "report.html"
+# What a dub comes to, the worst first, and which verdicts of the sync check say so.
+FAILED, WARNED, PASSED, UNJUDGED, MISSING = "failed", "warned", "passed", "unjudged", "missing"
+VERDICTS = (FAILED, WARNED, UNJUDGED, MISSING, PASSED)
+OF_SYNC = {"pass": PASSED, "warn": WARNED, "fail": FAILED}
 
 
 class Sync(TypedDict, total=False):
@@ -67,13 +71,46 @@ def write(
     for file in (data, page):
         remove_torn(file)
     atomic_write_json(data, found)
+    atomic_write_text(page, page_of(found))
+    return page
+
+
+def page_of(found: dict[str, Any]) -> str:
+    """The page that shows what `collect` found: one file, which needs no network."""
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, finalize=_shown
     )
-    environment.filters["curve"] = curve
+    environment.filters |= {"curve": curve, "worst_first": worst_first}
     template = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
-    atomic_write_text(page, environment.from_string(template).render(found))
-    return page
+    return environment.from_string(template).render(found, first_line=first_line(found))
+
+
+def first_line(found: dict[str, Any]) -> str:
+    """How many dubs passed, warned and failed: ``3 dubs: 2 passed, 1 warned, 0 failed``."""
+    counts = found["counts"]
+    named = [PASSED, WARNED, FAILED, *(v for v in (UNJUDGED, MISSING) if counts[v])]
+    total = sum(counts.values())
+    said = ", ".join(f"{counts[verdict]} {verdict}" for verdict in named)
+    return f"{total} dub{'' if total == 1 else 's'}: {said}"
+
+
+def worst_first(dubs: dict[str, Any]) -> list[tuple[str, Any]]:
+    """Names and dubs by verdict; of one verdict, those first whose sync check is least sure."""
+
+    def rank(item: tuple[str, Any]) -> tuple[int, float]:
+        sync = item[1]["sync"] or {}
+        return VERDICTS.index(item[1]["verdict"]), sync.get("confidence") or 0.0
+
+    return sorted(dubs.items(), key=rank)
+
+
+def verdict_of(state: str, sync: Sync) -> str:
+    """What a dub comes to, of `VERDICTS`: that of its sync check, where it could be made."""
+    if state in ("failed", "skipped"):
+        return FAILED
+    if state == "stopped" or not sync:
+        return MISSING
+    return OF_SYNC.get(str(sync.get("verdict")), UNJUDGED)
 
 
 def collect(
@@ -83,6 +120,11 @@ def collect(
     everything = pipeline.build(manifest)
     absent = Outcome(state="not in this run")
     usage = resource.getrusage(resource.RUSAGE_SELF)
+    dubs = {
+        name: {**_dub(manifest, job, outcomes.get(job.label, absent)), "place": place}
+        for place, (name, job) in enumerate(everything.dubs.items())
+    }
+    verdicts = [dub["verdict"] for dub in dubs.values()]
     return {
         "manifest": str(manifest.path),
         "code": code,
@@ -94,10 +136,8 @@ def collect(
             name: _identity(manifest, job, outcomes.get(job.label, absent))
             for name, job in everything.identities.items()
         },
-        "dubs": {
-            name: _dub(manifest, job, outcomes.get(job.label, absent))
-            for name, job in everything.dubs.items()
-        },
+        "counts": {verdict: verdicts.count(verdict) for verdict in VERDICTS},
+        "dubs": dubs,
     }
 
 
@@ -127,14 +167,19 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
 
 
 def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
-    codec = next(dub.codec for dub in manifest.dubs if dub.name == job.name)
+    dub = next(dub for dub in manifest.dubs if dub.name == job.name)
+    clip = manifest.identities[dub.identity].clip
     # One of another codec may lie beside it, from before the manifest was changed.
-    video = manifest.output / f"{job.name}{SUFFIX[codec]}"
+    video = manifest.output / f"{job.name}{SUFFIX[dub.codec]}"
+    sync = sync_of(job)
     return {
         **_common(job, outcome),
         "identity": job.waits_for,
+        "verdict": verdict_of(outcome.state, sync),
         "video": _relative(manifest, video) if video.is_file() else None,
-        "sync": _brief(sync_of(job)),
+        "source": _relative(manifest, clip) if clip.is_file() else None,
+        "source_start": dub.video_start,
+        "sync": _brief(sync),
     }
 
 
@@ -204,4 +249,5 @@ def _shown(value: Any) -> Any:
 
 
 def _relative(manifest: Manifest, path: Path) -> str:
-    return path.relative_to(manifest.output).as_posix()
+    """The way from the page to a file, which may lie elsewhere."""
+    return Path(os.path.relpath(path, manifest.output)).as_posix()

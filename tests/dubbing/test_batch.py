@@ -100,7 +100,11 @@ def test_a_dub_from_end_to_end(footage: Path, tmp_path: Path) -> None:
     assert report["identities"]["ann"]["consent"]["reference"] == "form 17"
     assert report["identities"]["ann"]["loss"] == [0.5, 0.25]
     page = (out / "report.html").read_text()
-    assert '<video class="side" controls preload="metadata" src="ann_it.mp4">' in page
+    assert "<h1>1 dub: 1 passed, 0 warned, 0 failed</h1>" in page
+    assert 'controls playsinline preload="none"\nsrc="ann_it.mp4"' in page
+    assert report["dubs"]["ann_it"]["verdict"] == "passed"
+    source = out / report["dubs"]["ann_it"]["source"]  # it is shown from where it lies
+    assert source.samefile(footage / "ann.mp4")
     assert "polyline" in page
 
 
@@ -349,9 +353,10 @@ def test_a_disk_that_is_full_at_the_end(
     people = {"ann": "ann.mp4", "bad": "noface.mp4", "bob": "bob.mp4"}
     path = manifest_of(footage, tmp_path, people)
     out = tmp_path / "out"
+    manifest = load(path)  # which would refuse what comes in the way now
     (out / "ann_it.mp4").mkdir(parents=True)
     (out / "report.html").mkdir()
-    result, _ = dub(path)
+    result = batch.dub(manifest, Listener())
     assert result.code == 1
     failure = result.outcomes["dub/ann_it"].failure
     assert failure is not None

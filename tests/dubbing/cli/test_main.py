@@ -6,13 +6,18 @@ import signal
 import subprocess
 import sys
 import time
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from dubbing.cli import main as cli
 from dubbing.engine import lock
+from dubbing.stages import tasks
+from dubbing.sync.curves import OFFSETS, Estimate
+from dubbing.sync.result import Found, Media, SyncResult, conclude
 from tests import clips, fakes
 
 CONSENT = '{by: "the person on film", reference: "form 17"}'
@@ -89,6 +94,84 @@ def test_help_and_plan_load_no_torch(manifest: Path) -> None:
     assert not (manifest.parent / "out").exists()  # plan writes nothing
 
 
+@pytest.mark.parametrize("command", ["", *COMMANDS, "import-checkpoint"])
+def test_h_is_help(command: str) -> None:
+    run = CliRunner().invoke
+    words = command.split()
+    short, long = run(cli.app, [*words, "-h"]), run(cli.app, [*words, "--help"])
+    assert (short.exit_code, long.exit_code) == (0, 0)
+    assert short.output == long.output
+    assert "Usage" in short.output
+
+
+def test_it_says_its_version(dfrf: Any) -> None:
+    assert dfrf("--version") == (0, f"dfrf {metadata.version('dfrf')}\n", "")
+
+
+def test_without_an_installation_there_is_no_version_but_no_traceback_either(
+    dfrf: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nothing(name: str) -> str:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "version", nothing)
+    code, out, _ = dfrf("--version")
+    assert code == 0
+    assert "without having been installed" in out
+
+
+def test_a_shell_completes_commands() -> None:
+    # Under pytest the program would have another name.
+    code = "import sys; sys.argv = ['dfrf']; from dubbing.cli.main import main; main()"
+    asked = {"_DFRF_COMPLETE": "complete_bash", "COMP_WORDS": "dfrf pl", "COMP_CWORD": "1"}
+    told = subprocess.check_output([sys.executable, "-c", code], env=os.environ | asked, text=True)
+    assert told == "plan\n"
+
+
+def test_the_module_of_the_name_is_the_tool_and_loads_no_torch() -> None:
+    code = (
+        "import runpy, sys; sys.argv = ['dfrf', 'plan', '-h']\n"
+        "try: runpy.run_module('dfrf', run_name='__main__')\n"
+        "except SystemExit as end: assert not end.code\n"
+        "assert 'torch' not in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "MANIFEST" in done.stdout
+
+
+@pytest.mark.parametrize("confidence", [0.05, 0.12, 0.25])
+def test_sync_beside_the_source_says_what_the_report_says(
+    footage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, confidence: float
+) -> None:
+    video = tmp_path / "dub.mp4"
+    video.write_bytes((footage / "ann.mp4").read_bytes())
+
+    def measured(path: Path, *, source: SyncResult | None = None, **_: Any) -> SyncResult:
+        best = Estimate(0, confidence if path == video else 0.27, 1.0)
+        facts = Media(250, "25", 10.0, 10.0, 9.0, 9.0)
+        found = Found(best, [1.0] * len(OFFSETS), 25.0, 0)
+        return conclude(found, "ours", facts, source, tracked=True)
+
+    monkeypatch.setattr("dubbing.sync.check.check", measured)
+    own = tmp_path / "own"
+    for folder, task in (
+        (own, tasks.Check(footage / "ann.mp4")),
+        (tmp_path, tasks.Check(video, own / tasks.SYNC_FILE)),
+    ):
+        folder.mkdir(exist_ok=True)
+        task(folder, lambda message, share: None)
+    in_report = json.loads((tmp_path / tasks.SYNC_FILE).read_text())
+    call = ["sync", str(video), "--source", str(footage / "ann.mp4"), "--json"]
+    result = CliRunner().invoke(cli.app, call)
+    assert json.loads(result.stdout) == in_report
+    assert result.exit_code == (3 if in_report["verdict"] == "fail" else 0)
+    if confidence == 0.12:
+        assert in_report["verdict"] == "warn"
+        alone = CliRunner().invoke(cli.app, ["sync", str(video), "--json"])
+        assert json.loads(alone.stdout)["verdict"] == "pass"
+
+
 def test_every_command_is_there(dfrf) -> None:  # type: ignore[no-untyped-def]
     _, out, _ = dfrf("--help")
     assert all(command in out for command in (*COMMANDS, "import-checkpoint"))
@@ -122,6 +205,7 @@ def test_dub_then_plan(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped
         (["prepare", "{m}", "--size", "60"], "use 64 to 1024 in steps of 8"),
         (["prepare", "{m}", "--size", "100"], "no head crop of 100 px"),
         (["paint"], "paint"),
+        (["sync", "{m}", "--source", "{m}", "--weights", "{m}"], "judges by our network only"),
     ],
 )
 def test_a_wrong_call_is_2(dfrf, manifest: Path, arguments: list[str], said: str) -> None:  # type: ignore[no-untyped-def]
@@ -170,6 +254,19 @@ def test_a_folder_that_cannot_be_made_is_said(  # type: ignore[no-untyped-def]
         code, _, err = dfrf(*arguments)
         assert code == 1
         assert "nothing may be written there" in err
+
+
+@pytest.mark.parametrize("output", ["/proc/out", "/dev/full/out"])
+def test_an_output_that_cannot_be_written_is_found_by_plan(
+    dfrf: Any, manifest: Path, output: str
+) -> None:
+    if not Path(output).parent.exists():
+        pytest.skip("no such file system here")
+    manifest.write_text(manifest.read_text().replace("output: out", f"output: {output}"))
+    for command in ("plan", "dub"):
+        code, _, err = dfrf(command, manifest)
+        assert code == 2
+        assert "line 3: output: " in err
 
 
 def test_a_failed_job_is_1(dfrf, manifest: Path, footage: Path) -> None:  # type: ignore[no-untyped-def]
@@ -232,7 +329,8 @@ def test_init_writes_a_manifest_that_asks_for_consent_only(dfrf, tmp_path: Path)
     code, out, err = dfrf("plan", "--json", path)
     assert code == 0, err
     dubs = {row["name"] for row in json.loads(out)["stages"] if row["kind"] == "dub"}
-    assert dubs == {"ann_ann_it", "ann_all", "bob_all"}
+    assert dubs == {"ann_ann_it"}
+    assert '  # - {identity: "", audio: "all.wav"}' in text
     assert dfrf("init", tmp_path)[0] == 2  # an existing manifest is left alone
 
 

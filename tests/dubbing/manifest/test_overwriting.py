@@ -44,6 +44,16 @@ def problems(
     return []
 
 
+def test_a_folder_where_a_result_should_go(folder: Path) -> None:
+    (folder / "out" / "host.mp4").mkdir()
+    (folder / "out" / "report.html").mkdir()
+    (folder / "out" / "work").write_text("a file")
+    said = problems(folder, "out")
+    assert [line.split(": ")[1] for line in said] == ["output", "output", "dubs[0]"]
+    assert "host.mp4 is a folder, where a file should go: move it away" in said[2]
+    assert any("work is a file, not a folder" in line for line in said)
+
+
 def test_a_dub_of_its_own_clip(folder: Path) -> None:
     assert problems(folder, "out") == []
     (said,) = problems(folder, ".")

@@ -1,0 +1,9 @@
+"""`python -m dfrf`: the tool of that name, as `python -m dubbing`.
+
+Nothing imports this file, so the method still knows nothing of the tool.
+"""
+
+import runpy
+
+if __name__ == "__main__":
+    runpy.run_module("dubbing", run_name="__main__")

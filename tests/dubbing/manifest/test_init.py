@@ -1,0 +1,74 @@
+"""What `dfrf init` writes: one dub a recording, and comments for what fits nothing."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+
+from dubbing.manifest import init
+from dubbing.media.probing import MediaInfo, probe
+from tests import clips
+
+
+@pytest.mark.parametrize(
+    ("recording", "clip"),
+    [
+        ("shot1_it", "shot1"),
+        ("shot10_it", "shot10"),
+        ("shot1", "shot1"),
+        ("SHOT1-it", "shot1"),
+        ("shot1 take 2", "shot1"),
+        ("shot1_b_it", "shot1_b"),
+        ("shot1_bit", "shot1"),
+        ("shot100_it", None),
+        ("shot_it", None),
+        ("shot1it", None),
+        ("it_shot1", None),
+        ("Ame\u0301lie_it", "Am\u00e9lie"),
+    ],
+)
+def test_a_recording_belongs_to_the_clip_whose_name_begins_its_own(
+    recording: str, clip: str | None
+) -> None:
+    names = ["shot1", "shot10", "shot1_b", "Am\u00e9lie"]
+    assert init.clip_of(recording, names) == clip
+    assert init.clip_of(recording, names[::-1]) == clip
+
+
+def test_forty_clips_and_two_hundred_recordings_give_two_hundred_dubs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clip = probe(clips.write_clip(tmp_path / "clip.mp4", 30))
+    sound = probe(clips.write_sound(tmp_path / "sound.wav", 1))
+    for path in (clip.path, sound.path):
+        path.unlink()
+
+    def as_named(path: Path) -> MediaInfo:
+        return replace(clip if path.suffix == ".mp4" else sound, path=path)
+
+    monkeypatch.setattr(init, "probe", as_named)
+    for k in range(1, 41):
+        (tmp_path / f"shot{k}.mp4").touch()
+        for language in ("it", "de", "fr", "es", "pt"):
+            (tmp_path / f"shot{k}_{language}.wav").touch()
+    written = yaml.safe_load(init.write_manifest(tmp_path).read_text())
+    assert len(written["identities"]) == 40
+    assert len(written["dubs"]) == 200
+    assert all(dub["audio"].startswith(f"{dub['identity']}_") for dub in written["dubs"])
+
+
+def test_what_fits_nothing_is_written_as_comments(tmp_path: Path) -> None:
+    clips.write_clip(tmp_path / "shot1.mp4", 30)
+    (tmp_path / "Shot1.mov").write_bytes((tmp_path / "shot1.mp4").read_bytes())
+    clips.write_video(tmp_path / "mute.mp4", 30)
+    clips.write_sound(tmp_path / "shot10_it.wav", 1)
+    text = init.write_manifest(tmp_path).read_text()
+    written = yaml.safe_load(text)
+    assert list(written["identities"]) == ["Shot1"]
+    assert written["dubs"] is None
+    assert '  # - {identity: "Shot1", audio: "shot10_it.wav"}' in text
+    assert '  # left out: "mute.mp4" has no sound to learn from' in text
+    assert '  # left out: "shot1.mp4" has the name of "Shot1.mov"' in text
+    uncommented = yaml.safe_load(text.replace("  # - {", "  - {"))
+    assert uncommented["dubs"] == [{"identity": "Shot1", "audio": "shot10_it.wav"}]

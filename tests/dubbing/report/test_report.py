@@ -1,0 +1,190 @@
+"""The page of a run: what comes first, what loads when, and that it is one file."""
+
+from __future__ import annotations
+
+import re
+from html.parser import HTMLParser
+from typing import Any
+
+import pytest
+
+from dubbing.report.report import VERDICTS, page_of, verdict_of
+
+
+def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) -> dict[str, Any]:
+    sync = {
+        "verdict": verdict,
+        "reason": f"measured {name}",
+        "words": "in sync",
+        "confidence": confidence,
+        "source_confidence": 0.3,
+        "curve": [2.0, 1.0, 2.0],
+    }
+    state = "failed" if verdict == "broken" else "made"
+    lost = {"stage": "render", "what": "lost", "where": "", "remedy": "try again", "trace": "at"}
+    return {
+        "state": state,
+        "failure": lost if state == "failed" else None,
+        "stages": {"render": {"seconds": 2.0, "reasons": ["new"], "recorded_seconds": None}},
+        "identity": "ann",
+        "verdict": verdict_of(state, sync),  # type: ignore[arg-type]
+        "video": f"{name}.mp4",
+        "source": "../clips/ann.mp4",
+        "source_start": 1.5,
+        "sync": sync,
+        "place": place,
+    }
+
+
+def found(*dubs: tuple[str, str, float]) -> dict[str, Any]:
+    entries = {name: dub_of(name, verdict, k, c) for k, (name, verdict, c) in enumerate(dubs)}
+    verdicts = [entry["verdict"] for entry in entries.values()]
+    consent = {"by": "Ann", "reference": "form", "date": None}
+    person: dict[str, Any] = {
+        "state": "made",
+        "failure": None,
+        "stages": {},
+        "clip": "/films/ann.mp4",
+        "consent": consent,
+        "warnings": [],
+        "contact_sheet": "work/sheet.png",
+        "loss": [],
+        "psnr": [],
+        "sync": None,
+    }
+    return {
+        "manifest": "m.yaml",
+        "code": 0,
+        "seconds": 1.0,
+        "peak_memory_mb": 1,
+        "machine": {"cores": 2, "system": "x"},
+        "warnings": [],
+        "identities": {"ann": person},
+        "counts": {verdict: verdicts.count(verdict) for verdict in VERDICTS},
+        "dubs": entries,
+    }
+
+
+class Tags(HTMLParser):
+    """Every start tag of a page with its attributes and the tags that it lies in."""
+
+    EMPTY = ("meta", "br", "img", "input", "polyline")
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.found: list[tuple[str, dict[str, str | None], tuple[str, ...]]] = []
+        self.feed(page)
+        assert self.open == []  # every tag is closed
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.append((tag, dict(attrs), tuple(self.open)))
+        if tag not in self.EMPTY:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.found.append((tag, dict(attrs), tuple(self.open)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+    def of(self, name: str) -> list[dict[str, str | None]]:
+        return [attributes for tag, attributes, _ in self.found if tag == name]
+
+
+MIXED = (
+    ("fine", "pass", 0.3),
+    ("early", "warn", 0.2),
+    ("still", "fail", 0.1),
+    ("gone", "broken", 0.2),
+    ("quiet", "unjudged", 0.0),
+    ("weak", "pass", 0.2),
+)
+
+
+def test_the_first_line_counts_and_the_worst_come_first() -> None:
+    page = page_of(found(*MIXED))
+    assert "<h1>6 dubs: 2 passed, 1 warned, 2 failed, 1 unjudged</h1>" in page
+    assert page.index("<h1>") == page.index("<body>") + len("<body>\n")
+    shown = [a["id"] for a in Tags(page).of("article") if a.get("class") == "dub"]
+    names = [str(identifier).removeprefix("dub-") for identifier in shown]
+    assert names == ["still", "gone", "early", "quiet", "weak", "fine"]
+
+
+@pytest.mark.parametrize(
+    ("state", "sync", "verdict"),
+    [
+        ("made", "pass", "passed"),
+        ("kept", "warn", "warned"),
+        ("made", "fail", "failed"),
+        ("failed", "pass", "failed"),
+        ("skipped", "", "failed"),
+        ("stopped", "pass", "missing"),
+        ("not in this run", "", "missing"),
+        ("not in this run", "pass", "passed"),
+        ("made", "unjudged", "unjudged"),
+    ],
+)
+def test_what_a_dub_comes_to(state: str, sync: str, verdict: str) -> None:
+    assert verdict_of(state, {"verdict": sync} if sync else {}) == verdict
+
+
+def test_every_dub_can_be_sorted_and_filtered() -> None:
+    tags = Tags(page_of(found(*MIXED)))
+    cards = [a for a in tags.of("article") if a.get("class") == "dub"]
+    assert [card["data-worst"] for card in cards] == ["1", "2", "3", "4", "5", "6"]
+    assert sorted(str(card["data-place"]) for card in cards) == ["0", "1", "2", "3", "4", "5"]
+    boxes = {a["value"] for a in tags.of("input") if a.get("name") == "verdict"}
+    assert boxes == {card["data-verdict"] for card in cards}
+    assert {a["value"] for a in tags.of("option")} == {"worst", "name", "place"}
+
+
+def test_videos_load_when_seen_source_beside_dub() -> None:
+    tags = Tags(page_of(found(*MIXED)))
+    videos = tags.of("video")
+    assert len(videos) == 2 * len(MIXED)
+    assert all(video["preload"] == "none" and "autoplay" not in video for video in videos)
+    source, result = videos[:2]
+    assert (source["src"], source["data-start"]) == ("../clips/ann.mp4", "1.5")
+    assert "muted" in source
+    assert result["src"] == "still.mp4"
+    assert all(image["loading"] == "lazy" for image in tags.of("img"))
+
+
+def test_without_the_film_the_dub_stands_alone() -> None:
+    data = found(("fine", "pass", 0.3))
+    data["dubs"]["fine"]["source"] = None
+    assert [v["src"] for v in Tags(page_of(data)).of("video")] == ["fine.mp4"]
+
+
+def test_a_card_is_small_and_its_details_closed() -> None:
+    tags = Tags(page_of(found(*MIXED)))
+    for tag, _, around in tags.found:
+        if tag in ("table", "svg", "pre", "img"):
+            assert "details" in around
+    assert all("open" not in attributes for attributes in tags.of("details"))
+
+
+def test_the_page_is_one_file_without_network() -> None:
+    page = page_of(found(*MIXED))
+    assert not re.search(r"https?:|//\w+\.\w+|@import|url\(", page)
+    tags = Tags(page)
+    assert tags.of("link") == []
+    assert all("src" not in script for script in tags.of("script"))
+    assert [m["content"] for m in tags.of("meta") if m.get("name") == "viewport"]
+
+
+def test_two_hundred_dubs_stay_a_small_page() -> None:
+    page = page_of(found(*((f"shot{k}", "pass", 0.2) for k in range(200))))
+    assert len(page) < 600_000
+    assert len(Tags(page).of("article")) == 201
+
+
+def test_an_empty_run_has_a_page() -> None:
+    page = page_of(found())
+    assert "<h1>0 dubs: 0 passed, 0 warned, 0 failed</h1>" in page
+    assert "The manifest has no dubs." in page
+
+
+def test_a_verdict_is_one_word_which_the_page_uses_as_its_class() -> None:
+    assert all(verdict.isalpha() for verdict in VERDICTS)
