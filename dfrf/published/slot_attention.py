@@ -3,9 +3,14 @@
 Locatello et al. 2020, in the form of GRF (Trevithick and Yang 2021) that the published model uses:
 N references are the set, K slots look at it. M points, D numbers a slot.
 
-The published model starts the slots from fresh random noise at every sample, in rendering too, so
-that a picture never comes out twice. Without noise all slots start alike, stay alike, and attend to
-all references equally: one of them is computed and repeated, which gives the same numbers.
+The published model starts the slots of every point from normal noise of their own, drawn anew in
+every call, in rendering too: no picture comes out twice, and a film flickers. Training does so here
+as well. Rendering draws once, from a seed, and gives this start to all points of all frames. Each
+point's start then has the published distribution; that points do not differ in it keeps grain out
+of the picture, flicker out of the film, and the way rays are cut into chunks out of both.
+
+Without noise all slots start alike, stay alike, and attend to all references equally: one of them
+is computed and repeated, which gives the same numbers.
 """
 
 from __future__ import annotations
@@ -20,10 +25,11 @@ from dfrf.field.encodings import POINT_OCTAVES, encoded_size
 # A reference gives its features and the pixel they were read at.
 TOKEN_EXTRA = 2
 EPSILON = 1e-8
+SEED = 0  # of the noise of rendering
 
 
 def slot_weights(
-    queries: Float[Tensor, "M K D"], keys: Float[Tensor, "N M D"]
+    queries: Float[Tensor, "#M K D"], keys: Float[Tensor, "N M D"]
 ) -> Float[Tensor, "N M K"]:
     """How much each slot takes from each reference: slots compete, then shares sum to 1 over N."""
     logits = (queries * keys[:, :, None]).sum(-1) * keys.shape[-1] ** -0.5
@@ -41,7 +47,12 @@ class SlotAttention(nn.Module):
         slots: K.
         iterations: rounds of attention.
         squeezed: width of the summary of a token that goes along with it.
+
+    Attributes:
+        rendering_noise: (1, K, D), the same in every model of these sizes.
     """
+
+    rendering_noise: Tensor
 
     def __init__(
         self,
@@ -59,6 +70,10 @@ class SlotAttention(nn.Module):
         self.out_dim = slots * dim
         self.mean = nn.Parameter(torch.randn(dim))
         self.log_deviation = nn.Parameter(torch.zeros(dim))
+        # Drawn on the CPU, whose numbers do not depend on the device; no part of a checkpoint.
+        seeded = torch.Generator("cpu").manual_seed(SEED)
+        drawn = torch.randn((1, slots, dim), generator=seeded, device="cpu")
+        self.register_buffer("rendering_noise", drawn, persistent=False)
         self.squeeze1 = nn.Linear(token_dim, squeezed)
         self.squeeze2 = nn.Linear(squeezed, squeezed)
         self.embed = nn.Linear(token_dim + point_dim + squeezed, dim)
@@ -73,7 +88,7 @@ class SlotAttention(nn.Module):
         self.mlp2 = nn.Linear(dim, dim)
 
     def noise(self, points: int, generator: torch.Generator | None = None) -> Tensor:
-        """Fresh noise (M, K, D) for `forward`, as in the published training."""
+        """Fresh noise (M, K, D) for `forward`, a start for each point, as published."""
         shape = (points, self.slots, self.mean.shape[0])
         return torch.randn(shape, generator=generator, device=self.mean.device)
 
@@ -98,19 +113,19 @@ class SlotAttention(nn.Module):
             points: encoded.
             noise: standard normal numbers that the slots start from; None for none.
         """
-        count = tokens.shape[1]
         inputs = self.norm_input(self.embedded(tokens, points))
         values = self.value(inputs)
         if noise is None:
-            slots = self.mean.expand(count, 1, -1)
+            slots = self.mean.expand(1, 1, -1)
             update = values.mean(0)[:, None]
         else:
             keys = self.key(inputs)
-            slots = self.mean + self.log_deviation.exp() * noise.expand(count, -1, -1)
+            slots = self.mean + self.log_deviation.exp() * noise
         for _ in range(self.iterations):
             if noise is not None:
                 weights = slot_weights(self.query(self.norm_slots(slots)), keys)
                 update = (weights[..., None] * values[:, :, None]).sum(0)
-            slots = self.gru(update.flatten(0, 1), slots.flatten(0, 1)).view_as(slots)
+            slots = slots.expand_as(update)
+            slots = self.gru(update.flatten(0, 1), slots.flatten(0, 1)).view_as(update)
             slots = slots + self.mlp2(F.relu(self.mlp1(self.norm_mlp(slots))))
         return slots.expand(-1, self.slots, -1).flatten(1)
