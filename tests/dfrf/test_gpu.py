@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
@@ -11,11 +12,14 @@ from torch import Tensor
 
 from dfrf import device as devices
 from dfrf import presets
+from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
 from dfrf.data import neighbour_windows
 from dfrf.fast.method import FastMethod
+from dfrf.head import Head, load_head, render_frame, save_head
 from dfrf.method import FrameInputs
 from dfrf.training.fit import FitOptions, fit
+from dfrf.training.validation import Validation
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 from tests.dfrf.stand_in_gpu import CPU, GPU, MixedDevicesError, StandInGpu
 
@@ -83,3 +87,29 @@ def test_a_fine_tune_and_frames_of_fast(gpu: StandInGpu, learn_references_every:
     assert all(part.device == GPU for frame in frames for part in frame)
     assert frames[0][1].max() > 0.5
     assert gpu.calls[GPU] > 1000
+
+
+def test_a_base_goes_on_from_its_state(gpu: StandInGpu, tmp_path: Path) -> None:
+    people, held = [person(), replace(person(seed=1), name="other")], person(seed=2)
+    config = replace(CONFIG, checkpoint_every=1, learn_references_every=1, augment=True)
+
+    def options(stop: bool) -> FitOptions:
+        validation = Validation([replace(held, name="held")])
+        return FitOptions(str(tmp_path), None, lambda: stop, "cuda", validation)
+
+    fit(FastMethod(presets.build(small_config())), people, config, None, options(stop=True))
+    resumed = presets.build(small_config())
+    curve = fit(FastMethod(resumed), people, config, None, options(stop=False))
+    assert len(curve.rows) == 2
+    assert {p.device for p in resumed.parameters()} == {GPU}
+
+
+def test_a_person_is_kept_and_rendered_again(gpu: StandInGpu, tmp_path: Path) -> None:
+    someone, path = person(), tmp_path / "model.safetensors"
+    model = presets.build(small_config()).to(GPU)
+    views = FastMethod(model).reference_views(someone, REFERENCES["ellipsoid"])
+    save_head(path, Head.of(model, views))
+    head = load_head(path, "cuda")
+    camera = Camera(someone.c2w[2], FOCAL, someone.centres[2], SIZE)
+    colour, opacity = render_frame(head, camera)
+    assert colour.device == opacity.device == GPU
