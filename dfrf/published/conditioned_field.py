@@ -108,8 +108,8 @@ class FrameConditions:
         code: A of the frame; empty without speech.
         references: with their features; None for a field without references.
         warp: False in the coarse stage of training.
-        fresh_noise: whether each point's slots start from noise of their own, as in training;
-            False takes the noise of rendering.
+        fresh_noise: whether slots start from noise drawn anew, as in training; False takes the
+            noise of rendering.
         generator: of fresh noise.
     """
 
@@ -219,9 +219,10 @@ class PaperField(nn.Module):
             tokens, offset = self.look_up(flat, encoded, code, references, conditions.warp)
             start = None
             if self.config.slot_noise:
-                start = self.aggregation.rendering_noise
                 if conditions.fresh_noise:
                     start = self.aggregation.noise(flat.shape[0], conditions.generator)
+                else:
+                    start = self.aggregation.rendering_noise(count).repeat(rays, 1, 1)
             feature = self.aggregation(tokens, encoded, start)
             parts.insert(0, feature)
         views = frequency_encoding(directions, DIRECTION_OCTAVES).repeat_interleave(count, 0)

@@ -126,9 +126,8 @@ def test_against_a_loop_over_samples() -> None:
             point = o[r] + depths[s] * d[r]
             encoded = frequency_encoding(point[None], 10)
             tokens, _ = model.field.look_up(point[None], encoded, code, maps)
-            feature = model.field.aggregation(
-                tokens, encoded, model.field.aggregation.rendering_noise
-            )
+            noise = model.field.aggregation.rendering_noise(10)[s : s + 1]
+            feature = model.field.aggregation(tokens, encoded, noise)
             inputs = torch.cat([feature, encoded, code[None]], -1)
             view = frequency_encoding(F.normalize(d[r], dim=-1)[None], 4)
             raw, sigma = model.field.fine(inputs, view)
