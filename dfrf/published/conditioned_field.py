@@ -29,7 +29,7 @@ class PaperConfig:
         use_references: False leaves out references, warp and aggregation.
         use_speech: False leaves out A.
         use_warp: False keeps references without equations (3) and (4).
-        slot_noise: whether slots start from noise in training, as published. Rendering never does.
+        slot_noise: whether slots start from noise, as published; see `slot_attention`.
         speech_dim: D, features of a step of a speech window.
         code_dim: width of A.
         feature_dim: channels of F_n.
@@ -108,14 +108,15 @@ class FrameConditions:
         code: A of the frame; empty without speech.
         references: with their features; None for a field without references.
         warp: False in the coarse stage of training.
-        noise: whether slots start from fresh noise.
-        generator: of the noise.
+        fresh_noise: whether slots start from noise drawn anew, as in training; False takes the
+            noise of rendering.
+        generator: of fresh noise.
     """
 
     code: Float[Tensor, " A"]
     references: EncodedReferences | None
     warp: bool = True
-    noise: bool = False
+    fresh_noise: bool = False
     generator: torch.Generator | None = None
 
 
@@ -217,8 +218,11 @@ class PaperField(nn.Module):
         if references is not None:
             tokens, offset = self.look_up(flat, encoded, code, references, conditions.warp)
             start = None
-            if conditions.noise:
-                start = self.aggregation.noise(flat.shape[0], conditions.generator)
+            if self.config.slot_noise:
+                if conditions.fresh_noise:
+                    start = self.aggregation.noise(flat.shape[0], conditions.generator)
+                else:
+                    start = self.aggregation.rendering_noise(count).repeat(rays, 1, 1)
             feature = self.aggregation(tokens, encoded, start)
             parts.insert(0, feature)
         views = frequency_encoding(directions, DIRECTION_OCTAVES).repeat_interleave(count, 0)

@@ -172,8 +172,7 @@ class PaperModel(HeadModel):
             maps = self.encode(references) if isinstance(references, References) else references
         code = self.speech_code(windows, smooth)
         rays, config = rays_o.shape[0], self.config
-        noise = self.training and config.slot_noise
-        conditions = FrameConditions(code, maps, warp, noise, generator)
+        conditions = FrameConditions(code, maps, warp, self.training, generator)
         render = partial(self.render_pass, rays_o, rays_d, background, conditions)
 
         def uniform(count: int) -> Tensor:

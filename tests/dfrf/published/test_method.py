@@ -286,6 +286,37 @@ def test_a_rendered_frame_is_what_the_model_says_of_all_its_pixels(
     assert not torch.allclose(frames[0][0], frames[1][0], atol=1e-3)
 
 
+def test_frames_and_chunks_of_rays_share_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:
+    someone, model = person(), made()
+    method = PaperMethod(model)
+    maps = method.maps(method.reference_views(someone, REFERENCES["ellipsoid"]))
+    numbers = torch.tensor([1, 4, 1])
+    inputs = FrameInputs(
+        someone.c2w[numbers],
+        FOCAL,
+        someone.centres[numbers],
+        neighbour_windows(someone.windows, someone.segment, numbers),
+        someone.predicted_lips[numbers],
+        someone.expression[numbers],
+        SIZE,
+    )
+    noise: list[Tensor] = []
+    model.field.aggregation.register_forward_pre_hook(lambda _, given: noise.append(given[2]))
+    colours = []
+    for rays in (300, 700):
+        monkeypatch.setattr(paper_method, "RAYS_AT_ONCE", rays)
+        colours.append(torch.stack([colour for colour, _ in method.render_frames(inputs, maps)]))
+    torch.testing.assert_close(*colours, atol=1e-5, rtol=1e-4)
+    assert torch.equal(colours[0][0], colours[0][2])
+    assert len(noise) == 3 * 2 * (8 + 4)  # frames, passes, chunks
+    for turn, one in enumerate(noise):
+        samples = 13 if turn % 2 else 7  # of the coarse pass, then of both
+        shared = made(seed=turn).field.aggregation.rendering_noise(samples)
+        assert torch.equal(
+            one.view(-1, samples, 2, 8), shared.expand(len(one) // samples, -1, -1, -1)
+        )
+
+
 def test_bounds_go_with_the_head() -> None:
     camera = torch.eye(3, 4)
     camera[:, 3] = torch.tensor([0.5, -0.3, 6.0])  # beside the axis: depths count along it

@@ -1,11 +1,11 @@
 """The published code's own numbers, from its own weights (facts: README of the parity folder).
 
-Slots start without noise. Positions there are (row, column).
+Slots start without noise where nothing else is said. Positions there are (row, column).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from torch import Tensor
 from dfrf.cameras import pixel_grid, pixel_rays, project
 from dfrf.field.encodings import frequency_encoding
 from dfrf.head_checkpoint import load_model
+from dfrf.published.conditioned_field import FrameConditions
 from dfrf.published.importing import import_checkpoint
 from dfrf.published.model import EncodedReferences, PaperModel, References
 from dfrf.published.references import clamp_to_image
@@ -53,9 +54,12 @@ def published(tmp_path_factory: pytest.TempPathFactory) -> Published:
     numbers = load_file(FOLDER / "published_outputs.safetensors")
     centre = torch.full((1, 2), SIZE / 2)
     images, poses = numbers["reference_images"], numbers["reference_poses"]
-    model, _ = load_model(out)
-    assert isinstance(model, PaperModel)
-    return Published(numbers, model.eval(), References(images, poses, FOCAL, centre))
+    imported, _ = load_model(out)
+    assert isinstance(imported, PaperModel)
+    assert imported.config.slot_noise
+    model = PaperModel(replace(imported.config, slot_noise=False)).eval()
+    model.load_state_dict(imported.state_dict())
+    return Published(numbers, model, References(images, poses, FOCAL, centre))
 
 
 @pytest.fixture(scope="module")
@@ -100,11 +104,29 @@ def test_aggregated_feature_and_raw_output(published: Published, maps: EncodedRe
     numbers, fields = published.numbers, published.model.field
     origins, directions = (x[numbers["ray_index"].long()] for x in published.rays())
     points = origins[:, None] + directions[:, None] * numbers["z"][:, None]
-    code = numbers["audio_feature"]
-    out = fields(fields.coarse, points, F.normalize(directions, dim=-1), code, maps)
+    conditions = FrameConditions(numbers["audio_feature"], maps)
+    out = fields(fields.coarse, points, F.normalize(directions, dim=-1), conditions)
     torch.testing.assert_close(out.feature, numbers["aggregated_feature"], **CLOSE)
     raw = torch.cat([out.colour, out.density[..., None]], -1)
     torch.testing.assert_close(raw, numbers["coarse_raw_rgb_density"], **CLOSE)
+
+
+@torch.no_grad()
+def test_slot_attention_from_noise(published: Published, monkeypatch: pytest.MonkeyPatch) -> None:
+    slots = load_file(FOLDER / "published_slots.safetensors")
+    tokens = slots["slot_features"].transpose(0, 1)
+    points = slots["slot_encoded_points"].transpose(0, 1)
+    aggregation = published.model.field.aggregation
+    # There each reference was given a point of its own, which no model does.
+    pairs = zip(tokens.split(1), points, strict=True)
+    inputs = torch.cat([aggregation.embedded(token, point) for token, point in pairs])
+    monkeypatch.setattr(aggregation, "embedded", lambda *_: inputs)
+    for noise, name in (
+        (slots["slot_noise"], "slot_output"),
+        (torch.zeros(64, 2, 128), "slot_output_without_noise"),
+        (None, "slot_output_without_noise"),
+    ):
+        torch.testing.assert_close(aggregation(tokens, points[0], noise), slots[name], **CLOSE)
 
 
 @torch.no_grad()

@@ -90,6 +90,16 @@ def test_noise_repeats_with_its_generator() -> None:
     assert torch.equal(*noise)
 
 
+def test_rendering_starts_each_sample_elsewhere_and_always_there() -> None:
+    start = small().rendering_noise(95)
+    torch.manual_seed(8)
+    assert torch.equal(start, small().rendering_noise(95))
+    assert start.shape == (95, 2, 8)
+    assert len(start.flatten(0, 1).unique(dim=0)) == 95 * 2
+    assert abs(float(start.mean())) < 0.1
+    assert abs(float(start.std()) - 1) < 0.1
+
+
 def test_shares_of_each_slot_sum_to_one() -> None:
     weights = slot_weights(torch.randn(5, 2, 8), 3 * torch.randn(4, 5, 8))
     torch.testing.assert_close(weights.sum(0), torch.ones(5, 2))
