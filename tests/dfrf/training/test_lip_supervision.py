@@ -78,7 +78,7 @@ def test_supervised_codes_say_what_the_lips_did_with_the_spread_of_what_is_heard
     someone = talking(0)
     number = torch.tensor([3, 7, 20, 41, 42, 59])
     pictures = ("images", "backgrounds", "mattes", "regions", "c2w", "centres", "expression")
-    kept = {name: getattr(someone, name)[number] for name in pictures}
+    kept = {name: getattr(someone, name)[number] for name in (*pictures, "lip_points")}
     someone = replace(someone, number=number, **kept)
     model = presets.build(small_config())
     train_speech_networks(model.field.conditioning, [someone], 50, torch.Generator().manual_seed(0))
