@@ -17,6 +17,7 @@ from dfrf import device as devices
 from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
 from dfrf.data import HeadDataset, RayBatch, cut_mouths, cut_references
+from dfrf.fast.medoids import medoids
 from dfrf.fast.model import FastModel
 from dfrf.fast.objective import share_outcome
 from dfrf.field import brow_deformation, eyelid_deformation
@@ -25,7 +26,6 @@ from dfrf.field.mouth_views import MOUTHS, TURN, MouthViews, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
 from dfrf.field.speaker_adaptation import REACH
 from dfrf.image import unsharp
-from dfrf.medoids import medoids
 from dfrf.method import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.grid_pruning import prune_grid

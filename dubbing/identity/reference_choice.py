@@ -8,7 +8,7 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from dfrf.data import EYES, HeadDataset
-from dfrf.medoids import medoids
+from dfrf.fast.medoids import medoids
 from dfrf.metrics.image import crop, gradient_energy
 from dubbing.face.mouth_shape import OUTER_LIP
 
