@@ -118,36 +118,36 @@ class LipNetwork(nn.Module):
         self.register_buffer("scale", torch.ones(2 + s.members, MEASURES + 1))
 
     def inputs(
-        self, heard: Float[Tensor, "B T S"], voice: Float[Tensor, "B T"]
+        self, activations: Float[Tensor, "B T S"], voice: Float[Tensor, "B T"]
     ) -> tuple[Tensor, Tensor, Tensor]:
         """Of the filter of hidden values, of that of senones, and of the members."""
-        if heard.shape[-1] != HIDDEN + SENONES:
+        if activations.shape[-1] != HIDDEN + SENONES:
             raise ValueError(
-                f"{HIDDEN + SENONES} values a step are expected, not {heard.shape[-1]}"
+                f"{HIDDEN + SENONES} values a step are expected, not {activations.shape[-1]}"
             )
         gate = voice[..., None]
-        features = (heard @ self.projection.T - self.silence) * gate
-        senones = torch.cat([heard[..., HIDDEN:] * gate, gate], -1)
-        return heard[..., :HIDDEN] * gate, senones, features
+        features = (activations @ self.projection.T - self.silence) * gate
+        senones = torch.cat([activations[..., HIDDEN:] * gate, gate], -1)
+        return activations[..., :HIDDEN] * gate, senones, features
 
     def parts(
-        self, heard: Float[Tensor, "B T S"], voice: Float[Tensor, "B T"]
+        self, activations: Float[Tensor, "B T S"], voice: Float[Tensor, "B T"]
     ) -> list[Float[Tensor, "B T 8"]]:
         """What each says of the lip measures and of touching lips."""
-        hidden, senones, features = self.inputs(heard, voice)
+        hidden, senones, features = self.inputs(activations, voice)
         answers = [self.hidden(hidden), self.senones(senones)]
         return answers + [m(features)[..., : MEASURES + 1] for m in self.members]
 
     def forward(
-        self, heard: Float[Tensor, "B T S"], voice: Float[Tensor, "B T"]
+        self, activations: Float[Tensor, "B T S"], voice: Float[Tensor, "B T"]
     ) -> Float[Tensor, "B T 8"]:
         """Lip measures, of about mean 0 over speech, and a score that rises where lips touch.
 
         Args:
-            heard: `dubbing.speech.acoustic_weights.outputs`.
+            activations: `dubbing.speech.acoustic_weights.outputs`.
             voice: `dubbing.speech.rnn_features.voice_gate`.
         """
-        found = self.parts(heard, voice)
+        found = self.parts(activations, voice)
         both = found[0] * self.scale[0] + found[1] * self.scale[1]
         rest = torch.stack([f * s for f, s in zip(found[2:], self.scale[2:], strict=True)]).mean(0)
         # The members count as much as the filters do together.

@@ -53,19 +53,19 @@ def predict(blocks: voice.Blocks) -> PredictedLips:
     spectra = listening.spectra_of(blocks())
     if not len(spectra):
         return PredictedLips(np.zeros((0, CLOSED), np.float32), np.zeros(0, np.float32))
-    heard = listening.hear(acoustic.network, spectra, outputs)
+    activations = listening.hear(acoustic.network, spectra, outputs)
     gate = voice_gate(voice.voice_activity_of_blocks(blocks))
-    return lips_of(network, heard, gate)
+    return lips_of(network, activations, gate)
 
 
 @torch.no_grad()
-def lips_of(network: LipNetwork, heard: np.ndarray, gate: np.ndarray) -> PredictedLips:
+def lips_of(network: LipNetwork, activations: np.ndarray, gate: np.ndarray) -> PredictedLips:
     """Lips of what the acoustic network heard, (T, S) with the voice (T,), in pieces."""
     made = []
-    for begin in range(0, len(heard), PIECE):
+    for begin in range(0, len(activations), PIECE):
         low, high = max(0, begin - AROUND), begin + PIECE + AROUND
         part = network(
-            torch.from_numpy(heard[None, low:high]).float(),
+            torch.from_numpy(activations[None, low:high]).float(),
             torch.from_numpy(gate[None, low:high]).float(),
         )[0]
         made.append(part[begin - low :][:PIECE].numpy())

@@ -39,7 +39,7 @@ class SpeechFrames:
 
 
 def at_frames(
-    heard: np.ndarray, lips: np.ndarray, frames: int, rate: Fraction, first: int = 0
+    speech_features: np.ndarray, lips: np.ndarray, frames: int, rate: Fraction, first: int = 0
 ) -> SpeechFrames:
     """Speech at video frames from features (T, D) and lips (T, P), both 50 a second.
 
@@ -51,7 +51,9 @@ def at_frames(
     middle = (np.arange(first, first + frames) + 0.5) / float(rate)
     # Before the first and after the last step lips go on: there is no sound, so they are shut.
     inside = np.clip(middle, 0.5 / voice.STEP_RATE, (len(lips) - 0.5) / voice.STEP_RATE)
-    return SpeechFrames(features.windows(heard, frames, rate, first), voice.at_times(lips, inside))
+    return SpeechFrames(
+        features.windows(speech_features, frames, rate, first), voice.at_times(lips, inside)
+    )
 
 
 def lips_of_file(path: Path, *, start: float = 0.0, seconds: float | None = None) -> np.ndarray:

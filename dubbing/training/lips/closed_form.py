@@ -29,8 +29,8 @@ def at_moments(values: Tensor, moments: np.ndarray) -> Tensor:
 
 def fit_filters(network: LipNetwork, found: Sequence[Lesson]) -> None:
     """Sets both linear filters from all lessons, each frame counting the same."""
-    fit(network.hidden, found, lambda t: network.inputs(t.heard.float(), t.voice.float())[0])
-    fit(network.senones, found, lambda t: network.inputs(t.heard.float(), t.voice.float())[1])
+    fit(network.hidden, found, lambda t: network.inputs(t.activations.float(), t.voice.float())[0])
+    fit(network.senones, found, lambda t: network.inputs(t.activations.float(), t.voice.float())[1])
 
 
 @torch.no_grad()
@@ -45,7 +45,7 @@ def said_by_others(network: LipNetwork, found: Sequence[Lesson]) -> list[Tensor]
         fit_filters(network, [one for k, one in enumerate(found) if k not in part])
         for k in part:
             take = found[k].takes[0]
-            answers = network.parts(take.heard.float()[None], take.voice.float()[None])[:2]
+            answers = network.parts(take.activations.float()[None], take.voice.float()[None])[:2]
             both = [
                 standard(at_moments(a[0], take.moments(found[k].times))[:, :MEASURES])
                 for a in answers

@@ -33,10 +33,10 @@ JUDGED = 12  # clips whose offset the sync network is asked about, too
 
 @dataclass(frozen=True)
 class Take:
-    """One hearing of a sound: `heard` (T, S) and `voice` (T,), `speed` times as fast."""
+    """One hearing of a sound: `activations` (T, S) and `voice` (T,), `speed` times as fast."""
 
     speed: float
-    heard: torch.Tensor
+    activations: torch.Tensor
     voice: torch.Tensor
 
     def moments(self, times: np.ndarray) -> np.ndarray:
@@ -113,17 +113,19 @@ def lesson(
     seen = np.isfinite(recording.meshes[:, 0, 0])
     points = recording.meshes[seen, :, :2].astype(np.float64)
     shape = mouth_shape(recording.meshes[seen], face)[:, : len(OUTER_LIP + INNER_LIP)]
-    heard = [take(model, recording.samples)]
+    activations = [take(model, recording.samples)]
     for _ in range(takes):
         speed, warp = float(np.exp(rng.uniform(*SPEEDS))), float(rng.uniform(*WARPS))
-        heard.append(take(model, spoilt(at_speed(recording.samples, speed), rng), speed, warp))
+        activations.append(
+            take(model, spoilt(at_speed(recording.samples, speed), rng), speed, warp)
+        )
     return Lesson(
         recording.path.stem,
         recording.times[seen] + offset,
         standardised(lip_lengths(points)),
         lips_touch(points).astype(np.float64),
         shape.reshape(len(shape), -1),
-        tuple(heard),
+        tuple(activations),
     )
 
 
@@ -134,9 +136,9 @@ def take(model: SpeechModel, samples: np.ndarray, speed: float = 1.0, warp: floa
     spectra = torch.cat(
         [front.log_mel(torch.from_numpy(w.copy())[None], filters)[0] for w in windows]
     )
-    heard = listening.hear(model.network, spectra, outputs)
+    activations = listening.hear(model.network, spectra, outputs)
     gate = voice_gate(voice.voice_activity(samples))
-    return Take(speed, torch.from_numpy(heard).half(), torch.from_numpy(gate).half())
+    return Take(speed, torch.from_numpy(activations).half(), torch.from_numpy(gate).half())
 
 
 def at_speed(samples: np.ndarray, speed: float) -> np.ndarray:
@@ -152,14 +154,14 @@ def spoilt(samples: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     place = np.linspace(0, 1, len(spectrum))
     wave = np.sin(2 * np.pi * place * rng.uniform(0.5, 3) + rng.uniform(0, 2 * np.pi))
     gain = rng.uniform(-12, 12) * (place - 0.5) + rng.uniform(-4, 4) * wave
-    heard = np.fft.irfft(spectrum * 10 ** (gain / 20), count)
+    activations = np.fft.irfft(spectrum * 10 ** (gain / 20), count)
     if rng.random() < 0.6:
         noise = np.fft.rfft(rng.standard_normal(count))
         noise /= np.maximum(np.arange(len(noise)), 30) ** rng.uniform(0, 0.6)
         made = np.fft.irfft(noise, count)
-        level = heard.std() * 10 ** (-rng.uniform(12, 35) / 20)
-        heard = heard + made / made.std() * level
-    return heard.astype(np.float32)
+        level = activations.std() * 10 ** (-rng.uniform(12, 35) / 20)
+        activations = activations + made / made.std() * level
+    return activations.astype(np.float32)
 
 
 def outlined(found: Sequence[Lesson]) -> list[Lesson]:

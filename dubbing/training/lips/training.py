@@ -63,9 +63,12 @@ class Batch:
 
 
 def draw(
-    found: Sequence[Lesson], heard: Sequence[list[Tensor]], items: int, rng: np.random.Generator
+    found: Sequence[Lesson],
+    activations: Sequence[list[Tensor]],
+    items: int,
+    rng: np.random.Generator,
 ) -> Batch:
-    """Random stretches of random clips; `heard` are the features (T, D) of each clip's takes."""
+    """Random stretches of random clips; `activations`: the features (T, D) of each clip's takes."""
     often = np.array([min(len(one.times), COUNTED) ** 0.5 for one in found])
     features, moments, targets = [], [], []
     for k in rng.choice(len(found), items, p=often / often.sum()):
@@ -75,8 +78,8 @@ def draw(
         pace = float(np.exp(rng.uniform(-SLOWER, SLOWER)))
         first = rng.uniform(at[0] - 5, max(at[0], at[-1] - STEPS * pace) + 5)
         steps = first + np.arange(STEPS) * pace
-        inside = torch.from_numpy((steps >= 0) & (steps < len(heard[k][which]) - 1)).float()
-        features.append(at_moments(heard[k][which], steps) * inside[:, None])
+        inside = torch.from_numpy((steps >= 0) & (steps < len(activations[k][which]) - 1)).float()
+        features.append(at_moments(activations[k][which], steps) * inside[:, None])
         chosen = np.flatnonzero((at >= first) & (at < first + (STEPS - 2) * pace))
         moments.append(torch.from_numpy((at[chosen] - first) / pace).float())
         targets.append(one.targets()[chosen])
@@ -122,7 +125,10 @@ def loss_of(said: Tensor, batch: Batch) -> Tensor:
 
 
 def train_member(
-    member: Member, found: Sequence[Lesson], heard: Sequence[list[Tensor]], settings: LipTraining
+    member: Member,
+    found: Sequence[Lesson],
+    activations: Sequence[list[Tensor]],
+    settings: LipTraining,
 ) -> None:
     """AdamW with a one-cycle rate."""
     rng, made = np.random.default_rng(settings.seed), torch.Generator().manual_seed(settings.seed)
@@ -135,7 +141,7 @@ def train_member(
     )
     bar = trange(settings.iterations, desc=f"member {settings.seed}", mininterval=2)
     for _ in bar:
-        batch = draw(found, heard, settings.items, rng)
+        batch = draw(found, activations, settings.items, rng)
         x = batch.features
         spread = NOISE * x.std()
         x = x + spread * torch.randn(x.shape, generator=made)
@@ -164,15 +170,15 @@ def train(
             for one, said in zip(found, said_by_others(network, found), strict=True)
         )
         fit_filters(network, found)
-        heard = [
-            [network.inputs(t.heard.float(), t.voice.float())[2] for t in one.takes]
+        activations = [
+            [network.inputs(t.activations.float(), t.voice.float())[2] for t in one.takes]
             for one in found
         ]
     for k, member in enumerate(network.members):
         own = LipTraining(**{**settings.__dict__, "seed": settings.seed + k})
         torch.manual_seed(own.seed)
         assert isinstance(member, Member)
-        train_member(member, taught, heard, own)
+        train_member(member, taught, activations, own)
     balance(network.eval(), found)
     return network
 
@@ -183,7 +189,7 @@ def balance(network: LipNetwork, found: Sequence[Lesson]) -> None:
     spread = []
     for one in found:
         take = one.takes[0]
-        parts = network.parts(take.heard.float()[None], take.voice.float()[None])
+        parts = network.parts(take.activations.float()[None], take.voice.float()[None])
         spread.append(torch.stack([p[0].std(0) for p in parts]))
     mean_spread = torch.stack(spread).mean(0)
     network.scale.copy_(mean_spread[:1] / mean_spread.clamp_min(1e-6))

@@ -17,8 +17,8 @@ from tests.dubbing.training.lips.made import TINY, network
 
 def noise(steps: int) -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(0)
-    heard = rng.standard_normal((steps, HIDDEN + SENONES)).astype(np.float32)
-    return heard, np.ones(steps, np.float32)
+    activations = rng.standard_normal((steps, HIDDEN + SENONES)).astype(np.float32)
+    return activations, np.ones(steps, np.float32)
 
 
 @pytest.mark.parametrize("steps", [1, 2, 31, 60])

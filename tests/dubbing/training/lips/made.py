@@ -19,10 +19,10 @@ def lesson(seed: int, frames: int = FRAMES) -> Lesson:
     steps = frames * STEP_RATE // RATE
     noise = rng.standard_normal((steps + 8, HIDDEN + SENONES))
     noise[:, 12:] *= 0.05  # few values say anything
-    heard = np.stack([noise[k : k + 9].mean(0) * 3 for k in range(steps)]) * 0.5
+    activations = np.stack([noise[k : k + 9].mean(0) * 3 for k in range(steps)]) * 0.5
     times = (np.arange(frames) + 0.5) / RATE
     index = np.clip(np.round(times * STEP_RATE - 0.5 - 4).astype(int), 0, steps - 1)
-    lips = heard[index, :7] / heard[:, :7].std(0)
+    lips = activations[index, :7] / activations[:, :7].std(0)
     own = rng.standard_normal((frames, 7)) * 0.2
     return Lesson(
         name=f"made {seed}",
@@ -30,7 +30,9 @@ def lesson(seed: int, frames: int = FRAMES) -> Lesson:
         lips=lips + own,
         closed=(lips[:, 0] < -0.8).astype(float),
         outline=rng.standard_normal((frames, OUTLINE)),
-        takes=(Take(1.0, torch.from_numpy(heard).half(), torch.ones(steps, dtype=torch.float16)),),
+        takes=(
+            Take(1.0, torch.from_numpy(activations).half(), torch.ones(steps, dtype=torch.float16)),
+        ),
     )
 
 

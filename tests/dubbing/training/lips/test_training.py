@@ -17,7 +17,7 @@ from tests.dubbing.training.lips.made import lesson, network
 
 def said(learned: LipNetwork, one: Lesson) -> np.ndarray:
     take = one.takes[0]
-    found = lips_of(learned, take.heard.float().numpy(), take.voice.float().numpy())
+    found = lips_of(learned, take.activations.float().numpy(), take.voice.float().numpy())
     return at_times(found.table(), one.times)
 
 
@@ -43,11 +43,12 @@ def test_a_member_carries_to_a_stranger() -> None:
     people, stranger, net = [lesson(k) for k in range(4)], lesson(9), network()
     with torch.no_grad():
         net.scale[:2] = 0
-        heard = [
-            [net.inputs(t.heard.float(), t.voice.float())[2] for t in one.takes] for one in people
+        activations = [
+            [net.inputs(t.activations.float(), t.voice.float())[2] for t in one.takes]
+            for one in people
         ]
     settings = LipTraining(iterations=60, items=8, rate=5e-3)
-    train_member(net.members[0], people, heard, settings)  # type: ignore[arg-type]
+    train_member(net.members[0], people, activations, settings)  # type: ignore[arg-type]
     opening, touching = agreement(net, stranger)
     assert opening > 0.6
     assert touching > 0.3
@@ -57,16 +58,16 @@ def test_a_member_carries_to_a_stranger() -> None:
 
 def test_the_same_seed_draws_the_same() -> None:
     people = [lesson(k) for k in range(2)]
-    heard = [[t.heard.float()[:, :64] for t in one.takes] for one in people]
-    one, other = (draw(people, heard, 4, np.random.default_rng(3)) for _ in range(2))
+    activations = [[t.activations.float()[:, :64] for t in one.takes] for one in people]
+    one, other = (draw(people, activations, 4, np.random.default_rng(3)) for _ in range(2))
     assert torch.equal(one.features, other.features)
     assert torch.equal(one.targets, other.targets)
 
 
 def test_the_loss_is_least_where_lips_are_right() -> None:
     people = [lesson(k) for k in range(2)]
-    heard = [[t.heard.float()[:, :64] for t in one.takes] for one in people]
-    batch = draw(people, heard, 4, np.random.default_rng(3))
+    activations = [[t.activations.float()[:, :64] for t in one.takes] for one in people]
+    batch = draw(people, activations, 4, np.random.default_rng(3))
     right = batch.targets.clone()
     right[..., CLOSED] = 20 * (right[..., CLOSED] - 0.5)
     still = torch.zeros_like(right)
