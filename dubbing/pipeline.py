@@ -24,7 +24,7 @@ from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.only import chosen_names
 from dubbing.media import SUFFIX, MediaInfo
 from dubbing.shipped.base import shipped_base
-from dubbing.sound_to_lips.paths import DEFAULT_WEIGHTS as LIP_WEIGHTS
+from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 from dubbing.speech import features
 from dubbing.stage_kinds import KINDS
 from dubbing.stages import tasks
@@ -190,7 +190,7 @@ def _speech_weights(identity: Identity) -> dict[str, Path]:
     """The weights of what hears an identity's speech: its features, and the lips of it."""
     file = features.weights_file(identity.speech, identity.speech_weights)
     own = {} if file is None else {"speech_weights": file}
-    return {**own, "lip_weights": LIP_WEIGHTS}
+    return {**own, "lip_encoder": ENCODER_WEIGHTS, "lip_filter": FILTER_WEIGHTS}
 
 
 def _too_long(dub: Dub, clip: MediaInfo, seconds: float) -> DubbingError | None:

@@ -2,4 +2,5 @@
 
 from pathlib import Path
 
-DEFAULT_WEIGHTS = Path(__file__).with_name("weights.safetensors")
+ENCODER_WEIGHTS = Path(__file__).with_name("encoder.safetensors")
+FILTER_WEIGHTS = Path(__file__).with_name("filter.safetensors")

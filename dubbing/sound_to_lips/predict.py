@@ -1,6 +1,6 @@
 """What lips do while a sound is heard, 50 times a second.
 
-Letters: N samples at 16 kHz, T steps of 20 ms, F video frames, K = 7 lip measures.
+Letters: T steps of 20 ms, K = 7 lip measures.
 """
 
 from __future__ import annotations
@@ -11,17 +11,12 @@ from functools import lru_cache
 import numpy as np
 import torch
 
-from dubbing.sound_to_lips.network import CLOSED, LipNetwork
-from dubbing.sound_to_lips.paths import DEFAULT_WEIGHTS
+from dubbing.sound_to_lips.encoder import STEP, encode
+from dubbing.sound_to_lips.network import CLOSED, OUTPUTS, LipNetwork
 from dubbing.sound_to_lips.weights import load
-from dubbing.speech import listening
 from dubbing.speech import voice_activity as voice
-from dubbing.speech.acoustic_weights import SpeechModel, load_model, outputs
-from dubbing.speech.rnn_features import voice_gate
-from dubbing.speech.weight_paths import DEFAULT_WEIGHTS as ACOUSTIC_WEIGHTS
 
-# Steps worked on at once, and how many more are looked at on each side.
-PIECE, AROUND = 3000, 100
+LEVEL_DB = -20.0  # of the loud parts of what the encoder hears
 
 
 @dataclass(frozen=True)
@@ -42,32 +37,26 @@ class PredictedLips:
 
 
 @lru_cache(maxsize=1)
-def _networks() -> tuple[SpeechModel, LipNetwork]:
-    return load_model(ACOUSTIC_WEIGHTS), load(DEFAULT_WEIGHTS)
+def _network() -> LipNetwork:
+    return load()
+
+
+def gain_of(energy: np.ndarray) -> float:
+    """What to multiply a sound by for the encoder, from the energy (T,) of its steps in dB."""
+    level = voice.loudness_db(energy)
+    return 10 ** ((LEVEL_DB - level) / 20) if level > voice.SILENCE_DB else 0.0
 
 
 @torch.no_grad()
 def predict(blocks: voice.Blocks) -> PredictedLips:
-    """Lips of a sound that `blocks()` gives in pieces of any length; called three times."""
-    acoustic, network = _networks()
-    spectra = listening.spectra_of(blocks())
-    if not len(spectra):
+    """Lips of a sound that `blocks()` gives in pieces of any length; called twice."""
+    network = _network()
+    energy = voice.energy_db(blocks())
+    if not len(energy):
         return PredictedLips(np.zeros((0, CLOSED), np.float32), np.zeros(0, np.float32))
-    activations = listening.hear(acoustic.network, spectra, outputs)
-    gate = voice_gate(voice.voice_activity_of_blocks(blocks))
-    return lips_of(network, activations, gate)
-
-
-@torch.no_grad()
-def lips_of(network: LipNetwork, activations: np.ndarray, gate: np.ndarray) -> PredictedLips:
-    """Lips of what the acoustic network heard, (T, S) with the voice (T,), in pieces."""
-    made = []
-    for begin in range(0, len(activations), PIECE):
-        low, high = max(0, begin - AROUND), begin + PIECE + AROUND
-        part = network(
-            torch.from_numpy(activations[None, low:high]).float(),
-            torch.from_numpy(gate[None, low:high]).float(),
-        )[0]
-        made.append(part[begin - low :][:PIECE].numpy())
-    table = np.concatenate(made)
+    answers = network.filter(encode(network.encoder, blocks(), gain_of(energy))).numpy()
+    middle = (np.arange(len(energy)) + 0.5) * voice.HOP
+    steps = (np.arange(len(answers)) + 0.5) * STEP
+    table = np.stack([np.interp(middle, steps, answers[:, k]) for k in range(OUTPUTS)], 1)
+    table = table.astype(np.float32)
     return PredictedLips(table[:, :CLOSED], table[:, CLOSED])

@@ -1,38 +1,54 @@
-"""The lip network on disk."""
+"""The weights of the lip network on disk: the encoder's and the filter's."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from torch import nn
+
+from dubbing.errors import DubbingError
 from dubbing.shipped.weights import load_float, save_half
-from dubbing.sound_to_lips.network import LipNetwork, Sizes
-from dubbing.sound_to_lips.paths import DEFAULT_WEIGHTS
+from dubbing.sound_to_lips.encoder import SpeechEncoder
+from dubbing.sound_to_lips.network import LipFilter, LipNetwork
+from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 
-FORMAT = "dfrf-lips-1"
-
-
-def save(network: LipNetwork, path: Path, about: dict[str, Any]) -> None:
-    """Weights in half precision; sizes and `about` in the header."""
-    metadata = {
-        "format": FORMAT,
-        "sizes": json.dumps(network.settings()),
-        "about": json.dumps(about),
-    }
-    save_half(network.state_dict(), path, metadata)
+ENCODER_FORMAT, FILTER_FORMAT = "dfrf-speech-encoder-1", "dfrf-lips-2"
+NetworkT = TypeVar("NetworkT", bound=nn.Module)
 
 
-def load(path: Path = DEFAULT_WEIGHTS) -> LipNetwork:
-    """The network in evaluation mode.
+def save(network: nn.Module, path: Path, form: str, about: dict[str, Any]) -> None:
+    """Weights in half precision; `about` in the header."""
+    save_half(network.state_dict(), path, {"format": form, "about": json.dumps(about)})
+
+
+def loaded(network: NetworkT, path: Path, form: str, what: str, remedy: str) -> NetworkT:
+    """A network with the weights of a file, in evaluation mode.
+
+    Args:
+        what: whose weights they are, for messages.
 
     Raises:
         DubbingError: the file is missing, damaged or holds something else.
     """
+    tensors, _ = load_float(path, form, what, remedy)
+    try:
+        network.load_state_dict(tensors)
+    except RuntimeError as problem:
+        raise DubbingError(f"{what} weights do not fit the network", str(path), remedy) from problem
+    return network.eval()
+
+
+def load_encoder(path: Path = ENCODER_WEIGHTS) -> SpeechEncoder:
+    """The shipped encoder; errors as `loaded`."""
+    return loaded(SpeechEncoder(), path, ENCODER_FORMAT, "speech encoder", "reinstall the package")
+
+
+def load(path: Path = FILTER_WEIGHTS) -> LipNetwork:
+    """The shipped encoder with the filter of a file; errors as `loaded`."""
     remedy = "make one with 'python -m dubbing.training.lips.training', or reinstall the package"
-    tensors, header = load_float(path, FORMAT, "lip", remedy)
-    sizes = json.loads(header["sizes"])
-    sizes["dilations"] = tuple(sizes["dilations"])
-    network = LipNetwork(tensors["projection"], tensors["silence"], Sizes(**sizes))
-    network.load_state_dict(tensors)
+    network = LipNetwork()
+    network.encoder = load_encoder()
+    network.filter = loaded(LipFilter(), path, FILTER_FORMAT, "lip", remedy)
     return network.eval()

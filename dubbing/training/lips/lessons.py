@@ -1,12 +1,12 @@
 """Clips of people who talk, as what is heard and what their lips do meanwhile.
 
-Letters: F frames, T steps of 20 ms, S outputs of the acoustic network, N samples at 16 kHz.
+Letters: F frames, T steps of 24 ms, C channels of the encoder, N samples at 16 kHz.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,58 +14,52 @@ import torch
 from tqdm import tqdm
 
 from dubbing.face.lip_measures import lip_lengths, lips_touch, standardised
-from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP, canonical_face, mouth_shape
-from dubbing.sound_to_lips.network import OUTLINE
-from dubbing.speech import acoustic_input as front
-from dubbing.speech import listening
+from dubbing.face.mouth_shape import canonical_face
+from dubbing.sound_to_lips.encoder import STEP, SpeechEncoder, encode
+from dubbing.sound_to_lips.predict import gain_of
 from dubbing.speech import voice_activity as voice
-from dubbing.speech.acoustic_weights import SpeechModel, outputs
-from dubbing.speech.rnn_features import voice_gate
+from dubbing.speech.voice_activity import SAMPLE_RATE
 from dubbing.sync.check import check
 from dubbing.training.sync.clips import Recording, laid_on, recorded
 from dubbing.training.sync.correlation import TRUSTED_PEAK, align
 
-TAKES = 8
-WARPS = (0.86, 1.16)  # of the vocal tract
+TAKES = 3  # beside the sound as it is
 SPEEDS = (-0.12, 0.12)  # logarithm
 JUDGED = 12  # clips whose offset the sync network is asked about, too
 
 
 @dataclass(frozen=True)
 class Take:
-    """One hearing of a sound: `activations` (T, S) and `voice` (T,), `speed` times as fast."""
+    """One take of a sound: what the encoder says of it, (T, C), and how fast it is."""
 
     speed: float
-    activations: torch.Tensor
-    voice: torch.Tensor
+    encoded: torch.Tensor
 
     def moments(self, times: np.ndarray) -> np.ndarray:
         """Where moments (F,) of the clip, in seconds, lie among the steps."""
-        return np.asarray(times / self.speed * voice.STEP_RATE - 0.5)
+        return np.asarray(times / self.speed * SAMPLE_RATE / STEP - 0.5)
 
 
 @dataclass(frozen=True)
 class Lesson:
     """A clip: its lips at `times` (F,), and its sound as it is, then spoilt in several ways.
 
-    `lips` (F, 7), `closed` (F,) and `outline` (F, 2 x 40) or, once it is told, (F, 8).
+    `lips` (F, 7) of mean 0 and variance 1, `closed` (F,) 1 where lips touch.
     """
 
     name: str
     times: np.ndarray
     lips: np.ndarray
     closed: np.ndarray
-    outline: np.ndarray
     takes: tuple[Take, ...]
 
     def targets(self) -> torch.Tensor:
-        """(F, 16) in the order of the network's outputs."""
-        parts = [self.lips, self.closed[:, None], self.outline]
-        return torch.from_numpy(np.concatenate(parts, 1)).float()
+        """(F, 8) in the order of the network's outputs."""
+        return torch.from_numpy(np.concatenate([self.lips, self.closed[:, None]], 1)).float()
 
 
 def lessons(
-    paths: Sequence[Path], cache: Path, model: SpeechModel, seed: int, takes: int = TAKES
+    paths: Sequence[Path], cache: Path, encoder: SpeechEncoder, seed: int, takes: int = TAKES
 ) -> list[Lesson]:
     """Measures clips of one talking person each; offsets of their sound are taken out.
 
@@ -85,8 +79,8 @@ def lessons(
     rng = np.random.default_rng(seed)
     made = []
     for recording, offset in zip(tqdm(found, "sounds"), offsets, strict=True):
-        made.append(lesson(recording, float(offset), face, model, rng, takes))
-    return outlined(made)
+        made.append(lesson(recording, float(offset), encoder, rng, takes))
+    return made
 
 
 def common_offset(paths: Sequence[Path], offsets: np.ndarray, peaks: np.ndarray) -> float:
@@ -104,41 +98,29 @@ def common_offset(paths: Sequence[Path], offsets: np.ndarray, peaks: np.ndarray)
 def lesson(
     recording: Recording,
     offset: float,
-    face: np.ndarray,
-    model: SpeechModel,
+    encoder: SpeechEncoder,
     rng: np.random.Generator,
     takes: int,
 ) -> Lesson:
-    """One clip, its outline as measured."""
+    """One clip."""
     seen = np.isfinite(recording.meshes[:, 0, 0])
     points = recording.meshes[seen, :, :2].astype(np.float64)
-    shape = mouth_shape(recording.meshes[seen], face)[:, : len(OUTER_LIP + INNER_LIP)]
-    activations = [take(model, recording.samples)]
+    made = [take(encoder, recording.samples)]
     for _ in range(takes):
-        speed, warp = float(np.exp(rng.uniform(*SPEEDS))), float(rng.uniform(*WARPS))
-        activations.append(
-            take(model, spoilt(at_speed(recording.samples, speed), rng), speed, warp)
-        )
+        speed = float(np.exp(rng.uniform(*SPEEDS)))
+        made.append(take(encoder, spoilt(at_speed(recording.samples, speed), rng), speed))
     return Lesson(
         recording.path.stem,
         recording.times[seen] + offset,
         standardised(lip_lengths(points)),
         lips_touch(points).astype(np.float64),
-        shape.reshape(len(shape), -1),
-        tuple(activations),
+        tuple(made),
     )
 
 
-def take(model: SpeechModel, samples: np.ndarray, speed: float = 1.0, warp: float = 1.0) -> Take:
-    """What the acoustic network hears of samples (N,)."""
-    filters = front.filters(warp)
-    windows = voice.step_windows([samples], front.STEP_WIDTH)
-    spectra = torch.cat(
-        [front.log_mel(torch.from_numpy(w.copy())[None], filters)[0] for w in windows]
-    )
-    activations = listening.hear(model.network, spectra, outputs)
-    gate = voice_gate(voice.voice_activity(samples))
-    return Take(speed, torch.from_numpy(activations).half(), torch.from_numpy(gate).half())
+def take(encoder: SpeechEncoder, samples: np.ndarray, speed: float = 1.0) -> Take:
+    """What the encoder says of samples (N,)."""
+    return Take(speed, encode(encoder, [samples], gain_of(voice.energy_db([samples]))).half())
 
 
 def at_speed(samples: np.ndarray, speed: float) -> np.ndarray:
@@ -154,22 +136,11 @@ def spoilt(samples: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     place = np.linspace(0, 1, len(spectrum))
     wave = np.sin(2 * np.pi * place * rng.uniform(0.5, 3) + rng.uniform(0, 2 * np.pi))
     gain = rng.uniform(-12, 12) * (place - 0.5) + rng.uniform(-4, 4) * wave
-    activations = np.fft.irfft(spectrum * 10 ** (gain / 20), count)
+    tilted = np.fft.irfft(spectrum * 10 ** (gain / 20), count)
     if rng.random() < 0.6:
         noise = np.fft.rfft(rng.standard_normal(count))
         noise /= np.maximum(np.arange(len(noise)), 30) ** rng.uniform(0, 0.6)
         made = np.fft.irfft(noise, count)
-        level = activations.std() * 10 ** (-rng.uniform(12, 35) / 20)
-        activations = activations + made / made.std() * level
-    return activations.astype(np.float32)
-
-
-def outlined(found: Sequence[Lesson]) -> list[Lesson]:
-    """The same with the outline on its principal directions over all, variance 1 for each."""
-    moved = [one.outline - one.outline.mean(0) for one in found]
-    some = np.concatenate([m[:: max(1, len(m) // 200)] for m in moved])
-    directions = np.linalg.svd(some, full_matrices=False)[2][:OUTLINE]
-    return [
-        replace(one, outline=standardised(m @ directions.T))
-        for one, m in zip(found, moved, strict=True)
-    ]
+        level = tilted.std() * 10 ** (-rng.uniform(12, 35) / 20)
+        tilted = tilted + made / made.std() * level
+    return tilted.astype(np.float32)

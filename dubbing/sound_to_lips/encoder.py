@@ -1,0 +1,117 @@
+"""The encoder of a speech recogniser, as far as it tells what lips do.
+
+It is the first part of Moonshine tiny (Jeffries et al. 2024, "Moonshine: Speech Recognition for
+Live Transcription and Voice Commands"): three convolutions over the samples, then transformer
+layers. The last layers, nearer to words than to sounds, know less of the lips and are left out.
+
+Letters: N samples at 16 kHz, T steps of 24 ms, C = 288 channels. Step t covers the samples
+[384 t, 384 (t + 1)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float
+from torch import Tensor, nn
+
+STEP = 384  # samples
+CHANNELS, HEADS, LAYERS = 288, 8, 4
+ROTATED = 32  # channels of each head that carry the place
+SLOWEST = 10_000.0  # steps over which the slowest of them turns by a radian
+# Samples before the first and after the last step that its output depends on.
+BEFORE, AFTER = 256, 255
+# Steps worked on at once, and how many more are looked at on each side: 30 s and 2 s.
+PIECE, AROUND = 1250, 84
+
+
+class Layer(nn.Module):
+    """Self-attention with rotary places, then a perceptron; each added to what came in."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.before_attention = nn.LayerNorm(CHANNELS, bias=False)
+        self.query, self.key, self.value, self.out = (
+            nn.Linear(CHANNELS, CHANNELS, bias=False) for _ in range(4)
+        )
+        self.before_perceptron = nn.LayerNorm(CHANNELS, bias=False)
+        self.wide, self.narrow = (
+            nn.Linear(CHANNELS, 4 * CHANNELS),
+            nn.Linear(4 * CHANNELS, CHANNELS),
+        )
+
+    def forward(self, x: Float[Tensor, "T C"], turn: tuple[Tensor, Tensor]) -> Float[Tensor, "T C"]:
+        """Args: turn: cosine and sine of the angle of each rotated channel, (T, ROTATED)."""
+        h = self.before_attention(x)
+        query, key, value = (
+            part(h).unflatten(1, (HEADS, -1)).transpose(0, 1)[None]
+            for part in (self.query, self.key, self.value)
+        )
+        seen = F.scaled_dot_product_attention(rotated(query, turn), rotated(key, turn), value)
+        x = x + self.out(seen[0].transpose(0, 1).flatten(1))
+        moved: Tensor = self.narrow(F.gelu(self.wide(self.before_perceptron(x))))
+        return x + moved
+
+
+def rotated(x: Float[Tensor, "1 H T D"], turn: tuple[Tensor, Tensor]) -> Float[Tensor, "1 H T D"]:
+    """The first channels, two by two, turned by the angles of their step (Su et al. 2021)."""
+    place, rest = x[..., :ROTATED], x[..., ROTATED:]
+    across = torch.stack([-place[..., 1::2], place[..., ::2]], -1).flatten(-2)
+    return torch.cat([place * turn[0] + across * turn[1], rest], -1)
+
+
+class SpeechEncoder(nn.Module):
+    """From samples to C numbers a step."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.first = nn.Conv1d(1, CHANNELS, 127, stride=64, bias=False)
+        self.norm = nn.GroupNorm(1, CHANNELS)
+        self.second = nn.Conv1d(CHANNELS, 2 * CHANNELS, 7, stride=3)
+        self.third = nn.Conv1d(2 * CHANNELS, CHANNELS, 3, stride=2)
+        self.layers = nn.ModuleList(Layer() for _ in range(LAYERS))
+
+    def forward(self, samples: Float[Tensor, " N"]) -> Float[Tensor, "T C"]:
+        """Steps of N = STEP T + BEFORE + AFTER samples."""
+        h = self.norm(torch.tanh(self.first(samples[None, None])))
+        h = F.gelu(self.third(F.gelu(self.second(h))))[0].mT
+        rate = SLOWEST ** -(torch.arange(0, ROTATED, 2, device=h.device) / ROTATED)
+        angle = (torch.arange(len(h), device=h.device)[:, None] * rate).repeat_interleave(2, 1)
+        for layer in self.layers:
+            h = layer(h, (angle.cos(), angle.sin()))
+        return h
+
+
+@torch.no_grad()
+def encode(encoder: SpeechEncoder, blocks: Iterable[np.ndarray], gain: float) -> Tensor:
+    """Steps (T, C) of a sound that comes in blocks, in pieces that do not depend on the blocks.
+
+    Args:
+        blocks: samples at 16 kHz, one after the other.
+        gain: what they are multiplied by.
+    """
+    held = np.zeros(BEFORE, np.float32)
+    first = begin = total = 0  # the first step held, the first not yet encoded, samples
+    found = []
+
+    def piece(steps: int) -> None:
+        nonlocal held, first, begin
+        part = torch.from_numpy(held[: steps * STEP + BEFORE + AFTER] * np.float32(gain))
+        found.append(encoder(part)[begin - first :][:PIECE])
+        begin += PIECE
+        dropped = max(0, begin - AROUND) - first
+        held, first = held[dropped * STEP :], first + dropped
+
+    for block in blocks:
+        held = np.concatenate([held, np.asarray(block, np.float32)])
+        total += len(block)
+        while len(held) >= (steps := begin - first + PIECE + AROUND) * STEP + BEFORE + AFTER:
+            piece(steps)
+    count = -(-total // STEP)
+    held = np.concatenate([held, np.zeros(count * STEP - total + AFTER, np.float32)])
+    while begin < count:
+        piece(min(count, begin + PIECE + AROUND) - first)
+    return torch.cat(found) if found else torch.zeros(0, CHANNELS)
