@@ -11,6 +11,9 @@ import soundfile
 
 from dubbing import media
 
+# Of whoever is on the clips, as a manifest holds it.
+CONSENT = '{by: "the person on film", reference: "form 17"}'
+
 
 def frame(k: int, width: int = 64, height: int = 48) -> np.ndarray:
     """Frame k: a smooth picture, and k in binary as twelve blocks of black or white on top."""

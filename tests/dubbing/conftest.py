@@ -1,4 +1,4 @@
-"""One small clip of the synthetic speaker, whose offset is known exactly."""
+"""Clips that many tests read: numbered frames, and the synthetic speaker in known sync."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,9 +12,29 @@ import soundfile
 from dubbing import media
 from dubbing.media import VideoWriter
 from dubbing.synthetic.speaker import make_speaker
+from tests import clips, fakes
 
 TEXT = "The quick brown fox jumps over the lazy dog, and then we walked back home."
 RATE = Fraction(25)
+
+
+@pytest.fixture(scope="session")
+def footage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with clips of ``ann``, ``bob`` and ``noface``, half a clip, and speech."""
+    folder = tmp_path_factory.mktemp("footage")
+    clips.write_clip(folder / "ann.mp4", 30)
+    clips.write_clip(folder / "bob.mp4", 30)
+    clips.write_clip(folder / "noface.mp4", 30)
+    clips.write_sound(folder / "it.wav", 1.6)
+    whole = (folder / "bob.mp4").read_bytes()
+    (folder / "damaged.mp4").write_bytes(whole[: len(whole) // 3])
+    return folder
+
+
+@pytest.fixture
+def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stages that do no work: each leaves files as the true one would."""
+    fakes.install(monkeypatch.setattr)
 
 
 @dataclass(frozen=True)

@@ -34,10 +34,9 @@ CALLS = (
 def folder(tmp_path: Path) -> Path:
     clips.write_clip(tmp_path / "ann.mp4", 30)
     clips.write_sound(tmp_path / "it.wav", 0.6)
-    consent = '{by: "the person on film", reference: "form 17"}'
     (tmp_path / "m.yaml").write_text(
         f"version: 1\noutput: out\n"
-        f"identities: {{ann: {{clip: ann.mp4, seconds: 1, consent: {consent}}}}}\n"
+        f"identities: {{ann: {{clip: ann.mp4, seconds: 1, consent: {clips.CONSENT}}}}}\n"
         f"dubs: [{{name: it, identity: ann, audio: it.wav}}]\n"
     )
     return tmp_path

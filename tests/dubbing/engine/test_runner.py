@@ -16,7 +16,7 @@ from dubbing.engine.runner import Failure, Options
 from dubbing.engine.stage import Progress, Stage
 from dubbing.errors import MediaError
 from dubbing.stage_kinds import OF_IDENTITY
-from tests.dubbing.test_batch import Listener
+from tests.dubbing.batches import Listener
 
 
 @dataclass(frozen=True)

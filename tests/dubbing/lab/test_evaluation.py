@@ -16,7 +16,6 @@ from dubbing.manifest.manifest import Manifest, load
 from dubbing.stages import tasks
 from tests import clips, fakes
 
-CONSENT = '{by: "the person on film", reference: "form 17"}'
 FRAMES, LEARNED = 30, 20  # 0.8 s at 25 a second
 
 
@@ -26,7 +25,7 @@ def manifest(tmp_path: Path) -> Manifest:
     path = tmp_path / "m.yaml"
     path.write_text(
         "version: 1\noutput: out\nidentities:\n"
-        f"  ann: {{clip: ann.mp4, seconds: 0.8, consent: {CONSENT}}}\n"
+        f"  ann: {{clip: ann.mp4, seconds: 0.8, consent: {clips.CONSENT}}}\n"
     )
     return load(path)
 

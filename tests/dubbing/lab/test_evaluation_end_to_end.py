@@ -50,7 +50,7 @@ def test_both_protocols_of_a_tiny_person(tmp_path: Path, monkeypatch: pytest.Mon
     (tmp_path / "m.yaml").write_text(
         "version: 1\noutput: out\nidentities:\n"
         f"  ann: {{clip: ann.mp4, seconds: {LEARNED / 25},\n"
-        '    consent: {by: "the person on film", reference: "form 17"}}\n'
+        f"    consent: {clips.CONSENT}}}\n"
     )
     gaps, wide = np.array([0.0, 0.1, 0.2, 0.05, 0.0, 0.15]), np.linspace(0.4, 0.6, 6)
     talks = [talk(gaps / 2, wide), talk(gaps, wide)]

@@ -10,21 +10,11 @@ from dubbing.errors import ManifestError
 from dubbing.manifest.manifest import load
 from tests import clips
 
-CONSENT = '{by: "the person on film", reference: "form 17"}'
-
-
-@pytest.fixture(scope="module")
-def footage(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("footage")
-    clips.write_clip(folder / "host.mp4", 30)
-    clips.write_sound(folder / "it.wav", 0.6)
-    return folder
-
 
 @pytest.fixture
 def folder(footage: Path, tmp_path: Path) -> Path:
-    for path in footage.iterdir():
-        shutil.copyfile(path, tmp_path / path.name)
+    shutil.copyfile(footage / "ann.mp4", tmp_path / "host.mp4")
+    shutil.copyfile(footage / "it.wav", tmp_path / "it.wav")
     (tmp_path / "out").mkdir()
     return tmp_path
 
@@ -34,7 +24,7 @@ def problems(
 ) -> list[str]:
     (folder / name).write_text(
         f"version: 1\noutput: {output}\nidentities:\n"
-        f"  ann: {{clip: {clip}, seconds: 1, consent: {CONSENT}}}\n"
+        f"  ann: {{clip: {clip}, seconds: 1, consent: {clips.CONSENT}}}\n"
         f"dubs: [{{name: host, identity: ann, audio: {audio}}}]\n"
     )
     try:

@@ -33,7 +33,6 @@ from tests import clips, fakes
 from tests.dfrf.people import small_config
 from tests.dfrf.published.test_method import TINY
 
-CONSENT = '{by: "the person on film", reference: "form 17"}'
 PAPER = FinetuneSettings(preset="paper", iterations=4, speech="mel")
 
 
@@ -66,7 +65,7 @@ version: 1
 output: out
 defaults: {{preset: paper, seconds: 1, speech: mel, size: 64}}
 identities:
-  ann: {{clip: ann.mp4, consent: {CONSENT}{keys}}}
+  ann: {{clip: ann.mp4, consent: {clips.CONSENT}{keys}}}
 dubs:
   - {{identity: ann, audio: it.wav}}
 """

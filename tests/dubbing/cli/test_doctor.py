@@ -1,0 +1,61 @@
+"""The command `doctor`."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+
+def test_doctor_says_what_is_there(dfrf) -> None:  # type: ignore[no-untyped-def]
+    _, out, _ = dfrf("doctor")
+    for what in ("Python", "torch", "ffmpeg", "mediapipe", "OpenCV", "base checkpoint"):
+        assert what in out
+
+
+def test_doctor_works_where_everything_is_missing() -> None:
+    """It is there for a machine on which the installation went wrong."""
+    code = (
+        "import sys; sys.modules.update(dict.fromkeys(sys.argv[1].split(',')))\n"
+        "from dubbing.cli import doctor\n"
+        "doctor._version = lambda package: ''\n"
+        "from dubbing.cli.main import app\n"
+        "app(['doctor'])"
+    )
+    missing = "av,cv2,ffmpeg,imageio_ffmpeg,mediapipe,numpy,scipy,torch,webrtcvad,yaml"
+    done = subprocess.run(
+        [sys.executable, "-c", code, missing],
+        env={**os.environ, "COLUMNS": "200"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (1, "")
+    rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in done.stdout.splitlines()]
+    assert ["OpenCV", "lacking", "not installed", "make install"] in rows
+    assert ["graphics card", "lacking", "torch is not there", "make install"] in rows
+    assert any(row[:2] == ["ffmpeg", "lacking"] for row in rows if row)
+
+
+@pytest.mark.parametrize(
+    ("program", "said"),
+    [
+        ("/bin/false", "it ended with 1"),
+        ("/bin/true", "it ended with 0"),
+        ("nothing", "no ffmpeg found"),
+    ],
+)
+def test_doctor_says_that_ffmpeg_is_broken(
+    program: str, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from dubbing.cli import doctor as machine
+    from dubbing.media import ffmpeg
+
+    ffmpeg.version.cache_clear()
+    monkeypatch.setenv("DFRF_FFMPEG", program)
+    (found,) = (finding for finding in machine.examine() if finding.what == "ffmpeg")
+    assert found.state == "lacking"
+    assert said in found.found
+    assert "DFRF_FFMPEG" in found.remedy

@@ -1,0 +1,105 @@
+"""The commands `dub` and `plan`, and their exit codes."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dubbing.engine import lock
+from dubbing.stages import tasks
+
+
+def test_dub_then_plan(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
+    code, out, err = dfrf("dub", manifest)
+    assert code == 0, err
+    assert "it: sync pass" in out
+    assert "report.html" in out
+    code, out, _ = dfrf("plan", "--json", manifest)
+    assert code == 0
+    assert {row["state"] for row in json.loads(out)["stages"]} == {"up to date"}
+    code, out, _ = dfrf("plan", manifest)
+    assert "0 to run, 8 up to date" in out
+
+
+def test_a_gpu_that_is_not_there_is_2(  # type: ignore[no-untyped-def]
+    dfrf, manifest: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    code, _, err = dfrf("dub", manifest, "--device", "cuda")
+    assert code == 2
+    assert "torch sees no GPU here (--device cuda): use auto or cpu" in err
+    assert not (manifest.parent / "out").exists()
+
+
+def test_a_wrong_manifest_is_2_and_all_is_said(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
+    manifest.write_text(manifest.read_text().replace("version: 1", "version: 3\nlabel: x"))
+    code, _, err = dfrf("dub", manifest)
+    assert code == 2
+    assert "2 problems" in err
+    assert "line 2: version: must be 1" in err
+    assert "line 3: label: unknown key" in err
+
+
+def test_a_locked_folder_is_2(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
+    with lock.hold(manifest.parent / "out" / "work"):
+        code, _, err = dfrf("dub", manifest)
+    assert code == 2
+    assert f"process {os.getpid()}" in err
+
+
+@pytest.mark.parametrize("output", ["/proc/out", "/dev/full/out"])
+def test_an_output_that_cannot_be_written_is_found_by_plan(
+    dfrf: Any, manifest: Path, output: str
+) -> None:
+    if not Path(output).parent.exists():
+        pytest.skip("no such file system here")
+    manifest.write_text(manifest.read_text().replace("output: out", f"output: {output}"))
+    for command in ("plan", "dub"):
+        code, _, err = dfrf(command, manifest)
+        assert code == 2
+        assert "line 3: output: " in err
+
+
+def test_a_failed_job_is_1(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
+    manifest.write_text(manifest.read_text().replace("ann.mp4", "noface.mp4"))
+    code, out, _ = dfrf("dub", manifest)
+    assert code == 1
+    assert "no face found (noface.mp4): film the face" in out
+
+
+def test_a_sync_check_that_falls_short_is_3(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
+    manifest.write_text(manifest.read_text().replace("name: it", "name: fellshort"))
+    assert dfrf("dub", manifest)[0] == 3
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupted_is_130_and_goes_on_later(  # type: ignore[no-untyped-def]
+    dfrf,
+    manifest: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    request: pytest.FixtureRequest,
+    number: int,
+) -> None:
+
+    finetune = tasks.Finetune.__call__
+    # Whoever starts the tests in the background has SIGINT ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
+
+    def interrupted(*_arguments: object) -> None:
+        os.kill(os.getpid(), number)
+        time.sleep(60)
+        raise AssertionError("the signal did not interrupt the run")
+
+    monkeypatch.setattr(tasks.Finetune, "__call__", interrupted)
+    code, _, err = dfrf("dub", manifest)
+    assert code == 130
+    assert "run the same command again" in err
+    monkeypatch.setattr(tasks.Finetune, "__call__", finetune)
+    assert dfrf("dub", manifest)[0] == 0

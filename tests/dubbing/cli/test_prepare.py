@@ -1,0 +1,84 @@
+"""The command `prepare`."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dubbing.engine import lock
+from tests import fakes
+
+
+@pytest.fixture
+def preparing(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """Folders that `prepare` was called for; it leaves there what it would."""
+    found: list[Path] = []
+
+    def work(clip: Path, out: Path, **_: object) -> object:
+        found.append(out)
+        return fakes.write_prepared(clip, out)
+
+    monkeypatch.setattr("dubbing.preparation.prepare", work)
+    return found
+
+
+def test_prepare_takes_an_empty_folder_or_its_own(
+    dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path]
+) -> None:
+    clip, out = footage / "ann.mp4", tmp_path / "out"
+    for _ in range(2):
+        code, _, err = dfrf("prepare", clip, "--out", out)
+        assert code == 0, err
+    cut_short = tmp_path / "cut_short"
+    (cut_short / "steps").mkdir(parents=True)
+    (cut_short / "steps" / ".key.17.tmp.json").touch()
+    assert dfrf("prepare", clip, "--out", cut_short)[0] == 0
+    assert preparing == [out, out, cut_short]
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "steps/mine.txt", "matte.mkv"])
+def test_prepare_refuses_a_folder_with_other_files(
+    dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path], name: str
+) -> None:
+    (tmp_path / name).parent.mkdir(exist_ok=True)
+    (tmp_path / name).write_text("precious")
+    code, _, err = dfrf("prepare", footage / "ann.mp4", "--out", tmp_path)
+    assert (code, preparing) == (2, [])
+    assert "other files lie there" in err
+    assert "name an empty folder" in err
+    assert (tmp_path / name).read_text() == "precious"
+
+
+def test_prepare_refuses_no_folder_and_its_own_clip(
+    dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path]
+) -> None:
+    code, _, err = dfrf("prepare", footage / "ann.mp4", "--out", "")
+    assert code == 2
+    assert "names no folder (--out)" in err
+    fakes.write_prepared(footage / "ann.mp4", tmp_path)
+    code, _, err = dfrf("prepare", tmp_path / "matte.mkv", "--out", tmp_path)
+    assert code == 2
+    assert "the clip itself would be overwritten" in err
+    assert preparing == []
+
+
+def test_two_at_once_into_one_folder_are_2(
+    dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path]
+) -> None:
+    with lock.hold(tmp_path):
+        code, _, err = dfrf("prepare", footage / "ann.mp4", "--out", tmp_path)
+    assert (code, preparing) == (2, [])
+    assert f"another run is at work ({tmp_path}): wait for process {os.getpid()}" in err
+
+
+def test_a_clip_whose_name_is_no_utf8_is_refused_before_it_is_prepared(
+    dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path]
+) -> None:
+    clip = tmp_path / os.fsdecode(b"\xff.mp4")
+    clip.write_bytes((footage / "ann.mp4").read_bytes())
+    code, _, err = dfrf("prepare", clip)
+    assert (code, preparing) == (2, [])
+    assert "its name is no UTF-8: rename the file" in err

@@ -1,0 +1,99 @@
+"""Runs that were killed, that damage files, or that meet one another."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dubbing.engine import lock
+from dubbing.engine import planner as planning
+from dubbing.errors import LockedError
+from dubbing.manifest.manifest import load
+from dubbing.pipeline import build
+from tests.dubbing.batches import ROOT, dub, manifest_of
+
+pytestmark = pytest.mark.usefixtures("stand_ins")
+
+
+def tree(folder: Path) -> dict[str, str]:
+    """Digest of every result below a folder; records hold seconds, so they are left out."""
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and path.name not in ("stage.json", ".lock", "report.json", "report.html")
+    }
+
+
+def in_a_process(path: Path, kill: str = "") -> int:
+    environment = {**os.environ, "DFRF_TEST_KILL": kill}
+    command = [sys.executable, "-m", "tests.fakes", "dub", str(path)]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, check=False)
+    return done.returncode
+
+
+def test_kill_at_any_moment_then_run_again(footage: Path, tmp_path: Path) -> None:
+    """After kill -9 and a rerun every file is the same, bit for bit, as undisturbed."""
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    assert in_a_process(manifest_of(footage, whole, {"ann": "ann.mp4"})) == 0
+    undisturbed = tree(whole / "out")
+    assert "ann_it.mp4" in undisturbed
+    killed = tmp_path / "killed"
+    killed.mkdir()
+    path = manifest_of(footage, killed, {"ann": "ann.mp4"})
+    # One run after another, each killed a little later, in one and the same folder.
+    for kill in ("prepare:2", "finetune:3", "refine_poses:1", "render:4", "composite:17", "mux:1"):
+        assert in_a_process(path, kill) == -signal.SIGKILL, kill
+        assert not (killed / "out" / "ann_it.mp4").exists()
+    assert in_a_process(path) == 0
+    assert tree(killed / "out") == undisturbed
+
+
+def test_publishing_that_was_killed_leaves_nothing_behind(footage: Path, tmp_path: Path) -> None:
+    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
+    dub(path)
+    out = tmp_path / "out"
+    (out / "ann_it.mp4").rename(out / ".ann_it.4711.tmp.mp4")  # as between link and replace
+    for name in (".ann_it.sync.4711.tmp.json", ".report.4711.tmp.json", ".report.4711.tmp.html"):
+        (out / name).write_text("half")
+    dub(path)
+    expected = ["ann_it.mp4", "ann_it.sync.json", "report.html", "report.json", "work"]
+    assert sorted(p.name for p in out.iterdir()) == expected
+
+
+@pytest.mark.parametrize("content", ["[3]", '{"verdict": [], "warnings": 3, "outputs": {"a": []}}'])
+def test_damaged_files_of_ours_do_not_end_a_run(
+    footage: Path, tmp_path: Path, content: str
+) -> None:
+    people = {"ann": "ann.mp4", "bob": "bob.mp4"}
+    path = manifest_of(footage, tmp_path, people)
+    dub(path, only=("ann_it",))
+    work = tmp_path / "out" / "work"
+    for name in ("check/sync.json", "speech/stage.json", "speech/speech.json"):
+        (work / "dubs" / "ann_it" / name).write_text(content)
+    for name in ("prepared/prepared.json", "model/stage.json"):
+        (work / "identities" / "ann" / name).write_text(content)
+    (work / "identities" / "ann" / "model" / "loss.csv").write_text("step,loss,psnr\n1,x\n")
+    planning.rows(build(load(path)))
+    result, _ = dub(path, only=("bob_it",))
+    assert (result.code, result.outcomes["dub/bob_it"].state) == (0, "made")
+    told = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert told["dubs"]["ann_it"]["sync"] is None
+    summary, curve = told["identities"]["ann"]["warnings"]
+    assert "prepared clip holds something else" in summary
+    assert "loss.csv: is no curve of a training" in curve
+    result, _ = dub(path)  # all of it is made again
+    assert result.code == 0
+
+
+def test_a_locked_folder_is_left_alone(footage: Path, tmp_path: Path) -> None:
+    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
+    with lock.hold(tmp_path / "out" / "work"), pytest.raises(LockedError):
+        dub(path)
