@@ -26,7 +26,7 @@ DECLARED = {
     "skimage": "scikit-image==0.26.0",
     "tqdm": "tqdm==4.70.1",
     "pydantic": "pydantic==2.14.3",
-    "yaml": "PyYAML==6.0.3",
+    "ruamel.yaml": "ruamel.yaml==0.19.1",
     "imageio_ffmpeg": "imageio-ffmpeg==0.8.1",
     "av": "av==18.1.0",
     "rich": "rich==15.0.0",

@@ -5,18 +5,22 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-import yaml
+from ruamel.yaml import YAML
+from ruamel.yaml.composer import Composer
+from ruamel.yaml.constructor import SafeConstructor
+from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.nodes import CollectionNode, MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
 
 from dubbing.errors import Problem
 
 Path = tuple[str | int, ...]
-# What PyYAML raises at a value that is not of its kind, as the date 2026-13-45.
+# What ruamel.yaml raises at a value that is not of its kind, as the date 2026-13-45.
 UNFIT = (ArithmeticError, AttributeError, LookupError, ValueError)
 MOST_NODES = 100_000  # aliases can make a short file describe an endless tree
 DEEPEST = 50
 LONGEST_VALUE = 100  # characters of what is no text: a number of a million digits takes hours
 MERGE, TEXT = "tag:yaml.org,2002:merge", "tag:yaml.org,2002:str"
-NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 
 
 @dataclass
@@ -45,99 +49,87 @@ def key_path(path: Path) -> str:
 def read(text: str) -> Document:
     """Parse ``text``; broken syntax, unsafe tags and keys given twice become problems."""
     document = Document()
+    parser = YAML(typ="safe", pure=True)  # YAML 1.2: `no` and 1:05 are text
+    parser.Composer = _Composer
+    parser.composer.warn_double_anchors = False  # the last one counts, says YAML 1.2
     try:
-        loader = _Loader(text)
-    except yaml.reader.ReaderError as error:
+        root = parser.compose(text)
+        if root is not None:
+            document.data = _Builder(parser.constructor, document).build(root, ())
+    except ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         said = f"not valid YAML: the character {chr(error.character)!r} is not allowed"
         document.problems.append(Problem(line, "", said))
-        return document
-    try:
-        root = loader.get_single_node()
-        if root is not None:
-            document.data = _Builder(loader, document).build(root, ())
-    except RecursionError:
-        said = "not valid YAML: too many brackets in one another"
-        document.problems.append(Problem(loader.line + 1, "", said))
-    except yaml.MarkedYAMLError as error:
+    except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else 1
         what = " ".join(part for part in (error.context, error.problem) if part)
         document.problems.append(Problem(line, "", f"not valid YAML: {what}"))
-    finally:
-        loader.dispose()
     return document
 
 
-class _Loader(yaml.SafeLoader):
-    """Reads no more nodes than are built of them."""
+class _Composer(Composer):
+    """Reads no more and no deeper nodes than are built of them."""
 
     read = 0
 
-    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+    def compose_node(self, parent: Node | None, index: Any) -> Node | None:
         self.read += 1
-        if self.read > MOST_NODES:
-            mark = self.peek_event().start_mark
-            raise yaml.composer.ComposerError(None, None, "too many values", mark)
+        if self.read > MOST_NODES or self.depth > DEEPEST:
+            said = (
+                "too many values" if self.read > MOST_NODES else "too many brackets in one another"
+            )
+            raise MarkedYAMLError(None, None, said, self.parser.peek_event().start_mark)
         return super().compose_node(parent, index)
 
 
 class _Builder:
-    def __init__(self, loader: yaml.SafeLoader, document: Document) -> None:
-        self.loader = loader
+    def __init__(self, constructor: SafeConstructor, document: Document) -> None:
+        self.constructor = constructor
         self.document = document
         self.nodes = 0
 
-    def build(self, node: yaml.Node, path: Path) -> Any:
+    def build(self, node: Node, path: Path) -> Any:
         self._count(node, 1, len(path))
         self.document.lines.setdefault(path, node.start_mark.line + 1)
-        plain = "tag:yaml.org,2002:" + ("seq" if isinstance(node, yaml.SequenceNode) else "map")
-        if isinstance(node, yaml.CollectionNode) and node.tag != plain:
-            raise yaml.constructor.ConstructorError(
-                None, None, f"the tag {node.tag} is not allowed", node.start_mark
-            )
-        if isinstance(node, yaml.SequenceNode):
+        plain = "tag:yaml.org,2002:" + ("seq" if isinstance(node, SequenceNode) else "map")
+        if isinstance(node, CollectionNode) and node.tag != plain:
+            raise MarkedYAMLError(None, None, f"the tag {node.tag} is not allowed", node.start_mark)
+        if isinstance(node, SequenceNode):
             return [self.build(item, (*path, k)) for k, item in enumerate(node.value)]
-        if isinstance(node, yaml.MappingNode):
+        if isinstance(node, MappingNode):
             return self._mapping(node, path)
-        assert isinstance(node, yaml.ScalarNode)
+        assert isinstance(node, ScalarNode)
         return self._constructed(node, path)
 
-    def _count(self, node: yaml.Node, more: int, depth: int) -> None:
+    def _count(self, node: Node, more: int, depth: int) -> None:
         self.nodes += more
         if self.nodes > MOST_NODES or depth > DEEPEST:
-            raise yaml.constructor.ConstructorError(
-                None, None, "too many or too deep aliases", node.start_mark
-            )
+            raise MarkedYAMLError(None, None, "too many or too deep aliases", node.start_mark)
 
-    def _constructed(self, node: yaml.ScalarNode, path: Path) -> Any:
+    def _constructed(self, node: ScalarNode, path: Path) -> Any:
         try:
             if node.tag != TEXT and len(node.value) > LONGEST_VALUE:
                 raise ValueError
-            if node.tag in NUMBERS and ":" in node.value:
-                # YAML 1.1 counts in sixties, where the first digit is no 0: 1:05 is 65, 0:30 text.
-                return node.value
-            value = self.loader.construct_object(node, deep=True)
+            value = self.constructor.construct_object(node, deep=True)
             if isinstance(value, str):
                 value.encode()  # half a character, as "\ud800", is none
             return value
         except UNFIT:
-            kind = node.tag.removeprefix("tag:yaml.org,2002:")
+            kind = str(node.tag).removeprefix("tag:yaml.org,2002:")
             what = f"{node.value!r:.60} cannot be read as {kind}"
-            raise yaml.constructor.ConstructorError(
-                key_path(path), None, what, node.start_mark
-            ) from None
+            raise MarkedYAMLError(key_path(path), None, what, node.start_mark) from None
 
-    def _mapping(self, node: yaml.MappingNode, path: Path) -> dict[Any, Any]:
+    def _mapping(self, node: MappingNode, path: Path) -> dict[Any, Any]:
         own: set[Any] = set()
         for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode):
+            if isinstance(key, ScalarNode):
                 if key.value in own:
                     self._problem(key, (*path, key.value), "given twice")
                 own.add(key.value)
         data: dict[Any, Any] = {}
         for key, value in self._pairs(node, 0):
-            if not isinstance(key, yaml.ScalarNode):
+            if not isinstance(key, ScalarNode):
                 self._problem(key, path, "a key is not text")
                 continue
             name = self._constructed(key, path)
@@ -149,28 +141,26 @@ class _Builder:
             data[name] = self.build(value, (*path, name))
         return data
 
-    def _pairs(self, node: yaml.MappingNode, depth: int) -> list[tuple[yaml.Node, yaml.Node]]:
+    def _pairs(self, node: MappingNode, depth: int) -> list[tuple[Node, Node]]:
         """Keys and values: first those that it merges (``<<``), then its own, which overrule them.
 
-        PyYAML puts merged keys in place before they can be counted, a power of them where mappings
-        merge one another.
+        The parser would put merged keys in place before they can be counted, a power of them where
+        mappings merge one another.
         """
-        merged: list[tuple[yaml.Node, yaml.Node]] = []
+        merged: list[tuple[Node, Node]] = []
         own = []
         for key, value in node.value:
             if key.tag != MERGE:
                 own.append((key, value))
                 continue
-            others = value.value if isinstance(value, yaml.SequenceNode) else [value]
+            others = value.value if isinstance(value, SequenceNode) else [value]
             for other in reversed(others):  # the first overrules the others
-                if not isinstance(other, yaml.MappingNode):
-                    raise yaml.constructor.ConstructorError(
-                        None, None, "only mappings can be merged", key.start_mark
-                    )
+                if not isinstance(other, MappingNode):
+                    raise MarkedYAMLError(None, None, "only mappings can be merged", key.start_mark)
                 merged += self._pairs(other, depth + 1)
         self._count(node, 1 + len(merged), depth)
         return merged + own
 
-    def _problem(self, node: yaml.Node, path: Path, message: str) -> None:
+    def _problem(self, node: Node, path: Path, message: str) -> None:
         line = node.start_mark.line + 1
         self.document.problems.append(Problem(line, key_path(path), message))

@@ -131,7 +131,7 @@ def test_the_tracker_is_installed_beside_others_without_what_it_declares() -> No
     assert second == TRACKER
 
 
-@pytest.mark.parametrize("name", ["typer", "yaml", "numpy", "annotated_types"])
+@pytest.mark.parametrize("name", ["typer", "ruamel.yaml", "numpy", "annotated_types"])
 def test_what_cannot_even_be_loaded_is_no_traceback(name: str, folder: Path) -> None:
     code = (
         "import sys; sys.modules[sys.argv.pop(1)] = None\nfrom dubbing.__main__ import main\nmain()"

@@ -4,9 +4,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-import yaml
 
-from dubbing.manifest import init
+from dubbing.manifest import init, yaml_lines
 from dubbing.media.probing import MediaInfo, probe
 from tests import clips
 
@@ -52,7 +51,7 @@ def test_forty_clips_and_two_hundred_recordings_give_two_hundred_dubs(
         (tmp_path / f"shot{k}.mp4").touch()
         for language in ("it", "de", "fr", "es", "pt"):
             (tmp_path / f"shot{k}_{language}.wav").touch()
-    written = yaml.safe_load(init.write_manifest(tmp_path).read_text())
+    written = yaml_lines.read(init.write_manifest(tmp_path).read_text()).data
     assert len(written["identities"]) == 40
     assert len(written["dubs"]) == 200
     assert all(dub["audio"].startswith(f"{dub['identity']}_") for dub in written["dubs"])
@@ -64,11 +63,11 @@ def test_what_fits_nothing_is_written_as_comments(tmp_path: Path) -> None:
     clips.write_video(tmp_path / "mute.mp4", 30)
     clips.write_sound(tmp_path / "shot10_it.wav", 1)
     text = init.write_manifest(tmp_path).read_text()
-    written = yaml.safe_load(text)
+    written = yaml_lines.read(text).data
     assert list(written["identities"]) == ["Shot1"]
     assert written["dubs"] is None
     assert '  # - {identity: "Shot1", audio: "shot10_it.wav"}' in text
     assert '  # left out: "mute.mp4" has no sound to learn from' in text
     assert '  # left out: "shot1.mp4" has the name of "Shot1.mov"' in text
-    uncommented = yaml.safe_load(text.replace("  # - {", "  - {"))
+    uncommented = yaml_lines.read(text.replace("  # - {", "  - {")).data
     assert uncommented["dubs"] == [{"identity": "Shot1", "audio": "shot10_it.wav"}]

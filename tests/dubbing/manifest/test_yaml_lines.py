@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 import os
 import re
 import time
@@ -85,6 +86,19 @@ def test_a_mapping_that_merges_can_be_used_twice(folder: Path) -> None:
     assert yaml_lines.read(text).problems == []
 
 
+def test_words_and_clock_times_are_text() -> None:
+    text = "a: no\nb: 1:05\nc: 010\nd: true\ne: 0o10\nf: 2026-11-02\n"
+    date = datetime.date(2026, 11, 2)
+    expected = {"a": "no", "b": "1:05", "c": 10, "d": True, "e": 8, "f": date}
+    assert yaml_lines.read(text).data == expected
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, "".join(" " * k + "a:\n" for k in range(60))])
+def test_brackets_in_one_another_are_counted_while_they_are_read(text: str) -> None:
+    (problem,) = yaml_lines.read(text).problems
+    assert problem.message == "not valid YAML: too many brackets in one another"
+
+
 def test_a_manifest_of_too_many_values_is_not_built(folder: Path) -> None:
     assert any("too many values" in p for p in problems(folder, f"a: [{'x, ' * 150_000}]"))
 
@@ -94,7 +108,10 @@ def test_a_manifest_of_too_many_values_is_not_built(folder: Path) -> None:
     [
         (f"seed: {'1' * 6000}", "line 4: not valid YAML: identities.host.seed '111"),
         (f"seed: 0x{'1' * 6000}", "line 4: not valid YAML: identities.host.seed '0x111"),
-        (f"seed: 1{':59' * 6000}", "line 4: not valid YAML: identities.host.seed '1:59"),
+        (
+            f"seed: 1{':59' * 6000}",
+            "line 4: identities.host.seed: must be a valid integer, not '1:59",
+        ),
         ("seed: 0x" + "1" * 90, "line 4: identities.host.seed: must be less than"),
         ("start: 1.0e+308", "line 4: identities.host.start: must be less than"),
         ("size: [" + "x, " * 5000 + "]", "line 4: identities.host.size: must be"),

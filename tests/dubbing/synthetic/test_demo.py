@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 import pytest
-import yaml
 
+from dubbing.manifest import yaml_lines
 from dubbing.manifest.manifest import load
 from dubbing.media import probe
 from dubbing.synthetic import __main__ as program
@@ -23,7 +23,7 @@ def test_makes_every_file_of_the_demo_and_makes_it_once(
     monkeypatch.setattr(program, "SCRIPT", "Me.")
     monkeypatch.setattr(sys, "argv", ["speaker", str(tmp_path), "--size", "64"])
     assert program.main() == 0
-    manifest = yaml.safe_load(MANIFEST.read_text())
+    manifest = yaml_lines.read(MANIFEST.read_text()).data
     inputs = [person["clip"] for person in manifest["identities"].values()]
     inputs += [dub["audio"] for dub in manifest["dubs"]]
     assert len(inputs) == 3
