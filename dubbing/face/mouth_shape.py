@@ -11,6 +11,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from dubbing.face.similarity import similarity
+
 # Clockwise from the person's right corner, lower lip first: outer edge, then inner edge.
 OUTER_LIP = (
     *(61, 146, 91, 181, 84, 17, 314, 405, 321, 375),
@@ -34,29 +36,6 @@ OPENING = ((14, 13), (87, 82), (317, 312))
 CORNERS = (61, 291)
 
 
-def similarity(points: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Least-squares similarity that lays `points` over `target` (Umeyama 1991).
-
-    Args:
-        points: (T, K, 3).
-        target: (K, 3).
-
-    Returns:
-        scale (T,), rotation (T, 3, 3), translation (T, 3) with
-        target ~ scale * points @ rotation^T + translation.
-    """
-    middle, goal = points.mean(1), target.mean(0)
-    centred, aim = points - middle[:, None], target - goal
-    u, s, vt = np.linalg.svd(np.einsum("ki,tkj->tij", aim, centred))
-    flip = np.sign(np.linalg.det(u @ vt))
-    s[:, 2] *= flip
-    u[:, :, 2] *= flip[:, None]
-    rotation = u @ vt
-    scale = s.sum(1) / np.maximum((centred**2).sum((1, 2)), 1e-12)
-    translation = goal - scale[:, None] * np.einsum("tij,tj->ti", rotation, middle)
-    return scale, rotation, translation
-
-
 def canonical_face(meshes: Iterable[np.ndarray], rounds: int = 5) -> np.ndarray:
     """Mean of the `RIGID` points after alignment, (K, 3): generalised Procrustes.
 
@@ -67,12 +46,7 @@ def canonical_face(meshes: Iterable[np.ndarray], rounds: int = 5) -> np.ndarray:
     start = people[0].mean(0)
     face = start - start.mean(0)
     for _ in range(rounds):
-        means = []
-        for points in people:
-            scale, rotation, translation = similarity(points, face)
-            laid = scale[:, None, None] * np.einsum("tij,tkj->tki", rotation, points)
-            means.append((laid + translation[:, None]).mean(0))
-        face = np.mean(means, 0)
+        face = np.mean([similarity(points, face)(points).mean(0) for points in people], 0)
         face -= face.mean(0)
         corners = [RIGID.index(p) for p in EYE_CORNERS]
         face /= np.linalg.norm(face[corners[0]] - face[corners[1]])
@@ -90,10 +64,8 @@ def mouth_shape(meshes: np.ndarray, face: np.ndarray) -> np.ndarray:
     seen = np.isfinite(meshes).all((1, 2))
     if seen.any():
         points = meshes[seen].astype(np.float64)
-        scale, rotation, translation = similarity(points[:, RIGID], face.astype(np.float64))
-        laid = np.einsum("tij,tkj->tki", rotation, points[:, MOUTH])
-        laid = scale[:, None, None] * laid + translation[:, None]
-        shapes[seen] = laid[:, :, :2]
+        laid = similarity(points[:, RIGID], face.astype(np.float64))
+        shapes[seen] = laid(points[:, MOUTH])[:, :, :2]
     return shapes
 
 

@@ -23,9 +23,9 @@ from dubbing.face.mouth_shape import (
     RIGID,
     mouth_shape,
     opening,
-    similarity,
     width,
 )
+from dubbing.face.similarity import similarity
 from dubbing.identity.dataset import mouth_boxes
 
 LIPS = len(OUTER_LIP) + len(INNER_LIP)  # the first points of a mouth shape
@@ -150,7 +150,7 @@ class MouthSeries:
 def unit_of(mesh: np.ndarray, face: np.ndarray) -> float:
     """Pixels of a mesh (478, 3) that are one eye distance of the canonical face."""
     rigid = mesh[None, list(RIGID)].astype(np.float64)
-    return float(1 / similarity(rigid, face.astype(np.float64))[0][0])
+    return float(1 / similarity(rigid, face.astype(np.float64)).scale[0])
 
 
 def texture(picture: np.ndarray, mesh: np.ndarray) -> float:

@@ -5,7 +5,7 @@ import pytest
 
 from dubbing.face import mesh_points as points
 from dubbing.preparation.alignment.rotations import rotation_from_vector
-from dubbing.preparation.tracking.procrustes import best_similarity, head_frame, mean_shape
+from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
 
 
 @pytest.fixture
@@ -19,20 +19,6 @@ def shape() -> np.ndarray:
     out[points.LEFT_EAR], out[points.RIGHT_EAR] = [-0.7, 0, 0], [0.7, 0, 0]
     out[points.FOREHEAD_TOP], out[points.CHIN] = [0, -0.8, -0.5], [0, 0.9, -0.5]
     return out
-
-
-def test_similarity_is_recovered(shape: np.ndarray) -> None:
-    turn = rotation_from_vector(np.array([[0.3, -0.5, 0.2]]))[0]
-    target = 2.5 * shape @ turn.T + [1, 2, 3]
-    fit = best_similarity(shape, target)
-    assert fit.scale == pytest.approx(2.5)
-    np.testing.assert_allclose(fit.rotation, turn, atol=1e-12)
-    np.testing.assert_allclose(fit(shape), target, atol=1e-12)
-
-
-def test_a_mirror_image_is_no_rotation(shape: np.ndarray) -> None:
-    fit = best_similarity(shape, shape * [-1, 1, 1])
-    assert np.linalg.det(fit.rotation) == pytest.approx(1.0)
 
 
 def test_mean_of_moved_copies_is_the_shape(shape: np.ndarray) -> None:
