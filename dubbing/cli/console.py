@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from statistics import median
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
 from rich.table import Column, Table
 from rich.text import Text
+from tqdm import tqdm
 
 from dubbing.printable import visible
 
@@ -33,15 +34,18 @@ out = Console(highlight=False, soft_wrap=True)
 screen = Console(stderr=True, highlight=False)
 
 
-def _bars() -> Progress:
-    columns = (
-        TextColumn("{task.description}", markup=False),
-        BarColumn(bar_width=24),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-        TextColumn("{task.fields[message]}", style="dim", markup=False),
+def _bar(title: str) -> tqdm:
+    """A bar of 100 %; nothing where there is no terminal."""
+    shown = "{desc} {bar:24} {percentage:3.0f} % {elapsed}{postfix}"
+    off = not screen.is_terminal
+    return tqdm(
+        total=1.0, desc=visible(title), bar_format=shown, leave=False, disable=off, file=screen.file
     )
-    return Progress(*columns, console=screen, transient=True)
+
+
+def _advance(bar: tqdm, message: str, share: float) -> None:
+    bar.set_postfix_str(visible(message), refresh=False)
+    bar.update(share - bar.n)
 
 
 def _line(console: Console, text: str, style: str | None = None) -> None:
@@ -57,65 +61,47 @@ def _cell(text: str, style: str = "") -> Text:
     return Text(visible(text), style)
 
 
-class Bar:
-    """One bar, as a progress function; nothing where there is no terminal."""
-
-    def __init__(self, title: str) -> None:
-        self._bars = _bars()
-        self._task = self._bars.add_task(visible(title), total=1.0, message="")
-
-    def __enter__(self) -> Bar:
-        self._bars.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
-    ) -> None:
-        self._bars.stop()
-
-    def __call__(self, message: str, share: float) -> None:
-        self._bars.update(self._task, completed=share, message=visible(message))
+@contextmanager
+def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
+    """A bar, as a progress function."""
+    with _bar(title) as bar:
+        yield partial(_advance, bar)
 
 
 class Bars:
-    """Tells on stderr how a run goes on; see ``running.Reporter``."""
+    """Tells on stderr how a run goes on; see `Reporter` of the runner."""
 
     def __init__(self, warnings: Sequence[str]) -> None:
-        self._bars = _bars()
-        self._tasks: dict[tuple[str, str], TaskID] = {}
-        self._warnings = warnings
+        self._bars: dict[tuple[str, str], tqdm] = {}
+        for warning in warnings:
+            _line(screen, f"warning: {warning}", "yellow")
 
     def __enter__(self) -> Bars:
-        for warning in self._warnings:
-            _line(screen, f"warning: {warning}", "yellow")
-        self._bars.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
-    ) -> None:
-        self._bars.stop()
+    def __exit__(self, *_: object) -> None:
+        for bar in self._bars.values():
+            bar.close()
 
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
         """A stage starts."""
         title = f"{job.name}: {stage.name}"
-        task = self._bars.add_task(visible(title), total=1.0, message="")
-        self._tasks[job.name, stage.name] = task
+        self._bars[job.name, stage.name] = _bar(title)
         if not screen.is_terminal:
             _line(screen, f"{title} ({', '.join(reasons)})")
 
     def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
         """A stage is ``share`` (0..1) done."""
-        task = self._tasks[job.name, stage.name]
-        self._bars.update(task, completed=share, message=visible(message))
+        _advance(self._bars[job.name, stage.name], message, share)
 
     def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
         """A stage is done or has failed."""
-        self._bars.remove_task(self._tasks.pop((job.name, stage.name)))
-        if failure:
-            _line(screen, f"{job.name}: {stage.name} failed: {failure}", "red")
-        elif screen.is_terminal:
-            _line(screen, f"{job.name}: {stage.name} done", "green")
+        self._bars.pop((job.name, stage.name)).close()
+        with tqdm.external_write_mode(file=screen.file):  # a line above the bars of other stages
+            if failure:
+                _line(screen, f"{job.name}: {stage.name} failed: {failure}", "red")
+            elif screen.is_terminal:
+                _line(screen, f"{job.name}: {stage.name} done", "green")
 
 
 def summary(result: Result) -> None:

@@ -156,7 +156,7 @@ def prepare(
     if out is not None and not out.strip():
         raise DubbingError("names no folder", "--out", "name one, or leave --out away")
     folder = checked_path(Path(out) if out else clip.with_suffix(".prepared"))
-    with claimed(folder, clip), console.Bar(f"prepare {clip.name}") as progress:
+    with claimed(folder, clip), console.progress_bar(f"prepare {clip.name}") as progress:
         found = work(clip, folder, size=size, progress=progress)
     for warning in found.warnings:
         print_line(f"warning: {warning}")
@@ -200,7 +200,7 @@ def sync(
     from dubbing.sync.check import check
     from dubbing.sync.syncnet.check import published_check
 
-    with console.Bar(f"sync {video.name}") as progress:
+    with console.progress_bar(f"sync {video.name}") as progress:
         if weights is None:
             own = None
             if source is not None:
@@ -270,7 +270,7 @@ def evaluate(
     from dubbing.manifest.manifest import load
 
     loaded = load(manifest)
-    with console.Bar("evaluate") as progress:
+    with console.progress_bar("evaluate") as progress:
         found = work(
             loaded,
             methods=tuple(method or ("dfrf",)),

@@ -48,7 +48,7 @@ def train_speech(
     settings = SpeechTraining(seed=seed, steps=steps or SpeechTraining.steps)
     out = checked_output(out, *(recordings or ()))
     folder = corpus or out.with_name(out.name + ".corpus")
-    with console.Bar("train-speech") as progress:
+    with console.progress_bar("train-speech") as progress:
         about = work(recordings or [], out, corpus=folder, settings=settings, progress=progress)
     typer.echo(f"wrote {out}, from {about['seconds'] / 60:.0f} minutes of speech")
 
@@ -78,7 +78,7 @@ def train_base(
     loaded, chosen = load(manifest), checked_device(device)
     clips = (identity.clip for identity in loaded.identities.values())
     out = checked_output(out, manifest, *clips, *([init] if init else []))
-    with console.Bar("train-base") as progress:
+    with console.progress_bar("train-base") as progress:
         work(
             loaded,
             out,

@@ -58,14 +58,15 @@ def test_markup_and_controls_in_what_goes_on(monkeypatch: pytest.MonkeyPatch) ->
     with console.Bars([ODD]) as bars:
         bars.begin(job, stage, [ODD])
         bars.progress(job, stage, ODD, 0.5)
-        bars._bars.refresh()
+        bars._bars[job.name, stage.name].refresh()
         bars.end(job, stage, Failure("speech", ODD))
-    with console.Bar(ODD) as bar:
-        bar(ODD, 0.5)
+    with console.progress_bar(ODD) as progress:
+        progress(ODD, 0.5)
     assert isinstance(terminal.file, io.StringIO)
     said = terminal.file.getvalue()
     assert SHOWN in said
     assert "a[/x] \x1b[31m" not in said
+    assert f" 50 % 00:00, {SHOWN}" in said
 
 
 def rows_of(shown: str) -> list[list[str]]:
