@@ -24,8 +24,7 @@ from dfrf.field.speaker_adaptation import PREDICTED
 from dfrf.head_checkpoint import load_model, load_person, save_person
 from dfrf.head_model import HeadModel
 from dfrf.method import FrameInputs, Maps, Method
-from dfrf.presets import adapt, build, model_config, trainings
-from dfrf.registry import method_of
+from dfrf.presets import adapt, build, method_of, model_config, trainings
 from dfrf.training.fit import FitOptions, fit
 
 EXPRESSION = 6  # measures of the upper face

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import overload
+from typing import Any, overload
 
 from dfrf.config import (
     STEPS,
@@ -13,9 +13,12 @@ from dfrf.config import (
     ModelConfig,
     TrainConfig,
 )
+from dfrf.fast.method import FastMethod
 from dfrf.fast.model import FastModel
 from dfrf.head_model import HeadModel
+from dfrf.method import Method
 from dfrf.published.conditioned_field import PaperConfig
+from dfrf.published.method import PaperMethod
 from dfrf.published.model import PaperModel
 
 # The one layer of the published model whose size is that of the speech features: where a base was
@@ -186,3 +189,17 @@ def adapt(base: HeadModel, config: ModelConfig | PaperConfig) -> FastModel | Pap
     }
     model.load_state_dict({**wanted, **shared})
     return model
+
+
+def method_of(model: HeadModel) -> Method[Any, Any]:
+    """How a model learns and renders.
+
+    Raises:
+        TypeError: a model of no known kind.
+    """
+    match model:
+        case FastModel():
+            return FastMethod(model)
+        case PaperModel():
+            return PaperMethod(model)
+    raise TypeError(f"no method for a {type(model).__name__}")

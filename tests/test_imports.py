@@ -85,7 +85,7 @@ def test_a_cycle_would_be_found() -> None:
 def test_the_method_knows_nothing_of_the_batch(path: Path) -> None:
     for line, name in imported(path):
         package = name.split(".")[0]
-        banned = ("dubbing", "yaml", "subprocess", "typer", "rich")
+        banned = ("dubbing", "ruamel", "subprocess", "typer", "rich")
         assert package not in banned, f"{path.name}:{line} imports {name}"
 
 

@@ -24,8 +24,8 @@ from dfrf.field import brow_deformation, eyelid_deformation
 from dfrf.field.field import ConditionedField
 from dfrf.field.mouth_views import MOUTHS, TURN, MouthViews, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
+from dfrf.field.sharpening import unsharp
 from dfrf.field.speaker_adaptation import REACH
-from dfrf.image import unsharp
 from dfrf.method import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.grid_pruning import prune_grid

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from dfrf.config import FieldConfig
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
-from dfrf.image import sharpened
+from dfrf.field.sharpening import sharpened
 
 COLOUR = slice(0, 3)  # of the features of a reference
 MATTE_AND_COLOUR = 4  # channels that are not learned

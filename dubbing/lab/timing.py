@@ -22,8 +22,8 @@ from dfrf.data import neighbour_windows
 from dfrf.fast.model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
 from dfrf.field.speaker_adaptation import REACH
+from dfrf.presets import method_of
 from dfrf.published.model import PaperModel, References
-from dfrf.registry import method_of
 from dfrf.rendering.frame_renderer import head_tiles, render_frame, tile_side
 from dfrf.rendering.pose_refinement import normal_equations
 from dfrf.rendering.ray_marching import Search, march

@@ -18,7 +18,7 @@ from dfrf.config import PUBLISHED_SPEECH, TrainConfig, family
 from dfrf.data import HeadDataset
 from dfrf.head_model import HeadModel
 from dfrf.method import Method
-from dfrf.registry import method_of
+from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import Curve, Progress
 from dubbing import media

@@ -15,7 +15,7 @@ from dfrf.data import neighbour_windows
 from dfrf.field.audio import NEIGHBOURS
 from dfrf.head_model import HeadModel
 from dfrf.method import FrameInputs, Maps
-from dfrf.registry import method_of
+from dfrf.presets import method_of
 from dubbing.compositing.face_mask import rendered_region
 from dubbing.errors import CheckpointError
 from dubbing.identity.dataset import upper_measures

@@ -13,7 +13,7 @@ from typing import Any
 
 from dfrf import checkpoint, head_checkpoint, presets
 from dfrf.data import HeadDataset
-from dfrf.registry import method_of
+from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import Progress
 from dfrf.training.validation import Validation

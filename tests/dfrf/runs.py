@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dfrf.config import TrainConfig
 from dfrf.head_model import HeadModel
-from dfrf.registry import method_of
+from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, fit
 from dfrf.training.progress import Curve
 from dfrf.training.validation import Validation

@@ -14,10 +14,10 @@ from dfrf.config import TrainConfig
 from dfrf.data import OUTSIDE, HeadDataset, neighbour_windows
 from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
 from dfrf.method import FrameInputs
+from dfrf.presets import method_of
 from dfrf.published import method as paper_method
 from dfrf.published.method import PaperMethod, bounds
 from dfrf.published.model import EncodedReferences, PaperConfig, PaperModel, paper_loss
-from dfrf.registry import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.step import step_outcome
 from dfrf.training.validation import Validation, draw_held_out_rays

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from dfrf.image import HEAD_SPREAD, unsharp
+from dfrf.field.sharpening import HEAD_SPREAD, unsharp
 from dfrf.metrics.image import gradient_energy
 
 
