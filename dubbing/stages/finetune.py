@@ -62,7 +62,7 @@ class FinetuneSettings:
     def weights(self) -> Path | None:
         return None if self.speech_weights is None else Path(self.speech_weights)
 
-    def heard_with(self) -> dict[str, str]:
+    def speech_header(self) -> dict[str, str]:
         """What a checkpoint's header says of its speech features: their name and weights."""
         digest = features.fingerprint(self.speech, self.weights)
         return {"speech": self.speech, **({"speech_digest": digest} if digest else {})}
@@ -100,7 +100,7 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
             base.name,
             "use the features the checkpoint was trained with",
         )
-    if header.get("speech_digest") != settings.heard_with().get("speech_digest"):
+    if header.get("speech_digest") != settings.speech_header().get("speech_digest"):
         raise CheckpointError(
             f"was trained with other weights of the {settings.speech!r} speech features",
             base.name,
@@ -167,7 +167,7 @@ def finetune(
     views = None if references is None else method.reference_views(person, references)
     method.finish(person, views, config.seed)
     header = {
-        **settings.heard_with(),
+        **settings.speech_header(),
         "steps": config.iterations,
         "settings": asdict(settings),
         "clip": clip.clip.name,

@@ -53,8 +53,8 @@ def mouth_embeddings(
 @torch.no_grad()
 def sound_embeddings(network: SyncNetwork, sound: np.ndarray, moments: np.ndarray) -> np.ndarray:
     """Embeddings (W, E) of the channels `sound` (T, D) at `moments` (W,) from its start."""
-    heard = sound_windows(sound, moments).astype(np.float32)
-    return network.embed_sound(torch.from_numpy(heard)).numpy()
+    windows = sound_windows(sound, moments).astype(np.float32)
+    return network.embed_sound(torch.from_numpy(windows)).numpy()
 
 
 @dataclass
@@ -95,10 +95,10 @@ class _Sums:
         around = (np.arange(-REACH, block.frames + REACH) + 0.5) / self.rate + (
             block.first / self.rate - block.sound.start
         )
-        heard = sound_embeddings(self._network, block.sound.heard, around)
+        sounds = sound_embeddings(self._network, block.sound.features, around)
         frame = block.first + np.arange(-REACH, block.frames + REACH)
-        beyond = around >= len(block.sound.heard) / STEP_RATE
-        heard[(frame < 0) | beyond] = np.nan
+        beyond = around >= len(block.sound.features) / STEP_RATE
+        sounds[(frame < 0) | beyond] = np.nan
         voice = at_times(block.sound.voice, times)
         segment = np.searchsorted(self.edges, block.first + np.arange(block.frames), "right") - 1
         self.voice += np.bincount(segment, voice, len(self.voice))
@@ -107,7 +107,7 @@ class _Sums:
                 self.faces[track] = _FaceSum.empty(len(self.voice), self.rate)
             total = self.faces[track]
             mouth = mouth_embeddings(self._network, face.shapes, face.crops, times)
-            rows = distances(mouth, heard)
+            rows = distances(mouth, sounds)
             weights = SILENT_WEIGHT + voice
             total.whole.add(rows, weights)
             for s in np.unique(segment):

@@ -33,7 +33,7 @@ class Sound:
     """A piece of sound: features and voice in steps of 20 ms, the first one starting at `start`."""
 
     start: float
-    heard: np.ndarray  # (T, D)
+    features: np.ndarray  # (T, D)
     voice: np.ndarray  # (T,)
 
 

@@ -96,7 +96,7 @@ def train_base(
                 device=device,
                 validation=validation,
                 about={
-                    **settings.heard_with(),
+                    **settings.speech_header(),
                     "people": [person_key(manifest, name) for name in (*learned, *asked)],
                     "init": "" if init is None else digest_file(init),
                 },
@@ -111,7 +111,7 @@ def train_base(
             f" {resume} to start afresh",
         ) from error
     header = {
-        **settings.heard_with(),
+        **settings.speech_header(),
         "steps": config.iterations,
         "identities": [p.name for p in people],
         "frames": sum(p.frames for p in people),

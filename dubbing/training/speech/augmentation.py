@@ -129,25 +129,27 @@ class Batches:
         rng = self.rng
         size = self._samples + SAMPLE_RATE // 2
         spectrum = torch.fft.rfft(sound, size) * self._channels(size)
-        heard = torch.fft.irfft(spectrum, size)[:, : self._samples]
-        level = heard.square().mean(1, keepdim=True).sqrt() + 1e-5
-        heard = heard / level
+        recording = torch.fft.irfft(spectrum, size)[:, : self._samples]
+        level = recording.square().mean(1, keepdim=True).sqrt() + 1e-5
+        recording = recording / level
         noisy = rng.random(len(sound)) < 0.7
         snr = np.where(noisy, rng.uniform(0, 30, len(sound)), 45)
         amount = torch.from_numpy((10 ** (-snr / 20)).astype(np.float32))[:, None]
-        heard = heard + amount * self._noise(heard, size)
-        heard = heard * torch.from_numpy(rng.uniform(0.03, 0.2, (len(sound), 1)).astype(np.float32))
+        recording = recording + amount * self._noise(recording, size)
+        recording = recording * torch.from_numpy(
+            rng.uniform(0.03, 0.2, (len(sound), 1)).astype(np.float32)
+        )
         for k in np.flatnonzero(rng.random(len(sound)) < 0.15):
-            peak = float(heard[k].abs().max())
+            peak = float(recording[k].abs().max())
             if rng.random() < 0.5:
                 limit = peak * rng.uniform(0.15, 0.6)
-                heard[k] = heard[k].clamp(-limit, limit)
+                recording[k] = recording[k].clamp(-limit, limit)
             else:
                 mu = 2.0 ** rng.integers(4, 9)
-                pressed = torch.log1p(mu * heard[k].abs() / peak) / np.log1p(mu)
-                coarse = torch.round(pressed * mu) / mu * heard[k].sign()
-                heard[k] = coarse.sign() * peak * ((1 + mu) ** coarse.abs() - 1) / mu
-        return heard
+                pressed = torch.log1p(mu * recording[k].abs() / peak) / np.log1p(mu)
+                coarse = torch.round(pressed * mu) / mu * recording[k].sign()
+                recording[k] = coarse.sign() * peak * ((1 + mu) ** coarse.abs() - 1) / mu
+        return recording
 
     def _channels(self, size: int) -> Tensor:
         """Transfer functions of room, microphone and line, (B, K) complex."""

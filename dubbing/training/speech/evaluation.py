@@ -88,13 +88,13 @@ def probe_table(
     sounds = [media.read_audio(p.path) for p in people]
     plain: np.ndarray | None = None
     for name, extract in compared(rnn).items():
-        heard = [extract(s) for s in sounds]
-        fitted = probe.fit(people, heard)
+        features = [extract(s) for s in sounds]
+        fitted = probe.fit(people, features)
         clean = fitted.left_out
         plain = clean if plain is None else plain
         spoilt = probe.fit(people, [extract(noisy(s)) for s in sounds]).left_out
         ahead = (clean > plain).sum(0)
-        cells = [name, str(heard[0].shape[1]), *(f"{v:.3f}" for v in clean.mean(0))]
+        cells = [name, str(features[0].shape[1]), *(f"{v:.3f}" for v in clean.mean(0))]
         cells.append(pair((clean - plain).mean(0), "+.3f") if name != "log-mel" else "")
         cells.append(f"{ahead[0]} / {ahead[1]}" if name != "log-mel" else "")
         cells.append(pair(spoilt.mean(0)))
@@ -135,7 +135,7 @@ def phone_errors(weights: Path | None = None) -> str:
         for _ in range(SENTENCES):
             said = synthesis.say(speaker, sentence(speaker.language, rng, 10), rng)
             spectra = listening.spectra_of([said.samples])
-            found = listening.hear(model.network, spectra, lambda heard: heard.phones).argmax(1)
+            found = listening.hear(model.network, spectra, lambda outputs: outputs.phones).argmax(1)
             truth = classes_at_steps(said.phones or [], len(found))
             wrong += int((found != truth)[truth >= 0].sum())
             total += int((truth >= 0).sum())

@@ -125,8 +125,8 @@ def unseen(fitted: Fit, tests: Sequence[Speaker], features: Sequence[np.ndarray]
     """Correlations (tests, 2) of the ridge of all people, on others."""
     weights = ridge(fitted.parts)
     rows = []
-    for test, heard in zip(tests, features, strict=True):
-        x = regressors(heard, test.times)
+    for test, series in zip(tests, features, strict=True):
+        x = regressors(series, test.times)
         by_strength = [correlations(x, test.lips, w) for w in weights]
         rows.append([by_strength[fitted.best[m]][m] for m in range(len(MEASURES))])
     return np.array(rows)

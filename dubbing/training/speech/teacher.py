@@ -35,7 +35,7 @@ def senone_posteriors(samples: np.ndarray) -> np.ndarray:
     found = np.zeros((total, SENONES), np.float32)
     for begin in range(0, len(samples), piece):
         low, high = max(0, begin - around), min(len(samples), begin + piece + around)
-        frames = _heard(samples[low:high])
+        frames = _posteriors(samples[low:high])
         first, last = begin // HOP, min(total, (begin + piece) // HOP)
         # Where the middle of each step lies between the middles of the teacher's frames.
         middles = (np.arange(first, last) + 0.5) * HOP - low
@@ -47,7 +47,7 @@ def senone_posteriors(samples: np.ndarray) -> np.ndarray:
     return found
 
 
-def _heard(samples: np.ndarray) -> np.ndarray:
+def _posteriors(samples: np.ndarray) -> np.ndarray:
     """Posteriors of the teacher's own frames, 100 a second, (frames, S)."""
     try:
         from pocketsphinx import Decoder, get_model_path

@@ -54,8 +54,8 @@ def train_network(
     network.train()
     for step in range(first, settings.steps):
         batch = batches.draw()
-        heard = network(batch.spectra)
-        each = losses(heard, batch.senones, batch.phones, batch.lips, batch.known)
+        outputs = network(batch.spectra)
+        each = losses(outputs, batch.senones, batch.phones, batch.lips, batch.known)
         loss = (torch.stack(each) * torch.tensor(LOSS_WEIGHTS)).sum()
         if not torch.isfinite(loss):
             raise TrainingError("the loss is no number", f"step {step}", "change the seed")
@@ -136,7 +136,7 @@ def train_speech(
     Args:
         recordings: sounds or videos of people speaking, taught by the teacher alone; may be none.
         out: the weights. Beside it, OUT.resume holds the state of an interrupted run.
-        corpus: folder for what is said and heard; what lies there is used again.
+        corpus: folder for sounds and what is known of them; what lies there is used again.
         settings: see `SpeechTraining`.
         progress: told a message and the share done of the step at hand.
 

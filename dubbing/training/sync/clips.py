@@ -111,8 +111,8 @@ def laid_on(
         shapes = mouth_shape(r.meshes, face)
         seen = np.isfinite(shapes).all((1, 2))
         others = tuple(another_take(r.samples, hearing, rng) for _ in range(takes))
-        name, heard = r.path.stem, hearing(r.samples)
-        clip = TalkingClip(name, shapes[seen], r.times[seen], heard, r.voice, exact=exact)
+        name, sound = r.path.stem, hearing(r.samples)
+        clip = TalkingClip(name, shapes[seen], r.times[seen], sound, r.voice, exact=exact)
         if pixels:
             crops = mouth_crops(media.read_frames(r.path), r.meshes, face)
             clip = replace(clip, crops=crops[seen])

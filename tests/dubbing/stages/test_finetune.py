@@ -26,7 +26,7 @@ RNN = FinetuneSettings(speech="rnn")
 def base(tmp_path: Path) -> Path:
     dim = features.features_by_name("rnn").dim
     model = presets.build(presets.model_config("fast", dim))
-    head_checkpoint.save_model(tmp_path / "base.safetensors", model, RNN.heard_with())
+    head_checkpoint.save_model(tmp_path / "base.safetensors", model, RNN.speech_header())
     return tmp_path / "base.safetensors"
 
 

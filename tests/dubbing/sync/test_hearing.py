@@ -14,11 +14,11 @@ HEARING = Hearing()
 
 
 def test_both_kinds_of_channels_stand_where_they_are_said_to(speaker: Speaker) -> None:
-    heard = HEARING(speaker.sound)
-    assert heard.shape == (200, WIDTH)
-    assert np.array_equal(heard[:, CHANNELS["mel"]], MelFeatures().extract(speaker.sound))
+    channels = HEARING(speaker.sound)
+    assert channels.shape == (200, WIDTH)
+    assert np.array_equal(channels[:, CHANNELS["mel"]], MelFeatures().extract(speaker.sound))
     rnn = features_by_name("rnn").extract(speaker.sound)
-    assert np.array_equal(heard[:, CHANNELS["rnn"]], rnn)
+    assert np.array_equal(channels[:, CHANNELS["rnn"]], rnn)
 
 
 def test_another_take_says_the_same_at_its_own_speed(speaker: Speaker) -> None:

@@ -31,7 +31,7 @@ def utterance() -> Utterance:
     end = len(said.samples) / SAMPLE_RATE
     phones = [*said.phones, Phone("", end, end + 0.5)]
     samples = np.pad(said.samples, (0, SAMPLE_RATE // 2))
-    made = corpus.unheard(synthesis.Spoken(samples, phones))
+    made = corpus.untaught(synthesis.Spoken(samples, phones))
     return Utterance(made.samples, made.classes, made.lips, posteriors(samples))
 
 

@@ -26,7 +26,7 @@ def test_an_utterance_covers_its_sound() -> None:
 
 
 def test_untold_phones_are_marked() -> None:
-    made = corpus.unheard(synthesis.Spoken(spoken().samples, None))
+    made = corpus.untaught(synthesis.Spoken(spoken().samples, None))
     assert (made.classes == -1).all()
     assert np.isnan(made.lips).all()
 
