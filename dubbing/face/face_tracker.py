@@ -6,7 +6,6 @@ Letters: T frames, P = 478 points of the face mesh, H and W pixels.
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -66,12 +65,7 @@ class FaceTracker:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._mesh.close()
 
     def __call__(self, frame: np.ndarray) -> list[Face]:

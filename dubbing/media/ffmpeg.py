@@ -12,7 +12,6 @@ import shutil
 import subprocess
 import tempfile
 from functools import lru_cache
-from types import TracebackType
 from typing import IO, Any
 
 import imageio_ffmpeg
@@ -123,9 +122,7 @@ class Process:
     def __enter__(self) -> Process:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, _: BaseException | None, __: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.kill()
 
 

@@ -51,17 +51,8 @@ class Speech:
         Raises:
             DubbingError: its summary is something else.
         """
-        kept_summary = kept.read(folder / SUMMARY, Summary, "speech", "run with --force listen")
-        tensors = load_file(folder / TENSORS)
-        return Speech(
-            name=kept_summary["name"],
-            frames=kept_summary["frames"],
-            rate=kept_summary["rate"],
-            seconds=kept_summary["seconds"],
-            features=tensors["features"],
-            voice=tensors["voice"],
-            lips=tensors["lips"],
-        )
+        summary = kept.read(folder / SUMMARY, Summary, "speech", "run with --force listen")
+        return Speech(**summary, **load_file(folder / TENSORS))
 
     def part(self, first: int, count: int) -> SpeechFrames:
         """What is heard at the video frames first .. first + count."""
