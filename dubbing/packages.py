@@ -36,7 +36,7 @@ DECLARED = {
     "jaxtyping": "jaxtyping==0.3.11",
     "jinja2": "Jinja2==3.1.6",
     "matplotlib": "matplotlib==3.11.2",
-    "webrtcvad": "webrtcvad-wheels==2.0.14.post1",
+    "silero_vad": "silero-vad==6.2.3",
     "typing_extensions": "typing_extensions==4.16.0",
     "absl": "absl-py==2.5.1",
     "attr": "attrs==26.1.0",

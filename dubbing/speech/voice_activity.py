@@ -7,7 +7,6 @@ Letters: N samples at 16 kHz, T steps of 20 ms (50 a second). Step t covers the 
 from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
-import webrtcvad
 
 SAMPLE_RATE = 16_000
 STEP_RATE = 50
@@ -16,6 +15,7 @@ if HOP * STEP_RATE != SAMPLE_RATE:
     raise ValueError("a step must be a whole number of samples")
 
 # Steps worked on at once: bounds the memory, and fixes the result whatever the caller's blocks.
+# They are a whole number of the detector's chunks.
 BLOCK_STEPS = 2048
 # The loud parts of a sound are taken to be speech; this share of all steps is louder.
 LOUD_SHARE = 0.03
@@ -25,7 +25,8 @@ TARGET_DB = -20.0
 SILENCE_DB = -75.0
 # Steps this far below the loud parts are no speech, whatever the detector says.
 RANGE_DB = 32.0
-AGGRESSIVENESS = 2
+# Steps whose chance of being speech is at most this are none.
+LEAST_CHANCE = 0.3
 _SMOOTHING = np.array([1, 2, 3, 2, 1], np.float32) / 9
 
 Blocks = Callable[[], Iterable[np.ndarray]]
@@ -84,19 +85,20 @@ def loudness_db(energy: np.ndarray) -> float:
 
 def voice_activity_of_blocks(blocks: Blocks) -> np.ndarray:
     """`voice_activity` of a long sound that `blocks()` gives piece by piece (called twice)."""
+    from dubbing.speech import voice_detector  # loads torch, which reading a manifest does not
+
     energy = energy_db(blocks())
     level = loudness_db(energy)
     if level < SILENCE_DB:
         return np.zeros(len(energy), np.float32)
     gain = 10 ** ((TARGET_DB - level) / 20)
-    detector = webrtcvad.Vad(AGGRESSIVENESS)
-    voiced = np.zeros(len(energy), np.float32)
-    t = 0
-    for windows in step_windows(blocks()):
-        pcm = np.clip(np.round(windows * (gain * 32767)), -32768, 32767).astype("<i2")
-        for step in pcm:
-            voiced[t] = detector.is_speech(step.tobytes(), SAMPLE_RATE)
-            t += 1
+    chances = voice_detector.probabilities(
+        windows.ravel() * np.float32(gain) for windows in step_windows(blocks())
+    )
+    # Where the middles of the steps lie among those of the chunks.
+    middles = (np.arange(len(energy)) + 0.5) * HOP / voice_detector.CHUNK - 0.5
+    chance = np.interp(middles, np.arange(len(chances)), chances)
+    voiced = (chance > LEAST_CHANCE).astype(np.float32)
     voiced[energy < level - RANGE_DB] = 0
     return np.convolve(voiced, _SMOOTHING, mode="same")[: len(voiced)].astype(np.float32)
 

@@ -24,7 +24,7 @@ def test_doctor_works_where_everything_is_missing() -> None:
         "from dubbing.cli.main import app\n"
         "app(['doctor'])"
     )
-    missing = "av,cv2,ffmpeg,imageio_ffmpeg,mediapipe,numpy,scipy,torch,webrtcvad,ruamel.yaml"
+    missing = "av,cv2,ffmpeg,imageio_ffmpeg,mediapipe,numpy,scipy,torch,silero_vad,ruamel.yaml"
     done = subprocess.run(
         [sys.executable, "-c", code, missing],
         env={**os.environ, "COLUMNS": "200"},

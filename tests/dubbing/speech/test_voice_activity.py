@@ -2,11 +2,15 @@
 
 from collections.abc import Iterator
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
 
 from dubbing.speech import voice_activity as voice
+from dubbing.speech import voice_detector
+from dubbing.synthetic.voice import synthesise
 
 RNG = np.random.default_rng(0)
 
@@ -27,6 +31,27 @@ def vowels(seconds: float) -> np.ndarray:
     return (0.2 * sound / np.abs(sound).max()).astype(np.float32)
 
 
+def words(seconds: float) -> np.ndarray:
+    """The beginning of what a synthesiser says."""
+    samples, rate, _ = synthesise("We walked along the river for an hour or more.", "en-us")
+    times = np.arange(round(seconds * voice.SAMPLE_RATE)) / voice.SAMPLE_RATE
+    return np.interp(times, np.arange(len(samples)) / rate, samples).astype(np.float32)
+
+
+def music(seconds: float) -> np.ndarray:
+    """A melody of plucked tones, and a drum, rms 1."""
+    notes = np.random.default_rng(3).choice([0, 2, 4, 5, 7, 9, 12], round(4 * seconds))
+    beat = np.arange(voice.SAMPLE_RATE // 4) / voice.SAMPLE_RATE
+    fading = np.exp(-6 * beat)
+    tones = [
+        sum(np.sin(2 * np.pi * 220 * 2 ** (note / 12) * h * beat) / h for h in range(1, 9))
+        for note in notes
+    ]
+    drum = 2 * np.sin(2 * np.pi * 60 * beat) * fading**2
+    sound = np.concatenate([tone * fading + drum for tone in tones])
+    return (sound / np.sqrt(np.mean(sound**2))).astype(np.float32)
+
+
 def silence(seconds: float) -> np.ndarray:
     noise = RNG.normal(size=round(seconds * voice.SAMPLE_RATE))
     return (1e-5 * noise).astype(np.float32)
@@ -41,13 +66,43 @@ def pieces(sound: np.ndarray, sizes: tuple[int, ...]) -> Iterator[np.ndarray]:
 
 
 def test_speech_is_found_where_it_is() -> None:
-    activity = voice.voice_activity(np.concatenate([silence(1), vowels(2), silence(1)]))
+    activity = voice.voice_activity(np.concatenate([silence(1), words(2), silence(1)]))
     assert activity.shape == (200,)
     assert activity.dtype == np.float32
     assert activity[60:140].mean() > 0.9
     assert activity[:45].max() == 0
     assert activity[170:].max() == 0
     assert activity.max() <= 1
+
+
+@pytest.mark.parametrize("below", [6, 12, 20])
+def test_music_is_no_speech(below: float) -> None:
+    speech = np.concatenate([words(2), silence(2), words(2)])
+    level = np.sqrt(np.mean(words(2) ** 2)) * 10 ** (-below / 20)
+    activity = voice.voice_activity(speech + level * music(6))
+    assert activity[115:185].mean() < 0.1  # the detector before called .4 to 1 of it speech
+    assert np.concatenate([activity[10:90], activity[210:290]]).mean() > 0.9
+
+
+def test_the_network_is_that_of_the_package() -> None:
+    """Its own weights give the same in both: those of the TorchScript file, which are others."""
+    data = Path(voice_detector.find_spec("silero_vad").origin).with_name("data")  # type: ignore
+    theirs = torch.jit.load(data / "silero_vad.jit").eval()
+    state = {k.removeprefix("_model."): v for k, v in theirs.state_dict().items()}
+    ours = voice_detector.VoiceDetector()
+    weights = ours.state_dict()
+    sources = ["stft.forward_basis_buffer"]
+    sources += [f"encoder.{k}.reparam_conv.{kind}" for k in range(4) for kind in ("weight", "bias")]
+    sources += [f"decoder.rnn.{part}" for part in ("weight_ih", "weight_hh", "bias_ih", "bias_hh")]
+    sources += ["decoder.decoder.2.weight", "decoder.decoder.2.bias"]
+    ours.load_state_dict({k: state[s] for k, s in zip(weights, sources, strict=True)})
+    sound = torch.from_numpy(words(2))[: 60 * voice_detector.CHUNK]
+    with torch.no_grad():
+        expected = theirs.audio_forward(sound[None], voice.SAMPLE_RATE)[0]
+        padded = torch.nn.functional.pad(sound, (voice_detector.CONTEXT, 0))
+        found, _ = ours(padded.unfold(0, 576, 512), None)
+    torch.testing.assert_close(found, expected, atol=1e-5, rtol=0)
+    assert expected.std() > 0.1
 
 
 @pytest.mark.parametrize("gain", [0.003, 0.1, 4.0])
