@@ -41,7 +41,7 @@ class Head:
     speech: SpeechFrames
     opening: np.ndarray  # (F,) of the tested frames
 
-    def say(self, speech: SpeechFrames) -> list[np.ndarray]:
+    def speaking(self, speech: SpeechFrames) -> list[np.ndarray]:
         """Pictures (S, S, 3) of the tested frames, before the film's background."""
         first, stop = TESTED.start, TESTED.stop
         poses = np.arange(len(self.clip))
@@ -92,7 +92,7 @@ def head(tmp_path_factory: pytest.TempPathFactory) -> Head:
 
 @pytest.fixture(scope="module")
 def pictures(head: Head) -> list[np.ndarray]:
-    return head.say(head.speech)
+    return head.speaking(head.speech)
 
 
 def test_the_mouth_follows_words_it_never_heard(head: Head, pictures: list[np.ndarray]) -> None:
@@ -110,10 +110,10 @@ def test_a_black_or_a_frozen_head_does_not(head: Head, pictures: list[np.ndarray
     assert head.agreement([pictures[0]] * len(pictures)) < FLOOR / 2
     still = replace(head.speech, windows=np.repeat(head.speech.windows[:1], len(head.clip), 0))
     still = replace(still, lips=np.repeat(head.speech.lips[:1], len(head.clip), 0))
-    assert head.agreement(head.say(still)) < FLOOR / 2
+    assert head.agreement(head.speaking(still)) < FLOOR / 2
 
 
 def test_other_words_fit_worse(head: Head, pictures: list[np.ndarray]) -> None:
     late = 20  # frames
     other = SpeechFrames(np.roll(head.speech.windows, late, 0), np.roll(head.speech.lips, late, 0))
-    assert head.agreement(head.say(other)) < head.agreement(pictures) - 0.3
+    assert head.agreement(head.speaking(other)) < head.agreement(pictures) - 0.3
