@@ -3,6 +3,8 @@
     person:  prepare -> check_source -> finetune -> refine_poses
     dub:     listen -> render -> composite -> check
 
+A dub of a scene has a ``listen`` and a ``render`` for each of its cues, in folders of their own, so
+that one line can be made again without the others.
 This is the one place that says so: the planner, the runner, the report and ``--force`` read it. A
 stage is out of date when its parameters, a file that it reads, the result of a stage that it reads,
 or the code that does the work changed. Paths do not count, contents do. Nothing here imports torch.
@@ -11,6 +13,7 @@ or the code that does the work changed. Paths do not count, contents do. Nothing
 from __future__ import annotations
 
 from collections.abc import Mapping
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +23,7 @@ from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.stage import Produce, Stage
 from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.findings import Scene
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.only import chosen_names
 from dubbing.media import SUFFIX, MediaInfo
@@ -28,6 +32,9 @@ from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 from dubbing.speech import features
 from dubbing.stage_kinds import KINDS
 from dubbing.stages import tasks
+from dubbing.timeline import Cue
+
+CUES = "cues"  # folder of the cues, in that of their dub
 
 
 class _Stages:
@@ -43,12 +50,18 @@ class _Stages:
         task: Produce,
         reads: Mapping[str, Path | Stage],
         parameters: Mapping[str, Any] | None = None,
+        of: str = "",
     ) -> Stage:
-        """Declares the next stage: who does it, what it reads, and what else it depends on."""
+        """Declares the next stage: who does it, what it reads, and what else it depends on.
+
+        Args:
+            of: which one it is, where a job has several of a kind.
+        """
         kind = KINDS[name]
-        folder, version = self.folder / kind.folder, code_version(kind.module)
-        self.declared[name] = Stage(name, folder, version, parameters or {}, reads, task)
-        return self.declared[name]
+        folder, version = self.folder / CUES / of if of else self.folder, code_version(kind.module)
+        stage = Stage(name, folder / kind.folder, version, parameters or {}, reads, task)
+        self.declared[f"{name} {of}" if of else name] = stage
+        return stage
 
 
 def identity_job(manifest: Manifest, name: str, identity: Identity, device: str) -> Job:
@@ -87,56 +100,113 @@ def identity_job(manifest: Manifest, name: str, identity: Identity, device: str)
 
 
 def dub_job(
-    manifest: Manifest, dub: Dub, person: Job, device: str, folder: Path | None = None
+    manifest: Manifest,
+    dub: Dub,
+    people: Mapping[str, Job],
+    device: str,
+    folder: Path | None = None,
 ) -> Job:
     """What is made for one dub: speech features, heads, video, sync check.
 
     Args:
+        people: the jobs of identities, by name.
         folder: where its stages lie; named after the dub by default.
     """
-    damaged = manifest.damaged.get(dub.audio)
-    if damaged or person.blocked:
-        return Job("dub", dub.name, {}, dub.identity, damaged)
-    identity = manifest.identities[dub.identity]
-    clip, sound = manifest.media[identity.clip], manifest.media[dub.audio]
-    assert clip.rate is not None  # a clip without a picture is no valid manifest
-    prepare, check_source, finetune, refine_poses = person.stages.values()
-    prepared = tasks.Prepared(prepare.folder, identity.clip)
-    left = sound.sound_seconds - dub.audio_start
-    seconds = min(left, dub.audio_seconds) if dub.audio_seconds else left
-    cut = {"audio_start": dub.audio_start, "seconds": seconds}
-    frames = {"video_start": dub.video_start, "on_longer_audio": dub.on_longer_audio}
+    scene = manifest.scenes.get(dub.name)
+    if scene is None:
+        return Job("dub", dub.name, {}, dub.people, manifest.blocked.get(dub.name))
+    film = manifest.media[scene.clip]
+    assert film.rate is not None  # a clip without a picture is no valid manifest
     stages = _Stages(folder or dub_folder(manifest, dub.name))
+    cues = [
+        _cue(manifest, dub, cue, people[cue.identity], stages, film.rate, device)
+        for cue in scene.cues
+    ]
+    composite = stages.add(
+        "composite",
+        tasks.Composite(dub, scene, tuple(heads for _, heads in cues)),
+        {
+            **{f"heads {heads.cue.name}": stage for stage, heads in cues},
+            **{f"prepared {name}": people[name].stages["prepare"] for name in dub.people},
+            "clip": scene.clip,
+            **_sounds(dub, scene),
+        },
+        {
+            **{key: getattr(dub, key) for key in ("frame", "label", "codec", "audio_rate")},
+            **_frames(dub),
+            "cues": [[c.name, c.audio_start, c.seconds] for c in scene.cues],
+            # No pixel depends on it, but the record of a result says who agreed to it.
+            "consent": consents_of(manifest, dub),
+        },
+    )
+    source = people[dub.people[0]].stages["check_source"]
+    stages.add(
+        "check",
+        tasks.Check(video_file(composite, dub), source.folder / tasks.SYNC_FILE),
+        {"video": composite, "source": source},
+    )
+    return Job("dub", dub.name, stages.declared, dub.people, _too_long(dub, film, scene))
+
+
+def _cue(
+    manifest: Manifest,
+    dub: Dub,
+    cue: Cue,
+    person: Job,
+    stages: _Stages,
+    rate: Fraction,
+    device: str,
+) -> tuple[Stage, tasks.CueHeads]:
+    """What is made for one cue: its speech features, and its heads."""
+    identity = manifest.identities[cue.identity]
+    prepare, finetune, refine_poses = (
+        person.stages[name] for name in ("prepare", "finetune", "refine_poses")
+    )
+    prepared = tasks.Prepared(prepare.folder, identity.clip)
+    of = "" if dub.lines is None else cue.name
     listen = stages.add(
         "listen",
-        tasks.Listen(dub, identity.speech, identity.speech_weights, clip.rate, seconds),
-        {"audio": dub.audio, **_speech_weights(identity)},
-        {"name": identity.speech, "rate": str(clip.rate), **cut},
+        tasks.Listen(cue, identity.speech, identity.speech_weights, rate),
+        {"audio": cue.audio, **_speech_weights(identity)},
+        {
+            "name": identity.speech,
+            "rate": str(rate),
+            "audio_start": cue.audio_start,
+            "seconds": cue.seconds,
+        },
+        of,
     )
     render = stages.add(
         "render",
-        tasks.Render(dub, finetune.folder, prepared, refine_poses.folder, listen.folder, device),
+        tasks.Render(
+            dub, cue, finetune.folder, prepared, refine_poses.folder, listen.folder, device
+        ),
         {"model": finetune, "prepared": prepare, "poses": refine_poses, "speech": listen},
-        frames,
+        {"first": cue.first, "stop": cue.stop} if dub.lines is not None else _frames(dub),
+        of,
     )
-    composite = stages.add(
-        "composite",
-        tasks.Composite(dub, render.folder, prepared, listen.folder, seconds),
-        {"heads": render, "prepared": prepare, "clip": identity.clip, "audio": dub.audio},
-        {
-            **{key: getattr(dub, key) for key in ("frame", "label", "codec", "audio_rate")},
-            **frames,
-            **cut,
-            # No pixel depends on it, but the record of a result says who agreed to it.
-            "consent": identity.consent.model_dump(mode="json"),
-        },
-    )
-    stages.add(
-        "check",
-        tasks.Check(video_file(composite, dub), check_source.folder / tasks.SYNC_FILE),
-        {"video": composite, "source": check_source},
-    )
-    return Job("dub", dub.name, stages.declared, dub.identity, _too_long(dub, clip, seconds))
+    return render, tasks.CueHeads(cue, render.folder, prepared)
+
+
+def _frames(dub: Dub) -> dict[str, Any]:
+    """Which frames of the clip a dub of one sound takes."""
+    if dub.lines is not None:
+        return {}
+    return {"video_start": dub.video_start, "on_longer_audio": dub.on_longer_audio}
+
+
+def _sounds(dub: Dub, scene: Scene) -> dict[str, Path]:
+    """The sounds of a dub by what they are in it."""
+    if dub.lines is None:
+        return {"audio": scene.cues[0].audio}
+    found = {f"audio {cue.name}": cue.audio for cue in scene.cues}
+    return found if dub.music_effects is None else {**found, "music": dub.music_effects}
+
+
+def consents_of(manifest: Manifest, dub: Dub) -> Any:
+    """Who agreed to a dub: of one person, or by name of several."""
+    given = {n: manifest.identities[n].consent.model_dump(mode="json") for n in dub.people}
+    return given if len(given) > 1 else next(iter(given.values()))
 
 
 def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto") -> Jobs:
@@ -149,8 +219,8 @@ def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto
         DubbingError: ``only`` names something the manifest does not have.
     """
     named = chosen_names(only, [*manifest.identities, *(dub.name for dub in manifest.dubs)])
-    dubs = [d for d in manifest.dubs if {d.name, d.identity} & named]
-    needed = {dub.identity for dub in dubs}
+    dubs = [d for d in manifest.dubs if {d.name, *d.people} & named]
+    needed = {name for dub in dubs for name in dub.people}
     identities = {
         name: identity_job(manifest, name, identity, device)
         for name, identity in manifest.identities.items()
@@ -158,7 +228,7 @@ def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto
     }
     return Jobs(
         identities,
-        {dub.name: _found(manifest, dub, identities[dub.identity], device) for dub in dubs},
+        {dub.name: _found(manifest, dub, identities, device) for dub in dubs},
     )
 
 
@@ -167,15 +237,15 @@ def dub_folder(manifest: Manifest, name: str) -> Path:
     return manifest.work / "dubs" / name
 
 
-def _found(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
+def _found(manifest: Manifest, dub: Dub, people: Mapping[str, Job], device: str) -> Job:
     """The job of a dub: where it lies under the name it had before, in the folder of that name."""
-    job = dub_job(manifest, dub, person, device)
+    job = dub_job(manifest, dub, people, device)
     folders = dub_folder(manifest, dub.name).parent
     if not job.stages or not folders.is_dir() or dub_folder(manifest, dub.name).exists():
         return job
     named = {other.name for other in manifest.dubs}
     for folder in sorted(p for p in folders.iterdir() if p.is_dir() and p.name not in named):
-        renamed = dub_job(manifest, dub, person, device, folder)
+        renamed = dub_job(manifest, dub, people, device, folder)
         if not any(stage.changes() for stage in renamed.stages.values()):
             return renamed
     return job
@@ -193,11 +263,11 @@ def _speech_weights(identity: Identity) -> dict[str, Path]:
     return {**own, "lip_encoder": ENCODER_WEIGHTS, "lip_filter": FILTER_WEIGHTS}
 
 
-def _too_long(dub: Dub, clip: MediaInfo, seconds: float) -> DubbingError | None:
+def _too_long(dub: Dub, film: MediaInfo, scene: Scene) -> DubbingError | None:
     """With ``on_longer_audio: fail`` it is known beforehand that a dub cannot be made."""
-    assert clip.rate is not None
-    frames = timeline.frame_count(seconds, clip.rate)
-    left = clip.frames - timeline.first_frame(dub.video_start, clip.rate)
+    assert film.rate is not None
+    frames = max(cue.stop for cue in scene.cues)
+    left = film.frames - timeline.first_frame(dub.video_start, film.rate)
     if dub.on_longer_audio != "fail" or frames <= left:
         return None
     return RenderingError(

@@ -1,4 +1,4 @@
-"""How many frames a dub has, and which frame of the clip each takes its pose and picture from.
+"""How many frames a dub has, which of them say something new, and over which frame of the clip.
 
 F frames of the dub, T frames of the clip.
 """
@@ -6,11 +6,42 @@ F frames of the dub, T frames of the clip.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 
 from dubbing.errors import RenderingError
+
+FADE = 3  # frames at a cue's edges over which the film and the rendered head are mixed
+
+
+@dataclass(frozen=True)
+class Cue:
+    """Frames of a dub in which somebody says something new.
+
+    Attributes:
+        identity: who.
+        first, stop: frames first .. stop of the dub.
+        audio, audio_start, seconds: what is said: that much of a sound, from there on.
+        number, speaker, words: of the line, where there are lines.
+    """
+
+    identity: str
+    first: int
+    stop: int
+    audio: Path
+    audio_start: float
+    seconds: float
+    number: int = 1
+    speaker: str = ""
+    words: str = ""
+
+    @property
+    def name(self) -> str:
+        """Names its folder: nobody has two cues at a time."""
+        return f"{self.identity}_{self.first:07d}-{self.stop:07d}"
 
 
 def frame_count(seconds: float, rate: Fraction) -> int:
@@ -61,6 +92,29 @@ def pose_index(frames: int, segment: np.ndarray, first: int, policy: str) -> np.
         f"the speech needs {frames} frames, the clip has {left} from there on",
         remedy="set on_longer_audio to bounce, loop, hold or cut, or use a longer clip",
     )
+
+
+def shares(said: np.ndarray, index: np.ndarray, segment: np.ndarray) -> np.ndarray:
+    """How much of each frame's face is the rendered one, float32 (F,) in 0..1.
+
+    0 outside of ``said``. Inside it rises over `FADE` frames from an edge, and falls towards one;
+    at a cut of the picture, and where the dub begins and ends, there is nothing to fade from.
+
+    Args:
+        said: (F,) bool, frames in which the face is to be replaced, and can be.
+        index: (F,) frame of the clip under each.
+        segment: (T,) int, increases at every cut.
+    """
+    away = np.where(said, FADE + 1, 0)
+    joined = (np.abs(np.diff(index)) <= 1) & (np.diff(segment[index]) == 0)
+    for step in range(1, FADE + 1):
+        low = away < step
+        beside = np.zeros(len(said), bool)
+        beside[1:] |= low[:-1] & joined
+        beside[:-1] |= low[1:] & joined
+        away[beside & (away > step)] = step
+    found: np.ndarray = (away / (FADE + 1)).astype(np.float32)
+    return found
 
 
 def triangle(steps: np.ndarray, span: int) -> np.ndarray:

@@ -143,8 +143,9 @@ def install(patch: Any) -> None:
 
     def render(self: tasks.Render, out: Path, progress: Any) -> None:
         clip = self.prepared.load()
-        rate, frames = clip.rate, Speech.load(self.speech).frames
-        poses = tasks.pose_index(self.dub, clip, frames)
+        rate, cue = clip.rate, self.cue
+        poses = tasks.pose_index(self.dub, clip, cue.stop)[cue.first : cue.stop]
+        assert self.dub.lines is None or Speech.load(self.speech).frames == len(poses)
         for count in range(HEADS_A_FILE, len(poses) + HEADS_A_FILE, HEADS_A_FILE):
             write_heads(out, min(count, len(poses)), rate)
             kill("render")

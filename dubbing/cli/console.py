@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
@@ -72,7 +73,7 @@ class Bars:
     """Tells on stderr how a run goes on; see `Reporter` of the runner."""
 
     def __init__(self, warnings: Sequence[str]) -> None:
-        self._bars: dict[tuple[str, str], tqdm] = {}
+        self._bars: dict[Path, tqdm] = {}  # by the folder of the stage
         for warning in warnings:
             _line(screen, f"warning: {warning}", "yellow")
 
@@ -85,23 +86,29 @@ class Bars:
 
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
         """A stage starts."""
-        title = f"{job.name}: {stage.name}"
-        self._bars[job.name, stage.name] = _bar(title)
+        title = f"{job.name}: {_named(job, stage)}"
+        self._bars[stage.folder] = _bar(title)
         if not screen.is_terminal:
             _line(screen, f"{title} ({', '.join(reasons)})")
 
     def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
         """A stage is ``share`` (0..1) done."""
-        _advance(self._bars[job.name, stage.name], message, share)
+        _advance(self._bars[stage.folder], message, share)
 
     def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
         """A stage is done or has failed."""
-        self._bars.pop((job.name, stage.name)).close()
+        self._bars.pop(stage.folder).close()
+        title = f"{job.name}: {_named(job, stage)}"
         with tqdm.external_write_mode(file=screen.file):  # a line above the bars of other stages
             if failure:
-                _line(screen, f"{job.name}: {stage.name} failed: {failure}", "red")
+                _line(screen, f"{title} failed: {failure}", "red")
             elif screen.is_terminal:
-                _line(screen, f"{job.name}: {stage.name} done", "green")
+                _line(screen, f"{title} done", "green")
+
+
+def _named(job: Job, stage: Stage) -> str:
+    """What a job calls a stage: its kind, and which one it is where there are several."""
+    return next((name for name, own in job.stages.items() if own is stage), stage.name)
 
 
 def summary(result: Result) -> None:

@@ -14,14 +14,16 @@ class Job:
 
     Attributes:
         kind: ``identity`` or ``dub``.
-        waits_for: name of the identity a dub needs; '' for an identity.
+        stages: by what each is of, as ``render`` or ``render host_0000010-0000050``; several may
+            be of one kind, which is the stage's name.
+        waits_for: names of the identities a dub needs.
         blocked: why it cannot be done at all (a damaged file, speech too long), known beforehand.
     """
 
     kind: str
     name: str
     stages: dict[str, Stage]
-    waits_for: str = ""
+    waits_for: tuple[str, ...] = ()
     blocked: DubbingError | None = None
 
     @property

@@ -23,7 +23,8 @@ def rows(jobs: Jobs, force: tuple[str, ...] = ()) -> list[Row]:
     runs: set[str] = set()
     found: list[Row] = []
     for job in jobs.all():
-        error = job.blocked or (job.kind == "dub" and jobs.identities[job.waits_for].blocked)
+        people = (jobs.identities[name].blocked for name in job.waits_for)
+        error = job.blocked or next(filter(None, people), None)
         if error:
             found.append(Row(job, "all", "blocked", (str(error),)))
             continue
@@ -41,7 +42,7 @@ def _row(job: Job, name: str, stage: Stage, runs: set[str], force: tuple[str, ..
         for source in stage.inputs.values()
         if isinstance(source, Stage) and str(source.folder) in runs
     ]
-    reasons = ["forced"] if name in force else stage.changes()
+    reasons = ["forced"] if stage.name in force else stage.changes()
     if reasons:
         return Row(job, name, "run", tuple(reasons))
     if before:

@@ -83,8 +83,9 @@ def run(jobs: Jobs, options: Options, reporter: Reporter) -> dict[str, Outcome]:
             outcomes[job.label] = Outcome("failed", failure=failure_of("input", job.blocked))
     runner = _Runner(jobs, options, reporter, outcomes)
     for some in (jobs.identities, jobs.dubs):
-        for name in dict.fromkeys(name for job in some.values() for name in job.stages):
-            runner.everywhere(name, some)
+        kinds = (stage.name for job in some.values() for stage in job.stages.values())
+        for kind in dict.fromkeys(kinds):
+            runner.everywhere(kind, some)
     runner.mark_unfinished()
     return outcomes
 
@@ -125,35 +126,44 @@ class _Runner:
         except Exception as error:
             outcome.state, outcome.failure = "failed", failure_of(stage, error)
 
-    def everywhere(self, name: str, jobs: dict[str, Job]) -> None:
+    def everywhere(self, kind: str, jobs: dict[str, Job]) -> None:
         """One kind of stage over all jobs that still stand."""
         waiting = []
         for job in jobs.values():
-            if self._stands(job, name) and not self._stopped():
-                stage = job.stages[name]
-                with self._failing(job, name):
+            if not job.stages:  # what it is made of cannot be read
+                self._stands(job, None)
+        of_kind = [
+            (job, stage)
+            for job in jobs.values()
+            for stage in job.stages.values()
+            if stage.name == kind
+        ]
+        for job, stage in of_kind:
+            if self._stands(job, stage) and not self._stopped():
+                with self._failing(job, kind):
                     recover(stage)
-                    forced = name in self.options.force
+                    forced = kind in self.options.force
                     reasons = ["forced"] if forced else stage.changes()
                     if reasons:
                         waiting.append((job, stage, reasons))
-        for job, failure, seconds, reasons in self._done(name, waiting):
+        for job, stage, failure, seconds, reasons in self._done(kind, waiting):
             outcome = self.outcomes[job.label]
-            outcome.reasons[name] = reasons
-            outcome.seconds[name] = seconds
-            outcome.state = "made"
+            outcome.reasons.setdefault(kind, reasons)
+            outcome.seconds[kind] = outcome.seconds.get(kind, 0.0) + seconds
             if failure:
                 outcome.state, outcome.failure = "failed", failure
-            self.reporter.end(job, job.stages[name], failure)
+            elif outcome.state != "failed":
+                outcome.state = "made"
+            self.reporter.end(job, stage, failure)
 
-    def _stands(self, job: Job, name: str) -> bool:
+    def _stands(self, job: Job, stage: Stage | None) -> bool:
         outcome = self.outcomes[job.label]
         if outcome.state in ("failed", "skipped"):
             return False
-        if job.kind == "dub":
-            person = self.jobs.identities[job.waits_for]
+        for person in (self.jobs.identities[name] for name in job.waits_for):
             failure = self.outcomes[person.label].failure
-            if failure and (failure.stage == "input" or job.stages[name].needs(failure.stage)):
+            lost = failure and (failure.stage == "input" or (stage and stage.needs(failure.stage)))
+            if failure and lost:
                 what = f"identity {person.name} failed: {failure.what}"
                 outcome.failure = replace(failure, what=what, trace="")
                 outcome.state = "skipped"
@@ -175,7 +185,7 @@ class _Runner:
 
     def _done(
         self, name: str, waiting: list[tuple[Job, Stage, list[str]]]
-    ) -> Iterator[tuple[Job, Failure | None, float, list[str]]]:
+    ) -> Iterator[tuple[Job, Stage, Failure | None, float, list[str]]]:
         force = name in self.options.force
         if self.options.workers > 1 and len(waiting) > 1:
             yield from self._side_by_side(waiting, force)
@@ -186,11 +196,11 @@ class _Runner:
             self.reporter.begin(job, stage, reasons)
             progress = _progress(self.reporter, job, stage)
             failure, seconds = attempt(stage, force, progress, self.began)
-            yield job, failure, seconds, reasons
+            yield job, stage, failure, seconds, reasons
 
     def _side_by_side(
         self, waiting: list[tuple[Job, Stage, list[str]]], force: bool
-    ) -> Iterator[tuple[Job, Failure | None, float, list[str]]]:
+    ) -> Iterator[tuple[Job, Stage, Failure | None, float, list[str]]]:
         with Processes(min(self.options.workers, len(waiting))) as processes:
             futures = {}
             for job, stage, reasons in waiting:
@@ -205,7 +215,7 @@ class _Runner:
                     remedy = "run again, with fewer --jobs if memory ran short"
                     failure = Failure(stage.name, "its process was killed", remedy=remedy)
                     seconds = 0.0
-                yield job, failure, seconds, reasons
+                yield job, stage, failure, seconds, reasons
 
 
 def attempt(

@@ -156,7 +156,6 @@ def dubbed(
     """
     person, maps, _ = heads.load(model, device)
     posed = refined(person, maps, clip, np.unique(under), progress)
-    draw = composite.Composer(clip, composite.VideoSettings(frame="full", label=False))
     index = np.zeros(len(clip), int)
     done = 0
     for first, count in parts:
@@ -169,5 +168,8 @@ def dubbed(
             for k, (colour, opacity), source in zip(
                 index[start:stop].tolist(), rendered, sources, strict=True
             ):
-                frame = draw.frame(source, heads.to_rgba(colour, opacity), k)
+                *_, whole = source
+                assert whole is not None  # it was asked for
+                head, seen = heads.to_rgba(colour, opacity), float(clip.valid[k])
+                frame = composite.with_faces(whole, [composite.Face(clip, source, head, seen)], k)
                 yield cropping.crop(frame, clip.crop[k], clip.size), source[0], k

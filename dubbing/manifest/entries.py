@@ -96,7 +96,24 @@ def _seconds(value: Any) -> Any:
     return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
 
 
+def _resolve_sounds(value: Any, info: ValidationInfo) -> Any:
+    """A path, or a mapping of speakers to paths."""
+    if not isinstance(value, dict):
+        return _resolve(value, info)
+    found = {}
+    for name, path in value.items():
+        if not isinstance(name, str):
+            raise ValueError(f"the speaker {name!r} must be text: put it in quotes")
+        try:
+            found[name] = _resolve(path, info)
+        except ValueError as error:
+            raise ValueError(f"{name}: {error}") from error
+    return found
+
+
 FilePath = Annotated[Path, BeforeValidator(_resolve)]
+# One sound, or one a speaker; a name with {cue} or {cue:03} is a file a line.
+Sounds = Annotated[Path | dict[str, Path], BeforeValidator(_resolve_sounds)]
 Seconds = Annotated[float, BeforeValidator(_seconds)]
 Name = Annotated[str, BeforeValidator(check_name)]
 Words = Annotated[str, Field(min_length=1), AfterValidator(_check_words)]
@@ -139,11 +156,20 @@ class Identity(Entry):
 
 
 class Dub(Entry):
-    """One result: a person, new speech, and how both are put together."""
+    """One result: a person and new speech, or a film and the new lines of its people.
+
+    ``lines`` makes it a scene: see `dubbing.manifest.scenes`. Without, it is a scene of one
+    speaker, whose one cue is the whole audio.
+    """
 
     name: Name
-    identity: str
-    audio: FilePath
+    identity: str | None = None
+    clip: FilePath | None = None
+    lines: FilePath | None = None
+    speakers: dict[str, str] | None = None
+    audio: Sounds
+    music_effects: FilePath | None = None
+    loudness: Literal["r128", "streaming", "none"] = "none"
     audio_start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     audio_seconds: Seconds | None = Field(
         default=None, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False
@@ -154,3 +180,9 @@ class Dub(Entry):
     label: bool = True
     codec: Literal["h264", "prores", "ffv1"] = "h264"
     audio_rate: Literal[48000, "source"] = 48000
+
+    @property
+    def people(self) -> tuple[str, ...]:
+        """The identities whose faces it replaces, each once."""
+        named = [] if self.identity is None else [self.identity]
+        return tuple(dict.fromkeys([*named, *(self.speakers or {}).values()]))

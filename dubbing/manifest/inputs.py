@@ -3,41 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from dubbing import timeline
-from dubbing.errors import DubbingError, MediaError
+from dubbing.errors import DubbingError
 from dubbing.manifest import preset_checks as published
 from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.findings import Findings, KeyPath, Scene
+from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without_lines
 from dubbing.media.muxing import MOST_CHANNELS, SOUND
-from dubbing.media.probing import MediaInfo, probe
+from dubbing.media.probing import MediaInfo
 from dubbing.speech import features
 
 SHORTEST_CLIP = 1.0  # seconds to learn from
-KeyPath = tuple[str | int, ...]
-
-
-@dataclass
-class Findings:
-    """What the files hold, the damaged ones, and what is wrong with how they are used."""
-
-    media: dict[Path, MediaInfo] = field(default_factory=dict)
-    damaged: dict[Path, MediaError] = field(default_factory=dict)
-    problems: list[tuple[KeyPath, str]] = field(default_factory=list)
-    warnings: list[str] = field(default_factory=list)
-
-    def look(self, path: Path, key: KeyPath) -> MediaInfo | None:
-        """Probe a file once. One that is missing is a problem; one that is damaged is kept."""
-        if not path.is_file():
-            self.problems.append((key, f"no such file: {path}"))
-            return None
-        if path not in self.media and path not in self.damaged:
-            try:
-                self.media[path] = probe(path)
-            except MediaError as error:
-                self.damaged[path] = error
-        return self.media.get(path)
 
 
 def inspect(identities: Mapping[str, Identity], dubs: Mapping[int, Dub]) -> Findings:
@@ -46,7 +24,7 @@ def inspect(identities: Mapping[str, Identity], dubs: Mapping[int, Dub]) -> Find
     for name, identity in identities.items():
         _identity(findings, name, identity)
     for place, dub in dubs.items():
-        _dub(findings, place, dub, identities.get(dub.identity))
+        _dub(findings, place, dub, identities)
     return findings
 
 
@@ -98,31 +76,77 @@ def _speech(findings: Findings, at: KeyPath, identity: Identity) -> None:
         findings.problems.append(((*at, "speech_weights"), f"no such file: {file}"))
 
 
-def _dub(findings: Findings, place: int, dub: Dub, identity: Identity | None) -> None:
+def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Identity]) -> None:
     at: KeyPath = ("dubs", place)
+    if not dub.people:
+        findings.say((*at, "identity"), "is required")
+        return
+    if dub.lines is not None:
+        inspect_scene(findings, place, dub, identities)
+        _music(findings, at, dub)
+    elif without_lines(findings, at, dub):
+        _whole_audio(findings, place, dub, identities)
+    scene = findings.scenes.get(place)
+    if scene is not None:
+        _slow(findings, dub, scene, identities)
+
+
+def _whole_audio(
+    findings: Findings, place: int, dub: Dub, identities: Mapping[str, Identity]
+) -> None:
+    """A dub of one sound."""
+    at: KeyPath = ("dubs", place)
+    assert isinstance(dub.audio, Path)
+    before = len(findings.problems)
     sound = findings.look(dub.audio, (*at, "audio"))
     if sound is not None:
         if sound.audio_rate is None:
-            findings.problems.append(((*at, "audio"), f"no sound in {dub.audio}"))
-        elif (sound.audio_channels or 0) > (most := MOST_CHANNELS[SOUND[dub.codec]]):
-            message = f"{sound.audio_channels} channels in {dub.audio}: {dub.codec} takes {most}"
-            findings.problems.append(((*at, "audio"), f"{message} at most; mix it down"))
+            findings.say((*at, "audio"), f"no sound in {dub.audio}")
+        elif _too_many_channels(findings, (*at, "audio"), dub, sound):
+            pass
         elif dub.audio_start >= sound.sound_seconds:
             message = f"{dub.audio_start:g} s is past the end: the sound is"
-            problem = f"{message} {sound.sound_seconds:.1f} s long"
-            findings.problems.append(((*at, "audio_start"), problem))
+            findings.say((*at, "audio_start"), f"{message} {sound.sound_seconds:.1f} s long")
         elif dub.audio_seconds and dub.audio_start + dub.audio_seconds > sound.sound_seconds + 0.5:
             message = f"there are only {sound.sound_seconds - dub.audio_start:.1f} s of sound"
-            findings.problems.append(((*at, "audio_seconds"), message))
-    clip = findings.media.get(identity.clip) if identity else None
+            findings.say((*at, "audio_seconds"), message)
+    clip = film_of(findings, at, dub, identities)
     if clip is None or clip.rate is None:
         return
     if timeline.first_frame(dub.video_start, clip.rate) >= clip.frames:
         last = float((clip.frames - 1) / clip.rate)
         message = f"{dub.video_start:g} s is past the end: the last frame of the clip is at"
-        findings.problems.append(((*at, "video_start"), f"{message} {last:.2f} s"))
-    if identity is not None and sound is not None:
-        left = sound.sound_seconds - dub.audio_start
-        seconds = min(left, dub.audio_seconds or left)
-        note = published.dub_note(dub.name, identity, clip.rate, seconds)
+        findings.say((*at, "video_start"), f"{message} {last:.2f} s")
+    if sound is not None and len(findings.problems) == before:
+        findings.scenes[place] = whole_audio(dub, clip, sound)
+
+
+def _music(findings: Findings, at: KeyPath, dub: Dub) -> None:
+    """What lies under the voices of a scene."""
+    if dub.music_effects is None:
+        return
+    key = (*at, "music_effects")
+    sound = findings.look(dub.music_effects, key)
+    if sound is not None and sound.audio_rate is None:
+        findings.say(key, f"no sound in {dub.music_effects}")
+    elif sound is not None:
+        _too_many_channels(findings, key, dub, sound)
+
+
+def _too_many_channels(findings: Findings, key: KeyPath, dub: Dub, sound: MediaInfo) -> bool:
+    most = MOST_CHANNELS[SOUND[dub.codec]]
+    if (sound.audio_channels or 0) <= most:
+        return False
+    message = f"{sound.audio_channels} channels in {sound.path}: {dub.codec} takes {most} at most"
+    findings.say(key, f"{message}; mix it down")
+    return True
+
+
+def _slow(findings: Findings, dub: Dub, scene: Scene, identities: Mapping[str, Identity]) -> None:
+    """Warn of dubs that take days."""
+    rate = findings.media[scene.clip].rate
+    assert rate is not None
+    for person in dub.people:
+        seconds = sum(cue.seconds for cue in scene.cues if cue.identity == person)
+        note = published.dub_note(dub.name, identities[person], rate, seconds)
         findings.warnings += [] if note is None else [note]

@@ -17,6 +17,7 @@ from dubbing.errors import DubbingError, ManifestError, MediaError, Problem
 from dubbing.files import read_bounded
 from dubbing.manifest import inputs, overwriting, yaml_lines
 from dubbing.manifest.entries import Dub, Entry, Identity, check_name, check_path, place_of
+from dubbing.manifest.findings import Scene
 from dubbing.manifest.messages import describe, plain, suggestion
 from dubbing.media.probing import MediaInfo
 
@@ -31,7 +32,13 @@ UNKNOWN: dict[str, Any] = {
 
 
 class Manifest(BaseModel):
-    """A manifest that holds. ``media``: what the readable files are; ``damaged``: the others."""
+    """A manifest that holds.
+
+    Attributes:
+        scenes: what each dub says when; not those whose files are damaged.
+        media: what the readable files are. damaged: the others.
+        blocked: dubs that need one of these for their sound.
+    """
 
     model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
 
@@ -39,8 +46,10 @@ class Manifest(BaseModel):
     output: Path
     identities: dict[str, Identity]
     dubs: tuple[Dub, ...]
+    scenes: dict[str, Scene]
     media: dict[Path, MediaInfo]
     damaged: dict[Path, MediaError]
+    blocked: dict[str, MediaError]
     warnings: tuple[str, ...] = ()
 
     @property
@@ -96,7 +105,9 @@ class _Reader:
         for key, message in findings.problems:
             self._say(self._written(key), message)
         if output is not None:
-            for key, message in overwriting.problems(self.path, output, identities, dubs):
+            for key, message in overwriting.problems(
+                self.path, output, identities, dubs, findings.media
+            ):
                 self._say(self._written(key), message)
         if self.problems or output is None:
             return None
@@ -105,8 +116,10 @@ class _Reader:
             output=output,
             identities=identities,
             dubs=tuple(dubs.values()),
+            scenes={dubs[place].name: scene for place, scene in findings.scenes.items()},
             media=findings.media,
             damaged=findings.damaged,
+            blocked={dubs[place].name: error for place, error in findings.blocked.items()},
             warnings=tuple(findings.warnings),
         )
 
@@ -162,10 +175,7 @@ class _Reader:
             named = entry
             if isinstance(entry, dict) and "name" not in {**self.defaults, **entry}:
                 named = {"name": _default_name({**self.defaults, **entry}), **entry}
-            whose = named.get("identity") if isinstance(named, dict) else None
-            if known and isinstance(whose, str) and whose not in known:
-                there = ", ".join(known)
-                self._say(("dubs", k, "identity"), f"no identity {whose!r}; there is {there}")
+            self._whose(("dubs", k), named, known)
             item = self._entry(Dub, ("dubs", k), named)
             if not isinstance(item, Dub):
                 continue
@@ -173,6 +183,19 @@ class _Reader:
         names = [(dub.name, ("dubs", k, "name")) for k, dub in found.items()]
         self._unique([(name, path) for name, path in names if name != UNKNOWN["name"]])
         return found
+
+    def _whose(self, at: yaml_lines.Path, entry: Any, known: Mapping[str, Any]) -> None:
+        """Check that the people of a dub are among the identities."""
+        if not isinstance(entry, dict) or not known:
+            return
+        speakers = entry.get("speakers")
+        named: dict[yaml_lines.Path, Any] = {("identity",): entry.get("identity")}
+        if isinstance(speakers, dict):
+            named |= {("speakers", name): whose for name, whose in speakers.items()}
+        for key, whose in named.items():
+            if isinstance(whose, str) and whose not in known:
+                there = ", ".join(known)
+                self._say((*at, *key), f"no identity {whose!r}; there is {there}")
 
     def _entry(self, model: type[Entry], path: yaml_lines.Path, entry: Any) -> Entry | None:
         if not isinstance(entry, dict):
@@ -231,5 +254,7 @@ class _Reader:
 
 
 def _default_name(entry: Mapping[str, Any]) -> str:
+    if "lines" in entry:
+        return Path(str(entry["lines"])).stem
     stem = Path(str(entry.get("audio", ""))).stem
     return f"{entry.get('identity', '')}_{stem}"

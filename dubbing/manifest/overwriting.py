@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from dubbing.manifest.entries import Dub, Entry, Identity
@@ -22,22 +22,30 @@ def results_of(name: str, codec: str) -> tuple[str, str]:
 
 
 def problems(
-    manifest: Path, output: Path, identities: Mapping[str, Identity], dubs: Mapping[int, Dub]
+    manifest: Path,
+    output: Path,
+    identities: Mapping[str, Identity],
+    dubs: Mapping[int, Dub],
+    sounds: Iterable[Path] = (),
 ) -> Iterator[tuple[KeyPath, str]]:
     """Where a result and an input are one file, by name, link or inode; and inputs in ``work``.
 
     Args:
         dubs: by their place in the list.
+        sounds: of cues, whose names the manifest gives as a pattern.
     """
     inputs: dict[Path, str] = {manifest: "this manifest"}
     entries: list[tuple[KeyPath, Entry]] = [(("identities", n), i) for n, i in identities.items()]
     entries += [(("dubs", place), dub) for place, dub in dubs.items()]
     for at, entry in entries:
         for key, value in entry:
-            if isinstance(value, Path):
-                inputs.setdefault(value, key_path((*at, key)))
-                if (output / WORK).resolve() in value.parents:
-                    yield (*at, key), f"{value} lies where the stages work: move it elsewhere"
+            for path in value.values() if isinstance(value, dict) else (value,):
+                if isinstance(path, Path):
+                    inputs.setdefault(path, key_path((*at, key)))
+                    if (output / WORK).resolve() in path.parents:
+                        yield (*at, key), f"{path} lies where the stages work: move it elsewhere"
+    for path in sounds:
+        inputs.setdefault(path, str(path))
     known = {found: said for path, said in inputs.items() for found in _identities(path)}
     results: list[tuple[KeyPath, str]] = [(("output",), name) for name in OF_ALL]
     for place, dub in dubs.items():

@@ -17,6 +17,7 @@ import numpy as np
 
 from dubbing.errors import MediaError
 from dubbing.media.opening import opened
+from dubbing.script.timecode import frame_of
 
 COMMON_RATES = (
     *(Fraction(n) for n in (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120)),
@@ -43,6 +44,7 @@ class MediaInfo:
         video_start, audio_start: seconds after the start of the file; 0 for most files.
         zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
             first stream it was asked for instead (MPEG-TS, MPEG-PS, Ogg); else None.
+        timecode: of the first frame, as ``01:00:00:00``; '' where the file has none.
         matrix: ffmpeg's name of the colour matrix, guessed from the size where untagged.
     """
 
@@ -61,6 +63,12 @@ class MediaInfo:
     audio_duration: float | None
     audio_start: float
     zero: float | None = None
+    timecode: str = ""
+
+    @property
+    def first_frame(self) -> int:
+        """The frame that its timecode begins with; 0 without one."""
+        return frame_of(self.timecode, self.rate) if self.timecode and self.rate else 0
 
     @property
     def sound_seconds(self) -> float:
@@ -137,6 +145,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     if sound is not None and "audio" not in starts:
         sound = None  # a declared but empty track is no sound
 
+    timecode = ""
     width = height = frames = 0
     rate: Fraction | None = None
     variable = False
@@ -154,6 +163,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         span = ends["video"] - times[0] if variable else float(len(times) / rate)
         frames = max(1, round((video_start + span) * rate))
         duration = float(frames / rate)
+        timecode = _timecode(container, rate)
     # What lies before 0 is the priming of the encoder, which no decoder gives out.
     audio_start = max(0.0, starts.get("audio", zero) - zero)
     audio_duration = ends["audio"] - zero - audio_start if sound is not None else None
@@ -173,7 +183,19 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         audio_duration=audio_duration,
         audio_start=audio_start,
         zero=zero if container.format.flags & RESTARTS else None,
+        timecode=timecode,
     )
+
+
+def _timecode(container: av.container.InputContainer, rate: Fraction) -> str:
+    """The timecode of a track or of the file, if it is one at that rate."""
+    places = [stream.metadata for stream in container.streams] + [container.metadata]
+    written = next((tags["timecode"] for tags in places if "timecode" in tags), "")
+    try:
+        frame_of(written, rate)
+    except ValueError:
+        return ""
+    return written
 
 
 def _check_sound(path: Path, packet: av.Packet, kind: str) -> None:

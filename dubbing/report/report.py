@@ -168,13 +168,13 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
 
 def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     dub = next(dub for dub in manifest.dubs if dub.name == job.name)
-    clip = manifest.identities[dub.identity].clip
+    clip = manifest.identities[dub.people[0]].clip
     # One of another codec may lie beside it, from before the manifest was changed.
     video = manifest.output / f"{job.name}{SUFFIX[dub.codec]}"
     sync = sync_of(job)
     return {
         **_common(job, outcome),
-        "identity": job.waits_for,
+        "identity": ", ".join(job.waits_for),
         "verdict": verdict_of(outcome.state, sync),
         "video": _relative(manifest, video) if video.is_file() else None,
         "source": _relative(manifest, clip) if clip.is_file() else None,
@@ -189,14 +189,21 @@ def _common(job: Job, outcome: Outcome) -> dict[str, Any]:
         "state": outcome.state,
         "failure": vars(failure) if failure else None,
         "stages": {
-            name: {
-                "seconds": outcome.seconds.get(name),
-                "reasons": outcome.reasons.get(name, []),
-                "recorded_seconds": record["seconds"] if (record := stage.record()) else None,
+            kind: {
+                "seconds": outcome.seconds.get(kind),
+                "reasons": outcome.reasons.get(kind, []),
+                "recorded_seconds": _recorded(job, kind),
             }
-            for name, stage in job.stages.items()
+            for kind in dict.fromkeys(stage.name for stage in job.stages.values())
         },
     }
+
+
+def _recorded(job: Job, kind: str) -> float | None:
+    """Seconds that the stages of a kind took when they were made; None where one is not made."""
+    records = [stage.record() for stage in job.stages.values() if stage.name == kind]
+    kept = [record["seconds"] for record in records if record]
+    return round(sum(kept), 2) if len(kept) == len(records) else None
 
 
 def _brief(sync: Sync) -> dict[str, Any] | None:

@@ -1,4 +1,4 @@
-"""The video stage: heads onto backgrounds, the mark, the encoder, the sound, and a last check.
+"""The video stage: heads onto the film, the mark, the encoder, the sound, and a last check.
 
 Frames stream from the decoders through the compositor to the encoder, in segments of their own
 files, so memory does not grow with the length and a kill costs one segment. S side of the crop.
@@ -7,11 +7,13 @@ files, so memory does not grow with the length and a kill costs one segment. S s
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -28,6 +30,7 @@ BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
 SEGMENT_SUFFIX = {"h264": ".mov", "prores": ".mov", "ffv1": ".nut"}
 TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
 
+Picture = TypeVar("Picture")
 # Image, matte, background of the crop, and the full frame where it is asked for.
 Source = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]
 
@@ -40,14 +43,43 @@ class VideoSettings:
     label: bool = True
     codec: str = "h264"
     audio_rate: int | None = 48000
-    audio_start: float = 0.0
-    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sound:
+    """The sound of a dub: so many seconds of a file from ``start`` on."""
+
+    path: Path
+    start: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Heads:
+    """Rendered heads of a cue, FFV1 RGBA segments: of frames first .. stop of the dub.
+
+    Over ``clip``, of which every dub has one a person.
+    """
+
+    folder: Path
+    clip: PreparedClip
+    first: int
+    stop: int
+
+
+@dataclass(frozen=True)
+class Face:
+    """A face in a frame: what it is made of, its head, and how much of it is shown."""
+
+    clip: PreparedClip
+    source: Source
+    head: np.ndarray
+    share: float
 
 
 def make(
-    heads: Path,
-    clip: PreparedClip,
-    audio: Path,
+    heads: Sequence[Heads],
+    sound: Sound,
     out: Path,
     *,
     pose_index: np.ndarray,
@@ -56,11 +88,11 @@ def make(
 ) -> Path:
     """Write OUT/video.<suffix>: composited, marked, encoded, with its sound; checked by decoding.
 
+    Frames in which nobody says anything new are the film's own.
+
     Args:
-        heads: FFV1 RGBA segments, in the order of the dub.
-        clip: whose frames lie under the heads.
-        audio: where the sound comes from.
-        pose_index: (F,) frame of the clip under every frame of the dub.
+        heads: of all cues; their clips are of one film.
+        pose_index: (F,) frame of the film under every frame of the dub.
 
     Raises:
         MediaError: a file broke off, or ffmpeg failed.
@@ -68,86 +100,151 @@ def make(
     """
     result = out / f"video{media.SUFFIX[settings.codec]}"
     segments = out / "segments"
-    frames = len(pose_index)
+    frames, rate = len(pose_index), heads[0].clip.rate
     if not result.exists():
+        composer = Composer(heads, pose_index, settings)
         parts = []
         for first in range(0, frames, SEGMENT):
-            poses = pose_index[first : first + SEGMENT]
+            stop = min(first + SEGMENT, frames)
             part = segments / f"{first:06d}{SEGMENT_SUFFIX[settings.codec]}"
-            parts.append((part, len(poses) / clip.rate))
+            parts.append((part, (stop - first) / rate))
             if not part.exists():
-                posed_heads = zip(read_heads(heads, first, len(poses)), poses, strict=True)
-                pictures = zip(read_source(clip, poses, settings.frame), posed_heads, strict=True)
-                draw = Composer(clip, settings)
-                width, height = draw.size
-                encoder = media.VideoWriter(part, width, height, clip.rate, settings.codec)
-                with encoder, behind(encoder.write) as write, closing(ahead(pictures)) as ready:
-                    for done, (source, (head, index)) in enumerate(ready, first):
-                        write(draw.frame(source, head, int(index)))
+                encoder = media.VideoWriter(part, *composer.size, rate, settings.codec)
+                read = composer.read(first, stop)
+                with encoder, behind(encoder.write) as write, closing(ahead(read)) as ready:
+                    for done, (image, faces) in enumerate(ready, first):
+                        write(composer.frame(image, faces, int(pose_index[done])))
                         progress("compositing", done / frames)
         progress("muxing", 1.0)
         # The sound is as long as it was asked for, unless the dub was cut to the clip.
-        longest = float((frames + Fraction(1, 2)) / clip.rate)
+        longest = float((frames + Fraction(1, 2)) / rate)
         media.mux(
             parts,
-            audio,
+            sound.path,
             result,
-            audio_start=settings.audio_start,
-            seconds=min(settings.seconds, longest),
+            audio_start=sound.start,
+            seconds=min(sound.seconds, longest),
             audio_codec=media.SOUND[settings.codec],
             audio_rate=settings.audio_rate,
             metadata=provenance.tags(),
         )
-    verify(result, frames, clip.rate)
+    verify(result, frames, rate)
     shutil.rmtree(segments, ignore_errors=True)
     return result
 
 
 class Composer:
-    """Makes the finished frames of one dub."""
+    """Makes the finished frames of one dub.
 
-    def __init__(self, clip: PreparedClip, settings: VideoSettings) -> None:
-        self.clip = clip
-        self.full = settings.frame == "full"
-        self.size = clip.source_size if self.full else (clip.size, clip.size)
+    Args:
+        heads, pose_index: see `make`.
+    """
+
+    def __init__(
+        self, heads: Sequence[Heads], pose_index: np.ndarray, settings: VideoSettings
+    ) -> None:
+        self.poses = pose_index
+        self.film = film = heads[0].clip
+        self.frames = settings.frame
+        self.size = film.source_size if self.frames == "full" else (film.size, film.size)
         self.label = provenance.Label(*self.size) if settings.label else None
+        count = len(pose_index)  # a dub that was cut is shorter than its cue
+        self.heads = [replace(h, stop=min(h.stop, count)) for h in heads if h.first < count]
+        self.shares = {
+            h.clip.folder: timeline.shares(self._said(h.clip), pose_index, h.clip.segment)
+            for h in self.heads
+        }
 
-    def frame(self, source: Source, head: np.ndarray, index: int) -> np.ndarray:
-        """Frame of the dub over frame ``index`` of the clip; uint8 RGB of ``size``.
+    def _said(self, clip: PreparedClip) -> np.ndarray:
+        """Frames (F,) bool in which the face of a clip says something new, and is seen."""
+        said = np.zeros(len(self.poses), bool)
+        for own in (h for h in self.heads if h.clip.folder == clip.folder):
+            said[own.first : own.stop] = True
+        return said & clip.valid[self.poses]
 
-        A frame without a face stays as it is (but for the mark).
-        """
-        image, matte, background, whole = source
-        out = image if whole is None else whole
-        if self.clip.valid[index]:
-            landmarks = self.clip.landmarks[index]
-            picture, mask = replacement(image, matte, background, head, landmarks)
-            if whole is None:
-                out = blend(image, picture, mask)
+    def read(self, first: int, stop: int) -> Iterator[tuple[np.ndarray, list[Face]]]:
+        """The film's frames (or crops) first .. stop of the dub, and the faces to replace."""
+        edges = {edge for h in self.heads for edge in (h.first, h.stop) if first < edge < stop}
+        for low, high in pairwise([first, *sorted(edges), stop]):
+            spoken = [h for h in self.heads if h.first <= low < h.stop]
+            if spoken:
+                yield from self._spoken(spoken, low, high)
             else:
-                out = self.clip.paste(whole, index, picture, mask)
-        return self.label.draw(out) if self.label else out
+                for image in read_film(self.film, self.poses[low:high]):
+                    yield image, []
+
+    def _spoken(
+        self, heads: list[Heads], low: int, high: int
+    ) -> Iterator[tuple[np.ndarray, list[Face]]]:
+        poses = self.poses[low:high]
+        sources = [read_source(h.clip, poses, self.frames) for h in heads]
+        rendered = [read_heads(h.folder, low - h.first, high - low) for h in heads]
+        for k in range(low, high):
+            faces = [
+                Face(h.clip, next(source), next(head), float(self.shares[h.clip.folder][k]))
+                for h, source, head in zip(heads, sources, rendered, strict=True)
+            ]
+            crop, *_, whole = faces[0].source
+            yield crop if whole is None else whole, faces
+
+    def frame(self, image: np.ndarray, faces: Sequence[Face], index: int) -> np.ndarray:
+        """Frame of the dub over frame ``index`` of the film; uint8 RGB of ``size``.
+
+        One in which nobody says anything new is given back as it came, without the mark.
+        """
+        out = with_faces(image, faces, index)
+        return self.label.draw(out) if self.label and faces else out
+
+
+def with_faces(image: np.ndarray, faces: Sequence[Face], index: int) -> np.ndarray:
+    """Frame ``index`` of the film (or its crop) with faces replaced, one after the other."""
+    for face in faces:
+        if face.share > 0:
+            crop, matte, background, whole = face.source
+            landmarks = face.clip.landmarks[index]
+            picture, mask = replacement(crop, matte, background, face.head, landmarks)
+            if face.share < 1:
+                mask = (mask * face.share).round().astype(np.uint8)
+            if whole is None:
+                image = blend(image, picture, mask)
+            else:
+                image = face.clip.paste(image, index, picture, mask)
+    return image
 
 
 def read_source(clip: PreparedClip, poses: np.ndarray, frame: str) -> Iterator[Source]:
     """Crop, matte, background (and the full frame) for every pose, whichever way they run."""
+
+    def forward(first: int, count: int) -> Iterator[Source]:
+        for image, matte, background, whole in clip.whole_frames(first, count):
+            yield image, matte, background, whole if frame == "full" else None
+
+    return _in_order(forward, poses)
+
+
+def read_film(clip: PreparedClip, poses: np.ndarray) -> Iterator[np.ndarray]:
+    """The frames of the film a clip was prepared from, whichever way they run."""
+    return _in_order(
+        lambda first, count: media.read_frames(clip.clip, start=first, count=count, rate=clip.rate),
+        poses,
+    )
+
+
+def _in_order(
+    forward: Callable[[int, int], Iterator[Picture]], poses: np.ndarray
+) -> Iterator[Picture]:
+    """What ``forward`` reads from a first frame on, for every pose, whichever way they run."""
     for first, length, step in timeline.runs(poses):
         if step == 0:
-            (still,) = _forward(clip, first, 1, frame)
+            (still,) = forward(first, 1)
             yield from (still for _ in range(length))
         elif step == 1:
-            yield from _forward(clip, first, length, frame)
+            yield from forward(first, length)
         else:
             for done in range(0, length, BACKWARDS):
                 count = min(BACKWARDS, length - done)
                 last = first - done
-                yield from reversed(list(_forward(clip, last - count + 1, count, frame)))
-
-
-def _forward(clip: PreparedClip, first: int, count: int, frame: str) -> Iterator[Source]:
-    for *crop, whole in clip.whole_frames(first, count):
-        image, matte, background = crop
-        yield image, matte, background, whole if frame == "full" else None
+                yield from reversed(list(forward(last - count + 1, count)))
 
 
 def read_heads(folder: Path, first: int, count: int) -> Iterator[np.ndarray]:

@@ -18,6 +18,8 @@ from dubbing import timeline
 from dubbing.engine.stage import Progress
 from dubbing.files import atomic_write_json
 from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.findings import Scene
+from dubbing.timeline import Cue
 
 if TYPE_CHECKING:  # both load what a plan does without
     from dubbing.preparation.prepared import PreparedClip
@@ -116,34 +118,34 @@ class RefinePoses:
 
 @dataclass(frozen=True)
 class Listen:
-    """Speech features of a dub's sound."""
+    """Speech features of a cue's sound."""
 
-    dub: Dub
+    cue: Cue
     features: str
     weights: Path | None
     rate: Fraction
-    seconds: float
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.stages.listen import listen
 
         progress("listening", 0.0)
         listen(
-            self.dub.audio,
+            self.cue.audio,
             out,
             name=self.features,
             weights=self.weights,
             rate=self.rate,
-            start=self.dub.audio_start,
-            seconds=self.seconds,
+            start=self.cue.audio_start,
+            seconds=self.cue.seconds,
         )
 
 
 @dataclass(frozen=True)
 class Render:
-    """The head for every frame of a dub."""
+    """The head for every frame of a cue."""
 
     dub: Dub
+    cue: Cue
     model: Path
     prepared: Prepared
     poses: Path
@@ -163,41 +165,52 @@ class Render:
             clip,
             speech.part,
             out,
-            pose_index=pose_index(self.dub, clip, speech.frames),
+            pose_index=pose_index(self.dub, clip, self.cue.stop)[self.cue.first : self.cue.stop],
             device=self.device,
             progress=progress,
         )
 
 
 @dataclass(frozen=True)
+class CueHeads:
+    """Where the heads of a cue lie, and the prepared clip that they go onto."""
+
+    cue: Cue
+    folder: Path
+    prepared: Prepared
+
+
+@dataclass(frozen=True)
 class Composite:
-    """Heads onto backgrounds, with the sound: the finished video."""
+    """Heads onto the film, with the sound: the finished video."""
 
     dub: Dub
-    heads: Path
-    prepared: Prepared
-    speech: Path
-    seconds: float
+    scene: Scene
+    heads: tuple[CueHeads, ...]
 
     def __call__(self, out: Path, progress: Progress) -> None:
-        from dubbing.stages.composite import VideoSettings, make
-        from dubbing.stages.listen import Speech
+        from dubbing.stages.composite import Heads, Sound, VideoSettings, make
 
-        dub, clip = self.dub, self.prepared.load()
+        dub, scene = self.dub, self.scene
+        clips = {h.prepared: h.prepared.load() for h in self.heads}
+        film = next(iter(clips.values()))
+        poses = pose_index(dub, film, max(cue.stop for cue in scene.cues))
         settings = VideoSettings(
             frame=dub.frame,
             label=dub.label,
             codec=dub.codec,
             audio_rate=None if dub.audio_rate == "source" else dub.audio_rate,
-            audio_start=dub.audio_start,
-            seconds=self.seconds,
         )
+        if dub.lines is None:
+            (cue,) = scene.cues
+            sound = Sound(cue.audio, cue.audio_start, cue.seconds)
+        else:
+            raise NotImplementedError
         make(
-            self.heads,
-            clip,
-            dub.audio,
+            [Heads(h.folder, clips[h.prepared], h.cue.first, h.cue.stop) for h in self.heads],
+            sound,
             out,
-            pose_index=pose_index(dub, clip, Speech.load(self.speech).frames),
+            pose_index=poses,
             settings=settings,
             progress=progress,
         )
@@ -242,6 +255,11 @@ def offset_of(folder: Path) -> int:
 
 
 def pose_index(dub: Dub, clip: PreparedClip, frames: int) -> np.ndarray:
-    """Frame of the clip for every frame of a dub, int64 (F,); see ``timeline.pose_index``."""
+    """Frame of the clip for every frame of a dub, int64 (F,); see ``timeline.pose_index``.
+
+    A scene has the frames of its film.
+    """
+    if dub.lines is not None:
+        return np.arange(len(clip))
     first = timeline.first_frame(dub.video_start, clip.rate)
     return timeline.pose_index(frames, clip.segment, first, dub.on_longer_audio)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dubbing.errors import RenderingError
-from dubbing.timeline import frame_count, pose_index, runs
+from dubbing.timeline import frame_count, pose_index, runs, shares
 
 ONE_SHOT = np.zeros(10, int)
 TWO_SHOTS = np.array([0] * 6 + [1] * 4)
@@ -78,3 +78,33 @@ def test_runs_put_together_are_the_index(seed: int) -> None:
 def test_runs_of_a_bounce() -> None:
     index = pose_index(9, ONE_SHOT, 7, "bounce")
     assert runs(index) == [(7, 3, 1), (8, 2, -1), (8, 2, 1), (8, 2, -1)]
+
+
+def test_a_face_fades_in_and_out_inside_its_cue() -> None:
+    index, one_shot = np.arange(20), np.zeros(20, int)
+    said = np.zeros(20, bool)
+    said[5:15] = True
+    wanted = [0] * 5 + [0.25, 0.5, 0.75, 1, 1, 1, 1, 0.75, 0.5, 0.25] + [0] * 5
+    np.testing.assert_allclose(shares(said, index, one_shot), wanted)
+    # Where the dub begins and ends there is no frame to fade from.
+    np.testing.assert_array_equal(shares(np.ones(20, bool), index, one_shot), 1)
+    # A cut hides the change.
+    cut = np.repeat([0, 1], [5, 15])
+    np.testing.assert_allclose(shares(said, index, cut)[:8], [0] * 5 + [1] * 3)
+    # A short cue never becomes whole, and one frame is the least of it.
+    brief = np.zeros(20, bool)
+    brief[7:9] = True
+    np.testing.assert_allclose(shares(brief, index, one_shot)[6:10], [0, 0.25, 0.25, 0])
+
+
+def test_two_cues_that_touch_are_one_to_the_eye() -> None:
+    said = np.zeros(12, bool)
+    said[2:6] = said[6:10] = True
+    found = shares(said, np.arange(12), np.zeros(12, int))
+    np.testing.assert_allclose(found[2:10], [0.25, 0.5, 0.75, 1, 1, 0.75, 0.5, 0.25])
+
+
+def test_a_jump_of_the_clip_is_a_cut() -> None:
+    said = np.array([True, True, True, False, False])
+    found = shares(said, np.array([7, 8, 9, 0, 1]), np.zeros(12, int))
+    np.testing.assert_array_equal(found, [1, 1, 1, 0, 0])

@@ -134,10 +134,11 @@ def test_frames_go_through_the_compositor_of_a_dub(
     )
     assert asked == [7, 8, 9, 10, 11, 0, 1]
     assert [index for _, _, index in found] == under.tolist()
-    draw = composite.Composer(clip, composite.VideoSettings(frame="full", label=False))
     for k, (dub, film, index) in zip([7, 8, 9, 10, 11, 0, 1], found, strict=True):
         (source,) = composite.read_source(clip, np.array([index]), "full")
-        whole = draw.frame(source, to_rgba(k, 0), index)
+        assert source[3] is not None
+        face = composite.Face(clip, source, to_rgba(k, 0), 1.0)
+        whole = composite.with_faces(source[3], [face], index)
         x0, y0, side = (int(v) for v in clip.crop[index])
         assert np.array_equal(dub, whole[y0 : y0 + side, x0 : x0 + side])
         assert np.array_equal(film, source[0])

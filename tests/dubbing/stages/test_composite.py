@@ -13,7 +13,15 @@ from dubbing import media
 from dubbing.errors import RenderingError
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import composite as video
-from dubbing.stages.composite import VideoSettings, make, read_heads, read_source, verify
+from dubbing.stages.composite import (
+    Heads,
+    Sound,
+    VideoSettings,
+    make,
+    read_heads,
+    read_source,
+    verify,
+)
 from dubbing.timeline import frame_count
 from tests import clips, fakes
 
@@ -38,11 +46,12 @@ class Scene:
     def make(self, poses: np.ndarray, name: str = "out", **settings: object) -> Path:
         fakes.write_heads(self.folder / "heads", len(poses), self.rate)
         seconds = float(len(poses) / self.rate)
-        chosen = VideoSettings(**{"seconds": seconds, **settings})  # type: ignore[arg-type]
+        sound = Sound(self.audio, 0.0, float(settings.pop("seconds", seconds)))  # type: ignore[arg-type]
+        chosen = VideoSettings(**settings)  # type: ignore[arg-type]
+        prepared = PreparedClip.load(self.prepared)
         return make(
-            self.folder / "heads",
-            PreparedClip.load(self.prepared),
-            self.audio,
+            [Heads(self.folder / "heads", prepared, 0, len(poses))],
+            sound,
             self.folder / name,
             pose_index=poses,
             settings=chosen,
@@ -67,7 +76,7 @@ def test_full_frame_outside_of_the_head_is_the_sources(scene: Scene) -> None:
     assert rows[-1] <= 20 + 22
     assert columns[0] >= 40 + 9
     assert columns[-1] <= 40 + 22
-    for k in (0, 7):
+    for k in (7, 11):  # far from the frame without a face
         assert tuple(made[k, 36, 56]) == (*fakes.HEAD[:2], k)
 
 
@@ -94,13 +103,13 @@ def test_long_backward_runs_are_read_in_pieces(
 
 
 def test_crop_writes_the_crop(scene: Scene) -> None:
-    out = scene.make(np.arange(6), frame="crop", codec="ffv1", label=False)
+    out = scene.make(np.arange(8), frame="crop", codec="ffv1", label=False)
     made = list(media.read_frames(out))
-    source = list(media.read_frames(scene.clip, count=6))
+    source = list(media.read_frames(scene.clip, count=8))
     assert made[0].shape == (32, 32, 3)
     np.testing.assert_array_equal(made[0][:8], source[0][20:28, 40:72])
     np.testing.assert_array_equal(made[3], source[3][20:52, 40:72])
-    assert tuple(made[5][16, 16]) == (*fakes.HEAD[:2], 5)
+    assert tuple(made[7][16, 16]) == (*fakes.HEAD[:2], 7)
 
 
 def test_the_label_is_on_every_frame(scene: Scene) -> None:

@@ -14,6 +14,7 @@ from dubbing.files import atomic_write_json
 from dubbing.manifest.entries import Consent, Dub, Finetune, Identity
 from dubbing.stages import tasks
 from dubbing.stages.listen import Speech
+from dubbing.timeline import Cue
 from tests import clips, fakes
 
 torch = pytest.importorskip("torch")
@@ -76,7 +77,9 @@ def test_speech_then_heads(
     prepared, speech, out = tmp_path / "prepared", tmp_path / "speech", tmp_path / "heads"
     fakes.write_prepared(identity.clip, prepared)
     speech.mkdir()
-    tasks.Listen(dub, "mel", None, Fraction(25), 1.6)(speech, quiet)
+    assert isinstance(dub.audio, Path)
+    cue = Cue("ann", 0, 40, dub.audio, 0.0, 1.6)
+    tasks.Listen(cue, "mel", None, Fraction(25))(speech, quiet)
     heard = Speech.load(speech)
     assert (heard.name, heard.frames, heard.rate) == ("mel", 40, 25)
     assert heard.features.shape == (80, 80)
@@ -86,7 +89,7 @@ def test_speech_then_heads(
     c2w = np.random.default_rng(0).normal(size=(30, 3, 4))
     np.savez(tmp_path / "poses.npz", c2w=c2w)
     found = tasks.Prepared(prepared, identity.clip)
-    tasks.Render(dub, tmp_path / "model", found, tmp_path, speech, "cpu")(out, quiet)
+    tasks.Render(dub, cue, tmp_path / "model", found, tmp_path, speech, "cpu")(out, quiet)
     model, clip, listen, target = work.call_args[0]
     assert (model.name, clip.folder, target) == ("model.safetensors", prepared, out)
     np.testing.assert_allclose(clip.c2w()[:, :, :3], c2w[:, :, :3])  # the refined poses

@@ -1,0 +1,61 @@
+"""What was found in the files that a manifest names."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from dubbing.errors import MediaError
+from dubbing.media.probing import MediaInfo, probe
+from dubbing.timeline import Cue
+
+KeyPath = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What a dub says when, over which film.
+
+    Attributes:
+        clip: the film.
+        cues: in the order of their times.
+        left: frames (first, stop) in which somebody speaks whom nobody dubs.
+    """
+
+    clip: Path
+    cues: tuple[Cue, ...]
+    left: tuple[tuple[int, int], ...] = ()
+
+
+@dataclass
+class Findings:
+    """What the files hold, the damaged ones, and what is wrong with how they are used.
+
+    ``scenes``: by the place of the dub in the list, of those whose files are good; ``blocked``: a
+    damaged file of the others.
+    """
+
+    media: dict[Path, MediaInfo] = field(default_factory=dict)
+    damaged: dict[Path, MediaError] = field(default_factory=dict)
+    problems: list[tuple[KeyPath, str]] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    scenes: dict[int, Scene] = field(default_factory=dict)
+    blocked: dict[int, MediaError] = field(default_factory=dict)
+
+    def look(self, path: Path, key: KeyPath) -> MediaInfo | None:
+        """Probe a file once. One that is missing is a problem; one that is damaged is kept."""
+        if not path.is_file():
+            self.problems.append((key, f"no such file: {path}"))
+            return None
+        if path not in self.media and path not in self.damaged:
+            try:
+                self.media[path] = probe(path)
+            except MediaError as error:
+                self.damaged[path] = error
+        if path in self.damaged and key[0] == "dubs":
+            self.blocked.setdefault(int(key[1]), self.damaged[path])
+        return self.media.get(path)
+
+    def say(self, key: KeyPath, message: str) -> None:
+        """Something is wrong at a key."""
+        self.problems.append((key, message))

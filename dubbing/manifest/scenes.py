@@ -1,0 +1,216 @@
+"""What a dub says when: the lines of a script as frames of a film, each with its sound.
+
+A dub without lines is a scene of one speaker, whose one cue is the whole audio.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+
+from dubbing import timeline
+from dubbing.errors import DubbingError
+from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.findings import Findings, KeyPath, Scene
+from dubbing.media.probing import MediaInfo
+from dubbing.script.line import Line
+from dubbing.script.reading import read_lines
+from dubbing.timeline import Cue
+
+CUE = re.compile(r"\{cue(?::0?([1-9]))?\}")  # {cue}, or {cue:03} with leading zeros
+MOST_NAMED = 5  # lines that one sentence names
+# Keys that only lines give a meaning, and those that they take it from.
+OF_SCENES = ("speakers", "music_effects")
+OF_ONE_SOUND = ("audio_start", "audio_seconds", "video_start")
+
+
+def inspect_scene(
+    findings: Findings, place: int, dub: Dub, identities: Mapping[str, Identity]
+) -> None:
+    """Check a dub that has lines; where all is well it becomes one of ``findings.scenes``."""
+    at: KeyPath = ("dubs", place)
+    before = len(findings.problems)
+    _keys(findings, at, dub)
+    assert dub.lines is not None
+    film = film_of(findings, at, dub, identities)
+    if not dub.lines.is_file():
+        findings.say((*at, "lines"), f"no such file: {dub.lines}")
+        return
+    if film is None or film.rate is None:
+        return
+    try:
+        lines = _from_start(findings, dub, film, read_lines(dub.lines, film.rate, film.first_frame))
+    except DubbingError as error:
+        findings.say((*at, "lines"), str(error))
+        return
+    scene = _Scene(findings, at, dub, film)
+    for line in lines:
+        scene.add(line)
+    scene.check(lines)
+    if len(findings.problems) == before:
+        cues = tuple(sorted(scene.cues, key=lambda cue: cue.first))
+        findings.scenes[place] = Scene(film.path, cues, tuple(scene.left))
+
+
+def film_of(
+    findings: Findings, at: KeyPath, dub: Dub, identities: Mapping[str, Identity]
+) -> MediaInfo | None:
+    """The film of a dub, which is a clip of everybody in it; None where that is not known."""
+    people = {name: identities[name] for name in dub.people if name in identities}
+    for name, identity in people.items():
+        if dub.clip is not None and dub.clip != identity.clip:
+            findings.say((*at, "clip"), f"{dub.clip} is not the clip of {name}")
+            return None
+    clips = dict.fromkeys(identity.clip for identity in people.values())
+    if len(clips) > 1:
+        findings.say((*at, "speakers"), f"{' and '.join(people)} are people of different clips")
+    return findings.media.get(next(iter(clips))) if len(clips) == 1 else None
+
+
+class _Scene:
+    """The cues of one dub, and what is wrong with them."""
+
+    def __init__(self, findings: Findings, at: KeyPath, dub: Dub, film: MediaInfo) -> None:
+        self.findings, self.at, self.dub, self.film = findings, at, dub, film
+        assert film.rate is not None  # films have pictures
+        self.rate: Fraction = film.rate
+        self.cues: list[Cue] = []
+        self.left: list[tuple[int, int]] = []
+        self.too_long: list[str] = []
+        self.unheard: list[str] = []
+
+    def add(self, line: Line) -> None:
+        """The frames of a line, and the sound for them."""
+        first, stop = (round(time * self.rate) for time in (line.start, line.stop))
+        said = f"line {line.number} of {self.dub.lines and self.dub.lines.name}"
+        if first >= self.film.frames or stop > self.film.frames + 1:
+            end = f"the film is {self.film.duration:.2f} s long"
+            times = f"{float(line.start):g} to {float(line.stop):g} s"
+            self.findings.say((*self.at, "lines"), f"{said} is at {times}: {end}")
+            return
+        stop = min(stop, self.film.frames)
+        if stop <= first:
+            self.findings.say((*self.at, "lines"), f"{said} is shorter than a frame")
+            return
+        identity = self._identity(line.speaker)
+        if identity is None:
+            self.left.append((first, stop))
+            return
+        sound = self._sound(line, first, stop)
+        if sound is not None:
+            length = float((stop - first) / self.rate)
+            who = (line.number, line.speaker, line.words)
+            self.cues.append(Cue(identity, first, stop, sound[0], sound[1], length, *who))
+
+    def _identity(self, speaker: str) -> str | None:
+        if self.dub.speakers is None:
+            return self.dub.identity
+        return self.dub.speakers.get(speaker)
+
+    def _sound(self, line: Line, first: int, stop: int) -> tuple[Path, float] | None:
+        """The sound of a line, and where in it the line begins, seconds."""
+        named, key = self.dub.audio, (*self.at, "audio")
+        if isinstance(named, dict):
+            if line.speaker not in named:
+                self.findings.say(key, f"has no sound of {line.speaker!r}")
+                return None
+            named = named[line.speaker]
+        path = Path(CUE.sub(lambda m: str(line.number).zfill(int(m[1] or 1)), str(named)))
+        sound = self.findings.look(path, key)
+        if sound is None or sound.audio_rate is None:
+            if sound is not None:
+                self.findings.say(key, f"no sound in {path}")
+            return None
+        if path == named:  # a track that runs beside the film
+            start = float(first / self.rate)
+            if start >= sound.sound_seconds:
+                self.unheard.append(f"{line.number} (at {start:.2f} s)")
+            return path, start
+        there, room = sound.sound_seconds, float((stop - first + 1) / self.rate)
+        if there > room and self.dub.on_longer_audio != "cut":
+            length = float((stop - first) / self.rate)
+            self.too_long.append(f"{line.number} ({there:.2f} s in {length:.2f} s)")
+        return path, 0.0
+
+    def check(self, lines: list[Line]) -> None:
+        """What all lines together show: nobody's cues overlap, and everybody speaks."""
+        said = {line.speaker for line in lines}
+        there = ", ".join(sorted(said - {""})) or "nobody: it names no speakers"
+        for name in self.dub.speakers or {}:
+            if name not in said:
+                message = f"does not speak in {self.dub.lines and self.dub.lines.name}; there is"
+                self.findings.say((*self.at, "speakers", name), f"{message} {there}")
+        for person in self.dub.people:
+            own = sorted((c for c in self.cues if c.identity == person), key=lambda c: c.first)
+            for cue, following in pairwise(own):
+                if following.first < cue.stop:
+                    both = f"lines {cue.number} and {following.number} of {person} overlap"
+                    self.findings.say((*self.at, "lines"), f"{both}: nobody says two at a time")
+        self._say_some(self.too_long, "last longer than their cues", (
+            "lengthen the cues, shorten the recordings, or set on_longer_audio: cut"
+        ))  # fmt: skip
+        self._say_some(self.unheard, "begin after the end of their sound", "give a longer track")
+
+    def _say_some(self, lines: list[str], what: str, remedy: str) -> None:
+        if lines:
+            more = f" and {len(lines) - MOST_NAMED} more" if len(lines) > MOST_NAMED else ""
+            named = ", ".join(lines[:MOST_NAMED]) + more
+            self.findings.say((*self.at, "audio"), f"lines {named} {what}: {remedy}")
+
+
+def _keys(findings: Findings, at: KeyPath, dub: Dub) -> None:
+    """Keys that have no meaning together."""
+    if dub.identity is not None and dub.speakers is not None:
+        message = "say either who speaks all lines, or which speaker is whom under speakers"
+        findings.say((*at, "identity"), message)
+    for key in OF_ONE_SOUND:
+        if key in dub.model_fields_set and getattr(dub, key):
+            findings.say((*at, key), "has no meaning beside lines, which say when is what")
+    if dub.on_longer_audio in ("loop", "hold"):
+        message = "a scene is as long as its film: cut or fail beside lines"
+        findings.say((*at, "on_longer_audio"), message)
+    if dub.frame != "full":
+        findings.say((*at, "frame"), "a scene is its whole film: full beside lines")
+    if dub.audio_rate == "source":
+        findings.say((*at, "audio_rate"), "the sound of a scene is mixed at 48000")
+
+
+def without_lines(findings: Findings, at: KeyPath, dub: Dub) -> bool:
+    """Whether a dub without lines says nothing that needs them."""
+    before = len(findings.problems)
+    for key in OF_SCENES:
+        if getattr(dub, key) is not None:
+            findings.say((*at, key), "needs lines, which say who speaks when")
+    if dub.loudness != "none":
+        findings.say((*at, "loudness"), "needs lines, whose sound is mixed")
+    if isinstance(dub.audio, dict) or CUE.search(str(dub.audio)):
+        findings.say((*at, "audio"), "several sounds need lines, which say who speaks when")
+    return len(findings.problems) == before
+
+
+def whole_audio(dub: Dub, film: MediaInfo, sound: MediaInfo) -> Scene:
+    """The scene of one speaker whose one cue is the whole audio."""
+    assert film.rate is not None
+    assert dub.identity is not None
+    left = sound.sound_seconds - dub.audio_start
+    seconds = min(left, dub.audio_seconds) if dub.audio_seconds else left
+    frames = timeline.frame_count(seconds, film.rate)
+    cue = Cue(dub.identity, 0, frames, sound.path, dub.audio_start, seconds)
+    return Scene(film.path, (cue,))
+
+
+def _from_start(findings: Findings, dub: Dub, film: MediaInfo, lines: list[Line]) -> list[Line]:
+    """Lines whose times count from the film's first frame; scripts may use its timecode."""
+    assert film.rate is not None
+    earliest = min(line.start for line in lines)
+    offset = film.first_frame / film.rate
+    # At 24000/1001 a second a clock may count the timecode's seconds or real ones: nobody knows.
+    if film.rate.denominator > 1 or earliest < film.duration or earliest < offset:
+        return lines
+    name = dub.lines.name if dub.lines else ""
+    findings.warnings.append(f"{dub.name}: times of {name} count from {film.timecode}")
+    return [replace(line, start=line.start - offset, stop=line.stop - offset) for line in lines]

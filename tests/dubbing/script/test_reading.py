@@ -1,0 +1,124 @@
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from dubbing.errors import DubbingError
+from dubbing.script.line import Line
+from dubbing.script.reading import read_lines
+
+FILM = Fraction(24000, 1001)
+SRT = """1
+00:00:01,000 --> 00:00:02,500
+ANNA: Good evening.
+And <i>welcome</i>.
+
+2
+00:00:03,000 --> 00:00:04,000
+[BEN] At 10: 30 it begins.
+
+3
+00:01:05,500 --> 00:01:06,000
+nobody says this
+"""
+VTT = """WEBVTT
+
+intro
+00:01.000 --> 00:02.500 align:start
+<v Anna>Good evening</v>
+
+00:00:03.000 --> 00:00:04.000
+<v.loud Ben>Now</v>
+"""
+ASS = """[Script Info]
+ScriptType: v4.00+
+[V4+ Styles]
+Format: Name, Fontname, Fontsize
+Style: Default,Arial,20
+[Events]
+Format: Layer, Start, End, Style, Name, MarginL, MarginR, MarginV, Effect, Text
+Comment: 0,0:00:00.00,0:00:09.00,Default,X,0,0,0,,a note
+Dialogue: 0,0:00:01.00,0:00:02.50,Default,Anna,0,0,0,,{\\i1}Good{\\i0}, evening
+"""
+TTML = """<?xml version="1.0" encoding="UTF-8"?>
+<tt xmlns="http://www.w3.org/ns/ttml" xmlns:ttm="http://www.w3.org/ns/ttml#metadata"
+ xmlns:ttp="http://www.w3.org/ns/ttml#parameter" ttp:frameRate="24"
+ ttp:frameRateMultiplier="1000 1001" {extra}>
+<head><metadata><ttm:agent xml:id="a1"><ttm:name type="full">Anna</ttm:name></ttm:agent></metadata>
+</head><body begin="1s"><div>
+<p begin="00:00:01:12" end="00:00:02.5" ttm:agent="a1">Good<br/>evening</p>
+<p begin="72f" dur="1500ms"><span ttm:agent="a1">Bye</span></p>
+</div></body></tt>
+"""
+CSV = """in, out, speaker, words
+1.5, 0:02.5, ANNA, "Good, evening"
+00:00:03:12, 00:01:00:00, BEN, Now
+"""
+
+
+def read(folder: Path, name: str, text: str) -> list[Line]:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return read_lines(path, FILM)
+
+
+def told(lines: list[Line]) -> list[tuple[Fraction, Fraction, str, str]]:
+    return [(line.start, line.stop, line.speaker, line.words) for line in lines]
+
+
+def test_srt(tmp_path: Path) -> None:
+    lines = read(tmp_path, "a.srt", "\ufeff" + SRT)
+    assert [line.number for line in lines] == [1, 2, 3]
+    assert told(lines) == [
+        (Fraction(1), Fraction(5, 2), "ANNA", "Good evening. And welcome."),
+        (Fraction(3), Fraction(4), "BEN", "At 10: 30 it begins."),
+        (Fraction(131, 2), Fraction(66), "", "nobody says this"),
+    ]
+
+
+def test_vtt_and_ass(tmp_path: Path) -> None:
+    assert told(read(tmp_path, "a.vtt", VTT)) == [
+        (Fraction(1), Fraction(5, 2), "Anna", "Good evening"),
+        (Fraction(3), Fraction(4), "Ben", "Now"),
+    ]
+    assert told(read(tmp_path, "a.ass", ASS)) == [
+        (Fraction(1), Fraction(5, 2), "Anna", "Good, evening")
+    ]
+
+
+def test_ttml_counts_frames_and_knows_agents(tmp_path: Path) -> None:
+    assert told(read(tmp_path, "a.ttml", TTML.format(extra=""))) == [
+        # media time: seconds of a clock, and frames of 1001/24000 s beyond them
+        (2 + 12 / FILM, Fraction(7, 2), "Anna", "Good evening"),
+        (1 + 72 / FILM, 1 + 72 / FILM + Fraction(3, 2), "Anna", "Bye"),
+    ]
+    smpte = TTML.format(extra='ttp:timeBase="smpte"').replace("00:00:02.5", "00:00:02:12")
+    assert read(tmp_path, "a.ttml", smpte)[0].start == 1 + 36 / FILM  # all of it is frames
+
+
+def test_csv(tmp_path: Path) -> None:
+    assert told(read(tmp_path, "a.csv", CSV)) == [
+        (Fraction(3, 2), Fraction(5, 2), "ANNA", "Good, evening"),
+        ((3 * 24 + 12) / FILM, 60 * 24 / FILM, "BEN", "Now"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("a.srt", SRT.replace("00:00:03,000 -->", "00:00:3x,000 -->"), "row 7: no times"),
+        ("a.srt", SRT.replace("00:00:04,000", "00:00:03,000"), "line 2 ends at 3 s"),
+        ("a.srt", "", "no subtitles|no line"),
+        ("a.csv", "in,out,words\n1,2,x\n", "no column speaker"),
+        ("a.csv", "in,out,speaker,words\n1,soon,A,x\n", "line 1: 'soon' is no time"),
+        ("a.ttml", "<tt>", "no XML"),
+        ("a.ttml", "<!DOCTYPE tt [<!ENTITY a 'b'>]><tt>&a;</tt>", "declares entities"),
+        ("a.ttml", TTML.format(extra="").replace('"24"', '"0"'), "frame rate"),
+        ("a.doc", "x", "no kind of script"),
+    ],
+)
+def test_what_is_no_script(tmp_path: Path, name: str, text: str, said: str) -> None:
+    with pytest.raises(DubbingError, match=said):
+        read(tmp_path, name, text)
