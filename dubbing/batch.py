@@ -68,6 +68,7 @@ def dub(
             if outcome.state in ("made", "kept"):
                 try:
                     publish(manifest, job)
+                    remove_old_cues(job)
                 except (DubbingError, OSError) as error:
                     outcome.state, outcome.failure = "failed", failure_of("publish", error)
         syncs = {name: report.sync_of(job) for name, job in planned.dubs.items()}
@@ -84,7 +85,7 @@ def dub(
 def adopt_renamed(manifest: Manifest, planned: Jobs) -> bool:
     """Gives folders of dubs that were renamed their new names. True if there were any."""
     moves = {
-        next(iter(job.stages.values())).folder.parent: pipeline.dub_folder(manifest, name)
+        job.stages["composite"].folder.parent: pipeline.dub_folder(manifest, name)
         for name, job in planned.dubs.items()
         if job.stages
     }
@@ -113,6 +114,15 @@ def publish(manifest: Manifest, job: Job) -> None:
                 os.link(source, temporary)  # the same bytes once on the disk
             except OSError:  # a file system without hard links
                 shutil.copyfile(source, temporary)
+
+
+def remove_old_cues(job: Job) -> None:
+    """Remove what was made for lines that are spoken at other times now, or not at all."""
+    cues = job.stages["composite"].folder.parent / pipeline.CUES
+    present = {stage.folder.parent for stage in job.stages.values()}
+    for folder in cues.iterdir() if cues.is_dir() else ():
+        if folder not in present:
+            shutil.rmtree(folder)
 
 
 def exit_code(outcomes: dict[str, Outcome], syncs: dict[str, Sync]) -> int:

@@ -134,7 +134,7 @@ def dub_job(
         {
             **{key: getattr(dub, key) for key in ("frame", "label", "codec", "audio_rate")},
             **_frames(dub),
-            "cues": [[c.name, c.audio_start, c.seconds] for c in scene.cues],
+            **_mix(dub, scene),
             # No pixel depends on it, but the record of a result says who agreed to it.
             "consent": consents_of(manifest, dub),
         },
@@ -193,6 +193,15 @@ def _frames(dub: Dub) -> dict[str, Any]:
     if dub.lines is not None:
         return {}
     return {"video_start": dub.video_start, "on_longer_audio": dub.on_longer_audio}
+
+
+def _mix(dub: Dub, scene: Scene) -> dict[str, Any]:
+    """What of a dub its sound depends on, beside the files."""
+    if dub.lines is None:
+        (cue,) = scene.cues
+        return {"audio_start": cue.audio_start, "seconds": cue.seconds}
+    cues = [[cue.name, cue.audio_start, cue.seconds] for cue in scene.cues]
+    return {"cues": cues, "left": [*map(list, scene.left)], "loudness": dub.loudness}
 
 
 def _sounds(dub: Dub, scene: Scene) -> dict[str, Path]:

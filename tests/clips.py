@@ -53,9 +53,11 @@ def tone(seconds: float, rate: int = 16000, channels: int = 1, hertz: float = 22
     return np.repeat(wave[:, None], channels, axis=1).astype(np.float32)
 
 
-def write_sound(path: Path, seconds: float, rate: int = 16000, channels: int = 1) -> Path:
+def write_sound(
+    path: Path, seconds: float, rate: int = 16000, channels: int = 1, hertz: float = 220.0
+) -> Path:
     """A WAV of a tone."""
-    soundfile.write(path, tone(seconds, rate, channels), rate)
+    soundfile.write(path, tone(seconds, rate, channels, hertz), rate)
     return path
 
 

@@ -7,7 +7,7 @@ seconds from the start of the file and frame rates exact fractions.
 from dubbing.media.ffmpeg import binary, version
 from dubbing.media.muxing import SOUND, mux
 from dubbing.media.probing import MediaInfo, count_frames, probe
-from dubbing.media.reading import iter_audio, read_audio, read_frames
+from dubbing.media.reading import iter_audio, iter_channels, read_audio, read_frames
 from dubbing.media.writing import CODECS, SUFFIX, VideoWriter
 
 __all__ = [
@@ -19,6 +19,7 @@ __all__ = [
     "binary",
     "count_frames",
     "iter_audio",
+    "iter_channels",
     "mux",
     "probe",
     "read_audio",

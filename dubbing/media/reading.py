@@ -118,6 +118,28 @@ def iter_audio(
         process.finish()
 
 
+def iter_channels(
+    path: Path | str, *, rate: int, channels: int, block_seconds: float = 10.0
+) -> Iterator[np.ndarray]:
+    """All channels of a sound as float32 blocks (samples, C), mixed to C where it has others.
+
+    Raises:
+        MediaError: no sound, or it cannot be decoded.
+    """
+    info = probe(path)
+    if info.audio_rate is None:
+        raise MediaError("no sound in it", str(path))
+    sound = sound_of(path, info.zero, 0.0)
+    sound = sound.filter("aresample", **{"async": 1, "first_pts": 0}).filter("aresample", rate)
+    graph = into(None, sound, format="f32le", ar=rate, ac=channels)
+    block_bytes = 4 * channels * max(1, round(block_seconds * rate))
+    with Process(graph, str(path), pipe_out=True) as process:
+        while block := process.stdout.read(block_bytes):
+            whole = len(block) // (4 * channels) * 4 * channels
+            yield np.frombuffer(block[:whole], np.float32).reshape(-1, channels)
+        process.finish()
+
+
 def _frame_graph(
     info: MediaInfo, note: str, start: int, lead: int, count: int, rate: Fraction, pixels: str
 ) -> Graph:

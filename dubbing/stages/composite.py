@@ -13,21 +13,26 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from dubbing import json_records as kept
 from dubbing import media, timeline
 from dubbing.compositing.composite import blend, replacement
 from dubbing.errors import RenderingError
+from dubbing.files import atomic_write_json
 from dubbing.media.overlap import ahead, behind
+from dubbing.mixing.mix import SOUND, mix
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
+from dubbing.stages.untouched import compare
 
 SEGMENT = 250  # frames a file
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
 # Containers with exact time stamps, to be joined without decoding.
 SEGMENT_SUFFIX = {"h264": ".mov", "prores": ".mov", "ffv1": ".nut"}
+SCENE, MIXED = "scene.json", "mixed.json"
 TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
 
 Picture = TypeVar("Picture")
@@ -55,6 +60,16 @@ class Sound:
 
 
 @dataclass(frozen=True)
+class SceneSound:
+    """The sound of a scene, to be mixed; see `dubbing.mixing.mix`."""
+
+    cues: tuple[timeline.Cue, ...]
+    music: Path | None
+    left: tuple[tuple[int, int], ...]
+    loudness: str
+
+
+@dataclass(frozen=True)
 class Heads:
     """Rendered heads of a cue, FFV1 RGBA segments: of frames first .. stop of the dub.
 
@@ -79,7 +94,7 @@ class Face:
 
 def make(
     heads: Sequence[Heads],
-    sound: Sound,
+    sound: Sound | SceneSound,
     out: Path,
     *,
     pose_index: np.ndarray,
@@ -88,7 +103,8 @@ def make(
 ) -> Path:
     """Write OUT/video.<suffix>: composited, marked, encoded, with its sound; checked by decoding.
 
-    Frames in which nobody says anything new are the film's own.
+    Frames in which nobody says anything new are the film's own. Of a scene there is also
+    OUT/voices.flac, and OUT/scene.json: how loud it is, and what proves that.
 
     Args:
         heads: of all cues; their clips are of one film.
@@ -100,9 +116,10 @@ def make(
     """
     result = out / f"video{media.SUFFIX[settings.codec]}"
     segments = out / "segments"
-    frames, rate = len(pose_index), heads[0].clip.rate
+    frames, film = len(pose_index), heads[0].clip
+    rate = film.rate
+    composer = Composer(heads, pose_index, settings)
     if not result.exists():
-        composer = Composer(heads, pose_index, settings)
         parts = []
         for first in range(0, frames, SEGMENT):
             stop = min(first + SEGMENT, frames)
@@ -116,6 +133,17 @@ def make(
                         write(composer.frame(image, faces, int(pose_index[done])))
                         progress("compositing", done / frames)
         progress("muxing", 1.0)
+        if isinstance(sound, SceneSound):
+            figures = mix(
+                sound.cues,
+                film.clip,
+                out,
+                music=sound.music,
+                left=sound.left,
+                loudness=sound.loudness,
+            )
+            atomic_write_json(out / MIXED, figures)
+            sound = Sound(out / SOUND, 0.0, float(frames / rate))
         # The sound is as long as it was asked for, unless the dub was cut to the clip.
         longest = float((frames + Fraction(1, 2)) / rate)
         media.mux(
@@ -129,6 +157,13 @@ def make(
             metadata=provenance.tags(),
         )
     verify(result, frames, rate)
+    if (out / MIXED).is_file():
+        own = composer.untouched()
+        proof = compare(film.clip, result, own, rate) if own.any() else None
+        figures = kept.read(out / MIXED, dict[str, Any], "figures of the mix")
+        atomic_write_json(out / SCENE, {"sound": figures, "untouched": proof})
+        (out / SOUND).unlink(missing_ok=True)
+        (out / MIXED).unlink()
     shutil.rmtree(segments, ignore_errors=True)
     return result
 
@@ -161,6 +196,13 @@ class Composer:
         for own in (h for h in self.heads if h.clip.folder == clip.folder):
             said[own.first : own.stop] = True
         return said & clip.valid[self.poses]
+
+    def untouched(self) -> np.ndarray:
+        """Frames (F,) bool that are the film's own."""
+        own = np.ones(len(self.poses), bool)
+        for spoken in self.heads:
+            own[spoken.first : spoken.stop] = False
+        return own
 
     def read(self, first: int, stop: int) -> Iterator[tuple[np.ndarray, list[Face]]]:
         """The film's frames (or crops) first .. stop of the dub, and the faces to replace."""

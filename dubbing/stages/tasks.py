@@ -189,7 +189,7 @@ class Composite:
     heads: tuple[CueHeads, ...]
 
     def __call__(self, out: Path, progress: Progress) -> None:
-        from dubbing.stages.composite import Heads, Sound, VideoSettings, make
+        from dubbing.stages.composite import Heads, SceneSound, Sound, VideoSettings, make
 
         dub, scene = self.dub, self.scene
         clips = {h.prepared: h.prepared.load() for h in self.heads}
@@ -201,11 +201,12 @@ class Composite:
             codec=dub.codec,
             audio_rate=None if dub.audio_rate == "source" else dub.audio_rate,
         )
+        sound: Sound | SceneSound
         if dub.lines is None:
             (cue,) = scene.cues
             sound = Sound(cue.audio, cue.audio_start, cue.seconds)
         else:
-            raise NotImplementedError
+            sound = SceneSound(scene.cues, dub.music_effects, scene.left, dub.loudness)
         make(
             [Heads(h.folder, clips[h.prepared], h.cue.first, h.cue.stop) for h in self.heads],
             sound,

@@ -1,0 +1,229 @@
+"""Voices over a bed: the music and effects, or the film's own sound outside of the cues.
+
+C channels of the bed; 48 kHz. The sound is written block by block, whatever its length.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import ExitStack
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import soundfile
+
+from dubbing import media
+from dubbing.files import atomic_path
+from dubbing.media.loudness import Loudness, limit, measure
+from dubbing.mixing.voices import (
+    FADE,
+    MOST_PEAK,
+    RATE,
+    TARGETS,
+    Voice,
+    measured,
+    placed,
+    sample_of,
+)
+from dubbing.timeline import Cue
+
+BLOCK = 10 * RATE  # samples
+VOICES, SOUND = "voices.flac", "sound.flac"
+STEREO = 2  # channels where neither the film nor the music says how many
+# Channels that dialogue goes to, by how many there are; else the third, which is the centre.
+FRONT = {1: (0,), 2: (0, 1), 4: (0, 1)}
+CENTRE = 2
+Spans = Sequence[tuple[int, int]]
+
+
+def mix(
+    cues: Sequence[Cue],
+    film: Path,
+    out: Path,
+    *,
+    music: Path | None,
+    left: Spans,
+    loudness: str,
+) -> dict[str, Any]:
+    """Write OUT/voices.flac, the new voices alone, and OUT/sound.flac, all that is heard.
+
+    The bed is the music and effects; where somebody speaks whom nobody dubs, it is the film's own
+    sound. Without music it is the film's own sound wherever nobody is dubbed.
+
+    Args:
+        film: gives the length; it may be silent.
+        music: None where there is none.
+        left: frames (first, stop) of those who are left alone.
+        loudness: r128, streaming or none, see `dubbing.mixing.voices`.
+
+    Returns:
+        What was measured of the result: loudness and true peak of every cue and of the whole.
+
+    Raises:
+        MediaError: a sound cannot be read.
+    """
+    info = media.probe(film)
+    assert info.rate is not None  # films have pictures
+    length = sample_of(info.frames, info.rate)
+    voices = placed(cues, info.rate, loudness)
+    bed = _Bed(film if info.audio_rate else None, music, voices, _samples(left, info.rate))
+    said = _Said(voices)
+    with ExitStack() as stack:
+        files = [stack.enter_context(atomic_path(out / name)) for name in (VOICES, SOUND)]
+        stem = stack.enter_context(_flac(files[0], 1))
+        whole = stack.enter_context(_flac(files[1], bed.channels))
+        for first, under in _whole_blocks(bed.blocks(), length, bed.channels):
+            voice = said.block(first, len(under))
+            stem.write(voice)
+            whole.write(with_dialogue(under, voice))
+    found = _measure_file(out / SOUND)
+    limited = loudness in TARGETS and found.true_peak is not None and found.true_peak > MOST_PEAK
+    if limited:
+        limit(out / SOUND, out / SOUND, MOST_PEAK)
+        found = _measure_file(out / SOUND)
+    return {
+        "loudness": loudness,
+        "target": TARGETS.get(loudness),
+        "integrated": found.integrated,
+        "true_peak": found.true_peak,
+        "limited": limited,
+        "channels": bed.channels,
+        "cues": [_cue_figures(voice, out / VOICES) for voice in voices],
+    }
+
+
+def with_dialogue(bed: np.ndarray, voice: np.ndarray) -> np.ndarray:
+    """A bed (samples, C) with a voice (samples,) in its centre, as loud as the voice alone."""
+    channels = bed.shape[1]
+    to = FRONT.get(channels, (CENTRE,))
+    found = bed.copy()
+    for channel in to:
+        found[:, channel] += voice / np.float32(len(to) ** 0.5)
+    return found
+
+
+def envelope(spans: Spans, first: int, count: int) -> np.ndarray:
+    """1 inside of spans of samples, 0 outside, float32 (count,) from sample ``first`` on.
+
+    It rises and falls over 5 ms, inside of the spans.
+    """
+    found = np.zeros(count, np.float32)
+    at = np.arange(first, first + count)
+    for low, high in spans:
+        a, b = max(low - first, 0), min(high - first, count)
+        if a < b:
+            part = at[a:b]
+            rise = np.minimum(part - low, high - 1 - part) / FADE
+            found[a:b] = np.maximum(found[a:b], np.clip(rise, 0, 1))
+    return found
+
+
+class _Said:
+    """The voices by block; each is read when it begins and forgotten when it ends."""
+
+    def __init__(self, voices: Sequence[Voice]) -> None:
+        self.coming = sorted(voices, key=lambda voice: voice.first)
+        self.now: list[tuple[int, np.ndarray]] = []
+
+    def block(self, first: int, count: int) -> np.ndarray:
+        """What all say together from sample ``first`` on, float32 (count,)."""
+        while self.coming and self.coming[0].first < first + count:
+            voice = self.coming.pop(0)
+            self.now.append((voice.first, voice.samples()))
+        found = np.zeros(count, np.float32)
+        for begin, samples in self.now:
+            a, b = max(begin, first), min(begin + len(samples), first + count)
+            if a < b:
+                found[a - first : b - first] += samples[a - begin : b - begin]
+        self.now = [(a, s) for a, s in self.now if a + len(s) > first + count]
+        return found
+
+
+class _Bed:
+    """What lies under the voices."""
+
+    def __init__(
+        self, film: Path | None, music: Path | None, voices: Sequence[Voice], left: Spans
+    ) -> None:
+        self.film, self.music = film, music
+        self.dubbed = [(v.first, v.first + v.room) for v in voices]
+        self.left = left
+        under = music or film
+        self.channels = (media.probe(under).audio_channels if under else None) or STEREO
+
+    def blocks(self) -> Iterator[np.ndarray]:
+        """Its samples (n, C), at most `BLOCK` at a time; it may end early."""
+        if self.music is None:
+            if self.film is not None:
+                for first, own in _numbered(self._read(self.film)):
+                    yield own * (1 - envelope(self.dubbed, first, len(own)))[:, None]
+            return
+        music = self._read(self.music)
+        if self.film is None or not self.left:
+            yield from music
+            return
+        own_blocks = self._read(self.film)
+        for first, under in _numbered(music):
+            own = next(own_blocks, np.zeros((0, self.channels), np.float32))
+            own = np.pad(own, ((0, max(0, len(under) - len(own))), (0, 0)))[: len(under)]
+            alone = envelope(self.left, first, len(under))
+            alone *= 1 - envelope(self.dubbed, first, len(under))
+            yield under + alone[:, None] * (own - under)
+
+    def _read(self, path: Path) -> Iterator[np.ndarray]:
+        return media.iter_channels(
+            path, rate=RATE, channels=self.channels, block_seconds=BLOCK / RATE
+        )
+
+
+def _whole_blocks(
+    blocks: Iterable[np.ndarray], length: int, channels: int
+) -> Iterator[tuple[int, np.ndarray]]:
+    """Blocks with their first samples, cut or padded with silence to a length."""
+    done = 0
+    for first, block in _numbered(blocks):
+        part = block[: length - first]
+        done = first + len(part)
+        yield first, part
+        if done >= length:
+            return
+    while done < length:
+        count = min(BLOCK, length - done)
+        yield done, np.zeros((count, channels), np.float32)
+        done += count
+
+
+def _numbered(blocks: Iterable[np.ndarray]) -> Iterator[tuple[int, np.ndarray]]:
+    first = 0
+    for block in blocks:
+        yield first, block
+        first += len(block)
+
+
+def _samples(spans: Spans, rate: Fraction) -> list[tuple[int, int]]:
+    return [(sample_of(a, rate), sample_of(b, rate)) for a, b in spans]
+
+
+def _flac(path: Path, channels: int) -> soundfile.SoundFile:
+    """A file that takes float samples in -1..1; what is beyond is clipped."""
+    return soundfile.SoundFile(path, "w", RATE, channels, "PCM_24", format="FLAC")
+
+
+def _measure_file(path: Path) -> Loudness:
+    with soundfile.SoundFile(path) as file:
+        return measure(file.blocks(BLOCK, dtype="float32", always_2d=True), RATE)
+
+
+def _cue_figures(voice: Voice, stem: Path) -> dict[str, Any]:
+    """What is to be said of a cue's loudness, measured on what was written."""
+    with soundfile.SoundFile(stem) as file:
+        file.seek(voice.first)
+        found = measured(file.read(voice.room, dtype="float32"))
+    return {
+        "cue": voice.cue.name,
+        "gain": round(voice.gain, 2),
+        "loudness": found.integrated,
+        "true_peak": found.true_peak,
+    }

@@ -1,0 +1,127 @@
+"""A scene: a film, its lines, music under the voices, and what is made again when a line changes."""
+
+from __future__ import annotations
+
+import json
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from dubbing import media
+from dubbing.stages import composite
+from tests import clips, fakes
+from tests.dubbing.test_batch import dub
+
+FPS = Fraction(24000, 1001)
+FRAMES = 90
+CONSENT = '{by: "a synthetic person", reference: "none"}'
+SRT = """1
+00:00:00,417 --> 00:00:00,834
+ANN: Good evening.
+
+2
+00:00:01,000 --> 00:00:01,250
+BEN: Nobody dubs him.
+
+3
+00:00:01,668 --> 00:00:02,085
+ANN: It begins.
+
+4
+00:00:02,920 --> 00:00:03,420
+ANN: And ends.
+"""
+CUES = ((10, 20), (40, 50), (70, 82))  # frames of Ann's lines
+
+
+@pytest.fixture(autouse=True)
+def _stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    fakes.install(monkeypatch.setattr)
+    monkeypatch.setattr(composite, "SEGMENT", 33)  # edges of segments lie in a cue and outside
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    """A manifest of one scene, with all that it names."""
+    clips.write_clip(tmp_path / "film.mp4", FRAMES, FPS)
+    (tmp_path / "it.srt").write_text(SRT)
+    for number, seconds in ((1, 0.4), (3, 0.41), (4, 0.3)):
+        clips.write_sound(tmp_path / f"ann_{number:02d}.wav", seconds, hertz=600 + number)
+    at = np.arange(round(FRAMES / FPS * 48000)) / 48000
+    music = 0.05 * np.sin(2 * np.pi * 97 * at)
+    soundfile.write(tmp_path / "me.wav", np.stack([music, music], 1), 48000)
+    path = tmp_path / "m.yaml"
+    path.write_text(
+        "version: 1\noutput: out\nidentities:\n"
+        f"  ann: {{clip: film.mp4, seconds: 1, consent: {CONSENT}}}\n"
+        "dubs:\n"
+        "  - {name: it, lines: it.srt, speakers: {ANN: ann}, audio: 'ann_{cue:02}.wav',\n"
+        "     music_effects: me.wav, loudness: r128, codec: ffv1}\n"
+    )
+    return path
+
+
+def report_of(scene: Path) -> dict:
+    return json.loads((scene.parent / "out" / "report.json").read_text())["dubs"]["it"]
+
+
+def test_cues_are_dubbed_at_their_frames_and_the_film_is_left_alone(scene: Path) -> None:
+    result, began = dub(scene)
+    assert result.code == 0, result.outcomes
+    assert began[:4] == ["ann:prepare", "ann:check_source", "ann:finetune", "ann:refine_poses"]
+    assert began[4:] == ["it:listen"] * 3 + ["it:render"] * 3 + ["it:composite", "it:check"]
+    made = np.stack([*media.read_frames(scene.parent / "out" / "it.mkv")])
+    film = np.stack([*media.read_frames(scene.parent / "film.mp4")])
+    assert made.shape == film.shape
+    touched = (made != film).any((1, 2, 3))
+    said = np.zeros(FRAMES, bool)
+    for first, stop in CUES:
+        said[first:stop] = True
+    np.testing.assert_array_equal(touched, said)  # right times, to the frame
+    # The head of a cue is its own, and it fades in and out.
+    for first, stop in CUES:
+        middle = (first + stop) // 2
+        assert tuple(made[middle, 20, 24]) == (*fakes.HEAD[:2], middle - first)
+        green = made[first : first + 5, 20, 24, 0].astype(int) - film[first, 20, 24, 0]
+        assert (np.diff(np.abs(green))[:3] > 0).all()
+    work = scene.parent / "out" / "work" / "dubs" / "it"
+    found = json.loads((work / "video" / "scene.json").read_text())
+    assert found["untouched"]["identical"]
+    assert found["untouched"]["frames"] == FRAMES - 32
+    assert found["untouched"]["source"] == found["untouched"]["result"]
+    for cue in found["sound"]["cues"]:
+        assert cue["loudness"] == pytest.approx(-23, abs=0.5)
+
+
+def test_one_line_changed_is_one_line_made(scene: Path) -> None:
+    dub(scene)
+    clips.write_sound(scene.parent / "ann_03.wav", 0.38, hertz=500)
+    _, began = dub(scene)
+    # (The stand-in heads do not depend on what is said, so the sound alone is new.)
+    assert began == ["it:listen", "it:render", "it:composite", "it:check"]
+    # Moving a line renders that line; what it was before is gone.
+    (scene.parent / "it.srt").write_text(SRT.replace("00:00:01,668", "00:00:01,585"))
+    _, began = dub(scene)
+    assert began == ["it:listen", "it:render", "it:composite", "it:check"]
+    cues = scene.parent / "out" / "work" / "dubs" / "it" / "cues"
+    assert sorted(p.name for p in cues.iterdir()) == [
+        "ann_0000010-0000020",
+        "ann_0000038-0000050",
+        "ann_0000070-0000082",
+    ]
+    assert dub(scene)[1] == []
+    # Louder or softer changes no head.
+    scene.write_text(scene.read_text().replace("loudness: r128", "loudness: streaming"))
+    assert dub(scene)[1] == ["it:composite", "it:check"]
+
+
+def test_a_lossy_codec_is_told_by_its_worst_frame(scene: Path) -> None:
+    scene.write_text(scene.read_text().replace(", codec: ffv1", ""))
+    dub(scene)
+    work = scene.parent / "out" / "work" / "dubs" / "it"
+    proof = json.loads((work / "video" / "scene.json").read_text())["untouched"]
+    assert not proof["identical"]
+    assert proof["psnr"] > 30
