@@ -142,7 +142,11 @@ def dub_job(
     source = people[dub.people[0]].stages["check_source"]
     stages.add(
         "check",
-        tasks.Check(video_file(composite, dub), source.folder / tasks.SYNC_FILE),
+        tasks.Check(
+            video_file(composite, dub),
+            source.folder / tasks.SYNC_FILE,
+            scene if dub.lines is not None else None,
+        ),
         {"video": composite, "source": source},
     )
     return Job("dub", dub.name, stages.declared, dub.people, _too_long(dub, film, scene))

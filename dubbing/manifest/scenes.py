@@ -51,7 +51,7 @@ def inspect_scene(
     for line in lines:
         scene.add(line)
     scene.check(lines)
-    if len(findings.problems) == before:
+    if len(findings.problems) == before and place not in findings.blocked:
         cues = tuple(sorted(scene.cues, key=lambda cue: cue.first))
         findings.scenes[place] = Scene(film.path, cues, tuple(scene.left))
 
@@ -65,9 +65,11 @@ def film_of(
         if dub.clip is not None and dub.clip != identity.clip:
             findings.say((*at, "clip"), f"{dub.clip} is not the clip of {name}")
             return None
+    if len(people) > 1:
+        message = "one face of a film can be replaced as yet: make a dub for each"
+        findings.say((*at, "speakers"), f"{' and '.join(people)}: {message}")
+        return None
     clips = dict.fromkeys(identity.clip for identity in people.values())
-    if len(clips) > 1:
-        findings.say((*at, "speakers"), f"{' and '.join(people)} are people of different clips")
     return findings.media.get(next(iter(clips))) if len(clips) == 1 else None
 
 

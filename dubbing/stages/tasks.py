@@ -219,17 +219,30 @@ class Composite:
 
 @dataclass(frozen=True)
 class Check:
-    """The lip-sync check of a video, beside that of the clip it was made from."""
+    """The lip-sync check of a video, beside that of the clip it was made from.
+
+    Of a scene each cue is judged, whose frames alone are looked at: a segment each.
+    """
 
     video: Path
     source: Path | None = None
+    lines: Scene | None = None
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.sync.check import check
 
         own = read_check(self.source) if self.source is not None else None
+        scene: dict[str, Any] = {}
+        if self.lines is not None:  # what is new in a scene, by its voices alone
+            scene["parts"] = [(cue.first, cue.stop) for cue in self.lines.cues]
+            from dubbing.mixing.mix import VOICES
+
+            scene["sound_from"] = self.video.with_name(VOICES)
         found = check(
-            self.video, source=own, progress=lambda share: progress("listening and looking", share)
+            self.video,
+            source=own,
+            progress=lambda share: progress("listening and looking", share),
+            **scene,
         )
         atomic_write_json(out / SYNC_FILE, found.to_json())
 

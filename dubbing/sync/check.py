@@ -1,7 +1,8 @@
 """The sync check: how far the sound of a video is from its mouth, and how well they fit."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,16 @@ from dubbing.sync.curves import REACH, CurveSum, distances, estimate
 from dubbing.sync.measure import Block, measure
 from dubbing.sync.motion import MotionSum
 from dubbing.sync.network import SyncNetwork, load_network
-from dubbing.sync.result import FaceResult, Found, Media, Segment, SyncResult, conclude
+from dubbing.sync.result import (
+    FaceResult,
+    Found,
+    Media,
+    Segment,
+    SyncResult,
+    conclude,
+    judge_part,
+    reference_confidence,
+)
 from dubbing.sync.sight import look
 from dubbing.sync.windows import mouth_windows, sound_windows
 
@@ -27,6 +37,7 @@ SHORTEST_SEGMENT = 3.0
 SILENT_WEIGHT = 0.2
 # A segment or a face needs this many compared frames to have an offset of its own.
 MIN_ROWS = 40
+Parts = Sequence[tuple[int, int]]
 # Moments that go through the network at once.
 TOGETHER = 256
 
@@ -75,20 +86,28 @@ class _FaceSum:
     @property
     def evidence(self) -> float:
         """Grows with the confidence and with how long it was seen (noise falls as 1 / sqrt)."""
-        best = estimate(self.whole.curve())
-        return best.confidence * self.whole.rows**0.5 if best is not None else 0.0
+        return _evidence(self.whole)
+
+
+def _evidence(found: CurveSum) -> float:
+    best = estimate(found.curve())
+    return best.confidence * found.rows**0.5 if best is not None else 0.0
 
 
 class _Sums:
     """Everything that is added up over the blocks of one video."""
 
-    def __init__(self, network: SyncNetwork, info: media.MediaInfo) -> None:
+    def __init__(self, network: SyncNetwork, info: media.MediaInfo, parts: Parts | None) -> None:
         self._network = network
         self.rate = float(info.rate or 0)
-        self.frames = info.frames
-        self.edges = segment_edges(info.frames, self.rate)
+        self.apart = parts is not None
+        edges = segment_edges(info.frames, self.rate).tolist()
+        self.parts = parts if parts is not None else [*pairwise(edges)]
+        self.part_of = np.full(info.frames, -1)  # of the frames that count
+        for k, (first, stop) in enumerate(self.parts):
+            self.part_of[first:stop] = k
         self.faces: dict[int, _FaceSum] = {}
-        self.voice = np.zeros(len(self.edges) - 1)
+        self.voice = np.zeros(len(self.parts))
 
     def add(self, block: Block) -> None:
         times = block.times - block.sound.start
@@ -100,8 +119,9 @@ class _Sums:
         beyond = around >= len(block.sound.features) / STEP_RATE
         sounds[(frame < 0) | beyond] = np.nan
         voice = at_times(block.sound.voice, times)
-        segment = np.searchsorted(self.edges, block.first + np.arange(block.frames), "right") - 1
-        self.voice += np.bincount(segment, voice, len(self.voice))
+        part = self.part_of[block.first : block.first + block.frames]
+        counts = part >= 0
+        self.voice += np.bincount(part[counts], voice[counts], len(self.voice))
         for track, face in block.faces.items():
             if track not in self.faces:
                 self.faces[track] = _FaceSum.empty(len(self.voice), self.rate)
@@ -109,12 +129,12 @@ class _Sums:
             mouth = mouth_embeddings(self._network, face.shapes, face.crops, times)
             rows = distances(mouth, sounds)
             weights = SILENT_WEIGHT + voice
-            total.whole.add(rows, weights)
-            for s in np.unique(segment):
-                chosen = segment == s
+            total.whole.add(rows[counts], weights[counts])
+            for s in np.unique(part[counts]):
+                chosen = part == s
                 total.parts[s].add(rows[chosen], weights[chosen])
-            total.motion.add(face.shapes, voice)
-            seen = int(np.isfinite(face.shapes[:, 0, 0]).sum())
+            total.motion.add(np.where(counts[:, None, None], face.shapes, np.nan), voice)
+            seen = int(np.isfinite(face.shapes[counts, 0, 0]).sum())
             total.place += seen * np.array(face.centre)
             total.seen += seen
 
@@ -130,19 +150,25 @@ def segment_edges(frames: int, rate: float) -> np.ndarray:
     return np.array(edges)
 
 
-def _segments(sums: _Sums, speaker: _FaceSum) -> list[Segment]:
+def _segments(sums: _Sums, speaker: _FaceSum, reference: float | None) -> list[Segment]:
+    """What is found of each part: of the speaker, or of parts that were asked for, of whoever
+    speaks in each."""
     found = []
-    for k, part in enumerate(speaker.parts):
-        start, end = sums.edges[k], sums.edges[k + 1]
+    for k, (first, stop) in enumerate(sums.parts):
+        faces = [face.parts[k] for face in sums.faces.values()] if sums.apart else []
+        part = max(faces, key=_evidence, default=speaker.parts[k])
         best = estimate(part.curve()) if part.rows >= MIN_ROWS else None
+        voice = float(sums.voice[k] / (stop - first))
+        length = (stop - first) / sums.rate
         found.append(
             Segment(
-                float(start / sums.rate),
-                float(end / sums.rate),
+                float(first / sums.rate),
+                float(stop / sums.rate),
                 best.offset if best else None,
                 best.confidence if best else None,
                 best.distance if best else None,
-                float(sums.voice[k] / (end - start)),
+                voice,
+                *judge_part(best, sums.rate, length, voice, reference),
             )
         )
     return found
@@ -172,6 +198,7 @@ def check(
     source: SyncResult | None = None,
     network: SyncNetwork | None = None,
     sound_from: Path | None = None,
+    parts: Parts | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> SyncResult:
     """Lip sync of a video, of any length, size, rate and number of faces.
@@ -183,6 +210,7 @@ def check(
         source: the result of the clip the video was made from, to compare the confidence with.
         network: ours by default.
         sound_from: another file to take the sound from, beginning together with the video.
+        parts: frames (first, stop) that alone are looked at; they become the segments.
         progress: called with the share done, 0..1.
 
     Raises:
@@ -196,14 +224,14 @@ def check(
         facts = Media(info.frames, str(info.rate), info.duration, 0.0, 0.0, 0.0)
         return SyncResult("unjudged", "no sound in it", METHOD, facts, source=source)
     network = network or load_network()
-    sums = _Sums(network, info)
+    sums = _Sums(network, info, parts)
     for block in measure(video, network.face.numpy(), sound_from=sound_from, progress=progress):
         sums.add(block)
     speaker = max(sums.faces.values(), key=lambda f: f.evidence, default=None)
     facts = Media(
         frames=info.frames,
         rate=str(info.rate),
-        picture_seconds=info.duration,
+        picture_seconds=min(info.duration, sum(b - a for a, b in sums.parts) / sums.rate),
         sound_seconds=sound.sound_seconds,
         speech_seconds=float(sums.voice.sum() / sums.rate),
         mouth_seconds=speaker.whole.rows / sums.rate if speaker else 0.0,
@@ -212,13 +240,14 @@ def check(
     found = None
     if speaker is not None and best is not None:
         faces = _faces(sums)
+        reference = reference_confidence(source, METHOD)
         found = Found(
             best,
             speaker.whole.curve().tolist(),
             sums.rate,
             faces[0].track,
             speaker.motion.result(),
-            _segments(sums, speaker),
+            _segments(sums, speaker, reference),
             faces,
         )
     return conclude(found, METHOD, facts, source, tracked=bool(sums.faces))

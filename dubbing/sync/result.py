@@ -34,7 +34,10 @@ SILENT_SHARE = 0.6
 
 @dataclass(frozen=True)
 class Segment:
-    """Five seconds of the video; offset and confidence are None where too little was seen."""
+    """Five seconds of the video, or one of the parts that were asked for.
+
+    Offset and confidence are None where too little was seen; see `judge_part`.
+    """
 
     start: float
     end: float
@@ -42,6 +45,8 @@ class Segment:
     confidence: float | None
     distance: float | None
     voice: float  # share of speech
+    verdict: Verdict = "unjudged"
+    reason: str = ""
 
 
 @dataclass(frozen=True)
@@ -195,6 +200,26 @@ def judge(
     if share < PASS_SHARE:
         return "warn", f"confidence {best.confidence:.3f} is {share:.0%} of {whose}"
     return "pass", f"offset {best.offset} frames, confidence {share:.0%} of {whose}"
+
+
+def judge_part(
+    best: Estimate | None, rate: float, seconds: float, voice: float, reference: float | None
+) -> tuple[Verdict, str]:
+    """Verdict and reason of a part of a video, by itself.
+
+    Args:
+        best: None where too little was seen.
+        rate: frames a second.
+        voice: share of speech.
+        reference: the source's confidence, if known.
+    """
+    if seconds < MIN_SECONDS:
+        return "unjudged", f"only {seconds:.1f} s long, {MIN_SECONDS:.0f} s are needed"
+    if voice * seconds < MIN_SPEECH_SECONDS:
+        return "unjudged", f"no speech in the sound ({voice * seconds:.1f} s)"
+    if best is None:
+        return "unjudged", "too little of a mouth and its sound to compare"
+    return judge(best, best.offset * 1000 / rate, None, reference)
 
 
 def conclude(

@@ -1,4 +1,4 @@
-"""A scene: a film, its lines, music under the voices, and what is made again when a line changes."""
+"""A scene: a film, its lines, music under the voices; and what a changed line makes again."""
 
 from __future__ import annotations
 

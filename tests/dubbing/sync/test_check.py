@@ -128,3 +128,16 @@ def test_a_file_without_picture(sound_file: Write) -> None:
     path = sound_file(np.zeros(64_000))
     with pytest.raises(MediaError, match="picture"):
         check(path)
+
+
+def test_parts_are_judged_by_themselves(speaker: Speaker, sound_file: Write) -> None:
+    """What lies outside of the parts does not count: here it does not belong at all."""
+    sound = speaker.sound.copy()
+    sound[80 * FRAME :] = sound[: 20 * FRAME][::-1]
+    result = check(speaker.clip, sound_from=sound_file(sound), parts=[(0, 78), (78, 80)])
+    long, short = result.segments
+    assert (long.start, long.end) == (0.0, 78 / 25)
+    assert (long.verdict, long.offset_frames) == ("pass", 0)
+    assert short.verdict == "unjudged"
+    assert "only 0.1 s long" in short.reason
+    assert result.media.picture_seconds == 3.2

@@ -1,0 +1,164 @@
+"""What a manifest says of scenes: cues as frames of a film, and everything that cannot be."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from dubbing.errors import ManifestError
+from dubbing.manifest.findings import Scene
+from dubbing.manifest.manifest import load
+from tests import clips
+
+SRT = """1
+00:00:00,500 --> 00:00:01,000
+ANN: One.
+
+2
+00:00:01,200 --> 00:00:01,600
+BEN: Two.
+
+3
+00:00:02,000 --> 00:00:02,500
+ANN: Three.
+"""
+CONSENT = '{by: "a synthetic person", reference: "none"}'
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("scenes")
+    clips.write_clip(place / "film.mp4", 75)
+    clips.write_clip(place / "other.mp4", 75)
+    clips.ffmpeg(
+        "-i", place / "film.mp4", "-c", "copy", "-timecode", "01:00:00:00", place / "tc.mov"
+    )
+    clips.write_sound(place / "track.wav", 3)
+    for number in (1, 3):
+        clips.write_sound(place / f"{number:02d}.wav", 0.5)
+    clips.write_sound(place / "long_1.wav", 0.5)
+    clips.write_sound(place / "long_3.wav", 0.7)
+    clips.write_sound(place / "stereo.wav", 3, channels=2)
+    (place / "it.srt").write_text(SRT)
+    (place / "bad.srt").write_text(SRT.replace("00:00:02,500", "00:00:09,500"))
+    (place / "twice.srt").write_text(SRT.replace("BEN", "ANN").replace("01,600", "02,200"))
+    (place / "hour.srt").write_text(SRT.replace("00:00:0", "01:00:0"))
+    (place / "damaged.wav").write_bytes(b"no sound")
+    return place
+
+
+def written(folder: Path, dub: str, clip: str = "film.mp4") -> Path:
+    path = folder / "m.yaml"
+    path.write_text(
+        "version: 1\noutput: out\nidentities:\n"
+        f"  ann: {{clip: {clip}, seconds: 1, consent: {CONSENT}}}\n"
+        f"  ben: {{clip: other.mp4, seconds: 1, consent: {CONSENT}}}\n"
+        f"dubs:\n  - {{{dub}}}\n"
+    )
+    return path
+
+
+def scene_of(folder: Path, dub: str, clip: str = "film.mp4") -> Scene:
+    (scene,) = load(written(folder, dub, clip)).scenes.values()
+    return scene
+
+
+def problems(folder: Path, dub: str) -> list[str]:
+    with pytest.raises(ManifestError) as caught:
+        load(written(folder, dub))
+    return [str(problem) for problem in caught.value.problems]
+
+
+def test_one_track_beside_the_film(folder: Path) -> None:
+    scene = scene_of(folder, "lines: it.srt, speakers: {ANN: ann}, audio: track.wav")
+    found = [(c.identity, c.first, c.stop, c.audio_start, c.seconds) for c in scene.cues]
+    # 0.5 s is frame 12.5 of 25 a second, which rounds to the even 12; the sound is of that frame.
+    assert found == [("ann", 12, 25, 0.48, 0.52), ("ann", 50, 62, 2.0, 0.48)]
+    assert [(c.number, c.speaker, c.words) for c in scene.cues] == [
+        (1, "ANN", "One."),
+        (3, "ANN", "Three."),
+    ]
+    assert scene.left == ((30, 40),)  # Ben's
+    assert scene.clip == (folder / "film.mp4").resolve()
+
+
+def test_a_file_a_cue_and_one_a_speaker(folder: Path) -> None:
+    scene = scene_of(folder, "lines: it.srt, speakers: {ANN: ann}, audio: '{cue:02}.wav'")
+    assert [(c.audio.name, c.audio_start) for c in scene.cues] == [("01.wav", 0), ("03.wav", 0)]
+    scene = scene_of(folder, "lines: it.srt, speakers: {ANN: ann}, audio: {ANN: track.wav}")
+    assert [c.audio.name for c in scene.cues] == ["track.wav"] * 2
+
+
+def test_an_identity_alone_says_every_line(folder: Path) -> None:
+    scene = scene_of(folder, "name: x, identity: ann, lines: it.srt, audio: track.wav")
+    assert [c.number for c in scene.cues] == [1, 2, 3]
+    assert not scene.left
+
+
+def test_the_name_of_a_scene_is_that_of_its_lines(folder: Path) -> None:
+    path = written(folder, "lines: it.srt, speakers: {ANN: ann}, audio: track.wav")
+    assert [dub.name for dub in load(path).dubs] == ["it"]
+
+
+def test_times_that_count_from_the_films_timecode(folder: Path) -> None:
+    dub = "lines: hour.srt, speakers: {ANN: ann}, audio: track.wav"
+    manifest = load(written(folder, dub, "tc.mov"))
+    assert [(c.first, c.stop) for c in manifest.scenes["hour"].cues] == [(12, 25), (50, 62)]
+    assert manifest.media[(folder / "tc.mov").resolve()].timecode == "01:00:00:00"
+    assert any("count from 01:00:00:00" in warning for warning in manifest.warnings)
+
+
+def test_one_sound_is_one_cue(folder: Path) -> None:
+    scene = scene_of(folder, "identity: ann, audio: track.wav, audio_start: 1, audio_seconds: 1.5")
+    (cue,) = scene.cues
+    assert (cue.first, cue.stop, cue.audio_start, cue.seconds) == (0, 38, 1.0, 1.5)
+    assert Fraction(cue.stop, 25) - Fraction(3, 2) < Fraction(1, 25)
+
+
+GOOD = "lines: it.srt, speakers: {ANN: ann}, audio: track.wav"
+
+
+@pytest.mark.parametrize(
+    ("dub", "said"),
+    [
+        (GOOD.replace("it.srt", "bad.srt"), "line 3 of bad.srt is at 2 to 9.5 s: the film is 3.00"),
+        (GOOD.replace("it.srt", "twice.srt"), "lines 2 and 3 of ann overlap"),
+        (GOOD.replace("it.srt", "no.srt"), "no such file"),
+        (GOOD.replace("it.srt", "track.wav"), "no kind of script"),
+        (GOOD.replace("ANN", "ANNE"), "does not speak in it.srt; there is ANN, BEN"),
+        (GOOD.replace("ANN: ann", "ANN: nobody"), "no identity 'nobody'"),
+        (GOOD.replace("ANN: ann", "ANN: ann, BEN: ben"), "one face of a film"),
+        (GOOD.replace("track.wav", "{BEN: track.wav}"), "has no sound of 'ANN'"),
+        (GOOD.replace("track.wav", "01.wav"), "lines 3 (at 2.00 s) begin after the end"),
+        (GOOD.replace("track.wav", "'x{cue}.wav'"), "no such file"),
+        (GOOD.replace("track.wav", "'long_{cue}.wav'"), "lines 3 (0.70 s in 0.48 s) last longer"),
+        (GOOD + ", clip: other.mp4", "is not the clip of ann"),
+        (GOOD + ", identity: ann", "either who speaks all lines"),
+        (GOOD + ", video_start: 1", "no meaning beside lines"),
+        (GOOD + ", on_longer_audio: loop", "as long as its film"),
+        (GOOD + ", frame: crop", "its whole film"),
+        (GOOD + ", audio_rate: source", "mixed at 48000"),
+        (GOOD + ", music_effects: no.wav", "no such file"),
+        (GOOD + ", loudness: loud", "must be one of 'r128', 'streaming' or 'none'"),
+        ("identity: ann, audio: track.wav, music_effects: track.wav", "needs lines"),
+        ("identity: ann, audio: track.wav, loudness: r128", "needs lines"),
+        ("identity: ann, audio: {ANN: track.wav}, name: x", "several sounds need lines"),
+        ("name: x, audio: track.wav", "identity: is required"),
+    ],
+)
+def test_what_cannot_be_is_said(folder: Path, dub: str, said: str) -> None:
+    found = problems(folder, dub)
+    assert any(said in problem for problem in found), found
+
+
+def test_longer_recordings_can_be_cut(folder: Path) -> None:
+    dub = GOOD.replace("track.wav", "'long_{cue}.wav'") + ", on_longer_audio: cut"
+    assert [c.seconds for c in scene_of(folder, dub).cues] == [0.52, 0.48]
+
+
+def test_a_damaged_recording_fails_its_scene_alone(folder: Path) -> None:
+    manifest = load(written(folder, GOOD.replace("track.wav", "damaged.wav")))
+    assert not manifest.scenes
+    assert "not a readable media file" in str(manifest.blocked["it"])
