@@ -13,11 +13,12 @@ from dubbing.engine import lock, runner
 from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.runner import Options, Outcome, Reporter, failure_of
 from dubbing.errors import DubbingError
-from dubbing.files import atomic_path, digest_file, remove_torn, writing
+from dubbing.files import atomic_path, atomic_write_text, digest_file, remove_torn, writing
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
-from dubbing.report import report
+from dubbing.report import lines, report
 from dubbing.report.report import Sync
+from dubbing.stage_kinds import PROXY_FILE
 from dubbing.stages.tasks import SYNC_FILE
 
 DEFAULT = Options()
@@ -96,24 +97,41 @@ def adopt_renamed(manifest: Manifest, planned: Jobs) -> bool:
 
 
 def publish(manifest: Manifest, job: Job) -> None:
-    """Put a dub and its sync check into the output folder, under the dub's name.
+    """Put a dub and what is said of it into the output folder, under the dub's name.
 
     Raises:
         DubbingError: nothing can be written there.
     """
     dub = next(dub for dub in manifest.dubs if dub.name == job.name)
-    video = pipeline.video_file(job.stages["composite"], dub)
-    check = job.stages["check"].folder / SYNC_FILE
-    for source, name in zip((video, check), results_of(dub.name, dub.codec), strict=True):
+    made = job.stages["composite"].folder
+    files = {
+        "video": pipeline.video_file(job.stages["composite"], dub),
+        "sync": job.stages["check"].folder / SYNC_FILE,
+        "proxy": made / PROXY_FILE,
+    }
+    rows = lines.lines_of(manifest, dub, job)
+    texts = {}
+    if rows:
+        texts = {
+            "lines.csv": lines.as_csv(rows),
+            "lines.jsonl": lines.as_json_lines(rows),
+            "edl": lines.as_edl(manifest, dub, rows),
+        }
+    for kind, name in results_of(dub).items():
         target = manifest.output / name
         remove_torn(target)
-        if target.is_file() and digest_file(target) == digest_file(source):
-            continue
-        with atomic_path(target) as temporary, writing(target):
-            try:
-                os.link(source, temporary)  # the same bytes once on the disk
-            except OSError:  # a file system without hard links
-                shutil.copyfile(source, temporary)
+        if kind in texts:
+            atomic_write_text(target, texts[kind])
+        elif not target.is_file() or digest_file(target) != digest_file(files[kind]):
+            _link(files[kind], target)
+
+
+def _link(source: Path, target: Path) -> None:
+    with atomic_path(target) as temporary, writing(target):
+        try:
+            os.link(source, temporary)  # the same bytes once on the disk
+        except OSError:  # a file system without hard links
+            shutil.copyfile(source, temporary)
 
 
 def remove_old_cues(job: Job) -> None:

@@ -16,6 +16,8 @@ class StageKind:
     module: str
 
 
+# Beside the video of a composite: what proves a scene, and what browsers play.
+SCENE_FILE, PROXY_FILE = "scene.json", "proxy.mp4"
 OF_IDENTITY = {
     "prepare": StageKind("prepared", "dubbing.preparation.prepare"),
     "check_source": StageKind("source_check", "dubbing.sync.check"),

@@ -20,7 +20,9 @@ from dubbing import files
 from dubbing.printable import is_blank
 
 LONGEST_NAME = 100  # characters
-LONGEST_BYTES = files.LONGEST_NAME - len(".sync.json")  # of a name, which a file's name begins with
+LONGEST_BYTES = files.LONGEST_NAME - len(
+    ".lines.jsonl"
+)  # of a name, which a file's name begins with
 LONGEST_SECONDS = 1e9
 # 1:05 or 0:01:05.5; the first number may be larger than 59.
 CLOCK = re.compile(r"(?:([0-9]{1,6}):(?=[0-5][0-9]:))?([0-9]{1,6}):([0-5][0-9](?:\.[0-9]*)?)")

@@ -54,10 +54,33 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
             f"identities.{name}: learns from {left:.1f} s, all there is, instead of"
             f" {identity.seconds:g} s; nothing is held out"
         )
+    _picture(findings, name, info)
     if info.variable_rate:
         findings.warnings.append(
             f"identities.{name}: {identity.clip.name} has a variable frame rate;"
             f" it is read at {float(info.rate):g} a second"
+        )
+
+
+def _picture(findings: Findings, name: str, info: MediaInfo) -> None:
+    """What of a clip's picture cannot be kept: refused where it would look wrong, else said."""
+    picture, at = info.picture, ("identities", name, "clip")
+    assert picture is not None  # a clip has one
+    if picture.colour.high_range:
+        message = f"{info.path} is HDR ({picture.colour.high_range}), which is not kept as yet"
+        findings.say(at, f"{message}: give an SDR version of it")
+    if picture.interlaced:
+        message = f"{info.path} is interlaced: its frames are two moments each"
+        findings.say(at, f"{message}; deinterlace it first")
+    if not picture.square:
+        findings.warnings.append(
+            f"identities.{name}: the pixels of {info.path.name} are not square; those of the"
+            f" results are: {info.width}x{info.height}"
+        )
+    if picture.bits > 8:
+        findings.warnings.append(
+            f"identities.{name}: {info.path.name} has {picture.bits} bits a colour; pictures are"
+            " worked on, and written, with 8"
         )
 
 

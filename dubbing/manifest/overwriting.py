@@ -16,9 +16,14 @@ WORK = "work"  # folder of the stages, in the output folder
 OF_ALL = ("report.html", "report.json", "evaluate.json")
 
 
-def results_of(name: str, codec: str) -> tuple[str, str]:
-    """The names of the two files that a dub becomes: the video and its sync check."""
-    return f"{name}{SUFFIX[codec]}", f"{name}.sync.json"
+def results_of(dub: Dub) -> dict[str, str]:
+    """The names of the files that a dub becomes, by what they are."""
+    found = {"video": f"{dub.name}{SUFFIX[dub.codec]}", "sync": f"{dub.name}.sync.json"}
+    if dub.codec != "h264":
+        found["proxy"] = f"{dub.name}.proxy.mp4"
+    if dub.lines is not None:
+        found |= {kind: f"{dub.name}.{kind}" for kind in ("lines.csv", "lines.jsonl", "edl")}
+    return found
 
 
 def problems(
@@ -49,7 +54,7 @@ def problems(
     known = {found: said for path, said in inputs.items() for found in _identities(path)}
     results: list[tuple[KeyPath, str]] = [(("output",), name) for name in OF_ALL]
     for place, dub in dubs.items():
-        results += [(("dubs", place), name) for name in results_of(dub.name, dub.codec)]
+        results += [(("dubs", place), name) for name in results_of(dub).values()]
     for at, name in results:
         if (output / name).is_dir():
             yield at, f"{output / name} is a folder, where a file should go: move it away"

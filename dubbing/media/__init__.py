@@ -5,7 +5,7 @@ seconds from the start of the file and frame rates exact fractions.
 """
 
 from dubbing.media.ffmpeg import binary, version
-from dubbing.media.muxing import SOUND, mux
+from dubbing.media.muxing import SOUND, mux, proxy
 from dubbing.media.probing import MediaInfo, count_frames, probe
 from dubbing.media.reading import iter_audio, iter_channels, read_audio, read_frames
 from dubbing.media.writing import CODECS, SUFFIX, VideoWriter
@@ -22,6 +22,7 @@ __all__ = [
     "iter_channels",
     "mux",
     "probe",
+    "proxy",
     "read_audio",
     "read_frames",
     "version",

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import av
+import av.filter
 import numpy as np
-from av.filter import Graph
 
 from dubbing.errors import MediaError
 from dubbing.files import atomic_path
@@ -35,13 +35,13 @@ def measure(blocks: Iterable[np.ndarray], rate: int) -> Loudness:
     Raises:
         MediaError: ffmpeg cannot measure it.
     """
-    graph: Graph | None = None
+    graph: av.filter.Graph | None = None
     found: dict[str, str] = {}
     at = 0
     for block in blocks:
         channels = block.shape[1]
         if graph is None:
-            graph = Graph()
+            graph = av.filter.Graph()
             layout = LAYOUTS[channels]
             arguments = f"sample_rate={rate}:sample_fmt=flt:channel_layout={layout}"
             steps = [
@@ -71,7 +71,7 @@ def measure(blocks: Iterable[np.ndarray], rate: int) -> Loudness:
     )
 
 
-def _pulled(graph: Graph) -> dict[str, str]:
+def _pulled(graph: av.filter.Graph) -> dict[str, str]:
     """The newest figures that the graph gives out."""
     found: dict[str, str] = {}
     while True:

@@ -14,12 +14,14 @@ from dubbing.files import atomic_path
 from dubbing.media.ffmpeg import run
 from dubbing.media.opening import address, into, joined, sound_of, source
 from dubbing.media.probing import probe
+from dubbing.media.writing import THREADS
 
 AUDIO_CODECS = {
     "aac": {"acodec": "aac", "audio_bitrate": "256k"},
     "pcm": {"acodec": "pcm_s24le"},
     "flac": {"acodec": "flac"},
 }
+PROXY_WIDTH = 1280  # px at most
 MOST_CHANNELS = {"aac": 8, "pcm": 64, "flac": 8}
 SOUND = {"h264": "aac", "prores": "pcm", "ffv1": "flac"}  # beside which picture
 
@@ -34,6 +36,7 @@ def mux(
     audio_codec: str = "aac",
     audio_rate: int | None = 48000,
     metadata: Mapping[str, str] | None = None,
+    timecode: str = "",
 ) -> None:
     """Copy the picture of ``video`` and encode ``seconds`` of sound beside it.
 
@@ -47,6 +50,7 @@ def mux(
         audio_codec: ``aac``, ``pcm`` or ``flac``.
         audio_rate: Hz; None keeps the rate of ``audio_source``.
         metadata: tags of the container.
+        timecode: of the first frame; none by default.
 
     Raises:
         MediaError: `audio_source` cannot be read, ffmpeg failed, or a part cannot be listed for it.
@@ -71,6 +75,8 @@ def mux(
             listing.write(concat_list(video))
             listing.flush()
             picture = joined(listing.name).video
+        if timecode:
+            tags["timecode"] = timecode
         options = {"movflags": "+faststart"} if temporary.suffix in (".mp4", ".mov") else {}
         graph = into(
             temporary,
@@ -81,6 +87,38 @@ def mux(
             fflags="+bitexact",
             **AUDIO_CODECS[audio_codec],
             **options,
+            **tags,
+        )
+        run(graph, str(out))
+
+
+def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
+    """A small H.264 copy of a video, which every browser plays.
+
+    Raises:
+        MediaError: ffmpeg failed.
+    """
+    film = source(video)
+    colour = probe(video).colour
+    width = f"min({PROXY_WIDTH},trunc(iw/2)*2)"
+    picture = film.video.filter(
+        "scale", w=width, h=-2, out_color_matrix=colour.matrix, out_range="tv"
+    ).filter("setparams", **{**colour.tags(), "range": "tv"})
+    encoder = {"vcodec": "libx264", "pix_fmt": "yuv420p", "crf": 23, "preset": "veryfast"}
+    tags = {f"metadata:g:{k}": f"{key}={text}" for k, (key, text) in enumerate(metadata.items())}
+    with atomic_path(out) as temporary:
+        graph = into(
+            temporary,
+            picture,
+            film.audio,
+            acodec="aac",
+            ac=2,
+            audio_bitrate="128k",
+            map_metadata=-1,
+            fflags="+bitexact",
+            movflags="+faststart",
+            threads=THREADS,
+            **encoder,
             **tags,
         )
         run(graph, str(out))

@@ -16,6 +16,7 @@ import av
 import numpy as np
 
 from dubbing.errors import MediaError
+from dubbing.media.colour import Colour, colour_of
 from dubbing.media.opening import opened
 from dubbing.script.timecode import frame_of
 
@@ -33,6 +34,22 @@ ATTACHED_PICTURE = av.stream.Disposition.attached_pic
 
 
 @dataclass(frozen=True)
+class Picture:
+    """Size as shown, colours, and what a picture of ours would not be.
+
+    Attributes:
+        interlaced: two fields a frame. square: its pixels are. bits: of each colour.
+    """
+
+    width: int
+    height: int
+    colour: Colour
+    interlaced: bool = False
+    square: bool = True
+    bits: int = 8
+
+
+@dataclass(frozen=True)
 class MediaInfo:
     """A media file. Without a picture, width and frames are 0 and rate is None.
 
@@ -45,7 +62,7 @@ class MediaInfo:
         zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
             first stream it was asked for instead (MPEG-TS, MPEG-PS, Ogg); else None.
         timecode: of the first frame, as ``01:00:00:00``; '' where the file has none.
-        matrix: ffmpeg's name of the colour matrix, guessed from the size where untagged.
+        picture: what the first frame shows; None without a picture.
     """
 
     path: Path
@@ -56,14 +73,18 @@ class MediaInfo:
     duration: float
     variable_rate: bool
     video_start: float
-    matrix: str
-    transfer: str
+    picture: Picture | None
     audio_rate: int | None
     audio_channels: int | None
     audio_duration: float | None
     audio_start: float
     zero: float | None = None
     timecode: str = ""
+
+    @property
+    def colour(self) -> Colour:
+        """Of its picture."""
+        return self.picture.colour if self.picture else Colour()
 
     @property
     def first_frame(self) -> int:
@@ -150,10 +171,11 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     rate: Fraction | None = None
     variable = False
     duration = 0.0
-    matrix = transfer = ""
+    picture: Picture | None = None
     video_start = starts.get("video", zero) - zero
     if video is not None:
-        width, height, matrix, transfer = _picture(path, video)
+        picture = _picture(path, video)
+        width, height = picture.width, picture.height
         times.sort()
         if len(times) > 1 and times[0] == times[-1]:
             same = "all its frames have the same time stamp"
@@ -176,8 +198,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         duration=duration or float(audio_duration or 0),
         variable_rate=variable,
         video_start=video_start,
-        matrix=matrix,
-        transfer=transfer,
+        picture=picture,
         audio_rate=sound.rate if sound is not None else None,
         audio_channels=sound.channels if sound is not None else None,
         audio_duration=audio_duration,
@@ -190,7 +211,8 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
 def _timecode(container: av.container.InputContainer, rate: Fraction) -> str:
     """The timecode of a track or of the file, if it is one at that rate."""
     places = [stream.metadata for stream in container.streams] + [container.metadata]
-    written = next((tags["timecode"] for tags in places if "timecode" in tags), "")
+    tags = [item for place in places for item in place.items()]
+    written = next((value for key, value in tags if key.lower() == "timecode"), "")
     try:
         frame_of(written, rate)
     except ValueError:
@@ -239,8 +261,8 @@ def _snap(rate: Fraction) -> Fraction:
     return nearest if abs(nearest - rate) < Fraction(3, 10000) * rate else rate
 
 
-def _picture(path: Path, video: av.video.stream.VideoStream) -> tuple[int, int, str, str]:
-    """Width and height as shown, colour matrix and transfer, from the first decoded frame."""
+def _picture(path: Path, video: av.video.stream.VideoStream) -> Picture:
+    """What the first decoded frame shows."""
     with opened(path) as container:
         frame = next(container.decode(container.streams[video.index]), None)
     if not isinstance(frame, av.VideoFrame):
@@ -259,12 +281,12 @@ def _picture(path: Path, video: av.video.stream.VideoStream) -> tuple[int, int, 
             what += f", {frame.width}x{frame.height} px as stored"
         bounds = f"{SHORTEST} to {LONGEST} px a side, one at most {SLIMMEST} times the other"
         raise MediaError(what, str(path), f"use a video of {bounds}")
-    tagged = {1: "bt709", 5: "bt601", 6: "bt601", 9: "bt2020", 10: "bt2020"}
-    guessed = "bt709" if max(width, height) >= 1280 else "bt601"
-    transfers = {16: "pq", 18: "hlg"}
-    return (
+    deep = max((part.bits for part in frame.format.components), default=8)
+    return Picture(
         width,
         height,
-        tagged.get(int(frame.colorspace), guessed),
-        transfers.get(int(frame.color_trc), "sdr"),
+        colour_of(frame),
+        interlaced=bool(frame.interlaced_frame),
+        square=not aspect or aspect == 1,
+        bits=deep,
     )

@@ -162,7 +162,7 @@ def _frame_graph(
     picture = picture.filter("tpad", stop_mode="clone", stop=2)
     if pixels == "rgb24":
         size = {"w": info.width, "h": info.height}
-        picture = picture.filter("scale", **size, flags=SCALER, in_color_matrix=info.matrix)
+        picture = picture.filter("scale", **size, flags=SCALER, in_color_matrix=info.colour.matrix)
     return into(None, picture, format="rawvideo", pix_fmt=pixels, vframes=count)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -13,6 +13,7 @@ import numpy as np
 
 from dubbing.errors import MediaError
 from dubbing.files import atomic_path
+from dubbing.media.colour import Colour
 from dubbing.media.ffmpeg import Process
 from dubbing.media.opening import Graph, into, piped
 
@@ -26,7 +27,8 @@ class Codec:
 
     pixels: str
     options: dict[str, Any] = field(default_factory=dict)
-    bt709: bool = False
+    yuv: bool = False
+    full_range: bool = True
     even: bool = False
 
 
@@ -34,13 +36,14 @@ CODECS = {
     "h264": Codec(
         "rgb24",
         {"vcodec": "libx264", "pix_fmt": "yuv420p", "crf": 16, "preset": "veryfast"},
-        bt709=True,
+        yuv=True,
         even=True,
     ),
     "prores": Codec(
         "rgb24",
         {"vcodec": "prores_ks", "profile:v": "hq", "pix_fmt": "yuv422p10le", "vendor": "apl0"},
-        bt709=True,
+        yuv=True,
+        full_range=False,
         even=True,
     ),
     "ffv1": Codec("rgb24", {"vcodec": "ffv1", "level": 3, "slices": 4, "pix_fmt": "bgr0"}),
@@ -54,16 +57,23 @@ SUFFIX = {"h264": ".mp4", "prores": ".mov", "ffv1": ".mkv"}  # of files for peop
 class VideoWriter:
     """Context manager: ``write`` frames; the file appears, whole, when the block ends well.
 
-    ``codec``: ``h264`` (crf 16, 4:2:0, BT.709) and ``prores`` (422 HQ) for people, ``ffv1``
-    (RGB), ``ffv1-rgba`` and ``ffv1-gray`` lossless. An odd side of a 4:2:0 picture is made even
-    by repeating its last line. The bytes of the file depend on the frames and on ffmpeg alone.
+    ``codec``: ``h264`` (crf 16, 4:2:0) and ``prores`` (422 HQ) for people, ``ffv1`` (RGB),
+    ``ffv1-rgba`` and ``ffv1-gray`` lossless. An odd side of a 4:2:0 picture is made even by
+    repeating its last line. ``colour``: what the frames' colours are, BT.709 by default; ProRes
+    has video levels always. The bytes of the file depend on the frames and on ffmpeg alone.
 
     Raises:
         MediaError: a frame of another shape, or ffmpeg failed.
     """
 
     def __init__(
-        self, path: Path | str, width: int, height: int, rate: Fraction, codec: str = "h264"
+        self,
+        path: Path | str,
+        width: int,
+        height: int,
+        rate: Fraction,
+        codec: str = "h264",
+        colour: Colour | None = None,
     ) -> None:
         self.path = Path(path)
         self.codec = CODECS[codec]
@@ -74,6 +84,7 @@ class VideoWriter:
         extra = (width % 2, height % 2) if self.codec.even else (0, 0)
         self._size = (width + extra[0], height + extra[1])
         self._rate = rate
+        self._colour = colour
         self._stack = ExitStack()
         self._process: Process | None = None
 
@@ -123,22 +134,26 @@ class VideoWriter:
             s=f"{width}x{height}",
             framerate=f"{self._rate}",
         )
-        tags: dict[str, Any] = {}
-        if self.codec.bt709:
+        colour = self._colour or Colour()
+        if not self.codec.full_range:
+            colour = replace(colour, full_range=False)
+        tags = colour.tags() if self.codec.yuv or self._colour else {}
+        if self.codec.yuv:
             picture = picture.filter(
                 "scale",
-                out_color_matrix="bt709",
-                out_range="tv",
+                out_color_matrix=colour.matrix,
+                out_range=tags["range"],
                 flags="bicubic+accurate_rnd+full_chroma_int",
             )
-            tags = {"colorspace": "bt709", "color_primaries": "bt709", "color_trc": "bt709"}
-            tags["color_range"] = "tv"
+        elif tags:  # RGB has no matrix and all levels
+            tags |= {"colorspace": "gbr", "range": "pc"}
+        if tags:
+            picture = picture.filter("setparams", **tags)
         return into(
             path,
             picture,
             threads=THREADS,
             fflags="+bitexact",
             **{"flags:v": "+bitexact"},
-            **tags,
             **self.codec.options,
         )

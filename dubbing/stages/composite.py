@@ -26,13 +26,14 @@ from dubbing.media.overlap import ahead, behind
 from dubbing.mixing.mix import SOUND, mix
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
+from dubbing.script.timecode import timecode_of
+from dubbing.stage_kinds import PROXY_FILE, SCENE_FILE
 from dubbing.stages.untouched import compare
 
 SEGMENT = 250  # frames a file
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
-# Containers with exact time stamps, to be joined without decoding.
-SEGMENT_SUFFIX = {"h264": ".mov", "prores": ".mov", "ffv1": ".nut"}
-SCENE, MIXED = "scene.json", "mixed.json"
+SUFFIX = ".mov"  # a container with exact time stamps and colours, to be joined without decoding
+MIXED = "mixed.json"
 TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
 
 Picture = TypeVar("Picture")
@@ -103,6 +104,8 @@ def make(
 ) -> Path:
     """Write OUT/video.<suffix>: composited, marked, encoded, with its sound; checked by decoding.
 
+    It has the colours of the film, and its timecode. What no browser plays gets OUT/proxy.mp4.
+
     Frames in which nobody says anything new are the film's own. Of a scene there is also
     OUT/voices.flac, and OUT/scene.json: how loud it is, and what proves that.
 
@@ -118,15 +121,18 @@ def make(
     segments = out / "segments"
     frames, film = len(pose_index), heads[0].clip
     rate = film.rate
+    source = media.probe(film.clip)
     composer = Composer(heads, pose_index, settings)
     if not result.exists():
         parts = []
         for first in range(0, frames, SEGMENT):
             stop = min(first + SEGMENT, frames)
-            part = segments / f"{first:06d}{SEGMENT_SUFFIX[settings.codec]}"
+            part = segments / f"{first:06d}{SUFFIX}"
             parts.append((part, (stop - first) / rate))
             if not part.exists():
-                encoder = media.VideoWriter(part, *composer.size, rate, settings.codec)
+                encoder = media.VideoWriter(
+                    part, *composer.size, rate, settings.codec, source.colour
+                )
                 read = composer.read(first, stop)
                 with encoder, behind(encoder.write) as write, closing(ahead(read)) as ready:
                     for done, (image, faces) in enumerate(ready, first):
@@ -155,17 +161,28 @@ def make(
             audio_codec=media.SOUND[settings.codec],
             audio_rate=settings.audio_rate,
             metadata=provenance.tags(),
+            timecode=timecode_at(source, int(pose_index[0])),
         )
     verify(result, frames, rate)
+    if settings.codec != "h264":
+        progress("proxy", 1.0)
+        media.proxy(result, out / PROXY_FILE, provenance.tags())
     if (out / MIXED).is_file():
         own = composer.untouched()
         proof = compare(film.clip, result, own, rate) if own.any() else None
         figures = kept.read(out / MIXED, dict[str, Any], "figures of the mix")
-        atomic_write_json(out / SCENE, {"sound": figures, "untouched": proof})
+        atomic_write_json(out / SCENE_FILE, {"sound": figures, "untouched": proof})
         (out / SOUND).unlink(missing_ok=True)
         (out / MIXED).unlink()
     shutil.rmtree(segments, ignore_errors=True)
     return result
+
+
+def timecode_at(film: media.MediaInfo, frame: int) -> str:
+    """The timecode of a frame of a film; '' where the film has none."""
+    if not film.timecode or film.rate is None:
+        return ""
+    return timecode_of(film.first_frame + frame, film.rate, drop=";" in film.timecode)
 
 
 class Composer:

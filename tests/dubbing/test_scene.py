@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import json
+import re
 from fractions import Fraction
 from pathlib import Path
 
@@ -11,6 +13,7 @@ import pytest
 import soundfile
 
 from dubbing import media
+from dubbing.script.timecode import frame_of
 from dubbing.stages import composite
 from tests import clips, fakes
 from tests.dubbing.test_batch import dub
@@ -94,6 +97,36 @@ def test_cues_are_dubbed_at_their_frames_and_the_film_is_left_alone(scene: Path)
     assert found["untouched"]["source"] == found["untouched"]["result"]
     for cue in found["sound"]["cues"]:
         assert cue["loudness"] == pytest.approx(-23, abs=0.5)
+
+
+def test_what_is_handed_over(scene: Path) -> None:
+    dub(scene)
+    out = scene.parent / "out"
+    rows = list(csv.DictReader((out / "it.lines.csv").read_text().splitlines()))
+    assert [(row["line"], row["speaker"], row["words"]) for row in rows] == [
+        ("1", "ANN", "Good evening."),
+        ("3", "ANN", "It begins."),
+        ("4", "ANN", "And ends."),
+    ]
+    assert [(int(row["in_frame"]), int(row["out_frame"])) for row in rows] == list(CUES)
+    assert [row["in"] for row in rows] == ["00:00:00:10", "00:00:01:16", "00:00:02:22"]
+    same = [json.loads(line) for line in (out / "it.lines.jsonl").read_text().splitlines()]
+    assert [row["in"] for row in same] == [row["in"] for row in rows]
+    assert all(abs(row["loudness"] + 23) < 0.5 for row in same)
+    # The list of markers, read back.
+    event = re.compile(r"^(\d{3})  001 +V +C +(\S+) (\S+) (\S+) (\S+)$", re.MULTILINE)
+    events = event.findall((out / "it.edl").read_text())
+    assert [number for number, *_ in events] == ["001", "002", "003"]
+    times = [(frame_of(first, FPS), frame_of(stop, FPS)) for _, _, _, first, stop in events]
+    assert times == list(CUES)
+    locators = re.findall(
+        r"^\* LOC: (\S+) (\w+) +(.*)$", (out / "it.edl").read_text(), re.MULTILINE
+    )
+    assert locators[1][0] == "00:00:01:16"
+    assert "ANN" in locators[1][2]
+    assert "It begins." in locators[1][2]
+    proxy = media.probe(out / "it.proxy.mp4")
+    assert (proxy.frames, proxy.rate, proxy.width) == (FRAMES, FPS, 64)
 
 
 def test_one_line_changed_is_one_line_made(scene: Path) -> None:

@@ -6,6 +6,7 @@ import pytest
 
 from dubbing import media
 from dubbing.errors import DubbingError, MediaError
+from dubbing.media.colour import Colour
 from tests import clips
 
 
@@ -32,7 +33,7 @@ def test_colours_survive(tmp_path: Path, codec: str, suffix: str) -> None:
     with media.VideoWriter(tmp_path / f"x{suffix}", 64, 64, Fraction(25), codec) as writer:
         writer.write(picture)
     info = media.probe(tmp_path / f"x{suffix}")
-    assert info.matrix == "bt709"
+    assert info.colour == Colour()
     (back,) = media.read_frames(tmp_path / f"x{suffix}")
     for k in range(4):
         middle = back[8:-8, 16 * k + 5 : 16 * k + 11].reshape(-1, 3).mean(0)

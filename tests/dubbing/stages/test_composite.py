@@ -149,7 +149,8 @@ def test_codecs_and_rates(
     with av.open(str(out)) as container:
         tags = {key.lower(): value for key, value in container.metadata.items()}
     assert "AI-generated" in tags["comment"]
-    assert sorted(p.name for p in out.parent.iterdir()) == [out.name]
+    proxy = {"proxy.mp4"} - ({"proxy.mp4"} if codec == "h264" else set())  # browsers play H.264
+    assert {p.name for p in out.parent.iterdir()} == {out.name} | proxy
 
 
 def test_a_cut_dub_has_as_much_sound_as_picture(scene: Scene) -> None:

@@ -1,0 +1,104 @@
+"""What a scene hands over beside its video: its lines with times and figures, as three files."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+from dubbing import json_records as kept
+from dubbing.engine.graph import Job
+from dubbing.errors import DubbingError
+from dubbing.manifest.entries import Dub
+from dubbing.manifest.manifest import Manifest
+from dubbing.script.edl import Marker, edl
+from dubbing.script.timecode import timecode_of
+from dubbing.stage_kinds import SCENE_FILE
+from dubbing.stages.tasks import SYNC_FILE
+
+COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unjudged": "blue"}
+OF_SOUND = ("loudness", "true_peak", "gain")
+OF_SYNC = ("verdict", "reason", "offset_frames", "confidence")
+
+
+def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
+    """The lines of a scene in the order of their times; none where it is no scene.
+
+    What was not measured is None.
+    """
+    scene = manifest.scenes.get(dub.name)
+    if scene is None or dub.lines is None or "check" not in job.stages:
+        return []
+    film = manifest.media[scene.clip]
+    assert film.rate is not None  # films have pictures
+    sound = _read(job, "composite", SCENE_FILE).get("sound") or {}
+    heard = {figures["cue"]: figures for figures in sound.get("cues", [])}
+    judged = {
+        (round(part["start"] * film.rate), round(part["end"] * film.rate)): part
+        for part in _read(job, "check", SYNC_FILE).get("segments") or []
+    }
+    drop = ";" in film.timecode
+    rows = []
+    for cue in scene.cues:
+        frames = (cue.first, cue.stop)
+        times = [timecode_of(film.first_frame + frame, film.rate, drop=drop) for frame in frames]
+        sync, own = judged.get(frames, {}), heard.get(cue.name, {})
+        offset = sync.get("offset_frames")
+        rows.append(
+            {
+                "line": cue.number,
+                "speaker": cue.speaker,
+                "identity": cue.identity,
+                "in": times[0],
+                "out": times[1],
+                "in_frame": cue.first,
+                "out_frame": cue.stop,
+                "seconds": round(float(cue.first / film.rate), 3),
+                **{key: sync.get(key) for key in OF_SYNC},
+                "offset_ms": None if offset is None else round(float(1000 * offset / film.rate), 1),
+                **{key: own.get(key) for key in OF_SOUND},
+                "words": cue.words,
+            }
+        )
+    return rows
+
+
+def as_csv(rows: list[dict[str, Any]]) -> str:
+    """A table with a row a line."""
+    text = io.StringIO()
+    table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return text.getvalue()
+
+
+def as_json_lines(rows: list[dict[str, Any]]) -> str:
+    """An object a line."""
+    return "".join(json.dumps(row, ensure_ascii=False) + "\n" for row in rows)
+
+
+def as_edl(manifest: Manifest, dub: Dub, rows: list[dict[str, Any]]) -> str:
+    """A marker a line, coloured by its verdict."""
+    film = manifest.media[manifest.scenes[dub.name].clip]
+    assert film.rate is not None
+    markers = [
+        Marker(row["in_frame"], row["out_frame"], COLOURS.get(row["verdict"], "blue"), _note(row))
+        for row in rows
+    ]
+    return edl(dub.name, markers, film.rate, film.first_frame, drop=";" in film.timecode)
+
+
+def _note(row: dict[str, Any]) -> str:
+    who = row["speaker"] or row["identity"]
+    return f"{row['line']} {who} {row['verdict'] or 'not checked'}: {row['words']}"
+
+
+def _read(job: Job, stage: str, name: str) -> dict[str, Any]:
+    """A file of a stage; empty where there is none that can be read."""
+    path: Path = job.stages[stage].folder / name
+    try:
+        return kept.read(path, dict[str, Any], name)
+    except DubbingError:
+        return {}

@@ -1,0 +1,57 @@
+"""Markers as an edit decision list (CMX3600): an event a line, with a locator of its words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from dubbing.script.timecode import timecode_of
+
+MOST_EVENTS = 999  # numbers of three digits; an editor takes no more in one list
+LONGEST_NOTE = 120  # characters
+
+
+@dataclass(frozen=True)
+class Marker:
+    """Frames first .. stop of a film, a colour and a note on them."""
+
+    first: int
+    stop: int
+    colour: str
+    note: str
+
+
+def edl(title: str, markers: Sequence[Marker], rate: Fraction, start: int, *, drop: bool) -> str:
+    """The list as text.
+
+    The note stands in a locator, as Avid and Premiere write it, and in the comment that Resolve
+    reads markers from.
+
+    Args:
+        rate: frames a second.
+        start: frame of the film's first timecode.
+        drop: whether its timecode drops numbers.
+    """
+    mode = "DROP FRAME" if drop else "NON-DROP FRAME"
+    rows = [f"TITLE: {_plain(title)}", f"FCM: {mode}", ""]
+    for number, marker in enumerate(markers[:MOST_EVENTS], 1):
+        times = [
+            timecode_of(start + frame, rate, drop=drop) for frame in (marker.first, marker.stop)
+        ]
+        note = _plain(marker.note)[:LONGEST_NOTE]
+        rows += [
+            f"{number:03d}  001      V     C        {' '.join(times)} {' '.join(times)}",
+            f"* LOC: {times[0]} {marker.colour.upper():<7} {note}",
+            f" |C:ResolveColor{marker.colour.title()} |M:{note.replace('|', '/')}"
+            f" |D:{marker.stop - marker.first}",
+            "",
+        ]
+    if len(markers) > MOST_EVENTS:
+        rows.append(f"* {len(markers) - MOST_EVENTS} MORE LINES, WHICH ONE LIST CANNOT HOLD")
+    return "\n".join(rows) + "\n"
+
+
+def _plain(text: str) -> str:
+    """In one row: what begins another would be read as an event."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
