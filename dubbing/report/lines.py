@@ -33,7 +33,7 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
         return []
     film = manifest.media[scene.clip]
     assert film.rate is not None  # films have pictures
-    sound = _read(job, "composite", SCENE_FILE).get("sound") or {}
+    sound = scene_of(job).get("sound") or {}
     heard = {figures["cue"]: figures for figures in sound.get("cues", [])}
     judged = {
         (round(part["start"] * film.rate), round(part["end"] * film.rate)): part
@@ -63,6 +63,11 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def scene_of(job: Job) -> dict[str, Any]:
+    """What a scene's composite says of its sound and of the frames it left alone; else empty."""
+    return _read(job, "composite", SCENE_FILE)
 
 
 def as_csv(rows: list[dict[str, Any]]) -> str:
@@ -97,8 +102,8 @@ def _note(row: dict[str, Any]) -> str:
 
 def _read(job: Job, stage: str, name: str) -> dict[str, Any]:
     """A file of a stage; empty where there is none that can be read."""
-    path: Path = job.stages[stage].folder / name
     try:
+        path: Path = job.stages[stage].folder / name
         return kept.read(path, dict[str, Any], name)
-    except DubbingError:
+    except (DubbingError, KeyError):
         return {}

@@ -23,8 +23,9 @@ from dubbing.engine.runner import Outcome
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
 from dubbing.manifest.manifest import Manifest
-from dubbing.media import SUFFIX
+from dubbing.manifest.overwriting import results_of
 from dubbing.printable import visible
+from dubbing.report import lines
 from dubbing.stages.tasks import SYNC_FILE
 
 MOST_POINTS = 400  # of a curve on the page
@@ -170,8 +171,11 @@ def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     dub = next(dub for dub in manifest.dubs if dub.name == job.name)
     clip = manifest.identities[dub.people[0]].clip
     # One of another codec may lie beside it, from before the manifest was changed.
-    video = manifest.output / f"{job.name}{SUFFIX[dub.codec]}"
+    names = results_of(dub)
+    video = manifest.output / names.get("proxy", names["video"])
     sync = sync_of(job)
+    rows = lines.lines_of(manifest, dub, job)
+    verdicts = [row["verdict"] or "unjudged" for row in rows]
     return {
         **_common(job, outcome),
         "identity": ", ".join(job.waits_for),
@@ -179,6 +183,9 @@ def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
         "video": _relative(manifest, video) if video.is_file() else None,
         "source": _relative(manifest, clip) if clip.is_file() else None,
         "source_start": dub.video_start,
+        "lines": rows,
+        "line_counts": {v: verdicts.count(v) for v in lines.COLOURS if v in verdicts},
+        "untouched": lines.scene_of(job).get("untouched"),
         "sync": _brief(sync),
     }
 

@@ -49,7 +49,8 @@ def test_the_report_shows_the_codec_that_was_asked_for(footage: Path, tmp_path: 
     path.write_text(path.read_text().replace("it.wav}", "it.wav, codec: ffv1}"))
     dub(path)
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert report["dubs"]["ann_it"]["video"] == "ann_it.mkv"
+    assert report["dubs"]["ann_it"]["video"] == "ann_it.proxy.mp4"  # what a browser plays
+    assert (tmp_path / "out" / "ann_it.mkv").is_file()
     assert (tmp_path / "out" / "ann_it.mp4").is_file()  # whoever put it there may want it
 
 

@@ -33,6 +33,9 @@ def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) 
         "source_start": 1.5,
         "sync": sync,
         "place": place,
+        "lines": [],
+        "line_counts": {},
+        "untouched": None,
     }
 
 
@@ -178,6 +181,45 @@ def test_two_hundred_dubs_stay_a_small_page() -> None:
     page = page_of(found(*((f"shot{k}", "pass", 0.2) for k in range(200))))
     assert len(page) < 600_000
     assert len(Tags(page).of("article")) == 201
+
+
+def line(number: int, verdict: str | None) -> dict[str, Any]:
+    found = {"line": number, "speaker": "ANN", "identity": "ann", "in": f"01:00:0{number}:00"}
+    return {
+        **found,
+        "seconds": 1.5,
+        "words": "a <b>",
+        "verdict": verdict,
+        "reason": "",
+        "loudness": -23.0,
+    }
+
+
+def test_the_lines_of_a_scene_are_listed_where_one_asks_for_them() -> None:
+    data = found(("scene", "pass", 0.3))
+    proof = {"frames": 30, "of": 90, "source": "ab" * 32, "result": "ab" * 32, "identical": True}
+    data["dubs"]["scene"] |= {
+        "lines": [line(1, "pass"), line(2, None)],
+        "line_counts": {"pass": 1, "unjudged": 1},
+        "untouched": {**proof, "psnr": None},
+    }
+    page = page_of(data)
+    tags = Tags(page)
+    buttons = [(a, around) for tag, a, around in tags.found if tag == "button"]
+    assert [a["data-at"] for a, _ in buttons] == ["1.5", "1.5"]
+    assert all("details" in around for _, around in buttons)
+    assert "2 lines" in page
+    assert "a &lt;b&gt;" in page
+    assert "30 of 90 frames are" in page
+    assert "SHA-256\nabababababababab" in page
+
+
+def test_forty_scenes_of_five_lines_stay_a_small_page() -> None:
+    data = found(*((f"shot{k}", "pass", 0.2) for k in range(40)))
+    for dub in data["dubs"].values():
+        dub["lines"] = [line(k, "pass") for k in range(5)]
+        dub["line_counts"] = {"pass": 5}
+    assert len(page_of(data)) < 300_000
 
 
 def test_an_empty_run_has_a_page() -> None:
