@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from fractions import Fraction
 from pathlib import Path
 
@@ -162,3 +163,19 @@ def test_a_damaged_recording_fails_its_scene_alone(folder: Path) -> None:
     manifest = load(written(folder, GOOD.replace("track.wav", "damaged.wav")))
     assert not manifest.scenes
     assert "not a readable media file" in str(manifest.blocked["it"])
+
+
+def test_what_would_look_wrong_is_refused(folder: Path) -> None:
+    change = "format=yuv420p10le,setparams=color_trc=smpte2084:color_primaries=bt2020"
+    options = ["-c:a", "copy", "-c:v", "libx264"]
+    clips.ffmpeg("-i", folder / "film.mp4", "-vf", change, *options, folder / "hdr.mp4")
+    fields = ["-vf", "interlace", "-flags", "+ilme+ildct", "-x264-params", "tff=1", *options]
+    clips.ffmpeg("-i", folder / "film.mp4", *fields, folder / "fields.mp4")
+    for clip, said in (("hdr.mp4", "is HDR (PQ)"), ("fields.mp4", "is interlaced")):
+        with pytest.raises(ManifestError, match=re.escape(said)):
+            load(written(folder, GOOD, clip))
+    deep = ["-vf", "format=yuv420p10le,setsar=4/3", *options]
+    clips.ffmpeg("-i", folder / "film.mp4", *deep, folder / "deep.mp4")
+    manifest = load(written(folder, GOOD, "deep.mp4"))
+    assert any("has 10 bits a colour" in warning for warning in manifest.warnings)
+    assert any("are not square" in warning for warning in manifest.warnings)

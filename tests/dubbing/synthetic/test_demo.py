@@ -47,6 +47,8 @@ def test_the_clip_is_as_long_as_the_manifests_want_it(tmp_path: Path, name: str)
     for recording, (voice, text) in program.DUBS.items():
         speak(text, voice, source / f"{recording}.wav")
     (tmp_path / "manifests").mkdir()
+    for script in MANIFEST.parent.glob("*.srt"):
+        shutil.copy(script, tmp_path / "manifests")
     copy = shutil.copy(MANIFEST.parent / name, tmp_path / "manifests")
     assert not load(Path(copy)).warnings
 
