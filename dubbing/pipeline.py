@@ -12,8 +12,7 @@ or the code that does the work changed. Paths do not count, contents do. Nothing
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from fractions import Fraction
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -38,10 +37,14 @@ CUES = "cues"  # folder of the cues, in that of their dub
 
 
 class _Stages:
-    """The stages of one job, in one folder, as they are declared."""
+    """The stages of one job, in one folder, as they are declared.
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    Args:
+        parts: name of the folder for those of which there are several.
+    """
+
+    def __init__(self, folder: Path, parts: str) -> None:
+        self.folder, self.parts = folder, parts
         self.declared: dict[str, Stage] = {}
 
     def add(
@@ -58,21 +61,28 @@ class _Stages:
             of: which one it is, where a job has several of a kind.
         """
         kind = KINDS[name]
-        folder, version = self.folder / CUES / of if of else self.folder, code_version(kind.module)
+        folder, version = (
+            self.folder / self.parts / of if of else self.folder,
+            code_version(kind.module),
+        )
         stage = Stage(name, folder / kind.folder, version, parameters or {}, reads, task)
         self.declared[f"{name} {of}" if of else name] = stage
         return stage
 
 
-def identity_job(manifest: Manifest, name: str, identity: Identity, device: str) -> Job:
-    """What is made once for a person: prepared clip, source check, model, refined poses."""
-    stages = _Stages(manifest.work / "identities" / name)
+def identity_job(
+    manifest: Manifest, name: str, identity: Identity, device: str, films: Iterable[Path] = ()
+) -> Job:
+    """What is made once for a person: prepared clip, source check, model, refined poses.
+
+    Args:
+        films: clips beside the one that is learned from; each is prepared and checked, too, and
+            has poses of its own, refined with the model.
+    """
+    stages = _Stages(manifest.work / "identities" / name, "clips")
     clip, base = identity.clip, identity.base or shipped_base(identity.preset)
-    prepare = stages.add(
-        "prepare", tasks.Prepare(identity), {"clip": clip}, {"size": identity.size}
-    )
+    prepare, check_source = _prepared(stages, identity, clip, "")
     prepared = tasks.Prepared(prepare.folder, clip)
-    check_source = stages.add("check_source", tasks.Check(clip), {"clip": clip})
     finetune = stages.add(
         "finetune",
         tasks.Finetune(identity, prepared, check_source.folder, base, device),
@@ -91,12 +101,42 @@ def identity_job(manifest: Manifest, name: str, identity: Identity, device: str)
             "iterations": tasks.iterations_of(identity),
         },
     )
-    stages.add(
-        "refine_poses",
-        tasks.RefinePoses(finetune.folder, prepared, device),
-        {"model": finetune, "prepared": prepare},
-    )
+    for film in (clip, *(f for f in dict.fromkeys(films) if f != clip)):
+        if film not in manifest.damaged:
+            of = clip_name(identity, film)
+            made = prepare if film == clip else _prepared(stages, identity, film, of)[0]
+            stages.add(
+                "refine_poses",
+                tasks.RefinePoses(finetune.folder, tasks.Prepared(made.folder, film), device),
+                {"model": finetune, "prepared": made},
+                of=of,
+            )
     return Job("identity", name, stages.declared, blocked=manifest.damaged.get(clip))
+
+
+def _prepared(stages: _Stages, identity: Identity, clip: Path, of: str) -> tuple[Stage, Stage]:
+    """A clip's preparation, and the lip sync of the clip itself."""
+    prepare = stages.add(
+        "prepare",
+        tasks.Prepare(identity, clip),
+        {"clip": clip},
+        {"size": identity.size},
+        of,
+    )
+    return prepare, stages.add("check_source", tasks.Check(clip), {"clip": clip}, of=of)
+
+
+def clip_name(identity: Identity, clip: Path) -> str:
+    """What the stages of a clip are called after; '' for the one that is learned from."""
+    if clip == identity.clip:
+        return ""
+    same = [film for film in identity.films if film.stem == clip.stem]
+    return clip.stem if len(same) == 1 else f"{clip.stem}-{same.index(clip) + 1}"
+
+
+def stage_of(person: Job, kind: str, identity: Identity, clip: Path) -> Stage:
+    """The stage of a kind that a person has for a clip."""
+    return person.stages[f"{kind} {of}" if (of := clip_name(identity, clip)) else kind]
 
 
 def dub_job(
@@ -117,17 +157,22 @@ def dub_job(
         return Job("dub", dub.name, {}, dub.people, manifest.blocked.get(dub.name))
     film = manifest.media[scene.clip]
     assert film.rate is not None  # a clip without a picture is no valid manifest
-    stages = _Stages(folder or dub_folder(manifest, dub.name))
+    stages = _Stages(folder or dub_folder(manifest, dub.name), CUES)
     cues = [
-        _cue(manifest, dub, cue, people[cue.identity], stages, film.rate, device)
-        for cue in scene.cues
+        _cue(manifest, dub, scene, cue, people[cue.identity], stages, device) for cue in scene.cues
     ]
+    named = {name: manifest.identities[name] for name in dub.people}
+    first, whose = next(iter(named.items()))
+    source = stage_of(people[first], "check_source", whose, scene.clip)
     composite = stages.add(
         "composite",
         tasks.Composite(dub, scene, tuple(heads for _, heads in cues)),
         {
             **{f"heads {heads.cue.name}": stage for stage, heads in cues},
-            **{f"prepared {name}": people[name].stages["prepare"] for name in dub.people},
+            **{
+                f"prepared {name}": stage_of(people[name], "prepare", identity, scene.clip)
+                for name, identity in named.items()
+            },
             "clip": scene.clip,
             **_sounds(dub, scene),
         },
@@ -139,7 +184,6 @@ def dub_job(
             "consent": consents_of(manifest, dub),
         },
     )
-    source = people[dub.people[0]].stages["check_source"]
     stages.add(
         "check",
         tasks.Check(
@@ -155,18 +199,20 @@ def dub_job(
 def _cue(
     manifest: Manifest,
     dub: Dub,
+    scene: Scene,
     cue: Cue,
     person: Job,
     stages: _Stages,
-    rate: Fraction,
     device: str,
 ) -> tuple[Stage, tasks.CueHeads]:
     """What is made for one cue: its speech features, and its heads."""
-    identity = manifest.identities[cue.identity]
-    prepare, finetune, refine_poses = (
-        person.stages[name] for name in ("prepare", "finetune", "refine_poses")
+    identity, rate = manifest.identities[cue.identity], manifest.media[scene.clip].rate
+    assert rate is not None
+    finetune = person.stages["finetune"]
+    prepare, refine_poses = (
+        stage_of(person, kind, identity, scene.clip) for kind in ("prepare", "refine_poses")
     )
-    prepared = tasks.Prepared(prepare.folder, identity.clip)
+    prepared = tasks.Prepared(prepare.folder, scene.clip)
     of = "" if dub.lines is None else cue.name
     listen = stages.add(
         "listen",
@@ -234,8 +280,13 @@ def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto
     named = chosen_names(only, [*manifest.identities, *(dub.name for dub in manifest.dubs)])
     dubs = [d for d in manifest.dubs if {d.name, *d.people} & named]
     needed = {name for dub in dubs for name in dub.people}
+    films: dict[str, list[Path]] = {}
+    for dub in dubs:
+        if dub.name in manifest.scenes:
+            for name in dub.people:
+                films.setdefault(name, []).append(manifest.scenes[dub.name].clip)
     identities = {
-        name: identity_job(manifest, name, identity, device)
+        name: identity_job(manifest, name, identity, device, films.get(name, ()))
         for name, identity in manifest.identities.items()
         if name in named or name in needed
     }

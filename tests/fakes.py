@@ -122,11 +122,11 @@ def install(patch: Any) -> None:
 
     def prepare(self: tasks.Prepare, out: Path, progress: Any) -> None:
         kill("prepare")
-        if "noface" in self.identity.clip.name:
-            raise PreparationError("no face found", self.identity.clip.name, "film the face")
+        if "noface" in self.clip.name:
+            raise PreparationError("no face found", self.clip.name, "film the face")
         (out / "landmarks.npz").write_bytes(b"kept work")
         kill("prepare")
-        write_prepared(self.identity.clip, out)
+        write_prepared(self.clip, out)
         kill("prepare")
 
     def finetune(self: tasks.Finetune, out: Path, progress: Any) -> None:

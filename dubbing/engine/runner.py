@@ -110,21 +110,23 @@ class _Runner:
         self.options = options
         self.reporter = reporter
         self.outcomes = outcomes
+        self.lost: set[Path] = set()  # folders of stages that failed
         # Inputs are what they are now, for the whole run.
         self.began: dict[Path, str] = {}
         for job in jobs.all():
             for stage in job.stages.values():
-                with self._failing(job, stage.name):
+                with self._failing(job, stage):
                     self.began |= stage.sources()
 
     @contextmanager
-    def _failing(self, job: Job, stage: str) -> Iterator[None]:
-        """What is raised in here fails this job, and no other."""
+    def _failing(self, job: Job, stage: Stage) -> Iterator[None]:
+        """What is raised in here fails this stage of this job, and what needs it."""
         outcome = self.outcomes[job.label]
         try:
             yield
         except Exception as error:
-            outcome.state, outcome.failure = "failed", failure_of(stage, error)
+            self.lost.add(stage.folder)
+            outcome.state, outcome.failure = "failed", failure_of(stage.name, error)
 
     def everywhere(self, kind: str, jobs: dict[str, Job]) -> None:
         """One kind of stage over all jobs that still stand."""
@@ -140,7 +142,7 @@ class _Runner:
         ]
         for job, stage in of_kind:
             if self._stands(job, stage) and not self._stopped():
-                with self._failing(job, kind):
+                with self._failing(job, stage):
                     recover(stage)
                     forced = kind in self.options.force
                     reasons = ["forced"] if forced else stage.changes()
@@ -151,24 +153,28 @@ class _Runner:
             outcome.reasons.setdefault(kind, reasons)
             outcome.seconds[kind] = outcome.seconds.get(kind, 0.0) + seconds
             if failure:
+                self.lost.add(stage.folder)
                 outcome.state, outcome.failure = "failed", failure
             elif outcome.state != "failed":
                 outcome.state = "made"
             self.reporter.end(job, stage, failure)
 
     def _stands(self, job: Job, stage: Stage | None) -> bool:
+        """Whether nothing has failed that a stage goes back to; None: that a job begins with."""
         outcome = self.outcomes[job.label]
-        if outcome.state in ("failed", "skipped"):
+        if outcome.state == "skipped" or (outcome.failure and outcome.failure.stage == "input"):
             return False
+        lost = self.lost & ({stage.folder, *stage.ancestors()} if stage else set())
         for person in (self.jobs.identities[name] for name in job.waits_for):
             failure = self.outcomes[person.label].failure
-            lost = failure and (failure.stage == "input" or (stage and stage.needs(failure.stage)))
-            if failure and lost:
+            own = {its.folder for its in person.stages.values()}
+            if failure and (failure.stage == "input" or lost & own):
                 what = f"identity {person.name} failed: {failure.what}"
-                outcome.failure = replace(failure, what=what, trace="")
-                outcome.state = "skipped"
+                if outcome.state != "failed":
+                    outcome.failure = replace(failure, what=what, trace="")
+                    outcome.state = "skipped"
                 return False
-        return True
+        return not lost
 
     def _stopped(self) -> bool:
         return not self.options.keep_going and any(
@@ -179,9 +185,10 @@ class _Runner:
         """After a stop: what is neither done nor failed."""
         for job in self.jobs.all() if self._stopped() else []:
             outcome = self.outcomes[job.label]
-            with self._failing(job, "plan"):
-                if outcome.failure is None and any(s.changes() for s in job.stages.values()):
-                    outcome.state = "stopped"
+            for stage in job.stages.values():
+                with self._failing(job, stage):
+                    if outcome.failure is None and stage.changes():
+                        outcome.state = "stopped"
 
     def _done(
         self, name: str, waiting: list[tuple[Job, Stage, list[str]]]

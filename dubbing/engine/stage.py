@@ -89,10 +89,13 @@ class Stage:
             found |= source.sources() if isinstance(source, Stage) else {source: digest_of(source)}
         return found
 
-    def needs(self, name: str) -> bool:
-        """Whether its results go back to a stage of that name."""
-        earlier = (source for source in self.inputs.values() if isinstance(source, Stage))
-        return any(stage.name == name or stage.needs(name) for stage in earlier)
+    def ancestors(self) -> set[Path]:
+        """Folders of all stages that its results go back to."""
+        found: set[Path] = set()
+        for source in self.inputs.values():
+            if isinstance(source, Stage):
+                found |= {source.folder, *source.ancestors()}
+        return found
 
     def result(self) -> str:
         """Digest of everything the stage made; '' if it is not done."""

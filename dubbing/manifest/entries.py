@@ -142,9 +142,14 @@ class Finetune(Entry):
 
 
 class Identity(Entry):
-    """A filmed person: a clip, which seconds of it to learn from, and how."""
+    """A filmed person: clips, which seconds of which one to learn from, and how.
+
+    ``clip`` is the one that is learned from; where only ``clips`` are named, the first of them that
+    has so many seconds.
+    """
 
     clip: FilePath
+    clips: tuple[FilePath, ...] = Field(default=(), strict=False, min_length=1)
     start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     seconds: Seconds = Field(default=15.0, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     consent: Consent
@@ -155,6 +160,11 @@ class Identity(Entry):
     size: int = Field(default=512, ge=SIZES.start, le=SIZES[-1], multiple_of=SIZES.step)
     base: FilePath | None = None
     finetune: Finetune = Finetune()
+
+    @property
+    def films(self) -> tuple[Path, ...]:
+        """All its clips, each once; dubs can be made over any."""
+        return tuple(dict.fromkeys(self.clips or (self.clip,)))
 
 
 class Dub(Entry):

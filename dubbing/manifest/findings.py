@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from dubbing.errors import MediaError
+from dubbing.manifest.entries import Identity
 from dubbing.media.probing import MediaInfo, probe
 from dubbing.timeline import Cue
 
@@ -32,7 +33,7 @@ class Findings:
     """What the files hold, the damaged ones, and what is wrong with how they are used.
 
     ``scenes``: by the place of the dub in the list, of those whose files are good; ``blocked``: a
-    damaged file of the others.
+    damaged file of the others. ``identities``: with the clip that each learns from.
     """
 
     media: dict[Path, MediaInfo] = field(default_factory=dict)
@@ -40,6 +41,7 @@ class Findings:
     problems: list[tuple[KeyPath, str]] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     scenes: dict[int, Scene] = field(default_factory=dict)
+    identities: dict[str, Identity] = field(default_factory=dict)
     blocked: dict[int, MediaError] = field(default_factory=dict)
 
     def look(self, path: Path, key: KeyPath) -> MediaInfo | None:

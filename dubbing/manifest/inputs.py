@@ -22,10 +22,28 @@ def inspect(identities: Mapping[str, Identity], dubs: Mapping[int, Dub]) -> Find
     """Check the files of identities (by name) and of dubs (by their place in the list)."""
     findings = Findings()
     for name, identity in identities.items():
-        _identity(findings, name, identity)
+        findings.identities[name] = _learning(findings, name, identity)
+        _identity(findings, name, findings.identities[name])
     for place, dub in dubs.items():
-        _dub(findings, place, dub, identities)
+        _dub(findings, place, dub, findings.identities)
     return findings
+
+
+def _learning(findings: Findings, name: str, identity: Identity) -> Identity:
+    """The identity with the clip that it learns from: the first that has enough, or the longest."""
+    at: KeyPath = ("identities", name)
+    keys: list[KeyPath] = [(*at, "clips", k) for k in range(len(identity.clips))] or [(*at, "clip")]
+    found = {}
+    for path, key in zip(identity.clips or (identity.clip,), keys, strict=True):
+        info = findings.look(path, key)
+        if info is not None and info.rate is None:
+            findings.say(key, f"no picture in {path}")
+        elif info is not None:
+            _picture(findings, name, info, key)
+            found[path] = info.duration - identity.start if info.audio_rate else 0.0
+    enough = [path for path, left in found.items() if left >= identity.seconds]
+    longest = max(found, key=lambda path: found[path], default=identity.clip)
+    return identity.model_copy(update={"clip": enough[0] if enough else longest})
 
 
 def _identity(findings: Findings, name: str, identity: Identity) -> None:
@@ -36,11 +54,8 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
         findings.problems.append(((*at, "base"), said))
     findings.warnings += [f"identities.{name}: {n}" for n in published.identity_notes(identity)]
     _speech(findings, at, identity)
-    info = findings.look(identity.clip, (*at, "clip"))
-    if info is None:
-        return
-    if info.rate is None:
-        findings.problems.append(((*at, "clip"), f"no picture in {identity.clip}"))
+    info = findings.media.get(identity.clip)
+    if info is None or info.rate is None:
         return
     if info.audio_rate is None:
         message = f"no sound in {identity.clip}: a face is learnt together with its speech"
@@ -54,18 +69,18 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
             f"identities.{name}: learns from {left:.1f} s, all there is, instead of"
             f" {identity.seconds:g} s; nothing is held out"
         )
-    _picture(findings, name, info)
+
+
+def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> None:
+    """What of a clip's picture cannot be kept: refused where it would look wrong, else said."""
+    picture = info.picture
+    assert picture is not None  # a clip has one
+    assert info.rate is not None
     if info.variable_rate:
         findings.warnings.append(
-            f"identities.{name}: {identity.clip.name} has a variable frame rate;"
+            f"identities.{name}: {info.path.name} has a variable frame rate;"
             f" it is read at {float(info.rate):g} a second"
         )
-
-
-def _picture(findings: Findings, name: str, info: MediaInfo) -> None:
-    """What of a clip's picture cannot be kept: refused where it would look wrong, else said."""
-    picture, at = info.picture, ("identities", name, "clip")
-    assert picture is not None  # a clip has one
     if picture.colour.high_range:
         message = f"{info.path} is HDR ({picture.colour.high_range}), which is not kept as yet"
         findings.say(at, f"{message}: give an SDR version of it")

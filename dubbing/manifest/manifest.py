@@ -114,7 +114,7 @@ class _Reader:
         return Manifest(
             path=self.path,
             output=output,
-            identities=identities,
+            identities=findings.identities,
             dubs=tuple(dubs.values()),
             scenes={dubs[place].name: scene for place, scene in findings.scenes.items()},
             media=findings.media,
@@ -161,11 +161,22 @@ class _Reader:
                 check_name(name)
             except ValueError as error:
                 self._say(("identities", name), f"the name {error}")
-            item = self._entry(Identity, ("identities", name), entry)
+            item = self._entry(Identity, ("identities", name), self._first_clip(name, entry))
             if isinstance(item, Identity):
                 found[name] = item
         self._unique([(name, ("identities", name)) for name in section])
         return found
+
+    def _first_clip(self, name: str, entry: Any) -> Any:
+        """An identity with several clips, beginning with the first of them."""
+        if not isinstance(entry, dict) or "clips" not in entry:
+            return entry
+        if "clip" in entry:
+            self._say(("identities", name, "clip"), "say either clip or clips")
+            return entry
+        clips = entry["clips"]
+        named = isinstance(clips, list) and clips and isinstance(clips[0], str)
+        return {**entry, "clip": clips[0]} if named else entry
 
     def _dubs(self) -> dict[int, Dub]:
         identities = self.data.get("identities")

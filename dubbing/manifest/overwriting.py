@@ -44,7 +44,7 @@ def problems(
     entries += [(("dubs", place), dub) for place, dub in dubs.items()]
     for at, entry in entries:
         for key, value in entry:
-            for path in value.values() if isinstance(value, dict) else (value,):
+            for path in _several(value):
                 if isinstance(path, Path):
                     inputs.setdefault(path, key_path((*at, key)))
                     if (output / WORK).resolve() in path.parents:
@@ -62,6 +62,13 @@ def problems(
         if said is not None:
             remedy = "choose another output" + ("" if at == ("output",) else " or name")
             yield at, f"{output / name} would take the place of {said}: {remedy}"
+
+
+def _several(value: object) -> Iterable[object]:
+    """The values of a mapping or of a list, or the one value that there is."""
+    if isinstance(value, dict):
+        return value.values()
+    return value if isinstance(value, tuple) else (value,)
 
 
 def unwritable(folder: Path) -> str:

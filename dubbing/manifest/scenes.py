@@ -62,15 +62,20 @@ def film_of(
     """The film of a dub, which is a clip of everybody in it; None where that is not known."""
     people = {name: identities[name] for name in dub.people if name in identities}
     for name, identity in people.items():
-        if dub.clip is not None and dub.clip != identity.clip:
-            findings.say((*at, "clip"), f"{dub.clip} is not the clip of {name}")
+        if dub.clip is None and len(identity.films) > 1:
+            findings.say((*at, "clip"), f"is required: {name} has {len(identity.films)} clips")
+            return None
+        if dub.clip is not None and dub.clip not in identity.films:
+            findings.say((*at, "clip"), f"{dub.clip} is no clip of {name}")
             return None
     if len(people) > 1:
         message = "one face of a film can be replaced as yet: make a dub for each"
         findings.say((*at, "speakers"), f"{' and '.join(people)}: {message}")
         return None
-    clips = dict.fromkeys(identity.clip for identity in people.values())
-    return findings.media.get(next(iter(clips))) if len(clips) == 1 else None
+    clips = [dub.clip or identity.clip for identity in people.values()]
+    if clips and clips[0] in findings.damaged and all(p.clip != clips[0] for p in people.values()):
+        findings.blocked.setdefault(int(at[1]), findings.damaged[clips[0]])
+    return findings.media.get(clips[0]) if clips else None
 
 
 class _Scene:

@@ -169,7 +169,8 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
 
 def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     dub = next(dub for dub in manifest.dubs if dub.name == job.name)
-    clip = manifest.identities[dub.people[0]].clip
+    scene = manifest.scenes.get(job.name)
+    clip = scene.clip if scene else manifest.identities[dub.people[0]].clip
     # One of another codec may lie beside it, from before the manifest was changed.
     names = results_of(dub)
     video = manifest.output / names.get("proxy", names["video"])

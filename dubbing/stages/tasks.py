@@ -44,14 +44,15 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Prepare:
-    """Tracking, matte and background of a person's clip."""
+    """Tracking, matte and background of one of a person's clips."""
 
     identity: Identity
+    clip: Path
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.preparation import prepare
 
-        prepare(self.identity.clip, out, size=self.identity.size, progress=progress)
+        prepare(self.clip, out, size=self.identity.size, progress=progress)
 
 
 def iterations_of(identity: Identity) -> int:

@@ -161,3 +161,38 @@ def test_a_lossy_codec_is_told_by_its_worst_frame(scene: Path) -> None:
     proof = json.loads((work / "video" / "scene.json").read_text())["untouched"]
     assert not proof["identical"]
     assert proof["psnr"] > 30
+
+
+def test_one_model_for_several_clips(scene: Path) -> None:
+    folder = scene.parent
+    for name in ("noface", "second"):
+        clips.write_clip(folder / f"{name}.mp4", FRAMES, FPS)
+        clips.ffmpeg("-i", folder / f"{name}.mp4", "-vf", "hue=h=90", folder / f"{name}_.mp4")
+        (folder / f"{name}_.mp4").rename(folder / f"{name}.mp4")
+    text = scene.read_text().replace("clip: film.mp4", "clips: [film.mp4, second.mp4, noface.mp4]")
+    (dubs,) = (text[text.index("  - {") :],)
+    more = "".join(
+        dubs.replace("name: it", f"name: {name}").replace("lines:", f"clip: {name}.mp4, lines:")
+        for name in ("second", "noface")
+    )
+    scene.write_text(text.replace("lines:", "clip: film.mp4, lines:") + more)
+    result, began = dub(scene)
+    assert result.code == 1
+    assert began.count("ann:finetune") == 1
+    assert began.count("ann:prepare") == 3
+    assert began.count("ann:refine_poses") == 2
+    states = {name: outcome.state for name, outcome in result.outcomes.items()}
+    # One clip shows no face: the dubs over the others are made nevertheless.
+    assert states == {
+        "identity/ann": "failed",
+        "dub/it": "made",
+        "dub/second": "made",
+        "dub/noface": "skipped",
+    }
+    made = list(media.read_frames(folder / "out" / "second.mkv"))
+    film = list(media.read_frames(folder / "second.mp4"))
+    assert np.array_equal(made[0], film[0])
+    assert not np.array_equal(made[15], film[15])
+    names = {p.name for p in (folder / "out" / "work" / "identities" / "ann" / "clips").iterdir()}
+    assert names >= {"second"}
+    assert dub(scene, only=("second",))[1] == []

@@ -135,7 +135,7 @@ GOOD = "lines: it.srt, speakers: {ANN: ann}, audio: track.wav"
         (GOOD.replace("track.wav", "01.wav"), "lines 3 (at 2.00 s) begin after the end"),
         (GOOD.replace("track.wav", "'x{cue}.wav'"), "no such file"),
         (GOOD.replace("track.wav", "'long_{cue}.wav'"), "lines 3 (0.70 s in 0.48 s) last longer"),
-        (GOOD + ", clip: other.mp4", "is not the clip of ann"),
+        (GOOD + ", clip: other.mp4", "is no clip of ann"),
         (GOOD + ", identity: ann", "either who speaks all lines"),
         (GOOD + ", video_start: 1", "no meaning beside lines"),
         (GOOD + ", on_longer_audio: loop", "as long as its film"),
@@ -163,6 +163,43 @@ def test_a_damaged_recording_fails_its_scene_alone(folder: Path) -> None:
     manifest = load(written(folder, GOOD.replace("track.wav", "damaged.wav")))
     assert not manifest.scenes
     assert "not a readable media file" in str(manifest.blocked["it"])
+
+
+def test_an_identity_of_several_clips(folder: Path) -> None:
+    several = written(folder, GOOD.replace("it.srt", "it.srt, clip: tc.mov"))
+    text = several.read_text().replace("clip: film.mp4, seconds: 1", "clips: [film.mp4, tc.mov]")
+    several.write_text(
+        text.replace("clips: [film.mp4, tc.mov],", "clips: [film.mp4, tc.mov], seconds: 2,")
+    )
+    manifest = load(several)
+    ann = manifest.identities["ann"]
+    assert [path.name for path in ann.films] == ["film.mp4", "tc.mov"]
+    assert ann.clip.name == "film.mp4"  # the first that has two seconds
+    assert manifest.scenes["it"].clip.name == "tc.mov"
+    for change, said in (
+        (("clip: tc.mov", "label: true"), "dubs[0].clip: is required: ann has 2 clips"),
+        (("clip: tc.mov", "clip: other.mp4"), "is no clip of ann"),
+        (("tc.mov]", "no.mp4]"), "identities.ann.clips[1]: no such file"),
+        (("clips: [film.mp4, tc.mov]", "clips: []"), "identities.ann.clips"),
+        (("clips: [", "clip: film.mp4, clips: ["), "say either clip or clips"),
+    ):
+        several.write_text(several.read_text().replace(*change))
+        with pytest.raises(ManifestError, match=re.escape(said)):
+            load(several)
+        several.write_text(several.read_text().replace(change[1], change[0]))
+
+
+def test_the_clip_that_has_enough_is_learned_from(folder: Path) -> None:
+    clips.write_clip(folder / "brief.mp4", 30)
+    path = written(folder, GOOD + ", clip: film.mp4")
+    path.write_text(
+        path.read_text().replace(
+            "clip: film.mp4, seconds: 1", "clips: [brief.mp4, silent.mp4, film.mp4], seconds: 2", 1
+        )
+    )
+    clips.write_video(folder / "silent.mp4", 75)
+    manifest = load(path)
+    assert manifest.identities["ann"].clip.name == "film.mp4"
 
 
 def test_what_would_look_wrong_is_refused(folder: Path) -> None:
