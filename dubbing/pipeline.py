@@ -116,11 +116,12 @@ def identity_job(
 
 def _prepared(stages: _Stages, identity: Identity, clip: Path, of: str) -> tuple[Stage, Stage]:
     """A clip's preparation, and the lip sync of the clip itself."""
+    face = [[point.at, point.x, point.y] for point in identity.face]
     prepare = stages.add(
         "prepare",
         tasks.Prepare(identity, clip),
         {"clip": clip},
-        {"size": identity.size},
+        {"size": identity.size, **({"face": face} if face else {})},
         of,
     )
     return prepare, stages.add("check_source", tasks.Check(clip), {"clip": clip}, of=of)

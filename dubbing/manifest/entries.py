@@ -141,8 +141,25 @@ class Finetune(Entry):
     iterations: int | None = Field(default=None, ge=1, le=10**9)
 
 
+class FacePoint(Entry):
+    """A point inside a face: seconds of the clip, and shares of the frame's width and height."""
+
+    at: Seconds = Field(ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    x: float = Field(ge=0, le=1)
+    y: float = Field(ge=0, le=1)
+
+
+FacePoints = Annotated[
+    tuple[FacePoint, ...],
+    BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else (value,)),
+]
+
+
 class Identity(Entry):
     """A filmed person: clips, which seconds of which one to learn from, and how.
+
+    ``face`` says whose face it is where a shot shows several: a point a shot. Shots without one are
+    left alone then.
 
     ``clip`` is the one that is learned from; where only ``clips`` are named, the first of them that
     has so many seconds.
@@ -150,6 +167,7 @@ class Identity(Entry):
 
     clip: FilePath
     clips: tuple[FilePath, ...] = Field(default=(), strict=False, min_length=1)
+    face: FacePoints = ()
     start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     seconds: Seconds = Field(default=15.0, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     consent: Consent

@@ -68,12 +68,18 @@ def film_of(
         if dub.clip is not None and dub.clip not in identity.films:
             findings.say((*at, "clip"), f"{dub.clip} is no clip of {name}")
             return None
-    if len(people) > 1:
-        message = "one face of a film can be replaced as yet: make a dub for each"
-        findings.say((*at, "speakers"), f"{' and '.join(people)}: {message}")
+    faceless = [name for name, identity in people.items() if not identity.face]
+    if len(people) > 1 and faceless:
+        message = "several people in a film need `face`, which says who is where"
+        findings.say((*at, "speakers"), f"{' and '.join(faceless)}: {message}")
         return None
     clips = [dub.clip or identity.clip for identity in people.values()]
-    if clips and clips[0] in findings.damaged and all(p.clip != clips[0] for p in people.values()):
+    if len({*clips}) > 1:
+        findings.say((*at, "speakers"), f"{' and '.join(people)} are people of different clips")
+        return None
+    # Where the damaged clip is the one that somebody learns from, their own job says so.
+    learned = {identity.clip for identity in people.values()}
+    if clips and clips[0] in findings.damaged and clips[0] not in learned:
         findings.blocked.setdefault(int(at[1]), findings.damaged[clips[0]])
     return findings.media.get(clips[0]) if clips else None
 

@@ -7,7 +7,7 @@ after the last finished step, and the result is the same bit for bit.
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -40,6 +40,7 @@ from dubbing.preparation.prepared import (
     PreparedClip,
 )
 from dubbing.preparation.tracking import tracking
+from dubbing.preparation.tracking.survey import Point
 from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.warnings import warnings_of
 
@@ -51,6 +52,7 @@ def prepare(
     out: Path,
     *,
     size: int = 512,
+    face: Sequence[Point] = (),
     progress: Callable[[str, float], None] | None = None,
 ) -> PreparedClip:
     """Track, matte and restore the background of a clip.
@@ -59,6 +61,7 @@ def prepare(
         clip: a video of one person who faces the camera most of the time.
         out: folder for track.npz, matte.mkv, background.mkv, contact_sheet.png, prepared.json.
         size: side of the square crop in px, at most; never more than the source shows.
+        face: points inside the face that is meant, one a shot; see `survey`.
         progress: called with the name of the step and the share of it that is done.
 
     Raises:
@@ -71,9 +74,10 @@ def prepare(
     if info.rate is None:
         raise PreparationError("no picture in it", str(clip), "give a video file")
     make_folder(out)
-    steps = Steps(out / STEPS, clip, size, progress or (lambda step, share: None))
+    key = {"size": size, "face": [list(point) for point in face]}
+    steps = Steps(out / STEPS, clip, key, progress or (lambda step, share: None))
 
-    seen = steps.run("faces", partial(tracking.survey_step, info))
+    seen = steps.run("faces", partial(tracking.survey_step, info, face))
     # A small source keeps its own pixels: enlarging them costs time and shows nothing new.
     size = min(size, int(seen["window"][:, 2].max()) // 8 * 8)
     found = steps.run("landmarks", partial(tracking.landmark_step, info, size, seen))
@@ -148,14 +152,18 @@ def _key(path: Path) -> dict[str, Any]:
 class Steps:
     """Steps whose arrays lie in a folder, each a file that appears whole.
 
-    Steps of another clip, size or version are thrown away.
+    Steps of another clip, version or with other settings are thrown away.
     """
 
     def __init__(
-        self, folder: Path, clip: Path, size: int, progress: Callable[[str, float], None]
+        self,
+        folder: Path,
+        clip: Path,
+        settings: Mapping[str, Any],
+        progress: Callable[[str, float], None],
     ) -> None:
         self.folder, self._clip, self._progress = folder, clip, progress
-        key = {"clip": digest_file(clip), "size": size, "version": VERSION}
+        key = {"clip": digest_file(clip), **settings, "version": VERSION}
         key_file = folder / "key.json"
         if _key(key_file) != key:
             shutil.rmtree(folder, ignore_errors=True)

@@ -52,7 +52,8 @@ class Prepare:
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.preparation import prepare
 
-        prepare(self.clip, out, size=self.identity.size, progress=progress)
+        points = [(point.at, point.x, point.y) for point in self.identity.face]
+        prepare(self.clip, out, size=self.identity.size, face=points, progress=progress)
 
 
 def iterations_of(identity: Identity) -> int:

@@ -5,7 +5,7 @@ Every fifth frame is searched for faces; boxes are (x0, y0, x1, y1) in px of the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -21,6 +21,7 @@ from dubbing.preparation.tracking.cuts import REPEATED, find_cuts, segments, thu
 STRIDE = 5  # frames
 LEAST_SHARE = 0.2  # of searched frames with a face; fewer: search again, larger
 TILE_SHARE = 0.5  # of the shorter side of the frame
+INSIDE = 0.75  # face heights from its middle that a point may lie
 REACH = 0.7  # face sizes a face may move between two searches
 
 
@@ -28,14 +29,15 @@ REACH = 0.7  # face sizes a face may move between two searches
 class Survey:
     """Frames T: segment (T,) int, repeated (T,) bool, box (T, 4) of the followed face.
 
-    ``found`` (T,) bool: boxes that were seen; the others are interpolated. ``most_faces``: how
-    many faces one frame showed at most.
+    ``found`` (T,) bool: boxes that were seen; the others are interpolated. ``followed`` (T,) bool:
+    the shot shows the face. ``most_faces``: how many faces one frame showed at most.
     """
 
     segment: np.ndarray
     repeated: np.ndarray
     box: np.ndarray
     found: np.ndarray
+    followed: np.ndarray
     most_faces: int
 
 
@@ -57,11 +59,20 @@ class Sighting:
         return (self.box[:2] + self.box[2:]) / 2
 
 
-def survey(info: MediaInfo, progress: Callable[[float], None]) -> Survey:
+# A point inside a face: seconds, and shares of the frame's width and height.
+Point = tuple[float, float, float]
+
+
+def survey(
+    info: MediaInfo, progress: Callable[[float], None], points: Sequence[Point] = ()
+) -> Survey:
     """Look through a clip.
 
+    Args:
+        points: where the face is that is meant; without any it is the largest of every shot.
+
     Raises:
-        PreparationError: no face in it.
+        PreparationError: no face in it, or none at a point.
     """
     difference = np.zeros(info.frames)
     sightings: list[list[Sighting]] = []
@@ -83,10 +94,24 @@ def survey(info: MediaInfo, progress: Callable[[float], None]) -> Survey:
             "use a clip that shows one person's face from the front, at least 64 px high",
         )
     segment = segments(info.frames, find_cuts(difference))
-    box, found = follow(sightings, segment)
+    assert info.rate is not None
+    places = [
+        Place(
+            min(round(at * info.rate), info.frames - 1), np.array([x * info.width, y * info.height])
+        )
+        for at, x, y in points
+    ]
+    try:
+        box, found, followed = follow(sightings, segment, places)
+    except LookupError as error:
+        raise PreparationError(
+            f"no face at the point {error}",
+            str(info.path),
+            "say in `face` where it is: seconds, shares of the frame's width and height",
+        ) from error
     repeated = difference < REPEATED
     repeated[0] = False
-    return Survey(segment, repeated, box, found, max(map(len, sightings)))
+    return Survey(segment, repeated, box, found, followed, max(map(len, sightings)))
 
 
 def sight(
@@ -139,12 +164,26 @@ def without_doubles(seen: list[Sighting]) -> list[Sighting]:
     return kept
 
 
-def follow(sightings: list[list[Sighting]], segment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Box (T, 4) of the followed face and whether it was seen, (T,) bool.
+@dataclass(frozen=True)
+class Place:
+    """A point (2,) px of a frame that lies in the face that is meant."""
+
+    frame: int
+    point: np.ndarray
+
+
+def follow(
+    sightings: list[list[Sighting]], segment: np.ndarray, places: Sequence[Place] = ()
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Box (T, 4) of the followed face; (T,) bool: whether it was seen, whether its shot shows it.
 
     In every shot, sightings are linked to tracks by nearness; the track with the most face height
-    over time wins: size and presence together. Boxes between sightings are interpolated, shots
-    without a face take the nearest box.
+    over time wins: size and presence together. Where places are given, it is the one that lies
+    there, and shots without a place are not followed. Boxes between sightings are interpolated,
+    shots without a face take the nearest box.
+
+    Raises:
+        LookupError: no face at a place.
     """
     frames = len(segment)
     chosen: list[Sighting] = []
@@ -154,8 +193,12 @@ def follow(sightings: list[list[Sighting]], segment: np.ndarray) -> tuple[np.nda
             for face in seen:
                 if segment[face.frame] == shot:
                     add_to_tracks(tracks, face)
-        if tracks:
+        own = [place for place in places if segment[place.frame] == shot]
+        if own:
+            chosen += [face for place in own for face in track_at(tracks, place)]
+        elif tracks and not places:
             chosen += max(tracks, key=lambda track: sum(face.size for face in track))
+    chosen.sort(key=lambda face: face.frame)
     at = np.array([face.frame for face in chosen])
     boxes = np.stack([face.box for face in chosen])
     every = np.arange(frames)
@@ -168,7 +211,25 @@ def follow(sightings: list[list[Sighting]], segment: np.ndarray) -> tuple[np.nda
             seen_at = first + np.flatnonzero(inside)
             for k in range(4):
                 box[first:last, k] = np.interp(every[first:last], seen_at, box[seen_at, k])
-    return box, found
+    return box, found, np.isin(segment, segment[at])
+
+
+def track_at(tracks: list[list[Sighting]], place: Place) -> list[Sighting]:
+    """The track that passes nearest to a place.
+
+    Raises:
+        LookupError: none comes within half a face.
+    """
+
+    def away(track: list[Sighting]) -> float:
+        seen = min(track, key=lambda face: abs(face.frame - place.frame))
+        return float(np.hypot(*(seen.middle - place.point))) / seen.size
+
+    best = min(tracks, key=away, default=None)
+    if best is None or away(best) > INSIDE:
+        x, y = place.point
+        raise LookupError(f"({x:.0f}, {y:.0f}) px of frame {place.frame}")
+    return best
 
 
 def add_to_tracks(tracks: list[list[Sighting]], face: Sighting) -> None:

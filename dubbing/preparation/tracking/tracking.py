@@ -6,7 +6,7 @@ T frames. Every step returns a dictionary of arrays, which is also what it leave
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +24,7 @@ from dubbing.preparation.alignment.relief import solve_relief
 from dubbing.preparation.alignment.skin import reference_frame, skin_points
 from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
-from dubbing.preparation.tracking.survey import Survey, survey
+from dubbing.preparation.tracking.survey import Point, Survey, survey
 
 APART = 3.0  # px at a crop of 512: tracking and static mode disagree, something is in the way
 HIDDEN = 2.0  # times as much: the frame is not used at all
@@ -39,15 +39,16 @@ Arrays = dict[str, np.ndarray]
 Progress = Callable[[float], None]
 
 
-def survey_step(info: MediaInfo, progress: Progress) -> Arrays:
+def survey_step(info: MediaInfo, points: Sequence[Point], progress: Progress) -> Arrays:
     """Cuts, the followed face's boxes and the crop windows; see :mod:`survey`."""
-    seen: Survey = survey(info, progress)
+    seen: Survey = survey(info, progress, points)
     assert info.rate is not None
     window = choose_windows(seen.box, seen.segment, (info.width, info.height), float(info.rate))
     return {
         "segment": seen.segment,
         "repeated": seen.repeated,
         "box": seen.box,
+        "followed": seen.followed,
         "window": window,
         "most_faces": np.array(seen.most_faces),
     }
@@ -71,6 +72,7 @@ def landmark_step(info: MediaInfo, size: int, seen: Arrays, progress: Progress) 
                 detect.restart()
             middle = to_crop((box[t, :2] + box[t, 2:]) / 2, window[t], size)
             points[t], apart[t], valid[t] = detect(crop(image, window[t], size), middle)
+            valid[t] &= seen["followed"][t]
             progress((t + 1) / info.frames)
     if valid.sum() < LEAST_FRAMES:
         raise PreparationError(

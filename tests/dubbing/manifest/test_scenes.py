@@ -130,7 +130,10 @@ GOOD = "lines: it.srt, speakers: {ANN: ann}, audio: track.wav"
         (GOOD.replace("it.srt", "track.wav"), "no kind of script"),
         (GOOD.replace("ANN", "ANNE"), "does not speak in it.srt; there is ANN, BEN"),
         (GOOD.replace("ANN: ann", "ANN: nobody"), "no identity 'nobody'"),
-        (GOOD.replace("ANN: ann", "ANN: ann, BEN: ben"), "one face of a film"),
+        (
+            GOOD.replace("ANN: ann", "ANN: ann, BEN: ben"),
+            "ann and ben: several people in a film need `face`",
+        ),
         (GOOD.replace("track.wav", "{BEN: track.wav}"), "has no sound of 'ANN'"),
         (GOOD.replace("track.wav", "01.wav"), "lines 3 (at 2.00 s) begin after the end"),
         (GOOD.replace("track.wav", "'x{cue}.wav'"), "no such file"),
@@ -163,6 +166,21 @@ def test_a_damaged_recording_fails_its_scene_alone(folder: Path) -> None:
     manifest = load(written(folder, GOOD.replace("track.wav", "damaged.wav")))
     assert not manifest.scenes
     assert "not a readable media file" in str(manifest.blocked["it"])
+
+
+def test_two_people_of_one_film(folder: Path) -> None:
+    path = written(folder, GOOD.replace("ANN: ann", "ANN: ann, BEN: ben"))
+    text = path.read_text().replace("clip: other.mp4", "clip: film.mp4")
+    text = text.replace("clip: film.mp4,", "clip: film.mp4, face: {at: 0.5, x: 0.3, y: 0.5},")
+    path.write_text(text)
+    manifest = load(path)
+    assert [c.identity for c in manifest.scenes["it"].cues] == ["ann", "ben", "ann"]
+    assert [point.x for point in manifest.identities["ben"].face] == [0.3]
+    path.write_text(text.replace("x: 0.3", "x: 30"))
+    with pytest.raises(
+        ManifestError, match=r"identities.ann.face\[0\].x: .*less than or equal to 1"
+    ):
+        load(path)
 
 
 def test_an_identity_of_several_clips(folder: Path) -> None:

@@ -107,7 +107,7 @@ def test_what_only_looked_like_a_face_says_what_to_do(
     clip = clips.write_video(tmp_path / "pattern.mp4", 6)
     window, box = np.tile([0.0, 0.0, 48.0], (6, 1)), np.tile([8.0, 8.0, 40.0, 40.0], (6, 1))
     seen = {"segment": np.zeros(6, int), "repeated": np.zeros(6, bool), "box": box}
-    seen |= {"window": window, "most_faces": np.array(1)}
+    seen |= {"window": window, "most_faces": np.array(1), "followed": np.ones(6, bool)}
     flat = {"points": np.full((6, 478, 3), 20.0, np.float32), "apart": np.zeros(6, np.float32)}
     monkeypatch.setattr(tracking, "survey_step", lambda *_: seen)
     monkeypatch.setattr(tracking, "landmark_step", lambda *_: flat | {"valid": np.ones(6, bool)})

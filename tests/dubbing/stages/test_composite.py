@@ -207,3 +207,27 @@ def test_memory_does_not_grow_with_the_length(tmp_path: Path) -> None:
     assert (
         peak(200) < peak(20) + 10_000
     )  # KiB; frames that were kept would be 18 KiB each, and more
+
+
+def test_two_faces_in_one_frame_each_while_it_speaks(scene: Scene) -> None:
+    """One on the right of the film in frames 2 to 8, one on the left in frames 6 to 11."""
+    film, folder = PreparedClip.load(scene.prepared), scene.folder
+    other = fakes.write_prepared(scene.clip, folder / "other", window=(4, 20, 32))
+    for name, count in (("a", 6), ("b", 5)):
+        fakes.write_heads(folder / name, count, scene.rate)
+    heads = [Heads(folder / "a", film, 2, 8), Heads(folder / "b", other, 6, 11)]
+    out = make(
+        heads,
+        Sound(scene.audio, 0.0, 12 / 25),
+        folder / "out",
+        pose_index=np.arange(12),
+        settings=VideoSettings(codec="ffv1", label=False),
+        progress=quiet,
+    )
+    made = np.stack(list(media.read_frames(out)))
+    source = np.stack(list(media.read_frames(scene.clip)))
+    changed = (made != source).any(-1)
+    right, left = changed[:, :, 40:].any((1, 2)), changed[:, :, :40].any((1, 2))
+    assert np.flatnonzero(right).tolist() == [2, 4, 5, 6, 7]  # frame 3 shows no face there
+    assert np.flatnonzero(left).tolist() == [6, 7, 8, 9, 10]
+    assert tuple(made[8, 36, 20]) != tuple(source[8, 36, 20])
