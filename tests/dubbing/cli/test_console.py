@@ -58,7 +58,7 @@ def test_markup_and_controls_in_what_goes_on(monkeypatch: pytest.MonkeyPatch) ->
     with console.Bars([ODD]) as bars:
         bars.begin(job, stage, [ODD])
         bars.progress(job, stage, ODD, 0.5)
-        bars._bars[job.name, stage.name].refresh()
+        bars._bars[stage.folder].refresh()
         bars.end(job, stage, Failure("speech", ODD))
     with console.progress_bar(ODD) as progress:
         progress(ODD, 0.5)
