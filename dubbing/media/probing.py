@@ -6,10 +6,12 @@ Every packet is visited (not decoded), so counts are those of the file, not of i
 from __future__ import annotations
 
 import itertools
+import stat
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
 from pathlib import Path
 
 import av
@@ -105,8 +107,17 @@ def probe(path: Path | str) -> MediaInfo:
             a shape that nobody films, pictures without time stamps, or sound that is no number.
     """
     path = Path(path)
-    if not path.is_file():
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        raise MediaError("no such file", str(path)) from None
+    if not stat.S_ISREG(status.st_mode):
         raise MediaError("no such file", str(path))
+    return _probe(path, status.st_size, status.st_mtime_ns, status.st_ino)
+
+
+@lru_cache(maxsize=1024)  # the cues of a film look into it again and again
+def _probe(path: Path, _size: int, _changed: int, _inode: int) -> MediaInfo:
     try:
         with opened(path) as container:
             return _read(path, container)
