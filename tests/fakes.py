@@ -126,7 +126,8 @@ def install(patch: Any) -> None:
             raise PreparationError("no face found", self.clip.name, "film the face")
         (out / "landmarks.npz").write_bytes(b"kept work")
         kill("prepare")
-        write_prepared(self.clip, out)
+        right = any(point.x > 0.5 for point in self.identity.face)
+        write_prepared(self.clip, out, window=(32 if right else 8, 4, 32))
         kill("prepare")
 
     def finetune(self: tasks.Finetune, out: Path, progress: Any) -> None:
