@@ -125,8 +125,13 @@ class _Runner:
         try:
             yield
         except Exception as error:
-            self.lost.add(stage.folder)
-            outcome.state, outcome.failure = "failed", failure_of(stage.name, error)
+            self._lose(outcome, stage, failure_of(stage.name, error))
+
+    def _lose(self, outcome: Outcome, stage: Stage, failure: Failure) -> None:
+        """A stage has failed; of several of a job the first is remembered."""
+        self.lost.add(stage.folder)
+        if outcome.state != "failed":
+            outcome.state, outcome.failure = "failed", failure
 
     def everywhere(self, kind: str, jobs: dict[str, Job]) -> None:
         """One kind of stage over all jobs that still stand."""
@@ -153,8 +158,7 @@ class _Runner:
             outcome.reasons.setdefault(kind, reasons)
             outcome.seconds[kind] = outcome.seconds.get(kind, 0.0) + seconds
             if failure:
-                self.lost.add(stage.folder)
-                outcome.state, outcome.failure = "failed", failure
+                self._lose(outcome, stage, failure)
             elif outcome.state != "failed":
                 outcome.state = "made"
             self.reporter.end(job, stage, failure)
