@@ -16,6 +16,7 @@ from dubbing.errors import DubbingError
 from dubbing.files import atomic_path, digest_file, remove_torn, writing
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
+from dubbing.provenance.mark_key import make_installation_key
 from dubbing.report import report
 from dubbing.report.report import Sync
 from dubbing.stages.tasks import SYNC_FILE
@@ -57,6 +58,8 @@ def dub(
         DubbingError: ``only`` names nothing.
         LockedError: another run is at work there.
     """
+    if any(dub.mark is not None and dub.mark.key is None for dub in manifest.dubs):
+        make_installation_key()
     planned = pipeline.build(manifest, only=only, device=device)
     with lock.hold(manifest.work):
         started = time.perf_counter()

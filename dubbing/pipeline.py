@@ -17,12 +17,13 @@ from typing import Any
 from dubbing import timeline
 from dubbing.engine.code_version import code_version
 from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.stage import Produce, Stage
+from dubbing.engine.stage import Produce, Stage, digest_of
 from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.only import chosen_names
 from dubbing.media import SUFFIX, MediaInfo
+from dubbing.provenance.mark_key import Marking, marking
 from dubbing.shipped.base import shipped_base
 from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 from dubbing.speech import features
@@ -119,14 +120,16 @@ def dub_job(
         {"model": finetune, "prepared": prepare, "poses": refine_poses, "speech": listen},
         frames,
     )
+    mark = mark_of(manifest, dub)
     composite = stages.add(
         "composite",
-        tasks.Composite(dub, render.folder, prepared, listen.folder, seconds),
+        tasks.Composite(dub, render.folder, prepared, listen.folder, seconds, mark),
         {"heads": render, "prepared": prepare, "clip": identity.clip, "audio": dub.audio},
         {
             **{key: getattr(dub, key) for key in ("frame", "label", "codec", "audio_rate")},
             **frames,
             **cut,
+            "mark": [mark.fingerprint, mark.id] if mark else None,
             # No pixel depends on it, but the record of a result says who agreed to it.
             "consent": identity.consent.model_dump(mode="json"),
         },
@@ -137,6 +140,14 @@ def dub_job(
         {"video": composite, "source": check_source},
     )
     return Job("dub", dub.name, stages.declared, dub.identity, _too_long(dub, clip, seconds))
+
+
+def mark_of(manifest: Manifest, dub: Dub) -> Marking | None:
+    """The invisible mark of a dub: its bits name the clip and the sound that it was made from."""
+    if dub.mark is None:
+        return None
+    files = (manifest.identities[dub.identity].clip, dub.audio)
+    return marking(dub.mark.key, [digest_of(file) for file in files])
 
 
 def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto") -> Jobs:

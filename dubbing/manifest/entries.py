@@ -116,6 +116,18 @@ class Consent(Entry):
     reference: Words
 
 
+class Mark(Entry):
+    """The invisible mark; ``key``: a file of one's own instead of the installation's key."""
+
+    key: FilePath | None = None
+
+
+def _mark(value: Any) -> Any:
+    if not isinstance(value, bool | dict | Mark):
+        raise ValueError("must be true, false or {key: FILE}")
+    return ({} if value else None) if isinstance(value, bool) else value
+
+
 class Finetune(Entry):
     """How long to learn; the preset says it by default."""
 
@@ -152,5 +164,6 @@ class Dub(Entry):
     on_longer_audio: Literal["bounce", "loop", "hold", "cut", "fail"] = "bounce"
     frame: Literal["full", "crop"] = "full"
     label: bool = True
+    mark: Annotated[Mark | None, BeforeValidator(_mark)] = Mark()
     codec: Literal["h264", "prores", "ffv1"] = "h264"
     audio_rate: Literal[48000, "source"] = 48000

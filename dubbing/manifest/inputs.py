@@ -12,6 +12,7 @@ from dubbing.manifest import preset_checks as published
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.media.muxing import MOST_CHANNELS, SOUND
 from dubbing.media.probing import MediaInfo, probe
+from dubbing.provenance.mark_key import read_key
 from dubbing.speech import features
 
 SHORTEST_CLIP = 1.0  # seconds to learn from
@@ -100,6 +101,11 @@ def _speech(findings: Findings, at: KeyPath, identity: Identity) -> None:
 
 def _dub(findings: Findings, place: int, dub: Dub, identity: Identity | None) -> None:
     at: KeyPath = ("dubs", place)
+    if dub.mark is not None and dub.mark.key is not None:
+        try:
+            read_key(dub.mark.key)
+        except DubbingError as error:
+            findings.problems.append(((*at, "mark", "key"), str(error)))
     sound = findings.look(dub.audio, (*at, "audio"))
     if sound is not None:
         if sound.audio_rate is None:

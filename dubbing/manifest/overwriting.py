@@ -33,11 +33,10 @@ def problems(
     entries: list[tuple[KeyPath, Entry]] = [(("identities", n), i) for n, i in identities.items()]
     entries += [(("dubs", place), dub) for place, dub in dubs.items()]
     for at, entry in entries:
-        for key, value in entry:
-            if isinstance(value, Path):
-                inputs.setdefault(value, key_path((*at, key)))
-                if (output / WORK).resolve() in value.parents:
-                    yield (*at, key), f"{value} lies where the stages work: move it elsewhere"
+        for key, value in _files(entry):
+            inputs.setdefault(value, key_path((*at, *key)))
+            if (output / WORK).resolve() in value.parents:
+                yield (*at, *key), f"{value} lies where the stages work: move it elsewhere"
     known = {found: said for path, said in inputs.items() for found in _identities(path)}
     results: list[tuple[KeyPath, str]] = [(("output",), name) for name in OF_ALL]
     for place, dub in dubs.items():
@@ -49,6 +48,15 @@ def problems(
         if said is not None:
             remedy = "choose another output" + ("" if at == ("output",) else " or name")
             yield at, f"{output / name} would take the place of {said}: {remedy}"
+
+
+def _files(entry: Entry) -> Iterator[tuple[KeyPath, Path]]:
+    """The files that an entry names, with their keys in it."""
+    for key, value in entry:
+        if isinstance(value, Path):
+            yield (key,), value
+        elif isinstance(value, Entry):
+            yield from (((key, *inner), path) for inner, path in _files(value))
 
 
 def unwritable(folder: Path) -> str:

@@ -21,6 +21,8 @@ from dubbing.errors import RenderingError
 from dubbing.media.overlap import ahead, behind
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
+from dubbing.provenance.mark import Mark
+from dubbing.provenance.mark_key import Marking, bits_of
 
 SEGMENT = 250  # frames a file
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
@@ -38,6 +40,7 @@ class VideoSettings:
 
     frame: str = "full"
     label: bool = True
+    mark: Marking | None = None
     codec: str = "h264"
     audio_rate: int | None = 48000
     audio_start: float = 0.0
@@ -111,11 +114,12 @@ class Composer:
         self.full = settings.frame == "full"
         self.size = clip.source_size if self.full else (clip.size, clip.size)
         self.label = provenance.Label(*self.size) if settings.label else None
+        self.mark = invisible_mark(settings.mark, *self.size)
 
     def frame(self, source: Source, head: np.ndarray, index: int) -> np.ndarray:
         """Frame of the dub over frame ``index`` of the clip; uint8 RGB of ``size``.
 
-        A frame without a face stays as it is (but for the mark).
+        A frame without a face stays as it is (but for the label).
         """
         image, matte, background, whole = source
         out = image if whole is None else whole
@@ -126,7 +130,17 @@ class Composer:
                 out = blend(image, picture, mask)
             else:
                 out = self.clip.paste(whole, index, picture, mask)
+            if self.mark is not None:
+                crop = (0.0, 0.0, float(self.clip.size))
+                out = self.mark.draw(out, [tuple(self.clip.crop[index]) if self.full else crop])
         return self.label.draw(out) if self.label else out
+
+
+def invisible_mark(marking: Marking | None, width: int, height: int) -> Mark | None:
+    """What draws the invisible mark on frames of one size, where there is to be one."""
+    if marking is None:
+        return None
+    return Mark(marking.key(), bits_of(marking.id), width, height)
 
 
 def read_source(clip: PreparedClip, poses: np.ndarray, frame: str) -> Iterator[Source]:

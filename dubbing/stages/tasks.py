@@ -18,6 +18,7 @@ from dubbing import timeline
 from dubbing.engine.stage import Progress
 from dubbing.files import atomic_write_json
 from dubbing.manifest.entries import Dub, Identity
+from dubbing.provenance.mark_key import Marking
 
 if TYPE_CHECKING:  # both load what a plan does without
     from dubbing.preparation.prepared import PreparedClip
@@ -178,6 +179,7 @@ class Composite:
     prepared: Prepared
     speech: Path
     seconds: float
+    mark: Marking | None
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.stages.composite import VideoSettings, make
@@ -187,6 +189,7 @@ class Composite:
         settings = VideoSettings(
             frame=dub.frame,
             label=dub.label,
+            mark=self.mark,
             codec=dub.codec,
             audio_rate=None if dub.audio_rate == "source" else dub.audio_rate,
             audio_start=dub.audio_start,
