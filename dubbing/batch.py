@@ -104,7 +104,7 @@ def publish(manifest: Manifest, job: Job) -> None:
         DubbingError: nothing can be written there.
     """
     dub = next(dub for dub in manifest.dubs if dub.name == job.name)
-    video = pipeline.video_file(job.stages["composite"], dub)
+    video = pipeline.finished(job, dub)
     check = job.stages["check"].folder / SYNC_FILE
     for source, name in zip((video, check), results_of(dub.name, dub.codec), strict=True):
         target = manifest.output / name

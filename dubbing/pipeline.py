@@ -1,7 +1,7 @@
 """The story of a dub: its stages, in their order, and what each needs.
 
     person:  prepare -> check_source -> finetune -> refine_poses
-    dub:     listen -> render -> composite -> check
+    dub:     listen -> render -> composite -> check (-> sign, with a certificate)
 
 This is the one place that says so: the planner, the runner, the report and ``--force`` read it. A
 stage is out of date when its parameters, a file that it reads, the result of a stage that it reads,
@@ -20,6 +20,7 @@ from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.stage import Produce, Stage, digest_of
 from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.inputs import signer_of
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.only import chosen_names
 from dubbing.media import SUFFIX, MediaInfo
@@ -139,6 +140,26 @@ def dub_job(
         tasks.Check(video_file(composite, dub), check_source.folder / tasks.SYNC_FILE),
         {"video": composite, "source": check_source},
     )
+    if signer := signer_of(dub):
+        consent = {"reference": identity.consent.reference}
+        said = {
+            "consent": consent,
+            "audio": digest_of(dub.audio),
+            "digests": "BLAKE2b-128",
+            "mark": mark.id if mark else None,
+        }
+        stages.add(
+            "sign",
+            tasks.Sign(video_file(composite, dub), signer, identity.clip, finetune.folder, said),
+            {
+                "video": composite,
+                "model": finetune,
+                "clip": identity.clip,
+                "certificate": signer.certificate,
+                "key": signer.key,
+            },
+            said,
+        )
     return Job("dub", dub.name, stages.declared, dub.identity, _too_long(dub, clip, seconds))
 
 
@@ -192,9 +213,14 @@ def _found(manifest: Manifest, dub: Dub, person: Job, device: str) -> Job:
     return job
 
 
-def video_file(composite: Stage, dub: Dub) -> Path:
-    """The finished file in the folder of the composite stage."""
-    return composite.folder / f"video{SUFFIX[dub.codec]}"
+def video_file(made: Stage, dub: Dub) -> Path:
+    """The finished file in the folder of the composite stage, or of the one that signs it."""
+    return made.folder / f"video{SUFFIX[dub.codec]}"
+
+
+def finished(job: Job, dub: Dub) -> Path:
+    """The video of a dub as it goes out."""
+    return video_file(job.stages.get("sign", job.stages["composite"]), dub)
 
 
 def _speech_weights(identity: Identity) -> dict[str, Path]:

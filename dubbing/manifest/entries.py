@@ -165,5 +165,7 @@ class Dub(Entry):
     frame: Literal["full", "crop"] = "full"
     label: bool = True
     mark: Annotated[Mark | None, BeforeValidator(_mark)] = Mark()
+    certificate: FilePath | None = None
+    key: FilePath | None = None
     codec: Literal["h264", "prores", "ffv1"] = "h264"
     audio_rate: Literal[48000, "source"] = 48000

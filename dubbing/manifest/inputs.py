@@ -10,8 +10,11 @@ from dubbing import timeline
 from dubbing.errors import DubbingError, MediaError
 from dubbing.manifest import preset_checks as published
 from dubbing.manifest.entries import Dub, Identity
+from dubbing.media import SUFFIX
 from dubbing.media.muxing import MOST_CHANNELS, SOUND
 from dubbing.media.probing import MediaInfo, probe
+from dubbing.provenance import credentials
+from dubbing.provenance.credentials import Signer
 from dubbing.provenance.mark_key import read_key
 from dubbing.speech import features
 
@@ -84,6 +87,11 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
         )
 
 
+def signer_of(dub: Dub) -> Signer | None:
+    """Who signs a dub; None where nobody does."""
+    return Signer(dub.certificate, dub.key) if dub.certificate and dub.key else None
+
+
 def _speech(findings: Findings, at: KeyPath, identity: Identity) -> None:
     name, weights = identity.speech, identity.speech_weights
     if weights is not None and name in features.WITHOUT_WEIGHTS:
@@ -99,13 +107,23 @@ def _speech(findings: Findings, at: KeyPath, identity: Identity) -> None:
         findings.problems.append(((*at, "speech_weights"), f"no such file: {file}"))
 
 
-def _dub(findings: Findings, place: int, dub: Dub, identity: Identity | None) -> None:
-    at: KeyPath = ("dubs", place)
+def _provenance(findings: Findings, at: KeyPath, dub: Dub) -> None:
+    """The keys that mark and sign a dub."""
     if dub.mark is not None and dub.mark.key is not None:
         try:
             read_key(dub.mark.key)
         except DubbingError as error:
             findings.problems.append(((*at, "mark", "key"), str(error)))
+    if (signer := signer_of(dub)) is not None:
+        if said := credentials.problem(signer, SUFFIX[dub.codec]):
+            findings.problems.append(((*at, "certificate"), said))
+    elif dub.certificate or dub.key:
+        findings.problems.append(((*at, "key"), "to sign needs both, certificate and key"))
+
+
+def _dub(findings: Findings, place: int, dub: Dub, identity: Identity | None) -> None:
+    at: KeyPath = ("dubs", place)
+    _provenance(findings, at, dub)
     sound = findings.look(dub.audio, (*at, "audio"))
     if sound is not None:
         if sound.audio_rate is None:

@@ -26,6 +26,7 @@ STEP = 0.006  # between logarithms of scales, for the whole frame
 # Parts of a frame in which the mark may lie: size, and first rows and columns, shares of the frame.
 WINDOWS = {1.0: (0.0,), 0.5: (0.0, 0.25, 0.5), 0.34: (0.0, 0.165, 0.33, 0.495, 0.66)}
 SMALLEST, LARGEST = 0.85, 1.32  # cells of a copy, of what its size would have them
+FINEST = 720  # px of the shorter side; larger frames are made as small first
 LOUDEST = 3.0  # deviations; what a pixel counts at most
 SURE = 2.0  # times the threshold, beyond which the search ends
 REFINE = 12  # half steps of scale to either side, to see a mark that was found more sharply
@@ -58,7 +59,10 @@ class Found:
 
 
 def summed(frames: Iterable[np.ndarray]) -> tuple[np.ndarray, int]:
-    """What stands out of luma frames (H, W) uint8, added up: (H, W) float32, and how many."""
+    """What stands out of luma frames (H, W) uint8, added up, and how many there were.
+
+    (H, W) float32; larger frames are made smaller, see `FINEST`.
+    """
     total: np.ndarray | None = None
     count = 0
     for frame in frames:
@@ -70,6 +74,10 @@ def summed(frames: Iterable[np.ndarray]) -> tuple[np.ndarray, int]:
 
 def standing_out(frame: np.ndarray) -> np.ndarray:
     """Luma (H, W) against its surroundings, in their deviations."""
+    side = min(frame.shape)
+    if side > FINEST:
+        size = (round(frame.shape[1] * FINEST / side), round(frame.shape[0] * FINEST / side))
+        frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
     luma = frame.astype(np.float32)
     cell = min(luma.shape) / CELLS
     fine = cv2.GaussianBlur(luma, (0, 0), max(0.3, 0.35 * cell))

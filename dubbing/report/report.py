@@ -179,6 +179,7 @@ def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
         "video": _relative(manifest, video) if video.is_file() else None,
         "source": _relative(manifest, clip) if clip.is_file() else None,
         "source_start": dub.video_start,
+        "signed": "sign" in job.stages,
         "mark": mark.id if (mark := pipeline.mark_of(manifest, dub)) else None,
         "sync": _brief(sync),
     }

@@ -5,6 +5,7 @@ What does the work (and torch with it) is imported when it runs, not before.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -15,13 +16,14 @@ import numpy as np
 from dfrf.config import STEPS, family
 from dubbing import json_records as kept
 from dubbing import timeline
-from dubbing.engine.stage import Progress
+from dubbing.engine.stage import Progress, digest_of
 from dubbing.files import atomic_write_json
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.provenance.mark_key import Marking
 
-if TYPE_CHECKING:  # both load what a plan does without
+if TYPE_CHECKING:  # they load what a plan does without
     from dubbing.preparation.prepared import PreparedClip
+    from dubbing.provenance.credentials import Signer
     from dubbing.sync.result import SyncResult
 
 SYNC_FILE = "sync.json"
@@ -204,6 +206,25 @@ class Composite:
             settings=settings,
             progress=progress,
         )
+
+
+@dataclass(frozen=True)
+class Sign:
+    """The finished video with signed credentials."""
+
+    video: Path
+    signer: Signer
+    film: Path
+    model: Path
+    said: Mapping[str, Any]
+
+    def __call__(self, out: Path, progress: Progress) -> None:
+        from dubbing.provenance.credentials import sign
+        from dubbing.stages.finetune import MODEL_FILE
+
+        progress("signing", 0.0)
+        said = {**self.said, "model": digest_of(self.model / MODEL_FILE)}
+        sign(self.video, out / self.video.name, self.signer, self.film, said)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from dubbing.errors import ManifestError
 from dubbing.manifest.manifest import Manifest, load
 from tests import clips
+from tests.dubbing.provenance.chain import write_chain
 
 CONSENT = '{by: "the person on film", reference: "form 17"}'
 
@@ -61,3 +63,28 @@ def test_the_mark_is_on_unless_it_is_turned_off(footage: Path) -> None:
         assert mark is not None
         assert mark.key == file
     assert read(footage, "mark: false").dubs[0].mark is None
+
+
+def test_credentials_that_cannot_be_signed(footage: Path) -> None:
+    pytest.importorskip("c2pa")
+    write_chain(footage)
+    signed = "certificate: signer.pem, key: signer.key"
+    assert read(footage, signed).dubs[0].certificate == footage / "signer.pem"
+    for written, said in (
+        ("certificate: signer.pem", "needs both"),
+        (f"{signed}, codec: ffv1", ".mkv cannot carry credentials"),
+        ("certificate: signer.pem, key: signer.pem", "is no private key in PEM"),
+        ("certificate: gone.pem, key: signer.key", "No such file"),
+    ):
+        (found,) = problems(footage, written)
+        assert said in found
+
+
+def test_credentials_without_the_library_say_what_to_install(
+    footage: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "c2pa", None)
+    write_chain(footage)
+    (found,) = problems(footage, "certificate: signer.pem, key: signer.key")
+    assert "not installed: c2pa" in found
+    assert "pip install c2pa-python" in found

@@ -33,6 +33,7 @@ def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) 
         "source_start": 1.5,
         "sync": sync,
         "place": place,
+        "signed": not place,
         "mark": None if place else "0123456789abcdef",
     }
 
@@ -191,7 +192,8 @@ def test_a_verdict_is_one_word_which_the_page_uses_as_its_class() -> None:
     assert all(verdict.isalpha() for verdict in VERDICTS)
 
 
-def test_a_dub_without_the_invisible_mark_says_so() -> None:
+def test_a_dub_without_mark_or_credentials_says_so() -> None:
     page = page_of(found(("one", "pass", 0.2), ("two", "pass", 0.1)))
     assert "invisible mark 0123456789abcdef" in page
     assert page.count("without the invisible mark") == 1
+    assert page.count("without signed credentials") == 1
