@@ -23,6 +23,7 @@ from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.inputs import signer_of
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.only import chosen_names
+from dubbing.manifest.terms import sha256_of
 from dubbing.media import SUFFIX, MediaInfo
 from dubbing.provenance.mark_key import Marking, marking
 from dubbing.shipped.base import shipped_base
@@ -132,7 +133,7 @@ def dub_job(
             **cut,
             "mark": [mark.fingerprint, mark.id] if mark else None,
             # No pixel depends on it, but the record of a result says who agreed to it.
-            "consent": identity.consent.model_dump(mode="json"),
+            "consent": consent_of(identity),
         },
     )
     stages.add(
@@ -141,7 +142,8 @@ def dub_job(
         {"video": composite, "source": check_source},
     )
     if signer := signer_of(dub):
-        consent = {"reference": identity.consent.reference}
+        own = consent_of(identity)
+        consent = {key: own[key] for key in ("reference", "sha256") if key in own}
         said = {
             "consent": consent,
             "audio": digest_of(dub.audio),
@@ -169,6 +171,13 @@ def mark_of(manifest: Manifest, dub: Dub) -> Marking | None:
         return None
     files = (manifest.identities[dub.identity].clip, dub.audio)
     return marking(dub.mark.key, [digest_of(file) for file in files])
+
+
+def consent_of(identity: Identity) -> dict[str, Any]:
+    """Who agreed to what, as it is recorded: with the digest of the file, not with its place."""
+    consent = identity.consent
+    said = consent.terms()
+    return said if consent.file is None else {**said, "sha256": sha256_of(consent.file)}
 
 
 def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto") -> Jobs:

@@ -318,6 +318,7 @@ def doctor() -> None:
 
 
 app.command()(provenance_commands.verify)
+app.command()(provenance_commands.consent)
 app.command(name="train-base")(training_commands.train_base)
 app.command(name="train-speech")(training_commands.train_speech)
 app.command(name="train-sync")(training_commands.train_sync)

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from dubbing.errors import CallError
 from dubbing.printable import visible
 
 NOTHING_FOUND = 1
@@ -42,3 +43,17 @@ def verify(
             typer.echo(visible(line))
     if not found.found:
         raise typer.Exit(NOTHING_FOUND)
+
+
+def consent(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The form to write, .yaml.")],
+) -> None:
+    """Write a form to fill in: who agrees to which dubs, for whom, until when."""
+    from dubbing.cli.arguments import checked_output
+    from dubbing.files import atomic_write_text
+    from dubbing.provenance.consent_form import FORM
+
+    if checked_output(out).exists():
+        raise CallError("it is there already; nothing written", str(out), "give another name")
+    atomic_write_text(out, FORM)
+    typer.echo(visible(f"wrote {out}; when it is filled in, say `consent: {out}` in the manifest"))

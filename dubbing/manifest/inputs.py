@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 from dubbing import timeline
 from dubbing.errors import DubbingError, MediaError
 from dubbing.manifest import preset_checks as published
+from dubbing.manifest import terms
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.media import SUFFIX
 from dubbing.media.muxing import MOST_CHANNELS, SOUND
@@ -61,6 +63,8 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
     elif said := published.base_problem(identity):
         findings.problems.append(((*at, "base"), said))
     findings.warnings += [f"identities.{name}: {n}" for n in published.identity_notes(identity)]
+    for key, said in terms.of_identity(identity, datetime.date.today()):
+        findings.problems.append(((*at, *key), said))
     _speech(findings, at, identity)
     info = findings.look(identity.clip, (*at, "clip"))
     if info is None:
@@ -124,6 +128,8 @@ def _provenance(findings: Findings, at: KeyPath, dub: Dub) -> None:
 def _dub(findings: Findings, place: int, dub: Dub, identity: Identity | None) -> None:
     at: KeyPath = ("dubs", place)
     _provenance(findings, at, dub)
+    if identity is not None:
+        findings.problems += [((*at, *key), said) for key, said in terms.of_dub(dub, identity)]
     sound = findings.look(dub.audio, (*at, "audio"))
     if sound is not None:
         if sound.audio_rate is None:

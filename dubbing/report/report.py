@@ -157,7 +157,7 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     return {
         **_common(job, outcome),
         "clip": str(identity.clip),
-        "consent": identity.consent.model_dump(mode="json"),
+        "consent": pipeline.consent_of(identity),
         "warnings": [*summary.get("warnings", []), *dict.fromkeys(damaged)],
         "residual_shift": summary.get("residual_shift"),
         "contact_sheet": _relative(manifest, sheet) if sheet.is_file() else None,

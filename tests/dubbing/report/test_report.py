@@ -41,7 +41,7 @@ def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) 
 def found(*dubs: tuple[str, str, float]) -> dict[str, Any]:
     entries = {name: dub_of(name, verdict, k, c) for k, (name, verdict, c) in enumerate(dubs)}
     verdicts = [entry["verdict"] for entry in entries.values()]
-    consent = {"by": "Ann", "reference": "form", "date": None}
+    consent = {"by": "Ann", "reference": "form", "date": None, "languages": ["it"]}
     person: dict[str, Any] = {
         "state": "made",
         "failure": None,
@@ -197,3 +197,8 @@ def test_a_dub_without_mark_or_credentials_says_so() -> None:
     assert "invisible mark 0123456789abcdef" in page
     assert page.count("without the invisible mark") == 1
     assert page.count("without signed credentials") == 1
+
+
+def test_a_person_is_shown_with_what_they_agreed_to() -> None:
+    page = " ".join(page_of(found(("one", "pass", 0.2))).split())
+    assert "languages: it; until further notice; films: any" in page
