@@ -16,6 +16,7 @@ from dubbing.errors import DubbingError
 from dubbing.files import atomic_path, atomic_write_text, digest_file, remove_torn, writing
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
+from dubbing.provenance.mark_key import make_installation_key
 from dubbing.report import lines, report
 from dubbing.report.report import Sync
 from dubbing.stage_kinds import PROXY_FILE
@@ -58,6 +59,8 @@ def dub(
         DubbingError: ``only`` names nothing.
         LockedError: another run is at work there.
     """
+    if any(dub.mark is not None and dub.mark.key is None for dub in manifest.dubs):
+        make_installation_key()
     planned = pipeline.build(manifest, only=only, device=device)
     with lock.hold(manifest.work):
         started = time.perf_counter()
@@ -105,7 +108,7 @@ def publish(manifest: Manifest, job: Job) -> None:
     dub = next(dub for dub in manifest.dubs if dub.name == job.name)
     made = job.stages["composite"].folder
     files = {
-        "video": pipeline.video_file(job.stages["composite"], dub),
+        "video": pipeline.finished(job, dub),
         "sync": job.stages["check"].folder / SYNC_FILE,
         "proxy": made / PROXY_FILE,
     }

@@ -46,13 +46,23 @@ DECLARED = {
 }
 # What the extras of pyproject.toml add.
 SYNTHETIC = {"embreex": "embreex==4.4.0.post1", "espeakng_loader": "espeakng-loader==0.2.4"}
-EXTRAS = {"synthetic": SYNTHETIC, "train": {**SYNTHETIC, "pocketsphinx": "pocketsphinx==5.1.1"}}
+CREDENTIALS = {"c2pa": "c2pa-python==0.38.1", "cryptography": "cryptography==50.0.2"}
+EXTRAS = {
+    "synthetic": SYNTHETIC,
+    "train": {**SYNTHETIC, "pocketsphinx": "pocketsphinx==5.1.1"},
+    "c2pa": CREDENTIALS,
+}
 
 
 def missing(extra: str | None = None) -> list[str]:
     """Modules that cannot be found, those of an extra among them."""
-    wanted = (*TRACKER, *DECLARED, *(EXTRAS[extra] if extra else ()))
-    return [name for name in wanted if not _is_there(name)]
+    alone = [name for name in (*TRACKER, *DECLARED) if not _is_there(name)]
+    return [*alone, *(missing_of(extra) if extra else ())]
+
+
+def missing_of(extra: str) -> list[str]:
+    """Modules that an extra adds and that cannot be found."""
+    return [name for name in EXTRAS[extra] if not _is_there(name)]
 
 
 def lacking(names: list[str]) -> DubbingError:
@@ -77,7 +87,7 @@ def command(names: list[str]) -> str:
     them again, with what they need, brings it.
     """
     pip = [sys.executable, "-m", "pip", "install"]
-    pinned = DECLARED | EXTRAS["train"]
+    pinned = DECLARED | EXTRAS["train"] | CREDENTIALS
     known = [pinned[name] for name in names if name in pinned]
     if any(name not in pinned | TRACKER for name in names):
         known = list(DECLARED.values())

@@ -1,7 +1,7 @@
 """The story of a dub: its stages, in their order, and what each needs.
 
     person:  prepare -> check_source -> finetune -> refine_poses
-    dub:     listen -> render -> composite -> check
+    dub:     listen -> render -> composite -> check (-> sign, with a certificate)
 
 A dub of a scene has a ``listen`` and a ``render`` for each of its cues, in folders of their own, so
 that one line can be made again without the others.
@@ -19,13 +19,17 @@ from typing import Any
 from dubbing import timeline
 from dubbing.engine.code_version import code_version
 from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.stage import Produce, Stage
+from dubbing.engine.stage import Produce, Stage, digest_of
 from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Scene
+from dubbing.manifest.inputs import signer_of
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.only import chosen_names
+from dubbing.manifest.terms import sha256_of
 from dubbing.media import SUFFIX, MediaInfo
+from dubbing.provenance.credentials import Signer
+from dubbing.provenance.mark_key import Marking, marking
 from dubbing.shipped.base import shipped_base
 from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 from dubbing.speech import features
@@ -165,9 +169,10 @@ def dub_job(
     named = {name: manifest.identities[name] for name in dub.people}
     first, whose = next(iter(named.items()))
     source = stage_of(people[first], "check_source", whose, scene.clip)
+    mark = mark_of(dub, scene)
     composite = stages.add(
         "composite",
-        tasks.Composite(dub, scene, tuple(heads for _, heads in cues)),
+        tasks.Composite(dub, scene, tuple(heads for _, heads in cues), mark),
         {
             **{f"heads {heads.cue.name}": stage for stage, heads in cues},
             **{
@@ -181,6 +186,7 @@ def dub_job(
             **{key: getattr(dub, key) for key in ("frame", "label", "codec", "audio_rate")},
             **_frames(dub),
             **_mix(dub, scene),
+            "mark": [mark.fingerprint, mark.id] if mark else None,
             # No pixel depends on it, but the record of a result says who agreed to it.
             "consent": consents_of(manifest, dub),
         },
@@ -194,6 +200,8 @@ def dub_job(
         ),
         {"video": composite, "source": source},
     )
+    if signer := signer_of(dub):
+        _sign(manifest, dub, signer, composite, people, stages)
     return Job("dub", dub.name, stages.declared, dub.people, _too_long(dub, film, scene))
 
 
@@ -263,10 +271,61 @@ def _sounds(dub: Dub, scene: Scene) -> dict[str, Path]:
     return found if dub.music_effects is None else {**found, "music": dub.music_effects}
 
 
+def _sign(
+    manifest: Manifest,
+    dub: Dub,
+    signer: Signer,
+    composite: Stage,
+    people: Mapping[str, Job],
+    stages: _Stages,
+) -> None:
+    """The stage that signs the finished video."""
+    scene = manifest.scenes[dub.name]
+    models = {name: people[name].stages["finetune"] for name in dub.people}
+    mark = mark_of(dub, scene)
+    agreed = [consent_of(manifest.identities[name]) for name in dub.people]
+    said = {
+        "consent": [
+            {key: own[key] for key in ("reference", "sha256") if key in own} for own in agreed
+        ],
+        "audio": [digest_of(path) for path in _sounds(dub, scene).values()],
+        "digests": "BLAKE2b-128",
+        "mark": mark.id if mark else None,
+    }
+    folders = tuple(model.folder for model in models.values())
+    stages.add(
+        "sign",
+        tasks.Sign(video_file(composite, dub), signer, scene.clip, folders, said),
+        {
+            "video": composite,
+            **{f"model {name}": model for name, model in models.items()},
+            "clip": scene.clip,
+            "certificate": signer.certificate,
+            "key": signer.key,
+        },
+        said,
+    )
+
+
 def consents_of(manifest: Manifest, dub: Dub) -> Any:
     """Who agreed to a dub: of one person, or by name of several."""
-    given = {n: manifest.identities[n].consent.model_dump(mode="json") for n in dub.people}
+    given = {name: consent_of(manifest.identities[name]) for name in dub.people}
     return given if len(given) > 1 else next(iter(given.values()))
+
+
+def mark_of(dub: Dub, scene: Scene) -> Marking | None:
+    """The invisible mark of a dub: its bits name the clip and the sounds that it was made from."""
+    if dub.mark is None:
+        return None
+    files = (scene.clip, *_sounds(dub, scene).values())
+    return marking(dub.mark.key, [digest_of(file) for file in files])
+
+
+def consent_of(identity: Identity) -> dict[str, Any]:
+    """Who agreed to what, as it is recorded: with the digest of the file, not with its place."""
+    consent = identity.consent
+    said = consent.terms()
+    return said if consent.file is None else {**said, "sha256": sha256_of(consent.file)}
 
 
 def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto") -> Jobs:
@@ -316,9 +375,14 @@ def _found(manifest: Manifest, dub: Dub, people: Mapping[str, Job], device: str)
     return job
 
 
-def video_file(composite: Stage, dub: Dub) -> Path:
-    """The finished file in the folder of the composite stage."""
-    return composite.folder / f"video{SUFFIX[dub.codec]}"
+def video_file(made: Stage, dub: Dub) -> Path:
+    """The finished file in the folder of the composite stage, or of the one that signs it."""
+    return made.folder / f"video{SUFFIX[dub.codec]}"
+
+
+def finished(job: Job, dub: Dub) -> Path:
+    """The video of a dub as it goes out."""
+    return video_file(job.stages.get("sign", job.stages["composite"]), dub)
 
 
 def _speech_weights(identity: Identity) -> dict[str, Path]:

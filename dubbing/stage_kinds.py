@@ -29,6 +29,7 @@ OF_DUB = {
     "render": StageKind("render", "dubbing.stages.render"),
     "composite": StageKind("video", "dubbing.stages.composite"),
     "check": StageKind("check", "dubbing.sync.check"),
+    "sign": StageKind("signed", "dubbing.provenance.credentials"),
 }
 KINDS = {**OF_IDENTITY, **OF_DUB}
 STAGES = tuple(KINDS)

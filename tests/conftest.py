@@ -3,6 +3,8 @@
 And which files hold tests that take seconds: `make test-fast` leaves them out.
 """
 
+import os
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -13,6 +15,9 @@ import tests.shapes  # noqa: F401 - the hook below finds it by its name
 install_import_hook(["dfrf"], "tests.shapes.checked")
 
 HERE = Path(__file__).parent
+# The key of the invisible mark that tests make: not in the folder of who runs them.
+SETTINGS = tempfile.TemporaryDirectory()
+os.environ["XDG_CONFIG_HOME"] = SETTINGS.name
 MEDIUM = (
     "dfrf/rendering/test_frame_renderer.py",
     "dfrf/rendering/test_pose_refinement.py",

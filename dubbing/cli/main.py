@@ -20,7 +20,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 from dubbing import packages
-from dubbing.cli import training_commands
+from dubbing.cli import provenance_commands, training_commands
 from dubbing.cli.arguments import (
     STAGES,
     Device,
@@ -317,6 +317,8 @@ def doctor() -> None:
     raise typer.Exit(int(any(finding.state == "lacking" for finding in findings)))
 
 
+app.command()(provenance_commands.verify)
+app.command()(provenance_commands.consent)
 app.command(name="train-base")(training_commands.train_base)
 app.command(name="train-speech")(training_commands.train_speech)
 app.command(name="train-sync")(training_commands.train_sync)

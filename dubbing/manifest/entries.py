@@ -17,6 +17,9 @@ from pydantic import (
 )
 
 from dubbing import files
+from dubbing.errors import DubbingError
+from dubbing.files import read_bounded
+from dubbing.manifest import yaml_lines
 from dubbing.printable import is_blank
 
 LONGEST_NAME = 100  # characters
@@ -113,12 +116,43 @@ def _resolve_sounds(value: Any, info: ValidationInfo) -> Any:
     return found
 
 
+# What stands in forms that nobody filled in. Compared without case, punctuation and brackets.
+PLACEHOLDERS = frozenset(
+    (
+        *("todo", "tbd", "tba", "tbc", "t b d", "fixme", "xx", "xxx", "na", "none", "null"),
+        *("unknown", "nobody", "anybody", "anyone", "someone", "somebody", "person", "name"),
+        *("your name", "full name", "first name last name", "first and last name", "who agreed"),
+        *("reference", "consent", "placeholder", "example", "sample", "fill in", "fill me in"),
+        *("to be filled in", "lorem ipsum", "john doe", "jane doe", "foo", "bar"),
+    )
+)
+
+
+def _check_filled(value: str) -> str:
+    words = re.sub(r"[\W_]+", " ", _check_words(value).casefold().replace("/", "")).strip()
+    if words in PLACEHOLDERS or re.fullmatch(r"\s*[<\[{].*[>\]}]\s*", value):
+        raise ValueError(f"{value!r:.60} is a placeholder: fill in what it stands for")
+    return value
+
+
+def _film(value: Any, info: ValidationInfo) -> Any:
+    if isinstance(value, str) and re.fullmatch(SHA256, value):
+        return value
+    return _resolve(value, info)
+
+
+MOST_BYTES_OF_FORM = 10**5
+SHA256 = "[0-9a-fA-F]{64}"
 FilePath = Annotated[Path, BeforeValidator(_resolve)]
 # One sound, or one a speaker; a name with {cue} or {cue:03} is a file a line.
 Sounds = Annotated[Path | dict[str, Path], BeforeValidator(_resolve_sounds)]
 Seconds = Annotated[float, BeforeValidator(_seconds)]
 Name = Annotated[str, BeforeValidator(check_name)]
-Words = Annotated[str, Field(min_length=1), AfterValidator(_check_words)]
+Filled = Annotated[str, Field(min_length=1), AfterValidator(_check_filled)]
+Day = Annotated[datetime.date, Field(strict=False)]
+Language = Annotated[str, Field(pattern="^[a-zA-Z]{2,3}(-[a-zA-Z0-9]{2,8})*$")]
+Film = Annotated[Path | str, BeforeValidator(_film)]
+Sha256 = Annotated[str, Field(pattern=f"^{SHA256}$"), AfterValidator(str.lower)]
 
 
 class Entry(BaseModel):
@@ -128,11 +162,60 @@ class Entry(BaseModel):
 
 
 class Consent(Entry):
-    """Who agreed to the dubbing of this face, when, and where that is written down."""
+    """Who agreed to the dubbing of this face, when, for what, and where that is written down.
 
-    by: Words
-    date: datetime.date | None = Field(default=None, strict=False)
-    reference: Words
+    Attributes:
+        languages: codes as ``it`` or ``pt-BR``; any by default.
+        until: the last day.
+        films: files, or SHA-256 of files; any by default.
+        file: what was signed, as a file. sha256: of that file.
+    """
+
+    by: Filled
+    date: Day | None = None
+    reference: Filled
+    languages: Annotated[tuple[Language, ...], Field(min_length=1, strict=False)] | None = None
+    until: Day | None = None
+    films: Annotated[tuple[Film, ...], Field(min_length=1, strict=False)] | None = None
+    file: FilePath | None = None
+    sha256: Sha256 | None = None
+
+    def terms(self) -> dict[str, Any]:
+        """Everything but where files lie, as plain data; what was left open is left out."""
+        said = self.model_dump(mode="json", exclude={"file", "films"}, exclude_none=True)
+        films = [film.name if isinstance(film, Path) else film for film in self.films or ()]
+        return {"date": None, **said, **({"films": films} if films else {})}
+
+
+def _consent(value: Any, info: ValidationInfo) -> Any:
+    """A form that was filled in, where consent is the path of one."""
+    if not isinstance(value, str):
+        return value
+    path: Path = _resolve(value, info)
+    try:
+        document = yaml_lines.read(read_bounded(path, MOST_BYTES_OF_FORM).decode())
+    except (OSError, ValueError, DubbingError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ValueError(f"the form {path} cannot be read: {reason}") from error
+    if document.problems or not isinstance(document.data, dict):
+        why = "; ".join(map(str, document.problems)) or "it holds no keys"
+        raise ValueError(f"the form {path} cannot be read: {why}")
+    for key, written in document.data.items():
+        if written in (None, "", []):
+            raise ValueError(f"{key} is blank in {path}: fill it in, or delete its line")
+    return {"file": str(path), **document.data}
+
+
+class Mark(Entry):
+    """The invisible mark; ``key``: a file of one's own instead of the installation's key."""
+
+    key: FilePath | None = None
+
+
+def _mark(value: Any) -> Any:
+    if not isinstance(value, bool | dict | Mark):
+        raise ValueError("must be true, false or {key: FILE}")
+    return ({} if value else None) if isinstance(value, bool) else value
 
 
 class Finetune(Entry):
@@ -170,7 +253,7 @@ class Identity(Entry):
     face: FacePoints = ()
     start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     seconds: Seconds = Field(default=15.0, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False)
-    consent: Consent
+    consent: Annotated[Consent, BeforeValidator(_consent)]
     preset: Literal["fast", "paper", "ad-nerf", "nerf"] = "fast"
     seed: int = Field(default=0, ge=0, lt=2**31)
     speech: Literal["mel", "rnn", "hubert", "wav2vec2"] = "rnn"
@@ -200,6 +283,7 @@ class Dub(Entry):
     audio: Sounds
     music_effects: FilePath | None = None
     loudness: Literal["r128", "streaming", "none"] = "none"
+    language: Language | None = None
     audio_start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     audio_seconds: Seconds | None = Field(
         default=None, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False
@@ -208,6 +292,9 @@ class Dub(Entry):
     on_longer_audio: Literal["bounce", "loop", "hold", "cut", "fail"] = "bounce"
     frame: Literal["full", "crop"] = "full"
     label: bool = True
+    mark: Annotated[Mark | None, BeforeValidator(_mark)] = Mark()
+    certificate: FilePath | None = None
+    key: FilePath | None = None
     codec: Literal["h264", "prores", "ffv1"] = "h264"
     audio_rate: Literal[48000, "source"] = 48000
 

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import datetime
 from collections.abc import Mapping
 from pathlib import Path
 
 from dubbing import timeline
 from dubbing.errors import DubbingError
 from dubbing.manifest import preset_checks as published
+from dubbing.manifest import terms
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Findings, KeyPath, Scene
 from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without_lines
+from dubbing.media import SUFFIX
 from dubbing.media.muxing import MOST_CHANNELS, SOUND
 from dubbing.media.probing import MediaInfo
+from dubbing.provenance import credentials
+from dubbing.provenance.credentials import Signer
+from dubbing.provenance.mark_key import read_key
 from dubbing.speech import features
 
 SHORTEST_CLIP = 1.0  # seconds to learn from
@@ -55,6 +61,8 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
     elif said := published.base_problem(identity):
         findings.problems.append(((*at, "base"), said))
     findings.warnings += [f"identities.{name}: {n}" for n in published.identity_notes(identity)]
+    for key, said in terms.of_identity(identity, datetime.date.today()):
+        findings.problems.append(((*at, *key), said))
     _speech(findings, at, identity)
     info = findings.media.get(identity.clip)
     if info is None or info.rate is None:
@@ -101,6 +109,11 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
         )
 
 
+def signer_of(dub: Dub) -> Signer | None:
+    """Who signs a dub; None where nobody does."""
+    return Signer(dub.certificate, dub.key) if dub.certificate and dub.key else None
+
+
 def _speech(findings: Findings, at: KeyPath, identity: Identity) -> None:
     name, weights = identity.speech, identity.speech_weights
     if weights is not None and name in features.WITHOUT_WEIGHTS:
@@ -116,11 +129,28 @@ def _speech(findings: Findings, at: KeyPath, identity: Identity) -> None:
         findings.problems.append(((*at, "speech_weights"), f"no such file: {file}"))
 
 
+def _provenance(findings: Findings, at: KeyPath, dub: Dub) -> None:
+    """The keys that mark and sign a dub."""
+    if dub.mark is not None and dub.mark.key is not None:
+        try:
+            read_key(dub.mark.key)
+        except DubbingError as error:
+            findings.problems.append(((*at, "mark", "key"), str(error)))
+    if (signer := signer_of(dub)) is not None:
+        if said := credentials.problem(signer, SUFFIX[dub.codec]):
+            findings.problems.append(((*at, "certificate"), said))
+    elif dub.certificate or dub.key:
+        findings.problems.append(((*at, "key"), "to sign needs both, certificate and key"))
+
+
 def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Identity]) -> None:
     at: KeyPath = ("dubs", place)
+    _provenance(findings, at, dub)
     if not dub.people:
         findings.say((*at, "identity"), "is required")
         return
+    for identity in (identities[name] for name in dub.people if name in identities):
+        findings.problems += [((*at, *key), said) for key, said in terms.of_dub(dub, identity)]
     if dub.lines is not None:
         inspect_scene(findings, place, dub, identities)
         _music(findings, at, dub)

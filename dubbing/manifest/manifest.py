@@ -25,7 +25,7 @@ MOST_BYTES = 10 * 10**6
 TOP = ("version", "output", "defaults", "identities", "dubs")
 # Stands in for a wrong value, so that the rest of its entry can be checked too.
 UNKNOWN: dict[str, Any] = {
-    "consent": {"by": "unknown", "reference": "unknown"},
+    "consent": {"by": "who it was", "reference": "where it was"},
     "identity": "?",
     "name": "?",
 }

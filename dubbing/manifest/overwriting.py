@@ -43,12 +43,10 @@ def problems(
     entries: list[tuple[KeyPath, Entry]] = [(("identities", n), i) for n, i in identities.items()]
     entries += [(("dubs", place), dub) for place, dub in dubs.items()]
     for at, entry in entries:
-        for key, value in entry:
-            for path in _several(value):
-                if isinstance(path, Path):
-                    inputs.setdefault(path, key_path((*at, key)))
-                    if (output / WORK).resolve() in path.parents:
-                        yield (*at, key), f"{path} lies where the stages work: move it elsewhere"
+        for key, value in _files(entry):
+            inputs.setdefault(value, key_path((*at, *key)))
+            if (output / WORK).resolve() in value.parents:
+                yield (*at, *key), f"{value} lies where the stages work: move it elsewhere"
     for path in sounds:
         inputs.setdefault(path, str(path))
     known = {found: said for path, said in inputs.items() for found in _identities(path)}
@@ -62,6 +60,16 @@ def problems(
         if said is not None:
             remedy = "choose another output" + ("" if at == ("output",) else " or name")
             yield at, f"{output / name} would take the place of {said}: {remedy}"
+
+
+def _files(entry: Entry) -> Iterator[tuple[KeyPath, Path]]:
+    """The files that an entry names, alone, in lists and in mappings, with their keys in it."""
+    for key, value in entry:
+        for one in _several(value):
+            if isinstance(one, Path):
+                yield (key,), one
+            elif isinstance(one, Entry):
+                yield from (((key, *inner), path) for inner, path in _files(one))
 
 
 def _several(value: object) -> Iterable[object]:

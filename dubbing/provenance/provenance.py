@@ -17,12 +17,16 @@ BACKING, INK = 0.55, 0.95  # opacity of the dark plate and of the white letters
 
 def tags() -> dict[str, str]:
     """Tags of the container. They are always written, whatever the manifest says."""
-    made_by = f"dfrf {metadata.version('dfrf')}"
     said = (
         "AI-generated picture: the face in this video was synthesised to match other speech"
-        f" ({made_by}). Digital source type: {SOURCE_TYPE}"
+        f" ({made_by()}). Digital source type: {SOURCE_TYPE}"
     )
-    return {"comment": said, "description": said, "encoder": made_by}
+    return {"comment": said, "description": said, "encoder": made_by()}
+
+
+def made_by() -> str:
+    """This tool and its version."""
+    return f"dfrf {metadata.version('dfrf')}"
 
 
 class Label:

@@ -158,7 +158,7 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     return {
         **_common(job, outcome),
         "clip": str(identity.clip),
-        "consent": identity.consent.model_dump(mode="json"),
+        "consent": pipeline.consent_of(identity),
         "warnings": [*summary.get("warnings", []), *dict.fromkeys(damaged)],
         "residual_shift": summary.get("residual_shift"),
         "contact_sheet": _relative(manifest, sheet) if sheet.is_file() else None,
@@ -187,6 +187,8 @@ def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
         "lines": rows,
         "line_counts": {v: verdicts.count(v) for v in lines.COLOURS if v in verdicts},
         "untouched": lines.scene_of(job).get("untouched"),
+        "signed": "sign" in job.stages,
+        "mark": mark.id if scene and (mark := pipeline.mark_of(dub, scene)) else None,
         "sync": _brief(sync),
     }
 

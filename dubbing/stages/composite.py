@@ -26,6 +26,8 @@ from dubbing.media.overlap import ahead, behind
 from dubbing.mixing.mix import SOUND, mix
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
+from dubbing.provenance.mark import Mark
+from dubbing.provenance.mark_key import Marking, bits_of
 from dubbing.script.timecode import timecode_of
 from dubbing.stage_kinds import PROXY_FILE, SCENE_FILE
 from dubbing.stages.untouched import compare
@@ -47,6 +49,7 @@ class VideoSettings:
 
     frame: str = "full"
     label: bool = True
+    mark: Marking | None = None
     codec: str = "h264"
     audio_rate: int | None = 48000
 
@@ -200,6 +203,7 @@ class Composer:
         self.frames = settings.frame
         self.size = film.source_size if self.frames == "full" else (film.size, film.size)
         self.label = provenance.Label(*self.size) if settings.label else None
+        self.mark = invisible_mark(settings.mark, *self.size)
         count = len(pose_index)  # a dub that was cut is shorter than its cue
         self.heads = [replace(h, stop=min(h.stop, count)) for h in heads if h.first < count]
         self.shares = {
@@ -252,6 +256,14 @@ class Composer:
         One in which nobody says anything new is given back as it came, without the mark.
         """
         out = with_faces(image, faces, index)
+        if self.mark is not None:
+            full = self.frames == "full"
+            places = [
+                tuple(f.clip.crop[index]) if full else (0.0, 0.0, float(f.clip.size))
+                for f in faces
+                if f.share > 0
+            ]
+            out = self.mark.draw(out, places) if places else out
         return self.label.draw(out) if self.label and faces else out
 
 
@@ -269,6 +281,13 @@ def with_faces(image: np.ndarray, faces: Sequence[Face], index: int) -> np.ndarr
             else:
                 image = face.clip.paste(image, index, picture, mask)
     return image
+
+
+def invisible_mark(marking: Marking | None, width: int, height: int) -> Mark | None:
+    """What draws the invisible mark on frames of one size, where there is to be one."""
+    if marking is None:
+        return None
+    return Mark(marking.key(), bits_of(marking.id), width, height)
 
 
 def read_source(clip: PreparedClip, poses: np.ndarray, frame: str) -> Iterator[Source]:

@@ -5,6 +5,7 @@ What does the work (and torch with it) is imported when it runs, not before.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -15,14 +16,16 @@ import numpy as np
 from dfrf.config import STEPS, family
 from dubbing import json_records as kept
 from dubbing import timeline
-from dubbing.engine.stage import Progress
+from dubbing.engine.stage import Progress, digest_of
 from dubbing.files import atomic_write_json
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Scene
+from dubbing.provenance.mark_key import Marking
 from dubbing.timeline import Cue
 
-if TYPE_CHECKING:  # both load what a plan does without
+if TYPE_CHECKING:  # they load what a plan does without
     from dubbing.preparation.prepared import PreparedClip
+    from dubbing.provenance.credentials import Signer
     from dubbing.sync.result import SyncResult
 
 SYNC_FILE = "sync.json"
@@ -189,6 +192,7 @@ class Composite:
     dub: Dub
     scene: Scene
     heads: tuple[CueHeads, ...]
+    mark: Marking | None
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.stages.composite import Heads, SceneSound, Sound, VideoSettings, make
@@ -200,6 +204,7 @@ class Composite:
         settings = VideoSettings(
             frame=dub.frame,
             label=dub.label,
+            mark=self.mark,
             codec=dub.codec,
             audio_rate=None if dub.audio_rate == "source" else dub.audio_rate,
         )
@@ -217,6 +222,26 @@ class Composite:
             settings=settings,
             progress=progress,
         )
+
+
+@dataclass(frozen=True)
+class Sign:
+    """The finished video with signed credentials."""
+
+    video: Path
+    signer: Signer
+    film: Path
+    models: tuple[Path, ...]
+    said: Mapping[str, Any]
+
+    def __call__(self, out: Path, progress: Progress) -> None:
+        from dubbing.provenance.credentials import sign
+        from dubbing.stages.finetune import MODEL_FILE
+
+        progress("signing", 0.0)
+        models = [digest_of(folder / MODEL_FILE) for folder in self.models]
+        said = {**self.said, "models": models}
+        sign(self.video, out / self.video.name, self.signer, self.film, said)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from tests.dubbing.test_batch import dub
 
 FPS = Fraction(24000, 1001)
 FRAMES = 90
-CONSENT = '{by: "a synthetic person", reference: "none"}'
+CONSENT = '{by: "a synthetic person", reference: "form 17"}'
 SRT = """1
 00:00:00,417 --> 00:00:00,834
 ANN: Good evening.

@@ -25,7 +25,7 @@ BEN: Two.
 00:00:02,000 --> 00:00:02,500
 ANN: Three.
 """
-CONSENT = '{by: "a synthetic person", reference: "none"}'
+CONSENT = '{by: "a synthetic person", reference: "form 17"}'
 
 
 @pytest.fixture(scope="module")

@@ -36,13 +36,15 @@ def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) 
         "lines": [],
         "line_counts": {},
         "untouched": None,
+        "signed": not place,
+        "mark": None if place else "0123456789abcdef",
     }
 
 
 def found(*dubs: tuple[str, str, float]) -> dict[str, Any]:
     entries = {name: dub_of(name, verdict, k, c) for k, (name, verdict, c) in enumerate(dubs)}
     verdicts = [entry["verdict"] for entry in entries.values()]
-    consent = {"by": "Ann", "reference": "form", "date": None}
+    consent = {"by": "Ann", "reference": "form", "date": None, "languages": ["it"]}
     person: dict[str, Any] = {
         "state": "made",
         "failure": None,
@@ -230,3 +232,15 @@ def test_an_empty_run_has_a_page() -> None:
 
 def test_a_verdict_is_one_word_which_the_page_uses_as_its_class() -> None:
     assert all(verdict.isalpha() for verdict in VERDICTS)
+
+
+def test_a_dub_without_mark_or_credentials_says_so() -> None:
+    page = page_of(found(("one", "pass", 0.2), ("two", "pass", 0.1)))
+    assert "invisible mark 0123456789abcdef" in page
+    assert page.count("without the invisible mark") == 1
+    assert page.count("without signed credentials") == 1
+
+
+def test_a_person_is_shown_with_what_they_agreed_to() -> None:
+    page = " ".join(page_of(found(("one", "pass", 0.2))).split())
+    assert "languages: it; until further notice; films: any" in page

@@ -12,6 +12,7 @@ import pytest
 from dubbing import media
 from dubbing.errors import RenderingError
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.provenance.mark_key import marking
 from dubbing.stages import composite as video
 from dubbing.stages.composite import (
     Heads,
@@ -231,3 +232,17 @@ def test_two_faces_in_one_frame_each_while_it_speaks(scene: Scene) -> None:
     assert np.flatnonzero(right).tolist() == [2, 4, 5, 6, 7]  # frame 3 shows no face there
     assert np.flatnonzero(left).tolist() == [6, 7, 8, 9, 10]
     assert tuple(made[8, 36, 20]) != tuple(source[8, 36, 20])
+
+
+def test_the_invisible_mark_lies_on_faces_alone(scene: Scene, tmp_path: Path) -> None:
+    key = tmp_path / "own.key"
+    key.write_bytes(b"sixteen bytes and more")
+    settings = {"codec": "ffv1", "label": False}
+    plain = list(media.read_frames(scene.make(np.arange(12), "plain", **settings)))
+    mark = marking(key, ["what it was made of"])
+    made = list(media.read_frames(scene.make(np.arange(12), "made", mark=mark, **settings)))
+    for k, (one, other) in enumerate(zip(made, plain, strict=True)):
+        assert (one != other).any() == (k != 3)  # no face in it
+        assert np.abs(one.astype(int) - other).max() < 16
+    cropped = scene.make(np.arange(6), "crop", mark=mark, frame="crop", **settings)
+    assert next(iter(media.read_frames(cropped))).shape == (32, 32, 3)

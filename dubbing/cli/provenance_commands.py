@@ -1,0 +1,59 @@
+"""`dfrf verify`: what a file carries, and `dfrf consent`: a form to fill in."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dubbing.errors import CallError
+from dubbing.printable import visible
+
+NOTHING_FOUND = 1
+
+
+def verify(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", exists=True, dir_okay=False, help="Any video.")
+    ],
+    key: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--key",
+            exists=True,
+            dir_okay=False,
+            help="A key of the invisible mark, beside this installation's; may be repeated.",
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Say what a video carries: credentials, invisible mark, metadata. Exit code 1: nothing."""
+    from dubbing.provenance import verify as work
+    from dubbing.provenance.mark_key import installation_file
+
+    own = installation_file()
+    keys = [*(key or ()), *([own] if own.exists() else [])]
+    found = work.verify(file, list(dict.fromkeys(keys)))
+    if as_json:
+        typer.echo(json.dumps(found.to_json(), indent=2))
+    else:
+        for line in work.sentences(found):
+            typer.echo(visible(line))
+    if not found.found:
+        raise typer.Exit(NOTHING_FOUND)
+
+
+def consent(
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The form to write, .yaml.")],
+) -> None:
+    """Write a form to fill in: who agrees to which dubs, for whom, until when."""
+    from dubbing.cli.arguments import checked_output
+    from dubbing.files import atomic_write_text
+    from dubbing.provenance.consent_form import FORM
+
+    if checked_output(out).exists():
+        raise CallError("it is there already; nothing written", str(out), "give another name")
+    atomic_write_text(out, FORM)
+    typer.echo(visible(f"wrote {out}; when it is filled in, say `consent: {out}` in the manifest"))

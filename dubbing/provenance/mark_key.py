@@ -1,0 +1,121 @@
+"""The secret of the invisible mark: of this installation, or a file of one's own."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import typer
+
+from dubbing.errors import DubbingError
+from dubbing.files import digest_data, make_folder, read_bounded, sync_file, writing
+
+BYTES = 32
+SHORTEST, LONGEST = 16, 4096  # bytes of a key file
+REMEDY = "name a key of your own in the manifest, `mark: {key: FILE}`, or set `mark: false`"
+
+
+@dataclass(frozen=True)
+class Marking:
+    """What is to be drawn: 64 bits, by a key that lies in a file.
+
+    Attributes:
+        key_file: where the key lies.
+        fingerprint: of the key, which is safe to show; empty where there is no key yet.
+        id: the 64 bits in hexadecimal.
+    """
+
+    key_file: Path
+    fingerprint: str
+    id: str
+
+    def key(self) -> bytes:
+        """The key.
+
+        Raises:
+            DubbingError: it cannot be read, or is not the one that was meant.
+        """
+        found = read_key(self.key_file)
+        if fingerprint_of(found) != self.fingerprint:
+            raise DubbingError("another key than when the run began", str(self.key_file), REMEDY)
+        return found
+
+
+def marking(own: Path | None, made_of: object) -> Marking:
+    """The mark of a dub.
+
+    Args:
+        own: the key file that the manifest names; the installation's by default.
+        made_of: plain data that says what was dubbed with what: the 64 bits are its digest.
+    """
+    file = own or installation_file()
+    known = fingerprint_of(read_key(file)) if own or file.exists() else ""
+    return Marking(file, known, digest_data(made_of)[: 64 // 4])
+
+
+def installation_file() -> Path:
+    """Where the key of this installation lies, or will."""
+    return Path(typer.get_app_dir("dfrf")) / "mark.key"
+
+
+def make_installation_key() -> Path:
+    """The file of this installation's key, which is made at first use.
+
+    Raises:
+        DubbingError: it cannot be made.
+    """
+    file = installation_file()
+    if not file.exists():
+        make_folder(file.parent)
+        temporary = file.with_name(f".{file.name}.{os.getpid()}")
+        with writing(file):
+            temporary.unlink(missing_ok=True)
+            handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(handle, "wb") as stream:
+                stream.write(secrets.token_bytes(BYTES))
+            sync_file(temporary)
+            try:
+                os.link(temporary, file)  # of two that make one at once, the first stays
+            except FileExistsError:
+                pass
+            except OSError:  # a file system without hard links
+                os.replace(temporary, file)
+            temporary.unlink(missing_ok=True)
+    read_key(file)
+    return file
+
+
+def read_key(file: Path) -> bytes:
+    """The key in a file: a digest of all that the file holds.
+
+    Raises:
+        DubbingError: there is none, or it is too short to be a secret.
+    """
+    try:
+        content = read_bounded(file, LONGEST)
+    except OSError as error:
+        what = f"the mark's key cannot be read: {error.strerror}"
+        raise DubbingError(what, str(file), REMEDY) from error
+    if len(content) < SHORTEST:
+        what = f"the mark's key has {len(content)} bytes, it needs {SHORTEST} at least"
+        raise DubbingError(what, str(file), "fill it with random bytes")
+    return hashlib.blake2b(content, digest_size=BYTES).digest()
+
+
+def fingerprint_of(key: bytes) -> str:
+    """Names a key without telling it."""
+    return hashlib.blake2b(key, digest_size=8, person=b"dfrf-mark").hexdigest()
+
+
+def bits_of(number: str) -> np.ndarray:
+    """64 bits (64,) uint8 of 16 hexadecimal digits, the highest first."""
+    return np.unpackbits(np.frombuffer(bytes.fromhex(number), np.uint8))
+
+
+def id_of(bits: np.ndarray) -> str:
+    """16 hexadecimal digits of 64 bits (64,)."""
+    return np.packbits(bits).tobytes().hex()

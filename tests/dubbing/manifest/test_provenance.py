@@ -1,0 +1,90 @@
+"""What a manifest says of marks, credentials and consent."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from dubbing.errors import ManifestError
+from dubbing.manifest.manifest import Manifest, load
+from tests import clips
+from tests.dubbing.provenance.chain import write_chain
+
+CONSENT = '{by: "the person on film", reference: "form 17"}'
+
+
+@pytest.fixture(scope="module")
+def footage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("provenance")
+    clips.write_clip(place / "host.mp4", 75)
+    clips.write_sound(place / "it.wav", 2)
+    return place
+
+
+def read(folder: Path, dub: str = "", consent: str = CONSENT) -> Manifest:
+    path = folder / "m.yaml"
+    path.write_text(
+        "version: 1\noutput: out\nidentities:\n"
+        f"  host: {{clip: host.mp4, seconds: 2, consent: {consent}}}\n"
+        f"dubs:\n  - {{identity: host, audio: it.wav, {dub}}}\n"
+    )
+    return load(path)
+
+
+def problems(folder: Path, dub: str = "", consent: str = CONSENT) -> list[str]:
+    with pytest.raises(ManifestError) as caught:
+        read(folder, dub, consent)
+    return [str(problem) for problem in caught.value.problems]
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ("maybe", "must be true, false or {key: FILE}"),
+        ("{colour: red}", "unknown key"),
+        ("{key: gone.key}", "the mark's key cannot be read"),
+        ("{key: short.key}", "it needs 16 at least"),
+    ],
+)
+def test_a_mark_that_cannot_be_drawn(footage: Path, written: str, said: str) -> None:
+    (footage / "short.key").write_bytes(b"abc")
+    (found,) = problems(footage, f"mark: {written}")
+    assert "dubs[0].mark" in found
+    assert said in found
+
+
+def test_the_mark_is_on_unless_it_is_turned_off(footage: Path) -> None:
+    key = footage / "own.key"
+    key.write_bytes(bytes(range(32)))
+    for written, file in (("", None), ("mark: true", None), ("mark: {key: own.key}", key)):
+        mark = read(footage, written).dubs[0].mark
+        assert mark is not None
+        assert mark.key == file
+    assert read(footage, "mark: false").dubs[0].mark is None
+
+
+def test_credentials_that_cannot_be_signed(footage: Path) -> None:
+    pytest.importorskip("c2pa")
+    write_chain(footage)
+    signed = "certificate: signer.pem, key: signer.key"
+    assert read(footage, signed).dubs[0].certificate == footage / "signer.pem"
+    for written, said in (
+        ("certificate: signer.pem", "needs both"),
+        (f"{signed}, codec: ffv1", ".mkv cannot carry credentials"),
+        ("certificate: signer.pem, key: signer.pem", "is no private key in PEM"),
+        ("certificate: gone.pem, key: signer.key", "No such file"),
+    ):
+        (found,) = problems(footage, written)
+        assert said in found
+
+
+def test_credentials_without_the_library_say_what_to_install(
+    footage: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "c2pa", None)
+    write_chain(footage)
+    (found,) = problems(footage, "certificate: signer.pem, key: signer.key")
+    assert "not installed: c2pa" in found
+    assert "pip install c2pa-python" in found

@@ -1,0 +1,97 @@
+"""What a dub carries when it goes out: the invisible mark, and credentials signed last."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dubbing import batch, media
+from dubbing.engine.graph import Job
+from dubbing.engine.runner import Failure
+from dubbing.engine.stage import Stage
+from dubbing.files import digest_file
+from dubbing.manifest.manifest import load
+from dubbing.provenance import credentials
+from tests import clips, fakes
+from tests.dubbing.provenance.chain import write_chain
+
+
+class Listener:
+    """Keeps which stages began."""
+
+    def __init__(self) -> None:
+        self.began: list[str] = []
+
+    def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
+        self.began.append(stage.name)
+
+    def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
+        pass
+
+    def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
+        assert failure is None, failure
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    fakes.install(monkeypatch.setattr)
+    clips.write_clip(tmp_path / "ann.mp4", 30)
+    clips.write_sound(tmp_path / "it.wav", 1.0)
+    return tmp_path
+
+
+def dub(place: Path, extra: str = "") -> tuple[Path, list[str], dict[str, Any]]:
+    """The finished video, which stages ran, and what the report says of the dub."""
+    path = place / "m.yaml"
+    path.write_text(
+        "version: 1\noutput: out\nidentities:\n"
+        '  ann: {clip: ann.mp4, seconds: 1, consent: {by: "Ann Smith", reference: "form 17"}}\n'
+        f"dubs:\n  - {{identity: ann, audio: it.wav{extra}}}\n"
+    )
+    listener = Listener()
+    assert batch.dub(load(path), listener).code == 0
+    found = json.loads((place / "out" / "report.json").read_text())["dubs"]["ann_it"]
+    return place / "out" / "ann_it.mp4", listener.began, found
+
+
+def test_a_signed_dub_is_signed_last_and_once(place: Path) -> None:
+    pytest.importorskip("c2pa")
+    write_chain(place)
+    extra = ", certificate: signer.pem, key: signer.key"
+    video, began, report = dub(place, extra)
+    assert began[-1] == "sign"
+    made = credentials.read(video)
+    assert made is not None
+    assert made.state == "Valid"
+    model = place / "out/work/identities/ann/model/model.safetensors"
+    assert made.dub["consent"] == [{"reference": "form 17"}]
+    assert "Ann Smith" not in json.dumps(made.dub)  # a name is not for everybody
+    assert made.dub["models"] == [digest_file(model)]
+    assert made.dub["audio"] == [digest_file(place / "it.wav")]
+    assert made.dub["mark"] == report["mark"]
+    assert report["signed"]
+    before = video.read_bytes()
+    assert dub(place, extra)[1] == []
+    assert video.read_bytes() == before
+
+
+def test_every_dub_is_marked_but_where_it_is_turned_off(place: Path) -> None:
+    video, _, report = dub(place)
+    assert len(report["mark"]) == 16
+    assert not report["signed"]
+    marked = list(media.read_frames(video))
+    assert dub(place)[1] == []
+    video, began, report = dub(place, ", mark: false")
+    assert began == ["composite", "check"]
+    assert report["mark"] is None
+    plain = list(media.read_frames(video))
+    assert all((one != other).any() for one, other in zip(marked, plain, strict=True))
+    (place / "own.key").write_bytes(bytes(range(32)))
+    video, began, report = dub(place, ", mark: {key: own.key}")
+    assert began == ["composite", "check"]
+    own = next(iter(media.read_frames(video)))
+    assert not np.array_equal(own, marked[0])
