@@ -46,7 +46,12 @@ DECLARED = {
 }
 # What the extras of pyproject.toml add.
 SYNTHETIC = {"embreex": "embreex==4.4.0.post1", "espeakng_loader": "espeakng-loader==0.2.4"}
-EXTRAS = {"synthetic": SYNTHETIC, "train": {**SYNTHETIC, "pocketsphinx": "pocketsphinx==5.1.1"}}
+CLUSTER = {"distributed": "distributed==2026.8.0"}
+EXTRAS = {
+    "cluster": CLUSTER,
+    "synthetic": SYNTHETIC,
+    "train": {**SYNTHETIC, "pocketsphinx": "pocketsphinx==5.1.1"},
+}
 
 
 def missing(extra: str | None = None) -> list[str]:
@@ -77,7 +82,7 @@ def command(names: list[str]) -> str:
     them again, with what they need, brings it.
     """
     pip = [sys.executable, "-m", "pip", "install"]
-    pinned = DECLARED | EXTRAS["train"]
+    pinned = DECLARED | EXTRAS["train"] | CLUSTER
     known = [pinned[name] for name in names if name in pinned]
     if any(name not in pinned | TRACKER for name in names):
         known = list(DECLARED.values())

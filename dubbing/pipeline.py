@@ -23,7 +23,7 @@ from dubbing.engine.stage import Produce, Stage
 from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Scene
-from dubbing.manifest.manifest import Manifest
+from dubbing.manifest.manifest import Manifest, load
 from dubbing.manifest.only import chosen_names
 from dubbing.media import SUFFIX, MediaInfo
 from dubbing.shipped.base import shipped_base
@@ -295,6 +295,26 @@ def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto
         identities,
         {dub.name: _found(manifest, dub, identities, device) for dub in dubs},
     )
+
+
+def job_of(path: Path, label: str, device: str) -> Job:
+    """One job of a manifest again, in a process that knows its label alone; see `Job.label`.
+
+    Raises:
+        DubbingError: the manifest is wrong, or has no such job.
+    """
+    kind, _, name = label.partition("/")
+    manifest = load(path, only=(name,))
+    named = {dub.name: dub for dub in manifest.dubs} if kind == "dub" else manifest.identities
+    if name not in named:
+        raise DubbingError(f"the manifest has no {kind} {name}", str(path), "run it again")
+    wanted = named[name]
+    people = {
+        whose: identity_job(manifest, whose, identity, device, identity.films)
+        for whose in (wanted.people if isinstance(wanted, Dub) else (name,))
+        if (identity := manifest.identities[whose])
+    }
+    return _found(manifest, wanted, people, device) if isinstance(wanted, Dub) else people[name]
 
 
 def dub_folder(manifest: Manifest, name: str) -> Path:

@@ -19,7 +19,7 @@ from typing_extensions import TypedDict
 from dubbing import json_records as kept
 from dubbing import pipeline
 from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.runner import Outcome
+from dubbing.engine.outcome import Outcome
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
 from dubbing.manifest.manifest import Manifest
