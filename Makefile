@@ -20,7 +20,8 @@ export OMP_WAIT_POLICY ?= PASSIVE
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements-synthetic.txt
 	touch $@
 
-.venv/installed-dev: .venv/installed-synthetic requirements-dev.txt
+.venv/installed-dev: .venv/installed-synthetic requirements-cluster.txt requirements-dev.txt
+	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements-cluster.txt
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements-dev.txt
 	touch $@
 

@@ -5,15 +5,25 @@ from __future__ import annotations
 import os
 import shutil
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from dubbing import pipeline
-from dubbing.engine import lock, runner
+from dubbing.engine import claims, runner
+from dubbing.engine.executors import Executor
 from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.runner import Options, Outcome, Reporter, failure_of
+from dubbing.engine.outcome import Outcome, Reporter, failure_of
+from dubbing.engine.runner import Options
 from dubbing.errors import DubbingError
-from dubbing.files import atomic_path, atomic_write_text, digest_file, remove_torn, writing
+from dubbing.files import (
+    atomic_path,
+    atomic_write_text,
+    digest_file,
+    make_folder,
+    remove_torn,
+    writing,
+)
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
 from dubbing.provenance.mark_key import make_installation_key
@@ -23,6 +33,7 @@ from dubbing.stage_kinds import PROXY_FILE
 from dubbing.stages.tasks import SYNC_FILE
 
 DEFAULT = Options()
+RESULTS = "results"  # claimed while they are put into the output folder
 ALL_MADE, SOME_FAILED, SYNC_FELL_SHORT = 0, 1, 3
 
 
@@ -49,24 +60,27 @@ def dub(
     *,
     only: tuple[str, ...] = (),
     device: str = "auto",
+    executor: Executor | None = None,
 ) -> Result:
     """Make every dub of a manifest that is not up to date, and the report.
 
-    Stage by stage over all jobs, so one large model is in memory at a time: prepare, fine-tune
-    and check every person; then listen, render, composite and check every dub.
+    Other runs may work in the same output: each stage is made by one of them.
+
+    Args:
+        executor: where the stages are done; one after another in this process by default.
 
     Raises:
-        DubbingError: ``only`` names nothing.
-        LockedError: another run is at work there.
+        DubbingError: ``only`` names nothing, or nothing can be written.
     """
     if any(dub.mark is not None and dub.mark.key is None for dub in manifest.dubs):
         make_installation_key()
     planned = pipeline.build(manifest, only=only, device=device)
-    with lock.hold(manifest.work):
-        started = time.perf_counter()
-        if adopt_renamed(manifest, planned):
-            planned = pipeline.build(manifest, only=only, device=device)
-        outcomes = runner.run(planned, options, reporter)
+    make_folder(manifest.work)
+    started = time.perf_counter()
+    if adopt_renamed(manifest, planned):
+        planned = pipeline.build(manifest, only=only, device=device)
+    outcomes = runner.run(planned, options, reporter, executor)
+    with claims.hold(manifest.work / RESULTS, wait=True):
         for job in planned.dubs.values():
             outcome = outcomes[job.label]
             if outcome.state in ("made", "kept"):
@@ -93,10 +107,12 @@ def adopt_renamed(manifest: Manifest, planned: Jobs) -> bool:
         for name, job in planned.dubs.items()
         if job.stages
     }
-    for folder, named in moves.items():
-        if folder != named:
-            folder.rename(named)
-    return any(folder != named for folder, named in moves.items())
+    renamed = {folder: named for folder, named in moves.items() if folder != named}
+    for folder, named in renamed.items():
+        if not any(folder.rglob(f"*{claims.SUFFIX}")):  # another run is at work in it
+            with suppress(FileNotFoundError):  # another run was quicker
+                folder.rename(named)
+    return bool(renamed)
 
 
 def publish(manifest: Manifest, job: Job) -> None:
@@ -142,7 +158,8 @@ def remove_old_cues(job: Job) -> None:
     cues = job.stages["composite"].folder.parent / pipeline.CUES
     present = {stage.folder.parent for stage in job.stages.values()}
     for folder in cues.iterdir() if cues.is_dir() else ():
-        if folder not in present:
+        # One with a claim in it is of another run.
+        if folder not in present and not any(folder.glob(f"*{claims.SUFFIX}")):
             shutil.rmtree(folder)
 
 

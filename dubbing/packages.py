@@ -46,8 +46,10 @@ DECLARED = {
 }
 # What the extras of pyproject.toml add.
 SYNTHETIC = {"embreex": "embreex==4.4.0.post1", "espeakng_loader": "espeakng-loader==0.2.4"}
+CLUSTER = {"distributed": "distributed==2026.8.0"}
 CREDENTIALS = {"c2pa": "c2pa-python==0.38.1", "cryptography": "cryptography==50.0.2"}
 EXTRAS = {
+    "cluster": CLUSTER,
     "synthetic": SYNTHETIC,
     "train": {**SYNTHETIC, "pocketsphinx": "pocketsphinx==5.1.1"},
     "c2pa": CREDENTIALS,
@@ -87,7 +89,7 @@ def command(names: list[str]) -> str:
     them again, with what they need, brings it.
     """
     pip = [sys.executable, "-m", "pip", "install"]
-    pinned = DECLARED | EXTRAS["train"] | CREDENTIALS
+    pinned = DECLARED | EXTRAS["train"] | CLUSTER | CREDENTIALS
     known = [pinned[name] for name in names if name in pinned]
     if any(name not in pinned | TRACKER for name in names):
         known = list(DECLARED.values())

@@ -14,64 +14,33 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 from dubbing import timeline
-from dubbing.engine.code_version import code_version
+from dubbing.declaration import Stages
+from dubbing.dependencies import (
+    consent_of,
+    consents_of,
+    frames_of,
+    mark_of,
+    mix_of,
+    sounds_of,
+    speech_weights,
+)
 from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.stage import Produce, Stage, digest_of
+from dubbing.engine.stage import Stage, digest_of
 from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Scene
 from dubbing.manifest.inputs import signer_of
-from dubbing.manifest.manifest import Manifest
+from dubbing.manifest.manifest import Manifest, load
 from dubbing.manifest.only import chosen_names
-from dubbing.manifest.terms import sha256_of
 from dubbing.media import SUFFIX, MediaInfo
 from dubbing.provenance.credentials import Signer
-from dubbing.provenance.mark_key import Marking, marking
 from dubbing.shipped.base import shipped_base
-from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
-from dubbing.speech import features
-from dubbing.stage_kinds import KINDS
 from dubbing.stages import tasks
 from dubbing.timeline import Cue
 
 CUES = "cues"  # folder of the cues, in that of their dub
-
-
-class _Stages:
-    """The stages of one job, in one folder, as they are declared.
-
-    Args:
-        parts: name of the folder for those of which there are several.
-    """
-
-    def __init__(self, folder: Path, parts: str) -> None:
-        self.folder, self.parts = folder, parts
-        self.declared: dict[str, Stage] = {}
-
-    def add(
-        self,
-        name: str,
-        task: Produce,
-        reads: Mapping[str, Path | Stage],
-        parameters: Mapping[str, Any] | None = None,
-        of: str = "",
-    ) -> Stage:
-        """Declares the next stage: who does it, what it reads, and what else it depends on.
-
-        Args:
-            of: which one it is, where a job has several of a kind.
-        """
-        kind = KINDS[name]
-        folder, version = (
-            self.folder / self.parts / of if of else self.folder,
-            code_version(kind.module),
-        )
-        stage = Stage(name, folder / kind.folder, version, parameters or {}, reads, task)
-        self.declared[f"{name} {of}" if of else name] = stage
-        return stage
 
 
 def identity_job(
@@ -83,7 +52,7 @@ def identity_job(
         films: clips beside the one that is learned from; each is prepared and checked, too, and
             has poses of its own, refined with the model.
     """
-    stages = _Stages(manifest.work / "identities" / name, "clips")
+    stages = Stages(manifest.work / "identities" / name, "clips")
     clip, base = identity.clip, identity.base or shipped_base(identity.preset)
     prepare, check_source = _prepared(stages, identity, clip, "")
     prepared = tasks.Prepared(prepare.folder, clip)
@@ -94,7 +63,7 @@ def identity_job(
             "prepared": prepare,
             "source": check_source,
             **({"base": base} if base else {}),
-            **_speech_weights(identity),
+            **speech_weights(identity),
         },
         {
             "start": identity.start,
@@ -118,7 +87,7 @@ def identity_job(
     return Job("identity", name, stages.declared, blocked=manifest.damaged.get(clip))
 
 
-def _prepared(stages: _Stages, identity: Identity, clip: Path, of: str) -> tuple[Stage, Stage]:
+def _prepared(stages: Stages, identity: Identity, clip: Path, of: str) -> tuple[Stage, Stage]:
     """A clip's preparation, and the lip sync of the clip itself."""
     face = [[point.at, point.x, point.y] for point in identity.face]
     prepare = stages.add(
@@ -162,7 +131,7 @@ def dub_job(
         return Job("dub", dub.name, {}, dub.people, manifest.blocked.get(dub.name))
     film = manifest.media[scene.clip]
     assert film.rate is not None  # a clip without a picture is no valid manifest
-    stages = _Stages(folder or dub_folder(manifest, dub.name), CUES)
+    stages = Stages(folder or dub_folder(manifest, dub.name), CUES)
     cues = [
         _cue(manifest, dub, scene, cue, people[cue.identity], stages, device) for cue in scene.cues
     ]
@@ -180,12 +149,12 @@ def dub_job(
                 for name, identity in named.items()
             },
             "clip": scene.clip,
-            **_sounds(dub, scene),
+            **sounds_of(dub, scene),
         },
         {
             **{key: getattr(dub, key) for key in ("frame", "label", "codec", "audio_rate")},
-            **_frames(dub),
-            **_mix(dub, scene),
+            **frames_of(dub),
+            **mix_of(dub, scene),
             "mark": [mark.fingerprint, mark.id] if mark else None,
             # No pixel depends on it, but the record of a result says who agreed to it.
             "consent": consents_of(manifest, dub),
@@ -211,7 +180,7 @@ def _cue(
     scene: Scene,
     cue: Cue,
     person: Job,
-    stages: _Stages,
+    stages: Stages,
     device: str,
 ) -> tuple[Stage, tasks.CueHeads]:
     """What is made for one cue: its speech features, and its heads."""
@@ -226,7 +195,7 @@ def _cue(
     listen = stages.add(
         "listen",
         tasks.Listen(cue, identity.speech, identity.speech_weights, rate),
-        {"audio": cue.audio, **_speech_weights(identity)},
+        {"audio": cue.audio, **speech_weights(identity)},
         {
             "name": identity.speech,
             "rate": str(rate),
@@ -241,34 +210,10 @@ def _cue(
             dub, cue, finetune.folder, prepared, refine_poses.folder, listen.folder, device
         ),
         {"model": finetune, "prepared": prepare, "poses": refine_poses, "speech": listen},
-        {"first": cue.first, "stop": cue.stop} if dub.lines is not None else _frames(dub),
+        {"first": cue.first, "stop": cue.stop} if dub.lines is not None else frames_of(dub),
         of,
     )
     return render, tasks.CueHeads(cue, render.folder, prepared)
-
-
-def _frames(dub: Dub) -> dict[str, Any]:
-    """Which frames of the clip a dub of one sound takes."""
-    if dub.lines is not None:
-        return {}
-    return {"video_start": dub.video_start, "on_longer_audio": dub.on_longer_audio}
-
-
-def _mix(dub: Dub, scene: Scene) -> dict[str, Any]:
-    """What of a dub its sound depends on, beside the files."""
-    if dub.lines is None:
-        (cue,) = scene.cues
-        return {"audio_start": cue.audio_start, "seconds": cue.seconds}
-    cues = [[cue.name, cue.audio_start, cue.seconds] for cue in scene.cues]
-    return {"cues": cues, "left": [*map(list, scene.left)], "loudness": dub.loudness}
-
-
-def _sounds(dub: Dub, scene: Scene) -> dict[str, Path]:
-    """The sounds of a dub by what they are in it."""
-    if dub.lines is None:
-        return {"audio": scene.cues[0].audio}
-    found = {f"audio {cue.name}": cue.audio for cue in scene.cues}
-    return found if dub.music_effects is None else {**found, "music": dub.music_effects}
 
 
 def _sign(
@@ -277,7 +222,7 @@ def _sign(
     signer: Signer,
     composite: Stage,
     people: Mapping[str, Job],
-    stages: _Stages,
+    stages: Stages,
 ) -> None:
     """The stage that signs the finished video."""
     scene = manifest.scenes[dub.name]
@@ -288,7 +233,7 @@ def _sign(
         "consent": [
             {key: own[key] for key in ("reference", "sha256") if key in own} for own in agreed
         ],
-        "audio": [digest_of(path) for path in _sounds(dub, scene).values()],
+        "audio": [digest_of(path) for path in sounds_of(dub, scene).values()],
         "digests": "BLAKE2b-128",
         "mark": mark.id if mark else None,
     }
@@ -305,27 +250,6 @@ def _sign(
         },
         said,
     )
-
-
-def consents_of(manifest: Manifest, dub: Dub) -> Any:
-    """Who agreed to a dub: of one person, or by name of several."""
-    given = {name: consent_of(manifest.identities[name]) for name in dub.people}
-    return given if len(given) > 1 else next(iter(given.values()))
-
-
-def mark_of(dub: Dub, scene: Scene) -> Marking | None:
-    """The invisible mark of a dub: its bits name the clip and the sounds that it was made from."""
-    if dub.mark is None:
-        return None
-    files = (scene.clip, *_sounds(dub, scene).values())
-    return marking(dub.mark.key, [digest_of(file) for file in files])
-
-
-def consent_of(identity: Identity) -> dict[str, Any]:
-    """Who agreed to what, as it is recorded: with the digest of the file, not with its place."""
-    consent = identity.consent
-    said = consent.terms()
-    return said if consent.file is None else {**said, "sha256": sha256_of(consent.file)}
 
 
 def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto") -> Jobs:
@@ -356,6 +280,26 @@ def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto
     )
 
 
+def job_of(path: Path, label: str, device: str) -> Job:
+    """One job of a manifest again, in a process that knows its label alone; see `Job.label`.
+
+    Raises:
+        DubbingError: the manifest is wrong, or has no such job.
+    """
+    kind, _, name = label.partition("/")
+    manifest = load(path, only=(name,))
+    named = {dub.name: dub for dub in manifest.dubs} if kind == "dub" else manifest.identities
+    if name not in named:
+        raise DubbingError(f"the manifest has no {kind} {name}", str(path), "run it again")
+    wanted = named[name]
+    people = {
+        whose: identity_job(manifest, whose, identity, device, identity.films)
+        for whose in (wanted.people if isinstance(wanted, Dub) else (name,))
+        if (identity := manifest.identities[whose])
+    }
+    return _found(manifest, wanted, people, device) if isinstance(wanted, Dub) else people[name]
+
+
 def dub_folder(manifest: Manifest, name: str) -> Path:
     """Where the stages of a dub lie."""
     return manifest.work / "dubs" / name
@@ -383,13 +327,6 @@ def video_file(made: Stage, dub: Dub) -> Path:
 def finished(job: Job, dub: Dub) -> Path:
     """The video of a dub as it goes out."""
     return video_file(job.stages.get("sign", job.stages["composite"]), dub)
-
-
-def _speech_weights(identity: Identity) -> dict[str, Path]:
-    """The weights of what hears an identity's speech: its features, and the lips of it."""
-    file = features.weights_file(identity.speech, identity.speech_weights)
-    own = {} if file is None else {"speech_weights": file}
-    return {**own, "lip_encoder": ENCODER_WEIGHTS, "lip_filter": FILTER_WEIGHTS}
 
 
 def _too_long(dub: Dub, film: MediaInfo, scene: Scene) -> DubbingError | None:

@@ -14,7 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from dubbing import media
+from dubbing import media, pipeline
+from dubbing.engine import executors
+from dubbing.engine.graph import Job
 from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.files import atomic_write_json, atomic_write_text
@@ -175,6 +177,16 @@ def install(patch: Any) -> None:
     patch(tasks.Render, "__call__", render)
     patch(tasks.Composite, "__call__", compose)
     patch(tasks.Check, "__call__", check)
+    patch(executors, "PIPELINE", "tests.fakes")
+
+
+def job_of(path: Path, label: str, device: str) -> Job:
+    """As `dubbing.pipeline.job_of`, for processes that `dubbing.engine.task` starts."""
+    from dubbing.stages import composite as video
+
+    install(setattr)
+    video.SEGMENT = 10
+    return pipeline.job_of(path, label, device)
 
 
 if __name__ == "__main__":

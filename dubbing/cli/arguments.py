@@ -24,15 +24,18 @@ Force = Annotated[
 Device = Annotated[str, typer.Option("--device", help="auto, cpu or cuda.")]
 
 
-def checked_device(name: str) -> str:
+def checked_device(name: str, *, here: bool = True) -> str:
     """The device asked for.
+
+    Args:
+        here: whether it is this machine that does the work.
 
     Raises:
         DubbingError: there is none of that name, or not here.
     """
     if name not in ("auto", "cpu", "cuda"):
         raise DubbingError(f"no device {name!r}", "--device", "use auto, cpu or cuda")
-    if name == "cuda":
+    if name == "cuda" and here:
         import torch  # only to ask for a GPU: the command line is quick without it
 
         if not torch.cuda.is_available():

@@ -1,11 +1,10 @@
-"""What the commands print: bars on a terminal, one line a stage in a log, tables."""
+"""What the commands print at their end: lines and tables. `live` shows how work goes on."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from rich.table import Column, Table
 from rich.text import Text
-from tqdm import tqdm
 
 from dubbing.printable import visible
 
@@ -21,10 +19,8 @@ from dubbing.printable import visible
 if TYPE_CHECKING:
     from dubbing.batch import Result
     from dubbing.cli.doctor import Finding
-    from dubbing.engine.graph import Job
     from dubbing.engine.planner import Row
-    from dubbing.engine.runner import Failure
-    from dubbing.engine.stage import Stage
+    from dubbing.estimates import Estimate, Rate
 
 COLOURS = {
     **dict.fromkeys(("made", "kept", "pass", "up to date", "fine"), "green"),
@@ -32,24 +28,9 @@ COLOURS = {
     **dict.fromkeys(("failed", "skipped", "stopped", "fail", "blocked", "lacking"), "red"),
 }
 out = Console(highlight=False, soft_wrap=True)
-screen = Console(stderr=True, highlight=False)
 
 
-def _bar(title: str) -> tqdm:
-    """A bar of 100 %; nothing where there is no terminal."""
-    shown = "{desc} {bar:24} {percentage:3.0f} % {elapsed}{postfix}"
-    off = not screen.is_terminal
-    return tqdm(
-        total=1.0, desc=visible(title), bar_format=shown, leave=False, disable=off, file=screen.file
-    )
-
-
-def _advance(bar: tqdm, message: str, share: float) -> None:
-    bar.set_postfix_str(visible(message), refresh=False)
-    bar.update(share - bar.n)
-
-
-def _line(console: Console, text: str, style: str | None = None) -> None:
+def line(console: Console, text: str, style: str | None = None) -> None:
     """A line that says what it holds: no markup, no orders to the terminal."""
     console.print(visible(text), style=style, markup=False)
 
@@ -62,55 +43,6 @@ def _cell(text: str, style: str = "") -> Text:
     return Text(visible(text), style)
 
 
-@contextmanager
-def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
-    """A bar, as a progress function."""
-    with _bar(title) as bar:
-        yield partial(_advance, bar)
-
-
-class Bars:
-    """Tells on stderr how a run goes on; see `Reporter` of the runner."""
-
-    def __init__(self, warnings: Sequence[str]) -> None:
-        self._bars: dict[Path, tqdm] = {}  # by the folder of the stage
-        for warning in warnings:
-            _line(screen, f"warning: {warning}", "yellow")
-
-    def __enter__(self) -> Bars:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for bar in self._bars.values():
-            bar.close()
-
-    def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
-        """A stage starts."""
-        title = f"{job.name}: {_named(job, stage)}"
-        self._bars[stage.folder] = _bar(title)
-        if not screen.is_terminal:
-            _line(screen, f"{title} ({', '.join(reasons)})")
-
-    def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
-        """A stage is ``share`` (0..1) done."""
-        _advance(self._bars[stage.folder], message, share)
-
-    def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
-        """A stage is done or has failed."""
-        self._bars.pop(stage.folder).close()
-        title = f"{job.name}: {_named(job, stage)}"
-        with tqdm.external_write_mode(file=screen.file):  # a line above the bars of other stages
-            if failure:
-                _line(screen, f"{title} failed: {failure}", "red")
-            elif screen.is_terminal:
-                _line(screen, f"{title} done", "green")
-
-
-def _named(job: Job, stage: Stage) -> str:
-    """What a job calls a stage: its kind, and which one it is where there are several."""
-    return next((name for name, own in job.stages.items() if own is stage), stage.name)
-
-
 def summary(result: Result) -> None:
     """A line for every job that failed or was made, and where the report is."""
     for name, outcome in result.outcomes.items():
@@ -118,17 +50,25 @@ def summary(result: Result) -> None:
         text = f"{name}: {outcome.state}" + (f" in {seconds:.0f} s" if seconds else "")
         if outcome.failure:
             text += f"; {outcome.failure}"
-        _line(out, text, COLOURS.get(outcome.state))
+        line(out, text, COLOURS.get(outcome.state))
     for name, sync in result.syncs.items():
         text = f"{name}: sync {sync.get('verdict')}: {sync.get('reason')}"
-        _line(out, text, COLOURS.get(str(sync.get("verdict"))))
+        line(out, text, COLOURS.get(str(sync.get("verdict"))))
     failed = isinstance(result.report, Exception)
     said = f"no report: {result.report}" if failed else f"report: {result.report}"
-    _line(out, said, "red" if failed else None)
+    line(out, said, "red" if failed else None)
 
 
-def plan(rows: Sequence[Row], warnings: Sequence[str], *, as_json: bool) -> None:
-    """What would run, and why."""
+def result_line(result: Result) -> None:
+    """The same as one line of JSON, the last of a run with --json."""
+    failed = isinstance(result.report, Exception)
+    outcomes = {name: asdict(outcome) for name, outcome in result.outcomes.items()}
+    found = {"event": "result", "code": result.code, "jobs": outcomes, "syncs": result.syncs}
+    print(json.dumps({**found, "report": None if failed else str(result.report)}), flush=True)
+
+
+def plan(rows: Sequence[Row], warnings: Sequence[str], needed: Estimate, *, as_json: bool) -> None:
+    """What would run, and why; and what that needs."""
     if as_json:
         entries = [
             {
@@ -140,7 +80,8 @@ def plan(rows: Sequence[Row], warnings: Sequence[str], *, as_json: bool) -> None
             }
             for row in rows
         ]
-        print(json.dumps({"warnings": list(warnings), "stages": entries}, indent=2))
+        found = {"warnings": list(warnings), "stages": entries, "estimate": asdict(needed)}
+        print(json.dumps(found, indent=2))
         return
     table = _table("job", "stage", "state", "why")
     for row in rows:
@@ -148,16 +89,41 @@ def plan(rows: Sequence[Row], warnings: Sequence[str], *, as_json: bool) -> None
         name = _cell(f"{row.job.kind} {row.job.name}")
         table.add_row(name, row.stage, state, _cell("; ".join(row.reasons)))
     for warning in warnings:
-        _line(out, f"warning: {warning}", "yellow")
+        line(out, f"warning: {warning}", "yellow")
     out.print(table)
     runs = sum(row.state == "run" for row in rows)
     kept = sum(row.state == "up to date" for row in rows)
     out.print(f"{runs} to run, {kept} up to date, {len(rows) - runs - kept} wait or are blocked")
+    if len(rows) > kept:
+        _needed(needed)
+
+
+def _needed(needed: Estimate) -> None:
+    if needed.unknown:
+        names = ", ".join(needed.unknown)
+        text = f"how long {names} take is not known here: run dfrf doctor --calibrate"
+        line(out, text, "yellow")
+    if needed.seconds:
+        out.print(
+            f"about {duration(needed.seconds)}; {duration(needed.two)} with --jobs 2; "
+            f"no less than {duration(needed.longest)} on any number of machines"
+        )
+    out.print(
+        f"about {needed.disk / 1e9:.1f} GB on the disk, {needed.memory / 1e9:.1f} GB of memory "
+        "for each process"
+    )
+
+
+def duration(seconds: float) -> str:
+    """As people say it: ``40 s``, ``25 min``, ``3.5 h``."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 def sync(found: dict[str, Any]) -> None:
     """The lip-sync figures of one video."""
-    _line(out, f"{found['verdict']}: {found['reason']}", COLOURS.get(found["verdict"]))
+    line(out, f"{found['verdict']}: {found['reason']}", COLOURS.get(found["verdict"]))
     if found["offset_frames"] is None:
         return
     out.print(f"offset {found['offset_frames']} frames, {found['offset_ms']:.0f} ms", end="")
@@ -227,6 +193,15 @@ def doctor(findings: Sequence[Finding]) -> None:
         state = _cell(finding.state, COLOURS.get(finding.state, "default"))
         table.add_row(finding.what, state, _cell(finding.found), _cell(finding.remedy))
     out.print(table)
+
+
+def rates(found: dict[str, Rate], file: Path) -> None:
+    """How fast this machine is at each stage."""
+    table = _table("stage", "seconds for each frame, step or second of speech")
+    for name, rate in found.items():
+        table.add_row(name, f"{rate.seconds:.3f}")
+    out.print(table)
+    line(out, f"wrote {file}, which dfrf plan reads")
 
 
 def _figure(value: Any) -> str:

@@ -11,11 +11,11 @@ import json
 import os
 import signal
 import sys
-from contextlib import suppress
+from contextlib import closing, suppress
 from importlib import metadata
 from pathlib import Path
 from types import FrameType
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -35,6 +35,9 @@ from dubbing.cli.arguments import (
 )
 from dubbing.errors import CallError, DubbingError, LockedError, ManifestError
 from dubbing.printable import visible
+
+if TYPE_CHECKING:
+    from dubbing.engine.executors import Executor
 
 FAILED, WRONG_CALL, INTERRUPTED = 1, 2, 130
 WRONG_CALLS = (CallError, LockedError, ManifestError)
@@ -79,25 +82,44 @@ def dub(
     only: Only = None,
     force: Force = None,
     device: Device = "auto",
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Jobs side by side.")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.")] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS|FILE",
+            help="Of Dask, whose workers do the work: its address, or its scheduler file.",
+        ),
+    ] = None,
     keep_going: Annotated[
         bool, typer.Option("--keep-going/--fail-fast", help="Go on with the other jobs.")
     ] = True,
+    as_json: AsJson = False,
 ) -> None:
     """Make every dub of a manifest that is not up to date."""
-    packages.require()
+    if scheduler and jobs > 1:
+        raise CallError("the workers are those of the scheduler", "--jobs", "leave it away")
+    packages.require("cluster" if scheduler else None)
     from dubbing import batch
-    from dubbing.cli import console
+    from dubbing.cli import console, live
+    from dubbing.engine.executors import InLine, Processes, Source
     from dubbing.engine.runner import Options
     from dubbing.manifest.manifest import load
 
-    options = Options(force=_stages(force), workers=jobs, keep_going=keep_going)
-    loaded = load(manifest)
-    with console.Bars(loaded.warnings) as reporter:
+    options, loaded = Options(force=_stages(force), keep_going=keep_going), load(manifest)
+    source = Source(loaded.path, checked_device(device, here=scheduler is None))
+    if scheduler:
+        from dubbing.engine.cluster import Cluster
+
+        executor: Executor = Cluster(source, scheduler)
+    else:
+        executor = Processes(source, jobs) if jobs > 1 else InLine()
+    reporter = live.JsonLines(loaded.warnings) if as_json else live.Bars(loaded.warnings)
+    with closing(executor), reporter:
         result = batch.dub(
-            loaded, reporter, options, only=tuple(only or ()), device=checked_device(device)
+            loaded, reporter, options, only=tuple(only or ()), device=device, executor=executor
         )
-    console.summary(result)
+    (console.result_line if as_json else console.summary)(result)
     raise typer.Exit(result.code)
 
 
@@ -105,17 +127,22 @@ def dub(
 def plan(
     manifest: ManifestPath, only: Only = None, force: Force = None, as_json: AsJson = False
 ) -> None:
-    """Check a manifest and its files, and print what would run, and why. Writes nothing."""
+    """Check a manifest and its files, and print what would run, why, and how long it takes.
+
+    Writes nothing.
+    """
+    from dubbing import estimates
     from dubbing.cli import console
     from dubbing.engine import planner as planning
     from dubbing.manifest.manifest import load
     from dubbing.pipeline import build
 
     loaded = load(manifest)
-    rows = planning.rows(build(loaded, only=tuple(only or ())), _stages(force))
+    jobs = build(loaded, only=tuple(only or ()))
+    rows = planning.rows(jobs, _stages(force))
     gone = packages.missing()
     warnings = [*loaded.warnings, *([str(packages.lacking(gone))] if gone else [])]
-    console.plan(rows, warnings, as_json=as_json)
+    console.plan(rows, warnings, estimates.estimate(loaded, jobs, rows), as_json=as_json)
 
 
 @app.command()
@@ -148,7 +175,7 @@ def prepare(
 ) -> None:
     """Track, matte and restore the background of one clip; see contact_sheet.png."""
     packages.require()
-    from dubbing.cli import console
+    from dubbing.cli import live
     from dubbing.preparation import prepare as work
     from dubbing.preparation.claim import claimed
 
@@ -156,7 +183,7 @@ def prepare(
     if out is not None and not out.strip():
         raise DubbingError("names no folder", "--out", "name one, or leave --out away")
     folder = checked_path(Path(out) if out else clip.with_suffix(".prepared"))
-    with claimed(folder, clip), console.progress_bar(f"prepare {clip.name}") as progress:
+    with claimed(folder, clip), live.progress_bar(f"prepare {clip.name}") as progress:
         found = work(clip, folder, size=size, progress=progress)
     for warning in found.warnings:
         print_line(f"warning: {warning}")
@@ -196,11 +223,11 @@ def sync(
             "judges by our network only", "--source", "leave --source or --weights away"
         )
     packages.require()
-    from dubbing.cli import console
+    from dubbing.cli import console, live
     from dubbing.sync.check import check
     from dubbing.sync.syncnet.check import published_check
 
-    with console.progress_bar(f"sync {video.name}") as progress:
+    with live.progress_bar(f"sync {video.name}") as progress:
         if weights is None:
             own = None
             if source is not None:
@@ -265,12 +292,12 @@ def evaluate(
 ) -> None:
     """Held-out metrics of every identity, into OUTPUT/evaluate.json."""
     packages.require()
-    from dubbing.cli import console
+    from dubbing.cli import console, live
     from dubbing.lab.evaluation import evaluate as work
     from dubbing.manifest.manifest import load
 
     loaded = load(manifest)
-    with console.progress_bar("evaluate") as progress:
+    with live.progress_bar("evaluate") as progress:
         found = work(
             loaded,
             methods=tuple(method or ("dfrf",)),
@@ -307,11 +334,26 @@ def import_checkpoint(
 
 
 @app.command()
-def doctor() -> None:
+def doctor(
+    calibrate: Annotated[
+        bool,
+        typer.Option("--calibrate", help="Measure for `plan` how fast this machine is: a minute."),
+    ] = False,
+) -> None:
     """What this machine has and lacks, and the command that mends it."""
     from dubbing.cli import console
     from dubbing.cli.doctor import examine
 
+    if calibrate:
+        packages.require("synthetic")
+        from dubbing import estimates
+        from dubbing.cli import live
+        from dubbing.lab.calibration import calibrate as work
+
+        with live.progress_bar("calibrate") as progress:
+            found = work(progress)
+        console.rates(found, estimates.rates_file())
+        return
     findings = examine()
     console.doctor(findings)
     raise typer.Exit(int(any(finding.state == "lacking" for finding in findings)))

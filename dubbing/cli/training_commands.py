@@ -41,14 +41,14 @@ def train_speech(
 ) -> None:
     """Train the network of the speech features from nothing; resumes by itself."""
     packages.require("train")
-    from dubbing.cli import console
+    from dubbing.cli import live
     from dubbing.training.speech.training import SpeechTraining
     from dubbing.training.speech.training import train_speech as work
 
     settings = SpeechTraining(seed=seed, steps=steps or SpeechTraining.steps)
     out = checked_output(out, *(recordings or ()))
     folder = corpus or out.with_name(out.name + ".corpus")
-    with console.progress_bar("train-speech") as progress:
+    with live.progress_bar("train-speech") as progress:
         about = work(recordings or [], out, corpus=folder, settings=settings, progress=progress)
     typer.echo(f"wrote {out}, from {about['seconds'] / 60:.0f} minutes of speech")
 
@@ -71,14 +71,14 @@ def train_base(
 ) -> None:
     """Train the shared base checkpoint across the identities of a manifest; resumes by itself."""
     packages.require()
-    from dubbing.cli import console
+    from dubbing.cli import live
     from dubbing.manifest.manifest import load
     from dubbing.training.base import train_base as work
 
     loaded, chosen = load(manifest), checked_device(device)
     clips = (identity.clip for identity in loaded.identities.values())
     out = checked_output(out, manifest, *clips, *([init] if init else []))
-    with console.progress_bar("train-base") as progress:
+    with live.progress_bar("train-base") as progress:
         work(
             loaded,
             out,

@@ -1,8 +1,9 @@
-"""Jobs: what one identity or one dub needs done, stage by stage."""
+"""Jobs: what one identity or one dub needs done; and the graph of all their stages."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from dubbing.engine.stage import Stage
 from dubbing.errors import DubbingError
@@ -31,6 +32,10 @@ class Job:
         """``identity/host``, ``dub/host_it``: identities and dubs may share a name."""
         return f"{self.kind}/{self.name}"
 
+    def name_of(self, stage: Stage) -> str:
+        """What it calls a stage: its kind, and which one it is where there are several."""
+        return next((name for name, own in self.stages.items() if own is stage), stage.name)
+
 
 @dataclass(frozen=True)
 class Jobs:
@@ -42,3 +47,56 @@ class Jobs:
     def all(self) -> list[Job]:
         """Identities first: dubs wait for them."""
         return [*self.identities.values(), *self.dubs.values()]
+
+
+@dataclass(frozen=True)
+class Node:
+    """One stage of one job in the graph.
+
+    Attributes:
+        name: what its job calls it.
+        rank: its place in the order of a run that does one at a time.
+        needs: keys of the stages whose results it reads.
+    """
+
+    job: Job
+    name: str
+    stage: Stage
+    rank: int
+    needs: tuple[str, ...]
+
+    @property
+    def key(self) -> str:
+        """``identity/host/prepare``, ``dub/it/render host_0000010-0000050``: names the node."""
+        return f"{self.job.label}/{self.name}"
+
+
+def kind_of(key: str) -> str:
+    """The kind of the stage that a node's key names."""
+    return key.rpartition("/")[2].partition(" ")[0]
+
+
+def nodes(jobs: Jobs) -> dict[str, Node]:
+    """The graph of the stages of all jobs that can be done, by key, each after what it needs.
+
+    Ranked by kind of stage, one kind over all jobs and then the next: what many wait for comes
+    first, and one large model is in memory at a time.
+    """
+    found: dict[str, Node] = {}
+    keys: dict[Path, str] = {}  # folder -> key of the stage that fills it
+    for some in (jobs.identities, jobs.dubs):
+        sound = [
+            (job, name, stage)
+            for job in some.values()
+            if not (job.blocked or any(jobs.identities[p].blocked for p in job.waits_for))
+            for name, stage in job.stages.items()
+        ]
+        for kind in dict.fromkeys(stage.name for _, _, stage in sound):
+            for job, name, stage in sound:
+                if stage.name == kind:
+                    sources = [s for s in stage.inputs.values() if isinstance(s, Stage)]
+                    needs = dict.fromkeys(keys[s.folder] for s in sources)
+                    node = Node(job, name, stage, len(found), tuple(needs))
+                    found[node.key] = node
+                    keys[stage.folder] = node.key
+    return found

@@ -1,254 +1,250 @@
-"""Doing the stages of many jobs: one kind of stage over all jobs, then the next.
+"""Doing the stages of many jobs: each is submitted as soon as what it needs is done.
 
-A failed stage stops its own job and the dubs that wait for it, nothing else.
+A failed stage stops what goes back to it, nothing else. What another run is at work on is waited
+for, and its result is used.
 """
 
 from __future__ import annotations
 
+import heapq
+import os
 import time
-import traceback
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from typing import Protocol
 
-from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.processes import Processes
-from dubbing.engine.stage import Progress, Stage, recover, run_stage
-from dubbing.errors import DubbingError
-from dubbing.files import system_error
+from dubbing.engine import claims
+from dubbing.engine.claims import Watch
+from dubbing.engine.executors import FAILED, HELD, KILLED, MADE, Done, Executor, InLine, Task
+from dubbing.engine.graph import Jobs, Node, nodes
+from dubbing.engine.outcome import Failure, Outcome, Reporter, failure_of
+from dubbing.engine.stage import Stage
+from dubbing.errors import StageError
 
-
-@dataclass(frozen=True)
-class Failure:
-    """Why a stage failed, in words; ``trace`` only where nobody foresaw it."""
-
-    stage: str
-    what: str
-    where: str = ""
-    remedy: str = ""
-    trace: str = ""
-
-    def __str__(self) -> str:
-        return str(DubbingError(self.what, self.where, self.remedy))
-
-
-@dataclass
-class Outcome:
-    """What became of one job in this run.
-
-    Attributes:
-        state: made, kept (all was up to date), failed, skipped (its identity failed), or stopped
-            (not finished because another failed and ``keep_going`` was off).
-        reasons: stage -> why it had to run.
-        seconds: stage -> how long it took.
-    """
-
-    state: str = "kept"
-    reasons: dict[str, list[str]] = field(default_factory=dict)
-    seconds: dict[str, float] = field(default_factory=dict)
-    failure: Failure | None = None
-
-
-class Reporter(Protocol):
-    """What shows how the work goes on."""
-
-    def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
-        """A stage starts."""
-
-    def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
-        """A stage is ``share`` (0..1) done."""
-
-    def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
-        """A stage is done or has failed."""
+TRIES = 3  # of a stage whose process is killed
+LOOK = 1.0  # seconds between looks at how far the others are; longer where they are hundreds
+SEEN = 60.0  # seconds until a result made on another machine is seen on this one, at most
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a run behaves. ``force``: stage names to do again; ``workers``: jobs side by side."""
+    """How a run behaves. ``force``: stage names to do again."""
 
     force: tuple[str, ...] = ()
-    workers: int = 1
     keep_going: bool = True
 
 
-def run(jobs: Jobs, options: Options, reporter: Reporter) -> dict[str, Outcome]:
-    """Do everything that is not up to date; outcomes by ``kind/name``."""
+def run(
+    jobs: Jobs, options: Options, reporter: Reporter, executor: Executor | None = None
+) -> dict[str, Outcome]:
+    """Do everything that is not up to date; outcomes by ``kind/name``.
+
+    Args:
+        executor: where it is done; in this process by default.
+    """
     outcomes = {job.label: Outcome() for job in jobs.all()}
     for job in jobs.all():
         if job.blocked:
             outcomes[job.label] = Outcome("failed", failure=failure_of("input", job.blocked))
-    runner = _Runner(jobs, options, reporter, outcomes)
-    for some in (jobs.identities, jobs.dubs):
-        kinds = (stage.name for job in some.values() for stage in job.stages.values())
-        for kind in dict.fromkeys(kinds):
-            runner.everywhere(kind, some)
+    runner = _Runner(jobs, options, reporter, outcomes, executor or InLine())
+    runner.loop()
     runner.mark_unfinished()
     return outcomes
 
 
-def failure_of(stage: str, error: BaseException) -> Failure:
-    """An error as something to show to people."""
-    if isinstance(error, DubbingError):
-        return Failure(stage, error.what, error.where, error.remedy)
-    trace = "".join(traceback.format_exception(error))
-    what = f"{type(error).__name__}: {error}"
-    if isinstance(error, OSError) and error.errno:
-        refused = system_error(error)
-        return Failure(stage, refused.what, refused.where, refused.remedy, trace)
-    return Failure(stage, what, "not foreseen", "see the trace; please report it", trace)
-
-
 class _Runner:
     def __init__(
-        self, jobs: Jobs, options: Options, reporter: Reporter, outcomes: dict[str, Outcome]
+        self,
+        jobs: Jobs,
+        options: Options,
+        reporter: Reporter,
+        outcomes: dict[str, Outcome],
+        executor: Executor,
     ) -> None:
-        self.jobs = jobs
-        self.options = options
-        self.reporter = reporter
-        self.outcomes = outcomes
+        self.jobs, self.options, self.outcomes = jobs, options, outcomes
+        self.reporter, self.executor = reporter, executor
+        self.graph = nodes(jobs)
+        self.unmet = {key: {*node.needs} for key, node in self.graph.items()}
+        self.readers: dict[str, list[str]] = {key: [] for key in self.graph}
+        for key, node in self.graph.items():
+            for source in node.needs:
+                self.readers[source].append(key)
+        self.ready = sorted((node.rank, key) for key, node in self.graph.items() if not node.needs)
+        self.running: set[str] = set()
+        self.elsewhere: dict[str, Watch] = {}  # what another run is at work on
+        self.settled: set[str] = set()
         self.lost: set[Path] = set()  # folders of stages that failed
+        self.begun: set[str] = set()
+        self.reasons: dict[str, list[str]] = {}
+        self.tries: dict[str, int] = {}
+        self.looked = 0.0
         # Inputs are what they are now, for the whole run.
         self.began: dict[Path, str] = {}
-        for job in jobs.all():
-            for stage in job.stages.values():
-                with self._failing(job, stage):
-                    self.began |= stage.sources()
+        for node in self.graph.values():
+            with self._failing(node):
+                self.began |= node.stage.sources()
 
     @contextmanager
-    def _failing(self, job: Job, stage: Stage) -> Iterator[None]:
-        """What is raised in here fails this stage of this job, and what needs it."""
-        outcome = self.outcomes[job.label]
+    def _failing(self, node: Node) -> Iterator[None]:
+        """What is raised in here fails this stage, and what goes back to it."""
         try:
             yield
         except Exception as error:
-            self._lose(outcome, stage, failure_of(stage.name, error))
+            self._lose(node, failure_of(node.stage.name, error))
 
-    def _lose(self, outcome: Outcome, stage: Stage, failure: Failure) -> None:
-        """A stage has failed; of several of a job the first is remembered."""
-        self.lost.add(stage.folder)
-        if outcome.state != "failed":
-            outcome.state, outcome.failure = "failed", failure
+    def _lose(self, node: Node, failure: Failure) -> None:
+        """A stage has failed; of several of a job the first is the one it is known by."""
+        self.lost.add(node.stage.folder)
+        outcome = self.outcomes[node.job.label]
+        if outcome.failure is None:
+            outcome.state, outcome.failure = FAILED, failure
 
-    def everywhere(self, kind: str, jobs: dict[str, Job]) -> None:
-        """One kind of stage over all jobs that still stand."""
-        waiting = []
-        for job in jobs.values():
-            if not job.stages:  # what it is made of cannot be read
-                self._stands(job, None)
-        of_kind = [
-            (job, stage)
-            for job in jobs.values()
-            for stage in job.stages.values()
-            if stage.name == kind
-        ]
-        for job, stage in of_kind:
-            if self._stands(job, stage) and not self._stopped():
-                with self._failing(job, stage):
-                    recover(stage)
-                    forced = kind in self.options.force
-                    reasons = ["forced"] if forced else stage.changes()
-                    if reasons:
-                        waiting.append((job, stage, reasons))
-        for job, stage, failure, seconds, reasons in self._done(kind, waiting):
-            outcome = self.outcomes[job.label]
-            outcome.reasons.setdefault(kind, reasons)
-            outcome.seconds[kind] = outcome.seconds.get(kind, 0.0) + seconds
-            if failure:
-                self._lose(outcome, stage, failure)
-            elif outcome.state != "failed":
-                outcome.state = "made"
-            self.reporter.end(job, stage, failure)
+    def loop(self) -> None:
+        """Until nothing is left that can be done."""
+        self._submit_ready()
+        while self.running or self.elsewhere:
+            for done in self.executor.wait(claims.PACE):
+                self._settle(self.graph[done.key], done)
+            self._look()
+            self._submit_ready()
 
-    def _stands(self, job: Job, stage: Stage | None) -> bool:
-        """Whether nothing has failed that a stage goes back to; None: that a job begins with."""
-        outcome = self.outcomes[job.label]
-        if outcome.state == "skipped" or (outcome.failure and outcome.failure.stage == "input"):
-            return False
-        lost = self.lost & ({stage.folder, *stage.ancestors()} if stage else set())
-        for person in (self.jobs.identities[name] for name in job.waits_for):
-            failure = self.outcomes[person.label].failure
-            own = {its.folder for its in person.stages.values()}
-            if failure and (failure.stage == "input" or lost & own):
-                what = f"identity {person.name} failed: {failure.what}"
-                if outcome.state != "failed":
-                    outcome.failure = replace(failure, what=what, trace="")
-                    outcome.state = "skipped"
-                return False
-        return not lost
+    def _submit_ready(self) -> None:
+        if self._stopped():
+            self.ready.clear()
+            self.elsewhere.clear()
+            self.running.difference_update(self.executor.drop())
+        while self.ready:
+            _, key = heapq.heappop(self.ready)
+            node = self.graph[key]
+            if node.stage.folder in self.lost:
+                continue
+            with self._failing(node):
+                forced = node.stage.name in self.options.force
+                reasons = ["forced"] if forced else node.stage.changes()
+                if not reasons:
+                    self._finish(node)
+                elif (watch := Watch(node.stage.folder)).free():
+                    self._submit(node, reasons)
+                else:
+                    self._wait_for(node, watch)
+
+    def _submit(self, node: Node, reasons: list[str]) -> None:
+        for path, digest in node.stage.sources().items():
+            if self.began[path] != digest:
+                what = f"{path.name} changed while the run was going on"
+                raise StageError(what, node.stage.name, "run it again")
+        self.reasons[node.key] = reasons
+        self.running.add(node.key)
+        progress = partial(self.reporter.progress, node.job, node.stage)
+        forced = node.stage.name in self.options.force
+        begin = partial(self._begin, node)
+        task = Task(node.rank, node.key, node.stage, forced, self.began, begin, progress)
+        self.executor.submit(task)
+
+    def _wait_for(self, node: Node, watch: Watch) -> None:
+        self.reasons.setdefault(node.key, ["another run is at work on it"])
+        self.elsewhere[node.key] = watch
+
+    def _begin(self, node: Node) -> None:
+        if node.key not in self.begun:
+            self.begun.add(node.key)
+            self.reporter.begin(node.job, node.stage, self.reasons[node.key])
+
+    def _look(self) -> None:
+        """At what others do: how far it is, and whether it has ended."""
+        others = [*self.elsewhere, *(() if self.executor.here else self.running)]
+        if time.monotonic() - self.looked < max(LOOK, len(others) * LOOK / 100):
+            return
+        self.looked = time.monotonic()
+        for key in others:
+            node = self.graph[key]
+            if life := claims.look(node.stage.folder):
+                self._begin(node)
+                self.reporter.progress(node.job, node.stage, life.message, life.share)
+            if key in self.elsewhere and self.elsewhere[key].free():
+                del self.elsewhere[key]
+                heapq.heappush(self.ready, (node.rank, key))
+
+    def _settle(self, node: Node, done: Done) -> None:
+        self.running.discard(node.key)
+        failure = done.failure
+        if done.state == HELD:
+            self._wait_for(node, Watch(node.stage.folder))
+            return
+        if done.state == KILLED:
+            Watch(node.stage.folder).free()  # which sweeps its claim away
+            self.tries[node.key] = self.tries.get(node.key, 0) + 1
+            if self.tries[node.key] < TRIES:
+                heapq.heappush(self.ready, (node.rank, node.key))
+                return
+            remedy = "run again, with fewer --jobs if memory ran short"
+            what = f"its process was killed, {TRIES} times"
+            failure = Failure(node.stage.name, what, remedy=remedy)
+        self._begin(node)
+        outcome = self.outcomes[node.job.label]
+        if done.state == MADE or failure:
+            kind = node.stage.name
+            outcome.reasons.setdefault(kind, self.reasons[node.key])
+            outcome.seconds[kind] = outcome.seconds.get(kind, 0.0) + done.seconds
+            outcome.state = "made" if outcome.state == "kept" else outcome.state
+        if failure:
+            self._lose(node, failure)
+            self._end(node, failure)
+            return
+        with self._failing(node):
+            self._await_result(node.stage)
+            self._finish(node)
+
+    def _await_result(self, stage: Stage) -> None:
+        """Folders over a network may be seen as they were: what is made needs to be seen here."""
+        waited = time.monotonic() + SEEN
+        while (record := stage.record()) is None or record["key"] != stage.key():
+            if time.monotonic() > waited:
+                what = "it was made, but cannot be seen from here"
+                raise StageError(what, str(stage.folder), "share the output folder, then run again")
+            with suppress(OSError):
+                os.listdir(stage.folder.parent)
+            time.sleep(claims.PACE)
+
+    def _finish(self, node: Node) -> None:
+        """A stage is up to date: what needed it may be ready now."""
+        self.settled.add(node.key)
+        self._end(node, None)
+        for key in self.readers[node.key]:
+            self.unmet[key].discard(node.key)
+            if not self.unmet[key]:
+                heapq.heappush(self.ready, (self.graph[key].rank, key))
+
+    def _end(self, node: Node, failure: Failure | None) -> None:
+        if node.key in self.begun:
+            self.begun.remove(node.key)
+            self.reporter.end(node.job, node.stage, failure)
+        self.reporter.overall(len(self.settled), len(self.graph))
 
     def _stopped(self) -> bool:
+        """Whether a failure ends the run: what has not begun is left out then."""
         return not self.options.keep_going and any(
             outcome.state == "failed" for outcome in self.outcomes.values()
         )
 
     def mark_unfinished(self) -> None:
-        """After a stop: what is neither done nor failed."""
-        for job in self.jobs.all() if self._stopped() else []:
+        """What is neither done nor failed: it waits for an identity that failed, or for a stop."""
+        for job in self.jobs.all():
             outcome = self.outcomes[job.label]
-            for stage in job.stages.values():
-                with self._failing(job, stage):
-                    if outcome.failure is None and stage.changes():
-                        outcome.state = "stopped"
-
-    def _done(
-        self, name: str, waiting: list[tuple[Job, Stage, list[str]]]
-    ) -> Iterator[tuple[Job, Stage, Failure | None, float, list[str]]]:
-        force = name in self.options.force
-        if self.options.workers > 1 and len(waiting) > 1:
-            yield from self._side_by_side(waiting, force)
-            return
-        for job, stage, reasons in waiting:
-            if self._stopped():
-                return
-            self.reporter.begin(job, stage, reasons)
-            progress = _progress(self.reporter, job, stage)
-            failure, seconds = attempt(stage, force, progress, self.began)
-            yield job, stage, failure, seconds, reasons
-
-    def _side_by_side(
-        self, waiting: list[tuple[Job, Stage, list[str]]], force: bool
-    ) -> Iterator[tuple[Job, Stage, Failure | None, float, list[str]]]:
-        with Processes(min(self.options.workers, len(waiting))) as processes:
-            futures = {}
-            for job, stage, reasons in waiting:
-                self.reporter.begin(job, stage, reasons)
-                future = processes.submit(attempt, stage, force, _silent, self.began)
-                futures[future] = (job, stage, reasons)
-            for future in as_completed(futures):
-                job, stage, reasons = futures[future]
-                try:
-                    failure, seconds = future.result()
-                except BrokenProcessPool:
-                    remedy = "run again, with fewer --jobs if memory ran short"
-                    failure = Failure(stage.name, "its process was killed", remedy=remedy)
-                    seconds = 0.0
-                yield job, stage, failure, seconds, reasons
-
-
-def attempt(
-    stage: Stage, force: bool, progress: Progress, began: Mapping[Path, str]
-) -> tuple[Failure | None, float]:
-    """Run a stage; an error becomes a Failure. Gives the seconds it took.
-
-    Args:
-        began: digests of the files that are read, when the run began.
-    """
-    started = time.perf_counter()
-    failure = None
-    try:
-        run_stage(stage, progress, force=force, began=began)
-    except Exception as error:  # whatever a library raises at odd data: its trace is kept
-        failure = failure_of(stage.name, error)
-    return failure, round(time.perf_counter() - started, 2)
-
-
-def _progress(reporter: Reporter, job: Job, stage: Stage) -> Callable[[str, float], None]:
-    return lambda message, share: reporter.progress(job, stage, message, share)
-
-
-def _silent(_message: str, _share: float) -> None:
-    """Workers do not write to the terminal."""
+            left = [s for n, s in job.stages.items() if f"{job.label}/{n}" not in self.settled]
+            if outcome.failure or (job.stages and not left):
+                continue
+            lost = self.lost & {folder for stage in left for folder in stage.ancestors()}
+            for person in (self.jobs.identities[name] for name in job.waits_for):
+                failure = self.outcomes[person.label].failure
+                own = {stage.folder for stage in person.stages.values()}
+                if failure and (person.blocked or lost & own):
+                    what = f"identity {person.name} failed: {failure.what}"
+                    outcome.failure = replace(failure, what=what, trace="")
+                    outcome.state = "skipped"
+                    break
+            else:
+                if not self.options.keep_going:
+                    outcome.state = "stopped"

@@ -9,13 +9,10 @@ there, other settings never pick it up, and the last good result stays until the
 from __future__ import annotations
 
 import os
-import shutil
 import stat
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -23,13 +20,10 @@ from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
 from dubbing import json_records as kept
-from dubbing.errors import DubbingError, StageError
-from dubbing.files import atomic_write_json, digest_data, digest_file, sync_file
-from dubbing.media import ffmpeg
+from dubbing.errors import DubbingError
+from dubbing.files import digest_data, digest_file
 
 RECORD = "stage.json"
-TEMPORARY = ".*.tmp*"  # names given by files.atomic_path
-PACKAGES = ("dfrf", "torch", "numpy")
 
 
 class Output(TypedDict):
@@ -45,6 +39,7 @@ class Record(TypedDict):
     __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
 
     version: str
+    key: str
     parameters: dict[str, Any]
     inputs: dict[str, str]
     outputs: dict[str, Output]
@@ -106,6 +101,10 @@ class Stage:
         """Names one way to do this stage: the same key gives the same results."""
         return digest_data([self.name, self.version, dict(self.parameters), self.digests()])
 
+    def fingerprint(self) -> str:
+        """Tells whether two processes mean the same: its key, and all that it goes back to."""
+        return digest_data([self.key(), {str(k): v for k, v in self.sources().items()}])
+
     def record(self, folder: Path | None = None) -> Record | None:
         """The record of a finished run, or None: one of another shape is no record."""
         try:
@@ -149,105 +148,6 @@ class Stage:
         return all(not isinstance(s, Stage) or s.record() for s in self.inputs.values())
 
 
-def run_stage(
-    stage: Stage,
-    progress: Progress,
-    *,
-    force: bool = False,
-    began: Mapping[Path, str] | None = None,
-) -> bool:
-    """Bring a stage up to date. True if there was anything to do.
-
-    Args:
-        began: digests of files as they were when the run began: nothing is made from others.
-
-    Raises:
-        DubbingError: it failed. The last good result and the partial work stay.
-        StageError: a file that its results go back to changed; what was made of it is gone.
-    """
-    recover(stage)
-    if not force and not stage.changes():
-        return False
-    key, digests, sources = stage.key(), stage.digests(), stage.sources()
-    _unchanged(stage, sources, {**sources, **(began or {})})
-    partial = stage.partial()
-    if force:
-        shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True, exist_ok=True)
-    for torn in partial.rglob(TEMPORARY):
-        torn.unlink()  # half-written files of a run that was killed
-    if stage.record(partial) is None:
-        started = time.perf_counter()
-        try:
-            stage.produce(partial, progress)
-        except Exception:
-            _unchanged(stage, stage.sources(), sources, partial)  # what it raised follows from that
-            raise
-        _unchanged(stage, stage.sources(), sources, partial)
-        if stage.digests() != digests:
-            raise StageError("a stage before it changed meanwhile", stage.name, "run it again")
-        _seal(stage, partial, key=key, digests=digests, seconds=time.perf_counter() - started)
-    _swap(stage, partial)
-    for leftover in stage.folder.parent.glob(f"{stage.folder.name}.partial-*"):
-        shutil.rmtree(leftover)  # of other settings
-    return True
-
-
-def _unchanged(
-    stage: Stage, now: Mapping[Path, str], before: Mapping[Path, str], partial: Path | None = None
-) -> None:
-    """Raises StageError, and removes the partial work, where a file is not what it was before."""
-    for path, digest in now.items():
-        if before[path] != digest:
-            if partial is not None:  # else it would be gone on with, should the old file return
-                shutil.rmtree(partial, ignore_errors=True)
-            what = f"{path.name} changed while the run was going on"
-            raise StageError(what, stage.name, "run it again")
-
-
-def recover(stage: Stage) -> None:
-    """Bring the last good result back if a kill came while it was being replaced."""
-    old = _old(stage)
-    if stage.folder.exists():
-        shutil.rmtree(old, ignore_errors=True)
-    elif old.exists():
-        old.rename(stage.folder)
-
-
-def _seal(stage: Stage, folder: Path, *, key: str, digests: dict[str, str], seconds: float) -> None:
-    """Flush every output to the disk, then write the record."""
-    outputs = {}
-    for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.name != RECORD):
-        sync_file(path)
-        name = path.relative_to(folder).as_posix()
-        outputs[name] = {"bytes": path.stat().st_size, "digest": digest_file(path)}
-    record = {
-        "stage": stage.name,
-        "version": stage.version,
-        "key": key,
-        "parameters": dict(stage.parameters),
-        "inputs": digests,
-        "outputs": outputs,
-        "versions": {**versions(), "ffmpeg": ffmpeg.version()},
-        "seconds": round(seconds, 2),
-    }
-    atomic_write_json(folder / RECORD, record)
-
-
-def _swap(stage: Stage, partial: Path) -> None:
-    old = _old(stage)
-    shutil.rmtree(old, ignore_errors=True)
-    if stage.folder.exists():
-        stage.folder.rename(old)
-    partial.rename(stage.folder)
-    sync_file(stage.folder.parent)
-    shutil.rmtree(old, ignore_errors=True)
-
-
-def _old(stage: Stage) -> Path:
-    return stage.folder.with_name(f"{stage.folder.name}.old")
-
-
 def digest_of(path: Path) -> str:
     """Digest of a file, read once as long as it does not change; '' where there is none."""
     try:
@@ -262,15 +162,3 @@ def digest_of(path: Path) -> str:
 @lru_cache(maxsize=65536)
 def _digest(path: Path, _size: int, _changed: int, _inode: int) -> str:
     return digest_file(path)
-
-
-@lru_cache(maxsize=1)
-def versions() -> dict[str, str]:
-    """Versions of what the results depend on, without importing any of it."""
-    found = {}
-    for package in PACKAGES:
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return found

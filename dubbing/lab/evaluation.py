@@ -21,8 +21,9 @@ from dfrf.metrics import lpips
 from dfrf.metrics.lpips import Lpips
 from dubbing import json_records as kept
 from dubbing import media, pipeline
-from dubbing.engine import lock
-from dubbing.engine.stage import Stage, run_stage
+from dubbing.engine import claims
+from dubbing.engine.stage import Stage
+from dubbing.engine.update import run_stage
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, remove_torn
 from dubbing.lab import tiles
@@ -37,6 +38,7 @@ from dubbing.stages.finetune import MODEL_FILE, SUMMARY_FILE, clip_speech
 from dubbing.sync.check import check
 
 RESULT_FILE = "evaluate.json"
+EVALUATION = "evaluation"  # folder of what is measured, in that of the stages
 PRESET_OF_METHOD = {
     "dfrf": "fast",
     "dfrf-nowarp": "fast-nowarp",
@@ -100,7 +102,7 @@ def evaluate(
     Raises:
         DubbingError: an unknown method, identity or protocol, other weights, nothing held out,
             another evaluate.json, or a stage failed.
-        LockedError: another run works in the manifest's output.
+        LockedError: another run evaluates in the manifest's output.
     """
     if unknown := [m for m in methods if m not in PRESET_OF_METHOD]:
         raise DubbingError(
@@ -129,7 +131,7 @@ def evaluate(
     found: Figures = {}
     if os.path.lexists(path):
         found = kept.read(path, Figures, "earlier figures", "move it away")
-    with lock.hold(manifest.work):
+    with claims.hold(manifest.work / EVALUATION):
         remove_torn(path)
         for name, part in parts.items():
             for method in methods:
@@ -247,7 +249,7 @@ def evaluate_one(
     speech = clip_speech(
         clip, identity.speech, identity.speech_weights, tasks.offset_of(source.folder)
     )
-    out = manifest.work / "evaluation" / name / method
+    out = manifest.work / EVALUATION / name / method
     found: dict[str, Any] = {}
     if part.p15 is not None:
         first, count = part.p15

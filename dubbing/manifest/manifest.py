@@ -58,8 +58,11 @@ class Manifest(BaseModel):
         return self.output / overwriting.WORK
 
 
-def load(path: Path | str) -> Manifest:
+def load(path: Path | str, only: tuple[str, ...] = ()) -> Manifest:
     """Read and check a manifest and every file it names.
+
+    Args:
+        only: look into the files of these identities and dubs alone, and of what they need.
 
     Raises:
         ManifestError: with all problems found.
@@ -75,7 +78,7 @@ def load(path: Path | str) -> Manifest:
         raise ManifestError(str(path), [Problem(0, "", f"cannot be read: {error}")]) from error
     except DubbingError as error:
         raise ManifestError(str(path), [Problem(0, "", error.what)]) from error
-    reader = _Reader(path, yaml_lines.read(text))
+    reader = _Reader(path, yaml_lines.read(text), only)
     manifest = reader.manifest()
     if manifest is None:
         raise ManifestError(str(path), list(dict.fromkeys(reader.problems)))
@@ -85,8 +88,10 @@ def load(path: Path | str) -> Manifest:
 class _Reader:
     """Collects problems; whatever part can be understood is checked in full."""
 
-    def __init__(self, path: Path, document: yaml_lines.Document) -> None:
-        self.path = path
+    def __init__(
+        self, path: Path, document: yaml_lines.Document, only: tuple[str, ...] = ()
+    ) -> None:
+        self.path, self.only = path, only
         self.document = document
         self.problems = list(document.problems)
         self.data: Mapping[str, Any] = document.data if isinstance(document.data, dict) else {}
@@ -101,7 +106,7 @@ class _Reader:
         output = self._output()
         identities = self._identities()
         dubs = self._dubs()
-        findings = inputs.inspect(identities, dubs)
+        findings = inputs.inspect(*self._looked_into(identities, dubs))
         for key, message in findings.problems:
             self._say(self._written(key), message)
         if output is not None:
@@ -122,6 +127,15 @@ class _Reader:
             blocked={dubs[place].name: error for place, error in findings.blocked.items()},
             warnings=tuple(findings.warnings),
         )
+
+    def _looked_into(
+        self, identities: dict[str, Identity], dubs: dict[int, Dub]
+    ) -> tuple[dict[str, Identity], dict[int, Dub]]:
+        if not self.only:
+            return identities, dubs
+        some = {k: dub for k, dub in dubs.items() if dub.name in self.only}
+        named = {*self.only, *(name for dub in some.values() for name in dub.people)}
+        return {name: i for name, i in identities.items() if name in named}, some
 
     def _check_top(self) -> None:
         for key in self.data:

@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dubbing.engine import lock
-from dubbing.engine.stage import TEMPORARY
+from dubbing.engine import claims
+from dubbing.engine.update import TEMPORARY
 from dubbing.errors import CallError
 from dubbing.files import make_folder
 from dubbing.preparation.prepared import BACKGROUND, CONTACT_SHEET, MATTE, SUMMARY, TRACK
 
 MARKS = (SUMMARY, "steps/key.json")  # one of them lies in a folder that `prepare` has begun on
+CLAIMED = "prepare"
 WRITTEN = (TRACK, MATTE, BACKGROUND, CONTACT_SHEET, SUMMARY)
 
 
@@ -31,14 +32,14 @@ def claimed(folder: Path, clip: Path) -> Iterator[None]:
     if not any((folder / mark).is_file() for mark in MARKS) and _holds_files(folder):
         remedy = "name an empty folder, or one that does not exist yet"
         raise CallError("other files lie there, which might be lost", str(folder), remedy)
-    with lock.hold(folder):
+    with claims.hold(folder / CLAIMED):
         yield
 
 
 def _holds_files(folder: Path) -> bool:
     """Anything but what a `prepare` that was killed at once leaves behind."""
     return any(
-        not (path.name in ("steps", lock.FILE) or path.match(TEMPORARY))
+        not (path.name == "steps" or claims.SUFFIX in path.name or path.match(TEMPORARY))
         for place in (folder, folder / "steps")
         if place.is_dir()
         for path in place.iterdir()

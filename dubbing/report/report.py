@@ -16,10 +16,10 @@ from markupsafe import Markup
 from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
+from dubbing import dependencies, pipeline
 from dubbing import json_records as kept
-from dubbing import pipeline
 from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.runner import Outcome
+from dubbing.engine.outcome import Outcome
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
 from dubbing.manifest.manifest import Manifest
@@ -158,7 +158,7 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     return {
         **_common(job, outcome),
         "clip": str(identity.clip),
-        "consent": pipeline.consent_of(identity),
+        "consent": dependencies.consent_of(identity),
         "warnings": [*summary.get("warnings", []), *dict.fromkeys(damaged)],
         "residual_shift": summary.get("residual_shift"),
         "contact_sheet": _relative(manifest, sheet) if sheet.is_file() else None,
@@ -188,7 +188,7 @@ def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
         "line_counts": {v: verdicts.count(v) for v in lines.COLOURS if v in verdicts},
         "untouched": lines.scene_of(job).get("untouched"),
         "signed": "sign" in job.stages,
-        "mark": mark.id if scene and (mark := pipeline.mark_of(dub, scene)) else None,
+        "mark": mark.id if scene and (mark := dependencies.mark_of(dub, scene)) else None,
         "sync": _brief(sync),
     }
 

@@ -18,8 +18,7 @@ from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import Progress
 from dfrf.training.validation import Validation
 from dubbing import pipeline
-from dubbing.engine import lock
-from dubbing.engine.stage import run_stage
+from dubbing.engine.update import run_stage
 from dubbing.errors import CheckpointError, DubbingError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text, digest_file
 from dubbing.identity.dataset import load_identity
@@ -64,15 +63,13 @@ def train_base(
         DubbingError: an unknown name is held out, or nobody is left to learn from.
         TrainingError: the identities disagree, one has no usable frame, or the loss diverged.
         CheckpointError: `init` does not fit, or OUT.resume is of another run.
-        LockedError: another run works in the manifest's output.
     """
     learned, asked = learned_names(manifest, hold_out), sorted(set(hold_out))
     settings = common_settings(manifest)
-    with lock.hold(manifest.work):
-        people, held = (
-            [load_person(manifest, name, device, settings, progress) for name in names]
-            for names in (learned, asked)
-        )
+    people, held = (
+        [load_person(manifest, name, device, settings, progress) for name in names]
+        for names in (learned, asked)
+    )
     model = init_from_base(init, settings)
     config = replace(presets.trainings(settings.preset).base, seed=settings.seed)
     if iterations is not None:

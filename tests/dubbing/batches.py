@@ -6,7 +6,8 @@ from pathlib import Path
 
 from dubbing import batch
 from dubbing.engine.graph import Job
-from dubbing.engine.runner import Failure, Options
+from dubbing.engine.outcome import Failure
+from dubbing.engine.runner import Options
 from dubbing.engine.stage import Stage
 from dubbing.manifest.manifest import load
 from tests import clips
@@ -19,6 +20,9 @@ class Listener:
 
     def __init__(self) -> None:
         self.began: list[str] = []
+
+    def overall(self, done: int, total: int) -> None:
+        assert 0 <= done <= total
 
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
         self.began.append(f"{job.name}:{stage.name}")

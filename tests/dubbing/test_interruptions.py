@@ -12,9 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.engine import lock
 from dubbing.engine import planner as planning
-from dubbing.errors import LockedError
 from dubbing.manifest.manifest import load
 from dubbing.pipeline import build
 from tests.dubbing.batches import ROOT, dub, manifest_of
@@ -27,7 +25,7 @@ def tree(folder: Path) -> dict[str, str]:
     return {
         str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
         for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.name not in ("stage.json", ".lock", "report.json", "report.html")
+        if path.is_file() and path.name not in ("stage.json", "report.json", "report.html")
     }
 
 
@@ -91,9 +89,3 @@ def test_damaged_files_of_ours_do_not_end_a_run(
     assert "loss.csv: is no curve of a training" in curve
     result, _ = dub(path)  # all of it is made again
     assert result.code == 0
-
-
-def test_a_locked_folder_is_left_alone(footage: Path, tmp_path: Path) -> None:
-    path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
-    with lock.hold(tmp_path / "out" / "work"), pytest.raises(LockedError):
-        dub(path)

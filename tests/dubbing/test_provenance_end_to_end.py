@@ -26,6 +26,9 @@ class Listener:
     def __init__(self) -> None:
         self.began: list[str] = []
 
+    def overall(self, done: int, total: int) -> None:
+        pass
+
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
         self.began.append(stage.name)
 

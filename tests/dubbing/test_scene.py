@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shutil
+from contextlib import closing
 from fractions import Fraction
 from pathlib import Path
 
@@ -12,11 +14,14 @@ import numpy as np
 import pytest
 import soundfile
 
-from dubbing import media
+from dubbing import batch, media, pipeline
+from dubbing.engine.executors import Processes, Source
+from dubbing.engine.graph import nodes
+from dubbing.manifest.manifest import load
 from dubbing.script.timecode import frame_of
 from dubbing.stages import composite
 from tests import clips, fakes
-from tests.dubbing.test_batch import dub
+from tests.dubbing.batches import Listener, dub
 
 FPS = Fraction(24000, 1001)
 FRAMES = 90
@@ -154,6 +159,36 @@ def test_one_line_changed_is_one_line_made(scene: Path) -> None:
     assert dub(scene)[1] == ["it:composite", "it:check"]
 
 
+def test_another_process_finds_each_stage_by_its_key(scene: Path) -> None:
+    add_clips(scene)
+    jobs = pipeline.build(load(scene))
+    graph = nodes(jobs)
+    assert {f"dub/second/render ann_{first:07d}-{stop:07d}" for first, stop in CUES} <= {*graph}
+    assert len(graph) == sum(len(job.stages) for job in jobs.all())
+    for job in jobs.all():
+        found = pipeline.job_of(scene, job.label, "auto").stages
+        for name, stage in job.stages.items():
+            assert found[name].folder == stage.folder
+            assert found[name].fingerprint() == stage.fingerprint()
+
+
+def test_processes_make_a_scene_with_the_same_bytes(
+    scene: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(composite, "SEGMENT", 10)  # as in the processes of the stand-ins
+    (scene.parent / "it.srt").write_text(SRT[: SRT.index("4\n00")])
+    dub(scene)
+    inline = (scene.parent / "out" / "it.mkv").read_bytes()
+    shutil.rmtree(scene.parent / "out" / "work" / "dubs")
+    listener = Listener()
+    with closing(Processes(Source(scene), 2)) as executor:
+        result = batch.dub(load(scene), listener, executor=executor)
+    assert result.code == 0, result.outcomes
+    kinds = ["listen", "render", "listen", "render", "composite", "check"]
+    assert sorted(listener.began) == sorted(f"it:{kind}" for kind in kinds)
+    assert (scene.parent / "out" / "it.mkv").read_bytes() == inline
+
+
 def test_a_lossy_codec_is_told_by_its_worst_frame(scene: Path) -> None:
     scene.write_text(scene.read_text().replace(", codec: ffv1", ""))
     dub(scene)
@@ -163,7 +198,8 @@ def test_a_lossy_codec_is_told_by_its_worst_frame(scene: Path) -> None:
     assert proof["psnr"] > 30
 
 
-def test_one_model_for_several_clips(scene: Path) -> None:
+def add_clips(scene: Path) -> None:
+    """Two more clips of Ann, in one of which nobody shows a face; a dub over each."""
     folder = scene.parent
     for name in ("noface", "second"):
         clips.write_clip(folder / f"{name}.mp4", FRAMES, FPS)
@@ -176,6 +212,11 @@ def test_one_model_for_several_clips(scene: Path) -> None:
         for name in ("second", "noface")
     )
     scene.write_text(text.replace("lines:", "clip: film.mp4, lines:") + more)
+
+
+def test_one_model_for_several_clips(scene: Path) -> None:
+    folder = scene.parent
+    add_clips(scene)
     result, began = dub(scene)
     assert result.code == 1
     assert began.count("ann:finetune") == 1

@@ -7,16 +7,18 @@ import pytest
 from rich.console import Console
 
 from dubbing import batch
-from dubbing.cli import console
+from dubbing.cli import console, live
 from dubbing.engine.graph import Job
+from dubbing.engine.outcome import Failure, Outcome
 from dubbing.engine.planner import Row
-from dubbing.engine.runner import Failure, Outcome
 from dubbing.engine.stage import Stage
 from dubbing.errors import DubbingError
+from dubbing.estimates import Estimate
 
 ODD = "[bold]a[/x] \x1b[31m"
 SHOWN = r"[bold]a[/x] \x1b[31m"
 
+NOTHING = Estimate(0.0, 0.0, 0.0, 0.0, 0.0, ())
 FIGURES = dict.fromkeys(("psnr", "ssim", "haarpsi", "psnr_face", "psnr_mouth", "lmd"), 0.5)
 
 
@@ -39,7 +41,7 @@ def test_markup_and_controls_in_names_are_shown_as_they_are(
 ) -> None:
     monkeypatch.setattr(console.out, "_width", 200)
     job = Job("dub", ODD, {})
-    console.plan([Row(job, "speech", "run", (f"{ODD} changed",))], [ODD], as_json=False)
+    console.plan([Row(job, "speech", "run", (f"{ODD} changed",))], [ODD], NOTHING, as_json=False)
     console.metrics({ODD: {ODD: {ODD: 1.0}}})
     measured = {"offset_frames": 0, "offset_ms": 0.0, "confidence": 1.0, "distance": 1.0}
     console.sync({"verdict": "pass", "reason": ODD, **measured})
@@ -53,20 +55,20 @@ def test_markup_and_controls_in_names_are_shown_as_they_are(
 
 def test_markup_and_controls_in_what_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Console(file=io.StringIO(), width=200, force_terminal=True)
-    monkeypatch.setattr(console, "screen", terminal)
+    monkeypatch.setattr(live, "screen", terminal)
     job, stage = Job("dub", ODD, {}), Stage("speech", Path(), "1", {}, {}, lambda *_: None)
-    with console.Bars([ODD]) as bars:
+    with live.Bars([ODD]) as bars:
         bars.begin(job, stage, [ODD])
         bars.progress(job, stage, ODD, 0.5)
         bars._bars[stage.folder].refresh()
         bars.end(job, stage, Failure("speech", ODD))
-    with console.progress_bar(ODD) as progress:
+    with live.progress_bar(ODD) as progress:
         progress(ODD, 0.5)
     assert isinstance(terminal.file, io.StringIO)
     said = terminal.file.getvalue()
     assert SHOWN in said
+    assert f" 50 % 00:00, left 00:00, {SHOWN}" in said
     assert "a[/x] \x1b[31m" not in said
-    assert f" 50 % 00:00, {SHOWN}" in said
 
 
 def rows_of(shown: str) -> list[list[str]]:

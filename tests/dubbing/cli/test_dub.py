@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 
-from dubbing.engine import lock
 from dubbing.stages import tasks
 
 
@@ -44,13 +43,6 @@ def test_a_wrong_manifest_is_2_and_all_is_said(dfrf, manifest: Path) -> None:  #
     assert "2 problems" in err
     assert "line 2: version: must be 1" in err
     assert "line 3: label: unknown key" in err
-
-
-def test_a_locked_folder_is_2(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
-    with lock.hold(manifest.parent / "out" / "work"):
-        code, _, err = dfrf("dub", manifest)
-    assert code == 2
-    assert f"process {os.getpid()}" in err
 
 
 @pytest.mark.parametrize("output", ["/proc/out", "/dev/full/out"])

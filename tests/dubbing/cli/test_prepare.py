@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from dubbing.engine import lock
+from dubbing.engine import claims
 from tests import fakes
 
 
@@ -68,10 +68,10 @@ def test_prepare_refuses_no_folder_and_its_own_clip(
 def test_two_at_once_into_one_folder_are_2(
     dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path]
 ) -> None:
-    with lock.hold(tmp_path):
+    with claims.hold(tmp_path / "prepare"):
         code, _, err = dfrf("prepare", footage / "ann.mp4", "--out", tmp_path)
     assert (code, preparing) == (2, [])
-    assert f"another run is at work ({tmp_path}): wait for process {os.getpid()}" in err
+    assert f"another run is at work ({tmp_path / 'prepare'}): wait for process {os.getpid()}" in err
 
 
 def test_a_clip_whose_name_is_no_utf8_is_refused_before_it_is_prepared(

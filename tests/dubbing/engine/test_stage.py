@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.engine import lock
 from dubbing.engine import stage as stages
+from dubbing.engine import update
 from dubbing.engine.stage import Stage
-from dubbing.errors import DubbingError, LockedError
+from dubbing.errors import DubbingError
 
 
 def quiet(_message: str, _share: float) -> None:
@@ -60,14 +60,14 @@ def contents(stage: Stage) -> str:
 
 def test_a_stage_is_done_once(stage: Stage, work: Work) -> None:
     assert stage.changes() == ["not made yet"]
-    assert stages.run_stage(stage, quiet)
+    assert update.run_stage(stage, quiet)
     assert stage.changes() == []
-    assert not stages.run_stage(stage, quiet)
+    assert not update.run_stage(stage, quiet)
     assert work.made == ["a", "b", "c"]
 
 
 def test_the_record_says_how_it_was_made(stage: Stage, source: Path) -> None:
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     record = json.loads((stage.folder / "stage.json").read_text())
     assert record["stage"] == "copy"
     assert record["version"] == "1"
@@ -79,7 +79,7 @@ def test_the_record_says_how_it_was_made(stage: Stage, source: Path) -> None:
 
 
 def test_it_is_stale_for_a_reason_and_says_it(stage: Stage, source: Path) -> None:
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     assert replace(stage, parameters={"seed": 1}).changes() == ["seed: 0 before, 1 now"]
     assert replace(stage, parameters={"seed": 0, "x": 2}).changes() == ["x: None before, 2 now"]
     assert replace(stage, version="2").changes() == ["the code of the stage changed"]
@@ -90,18 +90,18 @@ def test_it_is_stale_for_a_reason_and_says_it(stage: Stage, source: Path) -> Non
     (stage.folder / "0.txt").write_text("z")
     (stage.folder / "1.txt").unlink()
     assert stage.changes() == ["0.txt was altered", "1.txt is gone"]
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     assert contents(stage) == "abc"
 
 
 def test_a_failed_stage_goes_on_where_it_stopped(stage: Stage, work: Work) -> None:
     work.fail_at = 2
     with pytest.raises(DubbingError):
-        stages.run_stage(stage, quiet)
+        update.run_stage(stage, quiet)
     assert not stage.folder.exists()
     assert stage.changes() == ["interrupted: goes on where it stopped"]
     work.fail_at = None
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     assert work.made == ["a", "b", "c"]
     assert contents(stage) == "abc"
 
@@ -109,51 +109,51 @@ def test_a_failed_stage_goes_on_where_it_stopped(stage: Stage, work: Work) -> No
 def test_other_settings_do_not_pick_up_partial_work(stage: Stage, work: Work) -> None:
     work.fail_at = 2
     with pytest.raises(DubbingError):
-        stages.run_stage(stage, quiet)
+        update.run_stage(stage, quiet)
     work.fail_at = None
     other = replace(stage, parameters={"seed": 5})
     assert other.changes() == ["not made yet"]
-    stages.run_stage(other, quiet)
+    update.run_stage(other, quiet)
     assert work.made == ["a", "b", "a", "b", "c"]
     # What the first settings left behind is gone, now that others are good.
     assert [p.name for p in stage.folder.parent.iterdir()] == ["letters"]
 
 
 def test_the_last_good_result_survives_a_failed_rerun(stage: Stage, work: Work) -> None:
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     changed = replace(stage, parameters={"seed": 1})
     work.fail_at = 1
     with pytest.raises(DubbingError):
-        stages.run_stage(changed, quiet)
+        update.run_stage(changed, quiet)
     assert contents(stage) == "abc"
     assert stage.changes() == []
 
 
 def test_force_starts_from_nothing(stage: Stage, work: Work) -> None:
-    stages.run_stage(stage, quiet)
-    assert stages.run_stage(stage, quiet, force=True)
+    update.run_stage(stage, quiet)
+    assert update.run_stage(stage, quiet, force=True)
     assert work.made == list("abcabc")
 
 
 def test_torn_files_of_a_killed_run_do_not_stay(stage: Stage) -> None:
     stage.partial().mkdir(parents=True)
     (stage.partial() / ".0.4711.tmp.txt").write_text("half")
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     assert sorted(p.name for p in stage.folder.iterdir())[0] == "0.txt"
 
 
 def test_a_swap_that_was_cut_short(stage: Stage) -> None:
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     changed = replace(stage, parameters={"seed": 1})
     # As after: the new result sealed, the old one moved away, then a kill.
     partial = changed.partial()
     partial.mkdir()
     changed.produce(partial, quiet)
-    stages._seal(changed, partial, key=changed.key(), digests=changed.digests(), seconds=0)
+    update._seal(changed, partial, key=changed.key(), digests=changed.digests(), seconds=0)
     stage.folder.rename(stage.folder.with_name("letters.old"))
-    stages.recover(changed)
+    update.recover(changed)
     assert contents(stage) == "abc"  # the last good result is back ...
-    assert stages.run_stage(changed, quiet)  # ... and the new one goes in without being made again
+    assert update.run_stage(changed, quiet)  # ... and the new one goes in without being made again
     assert changed.changes() == []
     assert [p.name for p in stage.folder.parent.iterdir()] == ["letters"]
 
@@ -164,7 +164,7 @@ def test_an_input_that_changes_meanwhile_is_noticed(stage: Stage, source: Path) 
         source.write_text("other")
 
     with pytest.raises(DubbingError, match=r"in\.txt changed while the run was going on .* again"):
-        stages.run_stage(replace(stage, produce=produce), quiet)
+        update.run_stage(replace(stage, produce=produce), quiet)
     assert list(stage.folder.parent.iterdir()) == []  # what was made of it is of no use
 
 
@@ -174,25 +174,25 @@ def test_an_input_that_goes_away_is_what_is_said(stage: Stage, source: Path) -> 
         raise DubbingError("no such file")
 
     with pytest.raises(DubbingError, match=r"in\.txt changed while the run was going on"):
-        stages.run_stage(replace(stage, produce=produce), quiet)
+        update.run_stage(replace(stage, produce=produce), quiet)
 
 
 def test_inputs_are_what_they_were_when_the_run_began(
     stage: Stage, tmp_path: Path, source: Path
 ) -> None:
     """Also those of the stages before, which a later stage may read once more."""
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     first = stage.folder / "0.txt"
     later = Stage("later", tmp_path / "work" / "later", "1", {}, {"letters": stage}, Work(first))
     began = later.sources()
     assert list(began) == [source]
     source.write_text("xyz")
     with pytest.raises(DubbingError, match=r"in\.txt changed while the run was going on \(later\)"):
-        stages.run_stage(later, quiet, began=began)
+        update.run_stage(later, quiet, began=began)
     source.unlink()
     os.mkfifo(source)  # it is not waited for
     with pytest.raises(DubbingError, match=r"in\.txt changed"):
-        stages.run_stage(later, quiet, began=began)
+        update.run_stage(later, quiet, began=began)
 
 
 @pytest.mark.parametrize(
@@ -207,7 +207,7 @@ def test_inputs_are_what_they_were_when_the_run_began(
     ],
 )
 def test_a_record_of_another_shape_is_none(stage: Stage, record: str) -> None:
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     path = stage.folder / "stage.json"
     path.unlink()
     if record == "pipe":
@@ -215,28 +215,20 @@ def test_a_record_of_another_shape_is_none(stage: Stage, record: str) -> None:
     else:
         path.write_text(record)
     assert stage.changes() == ["its record is damaged"]
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     assert stage.changes() == []
 
 
 def test_a_stage_depends_on_what_another_made(stage: Stage, tmp_path: Path, source: Path) -> None:
     first = stage.folder / "0.txt"
     later = Stage("later", tmp_path / "work" / "later", "1", {}, {"letters": stage}, Work(first))
-    stages.run_stage(stage, quiet)
-    stages.run_stage(later, quiet)
+    update.run_stage(stage, quiet)
+    update.run_stage(later, quiet)
     assert later.changes() == []
     source.write_text("xyz")
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     assert later.changes() == ["letters changed"]
     # Made again with the same result: nothing follows from it.
     source.write_text("abc")
-    stages.run_stage(stage, quiet)
+    update.run_stage(stage, quiet)
     assert later.changes() == []
-
-
-def test_one_run_at_a_time(tmp_path: Path) -> None:
-    busy = pytest.raises(LockedError, match="another run is at work")
-    with lock.hold(tmp_path / "work"), busy, lock.hold(tmp_path / "work"):
-        pass
-    with lock.hold(tmp_path / "work"):
-        pass

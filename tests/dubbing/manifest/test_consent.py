@@ -10,7 +10,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from dubbing import pipeline
+from dubbing import dependencies
 from dubbing.cli.main import app
 from dubbing.errors import CallError
 from dubbing.manifest.terms import covers
@@ -72,7 +72,7 @@ def test_a_dub_within_its_terms_is_accepted_and_its_terms_are_recorded(footage: 
         manifest = read(
             footage, "language: it-CH", f"{{{WHO}, {terms}, file: it.wav, sha256: {paper}}}"
         )
-        assert pipeline.consent_of(manifest.identities["host"]) == {
+        assert dependencies.consent_of(manifest.identities["host"]) == {
             "by": "Ann Smith",
             "reference": "form 17",
             "date": str(TODAY),
@@ -108,7 +108,7 @@ def test_a_form_is_refused_until_it_is_filled_in(footage: Path) -> None:
     form.write_text("\n".join(kept).replace("languages: []", "languages: [it]"))
     (found,) = problems(footage, consent="ann.yaml")
     assert "dubs[0].language: is required" in found
-    recorded = pipeline.consent_of(read(footage, "language: it", "ann.yaml").identities["host"])
+    recorded = dependencies.consent_of(read(footage, "language: it", "ann.yaml").identities["host"])
     assert recorded["languages"] == ["it"]
     assert recorded["sha256"] == hashlib.sha256(form.read_bytes()).hexdigest()
     again = CliRunner().invoke(app, ["consent", str(form)])

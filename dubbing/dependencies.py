@@ -1,0 +1,67 @@
+"""What of a manifest the stages of a job depend on, beside the results of other stages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from dubbing.engine.stage import digest_of
+from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.findings import Scene
+from dubbing.manifest.manifest import Manifest
+from dubbing.manifest.terms import sha256_of
+from dubbing.provenance.mark_key import Marking, marking
+from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
+from dubbing.speech import features
+
+
+def frames_of(dub: Dub) -> dict[str, Any]:
+    """Which frames of the clip a dub of one sound takes."""
+    if dub.lines is not None:
+        return {}
+    return {"video_start": dub.video_start, "on_longer_audio": dub.on_longer_audio}
+
+
+def mix_of(dub: Dub, scene: Scene) -> dict[str, Any]:
+    """What of a dub its sound depends on, beside the files."""
+    if dub.lines is None:
+        (cue,) = scene.cues
+        return {"audio_start": cue.audio_start, "seconds": cue.seconds}
+    cues = [[cue.name, cue.audio_start, cue.seconds] for cue in scene.cues]
+    return {"cues": cues, "left": [*map(list, scene.left)], "loudness": dub.loudness}
+
+
+def sounds_of(dub: Dub, scene: Scene) -> dict[str, Path]:
+    """The sounds of a dub by what they are in it."""
+    if dub.lines is None:
+        return {"audio": scene.cues[0].audio}
+    found = {f"audio {cue.name}": cue.audio for cue in scene.cues}
+    return found if dub.music_effects is None else {**found, "music": dub.music_effects}
+
+
+def speech_weights(identity: Identity) -> dict[str, Path]:
+    """The weights of what hears an identity's speech: its features, and the lips of it."""
+    file = features.weights_file(identity.speech, identity.speech_weights)
+    own = {} if file is None else {"speech_weights": file}
+    return {**own, "lip_encoder": ENCODER_WEIGHTS, "lip_filter": FILTER_WEIGHTS}
+
+
+def mark_of(dub: Dub, scene: Scene) -> Marking | None:
+    """The invisible mark of a dub: its bits name the clip and the sounds that it was made from."""
+    if dub.mark is None:
+        return None
+    files = (scene.clip, *sounds_of(dub, scene).values())
+    return marking(dub.mark.key, [digest_of(file) for file in files])
+
+
+def consent_of(identity: Identity) -> dict[str, Any]:
+    """Who agreed to what, as it is recorded: with the digest of the file, not with its place."""
+    consent = identity.consent
+    said = consent.terms()
+    return said if consent.file is None else {**said, "sha256": sha256_of(consent.file)}
+
+
+def consents_of(manifest: Manifest, dub: Dub) -> Any:
+    """Who agreed to a dub: of one person, or by name of several."""
+    given = {name: consent_of(manifest.identities[name]) for name in dub.people}
+    return given if len(given) > 1 else next(iter(given.values()))

@@ -1,0 +1,216 @@
+"""Who works on what: a claim is a folder that one process alone can make, with a heartbeat in it.
+
+    model.claim/<token>     beside the stage folder `model`: who holds it, and how far the work is
+
+No file locks: over NFS and Lustre they depend on how these are mounted. Three things are relied
+on, which every file system of a cluster does: a folder moves onto an empty folder or none, a name
+is removed once, and `rmdir` takes empty folders alone. A claim is therefore made with its
+heartbeat in it, and ends with the name of its heartbeat: who takes a stale one over can never
+remove a newer one.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import shutil
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from uuid import uuid4
+
+from dubbing.engine import heartbeat
+from dubbing.engine.heartbeat import Heartbeat
+from dubbing.errors import DubbingError, LockedError, StageError
+from dubbing.files import make_folder, writing
+
+SUFFIX = ".claim"
+BEAT = 2.0  # seconds between heartbeats
+STALE = 30.0  # seconds without one, by the clock of who looks, until a claim is taken over
+PACE = 0.25  # seconds between looks at what changes
+
+
+def place_of(path: Path) -> Path:
+    """The folder that claims a path."""
+    return path.with_name(path.name + SUFFIX)
+
+
+def look(path: Path) -> Heartbeat | None:
+    """The heartbeat of whoever holds a claim on ``path``; None where nobody does."""
+    found = _read(place_of(path))
+    return found[1] if found else None
+
+
+class Claim:
+    """A claim that is held. A thread keeps its heart beating."""
+
+    def __init__(self, path: Path, file: Path) -> None:
+        self._path, self._file = path, file
+        self._message, self._share = "", 0.0
+        self._changed, self._lost = False, False
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._beat, daemon=True)
+        self._thread.start()
+
+    def note(self, message: str, share: float) -> None:
+        """Says how far the work is, for whoever looks.
+
+        Raises:
+            StageError: the claim was taken over.
+        """
+        self._message, self._share, self._changed = message, share, True
+        self.check()
+
+    def check(self) -> None:
+        """Raises StageError where this process slept so long that the claim was taken over."""
+        if self._lost or not self._file.exists():
+            what = "this process gave no sign of life, and another run took the work over"
+            raise StageError(what, str(self._path), "run it again")
+
+    def release(self) -> None:
+        """Give the claim back."""
+        self._end.set()
+        self._thread.join()
+        _remove(self._file)
+
+    def _beat(self) -> None:
+        count, last = 0, time.monotonic()
+        while not self._end.wait(PACE):
+            if not self._changed and time.monotonic() - last < BEAT:
+                continue
+            count, last, self._changed = count + 1, time.monotonic(), False
+            try:
+                with open(self._file, "r+b") as stream:  # which makes none
+                    stream.write(heartbeat.content(count, self._message, self._share))
+            except FileNotFoundError:
+                self._lost = True
+                return
+            except OSError:  # a full disk, say: the work will say so itself
+                continue
+
+
+def take(path: Path) -> Claim:
+    """Claim ``path``; what holds it and is known to be dead is swept away.
+
+    Raises:
+        LockedError: somebody holds it.
+        DubbingError: nothing can be written there, or something else lies there.
+    """
+    place, token = place_of(path), uuid4().hex
+    ours = place.with_name(f".{place.name}.{token}")
+    while True:
+        with writing(ours):
+            ours.mkdir()
+        try:
+            # Gone: swept by who claimed it, or moved by a call whose answer was lost on the way.
+            with writing(place), suppress(FileNotFoundError):
+                (ours / token).write_bytes(heartbeat.content(0))
+                os.rename(ours, place)
+            if (place / token).exists():
+                break
+        except DubbingError as error:
+            shutil.rmtree(ours, ignore_errors=True)
+            cause = error.__cause__
+            if not isinstance(cause, OSError) or cause.errno not in (
+                errno.ENOTEMPTY,
+                errno.EEXIST,
+            ):
+                raise
+            if not (found := _read(place)):
+                time.sleep(PACE)  # over NFS a folder may be seen as it was
+                continue
+            file, life = found
+            if life.here and not life.alive:
+                _remove(file)
+                continue
+            raise LockedError(
+                "another run is at work",
+                str(path),
+                f"wait for process {life.process} on {life.host}, or end it",
+            ) from None
+    for torn in place.parent.glob(f".{place.name}.*"):
+        shutil.rmtree(torn, ignore_errors=True)  # of those who were killed; the others try again
+    return Claim(path, place / token)
+
+
+class Watch:
+    """Waits for a claim of somebody else, and ends it where it is stale.
+
+    Only the watcher's clock counts: those of two machines need not agree.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._place = place_of(path)
+        self._last: tuple[Path, Heartbeat] | None = None
+        self._since = 0.0
+        self.alive = False  # whether it gave a sign of life since the first look
+
+    def free(self) -> bool:
+        """Whether nobody holds it (any more)."""
+        found = _read(self._place)
+        if found is None:
+            return True
+        file, life = found
+        if found != self._last:
+            self.alive = self._last is not None and self._last[0] == file
+            self._last, self._since = found, time.monotonic()
+        if life.here:
+            self.alive = life.alive
+        elif time.monotonic() - self._since > STALE:
+            self.alive = False
+        else:
+            return False
+        if not self.alive:
+            _remove(file)
+        return not self.alive
+
+
+@contextmanager
+def hold(path: Path, *, wait: bool = False) -> Iterator[Claim]:
+    """Hold the claim on ``path``, whose folder is made if need be.
+
+    Args:
+        wait: for whoever holds it now.
+
+    Raises:
+        LockedError: somebody holds it, and gives signs of life.
+        DubbingError: nothing can be written there, or something else lies there.
+    """
+    make_folder(path.parent)
+    watch = Watch(path)
+    while True:
+        try:
+            claim = take(path)
+            break
+        except LockedError:
+            while not watch.free():
+                if watch.alive and not wait:
+                    raise
+                time.sleep(PACE)
+    try:
+        yield claim
+    finally:
+        claim.release()
+
+
+def _read(place: Path) -> tuple[Path, Heartbeat] | None:
+    """The heartbeat in a claim's folder, and its file."""
+    try:
+        for file in place.iterdir():
+            try:
+                return file, Heartbeat(**json.loads(file.read_bytes()))
+            except (ValueError, TypeError):  # read while it was written
+                return file, Heartbeat("", "", 0, "")
+    except OSError:
+        pass
+    return None
+
+
+def _remove(file: Path) -> None:
+    """End a claim by its heartbeat: a newer one in the same place stays."""
+    with suppress(OSError):
+        file.unlink()
+        file.parent.rmdir()

@@ -1,0 +1,109 @@
+"""Stages on other machines, by Dask `distributed`: its workers start a process for each task.
+
+A worker whose interpreter is busy for minutes would be taken for dead, and a process can be killed
+without harm. Dask gives what a vanished worker did to another one.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any
+from uuid import uuid4
+
+from dubbing import packages
+from dubbing.engine.executors import FAILED, KILLED, Done, Source, Task, result
+from dubbing.engine.graph import kind_of
+from dubbing.engine.outcome import Failure
+from dubbing.errors import CallError
+
+ANSWER = "15s"  # time that a scheduler has to answer
+
+
+def call(arguments: list[str]) -> tuple[int, str, str]:
+    """What a worker does: exit code, stdout and stderr of a process."""
+    done = subprocess.run(
+        [sys.executable, "-m", "dubbing.engine.task", *arguments],
+        check=False,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        errors="replace",
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+class Cluster:
+    """The workers of a Dask scheduler.
+
+    Args:
+        scheduler: its address, or the file that it has written it to.
+
+    Raises:
+        DubbingError: the extra `cluster` is not installed.
+        CallError: no scheduler answers.
+    """
+
+    here = False
+
+    def __init__(self, source: Source, scheduler: str) -> None:
+        packages.require("cluster")
+        from distributed import Client
+
+        where = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {}
+        try:
+            self._client = Client(
+                **(where or {"address": scheduler}), timeout=ANSWER, set_as_default=False
+            )
+        except (OSError, ValueError, KeyError) as error:
+            remedy = "start one with `dask scheduler`; docs/cluster.md says how"
+            raise CallError("no Dask scheduler answers", scheduler, remedy) from error
+        self._source = source
+        self._futures: dict[str, Any] = {}
+        self._done: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+
+    def submit(self, task: Task) -> None:
+        """Take on a task whose needs are met; of CUDA, for workers with the resource GPU alone."""
+        cuda = getattr(task.stage.produce, "device", "") == "cuda"
+        future = self._client.submit(
+            call,
+            self._source.command(task),
+            key=f"{task.key}-{uuid4().hex[:8]}",
+            priority=-task.rank,
+            resources={"GPU": 1} if cuda else None,
+            pure=False,
+        )
+        self._futures[task.key] = future
+        future.add_done_callback(lambda ended: self._done.put((task.key, ended)))
+
+    def wait(self, seconds: float) -> list[Done]:
+        """What ended, waited for so long at most."""
+        try:
+            key, future = self._done.get(timeout=seconds)
+        except Empty:
+            return []
+        if key not in self._futures or self._futures[key] is not future:
+            return []  # it was dropped
+        del self._futures[key]
+        if future.status == "finished":
+            return [result(key, *future.result())]
+        if future.status != "error":
+            return [Done(key, KILLED)]  # the scheduler has lost or cancelled it
+        error = future.exception()
+        remedy = "see the log of the workers, then run again"
+        what = f"its worker could not do it: {type(error).__name__}: {error}"
+        return [Done(key, FAILED, failure=Failure(kind_of(key), what, remedy=remedy))]
+
+    def drop(self) -> list[str]:
+        """Forget all that has not ended; its keys. What a worker has begun it brings to its end."""
+        dropped, futures = [*self._futures], [*self._futures.values()]
+        self._futures = {}
+        self._client.cancel(futures)
+        return dropped
+
+    def close(self) -> None:
+        """Leave the cluster as it is."""
+        self.drop()
+        self._client.close()

@@ -1,0 +1,79 @@
+"""The sign of life in a claim: which process holds it, and how far its work is."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from pathlib import Path
+
+BYTES, MOST_SHOWN = 2048, 200  # of a heartbeat, always as many, and characters of its message
+
+
+@dataclass(frozen=True)
+class Heartbeat:
+    """Who holds a claim, and how far the work is.
+
+    Attributes:
+        machine: tells machines (and containers on one) apart; ``host`` is its name for people.
+        process, started: which process there.
+        count: another one at every beat.
+        message, share: of the work, 0..1.
+    """
+
+    machine: str
+    host: str
+    process: int
+    started: str
+    count: int = 0
+    message: str = ""
+    share: float = 0.0
+
+    @property
+    def here(self) -> bool:
+        """Whether its process is one of those that can be seen from here."""
+        return self.machine == _machine()
+
+    @property
+    def alive(self) -> bool:
+        """Whether its process, which is one of this machine, still runs."""
+        return _started(self.process) == self.started
+
+
+def content(count: int, message: str = "", share: float = 0.0) -> bytes:
+    """The heartbeat of this process, as it is written."""
+    process = os.getpid()
+    own = (_machine(), socket.gethostname(), process, _started(process))
+    life = Heartbeat(*own, count, message[:MOST_SHOWN], round(share, 4))
+    return json.dumps(asdict(life)).ljust(BYTES).encode()
+
+
+@lru_cache(maxsize=1)
+def _machine() -> str:
+    """A name that two processes share only if they see one another's process numbers."""
+    parts = [socket.gethostname()]
+    for path, read in (
+        ("/proc/sys/kernel/random/boot_id", lambda p: Path(p).read_text().strip()),
+        ("/proc/self/ns/pid", os.readlink),
+    ):
+        with suppress(OSError):
+            parts.append(read(path))
+    return " ".join(parts)
+
+
+def _started(process: int) -> str:
+    """When a process of this machine began; '' where there is none of that number."""
+    try:
+        status = Path(f"/proc/{process}/stat").read_text(errors="replace")
+    except OSError:
+        if Path("/proc/self/stat").exists():
+            return ""
+        with suppress(OSError):  # a system without /proc: its number alone must do
+            os.kill(process, 0)
+            return "runs"
+        return ""
+    fields = status.rpartition(")")[2].split()
+    return "" if fields[0] == "Z" else fields[19]

@@ -1,0 +1,71 @@
+"""What became of a stage and of a job, and what shows it."""
+
+from __future__ import annotations
+
+import traceback
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from dubbing.engine.graph import Job
+from dubbing.engine.stage import Stage
+from dubbing.errors import DubbingError
+from dubbing.files import system_error
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a stage failed, in words; ``trace`` only where nobody foresaw it."""
+
+    stage: str
+    what: str
+    where: str = ""
+    remedy: str = ""
+    trace: str = ""
+
+    def __str__(self) -> str:
+        return str(DubbingError(self.what, self.where, self.remedy))
+
+
+@dataclass
+class Outcome:
+    """What became of one job in this run.
+
+    Attributes:
+        state: made, kept (all was up to date), failed, skipped (its identity failed), or stopped
+            (not finished because another failed and ``keep_going`` was off).
+        reasons: stage -> why it had to run.
+        seconds: stage -> how long it took.
+    """
+
+    state: str = "kept"
+    reasons: dict[str, list[str]] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+    failure: Failure | None = None
+
+
+class Reporter(Protocol):
+    """What shows how the work goes on."""
+
+    def overall(self, done: int, total: int) -> None:
+        """So many of all stages are done."""
+
+    def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
+        """A stage starts."""
+
+    def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
+        """A stage is ``share`` (0..1) done."""
+
+    def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
+        """A stage is done or has failed."""
+
+
+def failure_of(stage: str, error: BaseException) -> Failure:
+    """An error as something to show to people."""
+    if isinstance(error, DubbingError):
+        return Failure(stage, error.what, error.where, error.remedy)
+    trace = "".join(traceback.format_exception(error))
+    what = f"{type(error).__name__}: {error}"
+    if isinstance(error, OSError) and error.errno:
+        refused = system_error(error)
+        return Failure(stage, refused.what, refused.where, refused.remedy, trace)
+    return Failure(stage, what, "not foreseen", "see the trace; please report it", trace)

@@ -1,0 +1,113 @@
+"""One stage of a manifest brought up to date, in a process of its own.
+
+    python -m dubbing.engine.task MANIFEST JOB STAGE
+
+JOB is ``identity/NAME`` or ``dub/NAME``; STAGE is what it calls the stage, as ``render`` or
+``render host_0000010-0000050``. The last line on stdout says what became of it, as JSON.
+Exit code 0: it is up to date; 1: it failed; 75: another run is at work on it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict
+from importlib import import_module
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+from dubbing.engine.executors import FAILED, HELD, PIPELINE, Done, Task, attempt
+from dubbing.engine.graph import Job, kind_of
+from dubbing.engine.outcome import failure_of
+from dubbing.engine.stage import Stage
+from dubbing.errors import StageError
+
+CODES = {FAILED: 1, HELD: os.EX_TEMPFAIL}
+INTERRUPTED = 130
+LOOKS = 5  # one a second, until results of another machine are seen here
+
+
+def main() -> int:
+    """Does one task; gives the exit code."""
+    parser = argparse.ArgumentParser(description="Bring one stage of a manifest up to date.")
+    parser.add_argument("manifest", type=Path)
+    parser.add_argument("job", help="identity/NAME or dub/NAME")
+    parser.add_argument("stage", help="by its name in the job")
+    parser.add_argument("--device", default="auto", help="auto, cpu or cuda")
+    parser.add_argument("--force", action="store_true", help="do it again")
+    parser.add_argument("--expect", help="fingerprint of the stage where the run was started")
+    parser.add_argument("--pipeline", default=PIPELINE, help="module that declares the stages")
+    asked = parser.parse_args()
+    signal.signal(signal.SIGTERM, _interrupt)
+    _end_with_parent()
+    printed, sys.stdout = sys.stdout, sys.stderr  # libraries print, too
+    try:
+        done = _done(asked)
+    except KeyboardInterrupt:
+        return INTERRUPTED
+    print(json.dumps(asdict(done)), file=printed, flush=True)
+    return CODES.get(done.state, 0)
+
+
+def _done(asked: argparse.Namespace) -> Done:
+    key = f"{asked.job}/{asked.stage}"
+    try:
+        job_of: Callable[[Path, str, str], Job] = import_module(asked.pipeline).job_of
+        job = job_of(asked.manifest, asked.job, asked.device)
+        if job.blocked:
+            raise job.blocked
+        stage = job.stages[asked.stage]
+        if asked.expect:
+            _expect(stage, asked.expect)
+    except Exception as error:
+        return Done(key, FAILED, failure=failure_of(kind_of(key), error))
+    return attempt(Task(0, key, stage, asked.force, {}, _nothing, _nothing))
+
+
+def _expect(stage: Stage, fingerprint: str) -> None:
+    """Raises StageError where the stage is not the one that the run means.
+
+    A folder over a network may be seen as it was some seconds ago: listing it brings it up to date.
+    """
+    for _ in range(LOOKS):
+        if stage.fingerprint() == fingerprint:
+            return
+        for source in stage.inputs.values():
+            if isinstance(source, Stage):
+                with suppress(OSError):
+                    os.listdir(source.folder.parent)
+        time.sleep(1)
+    what = "the manifest, the code or a file it reads is not what it was where the run was started"
+    raise StageError(what, stage.name, "run it again")
+
+
+def _nothing(*_arguments: Any) -> None:
+    """Who wants to know looks at the claim."""
+
+
+def _interrupt(_signal: int, _frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def _end_with_parent() -> None:
+    """A run that was killed does not leave its tasks behind."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.2)
+        os._exit(INTERRUPTED)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,147 @@
+"""Bringing a stage up to date: under a claim, in a folder of its own, published by a rename."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from collections.abc import Mapping
+from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
+
+from dubbing.engine import claims
+from dubbing.engine.claims import Claim
+from dubbing.engine.stage import RECORD, Progress, Stage
+from dubbing.errors import StageError
+from dubbing.files import atomic_write_json, digest_file, sync_file
+from dubbing.media import ffmpeg
+
+TEMPORARY = ".*.tmp*"  # names given by files.atomic_path
+PACKAGES = ("dfrf", "torch", "numpy")
+
+
+def run_stage(
+    stage: Stage,
+    progress: Progress,
+    *,
+    force: bool = False,
+    began: Mapping[Path, str] | None = None,
+    wait: bool = True,
+) -> bool:
+    """Bring a stage up to date. True if there was anything to do.
+
+    Args:
+        began: digests of files as they were when the run began: nothing is made from others.
+        wait: for another run that is at work on it.
+
+    Raises:
+        DubbingError: it failed. The last good result and the partial work stay.
+        StageError: a file that its results go back to changed; what was made of it is gone.
+        LockedError: another run is at work on it.
+    """
+    with claims.hold(stage.folder, wait=wait) as claim:
+
+        def report(message: str, share: float) -> None:
+            claim.note(message, share)
+            progress(message, share)
+
+        return _update(stage, report, claim, force, began or {})
+
+
+def _update(
+    stage: Stage, progress: Progress, claim: Claim, force: bool, began: Mapping[Path, str]
+) -> bool:
+    recover(stage)
+    if not force and not stage.changes():
+        return False
+    key, digests, sources = stage.key(), stage.digests(), stage.sources()
+    _unchanged(stage, sources, {**sources, **began})
+    partial = stage.partial()
+    if force:
+        shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True, exist_ok=True)
+    for torn in partial.rglob(TEMPORARY):
+        torn.unlink()  # half-written files of a run that was killed
+    if stage.record(partial) is None:
+        started = time.perf_counter()
+        try:
+            stage.produce(partial, progress)
+        except Exception:
+            _unchanged(stage, stage.sources(), sources, partial)  # what it raised follows from that
+            raise
+        _unchanged(stage, stage.sources(), sources, partial)
+        if stage.digests() != digests:
+            raise StageError("a stage before it changed meanwhile", stage.name, "run it again")
+        _seal(stage, partial, key=key, digests=digests, seconds=time.perf_counter() - started)
+    claim.check()
+    _swap(stage, partial)
+    for leftover in stage.folder.parent.glob(f"{stage.folder.name}.partial-*"):
+        shutil.rmtree(leftover)  # of other settings
+    return True
+
+
+def _unchanged(
+    stage: Stage, now: Mapping[Path, str], before: Mapping[Path, str], partial: Path | None = None
+) -> None:
+    """Raises StageError, and removes the partial work, where a file is not what it was before."""
+    for path, digest in now.items():
+        if before[path] != digest:
+            if partial is not None:  # else it would be gone on with, should the old file return
+                shutil.rmtree(partial, ignore_errors=True)
+            what = f"{path.name} changed while the run was going on"
+            raise StageError(what, stage.name, "run it again")
+
+
+def recover(stage: Stage) -> None:
+    """Bring the last good result back if a kill came while it was being replaced."""
+    old = _old(stage)
+    if stage.folder.exists():
+        shutil.rmtree(old, ignore_errors=True)
+    elif old.exists():
+        old.rename(stage.folder)
+
+
+def _seal(stage: Stage, folder: Path, *, key: str, digests: dict[str, str], seconds: float) -> None:
+    """Flush every output to the disk, then write the record."""
+    outputs = {}
+    for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.name != RECORD):
+        sync_file(path)
+        name = path.relative_to(folder).as_posix()
+        outputs[name] = {"bytes": path.stat().st_size, "digest": digest_file(path)}
+    record = {
+        "stage": stage.name,
+        "version": stage.version,
+        "key": key,
+        "parameters": dict(stage.parameters),
+        "inputs": digests,
+        "outputs": outputs,
+        "versions": {**versions(), "ffmpeg": ffmpeg.version()},
+        "seconds": round(seconds, 2),
+    }
+    atomic_write_json(folder / RECORD, record)
+
+
+def _swap(stage: Stage, partial: Path) -> None:
+    old = _old(stage)
+    shutil.rmtree(old, ignore_errors=True)
+    if stage.folder.exists():
+        stage.folder.rename(old)
+    partial.rename(stage.folder)
+    sync_file(stage.folder.parent)
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _old(stage: Stage) -> Path:
+    return stage.folder.with_name(f"{stage.folder.name}.old")
+
+
+@lru_cache(maxsize=1)
+def versions() -> dict[str, str]:
+    """Versions of what the results depend on, without importing any of it."""
+    found = {}
+    for package in PACKAGES:
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            continue
+    return found
