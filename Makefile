@@ -4,7 +4,7 @@ BIN := .venv/bin
 # Two threads that spin on one busy core are ten times slower than two that wait.
 export OMP_WAIT_POLICY ?= PASSIVE
 
-.PHONY: install demo test test-fast check bench speech-table clean
+.PHONY: install demo test test-fast check bench results speech-table clean
 
 # requirements.txt is the lock: plain pins of the whole closure, so nothing is resolved at
 # install time. mediapipe declares packages it does not need (and a second OpenCV), hence --no-deps.
@@ -42,6 +42,16 @@ test-fast: .venv/installed-dev
 BENCH ?= manifests/demo.yaml alba
 bench: .venv/installed
 	$(BIN)/python -m dubbing.lab.benchmark $(BENCH) out/bench.json
+
+# The tables of docs/results.md: people of manifests, learned with several seeds. Takes hours; goes on
+# where it stopped. The real clips lie beside the clone, if at all.
+RESULTS ?= ../shared/manifests/p15.yaml ../shared/manifests/real.yaml
+SEEDS ?= 0,1,2
+METHODS ?= dfrf
+EVERY ?= 1
+results: .venv/installed
+	$(BIN)/python -m dubbing.lab.results $(RESULTS) --seeds $(SEEDS) --every $(EVERY) \
+		$(METHODS:%=--method %) --commit "$$(git describe --always --dirty)"
 
 check: .venv/installed-dev
 	$(BIN)/ruff format --check .
