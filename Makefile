@@ -49,9 +49,10 @@ RESULTS ?= ../shared/manifests/p15.yaml ../shared/manifests/real.yaml
 SEEDS ?= 0,1,2
 METHODS ?= dfrf
 EVERY ?= 1
+LPIPS ?=
 results: .venv/installed
 	$(BIN)/python -m dubbing.lab.results $(RESULTS) --seeds $(SEEDS) --every $(EVERY) \
-		$(METHODS:%=--method %) --commit "$$(git describe --always --dirty)"
+		$(METHODS:%=--method %) $(LPIPS:%=--lpips-weights %) --commit "$$(git describe --always --dirty)"
 
 check: .venv/installed-dev
 	$(BIN)/ruff format --check .

@@ -1,20 +1,20 @@
 """LPIPS: how far apart two pictures are to a network that has seen a million of them.
 
 Zhang et al., *The Unreasonable Effectiveness of Deep Features as a Perceptual Metric* (CVPR 2018),
-AlexNet, version 0.1. The weights are the user's own: the modules are laid out so that the tensor
-names of the two published files fit.
+AlexNet, version 0.1. The heads ship with the code (LPIPS_CARD.md), AlexNet is the user's own: the
+modules are laid out so that the tensor names of both files fit.
 
 H, W are the sides of a picture, C the channels of a layer.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from pickle import UnpicklingError
 
 import torch
 from jaxtyping import Float
+from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from dfrf.checkpoint import CheckpointError
@@ -23,7 +23,8 @@ CHANNELS = (64, 192, 384, 256, 256)
 SHIFT = (-0.030, -0.088, -0.188)
 SCALE = (0.458, 0.448, 0.450)
 EPSILON = 1e-10
-FILES = "torchvision's AlexNet (alexnet-owt-7be5be79.pth) and the heads of lpips 0.1 (alex.pth)"
+HEADS = Path(__file__).with_name("lpips_heads.safetensors")
+WANTED = "give torchvision's AlexNet (alexnet-owt-7be5be79.pth)"
 
 
 class Lpips(nn.Module):
@@ -69,34 +70,31 @@ def _head(channels: int) -> nn.ModuleDict:
     return nn.ModuleDict({"model": nn.Sequential(nn.Identity(), weights)})
 
 
-def load(files: Sequence[Path], device: torch.device) -> Lpips:
-    """The distance with published weights, from files on the user's disk.
+def load(file: Path, device: torch.device) -> Lpips:
+    """The distance with published weights; AlexNet's come from a file on the user's disk.
 
     Args:
-        files: state dicts that hold, together, AlexNet and the heads.
+        file: the state dict of torchvision's AlexNet.
 
     Raises:
-        CheckpointError: a file is no state dict, or together they are not this network.
+        CheckpointError: the file is no state dict, or one of another network.
     """
-    state: dict[str, Tensor] = {}
-    for file in files:
-        try:
-            found = torch.load(file, map_location="cpu", weights_only=True)
-        except (OSError, RuntimeError, ValueError, EOFError, UnpicklingError) as error:
-            # UnpicklingError: anything but plain tensors is refused, whatever it would do.
-            raise CheckpointError(f"{file}: weights cannot be read; give {FILES}") from error
-        if not isinstance(found, dict):
-            raise CheckpointError(f"{file}: not a state dict; give {FILES}")
-        state |= found
+    try:
+        alexnet = torch.load(file, map_location="cpu", weights_only=True)
+    except (OSError, RuntimeError, ValueError, EOFError, UnpicklingError) as error:
+        # UnpicklingError: anything but plain tensors is refused, whatever it would do.
+        raise CheckpointError(f"{file}: weights cannot be read; {WANTED}") from error
+    if not isinstance(alexnet, dict):
+        raise CheckpointError(f"{file}: not a state dict; {WANTED}")
     # The layers that tell a thousand things apart take no part.
-    kept = {name: value for name, value in state.items() if not name.startswith("classifier.")}
+    kept = {name: value for name, value in alexnet.items() if str(name).startswith("features.")}
     network = Lpips()
     try:
-        network.load_state_dict(kept)
+        network.load_state_dict({**kept, **load_file(HEADS)})
     except RuntimeError as error:
-        wanted = network.state_dict()
-        missing = [name for name in wanted if name not in kept]
-        what = f"no {missing[0]} in them" if missing else "tensors of another network"
-        names = ", ".join(str(file) for file in files)
-        raise CheckpointError(f"{names}: {what}; give {FILES}") from error
+        missing = [
+            name for name in network.features.state_dict(prefix="features.") if name not in kept
+        ]
+        what = f"no {missing[0]} in it" if missing else "tensors of another network"
+        raise CheckpointError(f"{file}: {what}; {WANTED}") from error
     return network.to(device).eval()

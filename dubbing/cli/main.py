@@ -280,12 +280,12 @@ def evaluate(
         ),
     ] = 1,
     lpips_weights: Annotated[
-        list[Path] | None,
+        Path | None,
         typer.Option(
             "--lpips-weights",
             exists=True,
             dir_okay=False,
-            help="AlexNet, and once more the heads of LPIPS: measures it, too.",
+            help="The weights of torchvision's AlexNet: measures LPIPS, too.",
         ),
     ] = None,
     device: Device = "auto",
@@ -305,7 +305,7 @@ def evaluate(
             protocol=protocol,
             seconds=checked_seconds(seconds),
             every=every,
-            lpips_weights=tuple(lpips_weights or ()),
+            lpips_weights=lpips_weights,
             device=checked_device(device),
             progress=progress,
         )

@@ -74,7 +74,7 @@ def evaluate(
     protocol: str = "both",
     seconds: float | None = None,
     every: int = 1,
-    lpips_weights: tuple[Path, ...] = (),
+    lpips_weights: Path | None = None,
     device: str = "auto",
     progress: Progress,
 ) -> Figures:
@@ -92,7 +92,7 @@ def evaluate(
         seconds: of the held-out part that are tested, its first; all when None.
         every: P15 renders and compares one frame of so many. More than one says nothing of how the
             mouth moves nor of lip sync; P15x always takes all frames.
-        lpips_weights: files with the published weights of LPIPS; not measured when empty.
+        lpips_weights: the weights of torchvision's AlexNet; LPIPS is not measured without.
         device: auto, cpu or cuda.
         progress: told a message and the share done.
 
@@ -122,7 +122,7 @@ def evaluate(
         if name in chosen
     }
     network = None
-    if lpips_weights:
+    if lpips_weights is not None:
         try:
             network = lpips.load(lpips_weights, devices.choose(device))
         except CheckpointError as error:

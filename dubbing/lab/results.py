@@ -40,6 +40,7 @@ class Asked:
     seeds: tuple[int, ...]
     methods: tuple[str, ...]
     every: int
+    lpips_weights: Path | None
     device: str
     commit: str
 
@@ -69,7 +70,8 @@ def _measure(manifest: Manifest, first: Manifest, asked: Asked, progress: Progre
         finetune = pipeline.identity_job(manifest, name, person, asked.device).stages["finetune"]
         read = sorted(finetune.sources().values())
         said = person.model_dump(mode="json")
-        way = digest_data([code_version(CODE), asked.every, said, read])
+        how = [asked.every, asked.lpips_weights is not None]
+        way = digest_data([code_version(CODE), how, said, read])
         for method in asked.methods:
             key = f"{name}/{method}"
             if done.get(key) == way:
@@ -80,6 +82,7 @@ def _measure(manifest: Manifest, first: Manifest, asked: Asked, progress: Progre
                 methods=(method,),
                 only=(name,),
                 every=asked.every,
+                lpips_weights=asked.lpips_weights,
                 device=asked.device,
                 progress=progress,
             )
@@ -154,6 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", default="0,1,2", help="two or more, with commas between them")
     parser.add_argument("--method", action="append", help="as of `dfrf evaluate`; dfrf by default")
     parser.add_argument("--every", type=int, default=1, help="P15 takes one frame of so many")
+    parser.add_argument("--lpips-weights", type=Path, help="as of `dfrf evaluate`")
     parser.add_argument("--device", default="auto")
     parser.add_argument(
         "--commit", default="unknown", help="of this code, as the document names it"
@@ -167,7 +171,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if len(seeds) < 2 or min(seeds) < 0 or given.every < 1:
         parser.error("--seeds: two or more from 0 on, for a spread; --every: 1 or more")
     methods = tuple(given.method or ["dfrf"])
-    asked = Asked(seeds, methods, given.every, given.device, given.commit)
+    how = (given.every, given.lpips_weights, given.device, given.commit)
+    asked = Asked(seeds, methods, *how)
     try:
         text = given.document.read_text(encoding="utf-8")
         document(text, asked, [{} for _ in seeds], datetime.date.min)  # before hours of work

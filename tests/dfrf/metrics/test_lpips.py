@@ -1,10 +1,12 @@
 """LPIPS beside a literal reading of it, on weights made up on the spot."""
 
+import hashlib
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from safetensors.torch import load_file
 from torch import Tensor
 
 from dfrf.checkpoint import CheckpointError
@@ -23,26 +25,24 @@ CPU = torch.device("cpu")
 
 
 @pytest.fixture
-def weights() -> tuple[dict[str, Tensor], dict[str, Tensor]]:
-    """State dicts of AlexNet and of the heads, as published but for the numbers."""
+def alexnet() -> dict[str, Tensor]:
+    """The state dict of AlexNet, as published but for the numbers."""
     random = torch.Generator().manual_seed(0)
-    alexnet, heads = {}, {}
-    for k, (place, inputs, outputs, side, _, _) in enumerate(LAYERS):
+    state = {}
+    for place, inputs, outputs, side, _, _ in LAYERS:
         spread = (2 / (inputs * side * side)) ** 0.5
         kernel = torch.randn((outputs, inputs, side, side), generator=random) * spread
-        alexnet[f"features.{place}.weight"] = kernel
-        alexnet[f"features.{place}.bias"] = torch.randn(outputs, generator=random) * 0.1
-        heads[f"lin{k}.model.1.weight"] = torch.rand((1, outputs, 1, 1), generator=random)
-    alexnet["classifier.6.weight"] = torch.zeros(3, 3)
-    return alexnet, heads
+        state[f"features.{place}.weight"] = kernel
+        state[f"features.{place}.bias"] = torch.randn(outputs, generator=random) * 0.1
+    state["classifier.6.weight"] = torch.zeros(3, 3)
+    return state
 
 
 @pytest.fixture
-def files(weights: tuple[dict[str, Tensor], dict[str, Tensor]], tmp_path: Path) -> list[Path]:
-    paths = [tmp_path / "alexnet-owt-7be5be79.pth", tmp_path / "alex.pth"]
-    for path, state in zip(paths, weights, strict=True):
-        torch.save(state, path)
-    return paths
+def file(alexnet: dict[str, Tensor], tmp_path: Path) -> Path:
+    path = tmp_path / "alexnet-owt-7be5be79.pth"
+    torch.save(alexnet, path)
+    return path
 
 
 def convolved(
@@ -93,41 +93,47 @@ def literal(first: Tensor, second: Tensor, alexnet: dict, heads: dict) -> float:
     return total
 
 
-def test_lpips_is_what_the_equation_says(
-    weights: tuple[dict[str, Tensor], dict[str, Tensor]], files: list[Path]
-) -> None:
+def test_lpips_is_what_the_equation_says(alexnet: dict[str, Tensor], file: Path) -> None:
     random = torch.Generator().manual_seed(1)
     a, b = (torch.rand((47, 59, 3), generator=random) for _ in range(2))
-    expected = literal(a, b, *weights)
-    assert expected > 0.1
-    for order in (files, files[::-1]):
-        assert lpips.load(order, CPU)(a, b) == pytest.approx(expected, rel=1e-4)
+    expected = literal(a, b, alexnet, load_file(lpips.HEADS))
+    assert expected > 0.01
+    assert lpips.load(file, CPU)(a, b) == pytest.approx(expected, rel=1e-4)
 
 
-def test_lpips_of_equal_pictures_is_nothing_and_it_has_no_side(files: list[Path]) -> None:
-    network = lpips.load(files, CPU)
+def test_lpips_of_equal_pictures_is_nothing_and_it_has_no_side(file: Path) -> None:
+    network = lpips.load(file, CPU)
     random = torch.Generator().manual_seed(1)
     a, b = (torch.rand((31, 31, 3), generator=random) for _ in range(2))
     assert network(a, a) == 0
     assert network(a, b) == pytest.approx(network(b, a))
 
 
-def test_other_files_are_refused_in_words(files: list[Path], tmp_path: Path) -> None:
-    with pytest.raises(CheckpointError, match=r"no lin0\.model\.1\.weight.*alex\.pth"):
-        lpips.load(files[:1], CPU)
-    with pytest.raises(CheckpointError, match=r"no features\.0\.weight.*alexnet-owt"):
-        lpips.load(files[1:], CPU)
-    with pytest.raises(CheckpointError, match=r"nothing\.pth"):
-        lpips.load([tmp_path / "nothing.pth"], CPU)
+def test_the_shipped_heads_are_those_that_were_published() -> None:
+    heads = load_file(lpips.HEADS)
+    assert [len(heads[f"lin{k}.model.1.weight"][0]) for k in range(5)] == list(lpips.CHANNELS)
+    for weights in heads.values():  # a difference never makes two pictures more alike
+        assert weights.min() >= 0
+        assert weights.max() > 0
+    digest = hashlib.sha256(b"".join(h.numpy().tobytes() for _, h in sorted(heads.items())))
+    assert digest.hexdigest()[:16] == "718a8b40b0d22f96"
+    card = lpips.HEADS.with_name("LPIPS_CARD.md").read_text()
+    assert "Redistributions in binary form must reproduce the above copyright" in card
+
+
+def test_other_files_are_refused_in_words(alexnet: dict[str, Tensor], tmp_path: Path) -> None:
+    def refused(name: str, said: str) -> None:
+        with pytest.raises(CheckpointError, match=rf"{name}: {said}.*alexnet-owt"):
+            lpips.load(tmp_path / name, CPU)
+
+    refused("nothing.pth", "weights cannot be read")
     (tmp_path / "text.pth").write_text("no weights")
-    with pytest.raises(CheckpointError, match=r"text\.pth: weights cannot be read"):
-        lpips.load([tmp_path / "text.pth"], CPU)
+    refused("text.pth", "weights cannot be read")
     torch.save([1, 2], tmp_path / "list.pth")
-    with pytest.raises(CheckpointError, match=r"list\.pth: not a state dict"):
-        lpips.load([tmp_path / "list.pth"], CPU)
+    refused("list.pth", "not a state dict")
     torch.save(Path("anything but tensors"), tmp_path / "object.pth")
-    with pytest.raises(CheckpointError, match=r"object\.pth: weights cannot be read"):
-        lpips.load([tmp_path / "object.pth"], CPU)
-    torch.save({"lin0.model.1.weight": torch.zeros(1, 96, 1, 1)}, tmp_path / "vgg.pth")
-    with pytest.raises(CheckpointError, match="tensors of another network"):
-        lpips.load([*files, tmp_path / "vgg.pth"], CPU)
+    refused("object.pth", "weights cannot be read")
+    torch.save({"lin0.model.1.weight": torch.zeros(1, 64, 1, 1)}, tmp_path / "alex.pth")
+    refused("alex.pth", r"no features\.0\.weight in it")
+    torch.save({**alexnet, "features.0.weight": torch.zeros(3, 3)}, tmp_path / "other.pth")
+    refused("other.pth", "tensors of another network")

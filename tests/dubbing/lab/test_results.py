@@ -66,20 +66,8 @@ def run(path: Path, *more: str) -> str:
     out = path.with_name("results.md")
     if not out.exists():
         out.write_text(PLACE)
-    results.main(
-        [
-            str(path),
-            "--document",
-            str(out),
-            "--device",
-            "cpu",
-            "--seeds",
-            "0,1,2",
-            "--commit",
-            "abc",
-            *more,
-        ]
-    )
+    how = ["--document", str(out), "--device", "cpu", "--seeds", "0,1,2", "--commit", "abc"]
+    results.main([*how, *more, str(path)])
     return out.read_text()
 
 
@@ -179,7 +167,7 @@ def test_a_document_without_a_place_is_refused_before_anything_is_measured(
         run(path)
     assert "no place for tables" in capsys.readouterr().err
     assert not calls
-    asked = results.Asked((0, 1), ("dfrf",), 1, "cpu", "abc")
+    asked = results.Asked((0, 1), ("dfrf",), 1, None, "cpu", "abc")
     with pytest.raises(DubbingError, match="no place"):
         results.document("", asked, [], datetime.date.today())
 
@@ -194,5 +182,5 @@ def test_one_name_in_two_manifests_is_refused(
 
 def test_the_document_of_the_project_has_a_place() -> None:
     text = (Path(__file__).parents[3] / "docs" / "results.md").read_text()
-    asked = results.Asked((0, 1), ("dfrf",), 1, "cpu", "abc")
+    asked = results.Asked((0, 1), ("dfrf",), 1, None, "cpu", "abc")
     assert results.BEGIN in results.document(text, asked, [{}, {}], datetime.date.today())
