@@ -22,7 +22,8 @@ from dfrf.published.method import PaperMethod
 from dfrf.published.model import PaperModel
 
 # The one layer of the published model whose size is that of the speech features: where a base was
-# trained with others (DeepSpeech, in a published checkpoint), a person begins with a new one.
+# trained with others (DeepSpeech, in a published checkpoint), a person who hears something else
+# begins with a new one.
 SPEECH_LAYERS = ("audio.convolutions.0.weight",)
 LIP_ITERATIONS = 400  # where the speech networks do not come from a base
 BASE_TRAINING = TrainConfig(

@@ -256,7 +256,7 @@ class Identity(Entry):
     consent: Annotated[Consent, BeforeValidator(_consent)]
     preset: Literal["fast", "paper", "ad-nerf", "nerf"] = "fast"
     seed: int = Field(default=0, ge=0, lt=2**31)
-    speech: Literal["mel", "rnn", "hubert", "wav2vec2"] = "rnn"
+    speech: Literal["mel", "rnn", "hubert", "wav2vec2", "deepspeech"] = "rnn"
     speech_weights: FilePath | None = None
     size: int = Field(default=512, ge=SIZES.start, le=SIZES[-1], multiple_of=SIZES.step)
     base: FilePath | None = None

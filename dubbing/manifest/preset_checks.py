@@ -58,10 +58,11 @@ def identity_notes(identity: Identity) -> list[str]:
             f"no base of preset {PRESET} comes with this tool, so learning starts from random"
             " weights; dfrf train-base makes one, dfrf import-checkpoint reads a published one"
         )
-    elif base_header(identity.base).get("speech") == PUBLISHED_SPEECH:
+    elif identity.speech != base_header(identity.base).get("speech") == PUBLISHED_SPEECH:
         notes.append(
             f"{identity.base.name} heard DeepSpeech features: the layer of its AudioNet that reads"
-            f" them is learned anew, from {identity.speech} features"
+            f" them is learned anew, from {identity.speech} features; with speech: deepspeech, and"
+            " speech_weights: your output_graph.pb, it hears what it was trained on"
         )
     return notes
 

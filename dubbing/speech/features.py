@@ -12,11 +12,12 @@ from typing import Protocol
 
 import numpy as np
 
+from dfrf.config import PUBLISHED_SPEECH as DEEPSPEECH
 from dubbing.errors import DubbingError
 from dubbing.files import digest_file
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.mel_features import MelFeatures
-from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
+from dubbing.speech.weight_paths import DEEPSPEECH_GRAPH, DEFAULT_WEIGHTS
 from dubbing.speech.weight_paths import weights_file as file_in_folder
 
 RATE = voice.STEP_RATE
@@ -58,12 +59,19 @@ def _transformer(name: str) -> Callable[[Path | None], SpeechFeatures]:
     return make
 
 
+def _deepspeech(weights: Path | None) -> SpeechFeatures:
+    from dubbing.speech.deepspeech_features import DeepSpeechFeatures
+
+    return DeepSpeechFeatures(_named(DEEPSPEECH, weights))
+
+
 # Each takes weights of the user's own: none, a file, or a folder.
 FEATURES: dict[str, Callable[[Path | None], SpeechFeatures]] = {
     "mel": _mel,
     "rnn": _rnn,
     "hubert": _transformer("hubert"),
     "wav2vec2": _transformer("wav2vec2"),
+    DEEPSPEECH: _deepspeech,
 }
 WITHOUT_WEIGHTS = ("mel",)
 
@@ -90,6 +98,8 @@ def weights_file(name: str, weights: Path | None = None) -> Path | None:
         return None
     if name == "rnn":
         return weights or DEFAULT_WEIGHTS
+    if name == DEEPSPEECH:
+        return _named(name, weights)
     return file_in_folder(_named(name, weights), name)
 
 
@@ -101,9 +111,10 @@ def fingerprint(name: str, weights: Path | None = None) -> str:
 
 def _named(name: str, weights: Path | None) -> Path:
     if weights is None:
+        what = DEEPSPEECH_GRAPH if name == DEEPSPEECH else "the folder of a model"
         raise DubbingError(
             f"{name} features need weights of your own",
-            remedy="set speech_weights to the folder of a model, or choose speech: rnn",
+            remedy=f"set speech_weights to {what}, or choose speech: rnn",
         )
     return weights
 

@@ -7,6 +7,7 @@ from dubbing import json_records as kept
 from dubbing.errors import DubbingError
 
 DEFAULT_WEIGHTS = Path(__file__).with_name("acoustic_weights.safetensors")
+DEEPSPEECH_GRAPH = "output_graph.pb of DeepSpeech 0.1.0 (deepspeech-0_1_0-b90017e8.pb)"
 WEIGHT_FILES = ("model.safetensors", "pytorch_model.bin", "model.safetensors.index.json")
 
 

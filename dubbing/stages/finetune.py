@@ -71,8 +71,8 @@ class FinetuneSettings:
 def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
     """A model to start a person from: the base's weights, warp and occupancy prior included.
 
-    A published checkpoint heard features that this tool does not have: the layer of its AudioNet
-    that reads them begins anew, all else is taken.
+    A published checkpoint heard DeepSpeech, and does not say by which weights. Where a person hears
+    something else, the layer of its AudioNet that reads it begins anew; all else is taken.
 
     Raises:
         CheckpointError: unreadable, of another preset, or trained with other speech features.
@@ -92,7 +92,7 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
             base.name,
             "name a base of that preset, or change the preset",
         )
-    if header.get("speech") == PUBLISHED_SPEECH:
+    if header.get("speech") == PUBLISHED_SPEECH and "speech_digest" not in header:
         return presets.adapt(model, config)
     if header.get("speech") != settings.speech:
         raise CheckpointError(

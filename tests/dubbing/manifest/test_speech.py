@@ -44,6 +44,8 @@ def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:
         ("speech: whale", "identities.host.speech: .*'mel'"),
         ("speech: hubert", "identities.host.speech: .*need weights of your own"),
         ("speech: hubert, speech_weights: gone", "host.speech_weights: no hubert weights there"),
+        ("speech: deepspeech", "identities.host.speech: .*output_graph.pb of DeepSpeech 0.1.0"),
+        ("speech: deepspeech, speech_weights: gone.pb", "host.speech_weights: no such file"),
         ("speech: mel, speech_weights: it.wav", "host.speech_weights: mel features have no"),
         ("speech: rnn, speech_weights: gone.safetensors", "speech_weights: no such file"),
     ],

@@ -98,4 +98,4 @@ def test_windows_in_pieces() -> None:
 
 def test_unknown_name_says_what_there_is() -> None:
     with pytest.raises(DubbingError, match="mel"):
-        features_by_name("deepspeech")
+        features_by_name("whale")

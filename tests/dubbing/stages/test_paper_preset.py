@@ -32,6 +32,7 @@ from dubbing.stages.finetune import (
 from tests import clips, fakes
 from tests.dfrf.people import small_config
 from tests.dfrf.published.test_method import TINY
+from tests.dubbing.speech.deepspeech import graphs
 
 PAPER = FinetuneSettings(preset="paper", iterations=4, speech="mel")
 
@@ -131,6 +132,26 @@ def test_an_imported_base_gives_all_but_the_layer_that_hears_deepspeech(folder: 
     assert model["audio.convolutions.0.weight"].shape[1] == 80
     warnings = manifest_of(folder, ", base: imported.safetensors").warnings
     assert any("imported.safetensors heard DeepSpeech features" in said for said in warnings)
+
+
+def test_an_imported_base_hears_deepspeech_where_a_user_has_it(folder: Path) -> None:
+    graph = graphs.write(folder / "output_graph.pb", graphs.weights())
+    config = replace(TINY, speech_dim=29)
+    base = base_of(folder / "imported.safetensors", config, PUBLISHED_SPEECH)
+    heard = replace(PAPER, speech="deepspeech", speech_weights=str(graph))
+    model = init_from_base(base, heard).state_dict()
+    kept = head_checkpoint.load_model(base)[0].state_dict()
+    assert kept.keys() == model.keys()
+    assert all(kept[name].equal(model[name]) for name in kept)
+    keys = ", base: imported.safetensors, speech: deepspeech, speech_weights: output_graph.pb"
+    assert not any("learned anew" in said for said in manifest_of(folder, keys).warnings)
+    # A base of our own says by which weights it heard.
+    digest = heard.speech_header()
+    head_checkpoint.save_model(base, head_checkpoint.load_model(base)[0], digest)
+    init_from_base(base, heard)
+    graphs.write(graph, graphs.weights(seed=1))
+    with pytest.raises(CheckpointError, match="other weights of the 'deepspeech' speech"):
+        init_from_base(base, heard)
 
 
 def test_a_person_is_learned_resumed_and_rendered(

@@ -1,0 +1,77 @@
+"""What DeepSpeech hears: mel-frequency cepstra with their neighbours, as it was trained with them.
+
+Letters: T steps of 20 ms, W = 400 samples (25 ms), C = 26 cepstra, K = 9 steps on each side.
+"""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from scipy.fft import dct
+
+SAMPLE_RATE = 16_000
+WIDTH, CEPSTRA, CONTEXT = 400, 26, 9
+INPUTS = (2 * CONTEXT + 1) * CEPSTRA
+FFT = 512
+EMPHASIS = 0.97
+LIFTER = 22
+FULL_SCALE = 32768  # it heard whole numbers of 16 bits
+_LEAST = np.finfo(np.float64).eps
+
+
+def emphasised(blocks: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
+    """Each sample less .97 of the one before; samples of -1..1 become numbers of 16 bits first."""
+    before = np.zeros(1)
+    for block in blocks:
+        level = np.round(np.asarray(block, np.float64) * FULL_SCALE)
+        x = np.concatenate([before, level.clip(-FULL_SCALE, FULL_SCALE - 1)])
+        before = x[-1:]
+        yield x[1:] - EMPHASIS * x[:-1]
+
+
+def mel_bank() -> np.ndarray:
+    """Triangular filters between points that are even on the mel scale, (26, 257).
+
+    Mel is 2595 log10(1 + f / 700). Points are rounded down to bins of the spectrum.
+    """
+    mel = np.linspace(0, 2595 * np.log10(1 + SAMPLE_RATE / 2 / 700), CEPSTRA + 2)
+    points = np.floor((FFT + 1) * 700 * (10 ** (mel / 2595) - 1) / SAMPLE_RATE)
+    low, middle, high = points[:-2, None], points[1:-1, None], points[2:, None]
+    bins = np.arange(FFT // 2 + 1)
+    return np.minimum((bins - low) / (middle - low), (high - bins) / (high - middle)).clip(0)
+
+
+def cepstra(windows: np.ndarray) -> np.ndarray:
+    """Cepstra (T, C) of emphasised windows (T, W); the first one is the logarithm of the energy."""
+    power = np.abs(np.fft.rfft(windows, FFT)) ** 2 / FFT
+    bands = np.maximum(power @ mel_bank().T, _LEAST)
+    found = dct(np.log(bands), norm="ortho", axis=1)
+    found *= 1 + LIFTER / 2 * np.sin(np.pi * np.arange(CEPSTRA) / LIFTER)
+    found[:, 0] = np.log(np.maximum(power.sum(1), _LEAST))
+    return found
+
+
+def steps_heard(samples: int) -> int:
+    """T of a sound: windows begin every 10 ms until one reaches its end; every second counts."""
+    windows = 1 + max(0, -(-(samples - WIDTH) // (SAMPLE_RATE // 100)))
+    return -(-windows // 2)
+
+
+def level(found: np.ndarray) -> tuple[float, float]:
+    """Mean and standard deviation of all inputs that cepstra (T, C) make, T > 0.
+
+    A step is in the inputs of up to 19 steps; before the first and after the last stand zeros.
+    """
+    count = len(found)
+    place = np.arange(count)
+    times = np.minimum(place + CONTEXT, count - 1) - np.maximum(place - CONTEXT, 0) + 1
+    total = count * INPUTS
+    mean = float((times * found.sum(1)).sum() / total)
+    square = float((times * (found**2).sum(1)).sum() / total)
+    return mean, max(square - mean**2, _LEAST) ** 0.5
+
+
+def inputs(found: np.ndarray, first: int, last: int) -> np.ndarray:
+    """Cepstra of steps `first` to `last` with those of their neighbours, (last - first, 494)."""
+    padded = np.pad(found, ((CONTEXT, CONTEXT), (0, 0)))[first : last + 2 * CONTEXT]
+    seen = np.lib.stride_tricks.sliding_window_view(padded, 2 * CONTEXT + 1, axis=0)
+    return np.ascontiguousarray(seen.transpose(0, 2, 1)).reshape(last - first, INPUTS)
