@@ -1,4 +1,4 @@
-"""What of one person is learned from, in memory as uint8, and the rays drawn from it.
+"""What of one person is learned from, pictures as uint8, and the rays drawn from it.
 
 T frames with pictures, C frames in a row, B rays, S the crop's side in pixels.
 """

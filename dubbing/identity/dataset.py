@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import torch
@@ -16,6 +18,7 @@ from dubbing.errors import TrainingError
 from dubbing.face.lip_measures import lip_measures, lips_touch
 from dubbing.face.mesh_points import EYE_CORNERS, RIGID
 from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
+from dubbing.identity.picture_store import PictureStore
 from dubbing.preparation.alignment.silhouette import eye_axes, upwards
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
@@ -110,7 +113,14 @@ def region_map(matte: np.ndarray, mouth: np.ndarray, eyes: np.ndarray) -> np.nda
 
 
 def load_identity(
-    name: str, clip: PreparedClip, speech: SpeechFrames, start: int, count: int, every: int = 1
+    name: str,
+    clip: PreparedClip,
+    speech: SpeechFrames,
+    start: int,
+    count: int,
+    *,
+    every: int = 1,
+    folder: Path | None = None,
 ) -> HeadDataset:
     """Frames start .. start + count of a prepared clip, those without a face left out.
 
@@ -120,9 +130,11 @@ def load_identity(
         speech: of every frame of the clip.
         start, count: frames; the clip's end cuts them off.
         every: keep the picture of one frame of so many.
+        folder: where the pictures lie, see `PictureStore`; in memory when None.
 
     Raises:
         TrainingError: no frame shows a face.
+        DubbingError: the folder's disk is full.
     """
     stop = min(start + count, clip.frames_count)
     spoken = [k for k in range(start, stop) if clip.valid[k]]
@@ -136,31 +148,18 @@ def load_identity(
         )
     index, speaking = np.asarray(wanted), np.asarray(spoken)
     keep = set(wanted)
-    images, mattes, backgrounds = (
-        torch.empty((len(wanted), clip.size, clip.size, *channels), dtype=torch.uint8)
-        for channels in ((3,), (), (3,))
-    )
-    at = 0
+    landmarks = clip.landmarks[index]
+    boxes = zip(mouth_boxes(landmarks, clip.size), eye_boxes(landmarks, clip.size), strict=True)
+    grey = (len(wanted), clip.size, clip.size)
+    shapes = {"images": (*grey, 3), "backgrounds": (*grey, 3), "mattes": grey, "regions": grey}
+    store = PictureStore(shapes, folder)
     for k, (image, matte, background) in enumerate(clip.frames(start, stop - start), start):
         if k in keep:
-            images[at] = torch.from_numpy(image)
-            mattes[at] = torch.from_numpy(matte)
-            backgrounds[at] = torch.from_numpy(background)
-            at += 1
-    mouths = mouth_boxes(clip.landmarks[index], clip.size)
-    eyes = eye_boxes(clip.landmarks[index], clip.size)
-    regions = torch.stack(
-        [
-            torch.from_numpy(region_map(matte.numpy(), *boxes))
-            for matte, *boxes in zip(mattes, mouths, eyes, strict=True)
-        ]
-    )
+            regions = region_map(matte, *next(boxes))
+            store.add(images=image, backgrounds=background, mattes=matte, regions=regions)
     return HeadDataset(
         name=name,
-        images=images,
-        backgrounds=backgrounds,
-        mattes=mattes,
-        regions=regions,
+        **store.tensors(),
         c2w=torch.from_numpy(clip.c2w()[index]).float(),
         focal=float(clip.focal),
         centres=torch.from_numpy(clip.centre[index]).float(),

@@ -35,6 +35,7 @@ MODEL_FILE = "model.safetensors"
 CURVE_FILE = "loss.csv"
 SUMMARY_FILE = "finetune.json"
 RESUME_FOLDER = "resume"
+PICTURES_FOLDER = "pictures"  # in it: what is learned from, so that a long clip needs no memory
 POSING = 0.25  # of the steps: then the model knows the head well enough to refine its poses
 
 
@@ -123,7 +124,7 @@ def finetune(
 ) -> None:
     """Writes OUT/model.safetensors, OUT/loss.csv and OUT/finetune.json.
 
-    Until then OUT/resume holds the state, from which the next call goes on.
+    Until then OUT/resume holds the state, from which the next call goes on, and the pictures.
 
     Args:
         clip: what `prepare` made of the film.
@@ -141,7 +142,9 @@ def finetune(
     """
     speech = clip_speech(clip, settings.speech, settings.weights, offset)
     first = round(start * clip.rate)
-    person = load_identity(clip.clip.stem, clip, speech, first, round(seconds * clip.rate))
+    pictures = out / RESUME_FOLDER / PICTURES_FOLDER
+    count = round(seconds * clip.rate)
+    person = load_identity(clip.clip.stem, clip, speech, first, count, folder=pictures)
     model = init_from_base(base, settings)
     trainings = presets.trainings(settings.preset)
     config = trainings.alone if base is None else trainings.finetune

@@ -198,4 +198,4 @@ def load_person(
     every = max(1, math.ceil(min(count, clip.frames_count - first) / MOST_FRAMES))
     offset = tasks.offset_of(source.folder)
     speech = clip_speech(clip, settings.speech, settings.weights, offset)
-    return load_identity(name, clip, speech, first, count, every)
+    return load_identity(name, clip, speech, first, count, every=every)

@@ -19,7 +19,7 @@ SIZE = 192
 # Each is a file that shows that a stage is in the middle of its work.
 MOMENTS = (
     "identities/someone/prepared.partial-*/**/*",
-    "identities/someone/model.partial-*/resume/*",
+    "identities/someone/model.partial-*/resume/**/state.safetensors",
     "dubs/words/render.partial-*/000000.mkv",
     "dubs/words/video.partial-*/.*",
 )

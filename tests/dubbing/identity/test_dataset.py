@@ -1,6 +1,6 @@
 """From a prepared clip to what is learned: measures of the face, and which frames count."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from dfrf.cameras import project
 from dfrf.data import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
 from dfrf.field.brow_deformation import EYE_DISTANCE
 from dfrf.field.eyelid_deformation import WHITE
-from dubbing.errors import TrainingError
+from dubbing.errors import DubbingError, TrainingError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.identity.dataset import (
@@ -32,6 +32,7 @@ from dubbing.identity.dataset import (
     region_map,
     upper_measures,
 )
+from dubbing.identity.picture_store import PictureStore
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
@@ -139,6 +140,38 @@ def test_sound_and_lips_of_every_frame_stand_beside_some_of_the_pictures(
     assert person.lips.shape == (9, 7)
     assert person.touching.shape == (9,)
     assert person.expression.shape == (3, 6)
+
+
+def test_pictures_in_files_are_those_in_memory(clip: PreparedClip, tmp_path: Path) -> None:
+    clip.valid[2] = False
+    clip.save()
+    speech = SpeechFrames(np.zeros((FRAMES, 16, 2), np.float32), np.zeros((FRAMES, 8), np.float32))
+    folder = tmp_path / "pictures"
+    held = load_identity("someone", clip, speech, 1, 9)
+    for _ in range(2):  # the second time over what the first one left
+        mapped = load_identity("someone", clip, speech, 1, 9, folder=folder)
+        for field in fields(held):
+            here, there = getattr(held, field.name), getattr(mapped, field.name)
+            assert torch.equal(here, there) if isinstance(here, torch.Tensor) else here == there
+    assert {path.name: path.stat().st_size for path in folder.iterdir()} == {
+        name: getattr(held, name).numel() for name in ("images", "backgrounds", "mattes", "regions")
+    }
+    assert held.mattes.float().std() > 0
+    mapped.mattes[:] = 0  # what is mapped cannot spoil the files
+    again = load_identity("someone", clip, speech, 1, 9)
+    assert (folder / "mattes").read_bytes() == again.mattes.numpy().tobytes()
+
+
+def test_a_folder_that_cannot_be_written_is_said(clip: PreparedClip, tmp_path: Path) -> None:
+    clip.save()
+    speech = SpeechFrames(np.zeros((FRAMES, 16, 2), np.float32), np.zeros((FRAMES, 8), np.float32))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DubbingError, match="file"):
+        load_identity("someone", clip, speech, 1, 9, folder=tmp_path / "file" / "pictures")
+    full = PictureStore({"images": (1, 99, 99)}, tmp_path / "full")
+    (tmp_path / "full" / "images").symlink_to("/dev/full")
+    with pytest.raises(DubbingError, match="No space left on device"):
+        full.add(images=np.zeros((99, 99), np.uint8))
 
 
 def test_rays_are_drawn_round_mouth_and_eyes_and_at_the_rim() -> None:

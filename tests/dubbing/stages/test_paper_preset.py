@@ -178,7 +178,7 @@ def test_a_person_is_learned_resumed_and_rendered(
     monkeypatch.setitem(presets.PRESETS, "paper", replace(tiny, trainings=trainings))
     with pytest.raises(KeyboardInterrupt):
         finetune(clip, again, **asked, progress=stop)  # type: ignore[arg-type]
-    assert (again / "resume").is_dir()
+    assert (again / "resume" / "pictures").is_dir()
     finetune(clip, again, **asked)  # type: ignore[arg-type]
     one, views, header = head_checkpoint.load_person(out / MODEL_FILE)
     other, _, _ = head_checkpoint.load_person(again / MODEL_FILE)
