@@ -147,7 +147,7 @@ def machine(device: str) -> str:
     processor = names[0] if names else platform.processor() or platform.machine()
     chosen = devices.choose(device)
     gpu = torch.cuda.get_device_name(chosen) if chosen.type == "cuda" else "no GPU"
-    return f"{os.cpu_count()} cores of {processor}, {torch.get_num_threads()} threads, {gpu}"
+    return f"{os.cpu_count()} cores of {processor}, torch threads: {torch.get_num_threads()}, {gpu}"
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

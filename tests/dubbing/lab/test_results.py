@@ -81,7 +81,7 @@ def test_the_document_says_mean_and_spread_and_where_they_come_from(
     assert "| `ann` | dfrf | 0.600 ± 0.100 |" in text  # P15x, in a table of its own
     today = f"{datetime.date.today():%d %B %Y}"
     assert f"Commit abc, seeds 0, 1, 2, one frame of 5 (P15), {today}." in text
-    assert re.search(r"Machine: \d+ cores of .+ threads, no GPU\.", text)
+    assert re.search(r"Machine: \d+ cores of .+, torch threads: \d+, no GPU\.", text)
     assert text.startswith("# Results\n")
     assert text.endswith("\n\nAfter.\n")
     assert "old" not in text
