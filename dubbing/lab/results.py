@@ -20,11 +20,11 @@ import torch
 from dfrf import device as devices
 from dubbing import json_records as kept
 from dubbing import pipeline
-from dubbing.engine import lock
+from dubbing.engine import claims
 from dubbing.engine.code_version import code_version
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, atomic_write_text, digest_data
-from dubbing.lab.evaluation import RESULT_FILE, Figures, Progress, evaluate
+from dubbing.lab.evaluation import EVALUATION, RESULT_FILE, Figures, Progress, evaluate
 from dubbing.lab.result_tables import P15, P15X, table
 from dubbing.manifest.manifest import Manifest, load
 
@@ -58,7 +58,7 @@ def measure_seeds(manifest: Manifest, asked: Asked, progress: Progress) -> list[
     Raises:
         DubbingError: as `evaluate` does.
     """
-    with lock.hold(manifest.work):
+    with claims.hold(manifest.work / EVALUATION):
         first = with_seed(manifest, asked.seeds[0])
         return [_measure(with_seed(manifest, seed), first, asked, progress) for seed in asked.seeds]
 

@@ -121,7 +121,14 @@ def test_each_seed_has_a_folder_and_learns_with_it(path: Path, calls: Calls) -> 
 def test_a_clip_is_prepared_for_the_first_seed_alone(path: Path) -> None:
     first, second = (results.with_seed(load(path), seed) for seed in (0, 1))
     there, here = (m.output / "work" / "identities" / "ann" / "prepared" for m in (first, second))
-    record = {"version": "1", "parameters": {}, "inputs": {}, "outputs": {}, "seconds": 1.0}
+    record = {
+        "version": "1",
+        "key": "k",
+        "parameters": {},
+        "inputs": {},
+        "outputs": {},
+        "seconds": 1.0,
+    }
     there.mkdir(parents=True)
     (there / "matte.mkv").write_bytes(b"matte")
     atomic_write_json(there / "stage.json", record)
