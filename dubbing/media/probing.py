@@ -146,6 +146,9 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         raise MediaError("neither picture nor sound in it", str(path))
     times: list[float] = []
     pictures = untimed = 0
+    if sound is not None and sound.codec_context is None:
+        what = "its sound is in a format that cannot be decoded"
+        raise MediaError(what, str(path), "convert it to WAV of 16 or 24 bits")
     floats = FLOATS.get(sound.codec_context.name) if sound is not None else None
     ends = {"video": 0.0, "audio": 0.0}
     starts: dict[str, float] = {}
