@@ -93,7 +93,7 @@ def unwritable(folder: Path) -> str:
 
 def _identities(path: Path) -> Iterator[object]:
     """What a file is known by: its path without links, and where there is one its inode."""
-    yield path.resolve()
+    yield Path(os.path.realpath(path))  # of a link to itself, too
     try:
         status = os.stat(path)
     except OSError:

@@ -88,7 +88,9 @@ def call(*arguments: object) -> Ending:
             cli.main()
     except SystemExit as end:
         code = end.code or 0
-    except (Exception, KeyboardInterrupt, TookTooLongError):
+        if code == cli.INTERRUPTED:  # by who runs the tests
+            raise KeyboardInterrupt from end
+    except (Exception, TookTooLongError):
         code, escaped = None, traceback.format_exc()
     finally:
         signal.signal(signal.SIGTERM, before)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +32,7 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small model in our format."""
     path = tmp_path_factory.mktemp("model") / "model.safetensors"
     torch.manual_seed(0)
-    save_model(path, presets.build(small_config()), {"speech": "mel"})
+    save_model(path, presets.build(small_config(speech_dim=80)), {"speech": "mel"})
     return path
 
 
@@ -49,6 +48,8 @@ def loading(stand_ins: None, monkeypatch: pytest.MonkeyPatch) -> None:
         finetune.init_from_base(self.base, settings)
         learnt(self, out, progress)
 
+    config = small_config(speech_dim=80)
+    monkeypatch.setattr(presets, "model_config", lambda *_: config)
     monkeypatch.setattr(tasks.Finetune, "__call__", load)
 
 
@@ -96,9 +97,6 @@ def checkpoints(draw: st.DrawFn, path: Path) -> bytes:
         length = draw(st.sampled_from((0, 1, 2**31, 2**63, 2**64 - 1)) | st.integers(0, 2**64 - 1))
         return put_together(table, header, content, length)
     return draw(damaged(path.read_bytes()) | pieces)
-
-
-Run = Callable[[bytes], None]
 
 
 @given(st.data())

@@ -157,8 +157,6 @@ def test_a_manifest_that_holds_is_planned(room: Room) -> None:
 
 @pytest.mark.parametrize("path", ["/dev/zero", "/dev/null", ".", "missing", "\udcff", "fifo"])
 def test_what_is_no_file(room: Room, path: str) -> None:
-    import os
-
     with room() as folder:
         os.mkfifo(folder / "fifo")
         for command in ("plan", "dub", "evaluate"):

@@ -63,10 +63,14 @@ def whole(suffix: str) -> bytes:
 def wav(rate: int, channels: int, bits: int, kind: int, sound: bytes) -> bytes:
     """A WAV whose header says what it likes."""
     width = channels * bits // 8
-    about = struct.pack(
-        "<HHIIHH", kind, channels, rate, rate * width % 2**32, width % 2**16, bits
+    about = struct.pack("<HHIIHH", kind, channels, rate, rate * width % 2**32, width % 2**16, bits)
+    return (
+        b"RIFF\xff\xff\xff\x7fWAVEfmt \x10\0\0\0"
+        + about
+        + b"data"
+        + struct.pack("<I", len(sound))
+        + sound
     )
-    return b"RIFF\xff\xff\xff\x7fWAVEfmt \x10\0\0\0" + about + b"data" + struct.pack("<I", len(sound)) + sound
 
 
 wavs = st.builds(
@@ -75,11 +79,14 @@ wavs = st.builds(
     st.sampled_from(CHANNELS),
     st.sampled_from(BITS),
     st.sampled_from((1, 2, FLOAT, 6, 0x55, 0xFFFE, 0xFFFF)),
-    st.sampled_from((b"", b"x", b"\x01" * 9999)) | st.sampled_from(SAMPLES).map(lambda s: s * 24000),
+    st.sampled_from((b"", b"x", b"\x01" * 9999))
+    | st.sampled_from(SAMPLES).map(lambda s: s * 24000),
 )
 films = st.sampled_from(CONTAINERS).flatmap(lambda suffix: damaged(whole(suffix)))
 lists = st.sampled_from(LISTS)
-pieces = st.binary(max_size=200) | st.sampled_from((b"\0" * 5000, b"GIF89a", b"ID3\3", b"OggS" * 99))
+pieces = st.binary(max_size=200) | st.sampled_from(
+    (b"\0" * 5000, b"GIF89a", b"ID3\3", b"OggS" * 99)
+)
 
 
 def plan_with(folder: Path, name: str, key: str) -> Path:

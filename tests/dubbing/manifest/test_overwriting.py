@@ -80,3 +80,9 @@ def test_inputs_where_the_stages_work(folder: Path) -> None:
     (said,) = problems(folder, "out", audio="out/work/it.wav")
     assert said.startswith("line 5: dubs[0].audio: ")
     assert "lies where the stages work" in said
+
+
+def test_a_link_to_itself_in_the_place_of_a_result_is_replaced(folder: Path) -> None:
+    loop = folder / "out" / "report.html"
+    loop.symlink_to(loop)
+    assert problems(folder, "out") == []
