@@ -100,7 +100,7 @@ def checkpoints(draw: st.DrawFn, path: Path) -> bytes:
 
 
 @given(st.data())
-@cases(60)
+@cases(25)
 def test_plans_with_odd_bases(room: Room, model: Path, data: st.DataObject) -> None:
     with room() as folder:
         (folder / "base.safetensors").write_bytes(data.draw(checkpoints(model)))
@@ -110,7 +110,7 @@ def test_plans_with_odd_bases(room: Room, model: Path, data: st.DataObject) -> N
 
 @pytest.mark.usefixtures("loading")
 @given(st.data())
-@cases(10)
+@cases(3)
 def test_dubs_from_odd_bases(room: Room, model: Path, data: st.DataObject) -> None:
     with room() as folder:
         (folder / "base.safetensors").write_bytes(data.draw(checkpoints(model)))
@@ -118,7 +118,7 @@ def test_dubs_from_odd_bases(room: Room, model: Path, data: st.DataObject) -> No
 
 
 @given(st.data())
-@cases(30)
+@cases(20)
 def test_imports_of_odd_files(room: Room, model: Path, data: st.DataObject) -> None:
     with room() as folder:
         (folder / "x.tar").write_bytes(data.draw(checkpoints(model)))

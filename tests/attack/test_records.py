@@ -59,7 +59,7 @@ def odd_record(draw: st.DrawFn, whole: bytes, suffix: str) -> bytes:
 
 
 @given(st.data())
-@cases(25)
+@cases(12)
 def test_records_of_another_shape(room: Room, finished: Path, data: st.DataObject) -> None:
     with room() as folder:
         shutil.rmtree(folder)
@@ -79,7 +79,7 @@ def test_records_of_another_shape(room: Room, finished: Path, data: st.DataObjec
 
 
 @given(st.data())
-@cases(15)
+@cases(8)
 def test_what_lies_in_the_place_of_a_record(
     room: Room, finished: Path, data: st.DataObject
 ) -> None:
