@@ -4,7 +4,7 @@ BIN := .venv/bin
 # Two threads that spin on one busy core are ten times slower than two that wait.
 export OMP_WAIT_POLICY ?= PASSIVE
 
-.PHONY: install demo test test-fast check bench results speech-table clean
+.PHONY: install demo test test-fast attack check bench results speech-table clean
 
 # requirements.txt is the lock: plain pins of the whole closure, so nothing is resolved at
 # install time. mediapipe declares packages it does not need (and a second OpenCV), hence --no-deps.
@@ -37,6 +37,12 @@ test: .venv/installed-dev
 # Under a minute on two quiet cores: without the files and tests that are marked slow or medium.
 test-fast: .venv/installed-dev
 	$(BIN)/python -m pytest -q -m "not slow and not medium"
+
+# TIMES as many cases of bad input as `make test` has, from another seed each time; ends with a table.
+TIMES ?= 10
+SEED ?= $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
+attack: .venv/installed-dev
+	DFRF_ATTACK=$(TIMES) $(BIN)/python -m pytest -q tests/attack --hypothesis-seed=$(SEED)
 
 # Times a person that was dubbed before; the demo's by default.
 BENCH ?= manifests/demo.yaml alba

@@ -177,7 +177,7 @@ def adapt(base: HeadModel, config: ModelConfig | PaperConfig) -> FastModel | Pap
     """A model of `config` with everything it shares with a base: an ablation starts from it too.
 
     Raises:
-        ValueError: a base of the other family, which shares nothing.
+        ValueError: a base of the other family, which shares nothing, or of other sizes.
     """
     model = PaperModel(config) if isinstance(config, PaperConfig) else FastModel(config)
     if base.FAMILY != model.FAMILY:
@@ -188,6 +188,10 @@ def adapt(base: HeadModel, config: ModelConfig | PaperConfig) -> FastModel | Pap
         for name, value in base.state_dict().items()
         if name in wanted and (name not in SPEECH_LAYERS or value.shape == wanted[name].shape)
     }
+    for name, value in shared.items():
+        if value.shape != wanted[name].shape:
+            sizes = f"{tuple(value.shape)}, not {tuple(wanted[name].shape)}"
+            raise ValueError(f"the base has other sizes: {name} is {sizes}")
     model.load_state_dict({**wanted, **shared})
     return model
 

@@ -5,8 +5,10 @@ folders they go to.
 from __future__ import annotations
 
 import errno
+import functools
 import hashlib
 import json
+import operator
 import os
 import re
 import stat
@@ -125,7 +127,7 @@ def read_bounded(path: Path, most: int) -> bytes:
         DubbingError: it is a device, a pipe or a folder, or larger.
     """
     # A pipe that nobody writes to would be waited for.
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    handle = os.open(path, os.O_RDONLY | flags("O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
     with os.fdopen(handle, "rb", closefd=True) as stream:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise DubbingError("is no regular file", str(path), "name one")
@@ -135,9 +137,18 @@ def read_bounded(path: Path, most: int) -> bytes:
     return content
 
 
+def flags(*names: str) -> int:
+    """Flags of `os.open`, those of them that this system has."""
+    return functools.reduce(operator.or_, (getattr(os, name, 0) for name in names), 0)
+
+
 def sync_file(path: Path) -> None:
     """Push a file (or a folder's list of names) to the disk."""
-    handle = os.open(path, os.O_RDONLY)
+    windows = os.name == "nt"
+    if windows and path.is_dir():
+        return  # it opens no folders
+    # Windows flushes only what may be written to.
+    handle = os.open(path, os.O_RDWR if windows else os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:

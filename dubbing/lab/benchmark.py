@@ -10,7 +10,6 @@ frame is that time for all rays of the picture.
 from __future__ import annotations
 
 import argparse
-import resource
 from dataclasses import asdict
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
 from dubbing.lab.timing import Row, Scene, frame_rows, matrix_rate, paper_row, training_row
 from dubbing.manifest.manifest import load
+from dubbing.peak_memory import peak_memory
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages import render as heads
 from dubbing.stages import tasks
@@ -79,7 +79,7 @@ def main() -> None:
     rows.append(training_row(scene))
     march_row = next(r for r in rows if r.stage == "march")
     rays = next(r for r in rows if r.stage == "project the grid").count
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    peak = (peak_memory() or 0) / 2**30
     print(table(rows, rate))
     print(
         f"\n{scene.device}, {torch.get_num_threads()} threads; "

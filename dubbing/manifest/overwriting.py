@@ -45,7 +45,7 @@ def problems(
     for at, entry in entries:
         for key, value in _files(entry):
             inputs.setdefault(value, key_path((*at, *key)))
-            if (output / WORK).resolve() in value.parents:
+            if Path(os.path.realpath(output / WORK)) in value.parents:
                 yield (*at, *key), f"{value} lies where the stages work: move it elsewhere"
     for path in sounds:
         inputs.setdefault(path, str(path))
@@ -93,7 +93,7 @@ def unwritable(folder: Path) -> str:
 
 def _identities(path: Path) -> Iterator[object]:
     """What a file is known by: its path without links, and where there is one its inode."""
-    yield path.resolve()
+    yield Path(os.path.realpath(path))  # of a link to itself, too
     try:
         status = os.stat(path)
     except OSError:

@@ -147,6 +147,7 @@ class _Builder:
         The parser would put merged keys in place before they can be counted, a power of them where
         mappings merge one another.
         """
+        self._count(node, 1, depth)  # first of all: one may merge itself
         merged: list[tuple[Node, Node]] = []
         own = []
         for key, value in node.value:
@@ -158,7 +159,7 @@ class _Builder:
                 if not isinstance(other, MappingNode):
                     raise MarkedYAMLError(None, None, "only mappings can be merged", key.start_mark)
                 merged += self._pairs(other, depth + 1)
-        self._count(node, 1 + len(merged), depth)
+        self._count(node, len(merged), depth)
         return merged + own
 
     def _problem(self, node: Node, path: Path, message: str) -> None:

@@ -146,7 +146,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         raise MediaError("neither picture nor sound in it", str(path))
     times: list[float] = []
     pictures = untimed = 0
-    floats = FLOATS.get(sound.codec_context.name) if sound is not None else None
+    floats = None if sound is None else FLOATS.get(_codec(path, sound))
     ends = {"video": 0.0, "audio": 0.0}
     starts: dict[str, float] = {}
     for packet in container.demux([s for s in (video, sound) if s is not None]):
@@ -229,6 +229,13 @@ def _timecode(container: av.container.InputContainer, rate: Fraction) -> str:
     except ValueError:
         return ""
     return written
+
+
+def _codec(path: Path, sound: av.audio.stream.AudioStream) -> str:
+    if sound.codec_context is None:  # PyAV's stubs do not say so
+        what = "its sound is in a format that cannot be decoded"
+        raise MediaError(what, str(path), "convert it to WAV of 16 or 24 bits")
+    return sound.codec_context.name
 
 
 def _check_sound(path: Path, packet: av.Packet, kind: str) -> None:

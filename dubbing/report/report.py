@@ -6,7 +6,6 @@ import csv
 import math
 import os
 import platform
-import resource
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
+from dubbing.peak_memory import peak_memory
 from dubbing.printable import visible
 from dubbing.report import lines
 from dubbing.stages.tasks import SYNC_FILE
@@ -120,7 +120,7 @@ def collect(
     """Everything the report says, as plain data. Jobs left out by ``--only`` are listed too."""
     everything = pipeline.build(manifest)
     absent = Outcome(state="not in this run")
-    usage = resource.getrusage(resource.RUSAGE_SELF)
+    peak = peak_memory()
     dubs = {
         name: {**_dub(manifest, job, outcomes.get(job.label, absent)), "place": place}
         for place, (name, job) in enumerate(everything.dubs.items())
@@ -130,7 +130,7 @@ def collect(
         "manifest": str(manifest.path),
         "code": code,
         "seconds": round(seconds, 1),
-        "peak_memory_mb": usage.ru_maxrss // 1024,
+        "peak_memory_mb": None if peak is None else peak // 2**20,
         "machine": {"cores": os.cpu_count(), "system": platform.platform()},
         "warnings": list(manifest.warnings),
         "identities": {

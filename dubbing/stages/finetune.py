@@ -93,21 +93,25 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
             base.name,
             "name a base of that preset, or change the preset",
         )
-    if header.get("speech") == PUBLISHED_SPEECH and "speech_digest" not in header:
-        return presets.adapt(model, config)
-    if header.get("speech") != settings.speech:
+    published = header.get("speech") == PUBLISHED_SPEECH and "speech_digest" not in header
+    if not published and header.get("speech") != settings.speech:
         raise CheckpointError(
             f"was trained with {header.get('speech')!r} speech, asked for {settings.speech!r}",
             base.name,
             "use the features the checkpoint was trained with",
         )
-    if header.get("speech_digest") != settings.speech_header().get("speech_digest"):
+    if not published and header.get("speech_digest") != settings.speech_header().get(
+        "speech_digest"
+    ):
         raise CheckpointError(
             f"was trained with other weights of the {settings.speech!r} speech features",
             base.name,
             "use the weights the checkpoint was trained with",
         )
-    return presets.adapt(model, config)
+    try:
+        return presets.adapt(model, config)
+    except ValueError as error:
+        raise CheckpointError(str(error), base.name, "name another base checkpoint") from error
 
 
 def finetune(

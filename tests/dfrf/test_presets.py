@@ -4,6 +4,7 @@ import pytest
 
 from dfrf import presets
 from dfrf.config import FROM_BASE, ModelConfig
+from tests.dfrf.people import small_config
 
 
 def fast(preset: str) -> ModelConfig:
@@ -34,6 +35,12 @@ def test_everything_that_a_base_serves_takes_all_it_has() -> None:
         for name, value in model.state_dict().items():
             assert value.equal(known[name]), name
     assert "fast-alone" not in FROM_BASE
+
+
+def test_a_base_of_other_sizes_is_refused() -> None:
+    base = presets.build(small_config(speech_dim=8))
+    with pytest.raises(ValueError, match=r"the base has other sizes: .* is \(\d"):
+        presets.adapt(base, small_config(speech_dim=8, width=24))
 
 
 def test_an_unknown_preset() -> None:

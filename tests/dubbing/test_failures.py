@@ -36,6 +36,12 @@ def test_one_broken_clip_among_three(footage: Path, tmp_path: Path, broken: str)
     assert broken in page
 
 
+def test_a_broken_clip_alone(footage: Path, tmp_path: Path) -> None:
+    result, began = dub(manifest_of(footage, tmp_path, {"bad": "damaged.mp4"}))
+    assert (result.code, began) == (1, [])
+    assert result.outcomes["dub/bad_it"].state == "skipped"
+
+
 def test_fail_fast_stops(footage: Path, tmp_path: Path) -> None:
     people = {"bad": "noface.mp4", "ann": "ann.mp4"}
     path = manifest_of(footage, tmp_path, people)

@@ -11,7 +11,9 @@ from dubbing.files import (
     digest_data,
     digest_file,
     make_folder,
+    read_bounded,
     remove_torn,
+    sync_file,
 )
 
 
@@ -108,3 +110,31 @@ def test_errors_survive_a_worker_process() -> None:
     problems = [Problem(2, "b", "x"), Problem(1, "a", "y")]
     several = pickle.loads(pickle.dumps(ManifestError("m.yaml", problems)))
     assert str(several) == "2 problems in m.yaml\n  line 1: a: y\n  line 2: b: x"
+
+
+def test_without_the_flags_of_unix(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("O_NONBLOCK", "O_CLOEXEC"):
+        monkeypatch.delattr(os, name)
+    monkeypatch.setattr(os, "O_BINARY", 0, raising=False)
+    (tmp_path / "a").write_bytes(b"a\r\n\x1a")
+    assert read_bounded(tmp_path / "a", 10) == b"a\r\n\x1a"
+
+
+def test_windows_flushes_files_that_may_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "a").write_bytes(b"x")
+    opened: list[tuple[object, int]] = []
+    really = os.open
+
+    def note(path: str, flags: int) -> int:
+        opened.append((path, flags))
+        return really(path, flags)
+
+    folder, file = tmp_path, tmp_path / "a"
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "open", note)
+        patch.setattr(os, "name", "nt")
+        sync_file(folder)
+        sync_file(file)
+    assert opened == [(file, os.O_RDWR)]

@@ -80,3 +80,9 @@ def test_inputs_where_the_stages_work(folder: Path) -> None:
     (said,) = problems(folder, "out", audio="out/work/it.wav")
     assert said.startswith("line 5: dubs[0].audio: ")
     assert "lies where the stages work" in said
+
+
+def test_links_to_themselves_in_the_output_are_no_inputs(folder: Path) -> None:
+    for name in ("report.html", "work"):
+        (folder / "out" / name).symlink_to(folder / "out" / name)
+    assert problems(folder, "out") == []

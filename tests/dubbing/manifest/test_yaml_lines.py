@@ -66,6 +66,11 @@ def test_merge_keys_cannot_explode(folder: Path, bottom: str) -> None:
     assert time.perf_counter() - started < 5
 
 
+@pytest.mark.parametrize("text", ["a: &a {<<: *a}\n", "a: &a {<<: [*a, *a]}\n"])
+def test_what_merges_itself_is_refused(folder: Path, text: str) -> None:
+    assert any("too many or too deep aliases" in problem for problem in problems(folder, text))
+
+
 def test_keys_that_are_trees_cannot_explode(folder: Path) -> None:
     text = "a0: &a0 [x, x]\n"
     text += "".join(f"a{k + 1}: &a{k + 1} [*a{k}, *a{k}]\n" for k in range(30))

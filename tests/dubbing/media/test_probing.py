@@ -145,3 +145,12 @@ def test_a_shape_that_nobody_films_is_said(
     clips.ffmpeg(*picture, "-c:v", codec, "-pix_fmt", "yuv444p", path)
     with pytest.raises(MediaError, match=r"px as shown.*odd\.m.*times the other"):
         media.probe(path)
+
+
+def test_a_sound_that_nothing_decodes_is_said(tmp_path: Path) -> None:
+    path = clips.write_sound(tmp_path / "a.wav", 0.1)
+    content = bytearray(path.read_bytes())
+    content[20:22] = b"\x99\x99"  # the format of its samples
+    path.write_bytes(content)
+    with pytest.raises(MediaError, match=r"cannot be decoded .*a\.wav.*convert it"):
+        media.probe(path)
