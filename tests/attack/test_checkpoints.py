@@ -65,8 +65,8 @@ def put_together(table: Any, header: Any, content: bytes, length: int | None = N
     if header is not None and isinstance(table, dict):
         text = header if isinstance(header, str) else json.dumps(header)
         table = {**table, "__metadata__": {"dfrf": text}}
-    text = json.dumps(table).encode(errors="surrogatepass")
-    return struct.pack("<Q", len(text) if length is None else length) + text + content
+    head = json.dumps(table).encode(errors="surrogatepass")
+    return struct.pack("<Q", len(head) if length is None else length) + head + content
 
 
 @st.composite
