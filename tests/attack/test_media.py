@@ -171,7 +171,7 @@ def test_dubs_of_damaged_films(room: Room, content: bytes, key: str) -> None:
 
 def test_whole_films_are_taken(room: Room) -> None:
     """So that the cases above are refused for what was done to them."""
-    for suffix in CONTAINERS:
+    for suffix in ("mp4", "mov", "mkv", "wav", "flac"):
         key = "audio" if suffix in ("wav", "flac") else "clip"
         with room() as folder:
             (folder / f"x.{suffix}").write_bytes(whole(suffix))
