@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from dubbing import pipeline
+from dubbing import jobs, pipeline
 from dubbing.engine import claims, runner
 from dubbing.engine.executors import Executor
 from dubbing.engine.graph import Job, Jobs
@@ -74,11 +74,11 @@ def dub(
     """
     if any(dub.mark is not None and dub.mark.key is None for dub in manifest.dubs):
         make_installation_key()
-    planned = pipeline.build(manifest, only=only, device=device)
+    planned = jobs.build(manifest, only=only, device=device)
     make_folder(manifest.work)
     started = time.perf_counter()
     if adopt_renamed(manifest, planned):
-        planned = pipeline.build(manifest, only=only, device=device)
+        planned = jobs.build(manifest, only=only, device=device)
     outcomes = runner.run(planned, options, reporter, executor)
     with claims.hold(manifest.work / RESULTS, wait=True):
         for job in planned.dubs.values():

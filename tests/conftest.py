@@ -19,6 +19,7 @@ HERE = Path(__file__).parent
 SETTINGS = tempfile.TemporaryDirectory()
 os.environ["XDG_CONFIG_HOME"] = SETTINGS.name
 MEDIUM = (
+    "attack/",
     "dfrf/rendering/test_frame_renderer.py",
     "dfrf/rendering/test_pose_refinement.py",
     "dfrf/published/test_method.py",

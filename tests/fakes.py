@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dubbing import media, pipeline
+from dubbing import jobs, media
 from dubbing.engine import executors
 from dubbing.engine.graph import Job
 from dubbing.errors import PreparationError
@@ -181,12 +181,12 @@ def install(patch: Any) -> None:
 
 
 def job_of(path: Path, label: str, device: str) -> Job:
-    """As `dubbing.pipeline.job_of`, for processes that `dubbing.engine.task` starts."""
+    """As `dubbing.jobs.job_of`, for processes that `dubbing.engine.task` starts."""
     from dubbing.stages import composite as video
 
     install(setattr)
     video.SEGMENT = 10
-    return pipeline.job_of(path, label, device)
+    return jobs.job_of(path, label, device)
 
 
 if __name__ == "__main__":

@@ -134,8 +134,8 @@ def plan(
     from dubbing import estimates
     from dubbing.cli import console
     from dubbing.engine import planner as planning
+    from dubbing.jobs import build
     from dubbing.manifest.manifest import load
-    from dubbing.pipeline import build
 
     loaded = load(manifest)
     jobs = build(loaded, only=tuple(only or ()))

@@ -18,7 +18,7 @@ import torch
 
 from dfrf.fast.model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
-from dubbing import pipeline
+from dubbing import jobs
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
 from dubbing.lab.timing import Row, Scene, frame_rows, matrix_rate, paper_row, training_row
@@ -60,7 +60,7 @@ def main() -> None:
         if asked.identity not in people:
             parser.error(f"no identity {asked.identity!r}; there is {', '.join(people)}")
         person = people[asked.identity]
-        made = pipeline.build(manifest).identities[asked.identity].stages
+        made = jobs.build(manifest).identities[asked.identity].stages
         clip = PreparedClip.load(made["prepare"].folder, person.clip)
         model, maps, _ = heads.load(made["finetune"].folder / MODEL_FILE, asked.device)
         offset = tasks.offset_of(made["check_source"].folder)

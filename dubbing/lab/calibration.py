@@ -7,7 +7,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from dubbing import batch, estimates, packages, pipeline
+from dubbing import batch, estimates, jobs, packages
 from dubbing.engine.graph import Job, nodes
 from dubbing.engine.outcome import Failure
 from dubbing.engine.stage import Stage
@@ -49,7 +49,7 @@ def calibrate(progress: Callable[[str, float], None]) -> dict[str, Rate]:
         for outcome in result.outcomes.values():
             if outcome.failure:
                 raise DubbingError(f"the calibration failed: {outcome.failure}")
-        rates = estimates.measured(manifest, nodes(pipeline.build(manifest)))
+        rates = estimates.measured(manifest, nodes(jobs.build(manifest)))
     estimates.keep(rates)
     return rates
 

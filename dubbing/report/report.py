@@ -15,7 +15,7 @@ from markupsafe import Markup
 from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
-from dubbing import dependencies, pipeline
+from dubbing import dependencies, jobs
 from dubbing import json_records as kept
 from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.outcome import Outcome
@@ -118,7 +118,7 @@ def collect(
     manifest: Manifest, planned: Jobs, outcomes: dict[str, Outcome], *, code: int, seconds: float
 ) -> dict[str, Any]:
     """Everything the report says, as plain data. Jobs left out by ``--only`` are listed too."""
-    everything = pipeline.build(manifest)
+    everything = jobs.build(manifest)
     absent = Outcome(state="not in this run")
     peak = peak_memory()
     dubs = {

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing import batch, estimates, pipeline
+from dubbing import batch, estimates, jobs
 from dubbing.engine import planner
 from dubbing.engine.graph import nodes
 from dubbing.estimates import Estimate, Rate
@@ -30,8 +30,8 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def needed(path: Path) -> Estimate:
     manifest = load(path)
-    jobs = pipeline.build(manifest)
-    return estimates.estimate(manifest, jobs, planner.rows(jobs))
+    made = jobs.build(manifest)
+    return estimates.estimate(manifest, made, planner.rows(made))
 
 
 def test_nothing_is_said_that_nobody_measured(path: Path) -> None:
@@ -45,7 +45,7 @@ def test_a_calibration_is_used_and_finished_stages_refine_it(path: Path) -> None
     names = [*needed(path).unknown]
     estimates.keep({name: Rate(1.0, 10.0) for name in names})
     manifest = load(path)
-    graph = nodes(pipeline.build(manifest))
+    graph = nodes(jobs.build(manifest))
     amounts = {key: estimates.amount(manifest, node) for key, node in graph.items()}
     area = amounts["identity/ann/prepare"] / 30
     assert 0 < area < 1
@@ -58,7 +58,7 @@ def test_a_calibration_is_used_and_finished_stages_refine_it(path: Path) -> None
     # A stage that is done needs nothing, and says how fast its kind is here.
     batch.dub(manifest, Listener())
     assert needed(path) == Estimate(0.0, 0.0, 0.0, 0.0, 0.0, ())
-    record = pipeline.build(manifest).dubs["ann_it"].stages["render"].folder / "stage.json"
+    record = jobs.build(manifest).dubs["ann_it"].stages["render"].folder / "stage.json"
     content = json.loads(record.read_text())
     record.write_text(json.dumps({**content, "seconds": 8.0}))
     path.write_text(path.read_text() + path.read_text().splitlines()[-1].replace("}", ", name: b}"))
@@ -85,7 +85,7 @@ def test_a_scene_takes_as_long_as_its_lines_and_a_person_as_all_their_clips(path
     scene = "clip: two.mp4, lines: it.srt, speakers: {ANN: ann}, audio: it.wav"
     path.write_text(f"{text}  - {{{scene}}}\n")
     manifest = load(path)
-    graph = nodes(pipeline.build(manifest))
+    graph = nodes(jobs.build(manifest))
     amounts = {key: estimates.amount(manifest, node) for key, node in graph.items()}
     area = amounts["identity/ann/prepare"] / 30
     for stage in ("prepare", "refine_poses"):

@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from dubbing.engine import planner as planning
+from dubbing.jobs import build
 from dubbing.manifest.manifest import load
-from dubbing.pipeline import build
 from tests.dubbing.batches import ROOT, dub, manifest_of
 
 pytestmark = pytest.mark.usefixtures("stand_ins")

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from dubbing import batch, media, pipeline
+from dubbing import batch, jobs, media
 from dubbing.engine.executors import Processes, Source
 from dubbing.engine.graph import nodes
 from dubbing.manifest.manifest import load
@@ -161,12 +161,12 @@ def test_one_line_changed_is_one_line_made(scene: Path) -> None:
 
 def test_another_process_finds_each_stage_by_its_key(scene: Path) -> None:
     add_clips(scene)
-    jobs = pipeline.build(load(scene))
-    graph = nodes(jobs)
+    made = jobs.build(load(scene))
+    graph = nodes(made)
     assert {f"dub/second/render ann_{first:07d}-{stop:07d}" for first, stop in CUES} <= {*graph}
-    assert len(graph) == sum(len(job.stages) for job in jobs.all())
-    for job in jobs.all():
-        found = pipeline.job_of(scene, job.label, "auto").stages
+    assert len(graph) == sum(len(job.stages) for job in made.all())
+    for job in made.all():
+        found = jobs.job_of(scene, job.label, "auto").stages
         for name, stage in job.stages.items():
             assert found[name].folder == stage.folder
             assert found[name].fingerprint() == stage.fingerprint()

@@ -9,7 +9,7 @@ import soundfile
 from safetensors.numpy import save_file
 
 from dfrf.config import STEPS
-from dubbing import pipeline
+from dubbing import jobs
 from dubbing.engine.stage import Stage
 from dubbing.errors import ManifestError
 from dubbing.files import atomic_path
@@ -164,7 +164,7 @@ def test_date_of_consent(folder: Path) -> None:
 
 def test_a_changed_number_of_steps_is_seen(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def stage() -> Stage:
-        return pipeline.build(read(folder, GOOD)).identities["host"].stages["finetune"]
+        return jobs.build(read(folder, GOOD)).identities["host"].stages["finetune"]
 
     before = stage()
     assert before.parameters["iterations"] == STEPS["fast"]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing import pipeline
+from dubbing import jobs
 from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
 from tests.dubbing.manifest.made import GOOD, problems, read
 
@@ -27,14 +27,10 @@ def test_speech_features_and_their_weights(folder: Path) -> None:
 
 def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:
     """Other weights: the person is learned, and the sound heard, again."""
-    built = pipeline.build(read(folder, with_speech("speech: rnn")))
+    built = jobs.build(read(folder, with_speech("speech: rnn")))
     stages = [built.identities["host"].stages["finetune"], built.dubs["host_it"].stages["listen"]]
     assert [stage.inputs["speech_weights"] for stage in stages] == [DEFAULT_WEIGHTS] * 2
-    mel = (
-        pipeline.build(read(folder, with_speech("speech: mel")))
-        .identities["host"]
-        .stages["finetune"]
-    )
+    mel = jobs.build(read(folder, with_speech("speech: mel"))).identities["host"].stages["finetune"]
     assert "speech_weights" not in mel.inputs
 
 

@@ -12,7 +12,7 @@ from dfrf import head_checkpoint, presets
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
 from dfrf.published import method as paper_method
 from dfrf.published.model import PaperConfig, PaperModel
-from dubbing import pipeline
+from dubbing import jobs
 from dubbing.errors import CheckpointError, ManifestError
 from dubbing.files import atomic_write_json
 from dubbing.manifest import preset_checks as published
@@ -84,7 +84,7 @@ def base_of(path: Path, config: ModelConfig | PaperConfig, speech: str = "mel") 
 def test_the_manifest_takes_it_and_says_what_it_costs(folder: Path) -> None:
     manifest = manifest_of(folder)
     assert manifest.identities["ann"].preset == "paper"
-    assert "base" not in pipeline.build(manifest).identities["ann"].stages["finetune"].inputs
+    assert "base" not in jobs.build(manifest).identities["ann"].stages["finetune"].inputs
     said = "\n".join(manifest.warnings)
     assert "identities.ann: preset paper learns 40000 steps in about " in said
     assert "identities.ann: no base of preset paper comes with this tool" in said
