@@ -65,7 +65,7 @@ def room(material: Path, tmp_path_factory: pytest.TempPathFactory) -> Room:
     return made
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def stand_ins() -> Iterator[None]:
     """Stages that do no work; the stages that listen and compose are the true ones."""
     with pytest.MonkeyPatch.context() as patch:
