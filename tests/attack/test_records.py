@@ -22,7 +22,7 @@ from tests.attack.test_manifests import WHOLE
 pytestmark = pytest.mark.usefixtures("stand_ins")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def finished(material: Path, stand_ins: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a whole run: what it read, and `out`."""
     folder = tmp_path_factory.mktemp("finished") / "room"
