@@ -36,9 +36,14 @@ def head_frame(shape: np.ndarray) -> np.ndarray:
 
     x from the left to the right outer eye corner as seen by the camera, y down from the forehead
     to the chin, z forward from the camera; outer eye corners 0.9 apart; origin between the ears.
+
+    Raises:
+        numpy.linalg.LinAlgError: the corners of the eyes are one point.
     """
     across = shape[RIGHT_EYE_OUTER] - shape[LEFT_EYE_OUTER]
     width = float(np.linalg.norm(across))
+    if not width:
+        raise np.linalg.LinAlgError("the corners of the eyes are one point")
     x = across / width
     down = shape[CHIN] - shape[FOREHEAD_TOP]
     down = down - (down @ x) * x
