@@ -67,7 +67,7 @@ def scene(tmp_path: Path) -> Path:
         f"  ann: {{clip: film.mp4, seconds: 1, consent: {CONSENT}}}\n"
         "dubs:\n"
         "  - {name: it, lines: it.srt, speakers: {ANN: ann}, audio: 'ann_{cue:02}.wav',\n"
-        "     music_effects: me.wav, loudness: r128, codec: ffv1}\n"
+        "     music_effects: me.wav, loudness: r128, mark: false, codec: ffv1}\n"
     )
     return path
 
