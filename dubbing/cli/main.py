@@ -55,8 +55,8 @@ app = typer.Typer(
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 
 
-def _print_version(asked: bool) -> None:
-    if asked:
+def _print_version(wanted: bool) -> None:
+    if wanted:
         try:
             print_line(f"dfrf {metadata.version('dfrf')}")
         except metadata.PackageNotFoundError:

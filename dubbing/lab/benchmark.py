@@ -23,8 +23,8 @@ from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
 from dubbing.lab.timing import Row, Scene, frame_rows, matrix_rate, paper_row, training_row
 from dubbing.manifest.manifest import load
-from dubbing.peak_memory import peak_memory
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.report.peak_memory import peak_memory
 from dubbing.stages import render as heads
 from dubbing.stages import tasks
 from dubbing.stages.finetune import MODEL_FILE, clip_speech

@@ -93,7 +93,7 @@ def measure_dub(
         learned: frames that were learned from.
         out: folder.
         device: auto, cpu or cuda.
-        progress: told a message and the share done.
+        progress: called with a message and the share done.
 
     Returns:
         The figures of `MouthSeries` and of `chin_ratios`, and `frames`, how many were dubbed.

@@ -94,7 +94,7 @@ def evaluate(
             mouth moves nor of lip sync; P15x always takes all frames.
         lpips_weights: the weights of torchvision's AlexNet; LPIPS is not measured without.
         device: auto, cpu or cuda.
-        progress: told a message and the share done.
+        progress: called with a message and the share done.
 
     Returns:
         identity -> method -> figure -> value: what the file then holds.

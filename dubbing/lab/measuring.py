@@ -106,7 +106,7 @@ def measure(
             all are. More than one says nothing of how the mouth moves.
         lpips: the network, where its weights are at hand.
         device: auto, cpu or cuda.
-        progress: told a message and the share done.
+        progress: called with a message and the share done.
 
     Returns:
         Means over the frames; the figures of `MouthSeries`; `flicker` of the render as a multiple

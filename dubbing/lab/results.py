@@ -34,7 +34,7 @@ CODE = "dubbing.lab.evaluation"
 
 
 @dataclass(frozen=True)
-class Asked:
+class Request:
     """What is measured, and by which commit, which the document names."""
 
     seeds: tuple[int, ...]
@@ -52,44 +52,46 @@ def with_seed(manifest: Manifest, seed: int) -> Manifest:
     return manifest.model_copy(update={"output": output, "identities": people})
 
 
-def measure_seeds(manifest: Manifest, asked: Asked, progress: Progress) -> list[Figures]:
+def measure_seeds(manifest: Manifest, request: Request, progress: Progress) -> list[Figures]:
     """The figures of each seed: identity -> method -> figure -> value.
 
     Raises:
         DubbingError: as `evaluate` does.
     """
     with claims.hold(manifest.work / EVALUATION):
-        first = with_seed(manifest, asked.seeds[0])
-        return [_measure(with_seed(manifest, seed), first, asked, progress) for seed in asked.seeds]
+        first = with_seed(manifest, request.seeds[0])
+        return [
+            _measure(with_seed(manifest, seed), first, request, progress) for seed in request.seeds
+        ]
 
 
-def _measure(manifest: Manifest, first: Manifest, asked: Asked, progress: Progress) -> Figures:
+def _measure(manifest: Manifest, first: Manifest, request: Request, progress: Progress) -> Figures:
     path = manifest.output / DONE_FILE
     done = kept.read(path, dict[str, str], "list of what was measured") if path.exists() else {}
     for name, person in manifest.identities.items():
-        finetune = pipeline.identity_job(manifest, name, person, asked.device).stages["finetune"]
+        finetune = pipeline.identity_job(manifest, name, person, request.device).stages["finetune"]
         read = sorted(finetune.sources().values())
         said = person.model_dump(mode="json")
-        how = [asked.every, asked.lpips_weights is not None]
+        how = [request.every, request.lpips_weights is not None]
         way = digest_data([code_version(CODE), how, said, read])
-        for method in asked.methods:
+        for method in request.methods:
             key = f"{name}/{method}"
             if done.get(key) == way:
                 continue
-            _share_prepared(first, manifest, name, asked.device)
+            _share_prepared(first, manifest, name, request.device)
             evaluate(
                 manifest,
                 methods=(method,),
                 only=(name,),
-                every=asked.every,
-                lpips_weights=asked.lpips_weights,
-                device=asked.device,
+                every=request.every,
+                lpips_weights=request.lpips_weights,
+                device=request.device,
                 progress=progress,
             )
             done[key] = way
             atomic_write_json(path, done)
     found = kept.read(manifest.output / RESULT_FILE, Figures, "figures")
-    return {n: {m: found[n][m] for m in asked.methods} for n in manifest.identities}
+    return {n: {m: found[n][m] for m in request.methods} for n in manifest.identities}
 
 
 def _share_prepared(first: Manifest, manifest: Manifest, name: str, device: str) -> None:
@@ -103,7 +105,7 @@ def _share_prepared(first: Manifest, manifest: Manifest, name: str, device: str)
         shutil.copytree(there.folder, here.folder, copy_function=os.link)
 
 
-def document(text: str, asked: Asked, runs: Sequence[Figures], today: datetime.date) -> str:
+def document(text: str, request: Request, runs: Sequence[Figures], today: datetime.date) -> str:
     """A document whose part between the markers holds the tables, and how they were made.
 
     Raises:
@@ -113,8 +115,8 @@ def document(text: str, asked: Asked, runs: Sequence[Figures], today: datetime.d
     _, end, tail = rest.partition(END)
     if not (begin and end):
         raise DubbingError("the document has no place for tables", remedy=f"add {BEGIN} and {END}")
-    seeds = ", ".join(map(str, asked.seeds))
-    frames = "every frame" if asked.every == 1 else f"one frame of {asked.every} (P15)"
+    seeds = ", ".join(map(str, request.seeds))
+    frames = "every frame" if request.every == 1 else f"one frame of {request.every} (P15)"
     dubs = [
         {n: {m: f.get("p15x", {}) for m, f in found.items()} for n, found in run.items()}
         for run in runs
@@ -122,8 +124,8 @@ def document(text: str, asked: Asked, runs: Sequence[Figures], today: datetime.d
     lines = [
         begin,
         "",
-        f"Commit {asked.commit}, seeds {seeds}, {frames}, {today:%d %B %Y}.",
-        f"Machine: {machine(asked.device)}.",
+        f"Commit {request.commit}, seeds {seeds}, {frames}, {today:%d %B %Y}.",
+        f"Machine: {machine(request.device)}.",
         "Each figure: mean ± standard deviation over the seeds.",
         "",
         "**P15**, beside the true pictures:",
@@ -172,21 +174,21 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error("--seeds: two or more from 0 on, for a spread; --every: 1 or more")
     methods = tuple(given.method or ["dfrf"])
     how = (given.every, given.lpips_weights, given.device, given.commit)
-    asked = Asked(seeds, methods, *how)
+    request = Request(seeds, methods, *how)
     try:
         text = given.document.read_text(encoding="utf-8")
-        document(text, asked, [{} for _ in seeds], datetime.date.min)  # before hours of work
+        document(text, request, [{} for _ in seeds], datetime.date.min)  # before hours of work
         manifests = [load(path) for path in given.manifests]
         names = [name for manifest in manifests for name in manifest.identities]
         if twice := [name for name in names if names.count(name) > 1]:
             parser.error(f"{twice[0]!r} is in two manifests: give it another name")
         runs: list[Figures] = [{} for _ in seeds]
         for manifest in manifests:
-            found = measure_seeds(manifest, asked, lambda message, _: print(message, flush=True))
+            found = measure_seeds(manifest, request, lambda message, _: print(message, flush=True))
             runs = [{**run, **more} for run, more in zip(runs, found, strict=True)]
     except (OSError, ValueError, DubbingError) as error:
         parser.error(str(error))
-    atomic_write_text(given.document, document(text, asked, runs, datetime.date.today()))
+    atomic_write_text(given.document, document(text, request, runs, datetime.date.today()))
 
 
 if __name__ == "__main__":

@@ -58,6 +58,6 @@ class Findings:
             self.blocked.setdefault(int(key[1]), self.damaged[path])
         return self.media.get(path)
 
-    def say(self, key: KeyPath, message: str) -> None:
+    def add(self, key: KeyPath, message: str) -> None:
         """Something is wrong at a key."""
         self.problems.append((key, message))

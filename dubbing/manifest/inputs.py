@@ -43,7 +43,7 @@ def _learning(findings: Findings, name: str, identity: Identity) -> Identity:
     for path, key in zip(identity.clips or (identity.clip,), keys, strict=True):
         info = findings.look(path, key)
         if info is not None and info.rate is None:
-            findings.say(key, f"no picture in {path}")
+            findings.add(key, f"no picture in {path}")
         elif info is not None:
             _picture(findings, name, info, key)
             found[path] = info.duration - identity.start if info.audio_rate else 0.0
@@ -55,7 +55,7 @@ def _learning(findings: Findings, name: str, identity: Identity) -> Identity:
 def _identity(findings: Findings, name: str, identity: Identity) -> None:
     at: KeyPath = ("identities", name)
     if identity.face and len(identity.films) > 1:
-        findings.say((*at, "face"), "needs one clip, whose frames it speaks of")
+        findings.add((*at, "face"), "needs one clip, whose frames it speaks of")
     if identity.base is not None and not identity.base.is_file():
         findings.problems.append(((*at, "base"), f"no such file: {identity.base}"))
     elif said := published.base_problem(identity):
@@ -93,10 +93,10 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
         )
     if picture.colour.high_range:
         message = f"{info.path} is HDR ({picture.colour.high_range}), which is not kept as yet"
-        findings.say(at, f"{message}: give an SDR version of it")
+        findings.add(at, f"{message}: give an SDR version of it")
     if picture.interlaced:
         message = f"{info.path} is interlaced: its frames are two moments each"
-        findings.say(at, f"{message}; deinterlace it first")
+        findings.add(at, f"{message}; deinterlace it first")
     if not picture.square:
         findings.warnings.append(
             f"identities.{name}: the pixels of {info.path.name} are not square; those of the"
@@ -147,7 +147,7 @@ def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Iden
     at: KeyPath = ("dubs", place)
     _provenance(findings, at, dub)
     if not dub.people:
-        findings.say((*at, "identity"), "is required")
+        findings.add((*at, "identity"), "is required")
         return
     for identity in (identities[name] for name in dub.people if name in identities):
         findings.problems += [((*at, *key), said) for key, said in terms.of_dub(dub, identity)]
@@ -171,22 +171,22 @@ def _whole_audio(
     sound = findings.look(dub.audio, (*at, "audio"))
     if sound is not None:
         if sound.audio_rate is None:
-            findings.say((*at, "audio"), f"no sound in {dub.audio}")
+            findings.add((*at, "audio"), f"no sound in {dub.audio}")
         elif _too_many_channels(findings, (*at, "audio"), dub, sound):
             pass
         elif dub.audio_start >= sound.sound_seconds:
             message = f"{dub.audio_start:g} s is past the end: the sound is"
-            findings.say((*at, "audio_start"), f"{message} {sound.sound_seconds:.1f} s long")
+            findings.add((*at, "audio_start"), f"{message} {sound.sound_seconds:.1f} s long")
         elif dub.audio_seconds and dub.audio_start + dub.audio_seconds > sound.sound_seconds + 0.5:
             message = f"there are only {sound.sound_seconds - dub.audio_start:.1f} s of sound"
-            findings.say((*at, "audio_seconds"), message)
+            findings.add((*at, "audio_seconds"), message)
     clip = film_of(findings, at, dub, identities)
     if clip is None or clip.rate is None:
         return
     if timeline.first_frame(dub.video_start, clip.rate) >= clip.frames:
         last = float((clip.frames - 1) / clip.rate)
         message = f"{dub.video_start:g} s is past the end: the last frame of the clip is at"
-        findings.say((*at, "video_start"), f"{message} {last:.2f} s")
+        findings.add((*at, "video_start"), f"{message} {last:.2f} s")
     if sound is not None and len(findings.problems) == before:
         findings.scenes[place] = whole_audio(dub, clip, sound)
 
@@ -198,7 +198,7 @@ def _music(findings: Findings, at: KeyPath, dub: Dub) -> None:
     key = (*at, "music_effects")
     sound = findings.look(dub.music_effects, key)
     if sound is not None and sound.audio_rate is None:
-        findings.say(key, f"no sound in {dub.music_effects}")
+        findings.add(key, f"no sound in {dub.music_effects}")
     elif sound is not None:
         _too_many_channels(findings, key, dub, sound)
 
@@ -208,7 +208,7 @@ def _too_many_channels(findings: Findings, key: KeyPath, dub: Dub, sound: MediaI
     if (sound.audio_channels or 0) <= most:
         return False
     message = f"{sound.audio_channels} channels in {sound.path}: {dub.codec} takes {most} at most"
-    findings.say(key, f"{message}; mix it down")
+    findings.add(key, f"{message}; mix it down")
     return True
 
 

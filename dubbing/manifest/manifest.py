@@ -100,7 +100,7 @@ class _Reader:
     def manifest(self) -> Manifest | None:
         if not self.data:
             if not self.problems:
-                self._say((), "must hold version, output, identities and dubs")
+                self._add((), "must hold version, output, identities and dubs")
             return None
         self._check_top()
         output = self._output()
@@ -108,12 +108,12 @@ class _Reader:
         dubs = self._dubs()
         findings = inputs.inspect(*self._looked_into(identities, dubs))
         for key, message in findings.problems:
-            self._say(self._written(key), message)
+            self._add(self._written(key), message)
         if output is not None:
             for key, message in overwriting.problems(
                 self.path, output, identities, dubs, findings.media
             ):
-                self._say(self._written(key), message)
+                self._add(self._written(key), message)
         if self.problems or output is None:
             return None
         return Manifest(
@@ -140,41 +140,41 @@ class _Reader:
     def _check_top(self) -> None:
         for key in self.data:
             if key not in TOP:
-                self._say((key,), "unknown key" + suggestion(key, TOP))
+                self._add((key,), "unknown key" + suggestion(key, TOP))
         version = self.data.get("version")
         if version != 1 or isinstance(version, bool):
-            self._say(("version",), "must be 1" if "version" in self.data else "is required: 1")
+            self._add(("version",), "must be 1" if "version" in self.data else "is required: 1")
         known = {*Identity.model_fields, *Dub.model_fields}
         for key in self.defaults:
             if key not in known:
-                self._say(("defaults", key), "unknown key" + suggestion(key, known))
+                self._add(("defaults", key), "unknown key" + suggestion(key, known))
 
     def _output(self) -> Path | None:
         value = self.data.get("output")
         if not isinstance(value, str) or not value.strip():
-            self._say(("output",), "is required: the folder for the results")
+            self._add(("output",), "is required: the folder for the results")
             return None
         try:
             output = place_of(value, self.path.parent)
         except ValueError as error:
-            self._say(("output",), str(error))
+            self._add(("output",), str(error))
             return None
         for folder in (output, output / overwriting.WORK):
             if said := overwriting.unwritable(folder):
-                self._say(("output",), said)
+                self._add(("output",), said)
                 break
         return output
 
     def _identities(self) -> dict[str, Identity]:
         section = self._section("identities", dict, {})
         if not section and "identities" in self.data and isinstance(self.data["identities"], dict):
-            self._say(("identities",), "names nobody")
+            self._add(("identities",), "names nobody")
         found: dict[str, Identity] = {}
         for name, entry in section.items():
             try:
                 check_name(name)
             except ValueError as error:
-                self._say(("identities", name), f"the name {error}")
+                self._add(("identities", name), f"the name {error}")
             item = self._entry(Identity, ("identities", name), self._first_clip(name, entry))
             if isinstance(item, Identity):
                 found[name] = item
@@ -186,7 +186,7 @@ class _Reader:
         if not isinstance(entry, dict) or "clips" not in entry:
             return entry
         if "clip" in entry:
-            self._say(("identities", name, "clip"), "say either clip or clips")
+            self._add(("identities", name, "clip"), "say either clip or clips")
             return entry
         clips = entry["clips"]
         named = isinstance(clips, list) and clips and isinstance(clips[0], str)
@@ -220,11 +220,11 @@ class _Reader:
         for key, whose in named.items():
             if isinstance(whose, str) and whose not in known:
                 there = ", ".join(known)
-                self._say((*at, *key), f"no identity {whose!r}; there is {there}")
+                self._add((*at, *key), f"no identity {whose!r}; there is {there}")
 
     def _entry(self, model: type[Entry], path: yaml_lines.Path, entry: Any) -> Entry | None:
         if not isinstance(entry, dict):
-            self._say(path, f"must hold keys, not {describe(entry)}")
+            self._add(path, f"must hold keys, not {describe(entry)}")
             return None
         merged = {k: v for k, v in self.defaults.items() if k in model.model_fields}
         for key, value in entry.items():
@@ -239,7 +239,7 @@ class _Reader:
             for detail in error.errors():
                 wrong.add(detail["loc"][0])
                 where = self._written((*path, *detail["loc"]))
-                self._say(where, plain(detail, model))
+                self._add(where, plain(detail, model))
         # What was understood is still checked against the files, to report all at once.
         kept = {key: value for key, value in merged.items() if key not in wrong}
         stand_in = {key: value for key, value in UNKNOWN.items() if key in wrong}
@@ -260,9 +260,9 @@ class _Reader:
         if isinstance(value, kind):
             return value
         if value is not None:
-            self._say((key,), f"must be a {'list' if kind is list else 'mapping'}")
+            self._add((key,), f"must be a {'list' if kind is list else 'mapping'}")
         elif key == "identities" and self.data:
-            self._say((key,), "is required: who was filmed")
+            self._add((key,), "is required: who was filmed")
         return empty
 
     def _unique(self, names: list[tuple[str, yaml_lines.Path]]) -> None:
@@ -271,9 +271,9 @@ class _Reader:
             other = seen.setdefault(name.casefold(), path)
             if other != path:
                 where = f"{yaml_lines.key_path(other)} (line {self.document.line(other)})"
-                self._say(path, f"the name {name!r} is taken by {where}")
+                self._add(path, f"the name {name!r} is taken by {where}")
 
-    def _say(self, path: yaml_lines.Path, message: str) -> None:
+    def _add(self, path: yaml_lines.Path, message: str) -> None:
         line = self.document.line(path)
         self.problems.append(Problem(line, yaml_lines.key_path(path), message))
 

@@ -1,4 +1,4 @@
-"""What a manifest is told beforehand of people learned by the `paper` preset: it is slow, and what
+"""What `plan` finds out about people learned by the `paper` preset: it is slow, and what
 it starts from. Loads no torch.
 """
 

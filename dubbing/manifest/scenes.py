@@ -38,14 +38,14 @@ def inspect_scene(
     assert dub.lines is not None
     film = film_of(findings, at, dub, identities)
     if not dub.lines.is_file():
-        findings.say((*at, "lines"), f"no such file: {dub.lines}")
+        findings.add((*at, "lines"), f"no such file: {dub.lines}")
         return
     if film is None or film.rate is None:
         return
     try:
         lines = _from_start(findings, dub, film, read_lines(dub.lines, film.rate, film.first_frame))
     except DubbingError as error:
-        findings.say((*at, "lines"), str(error))
+        findings.add((*at, "lines"), str(error))
         return
     scene = _Scene(findings, at, dub, film)
     for line in lines:
@@ -63,19 +63,19 @@ def film_of(
     people = {name: identities[name] for name in dub.people if name in identities}
     for name, identity in people.items():
         if dub.clip is None and len(identity.films) > 1:
-            findings.say((*at, "clip"), f"is required: {name} has {len(identity.films)} clips")
+            findings.add((*at, "clip"), f"is required: {name} has {len(identity.films)} clips")
             return None
         if dub.clip is not None and dub.clip not in identity.films:
-            findings.say((*at, "clip"), f"{dub.clip} is no clip of {name}")
+            findings.add((*at, "clip"), f"{dub.clip} is no clip of {name}")
             return None
     faceless = [name for name, identity in people.items() if not identity.face]
     if len(people) > 1 and faceless:
         message = "several people in a film need `face`, which says who is where"
-        findings.say((*at, "speakers"), f"{' and '.join(faceless)}: {message}")
+        findings.add((*at, "speakers"), f"{' and '.join(faceless)}: {message}")
         return None
     clips = [dub.clip or identity.clip for identity in people.values()]
     if len({*clips}) > 1:
-        findings.say((*at, "speakers"), f"{' and '.join(people)} are people of different clips")
+        findings.add((*at, "speakers"), f"{' and '.join(people)} are people of different clips")
         return None
     # Where the damaged clip is the one that somebody learns from, their own job says so.
     learned = {identity.clip for identity in people.values()}
@@ -103,11 +103,11 @@ class _Scene:
         if first >= self.film.frames or stop > self.film.frames + 1:
             end = f"the film is {self.film.duration:.2f} s long"
             times = f"{float(line.start):g} to {float(line.stop):g} s"
-            self.findings.say((*self.at, "lines"), f"{said} is at {times}: {end}")
+            self.findings.add((*self.at, "lines"), f"{said} is at {times}: {end}")
             return
         stop = min(stop, self.film.frames)
         if stop <= first:
-            self.findings.say((*self.at, "lines"), f"{said} is shorter than a frame")
+            self.findings.add((*self.at, "lines"), f"{said} is shorter than a frame")
             return
         identity = self._identity(line.speaker)
         if identity is None:
@@ -129,14 +129,14 @@ class _Scene:
         named, key = self.dub.audio, (*self.at, "audio")
         if isinstance(named, dict):
             if line.speaker not in named:
-                self.findings.say(key, f"has no sound of {line.speaker!r}")
+                self.findings.add(key, f"has no sound of {line.speaker!r}")
                 return None
             named = named[line.speaker]
         path = Path(CUE.sub(lambda m: str(line.number).zfill(int(m[1] or 1)), str(named)))
         sound = self.findings.look(path, key)
         if sound is None or sound.audio_rate is None:
             if sound is not None:
-                self.findings.say(key, f"no sound in {path}")
+                self.findings.add(key, f"no sound in {path}")
             return None
         if path == named:  # a track that runs beside the film
             start = float(first / self.rate)
@@ -156,40 +156,40 @@ class _Scene:
         for name in self.dub.speakers or {}:
             if name not in said:
                 message = f"does not speak in {self.dub.lines and self.dub.lines.name}; there is"
-                self.findings.say((*self.at, "speakers", name), f"{message} {there}")
+                self.findings.add((*self.at, "speakers", name), f"{message} {there}")
         for person in self.dub.people:
             own = sorted((c for c in self.cues if c.identity == person), key=lambda c: c.first)
             for cue, following in pairwise(own):
                 if following.first < cue.stop:
                     both = f"lines {cue.number} and {following.number} of {person} overlap"
-                    self.findings.say((*self.at, "lines"), f"{both}: nobody says two at a time")
-        self._say_some(self.too_long, "last longer than their cues", (
+                    self.findings.add((*self.at, "lines"), f"{both}: nobody says two at a time")
+        self._add_some(self.too_long, "last longer than their cues", (
             "lengthen the cues, shorten the recordings, or set on_longer_audio: cut"
         ))  # fmt: skip
-        self._say_some(self.unheard, "begin after the end of their sound", "give a longer track")
+        self._add_some(self.unheard, "begin after the end of their sound", "give a longer track")
 
-    def _say_some(self, lines: list[str], what: str, remedy: str) -> None:
+    def _add_some(self, lines: list[str], what: str, remedy: str) -> None:
         if lines:
             more = f" and {len(lines) - MOST_NAMED} more" if len(lines) > MOST_NAMED else ""
             named = ", ".join(lines[:MOST_NAMED]) + more
-            self.findings.say((*self.at, "audio"), f"lines {named} {what}: {remedy}")
+            self.findings.add((*self.at, "audio"), f"lines {named} {what}: {remedy}")
 
 
 def _keys(findings: Findings, at: KeyPath, dub: Dub) -> None:
     """Keys that have no meaning together."""
     if dub.identity is not None and dub.speakers is not None:
         message = "say either who speaks all lines, or which speaker is whom under speakers"
-        findings.say((*at, "identity"), message)
+        findings.add((*at, "identity"), message)
     for key in OF_ONE_SOUND:
         if key in dub.model_fields_set and getattr(dub, key):
-            findings.say((*at, key), "has no meaning beside lines, which say when is what")
+            findings.add((*at, key), "has no meaning beside lines, which say when is what")
     if dub.on_longer_audio in ("loop", "hold"):
         message = "a scene is as long as its film: cut or fail beside lines"
-        findings.say((*at, "on_longer_audio"), message)
+        findings.add((*at, "on_longer_audio"), message)
     if dub.frame != "full":
-        findings.say((*at, "frame"), "a scene is its whole film: full beside lines")
+        findings.add((*at, "frame"), "a scene is its whole film: full beside lines")
     if dub.audio_rate == "source":
-        findings.say((*at, "audio_rate"), "the sound of a scene is mixed at 48000")
+        findings.add((*at, "audio_rate"), "the sound of a scene is mixed at 48000")
 
 
 def without_lines(findings: Findings, at: KeyPath, dub: Dub) -> bool:
@@ -197,11 +197,11 @@ def without_lines(findings: Findings, at: KeyPath, dub: Dub) -> bool:
     before = len(findings.problems)
     for key in OF_SCENES:
         if getattr(dub, key) is not None:
-            findings.say((*at, key), "needs lines, which say who speaks when")
+            findings.add((*at, key), "needs lines, which say who speaks when")
     if dub.loudness != "none":
-        findings.say((*at, "loudness"), "needs lines, whose sound is mixed")
+        findings.add((*at, "loudness"), "needs lines, whose sound is mixed")
     if isinstance(dub.audio, dict) or CUE.search(str(dub.audio)):
-        findings.say((*at, "audio"), "several sounds need lines, which say who speaks when")
+        findings.add((*at, "audio"), "several sounds need lines, which say who speaks when")
     return len(findings.problems) == before
 
 

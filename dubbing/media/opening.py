@@ -36,7 +36,7 @@ Graph = Any
 
 
 def address(path: Path | str) -> str:
-    """What ffmpeg and PyAV are told for ``path``: a file, whatever its name looks like.
+    """What ffmpeg and PyAV are given for ``path``: a file, whatever its name looks like.
 
     Raises:
         MediaError: the path is no text.

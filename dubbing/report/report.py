@@ -23,9 +23,9 @@ from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
-from dubbing.peak_memory import peak_memory
 from dubbing.printable import visible
 from dubbing.report import lines
+from dubbing.report.peak_memory import peak_memory
 from dubbing.stages.tasks import SYNC_FILE
 
 MOST_POINTS = 400  # of a curve on the page

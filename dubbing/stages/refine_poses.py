@@ -67,7 +67,7 @@ def refined(
 
     Args:
         model: of the person; maps: its references.
-        progress: told a message and the share done.
+        progress: called with a message and the share done.
     """
     if not isinstance(model, FastModel):
         return clip

@@ -67,7 +67,7 @@ def render(
         out: folder.
         pose_index: (T,) frame of the clip each frame takes its pose from.
         device: auto, cpu or cuda.
-        progress: told a message and the share done.
+        progress: called with a message and the share done.
 
     Raises:
         CheckpointError: the model cannot be used.

@@ -1,6 +1,6 @@
 """What the members of the network look at: lip geometry, and the pixels of the mouth.
 
-Both are told by how they differ from their own mean over some seconds, so neither the person nor
+Both are taken as differences from their own mean over some seconds, so neither the person nor
 the light nor a slow change of pose matters.
 
 Letters: F frames, M mouth points, R rows and C columns of a crop, S = 2 M + R C values a frame.

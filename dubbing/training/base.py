@@ -57,7 +57,7 @@ def train_base(
             divides its 300k and 100k. The preset's by default.
         init: a base checkpoint to start from instead of random weights.
         hold_out: names of identities that are not learned from but measured on.
-        progress: told a message and the share done.
+        progress: called with a message and the share done.
 
     Raises:
         DubbingError: an unknown name is held out, or nobody is left to learn from.

@@ -82,9 +82,9 @@ def test_damaged_files_of_ours_do_not_end_a_run(
     planning.rows(build(load(path)))
     result, _ = dub(path, only=("bob_it",))
     assert (result.code, result.outcomes["dub/bob_it"].state) == (0, "made")
-    told = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert told["dubs"]["ann_it"]["sync"] is None
-    summary, curve = told["identities"]["ann"]["warnings"]
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["dubs"]["ann_it"]["sync"] is None
+    summary, curve = report["identities"]["ann"]["warnings"]
     assert "prepared clip holds something else" in summary
     assert "loss.csv: is no curve of a training" in curve
     result, _ = dub(path)  # all of it is made again

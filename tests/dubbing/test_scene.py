@@ -189,7 +189,7 @@ def test_processes_make_a_scene_with_the_same_bytes(
     assert (scene.parent / "out" / "it.mkv").read_bytes() == inline
 
 
-def test_a_lossy_codec_is_told_by_its_worst_frame(scene: Path) -> None:
+def test_a_lossy_codec_is_described_by_its_worst_frame(scene: Path) -> None:
     scene.write_text(scene.read_text().replace(", codec: ffv1", ""))
     dub(scene)
     work = scene.parent / "out" / "work" / "dubs" / "it"

@@ -89,7 +89,7 @@ def build_corpus(
         recordings: sounds or videos of people, one each, for the teacher alone.
         amounts: how much each voice speaks.
         seed: of texts, rates and pitches.
-        progress: told a message and the share done.
+        progress: called with a message and the share done.
 
     Raises:
         TrainingError: a synthesiser or the teacher is missing.
@@ -120,7 +120,7 @@ def spoken_part(voice: Voice, seconds: float, seed: int) -> list[Utterance]:
     made, length = [], 0.0
     while length < seconds:
         text = sentence(voice.language, rng, int(rng.integers(5, 15)))
-        spoken = synthesis.say(voice, text, rng)
+        spoken = synthesis.speak(voice, text, rng)
         made.append(utterance(spoken))
         length += len(spoken.samples) / SAMPLE_RATE
     return made

@@ -133,7 +133,7 @@ def phone_errors(weights: Path | None = None) -> str:
         rng = np.random.default_rng(99)
         wrong = total = 0
         for _ in range(SENTENCES):
-            said = synthesis.say(speaker, sentence(speaker.language, rng, 10), rng)
+            said = synthesis.speak(speaker, sentence(speaker.language, rng, 10), rng)
             spectra = listening.spectra_of([said.samples])
             found = listening.hear(model.network, spectra, lambda outputs: outputs.phones).argmax(1)
             truth = classes_at_steps(said.phones or [], len(found))

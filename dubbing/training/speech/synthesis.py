@@ -68,7 +68,7 @@ def available(voice: Voice) -> bool:
     return True
 
 
-def say(voice: Voice, text: str, rng: np.random.Generator) -> Spoken:
+def speak(voice: Voice, text: str, rng: np.random.Generator) -> Spoken:
     """Speaks `text` at a random rate and pitch.
 
     Raises:

@@ -49,8 +49,8 @@ def train_network(
     batches = Batches(parts, np.random.default_rng(settings.seed))
     optimiser = torch.optim.AdamW(network.parameters(), lr=RATE, weight_decay=DECAY)
     rates = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, settings.steps, pct_start=WARM_UP)
-    told = asdict(settings) | {"parts": [part.name for part in parts]}
-    first = _restore(resume / STATE, told, network, optimiser, rates, batches)
+    about = asdict(settings) | {"parts": [part.name for part in parts]}
+    first = _restore(resume / STATE, about, network, optimiser, rates, batches)
     network.train()
     for step in range(first, settings.steps):
         batch = batches.draw()
@@ -69,14 +69,14 @@ def train_network(
             loss_text = ", ".join(f"{part.item():.3f}" for part in each)
             progress(f"step {done} of {settings.steps}: {loss_text}", done / settings.steps)
         if done % SAVED_EVERY == 0 and done < settings.steps:
-            _save(resume / STATE, told, done, network, optimiser, rates, batches)
+            _save(resume / STATE, about, done, network, optimiser, rates, batches)
     shutil.rmtree(resume, ignore_errors=True)
     return network.eval()
 
 
 def _save(
     file: Path,
-    told: dict[str, Any],
+    about: dict[str, Any],
     step: int,
     network: AcousticNetwork,
     optimiser: torch.optim.Optimizer,
@@ -85,7 +85,7 @@ def _save(
 ) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     state = {
-        "told": told,
+        "about": about,
         "step": step,
         "network": network.state_dict(),
         "optimiser": optimiser.state_dict(),
@@ -99,7 +99,7 @@ def _save(
 
 def _restore(
     file: Path,
-    told: dict[str, Any],
+    about: dict[str, Any],
     network: AcousticNetwork,
     optimiser: torch.optim.Optimizer,
     rates: torch.optim.lr_scheduler.LRScheduler,
@@ -109,7 +109,7 @@ def _restore(
     if not file.exists():
         return 0
     state = torch.load(file, weights_only=True)
-    if state["told"] != told:
+    if state["about"] != about:
         raise TrainingError(
             "an interrupted training with other settings lies here",
             str(file.parent),
@@ -138,7 +138,7 @@ def train_speech(
         out: the weights. Beside it, OUT.resume holds the state of an interrupted run.
         corpus: folder for sounds and what is known of them; what lies there is used again.
         settings: see `SpeechTraining`.
-        progress: told a message and the share done of the step at hand.
+        progress: called with a message and the share done of the step at hand.
 
     Returns:
         what the weights' header says of them.

@@ -100,7 +100,7 @@ def test_speech_then_heads(
     np.testing.assert_array_equal(work.call_args[1]["pose_index"], [*range(30), *range(28, 18, -1)])
 
 
-def test_check_is_told_the_sources_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_check_reads_the_sources_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 
     import dubbing.sync.check  # noqa: F401 (to be found in sys.modules)

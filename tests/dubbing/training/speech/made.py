@@ -21,7 +21,7 @@ def posteriors(samples: np.ndarray) -> np.ndarray:
 
 @lru_cache
 def spoken(text: str = "a map of seven moons") -> synthesis.Spoken:
-    return synthesis.say(synthesis.espeak_voice("en-us"), text, np.random.default_rng(0))
+    return synthesis.speak(synthesis.espeak_voice("en-us"), text, np.random.default_rng(0))
 
 
 def utterance() -> Utterance:

@@ -25,7 +25,7 @@ def test_an_utterance_covers_its_sound() -> None:
     assert 0.3 < (made.classes > 0).mean() < 1
 
 
-def test_untold_phones_are_marked() -> None:
+def test_unknown_phones_are_marked() -> None:
     made = corpus.untaught(synthesis.Spoken(spoken().samples, None))
     assert (made.classes == -1).all()
     assert np.isnan(made.lips).all()
@@ -59,7 +59,7 @@ def test_without_flite_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("language", ["cmn", "hi", "ru", "vi"])
 def test_languages_are_spoken(language: str) -> None:
     rng = np.random.default_rng(1)
-    said = synthesis.say(synthesis.espeak_voice(language), sentence(language, rng, 4), rng)
+    said = synthesis.speak(synthesis.espeak_voice(language), sentence(language, rng, 4), rng)
     assert len(said.samples) > 8000
     assert said.phones is not None
     assert len(said.phones) > 5
