@@ -1,0 +1,104 @@
+"""Commands for researchers: held-out figures, and checkpoints of the published code."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dubbing import packages
+from dubbing.cli.arguments import (
+    Device,
+    ManifestPath,
+    Only,
+    checked_device,
+    checked_output,
+    checked_seconds,
+)
+from dubbing.errors import DubbingError
+from dubbing.printable import visible
+
+
+def evaluate(
+    manifest: ManifestPath,
+    method: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--method",
+            help="dfrf, dfrf-nowarp, dfrf-alone (no base), dfrf-1, -2, -4 or -6 (so many "
+            "references, always the same), paper, ad-nerf or nerf; may be repeated.",
+        ),
+    ] = None,
+    only: Only = None,
+    protocol: Annotated[
+        str,
+        typer.Option(
+            "--protocol",
+            help="p15 (own pictures), p15x (the speech over pictures from elsewhere, as in a dub) "
+            "or both.",
+        ),
+    ] = "both",
+    seconds: Annotated[
+        float | None,
+        typer.Option(min=0.1, help="Test so many seconds of what is held out, its first."),
+    ] = None,
+    every: Annotated[
+        int,
+        typer.Option(
+            min=1,
+            help="P15 renders and compares one frame of so many; then nothing is said of how the "
+            "mouth moves. P15x takes all frames.",
+        ),
+    ] = 1,
+    lpips_weights: Annotated[
+        Path | None,
+        typer.Option(
+            "--lpips-weights",
+            exists=True,
+            dir_okay=False,
+            help="The weights of torchvision's AlexNet: measures LPIPS, too.",
+        ),
+    ] = None,
+    device: Device = "auto",
+) -> None:
+    """Held-out metrics of every identity, into OUTPUT/evaluate.json."""
+    packages.require()
+    from dubbing.cli import console, live
+    from dubbing.lab.evaluation import evaluate as work
+    from dubbing.manifest.manifest import load
+
+    loaded = load(manifest)
+    with live.progress_bar("evaluate") as progress:
+        found = work(
+            loaded,
+            methods=tuple(method or ("dfrf",)),
+            only=tuple(only or ()),
+            protocol=protocol,
+            seconds=checked_seconds(seconds),
+            every=every,
+            lpips_weights=lpips_weights,
+            device=checked_device(device),
+            progress=progress,
+        )
+    console.metrics(found)
+
+
+def import_checkpoint(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE", exists=True, dir_okay=False, help="A checkpoint of the paper's code."
+        ),
+    ],
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="The safetensors file to write.")],
+) -> None:
+    """Read a checkpoint of the published code into ours."""
+    from dfrf.checkpoint import CheckpointError
+    from dfrf.published.importing import import_checkpoint as work
+
+    try:
+        work(file, checked_output(out, file))
+    except CheckpointError as error:
+        raise DubbingError(str(error)) from error
+    typer.echo(visible(f"wrote {out}"))
