@@ -25,7 +25,7 @@ from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import cropping
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from dubbing.stages import composite
+from dubbing.stages import composer
 from dubbing.stages import render as heads
 from dubbing.stages.refine_poses import refined
 from dubbing.sync.network import load_network
@@ -164,12 +164,12 @@ def dubbed(
         for start in range(first, first + count, AT_ONCE):
             stop = min(start + AT_ONCE, first + count)
             rendered = heads.frames(person, maps, posed, speech, index, start, stop)
-            sources = composite.read_source(clip, index[start:stop], "full")
+            sources = composer.read_source(clip, index[start:stop], "full")
             for k, (colour, opacity), source in zip(
                 index[start:stop].tolist(), rendered, sources, strict=True
             ):
                 *_, whole = source
                 assert whole is not None  # it was asked for
                 head, seen = heads.to_rgba(colour, opacity), float(clip.valid[k])
-                frame = composite.with_faces(whole, [composite.Face(clip, source, head, seen)], k)
+                frame = composer.with_faces(whole, [composer.Face(clip, source, head, seen)], k)
                 yield cropping.crop(frame, clip.crop[k], clip.size), source[0], k

@@ -195,7 +195,8 @@ class Composite:
     mark: Marking | None
 
     def __call__(self, out: Path, progress: Progress) -> None:
-        from dubbing.stages.composite import Heads, SceneSound, Sound, VideoSettings, make
+        from dubbing.stages.composer import Heads, VideoSettings
+        from dubbing.stages.composite import SceneSound, Sound, make
 
         dub, scene = self.dub, self.scene
         clips = {h.prepared: h.prepared.load() for h in self.heads}

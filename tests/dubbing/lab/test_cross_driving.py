@@ -16,7 +16,7 @@ from dubbing.lab.cross_driving import measure_dub, pictures, unlearned
 from dubbing.media import read_frames
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from dubbing.stages import composite
+from dubbing.stages import composer
 from dubbing.stages import render as heads
 from tests import clips
 from tests.dfrf.people import small_config
@@ -135,10 +135,10 @@ def test_frames_go_through_the_compositor_of_a_dub(
     assert asked == [7, 8, 9, 10, 11, 0, 1]
     assert [index for _, _, index in found] == under.tolist()
     for k, (dub, film, index) in zip([7, 8, 9, 10, 11, 0, 1], found, strict=True):
-        (source,) = composite.read_source(clip, np.array([index]), "full")
+        (source,) = composer.read_source(clip, np.array([index]), "full")
         assert source[3] is not None
-        face = composite.Face(clip, source, to_rgba(k, 0), 1.0)
-        whole = composite.with_faces(source[3], [face], index)
+        face = composer.Face(clip, source, to_rgba(k, 0), 1.0)
+        whole = composer.with_faces(source[3], [face], index)
         x0, y0, side = (int(v) for v in clip.crop[index])
         assert np.array_equal(dub, whole[y0 : y0 + side, x0 : x0 + side])
         assert np.array_equal(film, source[0])

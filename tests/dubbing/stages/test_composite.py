@@ -13,16 +13,10 @@ from dubbing import media
 from dubbing.errors import RenderingError
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance.mark_key import marking
+from dubbing.stages import composer
 from dubbing.stages import composite as video
-from dubbing.stages.composite import (
-    Heads,
-    Sound,
-    VideoSettings,
-    make,
-    read_heads,
-    read_source,
-    verify,
-)
+from dubbing.stages.composer import Heads, VideoSettings, read_heads, read_source
+from dubbing.stages.composite import Sound, make, verify
 from dubbing.timeline import frame_count
 from tests import clips, fakes
 
@@ -93,7 +87,7 @@ def test_long_backward_runs_are_read_in_pieces(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
 
-    monkeypatch.setattr(video, "BACKWARDS", 3)
+    monkeypatch.setattr(composer, "BACKWARDS", 3)
     clip = PreparedClip.load(scene.prepared)
     poses = np.array([11, 10, 9, 8, 7, 6, 5, 4, 3, 2])
     seen = []
