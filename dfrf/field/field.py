@@ -33,7 +33,7 @@ DENSITY_SCALE = 25.0
 
 # F~ of M points, the colour that the references blend to, and the warp of each reference.
 Fused = tuple[Float[Tensor, "M O"], Float[Tensor, "M 3"], Float[Tensor, "n M 2"]]
-FusedSome = tuple[Float[Tensor, "k O"], Float[Tensor, "k 3"], Float[Tensor, "m k 2"]]  # of k
+FusedSome = tuple[Float[Tensor, "k O"], Float[Tensor, "k 3"], Tensor]  # of k of them
 
 
 @dataclass(frozen=True)
@@ -102,29 +102,34 @@ class Field(nn.Module):
         self.colour = nn.Linear(64, 4)
         nn.init.zeros_(self.density.bias)
 
-    def sample_references(
+    def locate(
         self,
         query: FieldQuery,
         maps: ReferenceMaps,
         which: slice,
         conditioning: Float[Tensor, "F K"],
         warp: bool,
-        moved: Float[Tensor, "n M 2"] | None = None,
-    ) -> Fused:
-        """Equations (1), (3) and (4), and the aggregation: what n of the views show of points.
-
-        `moved` is how far beside their projection, pixels.
-        """
+    ) -> tuple[Float[Tensor, "n M 2"], Float[Tensor, "n M 2"]]:
+        """Equations (1), (3) and (4): where n of the views show points, pixels, and the warp."""
         views = maps.views
         projected = views.project(query.points, which, query.lifts(views, which))
-        if moved is not None:
-            projected = projected + moved
         offset = torch.zeros_like(projected)
         if warp and self.config.use_warp:
             at_pixel = maps.read_nearest(projected, which)
             offset = self.warp(query.encoded, conditioning, query.belongs, at_pixel)
-        feature = maps.read_bilinear(warped(projected, offset, views.scale), which)
-        towards = views.direction_differences(query.points, query.directions, which)
+        return warped(projected, offset, views.scale), offset
+
+    def aggregate(
+        self,
+        query: FieldQuery,
+        maps: ReferenceMaps,
+        which: slice,
+        conditioning: Float[Tensor, "F K"],
+        positions: Float[Tensor, "n M 2"],
+    ) -> tuple[Float[Tensor, "M O"], Float[Tensor, "M 3"], Float[Tensor, "n M"]]:
+        """F~ of points that n of the views show at positions, their colour, and blend weights."""
+        feature = maps.read_bilinear(positions, which)
+        towards = maps.views.direction_differences(query.points, query.directions, which)
         fused, weight = self.aggregation(
             feature,
             towards.to(feature.dtype),
@@ -133,7 +138,32 @@ class Field(nn.Module):
             conditioning,
             query.belongs,
         )
-        return fused, (weight[..., None] * feature[..., COLOUR].float()).sum(0), offset
+        return fused, (weight[..., None] * feature[..., COLOUR].float()).sum(0), weight
+
+    def sample_references(
+        self,
+        query: FieldQuery,
+        maps: ReferenceMaps,
+        which: slice,
+        conditioning: Float[Tensor, "F K"],
+        warp: bool,
+    ) -> Fused:
+        """What n of the views show of points."""
+        positions, offset = self.locate(query, maps, which, conditioning, warp)
+        fused, colour, _ = self.aggregate(query, maps, which, conditioning, positions)
+        return fused, colour, offset
+
+    def sample_mouths(
+        self, query: FieldQuery, mouths: ChosenMouths, conditioning: Float[Tensor, "F K"]
+    ) -> tuple[Float[Tensor, "M O"], Float[Tensor, "M 3"], Float[Tensor, "n M"]]:
+        """What n views of mouths show of points, and their blend weights.
+
+        Their motion is measured and stands in for what D_eta has to guess.
+        """
+        maps, which = mouths.maps, mouths.maps.views.faces
+        positions, _ = self.locate(query, maps, which, conditioning, False)
+        positions = positions + mouths.moved(query.points)
+        return self.aggregate(query, maps, which, conditioning, positions)
 
     def fuse_references(
         self,
@@ -163,12 +193,7 @@ class Field(nn.Module):
             for frame, mouths in enumerate(maps.chosen):
                 at, weight = weighty(near, share[near] * query.belongs[near, frame])
                 if len(at):
-                    some, crops = query.only(at, lids=False), mouths.maps
-                    # Their motion is measured and stands in for what D_eta has to guess.
-                    mouth = self.sample_references(
-                        *(some, crops, crops.views.faces, conditioning, False),
-                        moved=mouths.moved(some.points),
-                    )
+                    mouth = self.sample_mouths(query.only(at, lids=False), mouths, conditioning)
                     seen = mixed(seen, mouth, at, weight)
         return seen
 

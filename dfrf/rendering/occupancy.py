@@ -62,16 +62,6 @@ class OccupancyGrid(nn.Module):
                 high[axis] += cell[axis] * (open_cells[-1] + 1)
         return low, high
 
-    def near_open(self) -> Bool[Tensor, "G G G"]:
-        """Cells that are open or touch an open one."""
-        near = self.occupied.clone()
-        for axis in range(3):
-            before = near.clone()
-            last = self.resolution - 1
-            near.narrow(axis, 1, last).logical_or_(before.narrow(axis, 0, last))
-            near.narrow(axis, 0, last).logical_or_(before.narrow(axis, 1, last))
-        return near
-
     @torch.no_grad()
     def start_from(self, keep: Bool[Tensor, "*C"]) -> None:
         """Opens exactly the cells of `keep`, G**3 of them."""

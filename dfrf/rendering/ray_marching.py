@@ -1,6 +1,6 @@
 """Marching rays through the occupancy grid: ragged samples, packed into one list.
 
-R rays, S candidate steps a ray, M kept samples (M << R * S). A group is a few neighbouring rays.
+R rays, S candidate steps a ray, M kept samples (M << R * S), K candidates inside the box.
 """
 
 from __future__ import annotations
@@ -8,8 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import torch
-import torch.nn.functional as F
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from dfrf.cameras import Rays
@@ -75,15 +74,11 @@ class Search:
 
     Attributes:
         jitter: 0..1, shifts the samples of each ray by that part of a step; None is 0.5.
-        group: so many rays in turn lie within one cell of their mean everywhere. They are looked
-            at one by one only where the mean passes near an open cell: the samples are the same,
-            found in a fraction of the time.
         between: from which to which distance along each ray to look; None for as far as the grid
-            reaches. One ray of each group at least has a finite part.
+            reaches.
     """
 
     jitter: Float[Tensor, " R"] | None = None
-    group: int = 1
     between: tuple[Float[Tensor, " R"], Float[Tensor, " R"]] | None = None
 
 
@@ -108,7 +103,7 @@ def search_interval(
     """From where to where along each ray to look: inside the grid's box and the search's part.
 
     The first is a whole number of steps from the camera, so where samples lie depends neither on
-    the box nor on the group.
+    the box nor on the part.
     """
     enter, leave = box_interval(rays.origins, rays.directions, *grid.bounds())
     if search.between is not None:
@@ -116,24 +111,6 @@ def search_interval(
         enter = torch.maximum(enter, search.between[0] - step / 4)
         leave = torch.minimum(leave, search.between[1] + step / 4)
     return (enter / step).floor() * step, leave
-
-
-def slots_of(
-    keep: Bool[Tensor, "K G"], owner: Int[Tensor, " K"], groups: int
-) -> Int[Tensor, "K G"]:
-    """How many samples each ray has kept before each candidate.
-
-    All that rays of its place in a group have kept so far, less what they had before its group
-    began.
-
-    Args:
-        keep: whether a candidate step is kept, for each ray of its group.
-        owner: rising, the group of each candidate step.
-        groups: number of groups.
-    """
-    so_far = F.pad(keep.long().cumsum(0), (0, 0, 1, 0))
-    begins = torch.searchsorted(owner, torch.arange(groups, device=owner.device))
-    return so_far[:-1] - so_far[begins[owner]]
 
 
 def march(
@@ -147,39 +124,42 @@ def march(
         config: step and the largest number of samples a ray.
         search: where along the rays to look.
     """
-    search = search or Search()
-    group, groups = search.group, rays.origins.shape[0] // search.group
+    search, count = search or Search(), rays.origins.shape[0]
     jitter = search.jitter
     if jitter is None:
-        jitter = rays.origins.new_full((rays.origins.shape[0],), 0.5)
+        jitter = rays.origins.new_full((count,), 0.5)
     enter, leave = search_interval(rays, grid, config.step, search)
-    starts = enter.view(groups, group)
-    enter = starts.amin(1)
-    leave = leave.view(groups, group)
-    span = (leave.amax(1) - enter).amax().clamp_min(0) if groups else enter.new_zeros(())
-    steps = int(torch.ceil(span / config.step).item())
-    o, d = rays.origins.view(groups, group, 3), rays.directions.view(groups, group, 3)
-    phase = jitter.view(groups, group)
-    offsets = torch.arange(steps, device=o.device, dtype=o.dtype)
-    along = enter[:, None] + (offsets[None] + phase.mean(1)[:, None]) * config.step
-    mean = o.mean(1)[:, None] + along[..., None] * d.mean(1)[:, None]
-    near = grid.near_open() if group > 1 else grid.occupied
-    may = near.view(-1)[grid.cell(mean)[0]] & (along < leave.amax(1)[:, None])
-    owner, step = may.nonzero(as_tuple=True)
-    distance = enter[owner, None] + (step[:, None] + phase[owner]) * config.step
-    points = o[owner] + distance[..., None] * d[owner]
+    span = (leave - enter).amax().clamp_min(0) if count else enter.new_zeros(())
+    steps = torch.arange(int(torch.ceil(span / config.step).item()), device=enter.device)
+    along = enter[:, None] + (steps + jitter[:, None]) * config.step
+    ray, step = (along < leave[:, None]).nonzero(as_tuple=True)
+    distance = along[ray, step]
+    points = rays.origins[ray] + distance[:, None] * rays.directions[ray]
     flat, inside = grid.cell(points)
-    keep = inside & grid.occupied.view(-1)[flat] & (distance < leave[owner])
-    keep &= distance > starts[owner]
-    slot = slots_of(keep, owner, groups)
-    keep &= slot < config.max_samples
-    row, member = keep.nonzero(as_tuple=True)
-    kept_slot = slot[row, member]
+    kept = (inside & grid.occupied.view(-1)[flat]).nonzero()[:, 0]
+    kept, slot = first_of_each(kept, ray[kept], count, config.max_samples)
     return PackedSamples(
-        points=points[row, member],
-        ray=owner[row] * group + member,
-        slot=kept_slot,
-        distance=distance[row, member],
-        slots=int(kept_slot.max().item()) + 1 if kept_slot.numel() else 1,
-        rays=rays.origins.shape[0],
+        points=points[kept],
+        ray=ray[kept],
+        slot=slot,
+        distance=distance[kept],
+        slots=int(slot.max().item()) + 1 if slot.numel() else 1,
+        rays=count,
     )
+
+
+def first_of_each(
+    kept: Int[Tensor, " K"], ray: Int[Tensor, " K"], rays: int, most: int
+) -> tuple[Int[Tensor, " M"], Int[Tensor, " M"]]:
+    """The first `most` candidates of each ray, and how many each has before it on its ray.
+
+    Args:
+        kept: candidates.
+        ray: rising, the ray of each.
+        rays: R.
+        most: samples a ray.
+    """
+    begins = torch.searchsorted(ray, torch.arange(rays, device=ray.device))
+    slot = torch.arange(len(kept), device=ray.device) - begins[ray]
+    few = (slot < most).nonzero()[:, 0]
+    return kept[few], slot[few]

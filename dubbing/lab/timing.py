@@ -24,9 +24,10 @@ from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
 from dfrf.field.speaker_adaptation import REACH
 from dfrf.presets import method_of
 from dfrf.published.model import PaperModel, References
-from dfrf.rendering.frame_renderer import head_tiles, render_frame, tile_side
+from dfrf.rendering.frame_renderer import BLOCK, head_blocks, render_frame
+from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.pose_refinement import normal_equations
-from dfrf.rendering.ray_marching import Search, march
+from dfrf.rendering.ray_marching import march
 from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import FitOptions, fit
 from dubbing.compositing.composite import replacement
@@ -150,16 +151,14 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
         windows, scene.predicted_lips(frame), scene.upper(frame)
     )
     volume = model.volume(conditioning, scene.maps)
-    side = tile_side(grid, camera)
-    pixels = head_tiles(grid, camera, side).view(-1)
+    pixels = head_pixels(grid, camera)
     rays = scene.rays(frame, pixels)
-    search = Search(group=side * side)
-    samples = march(rays, grid, settings, search)
+    samples = march(rays, grid, settings)
     found = samples.points.shape[0]
     field = volume.field.seen_from(camera.c2w[:, 3])
     note("speech code", lambda: model.field.conditioning.speech_codes(windows))
-    note("project the grid", lambda: head_tiles(grid, camera, side), pixels.numel(), "rays")
-    note("march", lambda: march(rays, grid, settings, search), found, "samples")
+    note("project the grid", lambda: head_blocks(grid, camera), pixels.numel(), "rays")
+    note("march", lambda: march(rays, grid, settings), found, "samples")
     note("field, every sample", lambda: evaluate(field, samples, rays), found, "samples")
     note("head, what is seen", lambda: render_frame(volume, camera), pixels.numel(), "rays")
     landmarks = scene.clip.landmarks[frame]
@@ -174,6 +173,12 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     head = heads.to_rgba(*whole)
     note("composite", lambda: replacement(image, matte, background, head, landmarks))
     return rows
+
+
+def head_pixels(grid: OccupancyGrid, camera: Camera) -> Tensor:
+    """Row-major pixels (P,) that open cells can cover."""
+    blocks = head_blocks(grid, camera).repeat_interleave(BLOCK, 0).repeat_interleave(BLOCK, 1)
+    return blocks[: camera.size, : camera.size].flatten().nonzero()[:, 0]
 
 
 def scene_arguments(
@@ -204,7 +209,7 @@ def paper_row(scene: Scene) -> Row:
     model = PaperModel().to(device).eval().requires_grad_(False)
     maps = model.encode(whole_faces(scene.maps.views, scene.model.config.field.references))
     frame = scene.frames[0]
-    head = head_tiles(scene.model.grid, scene.camera(frame), 1).view(-1)
+    head = head_pixels(scene.model.grid, scene.camera(frame))
     pixels = head[torch.linspace(0, head.numel() - 1, PAPER_RAYS, device=device).long()]
     rays = scene.rays(frame, pixels)
     near, far = float(scene.clip.near), float(scene.clip.far)

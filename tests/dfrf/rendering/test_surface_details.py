@@ -1,0 +1,54 @@
+"""What references show of a surface without the field: the same as the field looks up there."""
+
+import torch
+
+from dfrf import device
+from dfrf.fast.method import FastMethod
+from dfrf.field import eyelid_deformation
+from dfrf.field.field import ConditionedField
+from dfrf.rendering.surface_details import SurfaceDetails
+from tests.dfrf.people import person, random_model, small_config
+
+CODE = small_config().field.code_dim
+
+
+def details_with_mouths() -> tuple[SurfaceDetails, ConditionedField]:
+    """Of a random model that also looks at views of mouths."""
+    model, _ = random_model()
+    method = FastMethod(model)
+    maps = method.maps(method.reference_views(person(), torch.tensor([0, 5])))
+    conditioning = 0.3 * torch.randn(1, model.config.field.cond_dim)
+    field = ConditionedField(model.field, conditioning, maps).seen_from(torch.tensor([0, 0, 7.0]))
+    details = SurfaceDetails.of(field)
+    assert details is not None
+    return details, field
+
+
+@torch.no_grad()
+def test_colours_at_anchors_are_those_that_the_field_blends() -> None:
+    details, field = details_with_mouths()
+    points = 0.3 * torch.randn(200, 3) + torch.tensor([0, -0.2, 0.8])
+    directions = torch.nn.functional.normalize(points - torch.tensor([0, 0, 7.0]), dim=-1)
+    share = details.mouth_share(points)
+    assert 20 < (share > 0).sum() < 180
+    anchors = details.anchors(points, directions)
+    assert anchors.shape == (200, details.anchor_count)
+    frame, eyes = torch.zeros(200).long(), details.maps.views.eyes
+    with device.arithmetic(points.device):
+        query, _ = field.field.query(points, directions, frame, field.conditioning, eyes)
+        resting = eyelid_deformation.with_eyelids_at_rest(field.conditioning, CODE)
+        _, blended, _ = field.field.fuse_references(query, details.maps, resting, True)
+    brows_and_lids = (query.brow_weights.amax(1) > 0).index_fill(0, query.at_eyes, True)
+    same = ~brows_and_lids
+    assert same.sum() > 50
+    shown = details.colours(points, anchors)
+    torch.testing.assert_close(shown[same], blended[same], rtol=0, atol=2e-3)
+    # The mouth views take part: without them, other colours.
+    faces = details.colours(points, anchors * (torch.arange(details.anchor_count) < 6))
+    assert (faces - shown)[share > 0.5].abs().max() > 0.02
+
+
+def test_a_field_without_references_has_no_details() -> None:
+    model, _ = random_model()
+    conditioning = torch.zeros(1, model.config.field.cond_dim)
+    assert SurfaceDetails.of(ConditionedField(model.field, conditioning, None)) is None
