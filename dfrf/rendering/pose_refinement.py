@@ -2,10 +2,11 @@
 
 Poses of `prepare` come from the skin of the face and the outline of the head, by way of a mean
 face. A learned head knows its own hair, ears and depth: where it is rendered beside the picture,
-the pose is wrong. One Gauss-Newton step at a time, as in iNeRF (Yen-Chen et al. 2021), but with
-differences in place of gradients: six more renderings of a thousand rays.
+the pose is wrong. One Gauss-Newton step at a time, as in iNeRF (Yen-Chen et al. 2021), but without
+gradients through the field: how the picture changes from pixel to pixel, and where a small motion
+of the head takes what each pixel sees, say how the picture changes with the pose.
 
-B rays. A correction is a rotation vector in radians about the head's origin and a shift in
+B pixels. A correction is a rotation vector in radians about the head's origin and a shift in
 head units, both in the head frame, by which the camera moves.
 """
 
@@ -18,11 +19,12 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from dfrf.cameras import Rays, pixel_rays
+from dfrf.cameras import Rays, pixel_rays, project
 from dfrf.rendering.volume_rendering import Volume, render_rays
 
-# A third of a pixel or so at the rim of a head of 300 px: beyond rounding, within the detail.
-STEPS = (0.004, 0.004, 0.004, 0.004, 0.004, 0.006)
+APART = 0.5  # px between the rays whose difference is the slope of the picture
+STEP = 1e-3  # of a correction, whose effect on where a point is seen is nearly linear
+SEEN = 0.1  # opacity of three rays together from which they see the head
 OUTLIER = 0.2  # colour distance at which a residual counts for a quarter
 
 
@@ -82,22 +84,39 @@ def normal_equations(
     """
     if not len(observation.pixels):
         return c2w.new_zeros(6, 6), c2w.new_zeros(6)
-    steps = torch.diag(c2w.new_tensor(STEPS))
-    cameras = moved(c2w, torch.cat([torch.zeros_like(steps[:1]), steps]))
     count = len(observation.pixels)
+    beside = APART * c2w.new_tensor([[[0.0, 0.0]], [[1.0, 0.0]], [[0.0, 1.0]]])
     origins, directions = pixel_rays(
-        cameras[:, None], observation.focal, observation.centre, observation.pixels
+        c2w, observation.focal, observation.centre, observation.pixels + beside
     )
     rays = Rays(
         origins.reshape(-1, 3),
         F.normalize(directions, dim=-1).reshape(-1, 3),
-        torch.zeros(7 * count, dtype=torch.long, device=c2w.device),
+        torch.zeros(3 * count, dtype=torch.long, device=c2w.device),
     )
     rendered = render_rays(volume, rays)
-    behind = (1 - rendered.opacity).view(7, count, 1) * observation.background
-    pictures = rendered.colour.view(7, count, 3) + behind
+    opacity = rendered.opacity.view(3, count)
+    behind = (1 - opacity[..., None]) * observation.background
+    pictures = rendered.colour.view(3, count, 3) + behind
+    slope = (pictures[1:] - pictures[0]) / APART
+    # At the rim one of the three may see nothing: the others say how far away the head is.
+    seen = opacity.sum(0)
+    depth = rendered.depth.view(3, count).sum(0) / seen.clamp_min(SEEN)
+    points = rays.origins[:count] + depth[:, None] * rays.directions[:count]
+    motion = point_motion(points, observation, c2w) * (seen > SEEN)[:, None]
+    # What moves by d is seen where the picture showed what lies d before it.
+    jacobian = -(motion.unsqueeze(-1) * slope.movedim(0, 1)).sum(2).flatten(1)
     residual = pictures[0] - observation.colour
-    jacobian = ((pictures[1:] - pictures[0]) / steps.diagonal()[:, None, None]).flatten(1)
     weight = (1 + (residual.norm(dim=-1, keepdim=True) / OUTLIER) ** 2) ** -2
     weighted = jacobian * weight.expand(count, 3).reshape(-1)
     return weighted @ jacobian.T, -weighted @ residual.reshape(-1)
+
+
+def point_motion(
+    points: Float[Tensor, "B 3"], observation: PoseObservation, c2w: Float[Tensor, "3 4"]
+) -> Float[Tensor, "6 B 2"]:
+    """How far points of the head move in the picture for each number of a correction, px."""
+    steps = STEP * torch.eye(6, device=c2w.device)
+    cameras = moved(c2w, torch.cat([torch.zeros_like(steps[:1]), steps]))
+    places = project(points, cameras, observation.focal, observation.centre[None])
+    return (places[1:] - places[0]) / STEP
