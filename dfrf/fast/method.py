@@ -24,7 +24,6 @@ from dfrf.field import brow_deformation, eyelid_deformation
 from dfrf.field.field import ConditionedField
 from dfrf.field.mouth_views import MOUTHS, TURN, MouthViews, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
-from dfrf.field.sharpening import unsharp
 from dfrf.field.speaker_adaptation import REACH
 from dfrf.method import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame
@@ -221,8 +220,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
             camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)
             region = None if inputs.regions is None else inputs.regions[t]
             volume = model.volume(conditioning[t : t + 1], maps)
-            colour, opacity = render_frame(volume, camera, region)
-            return unsharp(colour, opacity), opacity
+            return render_frame(volume, camera, region)
 
         with Workers(inputs.c2w.device, FRAMES_AT_ONCE) as workers:
             yield from workers.map(one, range(inputs.c2w.shape[0]))

@@ -276,6 +276,9 @@ class Field(nn.Module):
         if maps is None:
             return FieldOutput(density, own, offset)
         gate = (raw[..., 3:] + 2).sigmoid()
+        if maps.views.mouths is not None and maps.chosen:
+            # A colour of the field's own is soft, which costs less than teeth in a wrong place.
+            gate = torch.lerp(gate, gate.new_ones(()), maps.views.mouths.share(points)[:, None])
         return FieldOutput(density, gate * blended + (1 - gate) * own, offset)
 
 

@@ -1,6 +1,6 @@
 """Sharpening: what a kernel takes back of a blur whose spread is known.
 
-N images of H x W pixels, S the side of a rendered picture in pixels.
+N images of H x W pixels.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 BILINEAR_SPREAD = 1 / 3  # px^2 along an axis, by which references are blurred on their way
-HEAD_SPREAD = 0.2  # px^2 along an axis, by which a rendered head is softer than film
 
 
 def sharpened(
@@ -32,19 +31,3 @@ def sharpened(
     kernel = torch.outer(line, line).expand(3, 1, 3, 3)
     padded = F.pad(images.permute(0, 3, 1, 2), (1, 1, 1, 1), mode="replicate")
     return F.conv2d(padded, kernel, groups=3).permute(0, 2, 3, 1)
-
-
-def unsharp(
-    colour: Float[Tensor, "S S 3"], opacity: Float[Tensor, "S S"]
-) -> Float[Tensor, "S S 3"]:
-    """A rendered head as sharp as the film that it is laid into.
-
-    References are sharp enough for being read between pixels; this is for several being mixed, each
-    a little misplaced. Compositors do the same to a soft element.
-
-    Args:
-        colour: premultiplied; sharpened where the head is opaque.
-        opacity: at the head's edge, where it falls, nothing changes.
-    """
-    inside = -F.max_pool2d(-opacity[None], 3, stride=1, padding=1)[0, :, :, None]
-    return colour + inside * (sharpened(colour[None], HEAD_SPREAD)[0] - colour)

@@ -49,8 +49,7 @@ def head_blocks(
     """Blocks of pixels that open cells can cover in a frame.
 
     Every open cell is splatted as a square that covers its projection, so no ray that would meet an
-    open cell is left out. Of a region only those blocks are given that hold pixels of it, and those
-    beside them, from which its edge is sharpened.
+    open cell is left out. Of a region only those blocks are given that hold pixels of it.
     """
     c2w, focal, centre, size = camera.c2w, camera.focal, camera.centre, camera.size
     side = -(-size // BLOCK)
@@ -68,8 +67,7 @@ def head_blocks(
     blocks[at[0], at[1]] = True
     blocks = grown(blocks, radius)
     if region is not None:
-        asked = F.max_pool2d(region.float()[None], BLOCK, ceil_mode=True)[0] > 0
-        blocks &= grown(asked, 1)
+        blocks &= F.max_pool2d(region.float()[None], BLOCK, ceil_mode=True)[0] > 0
     return blocks
 
 
