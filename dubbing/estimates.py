@@ -159,7 +159,7 @@ def _frames_of(manifest: Manifest, scene: Scene, *, whole: bool) -> int:
 def _learned(identity: Identity, clip: MediaInfo) -> float:
     """Frames of a clip that are learned from."""
     assert clip.rate is not None
-    return min(clip.frames, identity.seconds * float(clip.rate))
+    return min(clip.frames, identity.learned_seconds * float(clip.rate))
 
 
 def _pixels(identity: Identity, clip: MediaInfo) -> float:

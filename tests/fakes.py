@@ -141,7 +141,9 @@ def install(patch: Any) -> None:
                 kill("finetune")
         self.prepared.load()
         atomic_write_text(out / "model.safetensors", f"seed {self.identity.seed}")
-        atomic_write_json(out / "finetune.json", {"steps": 6, "seconds": 1.0})
+        learned = [[0.0, self.identity.learned_seconds]]
+        summary = {"steps": 6, "seconds": 1.0, "learned": learned}
+        atomic_write_json(out / "finetune.json", summary)
         atomic_write_text(out / "loss.csv", "step,loss,psnr,seconds\n1,0.5,20,1\n2,0.25,22,2\n")
 
     def render(self: tasks.Render, out: Path, progress: Any) -> None:

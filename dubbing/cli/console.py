@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from statistics import median
@@ -67,8 +67,17 @@ def result_line(result: Result) -> None:
     print(json.dumps({**found, "report": None if failed else str(result.report)}), flush=True)
 
 
-def plan(rows: Sequence[Row], warnings: Sequence[str], needed: Estimate, *, as_json: bool) -> None:
-    """What would run, and why; and what that needs."""
+def plan(
+    rows: Sequence[Row],
+    warnings: Sequence[str],
+    needed: Estimate,
+    learned: Mapping[str, Sequence[tuple[float, float]]],
+    *,
+    as_json: bool,
+) -> None:
+    """What would run, and why; what that needs; and which seconds people were learned from."""
+    from dubbing.report.learned import in_words
+
     if as_json:
         entries = [
             {
@@ -81,7 +90,7 @@ def plan(rows: Sequence[Row], warnings: Sequence[str], needed: Estimate, *, as_j
             for row in rows
         ]
         found = {"warnings": list(warnings), "stages": entries, "estimate": asdict(needed)}
-        print(json.dumps(found, indent=2))
+        print(json.dumps({**found, "learned": learned}, indent=2))
         return
     table = _table("job", "stage", "state", "why")
     for row in rows:
@@ -91,6 +100,8 @@ def plan(rows: Sequence[Row], warnings: Sequence[str], needed: Estimate, *, as_j
     for warning in warnings:
         line(out, f"warning: {warning}", "yellow")
     out.print(table)
+    for person, seconds in learned.items():
+        line(out, f"{person}: {in_words(seconds)}")
     runs = sum(row.state == "run" for row in rows)
     kept = sum(row.state == "up to date" for row in rows)
     out.print(f"{runs} to run, {kept} up to date, {len(rows) - runs - kept} wait or are blocked")

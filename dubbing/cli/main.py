@@ -134,13 +134,18 @@ def plan(
     from dubbing.engine import planner as planning
     from dubbing.jobs import build
     from dubbing.manifest.manifest import load
+    from dubbing.report.learned import learned_of
 
     loaded = load(manifest)
     jobs = build(loaded, only=tuple(only or ()))
     rows = planning.rows(jobs, _stages(force))
     gone = packages.missing()
     warnings = [*loaded.warnings, *([str(packages.lacking(gone))] if gone else [])]
-    console.plan(rows, warnings, estimates.estimate(loaded, jobs, rows), as_json=as_json)
+    learned = {
+        name: seconds for name, job in jobs.identities.items() if (seconds := learned_of(job))
+    }
+    needed = estimates.estimate(loaded, jobs, rows)
+    console.plan(rows, warnings, needed, learned, as_json=as_json)
 
 
 @app.command()

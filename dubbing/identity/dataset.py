@@ -116,19 +116,19 @@ def load_identity(
     name: str,
     clip: PreparedClip,
     speech: SpeechFrames,
-    start: int,
-    count: int,
+    frames: np.ndarray,
     *,
     every: int = 1,
     folder: Path | None = None,
 ) -> HeadDataset:
-    """Frames start .. start + count of a prepared clip, those without a face left out.
+    """Frames of a prepared clip, those without a face left out.
 
     Args:
         name: of the person, for messages.
         clip: what `prepare` made of the film.
         speech: of every frame of the clip.
-        start, count: frames; the clip's end cuts them off.
+        frames: (F,) of the clip, in their order. What is heard at one says nothing of another that
+            does not follow it without a gap.
         every: keep the picture of one frame of so many.
         folder: where the pictures lie, see `PictureStore`; in memory when None.
 
@@ -136,27 +136,30 @@ def load_identity(
         TrainingError: no frame shows a face.
         DubbingError: the folder's disk is full.
     """
-    stop = min(start + count, clip.frames_count)
-    spoken = [k for k in range(start, stop) if clip.valid[k]]
-    number = [i for i, k in enumerate(spoken) if (k - start) % every == 0]
-    wanted = [spoken[i] for i in number]
-    if not wanted:
+    usable = clip.valid[frames]
+    speaking = frames[usable]
+    number = np.flatnonzero(np.flatnonzero(usable) % every == 0)
+    index = speaking[number]
+    if not len(index):
+        where = f"frames {frames[0]} to {frames[-1]}" if len(frames) else "past its end"
         raise TrainingError(
             "no frame with a face to learn from",
-            f"{clip.clip.name}, frames {start} to {stop}",
+            f"{clip.clip.name}, {where}",
             "choose another start for this identity",
         )
-    index, speaking = np.asarray(wanted), np.asarray(spoken)
-    keep = set(wanted)
+    keep = set(index.tolist())
     landmarks = clip.landmarks[index]
     boxes = zip(mouth_boxes(landmarks, clip.size), eye_boxes(landmarks, clip.size), strict=True)
-    grey = (len(wanted), clip.size, clip.size)
+    grey = (len(index), clip.size, clip.size)
     shapes = {"images": (*grey, 3), "backgrounds": (*grey, 3), "mattes": grey, "regions": grey}
     store = PictureStore(shapes, folder)
-    for k, (image, matte, background) in enumerate(clip.frames(start, stop - start), start):
-        if k in keep:
-            regions = region_map(matte, *next(boxes))
-            store.add(images=image, backgrounds=background, mattes=matte, regions=regions)
+    gaps = np.cumsum(np.diff(frames, prepend=frames[0]) > 1)
+    for gap in np.unique(gaps):
+        first, count = int(frames[gaps == gap][0]), int((gaps == gap).sum())
+        for k, (image, matte, background) in enumerate(clip.frames(first, count), first):
+            if k in keep:
+                regions = region_map(matte, *next(boxes))
+                store.add(images=image, backgrounds=background, mattes=matte, regions=regions)
     return HeadDataset(
         name=name,
         **store.tensors(),
@@ -164,12 +167,14 @@ def load_identity(
         focal=float(clip.focal),
         centres=torch.from_numpy(clip.centre[index]).float(),
         expression=torch.from_numpy(upper_measures(clip)[index]).float(),
-        number=torch.tensor(number),
+        number=torch.from_numpy(number),
         windows=torch.from_numpy(speech.windows[speaking]).float(),
         predicted_lips=torch.from_numpy(speech.lips[speaking]).float(),
         lips=torch.from_numpy(lip_measures(clip.landmarks[speaking])).float(),
         touching=torch.from_numpy(lips_touch(clip.landmarks[speaking])).float(),
-        segment=torch.from_numpy(clip.segment[speaking]).long(),
+        segment=torch.from_numpy(
+            clip.segment[speaking] + gaps[usable] * (clip.segment.max() + 1)
+        ).long(),
         eyes=eye_shapes(clip),
         surface=surface_points(clip),
         lip_shape=lip_shape(clip),

@@ -6,7 +6,7 @@ the compositor of a dub. There is no true picture, but the true lips of that spe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from fractions import Fraction
@@ -17,6 +17,7 @@ import numpy as np
 
 from dubbing import timeline
 from dubbing.face.landmarks import FaceMesh
+from dubbing.identity.best_seconds import Part
 from dubbing.lab import tiles
 from dubbing.lab.chin import ChinFigures, chin_figures, chin_ratios
 from dubbing.lab.measuring import first_of, write_csv
@@ -32,28 +33,31 @@ from dubbing.sync.network import load_network
 
 AT_ONCE = 250  # frames whose speech windows are held at a time
 
-Part = tuple[int, int]  # first frame and number of frames
 
-
-def unlearned(frames: int, rate: Fraction, learned: Part, most: float | None = None) -> list[Part]:
-    """The parts of a clip that were not learned from, the end before the beginning.
+def unlearned(
+    frames: int, rate: Fraction, learned: Sequence[Part], most: float | None = None
+) -> list[Part]:
+    """The parts of a clip that were not learned from, the last first.
 
     Args:
         frames, rate: of the clip, frames a second.
-        learned: frames that were learned from.
+        learned: frames that were learned from, in their order.
         most: seconds of them together.
     """
-    first, stop = learned[0], min(sum(learned), frames)
     left = frames if most is None else max(1, round(most * rate))
+    stops = [first for first, _ in learned] + [frames]
+    starts = [0, *(min(sum(part), frames) for part in learned)]
     parts = []
-    for start, count in ((stop, frames - stop), (0, first)):
-        if count := min(count, left):
+    for start, stop in zip(reversed(starts), reversed(stops), strict=True):
+        if (count := min(stop - start, left)) > 0:
             parts.append((start, count))
             left -= count
     return parts
 
 
-def pictures(valid: np.ndarray, segment: np.ndarray, learned: Part, count: int) -> np.ndarray:
+def pictures(
+    valid: np.ndarray, segment: np.ndarray, learned: Sequence[Part], count: int
+) -> np.ndarray:
     """Which frames of the clip lie under `count` frames of speech, (count,).
 
     The longest stretch of one shot among the learned frames, all with a face, there and back.
@@ -61,7 +65,7 @@ def pictures(valid: np.ndarray, segment: np.ndarray, learned: Part, count: int) 
     Args:
         valid, segment: (T,) of the clip.
     """
-    frames = np.arange(learned[0], min(sum(learned), len(valid)))
+    frames = np.concatenate([np.arange(k, min(k + n, len(valid))) for k, n in learned])
     frames = frames[valid[frames]]
     breaks = np.flatnonzero((np.diff(frames) != 1) | (np.diff(segment[frames]) != 0)) + 1
     ends = [0, *breaks, len(frames)]
@@ -74,7 +78,7 @@ def measure_dub(
     clip: PreparedClip,
     speech: SpeechFrames,
     parts: list[Part],
-    learned: Part,
+    learned: Sequence[Part],
     out: Path,
     *,
     device: str = "auto",

@@ -7,7 +7,7 @@ case of a dub: their speech over pictures from elsewhere, see `dubbing.lab.cross
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,15 +26,18 @@ from dubbing.engine.stage import Stage
 from dubbing.engine.update import run_stage
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, remove_torn
+from dubbing.identity.best_seconds import Part
 from dubbing.lab import tiles
-from dubbing.lab.cross_driving import Part, measure_dub, unlearned
+from dubbing.lab.cross_driving import measure_dub, unlearned
 from dubbing.lab.measuring import held_out, measure
+from dubbing.manifest.entries import Identity
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.only import chosen_names
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
+from dubbing.stage_kinds import SUMMARY_FILE
 from dubbing.stages import tasks
-from dubbing.stages.finetune import MODEL_FILE, SUMMARY_FILE, clip_speech
+from dubbing.stages.finetune import MODEL_FILE, clip_speech
 from dubbing.sync.check import check
 
 RESULT_FILE = "evaluate.json"
@@ -64,6 +67,7 @@ class Learned(TypedDict):
 
     steps: int
     seconds: float
+    learned: list[tuple[float, float]]
 
 
 def evaluate(
@@ -116,11 +120,9 @@ def evaluate(
             f"no protocol is called {protocol}", "--protocol", f"there is {', '.join(PROTOCOLS)}"
         )
     asked = PROTOCOLS[protocol]
-    parts = {
-        name: tested_parts(manifest, name, seconds, asked)
-        for name in manifest.identities
-        if name in chosen
-    }
+    names = [name for name in manifest.identities if name in chosen]
+    for name in names:  # before anybody is learned
+        tested_parts(manifest, name, [supposed(manifest.identities[name])], seconds, asked)
     network = None
     if lpips_weights is not None:
         try:
@@ -133,13 +135,15 @@ def evaluate(
         found = kept.read(path, Figures, "earlier figures", "move it away")
     with claims.hold(manifest.work / EVALUATION):
         remove_torn(path)
-        for name, part in parts.items():
+        for name in names:
             for method in methods:
 
                 def notify(message: str, share: float, title: str = f"{name}, {method}") -> None:
                     progress(f"{title}: {message}", share)
 
-                figures = evaluate_one(manifest, name, method, part, every, network, device, notify)
+                figures = evaluate_one(
+                    manifest, name, method, (seconds, asked), every, network, device, notify
+                )
                 before = found.setdefault(name, {}).get(method, {})
                 found[name][method] = merged(before, figures)
                 atomic_write_json(path, found)
@@ -156,15 +160,28 @@ class Tested:
         p15x: the parts whose speech is dubbed over other pictures; none where not asked for.
     """
 
-    learned: Part
+    learned: list[Part]
     p15: Part | None
     p15x: list[Part]
 
 
+def supposed(identity: Identity) -> tuple[float, float]:
+    """From which second to which it learns; of the best only how many they are is known."""
+    start = identity.learned_start or 0.0
+    return start, start + identity.learned_seconds
+
+
 def tested_parts(
-    manifest: Manifest, name: str, seconds: float | None, protocols: tuple[str, ...]
+    manifest: Manifest,
+    name: str,
+    learned: Sequence[tuple[float, float]],
+    seconds: float | None,
+    protocols: tuple[str, ...],
 ) -> Tested:
     """Frames of an identity's clip to test on, `seconds` of each protocol at most.
+
+    Args:
+        learned: from which second to which it was learned from.
 
     Raises:
         DubbingError: the clip is damaged, or nothing of it is held out.
@@ -174,20 +191,18 @@ def tested_parts(
         raise damaged
     clip = manifest.media[identity.clip]
     assert clip.rate is not None  # a clip without a picture is no valid manifest
-    learned_to = identity.start + identity.seconds
-    learned = (round(identity.start * clip.rate), round(identity.seconds * clip.rate))
-    first, count = held_out(clip.frames, clip.rate, learned_to, seconds)
-    others = unlearned(clip.frames, clip.rate, learned, seconds)
-    if ("p15" in protocols and count <= 0) or not others:
+    frames = [(round(a * clip.rate), round((b - a) * clip.rate)) for a, b in learned]
+    others = unlearned(clip.frames, clip.rate, frames)
+    if not others:
         raise DubbingError(
-            f"nothing of the clip is held out after {learned_to:g} s",
+            f"nothing of the clip is held out beside {identity.learned_seconds:g} s",
             name,
             "learn fewer seconds, or use a longer clip",
         )
     return Tested(
-        learned,
-        (first, count) if "p15" in protocols else None,
-        others if "p15x" in protocols else [],
+        frames,
+        held_out(clip.frames, clip.rate, others, seconds) if "p15" in protocols else None,
+        unlearned(clip.frames, clip.rate, frames, seconds) if "p15x" in protocols else [],
     )
 
 
@@ -217,7 +232,7 @@ def evaluate_one(
     manifest: Manifest,
     name: str,
     method: str,
-    part: Tested,
+    tested: tuple[float | None, tuple[str, ...]],
     every: int,
     network: Lpips | None,
     device: str,
@@ -226,7 +241,7 @@ def evaluate_one(
     """Figures of one identity and method; leaves a picture beside the methods measured so far.
 
     Args:
-        part: frames to test on; see `tested_parts`. every: one of so many, in P15.
+        tested: seconds and protocols, see `tested_parts`. every: one of so many, in P15.
     """
     preset = PRESET_OF_METHOD[method]
     own = manifest.identities[name]
@@ -245,6 +260,8 @@ def evaluate_one(
     for stage in (prepare, source, finetune):
         run_stage(stage, progress, began=began)
     clip = PreparedClip.load(prepare.folder, identity.clip)
+    learned = kept.read(finetune.folder / SUMMARY_FILE, Learned, "summary of finetune")
+    part = tested_parts(manifest, name, learned["learned"], *tested)
     model = finetune.folder / MODEL_FILE
     speech = clip_speech(
         clip, identity.speech, identity.speech_weights, tasks.offset_of(source.folder)
@@ -274,7 +291,6 @@ def evaluate_one(
             progress=progress,
         )
         found["p15x"] = {**figures, **sync_figures(clip, out / "p15x", part.p15x[0])}
-    learned = kept.read(finetune.folder / SUMMARY_FILE, Learned, "summary of finetune")
     return {**found, "steps": learned["steps"], "seconds": learned["seconds"]}
 
 

@@ -238,10 +238,11 @@ def whole_faces(views: ReferenceViews, count: int) -> References:
 
 def training_row(scene: Scene) -> Row:
     """Steps of fine-tuning with the default settings."""
-    person = load_identity("timed", scene.clip, scene.speech, 0, TRAINING_FRAMES)
+    frames = np.flatnonzero(scene.clip.valid)[:TRAINING_FRAMES]
+    person = load_identity("timed", scene.clip, scene.speech, frames)
     model = presets.adapt(scene.model, scene.model.config)
     config = replace(presets.FINETUNE, iterations=TRAINING_STEPS)
-    references = reference_frames(person, scene.clip, 0, method_of(model))
+    references = reference_frames(person, scene.clip.landmarks[frames], method_of(model))
     chosen = None if references is None else {person.name: references}
     curve = fit(method_of(model), [person], config, chosen, FitOptions(device=scene.device.type))
     first, last = curve.rows[1][3], curve.rows[-1][3]

@@ -27,6 +27,8 @@ LONGEST_BYTES = files.LONGEST_NAME - len(
     ".lines.jsonl"
 )  # of a name, which a file's name begins with
 LONGEST_SECONDS = 1e9
+# What a person is learned from: so many seconds, and where the best of the clip are asked for.
+LEARNED_SECONDS, BEST = 15.0, "best"
 # 1:05 or 0:01:05.5; the first number may be larger than 59.
 CLOCK = re.compile(r"(?:([0-9]{1,6}):(?=[0-5][0-9]:))?([0-9]{1,6}):([0-5][0-9](?:\.[0-9]*)?)")
 SIZES = range(64, 1025, 8)  # sides of the head crop, pixels
@@ -101,6 +103,18 @@ def _seconds(value: Any) -> Any:
     return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
 
 
+def _learned_seconds(value: Any) -> Any:
+    """A number of seconds above 0, or `BEST`."""
+    number = _seconds(value)
+    if number == BEST:
+        return BEST
+    if isinstance(number, bool) or not isinstance(number, int | float):
+        raise ValueError(f"must be a number of seconds or {BEST!r}, not {value!r:.60}")
+    if not 0 < number <= LONGEST_SECONDS:
+        raise ValueError(f"must be above 0 and at most {LONGEST_SECONDS:g}, not {value!r:.60}")
+    return float(number)
+
+
 def _resolve_sounds(value: Any, info: ValidationInfo) -> Any:
     """A path, or a mapping of speakers to paths."""
     if not isinstance(value, dict):
@@ -147,6 +161,7 @@ FilePath = Annotated[Path, BeforeValidator(_resolve)]
 # One sound, or one a speaker; a name with {cue} or {cue:03} is a file a line.
 Sounds = Annotated[Path | dict[str, Path], BeforeValidator(_resolve_sounds)]
 Seconds = Annotated[float, BeforeValidator(_seconds)]
+LearnedSeconds = Annotated[float | Literal["best"], BeforeValidator(_learned_seconds)]
 Name = Annotated[str, BeforeValidator(check_name)]
 Filled = Annotated[str, Field(min_length=1), AfterValidator(_check_filled)]
 Day = Annotated[datetime.date, Field(strict=False)]
@@ -245,14 +260,14 @@ class Identity(Entry):
     left alone then.
 
     ``clip`` is the one that is learned from; where only ``clips`` are named, the first of them that
-    has so many seconds.
+    has so many seconds, or the longest for the best seconds.
     """
 
     clip: FilePath
     clips: tuple[FilePath, ...] = Field(default=(), strict=False, min_length=1)
     face: FacePoints = ()
     start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
-    seconds: Seconds = Field(default=15.0, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    seconds: LearnedSeconds = LEARNED_SECONDS
     consent: Annotated[Consent, BeforeValidator(_consent)]
     preset: Literal["fast", "paper", "ad-nerf", "nerf"] = "fast"
     seed: int = Field(default=0, ge=0, lt=2**31)
@@ -261,6 +276,16 @@ class Identity(Entry):
     size: int = Field(default=512, ge=SIZES.start, le=SIZES[-1], multiple_of=SIZES.step)
     base: FilePath | None = None
     finetune: Finetune = Finetune()
+
+    @property
+    def learned_start(self) -> float | None:
+        """Where the seconds begin that it learns from; None where the best are looked for."""
+        return None if self.seconds == BEST else self.start
+
+    @property
+    def learned_seconds(self) -> float:
+        """How many seconds it learns from."""
+        return LEARNED_SECONDS if self.seconds == "best" else self.seconds
 
     @property
     def films(self) -> tuple[Path, ...]:

@@ -10,7 +10,7 @@ from dubbing import timeline
 from dubbing.errors import DubbingError
 from dubbing.manifest import preset_checks as published
 from dubbing.manifest import terms
-from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.entries import BEST, Dub, Identity
 from dubbing.manifest.findings import Findings, KeyPath, Scene
 from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without_lines
 from dubbing.media import SUFFIX
@@ -47,7 +47,8 @@ def _learning(findings: Findings, name: str, identity: Identity) -> Identity:
         elif info is not None:
             _picture(findings, name, info, key)
             found[path] = info.duration - identity.start if info.audio_rate else 0.0
-    enough = [path for path, left in found.items() if left >= identity.seconds]
+    wanted = None if identity.seconds == BEST else identity.learned_seconds  # None: the longest
+    enough = [path for path, left in found.items() if wanted is not None and left >= wanted]
     longest = max(found, key=lambda path: found[path], default=identity.clip)
     return identity.model_copy(update={"clip": enough[0] if enough else longest})
 
@@ -70,14 +71,18 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
     if info.audio_rate is None:
         message = f"no sound in {identity.clip}: a face is learnt together with its speech"
         findings.problems.append(((*at, "clip"), message))
+    if identity.seconds == BEST and identity.start:
+        findings.add(
+            (*at, "start"), "leave it out: the best seconds are looked for in all the clip"
+        )
     left = info.duration - identity.start
     if left < SHORTEST_CLIP:
         message = f"{identity.start:g} s leaves nothing to learn from: the clip is"
         findings.problems.append(((*at, "start"), f"{message} {info.duration:.1f} s long"))
-    elif left < identity.seconds:
+    elif left < identity.learned_seconds:
         findings.warnings.append(
             f"identities.{name}: learns from {left:.1f} s, all there is, instead of"
-            f" {identity.seconds:g} s; nothing is held out"
+            f" {identity.learned_seconds:g} s; nothing is held out"
         )
 
 

@@ -25,6 +25,7 @@ from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
 from dubbing.printable import visible
 from dubbing.report import lines
+from dubbing.report.learned import in_words, learned_of
 from dubbing.report.peak_memory import peak_memory
 from dubbing.stages.tasks import SYNC_FILE
 
@@ -161,6 +162,7 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
         "consent": dependencies.consent_of(identity),
         "warnings": [*summary.get("warnings", []), *dict.fromkeys(damaged)],
         "residual_shift": summary.get("residual_shift"),
+        "learned": in_words(learned) if (learned := learned_of(job)) else None,
         "contact_sheet": _relative(manifest, sheet) if sheet.is_file() else None,
         **curves,
         "sync": _brief(sync_of(job)),

@@ -24,16 +24,17 @@ from dfrf.training.progress import Curve, Progress
 from dubbing import media
 from dubbing.errors import CheckpointError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text
+from dubbing.identity.best_seconds import learned_frames, parts_of
 from dubbing.identity.dataset import load_identity
 from dubbing.identity.reference_choice import choose_references, turns_far
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
 from dubbing.speech import features
+from dubbing.stage_kinds import SUMMARY_FILE
 from dubbing.stages.refine_poses import refined, refines
 
 MODEL_FILE = "model.safetensors"
 CURVE_FILE = "loss.csv"
-SUMMARY_FILE = "finetune.json"
 RESUME_FOLDER = "resume"
 PICTURES_FOLDER = "pictures"  # in it: what is learned from, so that a long clip needs no memory
 POSING = 0.25  # of the steps: then the model knows the head well enough to refine its poses
@@ -118,7 +119,7 @@ def finetune(
     clip: PreparedClip,
     out: Path,
     *,
-    start: float,
+    start: float | None,
     seconds: float,
     settings: FinetuneSettings,
     base: Path | None,
@@ -133,7 +134,7 @@ def finetune(
     Args:
         clip: what `prepare` made of the film.
         out: folder; what an interrupted run left there is continued.
-        start, seconds: the part of the clip to learn from.
+        start, seconds: the part of the clip to learn from; the best of it without a start.
         settings: see `FinetuneSettings`.
         base: checkpoint to start from; None starts from random weights.
         device: auto, cpu or cuda.
@@ -145,22 +146,22 @@ def finetune(
         CheckpointError: the base does not fit.
     """
     speech = clip_speech(clip, settings.speech, settings.weights, offset)
-    first = round(start * clip.rate)
     pictures = out / RESUME_FOLDER / PICTURES_FOLDER
-    count = round(seconds * clip.rate)
-    person = load_identity(clip.clip.stem, clip, speech, first, count, folder=pictures)
+    learned = learned_frames(clip, speech, start, seconds)
+    person = load_identity(clip.clip.stem, clip, speech, learned, folder=pictures)
+    frames = learned[clip.valid[learned]]
     model = init_from_base(base, settings)
     trainings = presets.trainings(settings.preset)
     config = trainings.alone if base is None else trainings.finetune
     config = replace(presets.lasting(config, settings.iterations), seed=settings.seed)
     method = method_of(model)
-    references = reference_frames(person, clip, first, method)
+    references = reference_frames(person, clip.landmarks[frames], method)
     try:
         person, curve = learn(
             model,
             person,
             clip,
-            own_frames(person, clip, first),
+            frames,
             config,
             references,
             out / RESUME_FOLDER,
@@ -181,10 +182,14 @@ def finetune(
     }
     head_checkpoint.save_person(out / MODEL_FILE, model.cpu(), views, header)
     write_curve(out / CURVE_FILE, curve)
-    atomic_write_json(
-        out / SUMMARY_FILE,
-        {**header, "train": asdict(config), "frames": person.frames, "seconds": curve.seconds},
-    )
+    rate = float(clip.rate)
+    summary = {
+        "train": asdict(config),
+        "frames": person.frames,
+        "seconds": curve.seconds,
+        "learned": [[first / rate, (first + n) / rate] for first, n in parts_of(learned)],
+    }
+    atomic_write_json(out / SUMMARY_FILE, {**header, **summary})
     shutil.rmtree(out / RESUME_FOLDER)
 
 
@@ -271,22 +276,17 @@ def clip_speech(
 
 
 def reference_frames(
-    person: HeadDataset, clip: PreparedClip, first: int, method: Method[Any, Any]
+    person: HeadDataset, landmarks: np.ndarray, method: Method[Any, Any]
 ) -> torch.Tensor | None:
     """Which frames are a person's references; None for a method without references.
 
-    As many as a frame looks at, all of them the same for every frame; more to choose the nearest
-    from where the head turns far.
+    Their landmarks (T, 478, 2) are in pixels. As many as a frame looks at, all of them the same for
+    every frame; more to choose the nearest from where the head turns far.
     """
     if not method.references:
         return None
     count = method.reference_pool_size if turns_far(person) else method.references
-    return choose_references(person, clip.landmarks[own_frames(person, clip, first)], count)
-
-
-def own_frames(person: HeadDataset, clip: PreparedClip, first: int) -> np.ndarray:
-    """Frames of the clip that a person's pictures are of, from frame `first` on."""
-    return np.flatnonzero(clip.valid[first:])[: person.frames] + first
+    return choose_references(person, landmarks, count)
 
 
 def write_curve(path: Path, curve: Curve) -> None:

@@ -94,8 +94,8 @@ class Finetune:
         finetune(
             self.prepared.load(),
             out,
-            start=wanted.start,
-            seconds=wanted.seconds,
+            start=wanted.learned_start,
+            seconds=wanted.learned_seconds,
             settings=settings,
             base=self.base,
             device=self.device,

@@ -21,6 +21,7 @@ from dubbing import pipeline
 from dubbing.engine.update import run_stage
 from dubbing.errors import CheckpointError, DubbingError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text, digest_file
+from dubbing.identity.best_seconds import learned_frames
 from dubbing.identity.dataset import load_identity
 from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
@@ -194,8 +195,8 @@ def load_person(
     for stage in (prepare, source):
         run_stage(stage, lambda message, share: progress(f"{name}: {message}", share))
     clip = PreparedClip.load(prepare.folder, identity.clip)
-    first, count = round(identity.start * clip.rate), round(identity.seconds * clip.rate)
-    every = max(1, math.ceil(min(count, clip.frames_count - first) / MOST_FRAMES))
     offset = tasks.offset_of(source.folder)
     speech = clip_speech(clip, settings.speech, settings.weights, offset)
-    return load_identity(name, clip, speech, first, count, every=every)
+    frames = learned_frames(clip, speech, identity.learned_start, identity.learned_seconds)
+    every = max(1, math.ceil(len(frames) / MOST_FRAMES))
+    return load_identity(name, clip, speech, frames, every=every)

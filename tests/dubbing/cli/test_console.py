@@ -41,7 +41,9 @@ def test_markup_and_controls_in_names_are_shown_as_they_are(
 ) -> None:
     monkeypatch.setattr(console.out, "_width", 200)
     job = Job("dub", ODD, {})
-    console.plan([Row(job, "speech", "run", (f"{ODD} changed",))], [ODD], NOTHING, as_json=False)
+    console.plan(
+        [Row(job, "speech", "run", (f"{ODD} changed",))], [ODD], NOTHING, {}, as_json=False
+    )
     console.metrics({ODD: {ODD: {ODD: 1.0}}})
     measured = {"offset_frames": 0, "offset_ms": 0.0, "confidence": 1.0, "distance": 1.0}
     console.sync({"verdict": "pass", "reason": ODD, **measured})

@@ -115,7 +115,6 @@ def test_only_a_head_that_turns_far_has_more_references_than_a_frame_looks_at(
     monkeypatch.setattr(
         finetuning, "choose_references", lambda person, landmarks, count: torch.arange(count)
     )
-    clip: Any = SimpleNamespace(valid=np.ones(8, bool), landmarks=np.zeros((8, 478, 2)))
     method: Any = SimpleNamespace(references=references, reference_pool_size=pool)
-    chosen = finetuning.reference_frames(turned(degrees), clip, 0, method)
+    chosen = finetuning.reference_frames(turned(degrees), np.zeros((8, 478, 2)), method)
     assert (None if chosen is None else len(chosen)) == wanted

@@ -24,7 +24,7 @@ from tests.dubbing.lab.faces import show_faces
 from tests.dubbing.sync.meshes import talk
 from tests.fakes import write_prepared
 
-FRAMES, LEARNED = 12, (2, 5)
+FRAMES, LEARNED = 12, [(2, 5)]
 PARTS = [(7, 5), (0, 2)]
 RATE = Fraction(25)
 
@@ -33,9 +33,10 @@ def test_all_that_was_not_learned_is_spoken() -> None:
     assert unlearned(FRAMES, RATE, LEARNED) == PARTS
     assert unlearned(FRAMES, RATE, LEARNED, most=6 / 25) == [(7, 5), (0, 1)]
     assert unlearned(FRAMES, RATE, LEARNED, most=3 / 25) == [(7, 3)]
-    assert unlearned(FRAMES, RATE, (0, 5)) == [(5, 7)]
-    assert unlearned(FRAMES, RATE, (4, 100)) == [(0, 4)]
-    assert unlearned(FRAMES, RATE, (0, 100)) == []
+    assert unlearned(FRAMES, RATE, [(1, 2), (6, 3)]) == [(9, 3), (3, 3), (0, 1)]
+    assert unlearned(FRAMES, RATE, [(0, 5)]) == [(5, 7)]
+    assert unlearned(FRAMES, RATE, [(4, 100)]) == [(0, 4)]
+    assert unlearned(FRAMES, RATE, [(0, 100)]) == []
 
 
 def test_pictures_are_learned_frames_of_one_shot_with_a_face_there_and_back() -> None:
@@ -43,9 +44,10 @@ def test_pictures_are_learned_frames_of_one_shot_with_a_face_there_and_back() ->
     segment[9:] = 1
     valid[12] = False
     # Learned 4 .. 14: the shot to 8 is five frames long, 9 to 11 three, 13 and 14 two.
-    found = pictures(valid, segment, (4, 11), 12)
+    found = pictures(valid, segment, [(4, 11)], 12)
     assert found.tolist() == [4, 5, 6, 7, 8, 7, 6, 5, 4, 5, 6, 7]
-    assert pictures(valid, segment, (12, 2), 3).tolist() == [13, 13, 13]
+    assert pictures(valid, segment, [(12, 2)], 3).tolist() == [13, 13, 13]
+    assert pictures(valid, segment, [(0, 2), (4, 3)], 4).tolist() == [4, 5, 6, 5]
 
 
 @pytest.fixture

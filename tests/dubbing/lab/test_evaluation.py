@@ -45,7 +45,7 @@ def _stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
     def measure_dub(*arguments: object, **_: object) -> dict[str, float]:
         parts, learned, out = arguments[3:6]
         assert isinstance(out, Path)
-        assert (parts, learned) == ([(LEARNED, FRAMES - LEARNED)], (0, LEARNED))
+        assert (parts, learned) == ([(LEARNED, FRAMES - LEARNED)], [(0, LEARNED)])
         out.mkdir(parents=True)
         for kind in ("render", "source"):
             clips.write_video(out / f"{kind}_picture.mp4", FRAMES - LEARNED)
@@ -137,10 +137,24 @@ def test_before_anybody_is_learned_everybody_must_have_something_held_out(
     ann = manifest.identities["ann"]
     people = {"ann": ann, "all": ann.model_copy(update={"seconds": 1.2})}
     both = manifest.model_copy(update={"identities": people})
-    with pytest.raises(DubbingError, match=r"nothing of the clip is held out after 1\.2 s \(all\)"):
+    with pytest.raises(
+        DubbingError, match=r"nothing of the clip is held out beside 1\.2 s \(all\)"
+    ):
         evaluation.evaluate(both, device="cpu", progress=quiet)
     assert not manifest.output.exists()
     evaluation.evaluate(both, only=("ann",), device="cpu", progress=quiet)
+
+
+def test_of_the_best_seconds_none_is_measured(manifest: Manifest) -> None:
+    parts = [(0.2, 0.4), (0.8, 1.2)]  # frames 5 to 10 and 20 to 30
+    tested = evaluation.tested_parts(manifest, "ann", parts, None, ("p15", "p15x"))
+    assert tested.learned == [(5, 5), (20, 10)]
+    assert tested.p15 == (10, 10)
+    assert tested.p15x == [(10, 10), (0, 5)]
+    best = manifest.identities["ann"].model_copy(update={"seconds": "best"})
+    long = manifest.model_copy(update={"identities": {"ann": best}})
+    with pytest.raises(DubbingError, match="held out beside 15 s"):  # known before it is learned
+        evaluation.evaluate(long, device="cpu", progress=quiet)
 
 
 def test_a_damaged_clip_is_said(manifest: Manifest) -> None:

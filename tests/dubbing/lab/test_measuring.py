@@ -48,13 +48,20 @@ def test_means_are_of_the_frames_that_have_the_figure() -> None:
         (18, 15, None, (375, 75)),
         (20, 15, 2.0, (375, 50)),
         (20, 15, 60.0, (375, 125)),
-        (15, 15, 2.0, (375, 0)),
     ],
 )
 def test_the_end_of_a_clip_is_held_out(
     seconds: int, learned: float, most: float | None, expected: tuple[int, int]
 ) -> None:
-    assert held_out(25 * seconds, Fraction(25), learned, most) == expected
+    first = round(25 * learned)
+    parts = [(first, 25 * seconds - first)]
+    assert held_out(25 * seconds, Fraction(25), parts, most) == expected
+
+
+def test_between_learned_parts_the_last_that_is_long_enough_is_held_out() -> None:
+    parts = [(700, 50), (400, 200), (100, 130)]
+    assert held_out(750, Fraction(25), parts) == (475, 125)
+    assert held_out(750, Fraction(25), [(700, 50), (100, 60)]) == (100, 60)
 
 
 @pytest.fixture

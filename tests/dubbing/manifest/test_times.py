@@ -8,6 +8,7 @@ import pytest
 
 from dubbing.manifest import yaml_lines
 from dubbing.manifest.entries import Dub, Identity
+from tests import clips
 from tests.dubbing.manifest.made import GOOD, problems, read
 
 
@@ -68,7 +69,36 @@ def test_only_a_time_is_read_in_sixties(folder: Path) -> None:
 
 def test_seconds_without_end(folder: Path) -> None:
     (said,) = problems(folder, GOOD.replace("seconds: 2", "seconds: 1.0e+308"))
-    assert said.startswith("line 4: identities.host.seconds: must be less than or equal to")
+    assert said.startswith("line 4: identities.host.seconds: must be above 0 and at most 1e+09")
+
+
+@pytest.mark.parametrize(
+    ("written", "said"),
+    [
+        ("0", "must be above 0"),
+        ("-1.5", "must be above 0"),
+        (".nan", "must be above 0"),
+        ("true", "must be a number of seconds or 'best', not True"),
+        ("good", "must be a number of seconds or 'best', not 'good'"),
+        ("[3]", "must be a number of seconds or 'best'"),
+    ],
+)
+def test_what_is_no_number_of_seconds_to_learn_from(folder: Path, written: str, said: str) -> None:
+    (problem,) = problems(folder, GOOD.replace("seconds: 2", f"seconds: {written}"))
+    assert problem.startswith(f"line 4: identities.host.seconds: {said}")
+
+
+def test_the_best_seconds_are_looked_for_in_all_of_the_longest_clip(folder: Path) -> None:
+    clips.write_clip(folder / "longer.mp4", 100)
+    best = GOOD.replace("seconds: 2", "seconds: best")
+    several = best.replace("clip: host.mp4", "clips: [host.mp4, longer.mp4]")
+    several = several.replace("audio: it.wav", "audio: it.wav, clip: host.mp4")
+    host = read(folder, several).identities["host"]
+    assert host.clip.name == "longer.mp4"
+    assert (host.learned_start, host.learned_seconds) == (None, 15.0)
+    assert read(folder, GOOD).identities["host"].learned_start == 0.0
+    (problem,) = problems(folder, best.replace("seconds: best", "start: 0.5, seconds: best"))
+    assert "identities.host.start: leave it out" in problem
 
 
 def test_a_clip_shorter_than_asked_is_used_whole_and_said(folder: Path) -> None:

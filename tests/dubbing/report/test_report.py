@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from dubbing.report.learned import in_words
 from dubbing.report.report import VERDICTS, page_of, verdict_of
 
 
@@ -52,6 +53,7 @@ def found(*dubs: tuple[str, str, float]) -> dict[str, Any]:
         "clip": "/films/ann.mp4",
         "consent": consent,
         "warnings": [],
+        "learned": in_words([(3.0, 6.0), (21.04, 33.0)]),
         "contact_sheet": "work/sheet.png",
         "loss": [],
         "psnr": [],
@@ -244,3 +246,4 @@ def test_a_dub_without_mark_or_credentials_says_so() -> None:
 def test_a_person_is_shown_with_what_they_agreed_to() -> None:
     page = " ".join(page_of(found(("one", "pass", 0.2))).split())
     assert "languages: it; until further notice; films: any" in page
+    assert '<p class="note">learned from 3.0-6.0 s, 21.0-33.0 s</p>' in page

@@ -76,11 +76,11 @@ def head(tmp_path_factory: pytest.TempPathFactory) -> Head:
     truth = make_speaker(folder, text=TEXT, seconds=SECONDS, size=SIZE, motion=0.5)
     clip = prepare(folder / "clip.mp4", folder / "prepared", size=SIZE)
     speech = finetune.clip_speech(clip, "rnn")
-    person = load_identity("someone", clip, speech, 0, TESTED.start)
+    person = load_identity("someone", clip, speech, np.arange(TESTED.start))
     model = finetune.init_from_base(BASE, finetune.FinetuneSettings())
     assert isinstance(model, FastModel)
     method = presets.method_of(model)
-    references = finetune.reference_frames(person, clip, 0, method)
+    references = finetune.reference_frames(person, clip.landmarks[: TESTED.start], method)
     assert references is not None
     config = replace(presets.lasting(presets.FINETUNE, STEPS), rays=RAYS)
     fit(method, [person], config, references={person.name: references})

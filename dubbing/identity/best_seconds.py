@@ -1,0 +1,114 @@
+"""Which seconds of a clip a person is learned from: those that show and say the most.
+
+T frames of a clip, F frames that are learned from.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import torch
+
+from dfrf.metrics.image import gradient_energy
+from dubbing.face.lip_measures import lip_measures
+from dubbing.identity.dataset import eye_boxes
+from dubbing.media import read_frames
+from dubbing.preparation.prepared import PreparedClip
+from dubbing.preparation.tracking import cropping
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
+
+PIECE = 3.0  # seconds, about: shorter ones cut words, longer ones leave less to choose from
+
+Part = tuple[int, int]  # first frame and number of frames
+
+
+def learned_frames(
+    clip: PreparedClip, speech: SpeechFrames, start: float | None, seconds: float
+) -> np.ndarray:
+    """Frames of a clip to learn from, those without a face among them, (F,) in their order.
+
+    Args:
+        clip, speech: of all T frames.
+        start: second of the clip where they begin; None for the best ones.
+        seconds: how many.
+    """
+    count = round(seconds * clip.rate)
+    if start is None:
+        return best_frames(clip, speech, count)
+    first = round(start * clip.rate)
+    return np.arange(first, min(first + count, len(clip)))
+
+
+def best_frames(clip: PreparedClip, speech: SpeechFrames, count: int) -> np.ndarray:
+    """The `count` best frames of a clip, in pieces of some seconds of one shot, (count,).
+
+    One piece after another is taken, always that with which the pieces S taken so far score most:
+
+        sharpness(S) * sum over k of spread_k(S) / spread_k(clip)
+
+    k: speech features, lips, direction of view; spread: root mean square distance from the mean;
+    sharpness: mean share of the clip's median gradient energy round the eyes, at most 1, 0 for
+    frames without a face. The criteria are those of ISExplore (arXiv 2511.07940).
+    """
+    if len(clip) <= count:
+        return np.arange(len(clip))
+    energy = np.where(clip.valid, eye_energy(clip), 0.0)
+    sharp = np.minimum(energy / (np.median(energy[clip.valid]) + 1e-12), 1)
+    middle = speech.windows.shape[1] // 2
+    traits = [
+        trait / (spread(trait[clip.valid]) + 1e-12)
+        for trait in (
+            speech.windows[:, middle],
+            lip_measures(np.nan_to_num(clip.landmarks)),
+            clip.c2w()[:, :, 2],
+        )
+    ]
+
+    def score(frames: np.ndarray) -> float:
+        seen = frames[clip.valid[frames]]
+        if not len(seen):
+            return 0.0
+        return float(sharp[frames].mean() * sum(spread(trait[seen]) for trait in traits))
+
+    left = pieces(clip)
+    taken = np.zeros(0, int)
+    while len(taken) < count:
+        best = max(range(len(left)), key=lambda k: score(np.concatenate([taken, left[k]])))
+        taken = np.concatenate([taken, left.pop(best)[: count - len(taken)]])
+    return np.sort(taken)
+
+
+def pieces(clip: PreparedClip) -> list[np.ndarray]:
+    """A clip's frames in pieces of about `PIECE` seconds, none over a cut."""
+    cuts = np.flatnonzero(np.diff(clip.segment)) + 1
+    found: list[np.ndarray] = []
+    for first, stop in pairwise([0, *cuts.tolist(), len(clip)]):
+        many = max(1, round((stop - first) / (PIECE * float(clip.rate))))
+        found += np.array_split(np.arange(first, stop), many)
+    return found
+
+
+def spread(values: np.ndarray) -> float:
+    """Root mean square distance of rows (F, K) from their mean."""
+    return float(np.sqrt(((values - values.mean(0)) ** 2).sum(1).mean()))
+
+
+def eye_energy(clip: PreparedClip) -> np.ndarray:
+    """Gradient energy of the luminance round the eyes of every frame, (T,): how sharp it is."""
+    boxes = eye_boxes(clip.landmarks, clip.size)
+    left, top = boxes[:, :, :2].min(1).T
+    right, bottom = boxes[:, :, 2:].max(1).T
+    energy = np.zeros(len(clip))
+    for k, image in enumerate(read_frames(clip.clip, rate=clip.rate)):
+        if clip.valid[k] and right[k] - left[k] > 1 and bottom[k] - top[k] > 1:
+            picture = cropping.crop(image, clip.crop[k], clip.size)
+            eyes = picture[top[k] : bottom[k], left[k] : right[k]]
+            energy[k] = gradient_energy(torch.from_numpy(eyes).float() / 255)
+    return energy
+
+
+def parts_of(frames: np.ndarray) -> list[Part]:
+    """Runs of frames (F,) that follow one another: first frame and number of frames."""
+    ends = [0, *(np.flatnonzero(np.diff(frames) != 1) + 1).tolist(), len(frames)]
+    return [(int(frames[first]), stop - first) for first, stop in pairwise(ends) if stop > first]

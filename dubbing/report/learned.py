@@ -1,0 +1,32 @@
+"""Which seconds of a clip a person was learned from, as the fine-tune wrote them down."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from typing_extensions import TypedDict
+
+from dubbing import json_records as kept
+from dubbing.engine.graph import Job
+from dubbing.errors import DubbingError
+from dubbing.stage_kinds import SUMMARY_FILE
+
+
+class Summary(TypedDict):
+    """What of a fine-tune's summary is shown."""
+
+    learned: list[tuple[float, float]]
+
+
+def learned_of(person: Job) -> list[tuple[float, float]]:
+    """From which second to which a person was learned from; empty where that is not known yet."""
+    path = person.stages["finetune"].folder / SUMMARY_FILE
+    try:
+        return kept.read(path, Summary, "summary of finetune")["learned"]
+    except DubbingError:
+        return []
+
+
+def in_words(learned: Sequence[tuple[float, float]]) -> str:
+    """``learned from 3.0-6.0 s, 21.0-33.0 s``."""
+    return "learned from " + ", ".join(f"{first:.1f}-{stop:.1f} s" for first, stop in learned)

@@ -1,0 +1,33 @@
+"""Which seconds a person was learned from is said where it is known."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from dubbing.cli import console
+from dubbing.engine.graph import Job
+from dubbing.engine.stage import Stage
+from dubbing.estimates import Estimate
+from dubbing.files import atomic_write_json
+from dubbing.report.learned import learned_of
+
+
+def test_what_the_fine_tune_wrote_is_said(tmp_path: Path) -> None:
+    finetune = Stage("finetune", tmp_path, "1", {}, {}, lambda *_: None)
+    person = Job("identity", "ann", {"finetune": finetune})
+    assert learned_of(person) == []
+    (tmp_path / "finetune.json").write_text("{}")
+    assert learned_of(person) == []  # of another shape
+    atomic_write_json(tmp_path / "finetune.json", {"steps": 6, "learned": [[3.0, 6], [21.04, 33]]})
+    assert learned_of(person) == [(3.0, 6.0), (21.04, 33.0)]
+
+
+def test_a_plan_says_it(capsys: pytest.CaptureFixture[str]) -> None:
+    nothing = Estimate(0, 0, 0, 0, 0, ())
+    console.plan([], [], nothing, {"ann": [(3.0, 6.0), (21.04, 33.0)]}, as_json=False)
+    assert "ann: learned from 3.0-6.0 s, 21.0-33.0 s" in capsys.readouterr().out
+    console.plan([], [], nothing, {"ann": [(3.0, 6.0)]}, as_json=True)
+    assert json.loads(capsys.readouterr().out)["learned"] == {"ann": [[3.0, 6.0]]}
