@@ -29,17 +29,21 @@ class Stages:
         reads: Mapping[str, Path | Stage],
         parameters: Mapping[str, Any] | None = None,
         of: str = "",
+        parts: Mapping[str, Produce] | None = None,
     ) -> Stage:
         """Declares the next stage: who does it, what it reads, and what else it depends on.
 
         Args:
             of: which one it is, where a job has several of a kind.
+            parts: see `Stage`.
         """
         kind = KINDS[name]
         folder, version = (
             self.folder / self.parts / of if of else self.folder,
             code_version(kind.module),
         )
-        stage = Stage(name, folder / kind.folder, version, parameters or {}, reads, task)
+        stage = Stage(
+            name, folder / kind.folder, version, parameters or {}, reads, task, parts or {}
+        )
         self.declared[f"{name} {of}" if of else name] = stage
         return stage

@@ -14,6 +14,7 @@ from statistics import median
 
 from dubbing import json_records as kept
 from dubbing.engine.graph import Jobs, Node, nodes
+from dubbing.engine.part import Part
 from dubbing.engine.planner import Row
 from dubbing.engine.schedule import simulate
 from dubbing.engine.stage import Produce
@@ -77,7 +78,7 @@ def amount(manifest: Manifest, node: Node) -> float:
     if isinstance(work, tasks.Check):
         return clip.frames
     if isinstance(work, tasks.Render):
-        identity, frames = manifest.identities[work.cue.identity], work.cue.stop - work.cue.first
+        identity, frames = manifest.identities[work.cue.identity], work.frames
     else:
         identity, frames = manifest.identities[node.job.name], clip.frames
     area = _pixels(identity, clip) / FULL_SIZE**2
@@ -119,18 +120,21 @@ def keep(rates: Mapping[str, Rate]) -> Path:
 
 def estimate(manifest: Manifest, jobs: Jobs, rows: list[Row]) -> Estimate:
     """What a run of these jobs needs, of what `planner.rows` says of them."""
-    graph = nodes(jobs)
-    rates = {**calibrated(), **measured(manifest, graph)}
+    rates = {**calibrated(), **measured(manifest, nodes(jobs))}
+    graph = nodes(jobs, split=lambda stage: True)
     wanted = {f"{row.job.label}/{row.stage}" for row in rows if row.state in ("run", "after")}
     seconds, disk, memory = {}, 0.0, 0.0
     unknown = []
-    for key, node in graph.items():
-        if key not in wanted:
+    for node_key, node in graph.items():
+        key = (
+            node_key.removesuffix(f" {node.stage.of}") if isinstance(node.stage, Part) else node_key
+        )
+        if key not in wanted or node.stage.parts:  # which take the time of the stage
             continue
         memory = max(memory, _memory(manifest, node))
         if rate := rates.get(node.stage.name):
             many = amount(manifest, node)
-            seconds[key], disk = rate.seconds * many, disk + rate.bytes * many
+            seconds[node_key], disk = rate.seconds * many, disk + rate.bytes * many
         else:
             unknown.append(node.stage.name)
     two = simulate(graph, seconds, 2)

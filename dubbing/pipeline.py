@@ -203,14 +203,16 @@ def _cue(
         },
         of,
     )
+    work = tasks.Render(
+        dub, cue, finetune.folder, prepared, refine_poses.folder, listen.folder, device
+    )
     render = stages.add(
         "render",
-        tasks.Render(
-            dub, cue, finetune.folder, prepared, refine_poses.folder, listen.folder, device
-        ),
+        work,
         {"model": finetune, "prepared": prepare, "poses": refine_poses, "speech": listen},
         {"first": cue.first, "stop": cue.stop} if dub.lines is not None else frames_of(dub),
         of,
+        work.parts(),
     )
     return render, tasks.CueHeads(cue, render.folder, prepared)
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from dubbing.engine.part import Part, part_of
 from dubbing.engine.stage import Stage
 from dubbing.errors import DubbingError
 
@@ -34,7 +36,19 @@ class Job:
 
     def name_of(self, stage: Stage) -> str:
         """What it calls a stage: its kind, and which one it is where there are several."""
-        return next((name for name, own in self.stages.items() if own is stage), stage.name)
+        whole, of = (stage.whole, f" {stage.of}") if isinstance(stage, Part) else (stage, "")
+        return next((name for name, own in self.stages.items() if own is whole), stage.name) + of
+
+    def stage(self, name: str) -> Stage:
+        """The stage, or the part of one, that it calls so.
+
+        Raises:
+            KeyError: it has none.
+        """
+        if name in self.stages:
+            return self.stages[name]
+        whole, _, of = name.rpartition(" ")
+        return part_of(self.stages[whole], of)
 
 
 @dataclass(frozen=True)
@@ -76,8 +90,10 @@ def kind_of(key: str) -> str:
     return key.rpartition("/")[2].partition(" ")[0]
 
 
-def nodes(jobs: Jobs) -> dict[str, Node]:
+def nodes(jobs: Jobs, split: Callable[[Stage], bool] = lambda stage: False) -> dict[str, Node]:
     """The graph of the stages of all jobs that can be done, by key, each after what it needs.
+
+    A stage that is split stands there after its parts, which need what it needs.
 
     Ranked by kind of stage, one kind over all jobs and then the next: what many wait for comes
     first, and one large model is in memory at a time.
@@ -95,8 +111,14 @@ def nodes(jobs: Jobs) -> dict[str, Node]:
             for job, name, stage in sound:
                 if stage.name == kind:
                     sources = [s for s in stage.inputs.values() if isinstance(s, Stage)]
-                    needs = dict.fromkeys(keys[s.folder] for s in sources)
-                    node = Node(job, name, stage, len(found), tuple(needs))
+                    needs = tuple(dict.fromkeys(keys[s.folder] for s in sources))
+                    parts = []
+                    for of in stage.parts if split(stage) else ():
+                        part = part_of(stage, of)
+                        node = Node(job, job.name_of(part), part, len(found), needs)
+                        found[node.key] = node
+                        parts.append(node.key)
+                    node = Node(job, name, stage, len(found), (*needs, *parts))
                     found[node.key] = node
                     keys[stage.folder] = node.key
     return found

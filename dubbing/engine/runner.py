@@ -20,6 +20,7 @@ from dubbing.engine.claims import Watch
 from dubbing.engine.executors import FAILED, HELD, KILLED, MADE, Done, Executor, InLine, Task
 from dubbing.engine.graph import Jobs, Node, nodes
 from dubbing.engine.outcome import Failure, Outcome, Reporter, failure_of
+from dubbing.engine.part import Part
 from dubbing.engine.stage import Stage
 from dubbing.errors import StageError
 
@@ -65,7 +66,7 @@ class _Runner:
     ) -> None:
         self.jobs, self.options, self.outcomes = jobs, options, outcomes
         self.reporter, self.executor = reporter, executor
-        self.graph = nodes(jobs)
+        self.graph = nodes(jobs, self._is_split)
         self.unmet = {key: {*node.needs} for key, node in self.graph.items()}
         self.readers: dict[str, list[str]] = {key: [] for key in self.graph}
         for key, node in self.graph.items():
@@ -85,6 +86,10 @@ class _Runner:
         for node in self.graph.values():
             with self._failing(node):
                 self.began |= node.stage.sources()
+
+    def _is_split(self, stage: Stage) -> bool:
+        """Whether its parts are done side by side; one that is done afresh is done in one go."""
+        return not self.executor.here and stage.name not in self.options.force
 
     @contextmanager
     def _failing(self, node: Node) -> Iterator[None]:
@@ -194,7 +199,8 @@ class _Runner:
             self._end(node, failure)
             return
         with self._failing(node):
-            self._await_result(node.stage)
+            if not isinstance(node.stage, Part):  # what of a part is not seen is done again
+                self._await_result(node.stage)
             self._finish(node)
 
     def _await_result(self, stage: Stage) -> None:

@@ -61,6 +61,8 @@ class Stage:
         parameters: plain data the results depend on.
         inputs: what it reads: name -> a file, or an earlier stage.
         produce: called with an empty or half-done folder to fill.
+        parts: of that work, which can be done before it, at once and by several machines: name ->
+            called with the same folder. See `dubbing.engine.part`.
     """
 
     name: str
@@ -69,6 +71,7 @@ class Stage:
     parameters: Mapping[str, Any]
     inputs: Mapping[str, Path | Stage]
     produce: Produce = field(repr=False, compare=False)
+    parts: Mapping[str, Produce] = field(default_factory=dict, repr=False, compare=False)
 
     def digests(self) -> dict[str, str]:
         """Digest of every input, as it is now."""

@@ -64,7 +64,7 @@ def _done(asked: argparse.Namespace) -> Done:
         job = job_of(asked.manifest, asked.job, asked.device)
         if job.blocked:
             raise job.blocked
-        stage = job.stages[asked.stage]
+        stage = job.stage(asked.stage)
         if asked.expect:
             _expect(stage, asked.expect)
     except Exception as error:

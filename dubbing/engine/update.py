@@ -9,8 +9,10 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 
+from dubbing import json_records as kept
 from dubbing.engine import claims
-from dubbing.engine.claims import Claim
+from dubbing.engine.claims import Claim, Watch
+from dubbing.engine.part import MARKS, Part
 from dubbing.engine.stage import RECORD, Progress, Stage
 from dubbing.errors import StageError
 from dubbing.files import atomic_write_json, digest_file, sync_file
@@ -45,6 +47,9 @@ def run_stage(
             claim.note(message, share)
             progress(message, share)
 
+        if isinstance(stage, Part):
+            return _fill(stage, report, began or {})
+        _await_parts(stage)
         return _update(stage, report, claim, force, began or {})
 
 
@@ -63,21 +68,56 @@ def _update(
     for torn in partial.rglob(TEMPORARY):
         torn.unlink()  # half-written files of a run that was killed
     if stage.record(partial) is None:
-        started = time.perf_counter()
-        try:
-            stage.produce(partial, progress)
-        except Exception:
-            _unchanged(stage, stage.sources(), sources, partial)  # what it raised follows from that
-            raise
-        _unchanged(stage, stage.sources(), sources, partial)
-        if stage.digests() != digests:
-            raise StageError("a stage before it changed meanwhile", stage.name, "run it again")
-        _seal(stage, partial, key=key, digests=digests, seconds=time.perf_counter() - started)
+        seconds = _produce(stage, partial, progress, sources, digests)
+        for mark in partial.glob(MARKS):
+            seconds += kept.read(mark, float, "seconds of a part")
+            mark.unlink()
+        _seal(stage, partial, key=key, digests=digests, seconds=seconds)
     claim.check()
     _swap(stage, partial)
     for leftover in stage.folder.parent.glob(f"{stage.folder.name}.partial-*"):
         shutil.rmtree(leftover)  # of other settings
     return True
+
+
+def _fill(part: Part, progress: Progress, began: Mapping[Path, str]) -> bool:
+    """Do a part of a stage's work; not where somebody is at work on the stage."""
+    if not Watch(part.whole.folder).free() or not part.changes():
+        return False
+    digests, sources, partial = part.digests(), part.sources(), part.partial()
+    _unchanged(part, sources, {**sources, **began})
+    partial.mkdir(parents=True, exist_ok=True)
+    mark = part.mark
+    atomic_write_json(mark, _produce(part, partial, progress, sources, digests))
+    return True
+
+
+def _await_parts(stage: Stage) -> None:
+    """Whoever claims a stage lets those who are at work on its parts end."""
+    for place in stage.folder.parent.glob(f"{stage.folder.name}.*{claims.SUFFIX}"):
+        watch = Watch(place.with_name(place.name.removesuffix(claims.SUFFIX)))
+        while not watch.free():
+            time.sleep(claims.PACE)
+
+
+def _produce(
+    stage: Stage,
+    partial: Path,
+    progress: Progress,
+    sources: Mapping[Path, str],
+    digests: Mapping[str, str],
+) -> float:
+    """Do the work, from what it is to be made from; gives the seconds it took."""
+    started = time.perf_counter()
+    try:
+        stage.produce(partial, progress)
+    except Exception:
+        _unchanged(stage, stage.sources(), sources, partial)  # what it raised follows from that
+        raise
+    _unchanged(stage, stage.sources(), sources, partial)
+    if stage.digests() != digests:
+        raise StageError("a stage before it changed meanwhile", stage.name, "run it again")
+    return time.perf_counter() - started
 
 
 def _unchanged(

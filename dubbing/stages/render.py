@@ -50,6 +50,7 @@ def render(
     out: Path,
     *,
     pose_index: np.ndarray,
+    part: tuple[int, int] | None = None,
     device: str = "auto",
     progress: Callable[[str, float], None] | None = None,
 ) -> None:
@@ -66,6 +67,7 @@ def render(
         speech: of the frames to render, asked for a segment at a time.
         out: folder.
         pose_index: (T,) frame of the clip each frame takes its pose from.
+        part: first and stop of those of the T frames to render; all by default.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
 
@@ -76,14 +78,16 @@ def render(
     person, maps, _ = load(model, device)
     out.mkdir(parents=True, exist_ok=True)
 
+    begin, end = part or (0, count)
+
     def notify(done: int) -> None:
         if progress is not None:
-            progress(f"frame {done} of {count}", done / count)
+            progress(f"frame {done} of {count}", (done - begin) / (end - begin))
 
     segment = method_of(person).segment
     around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
-    for first in range(0, count, segment):
-        stop = min(first + segment, count)
+    for first in range(begin, end, segment):
+        stop = min(first + segment, end)
         path = out / f"{first:06d}.mkv"
         if not path.exists():
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:

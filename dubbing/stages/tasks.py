@@ -6,7 +6,7 @@ What does the work (and torch with it) is imported when it runs, not before.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # they load what a plan does without
     from dubbing.sync.result import SyncResult
 
 SYNC_FILE = "sync.json"
+PART = 250  # frames that are rendered on one machine: a multiple of every method's segment
 
 
 @dataclass(frozen=True)
@@ -156,6 +157,22 @@ class Render:
     poses: Path
     speech: Path
     device: str
+    part: tuple[int, int] | None = None  # of the cue's frames: first and stop; all by default
+
+    @property
+    def frames(self) -> int:
+        """How many it renders."""
+        first, stop = self.part or (self.cue.first, self.cue.stop)
+        return stop - first
+
+    def parts(self) -> dict[str, Render]:
+        """The same in ranges of frames, where there are several."""
+        count = self.frames
+        ranges = [(k, min(k + PART, count)) for k in range(0, count, PART)]
+        named = {f"{first}-{stop}": (first, stop) for first, stop in ranges}
+        if len(named) < 2:
+            return {}
+        return {name: replace(self, part=part) for name, part in named.items()}
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.stages.finetune import MODEL_FILE
@@ -171,6 +188,7 @@ class Render:
             speech.part,
             out,
             pose_index=pose_index(self.dub, clip, self.cue.stop)[self.cue.first : self.cue.stop],
+            part=self.part,
             device=self.device,
             progress=progress,
         )

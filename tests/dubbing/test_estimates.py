@@ -12,6 +12,7 @@ from dubbing.engine import planner
 from dubbing.engine.graph import nodes
 from dubbing.estimates import Estimate, Rate
 from dubbing.manifest.manifest import load
+from dubbing.stages import tasks
 from tests import clips, fakes
 from tests.dubbing.batches import Listener, manifest_of
 
@@ -65,6 +66,20 @@ def test_a_calibration_is_used_and_finished_stages_refine_it(path: Path) -> None
     assert estimates.measured(load(path), graph)["render"].seconds == pytest.approx(8 / 40 / area)
     render = 40 * area * 8 / 40 / area
     assert needed(path).seconds > render
+
+
+def test_ranges_of_a_long_dub_are_rendered_side_by_side(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estimates.keep({"render": Rate(1.0, 10.0)})
+    whole = needed(path)
+    assert whole.seconds == whole.two == whole.longest > 0
+    monkeypatch.setattr(tasks, "PART", 10)  # of 40 frames
+    parts = needed(path)
+    assert parts.seconds == pytest.approx(whole.seconds)
+    assert parts.disk == pytest.approx(whole.disk)
+    assert parts.two == pytest.approx(whole.seconds / 2)
+    assert parts.longest == pytest.approx(whole.seconds / 4)
 
 
 def test_a_damaged_calibration_is_none(path: Path) -> None:

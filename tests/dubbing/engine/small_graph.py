@@ -1,9 +1,9 @@
 """A graph of tiny stages, as another process declares it again from its "manifest".
 
 That is JSON: ``out`` a folder, ``people`` names, ``dubs`` a person; or several, as ``ann bob``, of
-whom each has a line of their own. What a name begins with says
-how its stages go: bad, worse, killed, killed_once, slow; else well. Every stage that is begun
-leaves a line in the log.
+whom each has a line of their own; ``parts`` of a render, each of some steps, none by default. What
+a name begins with says how its stages go: bad, worse, killed, killed_once, slow; else well. Every
+stage that is begun leaves a line in the log, every step that is done one in that of the steps.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import json
 import os
 import signal
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dubbing.engine.graph import Job, Jobs
@@ -21,8 +21,9 @@ from dubbing.engine.stage import Progress, Stage
 from dubbing.errors import MediaError
 
 MODULE = __name__
-LOG = "log.txt"
+LOG, STEPS_LOG = "log.txt", "steps.txt"
 STEPS = 5
+FIRST_PART, PARTS = "0-1", ("0-1", "2-3")  # steps 0 and 1, 2 and 3; 4 is left to the stage
 
 
 @dataclass(frozen=True)
@@ -33,34 +34,52 @@ class Write:
     stage: str
     reads: tuple[Path, ...]
     log: Path
+    part: str = ""
 
     def __call__(self, out: Path, progress: Progress) -> None:
+        began = f"{self.name}/{self.stage}{self.part and f' {self.part}'}"
         with open(self.log, "a", encoding="utf-8") as log:
-            log.write(f"{self.name}/{self.stage}\n")
-        if self.stage == "prepare":
-            self._go_wrong()
-        for step in range(STEPS):
+            log.write(f"{began}\n")
+        if self.stage == "prepare" or self.part == FIRST_PART:
+            self._go_wrong(began)
+        for step in map(int, self.part.split("-")) if self.part else range(STEPS):
+            if (out / f"{step}.txt").exists():
+                continue
             if self.name.startswith("slow"):
                 time.sleep(0.1)
             (out / f"{step}.txt").write_text(f"{self.name} {self.stage} {step}")
+            with open(self.log.with_name(STEPS_LOG), "a", encoding="utf-8") as log:
+                log.write(f"{began} {step}\n")
             progress(f"step {step}", (step + 1) / STEPS)
+        if self.part:
+            return
         read = [(folder / "all.txt").read_text() for folder in self.reads]
         (out / "all.txt").write_text(f"{self.name}/{self.stage}({', '.join(read)})")
 
-    def _go_wrong(self) -> None:
+    def _go_wrong(self, began: str) -> None:
         if self.name.startswith("bad"):
             raise MediaError("cannot", "bad.mp4", "do this")
         if self.name.startswith("worse"):
             raise ValueError("nobody thought of this")
-        first = self.log.read_text().count(f"{self.name}/prepare\n") == 1
+        first = self.log.read_text().count(f"{began}\n") == 1
         if self.name == "killed" or (self.name == "killed_once" and first):
             os.kill(os.getpid(), signal.SIGKILL)
 
 
-def write_manifest(folder: Path, people: list[str], dubs: Mapping[str, str] | None = None) -> Path:
+def write_manifest(
+    folder: Path,
+    people: list[str],
+    dubs: Mapping[str, str] | None = None,
+    parts: Sequence[str] = (),
+) -> Path:
     """A manifest whose results go beside it."""
     path = folder / "manifest.json"
-    content = {"out": str(folder / "out"), "people": people, "dubs": dict(dubs or {})}
+    content = {
+        "out": str(folder / "out"),
+        "people": people,
+        "dubs": dict(dubs or {}),
+        "parts": parts,
+    }
     path.write_text(json.dumps(content))
     (folder / LOG).touch()
     return path
@@ -75,7 +94,9 @@ def jobs_of(path: Path) -> Jobs:
         produce = Write(Path(job).name, name, tuple(source.folder for source in reads), log)
         kind = name.partition(" ")[0]
         inputs = {str(source.folder.relative_to(out)): source for source in reads}
-        return Stage(kind, out / job / name, "1", {}, inputs, produce)
+        named = content["parts"] if kind == "render" else ()
+        parts = {part: replace(produce, part=part) for part in named}
+        return Stage(kind, out / job / name, "1", {}, inputs, produce, parts)
 
     identities, dubs = {}, {}
     for name in content["people"]:
@@ -103,6 +124,11 @@ def jobs_of(path: Path) -> Jobs:
 def job_of(path: Path, label: str, _device: str) -> Job:
     """One of them; see `dubbing.jobs.job_of`."""
     return next(job for job in jobs_of(path).all() if job.label == label)
+
+
+def steps(path: Path) -> list[str]:
+    """Which steps were done, in their order, each after what `begun` says of it."""
+    return (path.parent / STEPS_LOG).read_text().splitlines()
 
 
 def begun(path: Path) -> list[str]:

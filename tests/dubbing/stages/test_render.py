@@ -38,13 +38,14 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
         asked.append((first, number))
         return speech.part(first, first + number)
 
-    def made(folder: Path) -> list[np.ndarray]:
+    def made(folder: Path, part: tuple[int, int] | None = None) -> list[np.ndarray]:
         heads.render(
             tmp_path / "model.safetensors",
             clip,
             heard,
             folder,
             pose_index=np.arange(count),
+            part=part,
             device="cpu",
         )
         files = sorted(folder.glob("*.mkv"))
@@ -59,6 +60,15 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     for a, b in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(a, b)
     assert max(p[..., 3].max() for p in whole) > 200
+    # In ranges, the last first: the same files, and what is there already is not asked for.
+    del asked[:]
+    made(tmp_path / "ranges", (16, 24))
+    assert [file.name for file in (tmp_path / "ranges").iterdir()] == ["000016.mkv"]
+    made(tmp_path / "ranges", (0, 16))
+    made(tmp_path / "ranges")
+    assert asked == [(9, 15), (0, 15), (1, 22)]
+    for file in (tmp_path / "three").iterdir():
+        assert (tmp_path / "ranges" / file.name).read_bytes() == file.read_bytes()
 
 
 def test_only_what_a_dub_shows_is_asked_for(tmp_path: Path) -> None:

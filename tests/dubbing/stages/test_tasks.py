@@ -122,3 +122,17 @@ def test_check_reads_the_sources_figures(tmp_path: Path, monkeypatch: pytest.Mon
     (tmp_path / "dub").mkdir()
     tasks.Check(tmp_path / "dub.mp4", tmp_path / "sync.json")(tmp_path / "dub", quiet)
     assert work.call_args[1]["source"] == found
+
+
+def test_a_long_cue_is_rendered_in_ranges(dub: Dub, tmp_path: Path) -> None:
+    sound = tmp_path / "it.wav"
+
+    def ranges(frames: int) -> dict[str, tuple[int, int] | None]:
+        cue = Cue("ann", 100, 100 + frames, sound, 0.0, frames / 25)
+        prepared = tasks.Prepared(tmp_path, tmp_path)
+        whole = tasks.Render(dub, cue, tmp_path, prepared, tmp_path, tmp_path, "cpu")
+        assert whole.frames == frames == sum(p.frames for p in whole.parts().values() or [whole])
+        return {name: work.part for name, work in whole.parts().items()}
+
+    assert ranges(tasks.PART) == {}
+    assert ranges(501) == {"0-250": (0, 250), "250-500": (250, 500), "500-501": (500, 501)}
