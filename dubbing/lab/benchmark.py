@@ -4,24 +4,37 @@
 
 IDENTITY is a person of the manifest who was fine-tuned before. The published model (`paper` preset,
 random weights, its own samples) renders a few rays of the same head, with the same references; its
-frame is that time for all rays of the picture.
+frame is that time for all rays of the picture. The networks of other tools stand beside them, see
+`dubbing.lab.other_networks`: without what these tools do before and after.
 """
 
 from __future__ import annotations
 
 import argparse
-from dataclasses import asdict
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
+from torch import nn
 
+from dfrf import device as devices
 from dfrf.fast.model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dubbing import jobs
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
-from dubbing.lab.timing import Row, Scene, frame_rows, matrix_rate, paper_row, training_row
+from dubbing.lab import other_networks as others
+from dubbing.lab.timing import (
+    Row,
+    Scene,
+    frame_rows,
+    matrix_rate,
+    paper_row,
+    timed,
+    training_row,
+)
 from dubbing.manifest.manifest import load
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.report.peak_memory import peak_memory
@@ -30,6 +43,64 @@ from dubbing.stages import tasks
 from dubbing.stages.finetune import MODEL_FILE, clip_speech
 
 FRAMES = 3
+WAV2LIP_BATCH, HEARD = 16, 50  # frames at once; speech vectors that a U-Net looks at
+DDIM_STEPS, GUIDED = 20, 2  # of LatentSync, and how often it asks in each: with and without speech
+
+
+@dataclass(frozen=True)
+class Tool:
+    """Networks of another tool: side of the crop in px, seconds a frame, parameters."""
+
+    name: str
+    crop: int
+    seconds: float
+    parameters: int
+
+
+@torch.no_grad()
+def other_tools(device: torch.device) -> list[Tool]:
+    """Seconds a frame of the networks of other tools, in bfloat16 where that is native."""
+    kind = devices.table_type(device)
+
+    def take(build: Callable[[], nn.Module], *shapes: tuple[int, ...]) -> tuple[float, int]:
+        with torch.device("meta"):
+            network = build().to(kind).eval()
+        network.to_empty(device=device)
+        for parameter in network.parameters():
+            parameter.normal_(0, 0.02)
+        for buffer in network.buffers():
+            buffer.fill_(1)
+        given = [torch.randn(shape, device=device, dtype=kind) for shape in shapes]
+        count = sum(p.numel() for p in network.parameters())
+        return timed(lambda: network(*given), device), count
+
+    def unet(channels: int, side: int, batch: int) -> tuple[float, int]:
+        code, heard = (batch, others.LEVELS[0]), (batch, HEARD, others.WHISPER)
+        return take(lambda: others.UNet(channels), (batch, channels, side, side), code, heard)
+
+    pictures = {side: take(others.decoder, (1, 4, side, side)) for side in (32, 64)}
+    batch = WAV2LIP_BATCH
+    seconds, count = take(others.Wav2Lip, (batch, 1, 80, 16), (batch, 6, 96, 96))
+    found = [Tool("Wav2Lip", 96, seconds / batch, count)]
+    seconds, count = unet(8, 32, 1)
+    found.append(Tool("MuseTalk", 256, seconds + pictures[32][0], count + pictures[32][1]))
+    for side, (drawing, more) in pictures.items():
+        seconds, count = unet(13, side, GUIDED)
+        found.append(Tool("LatentSync", 8 * side, DDIM_STEPS * seconds + drawing, count + more))
+    return found
+
+
+def tool_table(tools: list[Tool], ours: float) -> str:
+    """The other tools as text, each beside the seconds of our frame."""
+    lines = [
+        f"{'networks of':12} {'crop':>5} {'seconds a frame':>15} {'ours':>7} {'parameters':>14}"
+    ]
+    for tool in tools:
+        ratio = f"x {tool.seconds / ours:.2f}"
+        lines.append(
+            f"{tool.name:12} {tool.crop:5} {tool.seconds:15.3f} {ratio:>7} {tool.parameters:14,}"
+        )
+    return "\n".join(lines)
 
 
 def table(rows: list[Row], rate: float) -> str:
@@ -77,10 +148,13 @@ def main() -> None:
     if maps is not None:
         rows.append(paper_row(scene))
     rows.append(training_row(scene))
+    tools = other_tools(scene.device)
     march_row = next(r for r in rows if r.stage == "march")
     rays = next(r for r in rows if r.stage == "project the grid").count
+    ours = sum(r.seconds for r in rows if r.stage in ("head, what a dub shows", "composite"))
     peak = (peak_memory() or 0) / 2**30
     print(table(rows, rate))
+    print(f"\na frame of ours: {ours:.3f} s\n{tool_table(tools, ours)}")
     print(
         f"\n{scene.device}, {torch.get_num_threads()} threads; "
         f"matrix rate {rate / 1e9:.0f} GFLOP/s; "
@@ -96,6 +170,7 @@ def main() -> None:
             "samples_a_ray": march_row.count / rays,
             "peak_gib": peak,
             "rows": [asdict(row) for row in rows],
+            "other_tools": [asdict(tool) for tool in tools],
         },
     )
 
