@@ -1,4 +1,4 @@
-"""Networks of other tools, by the layers that were published, with random weights: to be timed.
+"""Networks of other tools, by the layers that were published, without their weights: to be timed.
 
 Wav2Lip's generator (Prajwal et al., 2020); the U-Net and the decoder of Stable Diffusion 1 (Rombach
 et al., 2022), which MuseTalk and LatentSync took over for another input and speech instead of text.
