@@ -5,11 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from dubbing import timeline
 from dubbing.engine.stage import digest_of
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Scene
+from dubbing.manifest.inputs import credits_text
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.terms import sha256_of
+from dubbing.provenance.card import CreditsCard
 from dubbing.provenance.mark_key import Marking, marking
 from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 from dubbing.speech import features
@@ -52,6 +55,15 @@ def mark_of(dub: Dub, scene: Scene) -> Marking | None:
         return None
     files = (scene.clip, *sounds_of(dub, scene).values())
     return marking(dub.mark.key, [digest_of(file) for file in files])
+
+
+def card_of(manifest: Manifest, dub: Dub, scene: Scene) -> CreditsCard | None:
+    """The card of credits after a dub."""
+    rate = manifest.media[scene.clip].rate
+    if dub.label.credits is None or rate is None:
+        return None
+    frames = timeline.frame_count(dub.label.credits.seconds, rate)
+    return CreditsCard(credits_text(dub, manifest.identities), frames)
 
 
 def consent_of(identity: Identity) -> dict[str, Any]:

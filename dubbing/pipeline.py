@@ -18,6 +18,7 @@ from pathlib import Path
 from dubbing import timeline
 from dubbing.declaration import Stages
 from dubbing.dependencies import (
+    card_of,
     consent_of,
     consents_of,
     frames_of,
@@ -137,10 +138,10 @@ def dub_job(
     named = {name: manifest.identities[name] for name in dub.people}
     first, whose = next(iter(named.items()))
     source = stage_of(people[first], "check_source", whose, scene.clip)
-    mark = mark_of(dub, scene)
+    mark, card = mark_of(dub, scene), card_of(manifest, dub, scene)
     composite = stages.add(
         "composite",
-        tasks.Composite(dub, scene, tuple(heads for _, heads in cues), mark),
+        tasks.Composite(dub, scene, tuple(heads for _, heads in cues), mark, card),
         {
             **{f"heads {heads.cue.name}": stage for stage, heads in cues},
             **{
@@ -151,7 +152,9 @@ def dub_job(
             **sounds_of(dub, scene),
         },
         {
-            **{key: getattr(dub, key) for key in ("frame", "label", "codec", "audio_rate")},
+            **{key: getattr(dub, key) for key in ("frame", "codec", "audio_rate")},
+            "label": dub.label.mark,
+            **({"credits": [card.text, card.frames]} if card else {}),
             **frames_of(dub),
             **mix_of(dub, scene),
             "mark": [mark.fingerprint, mark.id] if mark else None,
@@ -165,6 +168,7 @@ def dub_job(
             video_file(composite, dub),
             source.folder / tasks.SYNC_FILE,
             scene if dub.lines is not None else None,
+            card.frames if card else 0,
         ),
         {"video": composite, "source": source},
     )

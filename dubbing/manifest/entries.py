@@ -233,6 +233,26 @@ def _mark(value: Any) -> Any:
     return ({} if value else None) if isinstance(value, bool) else value
 
 
+class Credits(Entry):
+    """A card after the last frame; by default it says what is AI-made, and who agreed."""
+
+    seconds: Seconds = Field(default=3.0, gt=0, le=60, allow_inf_nan=False)
+    text: Annotated[str, Field(max_length=500), AfterValidator(_check_words)] | None = None
+
+
+class Label(Entry):
+    """What viewers are told: by the visible mark over the picture, by a card of credits."""
+
+    mark: bool = True
+    credits: Credits | None = None
+
+
+def _label(value: Any) -> Any:
+    if not isinstance(value, bool | dict | Label):
+        raise ValueError(f"must be true, false or {{mark, credits}}, not {value!r:.60}")
+    return {"mark": value} if isinstance(value, bool) else value
+
+
 class Finetune(Entry):
     """How long to learn; the preset says it by default."""
 
@@ -316,7 +336,7 @@ class Dub(Entry):
     video_start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     on_longer_audio: Literal["bounce", "loop", "hold", "cut", "fail"] = "bounce"
     frame: Literal["full", "crop"] = "full"
-    label: bool = True
+    label: Annotated[Label, BeforeValidator(_label)] = Label()
     mark: Annotated[Mark | None, BeforeValidator(_mark)] = Mark()
     certificate: FilePath | None = None
     key: FilePath | None = None

@@ -16,7 +16,7 @@ from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without
 from dubbing.media import SUFFIX
 from dubbing.media.muxing import MOST_CHANNELS, SOUND
 from dubbing.media.probing import MediaInfo
-from dubbing.provenance import credentials
+from dubbing.provenance import card, credentials
 from dubbing.provenance.credentials import Signer
 from dubbing.provenance.mark_key import read_key
 from dubbing.speech import features
@@ -119,6 +119,14 @@ def signer_of(dub: Dub) -> Signer | None:
     return Signer(dub.certificate, dub.key) if dub.certificate and dub.key else None
 
 
+def credits_text(dub: Dub, identities: Mapping[str, Identity]) -> str:
+    """What the card of a dub says; '' where it has none."""
+    if dub.label.credits is None:
+        return ""
+    agreed = [identities[name].consent.by for name in dub.people if name in identities]
+    return dub.label.credits.text or card.default_text(agreed)
+
+
 def _speech(findings: Findings, at: KeyPath, identity: Identity) -> None:
     name, weights = identity.speech, identity.speech_weights
     if weights is not None and name in features.WITHOUT_WEIGHTS:
@@ -154,6 +162,9 @@ def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Iden
     if not dub.people:
         findings.add((*at, "identity"), "is required")
         return
+    if letters := card.undrawable(credits_text(dub, identities)):
+        message = f"the card has no letters for {letters[:20]!r}: give it a text without them"
+        findings.add((*at, "label", "credits", "text"), message)
     for identity in (identities[name] for name in dub.people if name in identities):
         findings.problems += [((*at, *key), said) for key, said in terms.of_dub(dub, identity)]
     if dub.lines is not None:

@@ -33,6 +33,7 @@ def mux(
     *,
     audio_start: float,
     seconds: float,
+    silent_until: float | None = None,
     audio_codec: str = "aac",
     audio_rate: int | None = 48000,
     metadata: Mapping[str, str] | None = None,
@@ -47,6 +48,7 @@ def mux(
         out: the container follows from the suffix.
         audio_start: where in ``audio_source`` to begin, seconds.
         seconds: how much sound.
+        silent_until: seconds after the beginning to which silence follows; none by default.
         audio_codec: ``aac``, ``pcm`` or ``flac``.
         audio_rate: Hz; None keeps the rate of ``audio_source``.
         metadata: tags of the container.
@@ -61,6 +63,8 @@ def mux(
     if audio_rate is not None:
         sound = sound.filter("aresample", audio_rate)
     sound = sound.filter("atrim", end=f"{seconds:.6f}")
+    if silent_until is not None:
+        sound = sound.filter("apad", whole_dur=f"{silent_until:.6f}")
     tags = {
         f"metadata:g:{k}": f"{key}={text}" for k, (key, text) in enumerate((metadata or {}).items())
     }

@@ -29,7 +29,7 @@ def made_by() -> str:
     return f"dfrf {metadata.version('dfrf')}"
 
 
-class Label:
+class VisibleMark:
     """The visible mark in the lower right corner of frames of one size."""
 
     def __init__(self, width: int, height: int, text: str = TEXT) -> None:

@@ -17,7 +17,8 @@ from dubbing import media, timeline
 from dubbing.compositing.composite import blend, replacement
 from dubbing.errors import RenderingError
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.provenance import provenance
+from dubbing.provenance import card, provenance
+from dubbing.provenance.card import CreditsCard
 from dubbing.provenance.mark import Mark
 from dubbing.provenance.mark_key import Marking, bits_of
 
@@ -34,6 +35,7 @@ class VideoSettings:
 
     frame: str = "full"
     label: bool = True
+    card: CreditsCard | None = None
     mark: Marking | None = None
     codec: str = "h264"
     audio_rate: int | None = 48000
@@ -76,7 +78,7 @@ class Composer:
         self.film = film = heads[0].clip
         self.frames = settings.frame
         self.size = film.source_size if self.frames == "full" else (film.size, film.size)
-        self.label = provenance.Label(*self.size) if settings.label else None
+        self.label = provenance.VisibleMark(*self.size) if settings.label else None
         self.mark = invisible_mark(settings.mark, *self.size)
         count = len(pose_index)  # a dub that was cut is shorter than its cue
         self.heads = [replace(h, stop=min(h.stop, count)) for h in heads if h.first < count]
@@ -123,6 +125,12 @@ class Composer:
             ]
             crop, *_, whole = faces[0].source
             yield crop if whole is None else whole, faces
+
+    def card(self, text: str) -> np.ndarray:
+        """A card of credits in the size of the frames, with the invisible mark all over it."""
+        out = card.draw(text, *self.size)
+        everywhere = (0.0, 0.0, float(max(self.size)))
+        return out if self.mark is None else self.mark.draw(out, [everywhere])
 
     def frame(self, image: np.ndarray, faces: Sequence[Face], index: int) -> np.ndarray:
         """Frame of the dub over frame ``index`` of the film; uint8 RGB of ``size``.

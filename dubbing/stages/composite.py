@@ -20,6 +20,7 @@ from dubbing import json_records as kept
 from dubbing import media, timeline
 from dubbing.errors import RenderingError
 from dubbing.files import atomic_write_json
+from dubbing.media.colour import Colour
 from dubbing.media.overlap import ahead, behind
 from dubbing.mixing.mix import SOUND, mix
 from dubbing.provenance import provenance
@@ -64,6 +65,8 @@ def make(
 ) -> Path:
     """Write OUT/video.<suffix>: composited, marked, encoded, with its sound; checked by decoding.
 
+    Where there is to be a card of credits it follows the last frame, in silence.
+
     It has the colours of the film, and its timecode. What no browser plays gets OUT/proxy.mp4.
 
     Frames in which nobody says anything new are the film's own. Of a scene there is also
@@ -79,25 +82,13 @@ def make(
     """
     result = out / f"video{media.SUFFIX[settings.codec]}"
     segments = out / "segments"
-    frames, film = len(pose_index), heads[0].clip
+    film, card = heads[0].clip, settings.card
     rate = film.rate
+    frames = len(pose_index) + (card.frames if card else 0)
     source = media.probe(film.clip)
     composer = Composer(heads, pose_index, settings)
     if not result.exists():
-        parts = []
-        for first in range(0, frames, SEGMENT):
-            stop = min(first + SEGMENT, frames)
-            part = segments / f"{first:06d}{SUFFIX}"
-            parts.append((part, (stop - first) / rate))
-            if not part.exists():
-                encoder = media.VideoWriter(
-                    part, *composer.size, rate, settings.codec, source.colour
-                )
-                read = composer.read(first, stop)
-                with encoder, behind(encoder.write) as write, closing(ahead(read)) as ready:
-                    for done, (image, faces) in enumerate(ready, first):
-                        write(composer.frame(image, faces, int(pose_index[done])))
-                        progress("compositing", done / frames)
+        parts = _pictures(composer, segments, settings, source.colour, progress)
         progress("muxing", 1.0)
         if isinstance(sound, SceneSound):
             figures = mix(
@@ -109,15 +100,16 @@ def make(
                 loudness=sound.loudness,
             )
             atomic_write_json(out / MIXED, figures)
-            sound = Sound(out / SOUND, 0.0, float(frames / rate))
+            sound = Sound(out / SOUND, 0.0, float(len(pose_index) / rate))
         # The sound is as long as it was asked for, unless the dub was cut to the clip.
-        longest = float((frames + Fraction(1, 2)) / rate)
+        longest = float((len(pose_index) + Fraction(1, 2)) / rate)
         media.mux(
             parts,
             sound.path,
             result,
             audio_start=sound.start,
             seconds=min(sound.seconds, longest),
+            silent_until=float(frames / rate) if card else None,
             audio_codec=media.SOUND[settings.codec],
             audio_rate=settings.audio_rate,
             metadata=provenance.tags(),
@@ -136,6 +128,42 @@ def make(
         (out / MIXED).unlink()
     shutil.rmtree(segments, ignore_errors=True)
     return result
+
+
+def _pictures(
+    composer: Composer,
+    folder: Path,
+    settings: VideoSettings,
+    colour: Colour,
+    progress: Callable[[str, float], None],
+) -> list[tuple[Path, Fraction]]:
+    """Encode the frames, then the card of credits: files with their lengths in seconds."""
+    rate, poses = composer.film.rate, composer.poses
+    frames = len(poses)
+    parts = []
+
+    def writer(part: Path) -> media.VideoWriter:
+        return media.VideoWriter(part, *composer.size, rate, settings.codec, colour)
+
+    for first in range(0, frames, SEGMENT):
+        stop = min(first + SEGMENT, frames)
+        part = folder / f"{first:06d}{SUFFIX}"
+        parts.append((part, (stop - first) / rate))
+        if not part.exists():
+            encoder = writer(part)
+            read = composer.read(first, stop)
+            with encoder, behind(encoder.write) as write, closing(ahead(read)) as ready:
+                for done, (image, faces) in enumerate(ready, first):
+                    write(composer.frame(image, faces, int(poses[done])))
+                    progress("compositing", done / frames)
+    if settings.card is not None:
+        part = folder / f"card{SUFFIX}"
+        parts.append((part, settings.card.frames / rate))
+        picture = composer.card(settings.card.text)
+        with writer(part) as encoder:
+            for _ in range(settings.card.frames):
+                encoder.write(picture)
+    return parts
 
 
 def timecode_at(film: media.MediaInfo, frame: int) -> str:

@@ -20,6 +20,7 @@ from dubbing.engine.stage import Progress, digest_of
 from dubbing.files import atomic_write_json
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Scene
+from dubbing.provenance.card import CreditsCard
 from dubbing.provenance.mark_key import Marking
 from dubbing.timeline import Cue
 
@@ -211,6 +212,7 @@ class Composite:
     scene: Scene
     heads: tuple[CueHeads, ...]
     mark: Marking | None
+    card: CreditsCard | None
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.stages.composer import Heads, VideoSettings
@@ -222,7 +224,8 @@ class Composite:
         poses = pose_index(dub, film, max(cue.stop for cue in scene.cues))
         settings = VideoSettings(
             frame=dub.frame,
-            label=dub.label,
+            label=dub.label.mark,
+            card=self.card,
             mark=self.mark,
             codec=dub.codec,
             audio_rate=None if dub.audio_rate == "source" else dub.audio_rate,
@@ -267,12 +270,14 @@ class Sign:
 class Check:
     """The lip-sync check of a video, beside that of the clip it was made from.
 
-    Of a scene each cue is judged, whose frames alone are looked at: a segment each.
+    The frames of a card of credits, the last ones, are not looked at. Of a scene each cue is
+    judged, whose frames alone are looked at: a segment each.
     """
 
     video: Path
     source: Path | None = None
     lines: Scene | None = None
+    credits: int = 0
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.sync.check import check
@@ -287,6 +292,7 @@ class Check:
         found = check(
             self.video,
             source=own,
+            leave_out=self.credits,
             progress=lambda share: progress("listening and looking", share),
             **scene,
         )

@@ -38,9 +38,8 @@ def compare(film: Path, result: Path, own: np.ndarray, rate: Fraction) -> Untouc
     """
     digests = hashlib.sha256(), hashlib.sha256()
     worst = 0.0
-    pictures = zip(
-        media.read_frames(film, rate=rate), media.read_frames(result, rate=rate), strict=True
-    )
+    finished = media.read_frames(result, count=len(own), rate=rate)  # a card may follow
+    pictures = zip(media.read_frames(film, rate=rate), finished, strict=True)
     for theirs, (source, made) in zip(own, pictures, strict=True):
         if theirs:
             height, width = source.shape[:2]  # an encoder may have made them even

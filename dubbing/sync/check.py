@@ -1,7 +1,7 @@
 """The sync check: how far the sound of a video is from its mouth, and how well they fit."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -199,6 +199,7 @@ def check(
     network: SyncNetwork | None = None,
     sound_from: Path | None = None,
     parts: Parts | None = None,
+    leave_out: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> SyncResult:
     """Lip sync of a video, of any length, size, rate and number of faces.
@@ -211,12 +212,14 @@ def check(
         network: ours by default.
         sound_from: another file to take the sound from, beginning together with the video.
         parts: frames (first, stop) that alone are looked at; they become the segments.
+        leave_out: frames at the end that are not looked at, nor what is heard in them.
         progress: called with the share done, 0..1.
 
     Raises:
         MediaError: the file is missing, unreadable or has no picture.
     """
     info = media.probe(video)
+    info = replace(info, frames=info.frames - leave_out)
     if info.rate is None:
         raise MediaError("no picture in it", str(video))
     sound = info if sound_from is None else media.probe(sound_from)
@@ -225,14 +228,21 @@ def check(
         return SyncResult("unjudged", "no sound in it", METHOD, facts, source=source)
     network = network or load_network()
     sums = _Sums(network, info, parts)
-    for block in measure(video, network.face.numpy(), sound_from=sound_from, progress=progress):
+    for block in measure(
+        video,
+        network.face.numpy(),
+        sound_from=sound_from,
+        leave_out=leave_out,
+        progress=progress,
+    ):
         sums.add(block)
     speaker = max(sums.faces.values(), key=lambda f: f.evidence, default=None)
+    heard = info.frames / sums.rate if leave_out else sound.sound_seconds
     facts = Media(
         frames=info.frames,
         rate=str(info.rate),
         picture_seconds=min(info.duration, sum(b - a for a, b in sums.parts) / sums.rate),
-        sound_seconds=sound.sound_seconds,
+        sound_seconds=min(sound.sound_seconds, heard),
         speech_seconds=float(sums.voice.sum() / sums.rate),
         mouth_seconds=speaker.whole.rows / sums.rate if speaker else 0.0,
     )

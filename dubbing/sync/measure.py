@@ -7,6 +7,7 @@ Letters: F frames of a block, M mouth points, R rows and C columns of a crop, T 
 20 ms, D = 144 channels.
 """
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -98,11 +99,16 @@ def block_lengths(frames: int, rate: Fraction) -> list[int]:
     return [b - a for a, b in pairwise(edges)]
 
 
-def measure_sound(path: Path, start: float, seconds: float, hearing: Hearing) -> Sound:
-    """Sound of a stretch of a file; the features' level is that of the stretch."""
+def measure_sound(
+    path: Path, start: float, seconds: float, hearing: Hearing, end: float = math.inf
+) -> Sound:
+    """Sound of a stretch of a file, up to ``end``; the features' level is that of the stretch."""
     begin = max(0.0, start - MARGIN_SECONDS)
     samples = media.read_audio(
-        path, rate=SAMPLE_RATE, start=begin, seconds=start + seconds + MARGIN_SECONDS - begin
+        path,
+        rate=SAMPLE_RATE,
+        start=begin,
+        seconds=min(end, start + seconds + MARGIN_SECONDS) - begin,
     )
     return Sound(begin, hearing(samples), voice_activity(samples))
 
@@ -112,6 +118,7 @@ def measure(
     face: np.ndarray,
     *,
     sound_from: Path | None = None,
+    leave_out: int = 0,
     progress: Callable[[float], None] | None = None,
 ) -> Iterator[Block]:
     """Blocks of a video from its beginning to its end.
@@ -120,6 +127,7 @@ def measure(
         video: the pictures.
         face: canonical face (K, 3) the mouths are laid on (`SyncNetwork.face`).
         sound_from: another file to take the sound from, beginning together.
+        leave_out: frames at the end that are not looked at, nor what is heard in them.
         progress: called with the share done, 0..1.
 
     Raises:
@@ -128,7 +136,8 @@ def measure(
     info = media.probe(video)
     if info.rate is None:
         raise MediaError("no picture in it", str(video))
-    rate, total = info.rate, info.frames
+    rate, total = info.rate, info.frames - leave_out
+    end = total / float(rate) if leave_out else math.inf
     pictures = media.read_frames(video)
     hearing = Hearing()
     first = 0
@@ -144,6 +153,6 @@ def measure(
                     progress((first + k + 1) / total)
             faces = {track: g.seen(info.width, info.height) for track, g in gathered.items()}
             start, seconds = first / float(rate), length / float(rate)
-            sound = measure_sound(sound_from or video, start, seconds, hearing)
+            sound = measure_sound(sound_from or video, start, seconds, hearing, end)
             yield Block(first, length, rate, faces, sound)
             first += length

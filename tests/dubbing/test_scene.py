@@ -19,7 +19,7 @@ from dubbing.engine.executors import Processes, Source
 from dubbing.engine.graph import nodes
 from dubbing.manifest.manifest import load
 from dubbing.script.timecode import frame_of
-from dubbing.stages import composite
+from dubbing.stages import composite, tasks
 from tests import clips, fakes
 from tests.dubbing.batches import Listener, dub
 
@@ -237,6 +237,24 @@ def test_one_model_for_several_clips(scene: Path) -> None:
     names = {p.name for p in (folder / "out" / "work" / "identities" / "ann" / "clips").iterdir()}
     assert names >= {"second"}
     assert dub(scene, only=("second",))[1] == []
+
+
+def test_a_card_comes_after_the_scene_and_is_no_part_of_it(scene: Path) -> None:
+    dub(scene)
+    plain = [*media.read_frames(scene.parent / "out" / "it.mkv")]
+    label = "codec: ffv1, label: {credits: {seconds: 1}}"
+    scene.write_text(scene.read_text().replace("codec: ffv1", label))
+    result, began = dub(scene)
+    assert result.code == 0, result.outcomes
+    assert began == ["it:composite", "it:check"]
+    made = [*media.read_frames(scene.parent / "out" / "it.mkv")]
+    assert len(made) == FRAMES + 24
+    assert all(np.array_equal(*pair) for pair in zip(made, plain, strict=False))
+    assert report_of(scene)["untouched"]["identical"]
+    assert report_of(scene)["untouched"]["of"] == FRAMES
+    task = jobs.job_of(scene, "dub/it", "auto").stages["check"].produce
+    assert isinstance(task, tasks.Check)
+    assert task.credits == 24
 
 
 def test_two_people_in_turn_each_with_their_own_face(scene: Path) -> None:

@@ -25,7 +25,7 @@ def test_a_good_manifest(folder: Path) -> None:
     assert host.clip == (folder / "host.mp4").resolve()
     assert (host.preset, host.seed, host.start, host.finetune.iterations) == ("fast", 0, 0, None)
     assert dub.name == "host_it"
-    assert (dub.on_longer_audio, dub.frame, dub.label, dub.codec) == (
+    assert (dub.on_longer_audio, dub.frame, dub.label.mark, dub.codec) == (
         "bounce",
         "full",
         True,
@@ -54,7 +54,7 @@ def test_defaults_reach_identities_and_dubs_and_can_be_overruled(folder: Path) -
     a, b = manifest.identities["a"], manifest.identities["b"]
     assert (a.preset, a.seed, a.start, a.finetune.iterations) == ("nerf", 7, 0.5, 9)
     assert (b.preset, b.seed, b.finetune.iterations) == ("nerf", 8, 5)
-    assert [d.label for d in manifest.dubs] == [False, True]
+    assert [d.label.mark for d in manifest.dubs] == [False, True]
 
 
 def test_everything_wrong_is_said_at_once_with_key_and_line(folder: Path) -> None:
@@ -101,7 +101,7 @@ def test_everything_wrong_is_said_at_once_with_key_and_line(folder: Path) -> Non
         "line 15: dubs[1].name: would leave the output folder",
         "line 16: dubs[2].audio_start: 70 s is past the end: the sound is 2.0 s long",
         "line 16: dubs[2].frame: must be one of 'full' or 'crop', not 'half'",
-        "line 17: dubs[3].label: must be true or false, not 'no'",
+        "line 17: dubs[3].label: must be true, false or {mark, credits}, not 'no'",
         "line 17: dubs[3].name: the name 'A' is taken by dubs[2].name (line 16)",
         "line 17: dubs[3].video_start: 9 s is past the end: the last frame of the clip is at 2.96",
         "line 18: dubs[4]: must hold keys, not text",
@@ -109,6 +109,25 @@ def test_everything_wrong_is_said_at_once_with_key_and_line(folder: Path) -> Non
     assert len(found) == len(expected), "\n".join(found)
     for said, wanted in zip(found, expected, strict=True):
         assert said.startswith(wanted)
+
+
+def test_a_card_of_credits(folder: Path) -> None:
+    label = "label: {mark: false, credits: {seconds: 0:02, text: Thanks}}"
+    (dub,) = read(folder, GOOD.replace("audio:", f"{label}, audio:")).dubs
+    assert dub.label.credits is not None
+    assert (dub.label.mark, dub.label.credits.seconds) == (False, 2)
+    wrong = {
+        "{credits: {seconds: 0}}": ".credits.seconds: must be greater than 0, not 0",
+        "{credits: {seconds: 90}}": ".credits.seconds: must be less than or equal to 60, not 90",
+        '{credits: {text: " "}}': ".credits.text: must not be empty",
+        "{credits: {txt: a}}": ".credits.txt: unknown key",
+        "{credits: 3}": ".credits: must hold keys, not 3",
+        "{mark: 3}": ".mark: must be true or false, not 3",
+        "{credits: {text: \u65e5\u672c a}}": ".credits.text: the card has no letters for",
+    }
+    for value, said in wrong.items():
+        (found,) = problems(folder, GOOD.replace("audio:", f"label: {value}, audio:"))
+        assert found.startswith(f"line 6: dubs[0].label{said}")
 
 
 def test_consent_is_required(folder: Path) -> None:

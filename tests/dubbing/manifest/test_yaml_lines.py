@@ -81,7 +81,7 @@ def test_keys_that_are_trees_cannot_explode(folder: Path) -> None:
 def test_a_mapping_that_merges_can_be_used_twice(folder: Path) -> None:
     text = GOOD + "  - &a {identity: host, audio: it.wav, name: a}\n  - &b {<<: *a, name: b}\n"
     manifest = read(folder, text + "  - {<<: [{name: c, label: false}, *b]}\n")
-    assert [(d.name, d.label) for d in manifest.dubs[1:]] == [
+    assert [(d.name, d.label.mark) for d in manifest.dubs[1:]] == [
         ("a", True),
         ("b", True),
         ("c", False),

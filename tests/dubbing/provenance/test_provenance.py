@@ -1,13 +1,13 @@
 import numpy as np
 import pytest
 
-from dubbing.provenance.provenance import Label, tags
+from dubbing.provenance.provenance import VisibleMark, tags
 
 
 @pytest.mark.parametrize(("width", "height"), [(1920, 1080), (1080, 1920), (512, 512), (64, 48)])
 def test_the_label_changes_its_corner_only(width: int, height: int) -> None:
     frame = np.random.default_rng(0).integers(0, 256, (height, width, 3), dtype=np.uint8)
-    label = Label(width, height)
+    label = VisibleMark(width, height)
     marked = label.draw(frame)
     rows, columns = label.place
     assert rows.start >= height // 2 or height < 100
@@ -21,7 +21,7 @@ def test_the_label_changes_its_corner_only(width: int, height: int) -> None:
 
 @pytest.mark.parametrize("level", [0, 128, 255])
 def test_the_letters_can_be_read_on_any_background(level: int) -> None:
-    label = Label(1280, 720)
+    label = VisibleMark(1280, 720)
     part = label.draw(np.full((720, 1280, 3), level, np.uint8))[label.place].astype(int)
     assert part.max() - part.min() > 90
     assert np.ptp(part.mean((1, 2))) > 20  # there are lines of letters and lines without

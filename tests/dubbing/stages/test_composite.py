@@ -12,6 +12,7 @@ import pytest
 from dubbing import media
 from dubbing.errors import RenderingError
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.provenance.card import CreditsCard, default_text
 from dubbing.provenance.mark_key import marking
 from dubbing.stages import composer
 from dubbing.stages import composite as video
@@ -226,6 +227,24 @@ def test_two_faces_in_one_frame_each_while_it_speaks(scene: Scene) -> None:
     assert np.flatnonzero(right).tolist() == [2, 4, 5, 6, 7]  # frame 3 shows no face there
     assert np.flatnonzero(left).tolist() == [6, 7, 8, 9, 10]
     assert tuple(made[8, 36, 20]) != tuple(source[8, 36, 20])
+
+
+@pytest.mark.parametrize("codec", ["h264", "ffv1"])
+def test_a_card_follows_in_silence(scene: Scene, codec: str) -> None:
+    card = CreditsCard(default_text(["Ann"]), 30)
+    plain = scene.make(np.arange(12), "plain", codec=codec)
+    made = scene.make(np.arange(12), "card", codec=codec, card=card)
+    assert media.count_frames(made) == 12 + 30
+    pictures = np.stack(list(media.read_frames(made)))
+    np.testing.assert_array_equal(pictures[:12], np.stack(list(media.read_frames(plain))))
+    shown = pictures[12:].astype(int)
+    assert np.ptp(shown, axis=0).max() < 8  # it stands still
+    assert np.ptp(shown[0]) > 100
+    assert media.probe(made).sound_seconds == pytest.approx(42 / 25, abs=0.05)
+    heard, own = (media.read_audio(path, rate=48000) for path in (made, plain))
+    said = 12 * 1920
+    np.testing.assert_allclose(heard[: said - 2048], own[: said - 2048], atol=0.02)
+    assert np.abs(heard[said + 2048 :]).max() < 1e-3 < np.abs(heard[:said]).max()
 
 
 def test_the_invisible_mark_lies_on_faces_alone(scene: Scene, tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dubbing.errors import MediaError
+from dubbing.provenance.card import draw
 from dubbing.sync import measure
 from dubbing.sync.check import check, segment_edges
 from tests.dubbing.conftest import Speaker
@@ -26,7 +27,9 @@ def shifted(sound: np.ndarray, early: int) -> np.ndarray:
     return moved
 
 
-def test_a_clip_in_sync_passes(speaker: Speaker) -> None:
+def test_a_clip_in_sync_passes_and_so_it_does_with_a_card_after_it(
+    speaker: Speaker, silent_video: Write, sound_file: Write
+) -> None:
     result = check(speaker.clip)
     # Neither its face nor its text was learned from.
     assert result.offset_frames == 0
@@ -45,6 +48,16 @@ def test_a_clip_in_sync_passes(speaker: Speaker) -> None:
     again = json.loads(json.dumps(result.to_json()))
     assert again["verdict"] == "pass"
     assert again["source"] is None
+    card = np.repeat(draw("AI-dubbed", 96, 96)[None], 50, 0)
+    video = silent_video(np.concatenate([speaker.frames, card]))
+    longer = sound_file(np.concatenate([speaker.sound[: 100 * FRAME], np.zeros(50 * FRAME)]))
+    found = check(video, sound_from=longer, leave_out=50)
+    assert (found.verdict, found.offset_frames) == ("pass", 0)
+    assert found.curve == pytest.approx(result.curve, abs=0.05)
+    assert found.media.frames == 100
+    assert found.media.picture_seconds == result.media.picture_seconds
+    assert found.media.sound_seconds == pytest.approx(4.0, abs=0.1)
+    assert [s.end for s in found.segments] == [4.0]
 
 
 @pytest.mark.parametrize("early", [-9, 7])
