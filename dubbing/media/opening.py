@@ -29,6 +29,7 @@ CONTAINERS = (
 )
 REFUSED = "a playlist, a still picture, or no film or sound that can be read"
 REMEDY = "convert it to one file of its own: .mp4, .mov, .mkv or .wav"
+PLAYLISTS = (b"#extm3u", b"ffconcat", b"[playlist]")  # how they begin, whatever they are called
 WAV_PACKET = 1 << 18  # bytes; with the usual ones a long recording takes twice the time
 
 Stream = Any  # ffmpeg-python's nodes have no types
@@ -53,6 +54,8 @@ def opened(path: Path | str) -> av.container.InputContainer:
         MediaError: it is a playlist or something else that is no film or sound of its own.
         av.FFmpegError: it cannot be read.
     """
+    if _begins_as_playlist(path):
+        raise MediaError("a playlist: it names other files, and holds nothing", str(path), REMEDY)
     options = {**_only(CONTAINERS), "max_size": str(WAV_PACKET)}
     try:
         return av.open(address(path), container_options=options)
@@ -97,6 +100,16 @@ def piped(**options: Any) -> Stream:
 def into(path: Path | str | None, *streams: Stream, **options: Any) -> Graph:
     """The graph that writes streams to ``path``, or to a pipe where it is None."""
     return ffmpeg.output(*streams, "pipe:" if path is None else address(path), **options)
+
+
+def _begins_as_playlist(path: Path | str) -> bool:
+    """Whether a file is such a text; where it has the name of a raw sound ffmpeg would try that."""
+    try:
+        with open(path, "rb") as file:
+            begin = file.read(64)
+    except (OSError, ValueError):
+        return False  # it is said where it is opened
+    return begin.removeprefix(b"\xef\xbb\xbf").lstrip().lower().startswith(PLAYLISTS)
 
 
 def _since(zero: float, begin: float) -> str:

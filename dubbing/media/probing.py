@@ -167,8 +167,9 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     zero = (container.start_time or 0) / av.time_base
     if video is not None and not times:
         raise MediaError("no frame in its video stream", str(path), "is the file complete?")
-    if video is not None and pictures < COMPLETE * video.frames:
-        broken = f"it breaks off: {pictures} of {video.frames} frames are there"
+    there = _counted(container, pictures, times)
+    if video is not None and there < COMPLETE * video.frames:
+        broken = f"it breaks off: {there} of {video.frames} frames are there"
         raise MediaError(broken, str(path), "copy or convert the file again")
     if times and untimed:
         # Negative times of a Matroska file, for one: ffmpeg would guess, and drop what clashes.
@@ -219,6 +220,19 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     )
 
 
+def _counted(container: av.container.InputContainer, pictures: int, times: list[float]) -> int:
+    """How many of the frames that a header counts are there: ``pictures``, with these times.
+
+    That of an AVI counts ticks of its clock, which may be finer; its first and last frame may be a
+    frame's length off.
+    """
+    many = len(times)
+    if container.format.name != "avi" or many < 2:
+        return pictures
+    ticks = (max(times) - min(times)) / float(container.streams.video[0].time_base or 1)
+    return max(pictures, round(ticks * (many + 1) / (many - 1)))
+
+
 def _timecode(container: av.container.InputContainer, rate: Fraction) -> str:
     """The timecode of a track or of the file, if it is one at that rate."""
     places = [stream.metadata for stream in container.streams] + [container.metadata]
@@ -235,6 +249,8 @@ def _codec(path: Path, sound: av.audio.stream.AudioStream) -> str:
     if sound.codec_context is None:  # PyAV's stubs do not say so
         what = "its sound is in a format that cannot be decoded"
         raise MediaError(what, str(path), "convert it to WAV of 16 or 24 bits")
+    if not sound.channels or not sound.rate:
+        raise MediaError("its sound has no channels, or no rate", str(path), "export it again")
     return sound.codec_context.name
 
 

@@ -154,3 +154,26 @@ def test_a_sound_that_nothing_decodes_is_said(tmp_path: Path) -> None:
     path.write_bytes(content)
     with pytest.raises(MediaError, match=r"cannot be decoded .*a\.wav.*convert it"):
         media.probe(path)
+
+
+def test_sound_of_no_channels_is_said(tmp_path: Path) -> None:
+    path = clips.write_sound(tmp_path / "none.wav", 0.2)
+    raw = bytearray(path.read_bytes())
+    at = raw.index(b"fmt ") + 8
+    raw[at : at + 2] = (85).to_bytes(2, "little")  # MP3 in a WAV, whose header says the channels
+    raw[at + 2 : at + 4] = bytes(2)
+    path.write_bytes(raw)
+    with pytest.raises(MediaError, match=r"no channels, or no rate \(.*none\.wav\): export"):
+        media.probe(path)
+
+
+def test_a_whole_film_in_avi_is_whole_and_half_of_it_is_not(tmp_path: Path) -> None:
+    """Its clock may tick faster than its frames come."""
+    film, whole = clips.write_clip(tmp_path / "film.mp4", 40), tmp_path / "whole.avi"
+    clips.ffmpeg("-i", film, "-c", "copy", whole)
+    info = media.probe(whole)
+    assert info.frames == pytest.approx(40, abs=1)
+    assert info.rate == 25
+    (tmp_path / "torn.avi").write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
+    with pytest.raises(MediaError, match="breaks off"):
+        media.probe(tmp_path / "torn.avi")
