@@ -28,8 +28,7 @@ export OMP_WAIT_POLICY ?= PASSIVE
 install: .venv/installed
 
 demo: .venv/installed-synthetic
-	$(BIN)/python -m dubbing.synthetic out/demo/source
-	$(BIN)/dfrf dub manifests/demo.yaml
+	$(BIN)/dfrf demo out/demo
 
 test: .venv/installed-dev
 	$(BIN)/python -m pytest -q
@@ -45,7 +44,7 @@ attack: .venv/installed-dev
 	DFRF_ATTACK=$(TIMES) $(BIN)/python -m pytest -q tests/attack --hypothesis-seed=$(SEED)
 
 # Times a person that was dubbed before; the demo's by default.
-BENCH ?= manifests/demo.yaml alba
+BENCH ?= out/demo/demo.yaml alba
 bench: .venv/installed
 	$(BIN)/python -m dubbing.lab.benchmark $(BENCH) out/bench.json
 

@@ -24,7 +24,7 @@ from dubbing.manifest import yaml_lines
 from tests import clips
 
 ROOT = Path(__file__).resolve().parents[1]
-PLACES = ("*.md", "docs/*.md", "dubbing/**/*.md", "manifests/*.yaml", "Makefile")
+PLACES = ("*.md", "docs/*.md", "dubbing/**/*.md", "dubbing/synthetic/manifests/*.yaml", "Makefile")
 PROGRAM = typer.main.get_command(app)
 STARTS = ("dfrf", "python", "pip", "make")
 # Words that a document may put where a value belongs.
@@ -137,7 +137,7 @@ def wrong(words: tuple[str, ...]) -> str:
 DOCUMENTS = sorted(
     path.relative_to(ROOT) for place in PLACES[:3] for path in ROOT.glob(place)
 )  # *.md
-FOLDERS = ("dfrf/", "dubbing/", "tests/", "docs/", "manifests/")
+FOLDERS = ("dfrf/", "dubbing/", "tests/", "docs/")
 LONGEST_LINE = 120
 MOST_LINES = {"README.md": 149, "docs/method.md": 199}
 
@@ -284,12 +284,6 @@ def test_an_option_alone_is_one_of_some_command(command: Command) -> None:
         known.update(opt for p in one.params for opt in (*p.opts, *p.secondary_opts))
     options = {part for word in command.words[1:] for part in word.split("/")}
     assert {option for option in options if option.startswith("--")} <= known
-
-
-@pytest.mark.parametrize("command", OURS, ids=named)
-def test_a_manifest_that_is_named_is_there(command: Command) -> None:
-    for word in command.words:
-        assert not word.startswith("manifests/") or (ROOT / word).is_file()
 
 
 @pytest.mark.parametrize("command", EXTRAS, ids=named)

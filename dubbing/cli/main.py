@@ -165,6 +165,19 @@ def init(
 
 
 @app.command()
+def demo(
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", file_okay=False, help="To work in.")
+    ] = Path("out/demo"),
+) -> None:
+    """Make a synthetic speaker in a folder, and dub it into Italian and German."""
+    packages.require("synthetic")
+    from dubbing.synthetic.demo import write_demo
+
+    dub(write_demo(checked_path(folder)))
+
+
+@app.command()
 def prepare(
     clip: Annotated[
         Path,

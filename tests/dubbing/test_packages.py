@@ -103,10 +103,10 @@ def test_the_packages_of_an_extra_are_looked_for_by_who_needs_them(
 
 def test_the_synthetic_speaker_says_what_to_install(tmp_path: Path) -> None:
     code = (
-        "import runpy, sys; sys.modules['embreex'] = None; sys.argv[1:] = [sys.argv[1]]\n"
+        "import runpy, sys; sys.modules['embreex'] = None; sys.argv[0] = 'speaker'\n"
         "runpy.run_module('dubbing.synthetic', run_name='__main__')"
     )
-    call = [sys.executable, "-c", code, str(tmp_path)]
+    call = [sys.executable, "-c", code, str(tmp_path), "--identities", "1"]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr.startswith("error: not installed: embreex: run ")

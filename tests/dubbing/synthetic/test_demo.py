@@ -1,56 +1,72 @@
-"""`python -m dubbing.synthetic`: makes what manifests/demo.yaml names, once."""
+"""`dfrf demo` and `python -m dubbing.synthetic`: what they make, they make once."""
 
-import shutil
 import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from dubbing import batch
+from dubbing.cli.main import app
 from dubbing.manifest import yaml_lines
 from dubbing.manifest.manifest import load
 from dubbing.media import probe
 from dubbing.synthetic import __main__ as program
+from dubbing.synthetic import demo
 from dubbing.synthetic.speaker import TAIL
 from dubbing.synthetic.voice import speak
 from tests import clips
 
-MANIFEST = Path(__file__).resolve().parents[3] / "manifests" / "demo.yaml"
+
+def write_stand_in(source: Path) -> None:
+    """A clip as long as the synthetic speaker's, made in no time."""
+    source.mkdir(parents=True)
+    speak(demo.SCRIPT, demo.VOICE, source / "script.wav")
+    seconds = probe(source / "script.wav").sound_seconds + TAIL
+    clips.write_clip(source / "clip.mp4", round(25 * seconds))
+    (source / "truth.npz").touch()
 
 
-def test_makes_every_file_of_the_demo_and_makes_it_once(
+def test_the_demo_has_every_file_and_is_made_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(program, "SCRIPT", "Me.")
-    monkeypatch.setattr(sys, "argv", ["speaker", str(tmp_path), "--size", "64"])
-    assert program.main() == 0
-    manifest = yaml_lines.read(MANIFEST.read_text()).data
+    monkeypatch.setattr(demo, "SCRIPT", "Me.")
+    path = demo.write_demo(tmp_path, 64)
+    manifest = yaml_lines.read(path.read_text()).data
     inputs = [person["clip"] for person in manifest["identities"].values()]
     inputs += [dub["audio"] for dub in manifest["dubs"]]
     assert len(inputs) == 3
     for name in inputs:
-        assert Path(name).parent == Path("../out/demo/source")
-        info = probe(tmp_path / Path(name).name)
+        info = probe(tmp_path / name)
         assert info.audio_duration is not None
         assert info.audio_duration < 6
-    made = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
-    assert program.main() == 0
-    assert made == {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    path.write_text(path.read_text().replace("400", "4"))  # a user's own change stays
+    made = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
+    assert demo.write_demo(tmp_path, 64) == path
+    assert made == {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*")}
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in MANIFEST.parent.glob("*.yaml")))
+def test_the_command_dubs_what_it_writes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_stand_in(tmp_path / "new" / "source")
+    given = []
+
+    def dub(manifest: object, *_: object, **__: object) -> batch.Result:
+        given.append(manifest)
+        return batch.Result({}, 0, tmp_path / "report.html", {})
+
+    monkeypatch.setattr(batch, "dub", dub)
+    call = CliRunner().invoke(app, ["demo", str(tmp_path / "new")])
+    assert call.exit_code == 0, call.output
+    (loaded,) = given
+    assert loaded.path == (tmp_path / "new" / "demo.yaml").resolve()  # type: ignore[attr-defined]
+    assert loaded.output == (tmp_path / "new").resolve()  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in demo.MANIFESTS.glob("*.yaml")))
 def test_the_clip_is_as_long_as_the_manifests_want_it(tmp_path: Path, name: str) -> None:
-    source = tmp_path / "out" / "demo" / "source"
-    source.mkdir(parents=True)
-    speak(program.SCRIPT, program.VOICE, tmp_path / "script.wav")
-    seconds = probe(tmp_path / "script.wav").sound_seconds + TAIL
-    clips.write_clip(source / "clip.mp4", round(25 * seconds))
-    for recording, (voice, text) in program.DUBS.items():
-        speak(text, voice, source / f"{recording}.wav")
-    (tmp_path / "manifests").mkdir()
-    for script in MANIFEST.parent.glob("*.srt"):
-        shutil.copy(script, tmp_path / "manifests")
-    copy = shutil.copy(MANIFEST.parent / name, tmp_path / "manifests")
-    assert not load(Path(copy)).warnings
+    write_stand_in(tmp_path / "source")
+    demo.write_demo(tmp_path)
+    assert not load(tmp_path / name).warnings
 
 
 def test_many_identities(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,7 +80,7 @@ def test_many_identities(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
 def test_a_mistake_is_an_exit_code(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(program, "DUBS", {})
-    monkeypatch.setattr(sys, "argv", ["speaker", str(tmp_path), "--size", "33"])
+    arguments = ["speaker", str(tmp_path), "--identities", "1", "--size", "33"]
+    monkeypatch.setattr(sys, "argv", arguments)
     assert program.main() == 1
     assert "even size" in capsys.readouterr().err
