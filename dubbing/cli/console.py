@@ -199,11 +199,14 @@ def medians(found: dict[str, dict[str, dict[str, Any]]]) -> dict[str, dict[str, 
 
 def doctor(findings: Sequence[Finding]) -> None:
     """What the machine has and lacks."""
-    table = _table("what", "state", "found", "what to do")
+    table = _table("what", "state", "found")
     for finding in findings:
         state = _cell(finding.state, COLOURS.get(finding.state, "default"))
-        table.add_row(finding.what, state, _cell(finding.found), _cell(finding.remedy))
+        table.add_row(finding.what, state, _cell(finding.found))
     out.print(table)
+    # Below, so that a command is whole however narrow the terminal is; each once.
+    for remedy in dict.fromkeys(finding.remedy for finding in findings if finding.remedy):
+        out.print(visible(f"to do: {remedy}"), markup=False, soft_wrap=True)
 
 
 def rates(found: dict[str, Rate], file: Path) -> None:

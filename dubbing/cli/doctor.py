@@ -17,7 +17,7 @@ from dubbing.errors import MediaError
 from dubbing.shipped.base import BASE
 
 ENOUGH_MEMORY, ENOUGH_DISK = 6.0, 5.0  # GiB
-INSTALL = "make install"
+PYTHONS = ((3, 11), (3, 12))
 
 
 @dataclass(frozen=True)
@@ -50,9 +50,9 @@ def examine() -> list[Finding]:
 
 def _python() -> Finding:
     found = platform.python_version()
-    if sys.version_info[:2] == (3, 11):
+    if sys.version_info[:2] in PYTHONS:
         return Finding("Python", "fine", found)
-    return Finding("Python", "lacking", found, "make install PYTHON=python3.11")
+    return Finding("Python", "lacking", found, "install it again with Python 3.11 or 3.12")
 
 
 def _version(package: str) -> str:
@@ -64,12 +64,16 @@ def _version(package: str) -> str:
 
 def _torch() -> Finding:
     found = _version("torch")
-    return Finding("torch", "fine" if found else "lacking", found, "" if found else INSTALL)
+    return Finding(
+        "torch", "fine" if found else "lacking", found, "" if found else packages.command(["torch"])
+    )
 
 
 def _graphics() -> Finding:
     if importlib.util.find_spec("torch") is None:
-        return Finding("graphics card", "lacking", "torch is not there", INSTALL)
+        return Finding(
+            "graphics card", "lacking", "torch is not there", packages.command(["torch"])
+        )
     import torch
 
     if torch.cuda.is_available():
@@ -110,11 +114,15 @@ def _ffmpeg() -> Finding:
     try:
         from dubbing.media import ffmpeg
     except ImportError as error:
-        return Finding("ffmpeg", "lacking", f"{error.name} is not installed", INSTALL)
+        return Finding("ffmpeg", "lacking", f"{error.name} is not installed", _installing(error))
     try:
         return Finding("ffmpeg", "fine", f"{ffmpeg.version()} ({ffmpeg.binary()})")
     except MediaError as error:
         return Finding("ffmpeg", "lacking", error.what, error.remedy)
+
+
+def _installing(error: ImportError) -> str:
+    return packages.command([error.name or "ffmpeg"])
 
 
 def _mediapipe() -> Finding:
@@ -139,7 +147,7 @@ def _opencv() -> Finding:
     if found and not others:
         return Finding("OpenCV", "fine", found)
     if not found:
-        return Finding("OpenCV", "lacking", "not installed", INSTALL)
+        return Finding("OpenCV", "lacking", "not installed", packages.command(["cv2"]))
     remove = f"python -m pip uninstall -y {' '.join(others)}"
     again = "python -m pip install --force-reinstall --no-deps opencv-contrib-python-headless"
     both = f"{', '.join(others)} overwrites its files"
@@ -149,5 +157,5 @@ def _opencv() -> Finding:
 def _base() -> Finding:
     if BASE.is_file():
         return Finding("base checkpoint", "fine", f"{BASE.stat().st_size / 2**20:.1f} MiB")
-    command = "git checkout -- dubbing/base.safetensors, or name one with `base:` in the manifest"
+    command = "install dfrf again, or name one with `base:` in the manifest"
     return Finding("base checkpoint", "slow", "none: people are learnt from nothing", command)

@@ -8,6 +8,8 @@ import sys
 
 import pytest
 
+from dubbing import packages
+
 
 def test_doctor_says_what_is_there(dfrf) -> None:  # type: ignore[no-untyped-def]
     _, out, _ = dfrf("doctor")
@@ -34,8 +36,12 @@ def test_doctor_works_where_everything_is_missing() -> None:
     )
     assert (done.returncode, done.stderr) == (1, "")
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in done.stdout.splitlines()]
-    assert ["OpenCV", "lacking", "not installed", "make install"] in rows
-    assert ["graphics card", "lacking", "torch is not there", "make install"] in rows
+    assert ["OpenCV", "lacking", "not installed"] in rows
+    assert ["graphics card", "lacking", "torch is not there"] in rows
+    commands = [said for said in done.stdout.splitlines() if said.startswith("to do: ")]
+    assert len(commands) == len(set(commands))
+    assert any(said.endswith(f"-m pip install {packages.DECLARED['cv2']}") for said in commands)
+    assert any(said.endswith(f"-m pip install {packages.DECLARED['torch']}") for said in commands)
     assert any(row[:2] == ["ffmpeg", "lacking"] for row in rows if row)
 
 

@@ -1,0 +1,124 @@
+"""What a wheel, an sdist and the image of `Containerfile` hold."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import tarfile
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+TREE = ("dfrf", "dubbing", "tests", "pyproject.toml", "MANIFEST.in", "README.md", "LICENSE")
+DATA = (".safetensors", ".html", ".yaml", ".srt", ".md")
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a wheel and an sdist, built from a copy without asking a registry."""
+    source, out = tmp_path_factory.mktemp("source"), tmp_path_factory.mktemp("dist")
+    for name in TREE:
+        if (ROOT / name).is_dir():
+            caches = shutil.ignore_patterns("__pycache__")
+            shutil.copytree(ROOT / name, source / name, ignore=caches)
+        else:
+            shutil.copy(ROOT / name, source)
+    for kind in ("sdist", "wheel"):
+        code = f"import sys; from setuptools import build_meta as b; b.build_{kind}(sys.argv[1])"
+        call = [sys.executable, "-c", code, str(out)]
+        subprocess.run(call, cwd=source, check=True, capture_output=True)
+    return out
+
+
+def shipped() -> set[str]:
+    """Every file of both packages that belongs into a wheel."""
+    found = [path for name in ("dfrf", "dubbing") for path in (ROOT / name).rglob("*")]
+    return {p.relative_to(ROOT).as_posix() for p in found if p.suffix in (".py", *DATA)}
+
+
+@pytest.mark.slow
+def test_the_wheel_holds_both_packages_with_their_data_and_no_more(built: Path) -> None:
+    (wheel,) = built.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = {name for name in archive.namelist() if ".dist-info/" not in name}
+        sizes = {info.filename: info.file_size for info in archive.infolist()}
+        (points,) = (name for name in archive.namelist() if name.endswith("entry_points.txt"))
+        assert "dfrf = dubbing.__main__:main" in archive.read(points).decode()
+    assert names == shipped()
+    assert sum(name.endswith(".safetensors") for name in names) >= 6
+    assert {"dubbing/report/page.html", "dubbing/synthetic/manifests/demo.yaml"} <= names
+    for name in names:
+        assert sizes[name] == (ROOT / name).stat().st_size
+
+
+@pytest.mark.slow
+def test_the_sdist_holds_what_a_wheel_is_made_of(built: Path) -> None:
+    (sdist,) = built.glob("*.tar.gz")
+    with tarfile.open(sdist) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert {"pyproject.toml", "README.md", "LICENSE", *shipped()} <= names
+    assert not [name for name in names if name.startswith(("tests", "shared"))]
+
+
+def instructions() -> list[tuple[str, list[str]]]:
+    """Instruction and words of every line of `Containerfile`, in their order."""
+    text = (ROOT / "Containerfile").read_text().replace("\\\n", " ")
+    lines = [line for line in text.splitlines() if line and not line.startswith("#")]
+    return [(words[0], words[1:]) for words in map(shlex.split, lines)]
+
+
+def test_the_image_has_three_stages_and_ends_as_a_user() -> None:
+    said = instructions()
+    stages = [words for name, words in said if name == "FROM"]
+    assert [words[2] for words in stages[:2]] == ["wheels", "install"]
+    assert {words[0] for words in stages} == {"python:3.11-slim"}
+    last = said[max(k for k, (name, _) in enumerate(said) if name == "FROM") :]
+    (user,) = (words[0] for name, words in last if name == "USER")
+    assert user not in ("root", "0")
+    assert ("ENTRYPOINT", ["[dfrf]"]) in last
+
+
+def test_what_the_image_copies_is_there_and_no_registry_is_named() -> None:
+    earlier = {words[2] for name, words in instructions() if name == "FROM" and len(words) > 2}
+    for name, words in instructions():
+        if name != "COPY":
+            continue
+        if words[0].startswith("--from="):
+            assert words[0].removeprefix("--from=") in earlier
+            continue
+        assert all((ROOT / source).exists() for source in words[:-1]), words
+    text = (ROOT / "Containerfile").read_text()
+    assert "://" not in text
+    assert not re.search(r"\b[\w-]+\.(com|org|io|net)\b", text)
+    ignored = (ROOT / ".containerignore").read_text().splitlines()
+    copied = [source for name, w in instructions() if name == "COPY" for source in w[:-1]]
+    for source in copied:
+        if not source.startswith(("--from=", "/")):
+            assert any(Path(source).match(line[1:]) for line in ignored if line[0] == "!"), source
+
+
+def test_the_image_installs_the_torch_that_is_declared() -> None:
+    declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
+    (torch,) = (name for name in declared if name.startswith("torch=="))
+    assert any(torch in words for name, words in instructions() if name == "RUN")
+
+
+def test_uv_installs_the_tracker_that_the_lock_pins() -> None:
+    """pip cannot: what mediapipe declares contradicts what is installed."""
+    said = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    (pinned,) = (
+        line
+        for line in (ROOT / "requirements.txt").read_text().split()
+        if line.startswith("mediapipe==")
+    )
+    (known,) = said["tool"]["uv"]["dependency-metadata"]
+    assert said["dependency-groups"]["tracker"] == [pinned]
+    assert f"{known['name']}=={known['version']}" == pinned
+    assert known["requires-dist"] == []
+    assert said["tool"]["uv"]["default-groups"] == ["tracker"]
