@@ -12,6 +12,7 @@ from dubbing.manifest.findings import Scene
 from dubbing.manifest.inputs import credits_text
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.terms import sha256_of
+from dubbing.portraits import Portrait
 from dubbing.provenance.card import CreditsCard
 from dubbing.provenance.mark_key import Marking, marking
 from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
@@ -40,6 +41,30 @@ def sounds_of(dub: Dub, scene: Scene) -> dict[str, Path]:
         return {"audio": scene.cues[0].audio}
     found = {f"audio {cue.name}": cue.audio for cue in scene.cues}
     return found if dub.music_effects is None else {**found, "music": dub.music_effects}
+
+
+def portraits_of(manifest: Manifest, name: str, clip: Path) -> tuple[Portrait, ...]:
+    """Who is told apart in a clip: a person of the manifest, and the others whose clip it is.
+
+    Nobody where the largest face is meant: nothing says what they look like.
+    """
+    own, plain = portrait_of(manifest.identities[name]), Portrait(clip)
+    if own == plain:
+        return ()
+    others = {
+        portrait_of(identity)
+        for other, identity in manifest.identities.items()
+        if other != name and clip in identity.films
+    }
+    others -= {own, plain}
+    known = (one for one in others if one.clip not in manifest.damaged)
+    return own, *sorted(known, key=lambda one: (one.points, one.clip))
+
+
+def portrait_of(identity: Identity) -> Portrait:
+    """What shows a person: the points of their first clip, or the clip that is learned from."""
+    points = tuple((point.at, point.x, point.y) for point in identity.face)
+    return Portrait(identity.films[0] if points else identity.clip, points)
 
 
 def speech_weights(identity: Identity) -> dict[str, Path]:

@@ -24,6 +24,7 @@ from dubbing.dependencies import (
     frames_of,
     mark_of,
     mix_of,
+    portraits_of,
     sounds_of,
     speech_weights,
 )
@@ -54,7 +55,7 @@ def identity_job(
     """
     stages = Stages(manifest.work / "identities" / name, "clips")
     clip, base = identity.clip, identity.base or shipped_base(identity.preset)
-    prepare, check_source = _prepared(stages, identity, clip, "")
+    prepare, check_source = _prepared(manifest, stages, name, clip, "")
     prepared = tasks.Prepared(prepare.folder, clip)
     finetune = stages.add(
         "finetune",
@@ -77,7 +78,7 @@ def identity_job(
     for film in (clip, *(f for f in dict.fromkeys(films) if f != clip)):
         if film not in manifest.damaged:
             of = clip_name(identity, film)
-            made = prepare if film == clip else _prepared(stages, identity, film, of)[0]
+            made = prepare if film == clip else _prepared(manifest, stages, name, film, of)[0]
             stages.add(
                 "refine_poses",
                 tasks.RefinePoses(finetune.folder, tasks.Prepared(made.folder, film), device),
@@ -87,14 +88,18 @@ def identity_job(
     return Job("identity", name, stages.declared, blocked=manifest.damaged.get(clip))
 
 
-def _prepared(stages: Stages, identity: Identity, clip: Path, of: str) -> tuple[Stage, Stage]:
-    """A clip's preparation, and the lip sync of the clip itself."""
-    face = [[point.at, point.x, point.y] for point in identity.face]
+def _prepared(
+    manifest: Manifest, stages: Stages, name: str, clip: Path, of: str
+) -> tuple[Stage, Stage]:
+    """A clip's preparation for a person, and the lip sync of the clip itself."""
+    identity, people = manifest.identities[name], portraits_of(manifest, name, clip)
+    shown = {f"portrait {k}": person.clip for k, person in enumerate(people)}
+    points = [[list(point) for point in person.points] for person in people]
     prepare = stages.add(
         "prepare",
-        tasks.Prepare(identity, clip),
-        {"clip": clip},
-        {"size": identity.size, **({"face": face} if face else {})},
+        tasks.Prepare(identity, clip, people),
+        {"clip": clip, **shown},
+        {"size": identity.size, **({"people": points} if people else {})},
         of,
     )
     return prepare, stages.add("check_source", tasks.Check(clip), {"clip": clip}, of=of)
@@ -148,6 +153,11 @@ def dub_job(
                 f"prepared {name}": stage_of(people[name], "prepare", identity, scene.clip)
                 for name, identity in named.items()
             },
+            **{
+                f"learned {name}": people[name].stages["prepare"]
+                for name, identity in named.items()
+                if identity.clip != scene.clip
+            },
             "clip": scene.clip,
             **sounds_of(dub, scene),
         },
@@ -157,6 +167,7 @@ def dub_job(
             **({"credits": [card.text, card.frames]} if card else {}),
             **frames_of(dub),
             **mix_of(dub, scene),
+            "learned": [[identity.start, identity.seconds] for identity in named.values()],
             "mark": [mark.fingerprint, mark.id] if mark else None,
             # No pixel depends on it, but the record of a result says who agreed to it.
             "consent": consents_of(manifest, dub),
@@ -218,7 +229,9 @@ def _cue(
         of,
         work.parts(),
     )
-    return render, tasks.CueHeads(cue, render.folder, prepared)
+    own = tasks.Prepared(person.stages["prepare"].folder, identity.clip)
+    learned = tasks.Learned(own, identity.start, identity.seconds)
+    return render, tasks.CueHeads(cue, render.folder, prepared, learned)
 
 
 def _sign(

@@ -68,6 +68,7 @@ def write_prepared(
         centre=np.full((frames, 2), size / 2),
         crop=np.tile(np.array(window, float), (frames, 1)),
         valid=valid,
+        covered=np.zeros(frames, bool),
         segment=np.zeros(frames, int) if segment is None else segment,
         landmarks=np.tile(face(size), (frames, 1, 1)),
         shape=np.zeros((478, 3)),

@@ -276,8 +276,8 @@ FacePoints = Annotated[
 class Identity(Entry):
     """A filmed person: clips, which seconds of which one to learn from, and how.
 
-    ``face`` says whose face it is where a shot shows several: a point a shot. Shots without one are
-    left alone then.
+    ``face`` says whose face it is where a shot of the first clip shows several. In other shots, and
+    in other clips, it is looked for by what it looks like.
 
     ``clip`` is the one that is learned from; where only ``clips`` are named, the first of them that
     has so many seconds, or the longest for the best seconds.

@@ -55,8 +55,6 @@ def _learning(findings: Findings, name: str, identity: Identity) -> Identity:
 
 def _identity(findings: Findings, name: str, identity: Identity) -> None:
     at: KeyPath = ("identities", name)
-    if identity.face and len(identity.films) > 1:
-        findings.add((*at, "face"), "needs one clip, whose frames it speaks of")
     if identity.base is not None and not identity.base.is_file():
         findings.problems.append(((*at, "base"), f"no such file: {identity.base}"))
     elif said := published.base_problem(identity):

@@ -68,9 +68,14 @@ def film_of(
         if dub.clip is not None and dub.clip not in identity.films:
             findings.add((*at, "clip"), f"{dub.clip} is no clip of {name}")
             return None
-    faceless = [name for name, identity in people.items() if not identity.face]
+    # Whoever learns from another clip is looked for by what that shows.
+    faceless = [
+        name
+        for name, identity in people.items()
+        if not identity.face and (dub.clip or identity.clip) == identity.clip
+    ]
     if len(people) > 1 and faceless:
-        message = "several people in a film need `face`, which says who is where"
+        message = "several people in a film need `face`, or another clip to learn from"
         findings.add((*at, "speakers"), f"{' and '.join(faceless)}: {message}")
         return None
     clips = [dub.clip or identity.clip for identity in people.values()]

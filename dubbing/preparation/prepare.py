@@ -6,6 +6,7 @@ after the last finished step, and the result is the same bit for bit.
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
@@ -19,6 +20,7 @@ from dubbing import json_records as kept
 from dubbing.errors import DubbingError, PreparationError
 from dubbing.files import atomic_path, atomic_write_json, digest_file, make_folder
 from dubbing.media import probe
+from dubbing.portraits import Portrait
 from dubbing.preparation.alignment.camera import Poses
 from dubbing.preparation.alignment.photometric import root_mean_square
 from dubbing.preparation.alignment.silhouette import Silhouette
@@ -40,7 +42,7 @@ from dubbing.preparation.prepared import (
     PreparedClip,
 )
 from dubbing.preparation.tracking import tracking
-from dubbing.preparation.tracking.survey import Point
+from dubbing.preparation.tracking.occlusion import covered_step
 from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.warnings import warnings_of
 
@@ -52,7 +54,7 @@ def prepare(
     out: Path,
     *,
     size: int = 512,
-    face: Sequence[Point] = (),
+    people: Sequence[Portrait] = (),
     progress: Callable[[str, float], None] | None = None,
 ) -> PreparedClip:
     """Track, matte and restore the background of a clip.
@@ -61,7 +63,7 @@ def prepare(
         clip: a video of one person who faces the camera most of the time.
         out: folder for track.npz, matte.mkv, background.mkv, contact_sheet.png, prepared.json.
         size: side of the square crop in px, at most; never more than the source shows.
-        face: points inside the face that is meant, one a shot; see `survey`.
+        people: whose face is meant, then the others to tell it from; see `survey`.
         progress: called with the name of the step and the share of it that is done.
 
     Raises:
@@ -74,16 +76,23 @@ def prepare(
     if info.rate is None:
         raise PreparationError("no picture in it", str(clip), "give a video file")
     make_folder(out)
-    key = {"size": size, "face": [list(point) for point in face]}
+    shown = [[digest_file(person.clip), person.points] for person in people]
+    key = {"size": size, "people": json.loads(json.dumps(shown))}
     steps = Steps(out / STEPS, clip, key, progress or (lambda step, share: None))
 
-    seen = steps.run("faces", partial(tracking.survey_step, info, face))
+    seen = steps.run("faces", partial(tracking.survey_step, info, people))
     # A small source keeps its own pixels: enlarging them costs time and shows nothing new.
     size = min(size, int(seen["window"][:, 2].max()) // 8 * 8)
     found = steps.run("landmarks", partial(tracking.landmark_step, info, size, seen))
     observed = tracking.observations(info, size, seen, found)
     bundle = steps.run("poses", partial(tracking.bundle_step, observed, found))
     crops = partial(all_crops, info, seen["window"], size)
+
+    def find_covered(report: Callable[[float], None]) -> Arrays:
+        places = found["points"], found["valid"], seen["segment"]
+        return covered_step(crops(), *places, bundle["shape"], report)
+
+    covered = steps.run("occlusion", find_covered)["covered"]
     person, matte, background = steps.folder / "person.mkv", out / MATTE, out / BACKGROUND
 
     def write_person(report: Callable[[float], None]) -> Arrays:
@@ -124,13 +133,14 @@ def prepare(
         focal=observed.focal,
         near=float(distance[found["valid"]].min() - REACH),
         far=float(distance[found["valid"]].max() + REACH),
-        warnings=warnings_of(info, size, seen, found, poses),
+        warnings=warnings_of(info, size, seen, found | {"covered": covered}, poses),
         residual_shift=root_mean_square(track["residual_shift"]),
         rotation=poses.rotation,
         translation=poses.translation,
         centre=observed.centre,
         crop=seen["window"],
         valid=found["valid"],
+        covered=covered,
         segment=seen["segment"],
         landmarks=landmarks.astype(np.float32),
         shape=shape,

@@ -23,13 +23,16 @@ from dubbing.media import read_frames
 from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.tracking import cropping
 
-VERSION = 5
+VERSION = 6
 REACH = 1.7  # units (10 cm) that the head extends around its origin at most
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 CONTACT_SHEET, SUMMARY = "contact_sheet.png", "prepared.json"
 # What arrays that are none raise when they are read.
 UNREADABLE = (EOFError, OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
-ARRAYS = ("rotation", "translation", "centre", "crop", "valid", "segment", "landmarks", "shape")
+ARRAYS = (
+    *("rotation", "translation", "centre", "crop", "valid", "covered", "segment"),
+    *("landmarks", "shape"),
+)
 
 
 class Version(TypedDict):
@@ -69,7 +72,7 @@ class PreparedClip:
         centre: (T, 2) principal point in px of the crop: one camera of the full frame, seen
             through a moving window.
         crop: (T, 3) x0, y0, side of the window in px of the source.
-        valid: (T,) a face was found. segment: (T,) number of the shot.
+        valid: (T,) a face was found. covered: (T,) something lies before its mouth. segment: (T,) number of the shot.
         landmarks: (T, 478, 2) px of the crop, as detected (as projected, where not valid).
         shape: (478, 3) mean head shape in the head frame: x right, y down, z away from the camera,
             outer eye corners 0.9 apart, origin between the ears.
@@ -91,6 +94,7 @@ class PreparedClip:
     centre: np.ndarray
     crop: np.ndarray
     valid: np.ndarray
+    covered: np.ndarray
     segment: np.ndarray
     landmarks: np.ndarray
     shape: np.ndarray

@@ -33,7 +33,8 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
         return []
     film = manifest.media[scene.clip]
     assert film.rate is not None  # films have pictures
-    sound = scene_of(job).get("sound") or {}
+    made = scene_of(job)
+    sound, own_pixels = made.get("sound") or {}, made.get("own_pixels") or []
     heard = {figures["cue"]: figures for figures in sound.get("cues", [])}
     judged = {
         (round(part["start"] * film.rate), round(part["end"] * film.rate)): part
@@ -46,6 +47,7 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
         times = [timecode_of(film.first_frame + frame, film.rate, drop=drop) for frame in frames]
         sync, own = judged.get(frames, {}), heard.get(cue.name, {})
         offset = sync.get("offset_frames")
+        kept = [part for part in own_pixels if part["cue"] == cue.name]
         rows.append(
             {
                 "line": cue.number,
@@ -59,6 +61,10 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
                 **{key: sync.get(key) for key in OF_SYNC},
                 "offset_ms": None if offset is None else round(float(1000 * offset / film.rate), 1),
                 **{key: own.get(key) for key in OF_SOUND},
+                "own_pixels_frames": sum(part["stop"] - part["first"] for part in kept),
+                "own_pixels": "; ".join(
+                    f"{part['reason']} {part['first']}-{part['stop']}" for part in kept
+                ),
                 "words": cue.words,
             }
         )
@@ -85,19 +91,29 @@ def as_json_lines(rows: list[dict[str, Any]]) -> str:
 
 
 def as_edl(manifest: Manifest, dub: Dub, rows: list[dict[str, Any]]) -> str:
-    """A marker a line, coloured by its verdict."""
+    """A marker a line, coloured by its verdict, and one where the film's own face is kept."""
     film = manifest.media[manifest.scenes[dub.name].clip]
     assert film.rate is not None
     markers = [
         Marker(row["in_frame"], row["out_frame"], COLOURS.get(row["verdict"], "blue"), _note(row))
         for row in rows
     ]
+    for row in rows:
+        for part in filter(None, row["own_pixels"].split("; ")):
+            reason, _, frames = part.rpartition(" ")
+            first, stop = map(int, frames.split("-"))
+            note = f"{row['line']} {_who(row)} {reason}: the film's own face"
+            markers.append(Marker(first, stop, "cyan", note))
+    markers.sort(key=lambda marker: marker.first)
     return edl(dub.name, markers, film.rate, film.first_frame, drop=";" in film.timecode)
 
 
 def _note(row: dict[str, Any]) -> str:
-    who = row["speaker"] or row["identity"]
-    return f"{row['line']} {who} {row['verdict'] or 'not checked'}: {row['words']}"
+    return f"{row['line']} {_who(row)} {row['verdict'] or 'not checked'}: {row['words']}"
+
+
+def _who(row: dict[str, Any]) -> str:
+    return str(row["speaker"] or row["identity"])
 
 
 def _read(job: Job, stage: str, name: str) -> dict[str, Any]:

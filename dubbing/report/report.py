@@ -156,11 +156,19 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     summary = _read(prepared / "prepared.json", Prepared, "prepared clip", damaged)
     curves = {name: _column(model / "loss.csv", name, damaged) for name in ("loss", "psnr")}
     sheet = prepared / "contact_sheet.png"
+    others = [
+        f"{name.removeprefix('prepare ')}: {warning}"
+        for name, stage in job.stages.items()
+        if stage.name == "prepare" and stage.folder != prepared
+        for warning in _read(
+            stage.folder / "prepared.json", Prepared, "prepared clip", damaged
+        ).get("warnings", [])
+    ]
     return {
         **_common(job, outcome),
         "clip": str(identity.clip),
         "consent": dependencies.consent_of(identity),
-        "warnings": [*summary.get("warnings", []), *dict.fromkeys(damaged)],
+        "warnings": [*summary.get("warnings", []), *others, *dict.fromkeys(damaged)],
         "residual_shift": summary.get("residual_shift"),
         "learned": in_words(learned) if (learned := learned_of(job)) else None,
         "contact_sheet": _relative(manifest, sheet) if sheet.is_file() else None,

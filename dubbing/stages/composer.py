@@ -21,6 +21,7 @@ from dubbing.provenance import card, provenance
 from dubbing.provenance.card import CreditsCard
 from dubbing.provenance.mark import Mark
 from dubbing.provenance.mark_key import Marking, bits_of
+from dubbing.stages.own_pixels import OwnPixels, own_pixels
 
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
 
@@ -45,13 +46,16 @@ class VideoSettings:
 class Heads:
     """Rendered heads of a cue, FFV1 RGBA segments: of frames first .. stop of the dub.
 
-    Over ``clip``, of which every dub has one a person.
+    Over ``clip``, of which every dub has one a person. ``kept``: (T,) numbers of the reasons why
+    its frames keep their own face; see `own_pixels`. ``name``: of the cue.
     """
 
     folder: Path
     clip: PreparedClip
     first: int
     stop: int
+    kept: np.ndarray
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -88,11 +92,19 @@ class Composer:
         }
 
     def _said(self, clip: PreparedClip) -> np.ndarray:
-        """Frames (F,) bool in which the face of a clip says something new, and is seen."""
+        """Frames (F,) bool in which the face of a clip says something new, and is replaced."""
         said = np.zeros(len(self.poses), bool)
         for own in (h for h in self.heads if h.clip.folder == clip.folder):
-            said[own.first : own.stop] = True
-        return said & clip.valid[self.poses]
+            said[own.first : own.stop] = own.kept[self.poses[own.first : own.stop]] == 0
+        return said
+
+    def own_pixels(self) -> list[OwnPixels]:
+        """Where inside of cues the face stays the film's own."""
+        return [
+            run
+            for h in self.heads
+            for run in own_pixels(h.name, h.first, h.kept[self.poses[h.first : h.stop]])
+        ]
 
     def untouched(self) -> np.ndarray:
         """Frames (F,) bool that are the film's own."""

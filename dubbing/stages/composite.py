@@ -123,7 +123,9 @@ def make(
         own = composer.untouched()
         proof = compare(film.clip, result, own, rate) if own.any() else None
         figures = kept.read(out / MIXED, dict[str, Any], "figures of the mix")
-        atomic_write_json(out / SCENE_FILE, {"sound": figures, "untouched": proof})
+        kept_faces = composer.own_pixels()
+        found = {"sound": figures, "untouched": proof, "own_pixels": kept_faces}
+        atomic_write_json(out / SCENE_FILE, found)
         (out / SOUND).unlink(missing_ok=True)
         (out / MIXED).unlink()
     shutil.rmtree(segments, ignore_errors=True)

@@ -20,6 +20,7 @@ from dubbing.engine.stage import Progress, digest_of
 from dubbing.files import atomic_write_json
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Scene
+from dubbing.portraits import Portrait
 from dubbing.provenance.card import CreditsCard
 from dubbing.provenance.mark_key import Marking
 from dubbing.timeline import Cue
@@ -53,12 +54,12 @@ class Prepare:
 
     identity: Identity
     clip: Path
+    people: tuple[Portrait, ...]
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.preparation import prepare
 
-        points = [(point.at, point.x, point.y) for point in self.identity.face]
-        prepare(self.clip, out, size=self.identity.size, face=points, progress=progress)
+        prepare(self.clip, out, size=self.identity.size, people=self.people, progress=progress)
 
 
 def iterations_of(identity: Identity) -> int:
@@ -196,12 +197,22 @@ class Render:
 
 
 @dataclass(frozen=True)
+class Learned:
+    """The part of a prepared clip that a person was learned from, seconds."""
+
+    prepared: Prepared
+    start: float
+    seconds: float
+
+
+@dataclass(frozen=True)
 class CueHeads:
-    """Where the heads of a cue lie, and the prepared clip that they go onto."""
+    """Where the heads of a cue lie, the prepared clip that they go onto, what was learned from."""
 
     cue: Cue
     folder: Path
     prepared: Prepared
+    learned: Learned
 
 
 @dataclass(frozen=True)
@@ -217,10 +228,17 @@ class Composite:
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.stages.composer import Heads, VideoSettings
         from dubbing.stages.composite import SceneSound, Sound, make
+        from dubbing.stages.own_pixels import learned_views, reasons
 
         dub, scene = self.dub, self.scene
         clips = {h.prepared: h.prepared.load() for h in self.heads}
         film = next(iter(clips.values()))
+        kept = {}
+        for h in self.heads:
+            if h.prepared not in kept:
+                of = h.learned
+                views = learned_views(of.prepared.load(), of.start, of.seconds)
+                kept[h.prepared] = reasons(clips[h.prepared], views)
         poses = pose_index(dub, film, max(cue.stop for cue in scene.cues))
         settings = VideoSettings(
             frame=dub.frame,
@@ -237,7 +255,13 @@ class Composite:
         else:
             sound = SceneSound(scene.cues, dub.music_effects, scene.left, dub.loudness)
         make(
-            [Heads(h.folder, clips[h.prepared], h.cue.first, h.cue.stop) for h in self.heads],
+            [
+                Heads(
+                    *(h.folder, clips[h.prepared], h.cue.first, h.cue.stop),
+                    *(kept[h.prepared], h.cue.name),
+                )
+                for h in self.heads
+            ],
             sound,
             out,
             pose_index=poses,

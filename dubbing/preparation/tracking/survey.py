@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -15,64 +14,51 @@ import numpy as np
 
 from dubbing.errors import PreparationError
 from dubbing.face.landmarks import MOST_FACES, FaceMesh
-from dubbing.media import MediaInfo, read_frames
+from dubbing.media import MediaInfo, probe, read_frames
+from dubbing.portraits import Portrait
 from dubbing.preparation.tracking.cuts import REPEATED, find_cuts, segments, thumbnail
+from dubbing.preparation.tracking.following import (
+    Person,
+    Place,
+    Sighting,
+    follow,
+    looks_of,
+    track_at,
+)
+from dubbing.preparation.tracking.likeness import looks
 
 STRIDE = 5  # frames
 LEAST_SHARE = 0.2  # of searched frames with a face; fewer: search again, larger
 TILE_SHARE = 0.5  # of the shorter side of the frame
-INSIDE = 0.75  # face heights from its middle that a point may lie
-REACH = 0.7  # face sizes a face may move between two searches
+PORTRAIT_FRAMES = 20  # of another clip that a person's looks are taken from
 
 
 @dataclass(frozen=True)
 class Survey:
     """Frames T: segment (T,) int, repeated (T,) bool, box (T, 4) of the followed face.
 
-    ``found`` (T,) bool: boxes that were seen; the others are interpolated. ``followed`` (T,) bool:
-    the shot shows the face. ``most_faces``: how many faces one frame showed at most.
+    ``distance`` (shots,): of its looks from the person's, NaN where a shot does not show it; see
+    `following`. ``most_faces``: how many faces one frame showed at most.
     """
 
     segment: np.ndarray
     repeated: np.ndarray
     box: np.ndarray
-    found: np.ndarray
-    followed: np.ndarray
+    distance: np.ndarray
     most_faces: int
 
 
-@dataclass(frozen=True)
-class Sighting:
-    """One face in one frame; box (4,) px."""
-
-    frame: int
-    box: np.ndarray
-
-    @property
-    def size(self) -> float:
-        """Height of the box in px."""
-        return float(self.box[3] - self.box[1])
-
-    @property
-    def middle(self) -> np.ndarray:
-        """Middle (2,) of the box in px."""
-        return (self.box[:2] + self.box[2:]) / 2
-
-
-# A point inside a face: seconds, and shares of the frame's width and height.
-Point = tuple[float, float, float]
-
-
 def survey(
-    info: MediaInfo, progress: Callable[[float], None], points: Sequence[Point] = ()
+    info: MediaInfo, progress: Callable[[float], None], people: Sequence[Portrait] = ()
 ) -> Survey:
     """Look through a clip.
 
     Args:
-        points: where the face is that is meant; without any it is the largest of every shot.
+        people: whose face is meant, and the others of the film; without any it is the largest of
+            every shot.
 
     Raises:
-        PreparationError: no face in it, or none at a point.
+        PreparationError: no face in it, or none at a point, or none like that of a portrait.
     """
     difference = np.zeros(info.frames)
     sightings: list[list[Sighting]] = []
@@ -94,24 +80,54 @@ def survey(
             "use a clip that shows one person's face from the front, at least 64 px high",
         )
     segment = segments(info.frames, find_cuts(difference))
-    assert info.rate is not None
-    places = [
-        Place(
-            min(round(at * info.rate), info.frames - 1), np.array([x * info.width, y * info.height])
-        )
-        for at, x, y in points
-    ]
     try:
-        box, found, followed = follow(sightings, segment, places)
+        known = [person_of(portrait, info) for portrait in people]
+        face = follow(sightings, segment, known)
     except LookupError as error:
         raise PreparationError(
-            f"no face at the point {error}",
+            f"no face {error}",
             str(info.path),
             "say in `face` where it is: seconds, shares of the frame's width and height",
         ) from error
     repeated = difference < REPEATED
     repeated[0] = False
-    return Survey(segment, repeated, box, found, followed, max(map(len, sightings)))
+    return Survey(segment, repeated, face.box, face.distance, max(map(len, sightings)))
+
+
+def person_of(portrait: Portrait, info: MediaInfo) -> Person:
+    """A person as a clip is searched for them.
+
+    Raises:
+        LookupError: no face at a point of the portrait, or none in it.
+    """
+    if portrait.clip == info.path:
+        return Person(places(portrait, info))
+    shown = probe(portrait.clip)
+    rows = places(portrait, shown)
+    spread = np.linspace(0, shown.frames - 1, PORTRAIT_FRAMES).round().astype(int)
+    frames = [place.frame for place in rows] or np.unique(spread).tolist()
+    found = []
+    with FaceMesh(tracking=False, faces=MOST_FACES) as mesh:
+        for k, frame in enumerate(frames):
+            (image,) = read_frames(portrait.clip, start=frame, count=1)
+            seen = sight(mesh, image, frame)
+            if rows:
+                found += track_at([[face] for face in seen], rows[k])
+            elif seen:
+                found.append(max(seen, key=lambda face: face.size))
+    if not found:
+        raise LookupError(f"in {portrait.clip}, which shows whom to look for")
+    return Person(looks=looks_of([found]))
+
+
+def places(portrait: Portrait, info: MediaInfo) -> tuple[Place, ...]:
+    """The points of a portrait as frames and pixels of its clip."""
+    assert info.rate is not None
+    size = np.array([info.width, info.height])
+    return tuple(
+        Place(min(round(at * info.rate), info.frames - 1), np.array([x, y]) * size)
+        for at, x, y in portrait.points
+    )
 
 
 def sight(
@@ -122,11 +138,14 @@ def sight(
     scale: float = 1,
 ) -> list[Sighting]:
     """Faces in a picture whose first pixel lies at ``corner`` of the source, enlarged ``scale``."""
-    boxes = [
-        np.concatenate((points[:, :2].min(0), points[:, :2].max(0))) / scale + (corner * 2)
+    return [
+        Sighting(
+            frame,
+            np.concatenate((points[:, :2].min(0), points[:, :2].max(0))) / scale + (corner * 2),
+            looks(image, points),
+        )
         for points in mesh(image)
     ]
-    return [Sighting(frame, box) for box in boxes]
 
 
 def search_tiles(
@@ -162,85 +181,3 @@ def without_doubles(seen: list[Sighting]) -> list[Sighting]:
         if all(np.hypot(*(face.middle - other.middle)) > other.size / 2 for other in kept):
             kept.append(face)
     return kept
-
-
-@dataclass(frozen=True)
-class Place:
-    """A point (2,) px of a frame that lies in the face that is meant."""
-
-    frame: int
-    point: np.ndarray
-
-
-def follow(
-    sightings: list[list[Sighting]], segment: np.ndarray, places: Sequence[Place] = ()
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Box (T, 4) of the followed face; (T,) bool: whether it was seen, whether its shot shows it.
-
-    In every shot, sightings are linked to tracks by nearness; the track with the most face height
-    over time wins: size and presence together. Where places are given, it is the one that lies
-    there, and shots without a place are not followed. Boxes between sightings are interpolated,
-    shots without a face take the nearest box.
-
-    Raises:
-        LookupError: no face at a place.
-    """
-    frames = len(segment)
-    chosen: list[Sighting] = []
-    for shot in range(segment[-1] + 1):
-        tracks: list[list[Sighting]] = []
-        for seen in sightings:
-            for face in seen:
-                if segment[face.frame] == shot:
-                    add_to_tracks(tracks, face)
-        own = [place for place in places if segment[place.frame] == shot]
-        if own:
-            chosen += [face for place in own for face in track_at(tracks, place)]
-        elif tracks and not places:
-            chosen += max(tracks, key=lambda track: sum(face.size for face in track))
-    chosen.sort(key=lambda face: face.frame)
-    at = np.array([face.frame for face in chosen])
-    boxes = np.stack([face.box for face in chosen])
-    every = np.arange(frames)
-    box = np.stack([np.interp(every, at, boxes[:, k]) for k in range(4)], axis=1)
-    found = np.zeros(frames, bool)
-    found[at] = True
-    for first, last in pairwise(np.flatnonzero(np.diff(segment, prepend=-1, append=-2))):
-        inside = found[first:last]
-        if inside.any():  # nothing is interpolated across a cut
-            seen_at = first + np.flatnonzero(inside)
-            for k in range(4):
-                box[first:last, k] = np.interp(every[first:last], seen_at, box[seen_at, k])
-    return box, found, np.isin(segment, segment[at])
-
-
-def track_at(tracks: list[list[Sighting]], place: Place) -> list[Sighting]:
-    """The track that passes nearest to a place.
-
-    Raises:
-        LookupError: none comes within half a face.
-    """
-
-    def away(track: list[Sighting]) -> float:
-        seen = min(track, key=lambda face: abs(face.frame - place.frame))
-        return float(np.hypot(*(seen.middle - place.point))) / seen.size
-
-    best = min(tracks, key=away, default=None)
-    if best is None or away(best) > INSIDE:
-        x, y = place.point
-        raise LookupError(f"({x:.0f}, {y:.0f}) px of frame {place.frame}")
-    return best
-
-
-def add_to_tracks(tracks: list[list[Sighting]], face: Sighting) -> None:
-    """Append a sighting to the nearest track within reach, or begin a track with it."""
-
-    def distance(track: list[Sighting]) -> float:
-        return float(np.hypot(*(track[-1].middle - face.middle)))
-
-    open_tracks = [t for t in tracks if t[-1].frame < face.frame]
-    best = min(open_tracks, key=distance, default=None)
-    if best is not None and distance(best) < REACH * max(face.size, best[-1].size):
-        best.append(face)
-    else:
-        tracks.append([face])

@@ -15,6 +15,7 @@ from dubbing.errors import PreparationError
 from dubbing.face.landmarks import two_modes
 from dubbing.face.mesh_points import JAW, RIGID
 from dubbing.media import MediaInfo, read_frames
+from dubbing.portraits import Portrait
 from dubbing.preparation.alignment.banded import second_difference_links
 from dubbing.preparation.alignment.bundle import Observations, fit_poses, start_poses, triangulate
 from dubbing.preparation.alignment.camera import Poses, focal_length, project, to_camera
@@ -24,7 +25,7 @@ from dubbing.preparation.alignment.relief import solve_relief
 from dubbing.preparation.alignment.skin import reference_frame, skin_points
 from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
-from dubbing.preparation.tracking.survey import Point, Survey, survey
+from dubbing.preparation.tracking.survey import Survey, survey
 
 APART = 3.0  # px at a crop of 512: tracking and static mode disagree, something is in the way
 HIDDEN = 2.0  # times as much: the frame is not used at all
@@ -39,16 +40,17 @@ Arrays = dict[str, np.ndarray]
 Progress = Callable[[float], None]
 
 
-def survey_step(info: MediaInfo, points: Sequence[Point], progress: Progress) -> Arrays:
+def survey_step(info: MediaInfo, people: Sequence[Portrait], progress: Progress) -> Arrays:
     """Cuts, the followed face's boxes and the crop windows; see :mod:`survey`."""
-    seen: Survey = survey(info, progress, points)
+    seen: Survey = survey(info, progress, people)
     assert info.rate is not None
     window = choose_windows(seen.box, seen.segment, (info.width, info.height), float(info.rate))
     return {
         "segment": seen.segment,
         "repeated": seen.repeated,
         "box": seen.box,
-        "followed": seen.followed,
+        "distance": seen.distance,
+        "followed": np.isfinite(seen.distance)[seen.segment],
         "window": window,
         "most_faces": np.array(seen.most_faces),
     }

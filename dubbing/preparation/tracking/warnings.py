@@ -7,6 +7,7 @@ import numpy as np
 from dubbing.face.landmarks import face_width
 from dubbing.media import MediaInfo
 from dubbing.preparation.alignment.camera import Poses
+from dubbing.preparation.tracking.likeness import FARTHEST
 from dubbing.preparation.tracking.tracking import APART, HIDDEN, Arrays
 
 SMALL_FACE = 64  # source px: the landmarks are 1.7 px off
@@ -30,6 +31,12 @@ def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: 
             f"something may cover the face in {len(covered)} frames, the first at "
             f"{seconds(info, covered[0])}; their poses are carried over from around them"
         )
+    hidden = np.flatnonzero(found["covered"])
+    if len(hidden):
+        out.append(
+            f"the mouth is covered in {len(hidden)} frames, the first at "
+            f"{seconds(info, hidden[0])}; they are left as filmed"
+        )
     unsure = np.flatnonzero(valid & (apart > 1) & (apart < HIDDEN))
     if len(unsure):
         out.append(
@@ -38,9 +45,10 @@ def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: 
         )
     if int(seen["most_faces"]) > 1:
         out.append(
-            f"up to {int(seen['most_faces'])} faces in a frame; the one that is largest for "
-            "longest was followed in every shot: see the contact sheet"
+            f"up to {int(seen['most_faces'])} faces in a frame; see the contact sheet for the one "
+            "that was followed in each shot"
         )
+    out += matched_shots(seen)
     cuts = np.flatnonzero(np.diff(seen["segment"])) + 1
     if len(cuts):
         out.append(
@@ -63,6 +71,24 @@ def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: 
     repeated = int(seen["repeated"].sum())
     if repeated:
         out.append(f"{repeated} frames repeat the one before them")
+    return out
+
+
+def matched_shots(seen: Arrays) -> list[str]:
+    """Which shots show somebody by their looks, and which do not show them."""
+    distance, first = seen["distance"], np.flatnonzero(np.diff(seen["segment"], prepend=-1))
+    out = []
+    sure = [f"{first[k]} ({distance[k]:.2f})" for k in np.flatnonzero(distance > 0)]
+    if sure:
+        out.append(
+            f"found by looks in the shots that begin at frames {', '.join(sure)}: in brackets the "
+            f"distance, {FARTHEST:.2f} at most"
+        )
+    gone = [str(first[k]) for k in np.flatnonzero(np.isnan(distance))]
+    if gone:
+        out.append(
+            f"not found in the shots that begin at frames {', '.join(gone)}; they are left as filmed"
+        )
     return out
 
 

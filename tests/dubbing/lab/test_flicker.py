@@ -36,6 +36,7 @@ def clip(tmp_path: Path) -> PreparedClip:
         centre=np.full((FRAMES, 2), SIZE / 2),
         crop=np.tile([0.0, 0.0, SIZE], (FRAMES, 1)),
         valid=np.ones(FRAMES, bool),
+        covered=np.zeros(FRAMES, bool),
         segment=np.zeros(FRAMES, int),
         landmarks=np.zeros((FRAMES, 478, 2)),
         shape=np.zeros((478, 3)),

@@ -50,6 +50,7 @@ def prepared(tmp_path: Path) -> PreparedClip:
         centre=np.full((FRAMES, 2), 31.5),
         crop=np.tile([12.0, 5.0, 64.0], (FRAMES, 1)),
         valid=np.ones(FRAMES, bool),
+        covered=np.zeros(FRAMES, bool),
         segment=np.zeros(FRAMES, int),
         landmarks=rng.uniform(0, SIZE, (FRAMES, 478, 2)).astype(np.float32),
         shape=rng.normal(size=(478, 3)),

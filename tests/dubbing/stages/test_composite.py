@@ -18,6 +18,7 @@ from dubbing.stages import composer
 from dubbing.stages import composite as video
 from dubbing.stages.composer import Heads, VideoSettings, read_heads, read_source
 from dubbing.stages.composite import Sound, make, verify
+from dubbing.stages.own_pixels import reasons, views
 from dubbing.timeline import frame_count
 from tests import clips, fakes
 
@@ -26,6 +27,10 @@ SIZE = (96, 64)
 
 def quiet(_message: str, _share: float) -> None:
     pass
+
+
+def kept_of(clip: PreparedClip) -> np.ndarray:
+    return reasons(clip, views(clip))
 
 
 class Scene:
@@ -46,7 +51,7 @@ class Scene:
         chosen = VideoSettings(**settings)  # type: ignore[arg-type]
         prepared = PreparedClip.load(self.prepared)
         return make(
-            [Heads(self.folder / "heads", prepared, 0, len(poses))],
+            [Heads(self.folder / "heads", prepared, 0, len(poses), kept_of(prepared))],
             sound,
             self.folder / name,
             pose_index=poses,
@@ -211,7 +216,10 @@ def test_two_faces_in_one_frame_each_while_it_speaks(scene: Scene) -> None:
     other = fakes.write_prepared(scene.clip, folder / "other", window=(4, 20, 32))
     for name, count in (("a", 6), ("b", 5)):
         fakes.write_heads(folder / name, count, scene.rate)
-    heads = [Heads(folder / "a", film, 2, 8), Heads(folder / "b", other, 6, 11)]
+    heads = [
+        Heads(folder / "a", film, 2, 8, kept_of(film)),
+        Heads(folder / "b", other, 6, 11, kept_of(other)),
+    ]
     out = make(
         heads,
         Sound(scene.audio, 0.0, 12 / 25),

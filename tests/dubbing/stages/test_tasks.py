@@ -44,8 +44,8 @@ def test_prepare(identity: Identity, tmp_path: Path, monkeypatch: pytest.MonkeyP
 
     work = create_autospec(preparation.prepare)
     monkeypatch.setattr(preparation, "prepare", work)
-    tasks.Prepare(identity, identity.clip)(tmp_path, quiet)
-    work.assert_called_once_with(identity.clip, tmp_path, size=512, face=[], progress=quiet)
+    tasks.Prepare(identity, identity.clip, ())(tmp_path, quiet)
+    work.assert_called_once_with(identity.clip, tmp_path, size=512, people=(), progress=quiet)
 
 
 def test_finetune(identity: Identity, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,10 +25,12 @@ def said(apart: dict[int, float]) -> list[str]:
     seen = {
         "most_faces": np.array(1),
         "segment": np.zeros(FRAMES, int),
+        "distance": np.zeros(1),
         "repeated": np.zeros(FRAMES, bool),
         "window": np.tile([0.0, 0.0, 512.0], (FRAMES, 1)),
     }
     found = {"valid": np.ones(FRAMES, bool), "apart": gaps, "points": points}
+    found["covered"] = np.zeros(FRAMES, bool)
     poses = SimpleNamespace(rotation=np.tile(np.eye(3), (FRAMES, 1, 1)))
     return warnings_of(cast("MediaInfo", info), 512, seen, found, cast("Poses", poses))
 

@@ -1,0 +1,61 @@
+"""Where the face of a line stays the film's own, and why.
+
+T frames of a clip.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from typing_extensions import TypedDict
+
+from dubbing.preparation.prepared import PreparedClip
+
+# Degrees between a view of the head and the nearest that was learned: beyond, it is not rendered.
+FARTHEST_VIEW = 20.0
+REASONS = ("", "no face", "covered", "turned")  # by their numbers
+
+
+class OwnPixels(TypedDict):
+    """Frames first .. stop of a dub in which a cue keeps the film's face, and the reason."""
+
+    cue: str
+    reason: str
+    first: int
+    stop: int
+
+
+def reasons(clip: PreparedClip, learned: np.ndarray) -> np.ndarray:
+    """Number of the reason, (T,) int, why the face of each frame is not replaced; 0: it is.
+
+    Args:
+        learned: (L, 3) views that were learned from; see `views`.
+    """
+    cosine = (views(clip) @ learned.T).max(1)
+    turned = cosine < np.cos(np.deg2rad(FARTHEST_VIEW))
+    return np.select([~clip.valid, clip.covered, turned], [1, 2, 3], 0)
+
+
+def views(clip: PreparedClip) -> np.ndarray:
+    """Unit vectors (T, 3) from the head to the camera, in the head frame."""
+    away = -np.einsum("tji,tj->ti", clip.rotation, clip.translation)
+    return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
+
+
+def learned_views(clip: PreparedClip, start: float, seconds: float) -> np.ndarray:
+    """Views (L, 3) of the frames that show the face in that part of a clip."""
+    part = slice(round(start * clip.rate), round((start + seconds) * clip.rate))
+    return views(clip)[part][clip.valid[part]]
+
+
+def own_pixels(name: str, first: int, found: np.ndarray) -> list[OwnPixels]:
+    """Runs of reasons (F,) of a cue's frames from ``first`` on."""
+    edges = np.flatnonzero(np.diff(found, prepend=-1, append=-1))
+    return [
+        OwnPixels(
+            cue=name, reason=REASONS[found[low]], first=first + int(low), stop=first + int(to)
+        )
+        for low, to in pairwise(edges)
+        if found[low]
+    ]
