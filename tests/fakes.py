@@ -153,7 +153,7 @@ def install(patch: Any) -> None:
         poses = tasks.pose_index(self.dub, clip, cue.stop)[cue.first : cue.stop]
         assert self.dub.lines is None or Speech.load(self.speech).frames == len(poses)
         for count in range(HEADS_A_FILE, len(poses) + HEADS_A_FILE, HEADS_A_FILE):
-            write_heads(out, min(count, len(poses)), rate)
+            write_heads(out, min(count, len(poses)), rate, clip.size)
             kill("render")
 
     def refine_poses(self: tasks.RefinePoses, out: Path, progress: Any) -> None:

@@ -135,12 +135,14 @@ def plan(
     from dubbing.jobs import build
     from dubbing.manifest.manifest import load
     from dubbing.report.learned import learned_of
+    from dubbing.report.report import found_by_looks
 
     loaded = load(manifest)
     jobs = build(loaded, only=tuple(only or ()))
     rows = planning.rows(jobs, _stages(force))
     gone = packages.missing()
-    warnings = [*loaded.warnings, *([str(packages.lacking(gone))] if gone else [])]
+    matched = found_by_looks(jobs)
+    warnings = [*loaded.warnings, *matched, *([str(packages.lacking(gone))] if gone else [])]
     learned = {
         name: seconds for name, job in jobs.identities.items() if (seconds := learned_of(job))
     }

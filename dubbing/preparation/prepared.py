@@ -72,7 +72,8 @@ class PreparedClip:
         centre: (T, 2) principal point in px of the crop: one camera of the full frame, seen
             through a moving window.
         crop: (T, 3) x0, y0, side of the window in px of the source.
-        valid: (T,) a face was found. covered: (T,) something lies before its mouth. segment: (T,) number of the shot.
+        valid: (T,) a face was found. covered: (T,) something lies before its mouth.
+        segment: (T,) number of the shot.
         landmarks: (T, 478, 2) px of the crop, as detected (as projected, where not valid).
         shape: (478, 3) mean head shape in the head frame: x right, y down, z away from the camera,
             outer eye corners 0.9 apart, origin between the ears.

@@ -30,6 +30,7 @@ from dubbing.report.peak_memory import peak_memory
 from dubbing.stages.tasks import SYNC_FILE
 
 MOST_POINTS = 400  # of a curve on the page
+SUMMARY = "prepared.json"
 DATA, PAGE = "report.json", "report.html"
 # What a dub comes to, the worst first, and which verdicts of the sync check say so.
 FAILED, WARNED, PASSED, UNJUDGED, MISSING = "failed", "warned", "passed", "unjudged", "missing"
@@ -153,28 +154,41 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     identity = manifest.identities[job.name]
     prepared, model = job.stages["prepare"].folder, job.stages["finetune"].folder
     damaged: list[str] = []
-    summary = _read(prepared / "prepared.json", Prepared, "prepared clip", damaged)
+    summary = _read(prepared / SUMMARY, Prepared, "prepared clip", damaged)
     curves = {name: _column(model / "loss.csv", name, damaged) for name in ("loss", "psnr")}
     sheet = prepared / "contact_sheet.png"
-    others = [
-        f"{name.removeprefix('prepare ')}: {warning}"
-        for name, stage in job.stages.items()
-        if stage.name == "prepare" and stage.folder != prepared
-        for warning in _read(
-            stage.folder / "prepared.json", Prepared, "prepared clip", damaged
-        ).get("warnings", [])
-    ]
     return {
         **_common(job, outcome),
         "clip": str(identity.clip),
         "consent": dependencies.consent_of(identity),
-        "warnings": [*summary.get("warnings", []), *others, *dict.fromkeys(damaged)],
+        "warnings": [*clip_warnings(job, damaged), *dict.fromkeys(damaged)],
         "residual_shift": summary.get("residual_shift"),
         "learned": in_words(learned) if (learned := learned_of(job)) else None,
         "contact_sheet": _relative(manifest, sheet) if sheet.is_file() else None,
         **curves,
         "sync": _brief(sync_of(job)),
     }
+
+
+def clip_warnings(job: Job, damaged: list[str]) -> list[str]:
+    """What preparation says of the clips of a person, those before which a name stands included."""
+    found = []
+    for name, stage in job.stages.items():
+        if stage.name == "prepare":
+            summary = _read(stage.folder / SUMMARY, Prepared, "prepared clip", damaged)
+            of = name.removeprefix("prepare").strip()
+            found += [f"{of}: {said}" if of else said for said in summary.get("warnings", [])]
+    return found
+
+
+def found_by_looks(planned: Jobs) -> list[str]:
+    """Who was found in which shots of the clips that are prepared, and how surely."""
+    return [
+        f"{name}: {said}"
+        for name, job in planned.identities.items()
+        for said in clip_warnings(job, [])
+        if "found by looks" in said or "not found in the shots" in said
+    ]
 
 
 def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:

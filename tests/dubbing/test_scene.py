@@ -255,25 +255,3 @@ def test_a_card_comes_after_the_scene_and_is_no_part_of_it(scene: Path) -> None:
     task = jobs.job_of(scene, "dub/it", "auto").stages["check"].produce
     assert isinstance(task, tasks.Check)
     assert task.credits == 24
-
-
-def test_two_people_in_turn_each_with_their_own_face(scene: Path) -> None:
-    clips.write_sound(scene.parent / "ann_02.wav", 0.2, hertz=450)
-    text = scene.read_text().replace("{ANN: ann}", "{ANN: ann, BEN: ben}")
-    ann = next(line for line in text.splitlines() if line.startswith("  ann:"))
-    left = ann.replace("seconds", "face: {at: 0.5, x: 0.2, y: 0.5}, seconds")
-    right = left.replace("ann:", "ben:").replace("x: 0.2", "x: 0.8")
-    text = text.replace(ann, f"{left}\n{right}")
-    scene.write_text(text.replace("codec: ffv1", "codec: ffv1, label: false"))
-    result, began = dub(scene)
-    assert result.code == 0, result.outcomes
-    assert began.count("it:render") == 4
-    made = np.stack([*media.read_frames(scene.parent / "out" / "it.mkv")])
-    film = np.stack([*media.read_frames(scene.parent / "film.mp4")])
-    changed = (made != film).any(-1)
-    seen = {"ann": changed[:, :, :34].any((1, 2)), "ben": changed[:, :, 38:].any((1, 2))}
-    spoken = np.zeros(FRAMES, bool)
-    for first, stop in CUES:
-        spoken[first:stop] = True
-    np.testing.assert_array_equal(seen["ann"], spoken)
-    assert np.flatnonzero(seen["ben"]).tolist() == list(range(24, 30))

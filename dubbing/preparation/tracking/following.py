@@ -49,7 +49,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Person:
-    """Somebody in the film: places of their face in it, or looks (N, D) that come from elsewhere."""
+    """Somebody in the film: places of their face in it, or looks (N, D) from elsewhere."""
 
     places: tuple[Place, ...] = ()
     looks: np.ndarray | None = None

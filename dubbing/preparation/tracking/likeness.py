@@ -14,7 +14,7 @@ from dubbing.face.similarity import similarity
 from dubbing.preparation.tracking.procrustes import head_frame
 
 # Above this distance a face is nobody's. Of pairs of different people one in a hundred is nearer.
-FARTHEST = 2.0
+FARTHEST = 1.8
 SIDE = 96  # px of the upright face that colours are read from
 ANCHORS = np.array([[0.2, 0.3], [0.8, 0.3], [0.5, 0.62]]) * SIDE  # outer eye corners, nose
 # Parts of the upright face, shares of its side: x and y of the middle, half width, half height.
@@ -28,7 +28,7 @@ PARTS = (
     (0.5, 0.75, 0.12, 0.05),  # mouth
 )
 # What figures differ by, between frames of one person and a little of that between people.
-SHAPE_SCALE = 0.0068  # units of 10 cm
+SHAPE_SCALE = 0.0102  # units of 10 cm; meshes of small faces are rough
 COLOUR_SCALE = np.array([8.9, 2.1, 2.2, 5.2, 1.1, 0.7])  # L, a, b: means, then spreads
 
 

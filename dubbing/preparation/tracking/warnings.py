@@ -87,7 +87,8 @@ def matched_shots(seen: Arrays) -> list[str]:
     gone = [str(first[k]) for k in np.flatnonzero(np.isnan(distance))]
     if gone:
         out.append(
-            f"not found in the shots that begin at frames {', '.join(gone)}; they are left as filmed"
+            f"not found in the shots that begin at frames {', '.join(gone)}, "
+            "which are left as filmed"
         )
     return out
 

@@ -16,7 +16,7 @@ SHAPE = np.random.default_rng(0).normal(0, 0.4, 3 * len(RIGID))
 
 
 def looks(who: int, off: float = 0.0) -> np.ndarray:
-    """Faces of one shape, whose colours are 5 spreads apart; one that looks otherwise than usual."""
+    """Faces of one shape whose colours are 5 spreads apart, and off by a little."""
     return np.concatenate([SHAPE, np.tile(COLOUR_SCALE * (5 * who + off), len(PARTS))])
 
 
@@ -69,9 +69,9 @@ def test_each_face_goes_to_whom_it_is_most_like() -> None:
     seen = sightings()[:4] + later
     ann, ben = place(12, 115, 90), place(12, 285, 90)
     assert np.isnan(follow(seen, SEGMENT, [ann]).distance[1])  # 2.1 away: nobody's
-    nearer = sightings()[:4] + [[face(t, RIGHT, 60, 1, -3.2)] for t in range(CUT, FRAMES, 5)]
-    assert follow(nearer, SEGMENT, [ann]).distance[1] == pytest.approx(1.8)
-    elsewhere = Person(looks=looks(1, -3.1)[None])
+    nearer = sightings()[:4] + [[face(t, RIGHT, 60, 1, -3.4)] for t in range(CUT, FRAMES, 5)]
+    assert follow(nearer, SEGMENT, [ann]).distance[1] == pytest.approx(1.6)
+    elsewhere = Person(looks=looks(1, -3.3)[None])
     assert np.isnan(follow(nearer, SEGMENT, [ann, elsewhere]).distance[1])
     assert follow(nearer, SEGMENT, [elsewhere, ann]).distance[1] == pytest.approx(0.1)
     with pytest.raises(LookupError, match="like theirs"):
