@@ -75,7 +75,7 @@ def test_each_face_goes_to_whom_it_is_most_like() -> None:
     assert np.isnan(follow(nearer, SEGMENT, [ann, elsewhere]).distance[1])
     assert follow(nearer, SEGMENT, [elsewhere, ann]).distance[1] == pytest.approx(0.1)
     with pytest.raises(LookupError, match="like theirs"):
-        follow(later, SEGMENT, [Person(looks=looks(4)[None]), ben])
+        follow(seen, SEGMENT, [Person(looks=looks(4)[None]), ben])
 
 
 def test_nobody_is_at_two_places_at_a_time_but_may_come_back() -> None:
