@@ -41,6 +41,7 @@ MEDIUM = (
     "dubbing/mixing/",
     "dubbing/preparation/alignment/test_photometric.py",
     "dubbing/preparation/test_prepare.py",
+    "dubbing/preparation/tracking/test_occlusion.py",
     "dubbing/speech/test_rnn_features.py",
     "dubbing/speech/test_transformer_features.py",
     "dubbing/stages/test_composite.py",
