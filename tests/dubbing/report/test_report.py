@@ -196,6 +196,7 @@ def line(number: int, verdict: str | None) -> dict[str, Any]:
         "verdict": verdict,
         "reason": "",
         "loudness": -23.0,
+        "own_pixels": "covered 40-44" if number == 1 else "",
     }
 
 
@@ -214,6 +215,7 @@ def test_the_lines_of_a_scene_are_listed_where_one_asks_for_them() -> None:
     assert all("details" in around for _, around in buttons)
     assert "2 lines" in page
     assert "a &lt;b&gt;" in page
+    assert page.count("the film's own face in frames: covered 40-44") == 1
     assert "30 of 90 frames are" in page
     assert "SHA-256\nabababababababab" in page
 
