@@ -158,6 +158,7 @@ def dub_job(
                 for name, identity in named.items()
                 if identity.clip != scene.clip
             },
+            **{f"model {name}": people[name].stages["finetune"] for name in named},
             "clip": scene.clip,
             **sounds_of(dub, scene),
         },
@@ -167,7 +168,6 @@ def dub_job(
             **({"credits": [card.text, card.frames]} if card else {}),
             **frames_of(dub),
             **mix_of(dub, scene),
-            "learned": [[identity.start, identity.seconds] for identity in named.values()],
             "mark": [mark.fingerprint, mark.id] if mark else None,
             # No pixel depends on it, but the record of a result says who agreed to it.
             "consent": consents_of(manifest, dub),
@@ -230,7 +230,7 @@ def _cue(
         work.parts(),
     )
     own = tasks.Prepared(person.stages["prepare"].folder, identity.clip)
-    learned = tasks.Learned(own, identity.start, identity.seconds)
+    learned = tasks.Learned(own, finetune.folder)
     return render, tasks.CueHeads(cue, render.folder, prepared, learned)
 
 

@@ -133,8 +133,8 @@ def plan(
     from dubbing.cli import console
     from dubbing.engine import planner as planning
     from dubbing.jobs import build
+    from dubbing.learned import learned_if_known
     from dubbing.manifest.manifest import load
-    from dubbing.report.learned import learned_of
     from dubbing.report.report import found_by_looks
 
     loaded = load(manifest)
@@ -144,7 +144,9 @@ def plan(
     matched = found_by_looks(jobs)
     warnings = [*loaded.warnings, *matched, *([str(packages.lacking(gone))] if gone else [])]
     learned = {
-        name: seconds for name, job in jobs.identities.items() if (seconds := learned_of(job))
+        name: seconds
+        for name, job in jobs.identities.items()
+        if (seconds := learned_if_known(job.stages["finetune"].folder))
     }
     needed = estimates.estimate(loaded, jobs, rows)
     console.plan(rows, warnings, needed, learned, as_json=as_json)

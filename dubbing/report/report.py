@@ -21,11 +21,11 @@ from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.outcome import Outcome
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
+from dubbing.learned import in_words, learned_if_known
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
 from dubbing.printable import visible
 from dubbing.report import lines
-from dubbing.report.learned import in_words, learned_of
 from dubbing.report.peak_memory import peak_memory
 from dubbing.stages.tasks import SYNC_FILE
 
@@ -163,7 +163,9 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
         "consent": dependencies.consent_of(identity),
         "warnings": [*clip_warnings(job, damaged), *dict.fromkeys(damaged)],
         "residual_shift": summary.get("residual_shift"),
-        "learned": in_words(learned) if (learned := learned_of(job)) else None,
+        "learned": in_words(learned)
+        if (learned := learned_if_known(job.stages["finetune"].folder))
+        else None,
         "contact_sheet": _relative(manifest, sheet) if sheet.is_file() else None,
         **curves,
         "sync": _brief(sync_of(job)),

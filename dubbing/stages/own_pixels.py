@@ -5,6 +5,7 @@ T frames of a clip.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -43,10 +44,12 @@ def views(clip: PreparedClip) -> np.ndarray:
     return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
 
 
-def learned_views(clip: PreparedClip, start: float, seconds: float) -> np.ndarray:
-    """Views (L, 3) of the frames that show the face in that part of a clip."""
-    part = slice(round(start * clip.rate), round((start + seconds) * clip.rate))
-    return views(clip)[part][clip.valid[part]]
+def learned_views(clip: PreparedClip, seconds: Sequence[tuple[float, float]]) -> np.ndarray:
+    """Views (L, 3) of the frames that show the face from one second of a clip to another."""
+    learned = np.zeros(len(clip), bool)
+    for start, stop in seconds:
+        learned[round(start * clip.rate) : round(stop * clip.rate)] = True
+    return views(clip)[learned & clip.valid]
 
 
 def own_pixels(name: str, first: int, found: np.ndarray) -> list[OwnPixels]:

@@ -18,6 +18,7 @@ from dubbing import json_records as kept
 from dubbing import timeline
 from dubbing.engine.stage import Progress, digest_of
 from dubbing.files import atomic_write_json
+from dubbing.learned import learned_seconds
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Scene
 from dubbing.portraits import Portrait
@@ -198,11 +199,10 @@ class Render:
 
 @dataclass(frozen=True)
 class Learned:
-    """The part of a prepared clip that a person was learned from, seconds."""
+    """The prepared clip that a person was learned from, and the fine-tune that says which part."""
 
     prepared: Prepared
-    start: float
-    seconds: float
+    finetune: Path
 
 
 @dataclass(frozen=True)
@@ -236,8 +236,8 @@ class Composite:
         kept = {}
         for h in self.heads:
             if h.prepared not in kept:
-                of = h.learned
-                views = learned_views(of.prepared.load(), of.start, of.seconds)
+                seconds = learned_seconds(h.learned.finetune)
+                views = learned_views(h.learned.prepared.load(), seconds)
                 kept[h.prepared] = reasons(clips[h.prepared], views)
         poses = pose_index(dub, film, max(cue.stop for cue in scene.cues))
         settings = VideoSettings(

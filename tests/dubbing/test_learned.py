@@ -8,21 +8,17 @@ from pathlib import Path
 import pytest
 
 from dubbing.cli import console
-from dubbing.engine.graph import Job
-from dubbing.engine.stage import Stage
 from dubbing.estimates import Estimate
 from dubbing.files import atomic_write_json
-from dubbing.report.learned import learned_of
+from dubbing.learned import learned_if_known
 
 
 def test_what_the_fine_tune_wrote_is_said(tmp_path: Path) -> None:
-    finetune = Stage("finetune", tmp_path, "1", {}, {}, lambda *_: None)
-    person = Job("identity", "ann", {"finetune": finetune})
-    assert learned_of(person) == []
+    assert learned_if_known(tmp_path) == []
     (tmp_path / "finetune.json").write_text("{}")
-    assert learned_of(person) == []  # of another shape
+    assert learned_if_known(tmp_path) == []  # of another shape
     atomic_write_json(tmp_path / "finetune.json", {"steps": 6, "learned": [[3.0, 6], [21.04, 33]]})
-    assert learned_of(person) == [(3.0, 6.0), (21.04, 33.0)]
+    assert learned_if_known(tmp_path) == [(3.0, 6.0), (21.04, 33.0)]
 
 
 def test_a_plan_says_it(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 
 from typing_extensions import TypedDict
 
 from dubbing import json_records as kept
-from dubbing.engine.graph import Job
 from dubbing.errors import DubbingError
 from dubbing.stage_kinds import SUMMARY_FILE
 
@@ -18,11 +18,22 @@ class Summary(TypedDict):
     learned: list[tuple[float, float]]
 
 
-def learned_of(person: Job) -> list[tuple[float, float]]:
-    """From which second to which a person was learned from; empty where that is not known yet."""
-    path = person.stages["finetune"].folder / SUMMARY_FILE
+def learned_seconds(finetune: Path) -> list[tuple[float, float]]:
+    """From which second to which a person was learned from.
+
+    Args:
+        finetune: the stage's folder.
+
+    Raises:
+        DubbingError: its summary cannot be read.
+    """
+    return kept.read(finetune / SUMMARY_FILE, Summary, "summary of finetune")["learned"]
+
+
+def learned_if_known(finetune: Path) -> list[tuple[float, float]]:
+    """The same; empty where it is not known yet."""
     try:
-        return kept.read(path, Summary, "summary of finetune")["learned"]
+        return learned_seconds(finetune)
     except DubbingError:
         return []
 
