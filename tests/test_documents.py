@@ -24,7 +24,7 @@ from dubbing.manifest import yaml_lines
 from tests import clips
 
 ROOT = Path(__file__).resolve().parents[1]
-PLACES = ("*.md", "docs/*.md", "dubbing/**/*.md", "dubbing/synthetic/manifests/*.yaml", "Makefile")
+PLACES = ("*.md", "docs/*.md", "dubbing/**/*.md", "manifests/*.yaml", "Makefile")
 PROGRAM = typer.main.get_command(app)
 STARTS = ("dfrf", "python", "pip", "make")
 # Words that a document may put where a value belongs.

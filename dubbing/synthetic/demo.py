@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import shutil
+import sysconfig
 from pathlib import Path
 
 from tqdm import tqdm
 
 from dubbing.files import atomic_path
 
-MANIFESTS = Path(__file__).with_name("manifests")
+CLONED = Path(__file__).parents[2] / "manifests"
+INSTALLED = Path(sysconfig.get_path("data"), "share", "dfrf", "manifests")
+MANIFESTS = CLONED if (CLONED / "demo.yaml").is_file() else INSTALLED
 SCRIPT = (
     "Hello. My name is Alba, and nobody filmed me: every pixel of this clip was computed. "
     "I move my lips and blink, so that a program can learn how I speak. "
