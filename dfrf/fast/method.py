@@ -214,7 +214,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
             conditioning = field.conditioning(
                 inputs.windows, inputs.predicted_lips, inputs.expression
             )
-        model = self.model.rounded()
+            model = self.model.rounded()
 
         def one(t: int) -> tuple[Tensor, Tensor]:
             camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)

@@ -14,6 +14,7 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int, UInt8
 from torch import Tensor
 
+from dfrf import device as devices
 from dfrf.cameras import project
 
 if TYPE_CHECKING:
@@ -206,19 +207,21 @@ class ReferenceMaps:
         limit = positions.new_tensor([self.width - 1, self.height - 1])
         pixel = torch.minimum(positions.round().clamp_min(0), limit).long()
         row = self.first_rows(views) + pixel[..., 1] * self.width + pixel[..., 0]
-        return self.table.detach().index_select(0, row.view(-1)).view(*row.shape, -1)
+        read = self.table.detach().index_select(0, row.view(-1)).view(*row.shape, -1)
+        return read.to(devices.matrix_type(read.device))
 
     def read_bilinear(
         self, positions: Float[Tensor, "n M 2"], views: slice
     ) -> Float[Tensor, "n M C"]:
         """Features between the pixels, of n of the views."""
         rows, weights = bilinear_rows(positions, self.height, self.width, self.first_rows(views))
-        return F.embedding_bag(
+        read = F.embedding_bag(
             rows.view(-1, 4),
             self.table,
             mode="sum",
             per_sample_weights=weights.view(-1, 4).to(self.table.dtype),
         ).view(*positions.shape[:2], self.table.shape[1])
+        return read.to(devices.matrix_type(read.device))
 
     def as_type(self, kind: torch.dtype) -> ReferenceMaps:
         """The same maps with a table of another type."""

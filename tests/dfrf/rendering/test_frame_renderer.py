@@ -67,8 +67,9 @@ def test_a_frame_does_not_depend_on_the_frames_beside_it() -> None:
 
     together = list(method.render_frames(inputs(0, 3), maps))
     alone = next(method.render_frames(inputs(1, 2), maps))
-    assert torch.equal(together[1][0], alone[0])
-    assert torch.equal(together[1][1], alone[1])
+    # Products over another number of frames differ in their last bits.
+    for one, other in zip(together[1], alone, strict=True):
+        torch.testing.assert_close(one, other, rtol=0, atol=1e-4)
 
 
 def test_pixels_on_a_smooth_surface_are_filled_in_and_lose_next_to_nothing(
