@@ -15,7 +15,7 @@ import pytest
 from dubbing import media
 from dubbing.synthetic.speaker import make_speaker
 
-SIZE = 192
+SIZE, SECONDS = 192, 1.2
 # Each is a file that shows that a stage is in the middle of its work.
 MOMENTS = (
     "identities/someone/prepared.partial-*/**/*",
@@ -32,9 +32,9 @@ identities:
     seconds: 2.2
     size: {size}
     consent: {{by: "a synthetic person", reference: "tests"}}
-    finetune: {{iterations: 30}}
+    finetune: {{iterations: 12}}
 dubs:
-  - {{name: words, identity: someone, audio: {audio}, frame: full}}
+  - {{name: words, identity: someone, audio: {audio}, audio_seconds: {seconds}, frame: full}}
 """
 
 
@@ -62,7 +62,8 @@ def test_a_run_killed_at_every_stage_ends_like_one_that_was_not(tmp_path: Path) 
     manifests = {}
     for name in ("calm", "killed"):
         manifests[name] = tmp_path / f"{name}.yaml"
-        text = MANIFEST.format(output=tmp_path / name, clip=clip, audio=clip, size=SIZE)
+        paths = {"output": tmp_path / name, "clip": clip, "audio": clip}
+        text = MANIFEST.format(**paths, size=SIZE, seconds=SECONDS)
         manifests[name].write_text(text)
 
     assert subprocess.run(command(manifests["calm"]), check=False).returncode in (0, 3)
@@ -74,10 +75,10 @@ def test_a_run_killed_at_every_stage_ends_like_one_that_was_not(tmp_path: Path) 
     calm, killed = tmp_path / "calm" / "words.mp4", tmp_path / "killed" / "words.mp4"
     assert calm.read_bytes() == killed.read_bytes()
     info = media.probe(calm)
-    assert info.frames == media.count_frames(calm) == round(3.0 * 25)
+    assert info.frames == media.count_frames(calm) == round(SECONDS * 25)
     assert info.audio_rate == 48000
-    told = json.loads((tmp_path / "killed" / "words.sync.json").read_text())
-    assert told["verdict"] in ("pass", "warn", "fail", "unjudged")
+    found = json.loads((tmp_path / "killed" / "words.sync.json").read_text())
+    assert found["verdict"] in ("pass", "warn", "fail", "unjudged")
     assert len(told["curve"]) in (0, 31)
     report = (tmp_path / "killed" / "report.html").read_text()
     assert "words.mp4" in report
