@@ -19,7 +19,7 @@ BLUR = 0.012  # of the face's width: landmarks jitter by that much
 DARK = 8.0  # added to colours (0..255) before their logarithm: noise of dark ones counts less
 UNUSUAL = 3.0  # times as far from the usual colour as the point mostly is, at least that of
 LEAST_SPREAD = 0.06  # of a logarithm
-SHARE = 0.15  # of the lower face that is unusual where something covers it
+SHARE = 0.35  # of the lower face that is unusual where something covers it
 AROUND = 2  # frames before and after that are covered in part
 OWN_FRAMES = 25  # of a shot that has a light of its own; a shorter one is compared with the clip
 

@@ -33,13 +33,12 @@ def test_parts_of_one_person_are_nearer_than_other_people(people: dict[str, np.n
         assert apart_from.pop(name) < FARTHEST < min(apart_from.values())
 
 
-@pytest.mark.parametrize("kind", ["hand", "microphone", "scarf", "nothing"])
+@pytest.mark.parametrize("kind", ["microphone", "scarf", "nothing"])
 def test_what_lies_over_a_mouth_is_found(people: dict[str, np.ndarray], kind: str) -> None:
     frames = people["alba"].copy()
     clean = meshes(frames)
     if kind != "nothing":
-        skin = frames[0][tuple(clean[0, 151, 1::-1].round().astype(int))]
-        colour = {"hand": 0.85 * skin, "microphone": (30, 30, 34), "scarf": (40, 90, 200)}[kind]
+        colour = {"microphone": (30, 30, 34), "scarf": (40, 90, 200)}[kind]
         for t in HIDDEN:
             middle = clean[t, list(MOUTH), :2].mean(0) + 2
             wide = float(np.ptp(clean[t, :, 0])) * np.array([0.45, 0.6])
