@@ -79,6 +79,6 @@ def test_a_run_killed_at_every_stage_ends_like_one_that_was_not(tmp_path: Path) 
     assert info.audio_rate == 48000
     found = json.loads((tmp_path / "killed" / "words.sync.json").read_text())
     assert found["verdict"] in ("pass", "warn", "fail", "unjudged")
-    assert len(told["curve"]) in (0, 31)
+    assert len(found["curve"]) in (0, 31)
     report = (tmp_path / "killed" / "report.html").read_text()
     assert "words.mp4" in report
