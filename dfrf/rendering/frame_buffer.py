@@ -25,7 +25,7 @@ Pixels = tuple[Int[Tensor, " P"], Int[Tensor, " P"]]  # rows, columns of the win
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What pixels around say of P pixels between them.
+    """What is known of P pixels from those around them.
 
     Attributes:
         surface: as `FrameBuffer.surface`, the mean of the nearest.

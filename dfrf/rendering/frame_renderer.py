@@ -78,8 +78,8 @@ class FrameRenderer:
     Attributes:
         volume: the head as it is in that frame, the only one of its conditioning.
         camera: that sees it.
-        details: what its references show; None for a field without them, which is asked for
-            every pixel.
+        details: what its references show; None for a field without them: every pixel is
+            rendered.
         buffer: what is known so far.
     """
 
@@ -121,21 +121,27 @@ class FrameRenderer:
             directions = rays.directions[seen]
             points = rays.origins[seen] + depth[seen, None] * directions
             anchors = self.details.anchors(points, directions)
-            shown = self.details.colours(points, anchors)
-            residual = rendered.colour[seen] / opacity[seen, None] - shown
+            reference_colours = self.details.colours(points, anchors)
+            residual = rendered.colour[seen] / opacity[seen, None] - reference_colours
             surface[seen, 2:] = torch.cat([residual, anchors], 1)
         buffer.surface[at] = surface
 
     def fill(self, at: Pixels, around: Surroundings) -> Bool[Tensor, " P"]:
-        """Fills in pixels between others that see one smooth surface; says which."""
+        """Fills in pixels between others that see one smooth surface.
+
+        Returns:
+            Which of them are.
+        """
         if self.details is None:
             return torch.zeros_like(around.smooth)
         some = around.smooth.nonzero()[:, 0]
         pixels, surface = (at[0][some], at[1][some]), around.surface[some]
         rays = self.rays(pixels)
         points = rays.origins + surface[:, DEPTH, None] * rays.directions
-        shown = self.details.colours(points, surface[:, ANCHORS])
-        self.buffer.colour[pixels] = surface[:, OPACITY, None] * (shown + surface[:, RESIDUAL])
+        reference_colours = self.details.colours(points, surface[:, ANCHORS])
+        self.buffer.colour[pixels] = surface[:, OPACITY, None] * (
+            reference_colours + surface[:, RESIDUAL]
+        )
         self.buffer.near[pixels] = around.near[some]
         self.buffer.far[pixels] = around.far[some]
         self.buffer.surface[pixels] = surface

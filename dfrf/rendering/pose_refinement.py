@@ -4,7 +4,7 @@ Poses of `prepare` come from the skin of the face and the outline of the head, b
 face. A learned head knows its own hair, ears and depth: where it is rendered beside the picture,
 the pose is wrong. One Gauss-Newton step at a time, as in iNeRF (Yen-Chen et al. 2021), but without
 gradients through the field: how the picture changes from pixel to pixel, and where a small motion
-of the head takes what each pixel sees, say how the picture changes with the pose.
+of the head takes what each pixel sees, give how the picture changes with the pose.
 
 B pixels. A correction is a rotation vector in radians about the head's origin and a shift in
 head units, both in the head frame, by which the camera moves.
@@ -99,7 +99,7 @@ def normal_equations(
     behind = (1 - opacity[..., None]) * observation.background
     pictures = rendered.colour.view(3, count, 3) + behind
     slope = (pictures[1:] - pictures[0]) / APART
-    # At the rim one of the three may see nothing: the others say how far away the head is.
+    # At the rim one of the three may see nothing: the others give its distance.
     seen = opacity.sum(0)
     depth = rendered.depth.view(3, count).sum(0) / seen.clamp_min(SEEN)
     points = rays.origins[:count] + depth[:, None] * rays.directions[:count]

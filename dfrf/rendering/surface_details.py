@@ -2,7 +2,7 @@
 
 What a field finds out about points changes slowly over a smooth surface: beside which pixels of the
 references to look, and how much each reference counts. The pictures that it looks up change fast.
-So the first is asked of a few points, and the pictures are read for all of them (deferred shading).
+So the field is evaluated at a few points, and the pictures are read for all (deferred shading).
 
 M points of one frame, n whole references, m views of the mouth. The anchors of a point are
 K = 3 n + m numbers: how far beside its projection each reference shows it (column and row, pixels),

@@ -76,7 +76,7 @@ def plan(
     as_json: bool,
 ) -> None:
     """What would run, and why; what that needs; and which seconds people were learned from."""
-    from dubbing.learned import in_words
+    from dubbing.identity.learned import in_words
 
     if as_json:
         entries = [

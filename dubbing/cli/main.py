@@ -132,8 +132,8 @@ def plan(
     from dubbing import estimates
     from dubbing.cli import console
     from dubbing.engine import planner as planning
+    from dubbing.identity.learned import learned_if_known
     from dubbing.jobs import build
-    from dubbing.learned import learned_if_known
     from dubbing.manifest.manifest import load
     from dubbing.report.report import found_by_looks
 

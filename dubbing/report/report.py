@@ -21,7 +21,7 @@ from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.outcome import Outcome
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
-from dubbing.learned import in_words, learned_if_known
+from dubbing.identity.learned import in_words, learned_if_known
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
 from dubbing.printable import visible

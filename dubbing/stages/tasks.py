@@ -18,7 +18,7 @@ from dubbing import json_records as kept
 from dubbing import timeline
 from dubbing.engine.stage import Progress, digest_of
 from dubbing.files import atomic_write_json
-from dubbing.learned import learned_seconds
+from dubbing.identity.learned import learned_seconds
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Scene
 from dubbing.portraits import Portrait

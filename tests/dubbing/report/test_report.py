@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from dubbing.learned import in_words
+from dubbing.identity.learned import in_words
 from dubbing.report.report import VERDICTS, page_of, verdict_of
 
 

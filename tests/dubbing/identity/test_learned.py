@@ -10,7 +10,7 @@ import pytest
 from dubbing.cli import console
 from dubbing.estimates import Estimate
 from dubbing.files import atomic_write_json
-from dubbing.learned import learned_if_known
+from dubbing.identity.learned import learned_if_known
 
 
 def test_what_the_fine_tune_wrote_is_said(tmp_path: Path) -> None:
