@@ -99,7 +99,6 @@ def project(
     c2w: Float[Tensor, "N 3 4"],
     focal: float | Float[Tensor, "#N"],
     centre: Float[Tensor, "#N 2"],
-    below: Float[Tensor, " N *P"] | None = None,
 ) -> Float[Tensor, "N *P 2"]:
     """M(p, K_n, R_n, T_n) of equation (1): where each view sees each point.
 
@@ -108,7 +107,6 @@ def project(
         c2w: camera to world of N views.
         focal: pixels, of all views or of each.
         centre: principal points (column, row), of all views or of each.
-        below: how far below (along y of the world) each point was when a view was taken.
 
     Returns:
         (column, row), not clamped to the image. Points behind a camera project through its centre.
@@ -120,8 +118,6 @@ def project(
     with torch.autocast(points.device.type, enabled=False):
         # The inverse of a rigid motion: R^T p - R^T t, a column a point.
         local = axes @ points.reshape(-1, 3).T - axes @ c2w[:, :, 3:]
-    if below is not None:
-        local = local - axes[:, :, 1:2] * below.reshape(count, 1, -1)
     across, up, depth = local.unbind(1)
     depth = torch.where(depth.abs() < MIN_DEPTH, torch.full_like(depth, -MIN_DEPTH), depth)
     columns = centre[:, None, 0] - focal * across / depth

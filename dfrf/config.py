@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 # The two families of presets: what the headers of their checkpoints say, and how many steps a
 # person learns by default.
-FORMATS = {"fast": "dfrf-2", "paper": "dfrf-paper-1"}
+FORMATS = {"fast": "dfrf-3", "paper": "dfrf-paper-1"}
 STEPS = {"fast": 1500, "paper": 40_000}
 FROM_BASE = ("fast", "fast-nowarp")  # what starts from the base of `fast`
 PUBLISHED_SPEECH = "deepspeech"  # the speech features of published checkpoints

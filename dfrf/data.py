@@ -15,7 +15,6 @@ from torch import Tensor
 
 from dfrf.cameras import Rays, pixel_rays, project
 from dfrf.config import TrainConfig
-from dfrf.field import eyelid_deformation
 from dfrf.field.mouth_views import MouthViews, fit_reading, region
 from dfrf.field.reference_maps import ReferenceViews
 
@@ -51,7 +50,6 @@ class HeadDataset:
         lips: L lip measures, each of mean 0 and variance 1.
         touching: 1 where the inner lips touch.
         segment: which uncut run of the clip a frame belongs to.
-        eyes: where the eyes are, see `dfrf.field.eyelid_deformation`.
         surface: rigid points of the mean face, head frame (y up).
         lip_shape: points of the lips of the mean face, head frame.
         lip_points: how far the lips of each picture lie beside these, see `mouth_views`.
@@ -72,7 +70,6 @@ class HeadDataset:
     lips: Float[Tensor, "C L"]
     touching: Float[Tensor, " C"]
     segment: Int[Tensor, " C"]
-    eyes: Float[Tensor, "2 7"]
     surface: Float[Tensor, "V 3"]
     lip_shape: Float[Tensor, "Q 3"]
     lip_points: Float[Tensor, "T Q 2"]
@@ -270,21 +267,8 @@ def head_boxes(
     return corners, (height, width)
 
 
-def cut_references(
-    dataset: HeadDataset, frames: Int[Tensor, " N"], exclude: Int[Tensor, " E"] | None = None
-) -> ReferenceViews:
-    """Reference views of frames, cut to the box that holds their heads.
-
-    Where the person blinks, a frame with closed eyes is added for the lids, none of `exclude`.
-    """
-    among = torch.arange(dataset.frames)
-    if exclude is not None:
-        among = among[~torch.isin(among, exclude)]
-    measures = dataset.expression[among][:, eyelid_deformation.MEASURES]
-    forward = dataset.c2w[among][:, :, 2]
-    blink = eyelid_deformation.closed_eye_frame(dataset.eyes, measures, forward)
-    if blink is not None:
-        frames = torch.cat([frames, among[blink : blink + 1]])
+def cut_references(dataset: HeadDataset, frames: Int[Tensor, " N"]) -> ReferenceViews:
+    """Reference views of frames, cut to the box that holds their heads."""
     corners, (height, width) = head_boxes(dataset.mattes[frames], round(MARGIN * dataset.size))
     images, mattes, centres = [], [], []
     for t, (top, left) in zip(frames.tolist(), corners, strict=True):
@@ -297,10 +281,7 @@ def cut_references(
         c2w=dataset.c2w[frames],
         focal=dataset.focal,
         centres=torch.stack(centres),
-        expression=dataset.expression[frames],
-        eyes=dataset.eyes,
         scale=dataset.size / 512,
-        blinks=int(blink is not None),
     )
 
 
@@ -332,8 +313,6 @@ def cut_mouths(
         c2w=dataset.c2w[frames],
         focal=dataset.focal,
         centres=dataset.centres[frames] - left_top,
-        expression=torch.zeros(len(frames), dataset.expression.shape[1]),  # no part of a mouth
-        eyes=dataset.eyes,
         scale=dataset.size / 512,
     )
     return MouthViews(

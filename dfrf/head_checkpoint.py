@@ -27,8 +27,6 @@ REFERENCE_SHAPES = {
     "mattes": ("N", "H", "W"),
     "c2w": ("N", 3, 4),
     "centres": ("N", 2),
-    "expression": ("N", "U"),
-    "eyes": (2, 7),
 }
 # Of the P crops of h x w pixels round a person's mouth.
 MOUTH_SHAPES = {
@@ -99,10 +97,8 @@ def save_person(
             "reference.mattes": views.mattes,
             "reference.c2w": views.c2w,
             "reference.centres": views.centres,
-            "reference.expression": views.expression,
-            "reference.eyes": views.eyes,
         }
-        header = {**header, "focal": views.focal, "scale": views.scale, "blinks": views.blinks}
+        header = {**header, "focal": views.focal, "scale": views.scale}
         if views.mouths is not None:
             tensors |= {f"mouth.{name}": value for name, value in _mouth_tensors(views.mouths)}
     about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
@@ -178,8 +174,6 @@ def _mouths(part: dict[str, Tensor], whole: ReferenceViews) -> MouthViews:
         mattes=part["mattes"],
         c2w=part["c2w"],
         centres=part["centres"],
-        expression=torch.zeros(count, whole.expression.shape[1]),
-        blinks=0,
     )
     lips = part["lips"]
     return MouthViews(crops, lips, part["shape"], part["reading"], torch.arange(count), lips[:0])
@@ -191,18 +185,14 @@ def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
     Raises:
         ValueError, LookupError, TypeError: they are of others.
     """
-    lengths = _check(part, REFERENCE_SHAPES)
-    focal, scale, blinks = (header[name] for name in ("focal", "scale", "blinks"))
-    if not (0 < focal < math.inf and 0 < scale < math.inf and 0 <= blinks < lengths["N"]):
-        raise ValueError("focal, scale, blinks")
+    focal, scale = (header[name] for name in ("focal", "scale"))
+    if not (_check(part, REFERENCE_SHAPES)["N"] and 0 < focal < math.inf and 0 < scale < math.inf):
+        raise ValueError("no reference, or focal and scale")
     return ReferenceViews(
         images=part["images"],
         mattes=part["mattes"],
         c2w=part["c2w"],
         centres=part["centres"],
-        expression=part["expression"],
-        eyes=part["eyes"],
         focal=float(focal),
         scale=float(scale),
-        blinks=int(blinks),
     )

@@ -124,14 +124,14 @@ class Method(ABC, Generic[ShareT, MapsT]):
 
     @abstractmethod
     def reference_views(
-        self, dataset: HeadDataset, frames: Int[Tensor, " N"], exclude: Tensor | None = None
+        self, dataset: HeadDataset, frames: Int[Tensor, " N"], mouths: bool = True
     ) -> ReferenceViews:
         """Reference views of frames of a person.
 
         Args:
             dataset: of the person.
             frames: which to take.
-            exclude: frames that are rendered from these references, of which none may be added.
+            mouths: whether views of the mouth come with them, where the method has such.
         """
 
     @abstractmethod

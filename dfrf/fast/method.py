@@ -20,7 +20,6 @@ from dfrf.data import HeadDataset, RayBatch, cut_mouths, cut_references
 from dfrf.fast.medoids import medoids
 from dfrf.fast.model import FastModel
 from dfrf.fast.objective import share_outcome
-from dfrf.field import brow_deformation, eyelid_deformation
 from dfrf.field.field import ConditionedField
 from dfrf.field.mouth_views import MOUTHS, TURN, MouthViews, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
@@ -65,18 +64,10 @@ def prune(
     maps: ReferenceMaps | None,
     generator: torch.Generator,
 ) -> None:
-    """Closes the cells in which the model shows nothing, in any of these frames.
+    """Closes the cells in which the model shows nothing, in any of these frames."""
 
-    In every second one the eyes are closed: closed lids lie where open eyes have nothing, and
-    blinks are rare. A field without references does not move lids, and never knew them so closed.
-    """
-    closed = conditioning
-    if maps is not None:
-        closed = eyelid_deformation.with_closed_eyes(conditioning, model.config.field.code_dim)
-
-    def field_of(turn: int, frame: int) -> ConditionedField:
-        rows = closed if turn % 2 else conditioning
-        return ConditionedField(model.field, rows[frame : frame + 1], maps)
+    def field_of(frame: int) -> ConditionedField:
+        return ConditionedField(model.field, conditioning[frame : frame + 1], maps)
 
     prune_grid(model.grid, model.config.march.step, field_of, c2w, generator)
 
@@ -113,11 +104,10 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         return self.model.config.field.reference_pool_size if self.references else 0
 
     def reference_views(
-        self, dataset: HeadDataset, frames: Int[Tensor, " N"], exclude: Tensor | None = None
+        self, dataset: HeadDataset, frames: Int[Tensor, " N"], mouths: bool = True
     ) -> ReferenceViews:
-        """Those of a person, who has the same ones in every step, with views of the mouth."""
-        views = cut_references(dataset, frames, exclude)
-        if exclude is not None or not self.model.config.field.use_speech:
+        views = cut_references(dataset, frames)
+        if not (mouths and self.model.config.field.use_speech):
             return views
         return replace(views, mouths=self.mouth_views(dataset))
 
@@ -198,8 +188,6 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
             fit_speaker_adaptation(own, dataset)
             own.closed_mouth_target.copy_(closed_mouth_target(own, dataset))
             own.mean_code.copy_(dataset_codes(own, dataset).mean(0))
-        brows = dataset.expression[:, brow_deformation.MEASURES]
-        own.brow_range.copy_(brow_deformation.brow_range(brows))
         maps = None if views is None else self.maps(views)
         conditioning = training_conditioning(model, [dataset])[dataset.name]
         generator = torch.Generator().manual_seed(seed)

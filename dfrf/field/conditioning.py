@@ -11,7 +11,6 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from dfrf.config import FieldConfig
-from dfrf.field import brow_deformation
 from dfrf.field.audio import LEAK, AudioAttNet, AudioNet
 from dfrf.field.speaker_adaptation import LIP_MEASURES, SpeakerAdaptation
 
@@ -31,21 +30,18 @@ class Conditioning(nn.Module):
     """From speech windows and the upper face to K = A + U numbers a frame.
 
     Attributes:
-        brow_range: least and most that each brow is up in a picture.
         closed_mouth_target: what is read off the code where the person's mouth is closed.
         mean_code: of the frames the person was learned from.
         lips: reads lip measures off the code; pictures do not use it.
         speaker_adaptation: this person's lips, from the predicted ones; at first, just these.
     """
 
-    brow_range: Float[Tensor, "2 2"]
     closed_mouth_target: Float[Tensor, " L"]
     mean_code: Float[Tensor, " A"]
 
     def __init__(self, config: FieldConfig) -> None:
         super().__init__()
         self.config = config
-        self.register_buffer("brow_range", torch.tensor([[-torch.inf] * 2, [torch.inf] * 2]))
         if not config.use_speech:
             return
         self.audio = AudioNet(config.speech_dim, config.code_dim)
@@ -105,7 +101,4 @@ class Conditioning(nn.Module):
             codes = self.adapted_codes(windows, predicted_lips)
         else:
             codes = self.speech_codes(windows)
-        expression = expression.clone()
-        brows = expression[:, brow_deformation.MEASURES]
-        expression[:, brow_deformation.MEASURES] = brows.clamp(*self.brow_range)
         return torch.cat([codes, expression], -1)

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from dfrf import device as devices
 from dfrf.config import FieldConfig
-from dfrf.field import brow_deformation, eyelid_deformation, mouth_views
+from dfrf.field import mouth_views
 from dfrf.field.aggregation import Aggregation
 from dfrf.field.conditioning import Conditioning
 from dfrf.field.encodings import encoded_size, frequency_encoding
@@ -106,52 +106,36 @@ class Field(nn.Module):
         self,
         query: FieldQuery,
         maps: ReferenceMaps,
-        which: slice,
         conditioning: Float[Tensor, "F K"],
         warp: bool,
     ) -> tuple[Float[Tensor, "n M 2"], Float[Tensor, "n M 2"]]:
-        """Equations (1), (3) and (4): where n of the views show points, pixels, and the warp."""
-        views = maps.views
-        projected = views.project(query.points, which, query.lifts(views, which))
+        """Equations (1), (3) and (4): where the n views show points, pixels, and the warp."""
+        projected = maps.views.project(query.points)
         offset = torch.zeros_like(projected)
         if warp and self.config.use_warp:
-            at_pixel = maps.read_nearest(projected, which)
+            at_pixel = maps.read_nearest(projected)
             offset = self.warp(query.encoded, conditioning, query.belongs, at_pixel)
-        return warped(projected, offset, views.scale), offset
+        return warped(projected, offset, maps.views.scale), offset
 
     def aggregate(
         self,
         query: FieldQuery,
         maps: ReferenceMaps,
-        which: slice,
         conditioning: Float[Tensor, "F K"],
         positions: Float[Tensor, "n M 2"],
     ) -> tuple[Float[Tensor, "M O"], Float[Tensor, "M 3"], Float[Tensor, "n M"]]:
-        """F~ of points that n of the views show at positions, their colour, and blend weights."""
-        feature = maps.read_bilinear(positions, which)
-        towards = maps.views.direction_differences(query.points, query.directions, which)
+        """F~ of points that the n views show at positions, their colour, and blend weights."""
+        feature = maps.read_bilinear(positions)
+        towards = maps.views.direction_differences(query.points, query.directions)
         fused, weight = self.aggregation(
             feature,
             towards.to(feature.dtype),
-            maps.log_view_weight[which],
+            maps.log_view_weight,
             query.encoded,
             conditioning,
             query.belongs,
         )
         return fused, (weight[..., None] * feature[..., COLOUR].float()).sum(0), weight
-
-    def sample_references(
-        self,
-        query: FieldQuery,
-        maps: ReferenceMaps,
-        which: slice,
-        conditioning: Float[Tensor, "F K"],
-        warp: bool,
-    ) -> Fused:
-        """What n of the views show of points."""
-        positions, offset = self.locate(query, maps, which, conditioning, warp)
-        fused, colour, _ = self.aggregate(query, maps, which, conditioning, positions)
-        return fused, colour, offset
 
     def sample_mouths(
         self, query: FieldQuery, mouths: ChosenMouths, conditioning: Float[Tensor, "F K"]
@@ -160,10 +144,8 @@ class Field(nn.Module):
 
         Their motion is measured and stands in for what D_eta has to guess.
         """
-        maps, which = mouths.maps, mouths.maps.views.faces
-        positions, _ = self.locate(query, maps, which, conditioning, False)
-        positions = positions + mouths.moved(query.points)
-        return self.aggregate(query, maps, which, conditioning, positions)
+        positions = mouths.maps.views.project(query.points) + mouths.moved(query.points)
+        return self.aggregate(query, mouths.maps, conditioning, positions)
 
     def fuse_references(
         self,
@@ -172,28 +154,18 @@ class Field(nn.Module):
         conditioning: Float[Tensor, "F K"],
         warp: bool,
     ) -> Fused:
-        """What the references show of points.
-
-        Of lids that close, the view of a blink; near the lips, views of mouths like that one.
-        """
-        views = maps.views
-        seen = self.sample_references(query, maps, views.faces, conditioning, warp)
-        if views.blinks:
-            closed = eyelid_deformation.closed_eye_weights(
-                query.points, query.at_eyes, views.eyes, query.lids
-            )
-            at, weight = weighty(query.at_eyes, closed)
-            if len(at):
-                lids = query.only(at, lids=True)
-                blink = self.sample_references(lids, maps, views.closed_eyes, conditioning, False)
-                seen = mixed(seen, blink, at, weight)
-        if views.mouths is not None and maps.chosen:
-            share = views.mouths.share(query.points)
+        """What the references show of points; near the lips, views of mouths like that one."""
+        positions, offset = self.locate(query, maps, conditioning, warp)
+        fused, colour, _ = self.aggregate(query, maps, conditioning, positions)
+        seen = fused, colour, offset
+        mouths = maps.views.mouths
+        if mouths is not None and maps.chosen:
+            share = mouths.share(query.points)
             near = share.nonzero().squeeze(1)
-            for frame, mouths in enumerate(maps.chosen):
+            for frame, chosen in enumerate(maps.chosen):
                 at, weight = weighty(near, share[near] * query.belongs[near, frame])
                 if len(at):
-                    mouth = self.sample_mouths(query.only(at, lids=False), mouths, conditioning)
+                    mouth = self.sample_mouths(query.only(at), chosen, conditioning)
                     seen = mixed(seen, mouth, at, weight)
         return seen
 
@@ -203,33 +175,14 @@ class Field(nn.Module):
         directions: Float[Tensor, "M 3"],
         frame: Int[Tensor, " M"],
         conditioning: Float[Tensor, "F K"],
-        eyes: Float[Tensor, "2 7"] | None,
-    ) -> tuple[FieldQuery, Float[Tensor, "M 3"]]:
-        """The query of points, and the points where brows and lids are at rest.
-
-        Args:
-            points, directions, frame, conditioning: as `forward`.
-            eyes: of the references; None leaves the lids' motion to the conditioning.
-        """
-        belongs = F.one_hot(frame, conditioning.shape[0]).to(conditioning.dtype)
-        weights = brow_deformation.motion_weights(points)
-        expression = per_point(conditioning[:, self.config.code_dim :], belongs)
-        brows = expression[:, brow_deformation.MEASURES]
-        lids = expression[:, eyelid_deformation.MEASURES]
-        lift = brow_deformation.lifts(weights, brows)
-        at_eyes = frame[:0]
-        if eyes is not None:
-            at_eyes = eyelid_deformation.points_near_eyes(points, eyes)
-            eyelid_deformation.add_lifts(
-                lift[None], points, at_eyes, eyes, lids, lids.new_zeros(1, 2)
-            )
-        rest = brow_deformation.lowered(points, lift)
+    ) -> FieldQuery:
+        """The query of points; arguments as of `forward`."""
         # Rounded once, not at every layer that reads it.
-        encoded = frequency_encoding(rest, self.config.point_octaves).to(
+        encoded = frequency_encoding(points, self.config.point_octaves).to(
             devices.matrix_type(points.device)
         )
-        query = FieldQuery(points, directions, encoded, belongs, brows, lids, weights, at_eyes)
-        return query, rest
+        belongs = F.one_hot(frame, conditioning.shape[0]).to(conditioning.dtype)
+        return FieldQuery(points, directions, encoded, belongs)
 
     def forward(
         self,
@@ -250,14 +203,9 @@ class Field(nn.Module):
             maps: references; None for a field without them.
             warp: False in the coarse stage.
         """
-        query, rest = self.query(
-            points, directions, frame, conditioning, None if maps is None else maps.views.eyes
-        )
+        query = self.query(points, directions, frame, conditioning)
         parts, offset = [query.encoded], points.new_zeros(0, points.shape[0], 2)
         if maps is not None:
-            conditioning = eyelid_deformation.with_eyelids_at_rest(
-                conditioning, self.config.code_dim
-            )
             fused, blended, offset = self.fuse_references(query, maps, conditioning, warp)
             parts.append(fused.to(query.encoded.dtype))
         # Equation (7): colour and density = F_theta(p, d, A, F~).
@@ -266,7 +214,7 @@ class Field(nn.Module):
         h = F.relu(h.add_(shared), inplace=True)
         for layer in self.hidden:
             h = F.relu(layer(h), inplace=True)
-        raw_density = 4 * self.density(h).squeeze(-1).float() + density_prior(rest)
+        raw_density = 4 * self.density(h).squeeze(-1).float() + density_prior(points)
         density = DENSITY_SCALE * F.softplus(raw_density)
         towards = frequency_encoding(directions, self.config.direction_octaves).to(
             query.encoded.dtype

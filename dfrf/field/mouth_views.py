@@ -18,7 +18,6 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from dfrf.field import brow_deformation
 from dfrf.field.reference_maps import LEAST_WEIGHT, ReferenceMaps, ReferenceViews
 
 LIP_POINTS = 40
@@ -67,7 +66,7 @@ class MouthViews:
     def share(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
         """How much of what is seen of points is read off mouths, 0..1."""
         middle, reach = region(self.shape)
-        return brow_deformation.ramp(((points - middle) / reach).norm(dim=-1), 1, EDGE)
+        return ramp(((points - middle) / reach).norm(dim=-1), 1, EDGE)
 
     def wanted(
         self, measures: Float[Tensor, " L"], origin: Float[Tensor, 3]
@@ -75,6 +74,12 @@ class MouthViews:
         """Where lips with these measures are, seen from a place."""
         seen = torch.cat([measures, F.normalize(origin, dim=0)])
         return (seen @ self.reading[:-1] + self.reading[-1]).view(-1, 2)
+
+
+def ramp(values: Float[Tensor, "*B"], start: float, end: float) -> Float[Tensor, "*B"]:
+    """0 at the start, 1 at the end, smooth between and constant beyond."""
+    x = ((values - start) / (end - start)).clamp(0, 1)
+    return x * x * (3 - 2 * x)
 
 
 def region(shape: Float[Tensor, "Q 3"]) -> tuple[Float[Tensor, 3], Float[Tensor, 3]]:

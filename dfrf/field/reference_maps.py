@@ -59,10 +59,7 @@ class ReferenceViews:
         c2w: camera to head frame.
         focal: pixels.
         centres: principal points of the cut, (column, row).
-        expression: measures of the upper face.
-        eyes: where the person's eyes are, see `eyelid_deformation`.
         scale: pixels of the reference for one pixel at a 512 crop (the unit of the warp).
-        blinks: 1 where the last view is of closed eyes, and only lids are read off it, else 0.
         mouths: crops round many mouths, see `mouth_views`; None without.
     """
 
@@ -71,10 +68,7 @@ class ReferenceViews:
     c2w: Float[Tensor, "N 3 4"]
     focal: float
     centres: Float[Tensor, "N 2"]
-    expression: Float[Tensor, "N U"]
-    eyes: Float[Tensor, "2 7"]
     scale: float
-    blinks: int = 0
     mouths: MouthViews | None = None
 
     def to(self, device: torch.device) -> ReferenceViews:
@@ -85,36 +79,22 @@ class ReferenceViews:
             mattes=self.mattes.to(device),
             c2w=self.c2w.to(device),
             centres=self.centres.to(device),
-            expression=self.expression.to(device),
-            eyes=self.eyes.to(device),
             mouths=None if self.mouths is None else self.mouths.to(device),
         )
 
-    def project(
-        self, points: Float[Tensor, "M 3"], views: slice, below: Float[Tensor, "n M"]
-    ) -> Float[Tensor, "n M 2"]:
-        """Equation (1): where n views see points that were lower by `below` there."""
-        return project(points, self.c2w[views], self.focal, self.centres[views], below)
+    def project(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, "N M 2"]:
+        """Equation (1): where the views see points."""
+        return project(points, self.c2w, self.focal, self.centres)
 
     def direction_differences(
-        self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"], views: slice
-    ) -> Float[Tensor, "n M 4"]:
-        """How unit directions differ from those in which n views see the points.
+        self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]
+    ) -> Float[Tensor, "N M 4"]:
+        """How unit directions differ from those in which the views see the points.
 
         The difference of the two, then the cosine of the angle between them.
         """
-        towards = F.normalize(points - self.c2w[views, None, :, 3], dim=-1)
+        towards = F.normalize(points - self.c2w[:, None, :, 3], dim=-1)
         return torch.cat([directions - towards, (directions * towards).sum(-1, keepdim=True)], -1)
-
-    @property
-    def faces(self) -> slice:
-        """The views that whole faces are read off."""
-        return slice(0, self.c2w.shape[0] - self.blinks)
-
-    @property
-    def closed_eyes(self) -> slice:
-        """The view, if any, that the lids of closed eyes are read off."""
-        return slice(self.c2w.shape[0] - self.blinks, self.c2w.shape[0])
 
 
 @dataclass(frozen=True)
@@ -155,25 +135,18 @@ class ReferenceMaps:
 
         Args:
             origin: head frame.
-            count: of views; one of closed eyes stays beside them.
+            count: of views.
 
         Returns:
             Maps with the same table, whose views have no pictures any more.
         """
-        views = self.views
-        faces = F.normalize(views.c2w[views.faces, :, 3], dim=-1)
-        if len(faces) <= count:
+        seen_from = F.normalize(self.views.c2w[:, :, 3], dim=-1)
+        if len(seen_from) <= count:
             return self
-        turned = (faces - F.normalize(origin, dim=0)).norm(dim=-1)
+        turned = (seen_from - F.normalize(origin, dim=0)).norm(dim=-1)
         turned, nearest = turned.topk(count + 1, largest=False)
         weight = 1 - (turned[:-1] / turned[-1].clamp_min(LEAST_WEIGHT)) ** FADE
-        chosen = torch.cat([nearest[:-1], torch.arange(len(faces), len(self.number)).to(nearest)])
-        return self.only(
-            chosen,
-            torch.cat(
-                [weight.clamp_min(LEAST_WEIGHT).log(), self.log_view_weight[views.closed_eyes]]
-            ),
-        )
+        return self.only(nearest[:-1], weight.clamp_min(LEAST_WEIGHT).log())
 
     def only(self, chosen: Int[Tensor, " k"], log_view_weight: Float[Tensor, " k"]) -> Self:
         """Some of the views, with the same table and no pictures any more."""
@@ -186,19 +159,16 @@ class ReferenceMaps:
                 mattes=views.mattes[:0],
                 c2w=views.c2w[chosen],
                 centres=views.centres[chosen],
-                expression=views.expression[chosen],
             ),
             number=self.number[chosen],
             log_view_weight=log_view_weight,
         )
 
-    def first_rows(self, views: slice) -> Int[Tensor, "n 1"]:
+    def first_rows(self) -> Int[Tensor, "n 1"]:
         """Row of the table where each of the views begins."""
-        return self.number[views, None] * (self.height * self.width)
+        return self.number[:, None] * (self.height * self.width)
 
-    def read_nearest(
-        self, positions: Float[Tensor, "n M 2"], views: slice
-    ) -> Float[Tensor, "n M C"]:
+    def read_nearest(self, positions: Float[Tensor, "n M 2"]) -> Float[Tensor, "n M C"]:
         """Features of the pixels nearest to positions, as they were stored.
 
         Nothing is learned through them: the published code feeds the warp with features that it
@@ -206,15 +176,13 @@ class ReferenceMaps:
         """
         limit = positions.new_tensor([self.width - 1, self.height - 1])
         pixel = torch.minimum(positions.round().clamp_min(0), limit).long()
-        row = self.first_rows(views) + pixel[..., 1] * self.width + pixel[..., 0]
+        row = self.first_rows() + pixel[..., 1] * self.width + pixel[..., 0]
         read = self.table.detach().index_select(0, row.view(-1)).view(*row.shape, -1)
         return read.to(devices.matrix_type(read.device))
 
-    def read_bilinear(
-        self, positions: Float[Tensor, "n M 2"], views: slice
-    ) -> Float[Tensor, "n M C"]:
-        """Features between the pixels, of n of the views."""
-        rows, weights = bilinear_rows(positions, self.height, self.width, self.first_rows(views))
+    def read_bilinear(self, positions: Float[Tensor, "n M 2"]) -> Float[Tensor, "n M C"]:
+        """Features between the pixels of the views."""
+        rows, weights = bilinear_rows(positions, self.height, self.width, self.first_rows())
         read = F.embedding_bag(
             rows.view(-1, 4),
             self.table,

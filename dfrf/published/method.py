@@ -100,7 +100,7 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
         return self.model.config.speech_dim
 
     def reference_views(
-        self, dataset: HeadDataset, frames: Tensor, exclude: Tensor | None = None
+        self, dataset: HeadDataset, frames: Tensor, mouths: bool = True
     ) -> ReferenceViews:
         """Whole pictures: the published aggregation is told the pixel that it reads."""
         return ReferenceViews(
@@ -109,8 +109,6 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
             c2w=dataset.c2w[frames],
             focal=dataset.focal,
             centres=dataset.centres[frames],
-            expression=dataset.expression[frames],
-            eyes=dataset.eyes,
             scale=dataset.size / PAPER_SIZE,
         )
 

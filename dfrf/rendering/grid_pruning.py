@@ -28,7 +28,7 @@ FRAMES = 64
 def prune_grid(
     grid: OccupancyGrid,
     step: float,
-    field_of: Callable[[int, int], ViewField],
+    field_of: Callable[[int], ViewField],
     c2w: Float[Tensor, "F 3 4"],
     generator: torch.Generator,
 ) -> None:
@@ -40,7 +40,7 @@ def prune_grid(
     Args:
         grid: changed in place.
         step: length of a sample, head units.
-        field_of: the field in a frame, of its turn and its number; at most `FRAMES` are looked at.
+        field_of: the field in a frame; at most `FRAMES` are looked at.
         c2w: the frames' cameras.
         generator: draws frames and points.
     """
@@ -52,13 +52,13 @@ def prune_grid(
     ray = torch.arange(count, device=device)
     zero = torch.zeros(count, dtype=torch.long, device=device)
     thickest = torch.zeros(count, device=device)
-    for turn, frame in enumerate(torch.randperm(len(c2w), generator=generator)[:FRAMES].tolist()):
+    for frame in torch.randperm(len(c2w), generator=generator)[:FRAMES].tolist():
         where = torch.rand(count, 3, generator=generator).to(device) - 0.5
         points = centres + where * size
         origin = c2w[frame, :, 3].to(device)
         rays = Rays(origin.expand(count, 3), F.normalize(points - origin, dim=-1), zero)
         samples = PackedSamples(points, ray, zero, torch.zeros_like(thickest), 1, count)
-        out = evaluate(field_of(turn, frame).seen_from(origin), samples, rays)
+        out = evaluate(field_of(frame).seen_from(origin), samples, rays)
         opacity = -torch.expm1(-out.density * step)
         thickest = torch.maximum(thickest, opacity)
     grid.occupied.view(-1)[open_cells] = thickest >= THIN

@@ -19,7 +19,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dfrf import device as devices
-from dfrf.field import eyelid_deformation
 from dfrf.field.field import ConditionedField
 from dfrf.field.reference_encoder import COLOUR
 from dfrf.field.reference_maps import ReferenceMaps
@@ -32,7 +31,7 @@ def blend(
 ) -> Float[Tensor, "M 3"]:
     """Colours that the views show at positions, in a weighted mean."""
     weights = weights / weights.sum(1, keepdim=True).clamp_min(LEAST)
-    colours = maps.read_bilinear(positions, maps.views.faces)[..., COLOUR].float()
+    colours = maps.read_bilinear(positions)[..., COLOUR].float()
     return (weights.T[..., None] * colours).sum(0)
 
 
@@ -58,8 +57,8 @@ class SurfaceDetails:
     @property
     def counts(self) -> tuple[int, int]:
         """n and m."""
-        mouths = self.maps.chosen[0].maps.views.faces.stop if self.maps.chosen else 0
-        return self.maps.views.faces.stop, mouths
+        mouths = len(self.maps.chosen[0].maps.number) if self.maps.chosen else 0
+        return len(self.maps.number), mouths
 
     @property
     def anchor_count(self) -> int:
@@ -90,17 +89,14 @@ class SurfaceDetails:
     ) -> Float[Tensor, "M K"]:
         known, maps, field = self.field.conditioning, self.maps, self.field.field
         frame = torch.zeros(len(points), dtype=torch.long, device=points.device)
-        query, _ = field.query(points, directions, frame, known, maps.views.eyes)
-        resting = eyelid_deformation.with_eyelids_at_rest(known, field.config.code_dim)
-        faces = maps.views.faces
-        positions, _ = field.locate(query, maps, faces, resting, self.field.warp)
-        _, _, weights = field.aggregate(query, maps, faces, resting, positions)
-        moved = (positions - self.projections(maps, points)).movedim(0, 1).flatten(1)
+        query = field.query(points, directions, frame, known)
+        positions, _ = field.locate(query, maps, known, self.field.warp)
+        _, _, weights = field.aggregate(query, maps, known, positions)
+        moved = (positions - maps.views.project(points)).movedim(0, 1).flatten(1)
         of_mouths = points.new_zeros(len(points), self.counts[1])
         near = self.mouth_share(points).nonzero()[:, 0]
         if len(near):
-            some = query.only(near, lids=False)
-            _, _, theirs = field.sample_mouths(some, maps.chosen[0], resting)
+            _, _, theirs = field.sample_mouths(query.only(near), maps.chosen[0], known)
             of_mouths[near] = theirs.T.float()
         return torch.cat([moved, weights.T.float(), of_mouths], 1)
 
@@ -111,18 +107,12 @@ class SurfaceDetails:
         n, m = self.counts
         moved, weights, of_mouths = anchors.split([2 * n, n, m], 1)
         moved = moved.view(-1, n, 2).movedim(1, 0)
-        seen = blend(self.maps, self.projections(self.maps, points) + moved, weights)
+        seen = blend(self.maps, self.maps.views.project(points) + moved, weights)
         share = self.mouth_share(points)
         near = share.nonzero()[:, 0]
         if len(near):
             mouths, some = self.maps.chosen[0], points[near]
-            positions = self.projections(mouths.maps, some) + mouths.moved(some)
+            positions = mouths.maps.views.project(some) + mouths.moved(some)
             mouth = blend(mouths.maps, positions, of_mouths[near])
             seen = seen.index_add(0, near, share[near, None] * (mouth - seen[near]))
         return seen
-
-    @staticmethod
-    def projections(maps: ReferenceMaps, points: Float[Tensor, "M 3"]) -> Float[Tensor, "n M 2"]:
-        """Equation (1) for a face at rest."""
-        faces = maps.views.faces
-        return maps.views.project(points, faces, points.new_zeros(faces.stop, len(points)))

@@ -16,7 +16,6 @@ from torch import Tensor
 
 from dfrf.cameras import Rays
 from dfrf.data import MIRRORED_EXPRESSION, SurfaceRays
-from dfrf.field import eyelid_deformation
 from dfrf.field.reference_maps import ReferenceViews
 from dfrf.training.ray_share import RayShare
 
@@ -134,8 +133,6 @@ def mirrored_views(views: ReferenceViews) -> ReferenceViews:
         c2w=torch.cat([rotation, mirror(views.c2w[:, :, 3])[..., None]], -1),
         # Integers are pixel centres: the last column is the first one's mirror image.
         centres=torch.stack([views.images.shape[2] - 1 - column, row], -1),
-        expression=mirrored_expression(views.expression),
-        eyes=eyelid_deformation.mirrored(views.eyes),
     )
 
 

@@ -54,7 +54,7 @@ class ReferenceSource:
             views = self.method.reference_views(dataset, self.chosen[dataset.name])
         else:
             frames = self.random_frames(dataset, exclude, generator)
-            views = self.method.reference_views(dataset, frames, exclude)
+            views = self.method.reference_views(dataset, frames, mouths=False)
         if augmentation is not None:
             views = augmentation.of_views(views)
         if every > 0 and step % every == 0:

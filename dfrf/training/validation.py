@@ -60,7 +60,7 @@ def draw_held_out_rays(
     order = torch.randperm(dataset.frames, generator=generator)
     others = order[~torch.isin(order, batch.frames)]
     chosen = (others if len(others) >= references else order)[:references]
-    return HeldOutRays(dataset, batch, method.reference_views(dataset, chosen, batch.frames))
+    return HeldOutRays(dataset, batch, method.reference_views(dataset, chosen, mouths=False))
 
 
 class Validation:

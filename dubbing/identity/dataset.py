@@ -7,12 +7,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 import torch
-from scipy.ndimage import gaussian_filter1d
 from torch import Tensor
 
 from dfrf.cameras import project
 from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, HeadDataset
-from dfrf.field import brow_deformation, eyelid_deformation
 from dfrf.field.mouth_views import region
 from dubbing.errors import TrainingError
 from dubbing.face.lip_measures import lip_measures, lips_touch
@@ -26,8 +24,7 @@ from dubbing.sound_to_lips.speech_frames import SpeechFrames
 # Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.
 EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 # What counts as 1, in eye distances.
-LIDS, BROWS, GAZE = eyelid_deformation.LENGTH, brow_deformation.LENGTH, 0.01
-BROWS_SMOOTH = 1.5  # frames: skin is moved by them, so their jitter would be seen
+LIDS, BROWS, GAZE = 0.1, 0.03, 0.01
 RIM_WIDTH = 0.016  # of the crop's side
 
 
@@ -58,7 +55,7 @@ def upper_measures(clip: PreparedClip) -> np.ndarray:
 
     Opening of the lids and height of the brow of the left and of the right eye, gaze of both to the
     right and downwards, the order of `dfrf.data.MIRRORED_EXPRESSION`: in units of the distance
-    between the eyes, less their medians over the clip, brows smoothed in time. Speech says nothing
+    between the eyes, less their medians over the clip. Speech says nothing
     of them, so the field is conditioned on them, and given the pose: a rendered frame takes both
     from the same frame of the clip.
     """
@@ -75,13 +72,7 @@ def upper_measures(clip: PreparedClip) -> np.ndarray:
     measures = np.stack([*raised, *gaze], -1) / unit[:, None]
     measures = np.concatenate([lid_openings(points) / LIDS, measures], -1)
     middle = np.median(measures[clip.valid], 0)
-    measures = np.where(clip.valid[:, None], measures - middle, 0.0)
-    for shot in np.unique(clip.segment):
-        index = clip.segment == shot
-        measures[index, brow_deformation.MEASURES] = gaussian_filter1d(
-            measures[index, brow_deformation.MEASURES], BROWS_SMOOTH, axis=0, mode="nearest"
-        )
-    return np.where(clip.valid[:, None], measures, 0.0)
+    return np.where(clip.valid[:, None], measures - middle, 0.0)
 
 
 def eye_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
@@ -175,30 +166,10 @@ def load_identity(
         segment=torch.from_numpy(
             clip.segment[speaking] + gaps[usable] * (clip.segment.max() + 1)
         ).long(),
-        eyes=eye_shapes(clip),
         surface=surface_points(clip),
         lip_shape=lip_shape(clip),
         lip_points=lip_points(clip, index),
     )
-
-
-def eye_shapes(clip: PreparedClip) -> Tensor:
-    """Where the person's eyes are in the head frame, (2, 7), see `dfrf.field.eyelid_deformation`.
-
-    Lids move as far up as halfway from the upper rim to the brow.
-    """
-    shape = clip.shape * np.array([1.0, -1.0, -1.0])
-    rest = np.median(lid_openings(clip.landmarks[clip.valid]), 0) * brow_deformation.EYE_DISTANCE
-    eyes = []
-    for (inner, outer, upper, lower, brow, _), apart in zip(EYES_POINTS, rest, strict=True):
-        corners = sorted((shape[inner], shape[outer]), key=lambda point: float(point[0]))
-        middle = (corners[0][1] + corners[1][1]) / 2
-        end = (shape[upper, 1] + shape[brow, 1]) / 2 - middle
-        below = middle - shape[lower, 1] + eyelid_deformation.WHITE
-        eyes.append(
-            [*corners[0][:2], *corners[1][:2], below, end, apart + eyelid_deformation.WHITE]
-        )
-    return torch.tensor(np.array(eyes)).float()
 
 
 def surface_points(clip: PreparedClip) -> Tensor:

@@ -230,10 +230,9 @@ def paper_row(scene: Scene) -> Row:
 
 
 def whole_faces(views: ReferenceViews, count: int) -> References:
-    """Some of the references as the published model takes them: none of shut eyes."""
-    faces = slice(0, min(count, views.faces.stop))
-    images = views.images[faces].float() / 255
-    return References(images, views.c2w[faces], views.focal, views.centres[faces])
+    """Some of the references as the published model takes them."""
+    images = views.images[:count].float() / 255
+    return References(images, views.c2w[:count], views.focal, views.centres[:count])
 
 
 def training_row(scene: Scene) -> Row:

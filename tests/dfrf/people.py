@@ -8,7 +8,6 @@ from dfrf import presets
 from dfrf.config import FieldConfig, MarchConfig, ModelConfig
 from dfrf.data import EYES, HEAD, MOUTH, RIM, HeadDataset, cut_references
 from dfrf.fast.model import FastModel
-from dfrf.field import eyelid_deformation
 from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII
 from dfrf.field.mouth_views import LIP_POINTS
 from dfrf.field.reference_maps import ReferenceMaps
@@ -57,7 +56,6 @@ def person(frames: int = 6, seed: int = 0) -> HeadDataset:
     windows = torch.randn(frames, 16, 8, generator=generator)
     lips = torch.randn(frames, 7, generator=generator)
     expression = torch.randn(frames, 6, generator=generator)
-    expression[:, eyelid_deformation.MEASURES].clamp_(min=-0.5)  # nobody blinks
     return HeadDataset(
         name="ellipsoid",
         images=images,
@@ -74,12 +72,6 @@ def person(frames: int = 6, seed: int = 0) -> HeadDataset:
         touching=(lips[:, 0] < -1).float(),
         expression=expression,
         segment=torch.zeros(frames, dtype=torch.long),
-        eyes=torch.tensor(
-            [
-                [-0.46, 0.28, -0.17, 0.27, 0.03, 0.14, 0.09],
-                [0.17, 0.27, 0.46, 0.28, 0.03, 0.14, 0.09],
-            ]
-        ),
         surface=torch.tensor([[0.0, 0.1, 0.89], [0.2, 0.2, 0.84]]),
         lip_shape=lip_shape(),
         lip_points=0.02 * torch.randn(frames, LIP_POINTS, 2, generator=generator),

@@ -40,16 +40,6 @@ def test_projection_against_a_loop_with_a_focal_and_a_centre_for_each_view() -> 
                 torch.testing.assert_close(seen[n, i, j], expected)
 
 
-def test_a_point_that_was_lower_when_a_view_was_taken() -> None:
-    c2w, points = cameras(2), 0.2 * torch.randn(5, 3, dtype=torch.float64)
-    centre, below = c2w.new_full((2, 2), 32.0), torch.rand(2, 5, dtype=torch.float64)
-    seen = project(points, c2w, 100.0, centre, below)
-    for n in range(2):
-        there = points - below[n, :, None] * points.new_tensor([0, 1, 0])
-        expected = project(there, c2w[n : n + 1], 100.0, centre[n : n + 1])[0]
-        torch.testing.assert_close(seen[n], expected)
-
-
 def test_positions_are_exact_where_products_are_rounded() -> None:
     c2w, points = cameras(3).float(), 0.2 * torch.randn(50, 3)
     centre = c2w.new_full((3, 2), 200.0)

@@ -10,7 +10,6 @@ from dfrf import presets
 from dfrf.checkpoint import CheckpointError, read_tensors, write_tensors
 from dfrf.data import cut_references
 from dfrf.fast.method import FastMethod
-from dfrf.field import eyelid_deformation
 from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
 from tests.dfrf.people import person, small_config
 
@@ -35,7 +34,6 @@ def test_a_person_comes_back_with_the_references(tmp_path: Path) -> None:
     assert torch.equal(again.images, views.images)
     assert again.focal == views.focal
     assert torch.equal(again.centres, views.centres)
-    assert torch.equal(again.eyes, views.eyes)
 
 
 def test_the_views_of_a_mouth_come_back(tmp_path: Path) -> None:
@@ -55,23 +53,13 @@ def test_the_views_of_a_mouth_come_back(tmp_path: Path) -> None:
     assert torch.equal(before.table, after.table)
 
 
-def test_the_view_of_a_blink_comes_back_as_such(tmp_path: Path) -> None:
-    someone = person()
-    someone.expression[2, eyelid_deformation.MEASURES] = -2.0
-    views = cut_references(someone, torch.tensor([1, 4]))
-    save_person(tmp_path / "p.safetensors", presets.build(small_config()), views, {})
-    _, again, _ = load_person(tmp_path / "p.safetensors")
-    assert again is not None
-    assert (again.blinks, again.closed_eyes) == (1, slice(2, 3))
-
-
 def test_a_person_of_another_version_is_to_be_learned_again(tmp_path: Path) -> None:
     path = tmp_path / "p.safetensors"
     save_person(
         path, presets.build(small_config()), cut_references(person(), torch.tensor([1])), {}
     )
     tensors, header = read_tensors(path)
-    del tensors["reference.eyes"], header["blinks"]
+    del tensors["reference.centres"], header["scale"]
     write_tensors(path, tensors, header)
     with pytest.raises(CheckpointError, match=r"p\.safetensors: .*learn the person again"):
         load_person(path)
@@ -183,7 +171,7 @@ def test_weights_of_another_type_are_refused(tmp_path: Path, kind: torch.dtype) 
     [
         ("reference.images", torch.zeros(2, 3)),
         ("reference.c2w", torch.zeros(9, 3, 4)),
-        ("reference.eyes", torch.full((2, 7), torch.nan)),
+        ("reference.centres", torch.full((2, 2), torch.nan)),
         ("reference.more", torch.zeros(1)),
         ("mouth.images", torch.zeros(6, 4, 4, 3)),
         ("mouth.lips", torch.zeros(5, 40, 2)),
@@ -192,8 +180,7 @@ def test_weights_of_another_type_are_refused(tmp_path: Path, kind: torch.dtype) 
         ("focal", "long"),
         ("focal", float("inf")),
         ("scale", -1.0),
-        ("blinks", 10**9),
-        ("blinks", [1]),
+        ("scale", [1]),
     ],
 )
 def test_odd_references_are_refused(tmp_path: Path, name: str, value: object) -> None:

@@ -108,10 +108,10 @@ def test_a_lip_is_read_where_the_crop_shows_it(someone: Someone) -> None:
     at = torch.cat([chosen.at, shape[:, 2:]], 1)
     lips = someone.mouths.lips[chosen.maps.number]
     views = chosen.maps.views
-    still = views.project(shape, views.faces, torch.zeros(len(lips), len(shape)))
+    still = views.project(shape)
     middle, _ = mouth_views.region(shape)
     scale = views.focal / (views.c2w[:, :, 3] - middle).norm(dim=-1)
-    seen = views.project(at, views.faces, torch.zeros(len(lips), len(at))) + chosen.moved(at)
+    seen = views.project(at) + chosen.moved(at)
     shown = still + lips * scale[:, None, None]
     before = (seen - chosen.moved(at) - shown).norm(dim=-1).mean()
     assert (seen - shown).norm(dim=-1).mean() < 0.4 * before

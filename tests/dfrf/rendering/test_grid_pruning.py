@@ -1,17 +1,12 @@
 """Cells that show nothing are closed, and the picture stays."""
 
-from typing import Any
-
-import pytest
 import torch
 
 from dfrf import presets
 from dfrf.cameras import Camera
 from dfrf.data import cut_references
 from dfrf.fast.method import prune
-from dfrf.field import eyelid_deformation
-from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII, ConditionedField, FieldOutput
-from dfrf.rendering import grid_pruning
+from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII
 from dfrf.rendering.volume_rendering import render_rays
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 
@@ -40,32 +35,3 @@ def test_pruning_closes_air_and_leaves_the_picture() -> None:
     assert before[:, 3].max() > 0.95
     assert (before - after).abs().mean() < 0.003
     assert (before - after).abs().max() < 0.1
-
-
-@pytest.mark.parametrize("references", [2, 0])
-def test_eyes_are_shut_in_every_second_frame_of_a_field_that_moves_lids(
-    references: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    someone = person()
-    conditionings: list[torch.Tensor] = []
-    model = presets.build(small_config(references=references, use_warp=references > 0)).eval()
-    conditioning = torch.randn(6, model.config.field.cond_dim)
-
-    real = grid_pruning.evaluate
-
-    def note(field: ConditionedField, *args: Any) -> FieldOutput:
-        conditionings.append(field.conditioning)
-        return real(field, *args)
-
-    monkeypatch.setattr(grid_pruning, "evaluate", note)
-    with torch.no_grad():
-        maps = None
-        if references:
-            maps = model.field.encoder(cut_references(someone, torch.tensor([0, 5])))
-        prune(model, conditioning, someone.c2w, maps, torch.Generator().manual_seed(0))
-    first = model.config.field.code_dim
-    closed = [
-        bool((codes[:, first:][:, eyelid_deformation.MEASURES] < -5).all())
-        for codes in conditionings
-    ]
-    assert closed == [bool(k % 2) and references > 0 for k in range(6)]

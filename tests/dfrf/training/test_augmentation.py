@@ -76,8 +76,6 @@ def test_mirrored_rays_are_those_of_mirrored_pictures() -> None:
         someone.c2w,
         someone.focal,
         someone.centres,
-        someone.expression,
-        someone.eyes,
         1.0,
     )
     flipped = augmentation.mirrored_views(whole)
