@@ -15,8 +15,8 @@ from torch import Tensor
 
 from dfrf.cameras import Rays, pixel_rays, project
 from dfrf.config import TrainConfig
-from dfrf.field.mouth_views import MouthViews, fit_reading, region
-from dfrf.field.reference_maps import ReferenceViews
+from dfrf.field.mouth_views import fit_reading, region
+from dfrf.field.reference_views import MouthViews, ReferenceViews
 
 # Codes of the region map: where rays are drawn.
 OUTSIDE, RIM, HEAD, MOUTH, EYES = 0, 1, 2, 3, 4

@@ -19,7 +19,7 @@ from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
 from dfrf.data import HeadDataset
 from dfrf.field.audio import NEIGHBOURS, WINDOW
-from dfrf.field.reference_maps import ReferenceViews
+from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.speaker_adaptation import PREDICTED
 from dfrf.head_checkpoint import load_model, load_person, save_person
 from dfrf.head_model import HeadModel

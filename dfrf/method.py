@@ -17,7 +17,7 @@ from torch import Tensor
 
 from dfrf.config import TrainConfig
 from dfrf.data import HeadDataset, RayBatch
-from dfrf.field.reference_maps import ReferenceViews
+from dfrf.field.reference_views import ReferenceViews
 from dfrf.head_model import HeadModel
 
 

@@ -21,8 +21,9 @@ from dfrf.fast.medoids import medoids
 from dfrf.fast.model import FastModel
 from dfrf.fast.objective import share_outcome
 from dfrf.field.field import ConditionedField
-from dfrf.field.mouth_views import MOUTHS, TURN, MouthViews, lip_traits
-from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
+from dfrf.field.mouth_views import MOUTHS, TURN, lip_traits
+from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.field.reference_views import MouthViews, ReferenceViews
 from dfrf.field.speaker_adaptation import REACH
 from dfrf.method import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame

@@ -18,10 +18,9 @@ from dfrf.field import mouth_views
 from dfrf.field.aggregation import Aggregation
 from dfrf.field.conditioning import Conditioning
 from dfrf.field.encodings import encoded_size, frequency_encoding
-from dfrf.field.mouth_views import ChosenMouths
 from dfrf.field.query import FieldQuery, per_point
 from dfrf.field.reference_encoder import COLOUR, ReferenceEncoder
-from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.field.reference_maps import ChosenMouths, ReferenceMaps
 from dfrf.field.warp import Warp, warped
 
 # The density's prior: an ellipsoid, head units.
@@ -144,7 +143,9 @@ class Field(nn.Module):
 
         Their motion is measured and stands in for what D_eta has to guess.
         """
-        positions = mouths.maps.views.project(query.points) + mouths.moved(query.points)
+        positions = mouths.maps.views.project(query.points) + mouth_views.moved(
+            mouths, query.points
+        )
         return self.aggregate(query, mouths.maps, conditioning, positions)
 
     def fuse_references(
@@ -160,7 +161,7 @@ class Field(nn.Module):
         seen = fused, colour, offset
         mouths = maps.views.mouths
         if mouths is not None and maps.chosen:
-            share = mouths.share(query.points)
+            share = mouth_views.share(mouths, query.points)
             near = share.nonzero().squeeze(1)
             for frame, chosen in enumerate(maps.chosen):
                 at, weight = weighty(near, share[near] * query.belongs[near, frame])
@@ -226,7 +227,9 @@ class Field(nn.Module):
         gate = (raw[..., 3:] + 2).sigmoid()
         if maps.views.mouths is not None and maps.chosen:
             # A colour of the field's own is soft, which costs less than teeth in a wrong place.
-            gate = torch.lerp(gate, gate.new_ones(()), maps.views.mouths.share(points)[:, None])
+            gate = torch.lerp(
+                gate, gate.new_ones(()), mouth_views.share(maps.views.mouths, points)[:, None]
+            )
         return FieldOutput(density, gate * blended + (1 - gate) * own, offset)
 
 

@@ -11,14 +11,13 @@ units.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import torch
 import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from dfrf.field.reference_maps import LEAST_WEIGHT, ReferenceMaps, ReferenceViews
+from dfrf.field.reference_maps import LEAST_WEIGHT, ChosenMouths, ReferenceMaps
+from dfrf.field.reference_views import MouthViews
 
 LIP_POINTS = 40
 MOUTHS = 64  # crops of a person; 24 lost texture where a head turns
@@ -31,49 +30,6 @@ NEIGHBOURS = 10  # frames to each side of one that is learned, which show nearly
 KERNEL = 0.05  # head units, how far the motion of a point of the lips carries
 STILL = 0.05  # weight of what does not move
 RIDGE = 3.0  # frames' worth
-
-
-@dataclass(frozen=True)
-class MouthViews:
-    """Crops round a person's mouth.
-
-    Attributes:
-        views: the crops.
-        lips: where they are in each.
-        shape: points of the lips of the mean face, head frame.
-        reading: from lip measures and a viewpoint to where lips are, rows of weights, then a bias.
-        frames: number of each crop among the learned frames.
-        measured: where lips are in all T learned frames; none once all is learned.
-    """
-
-    views: ReferenceViews
-    lips: Float[Tensor, "P Q 2"]
-    shape: Float[Tensor, "Q 3"]
-    reading: Float[Tensor, "I Q2"]
-    frames: Int[Tensor, " P"]
-    measured: Float[Tensor, "T Q 2"]
-
-    def to(self, device: torch.device) -> MouthViews:
-        """The same on a device."""
-        return MouthViews(
-            self.views.to(device),
-            *(
-                t.to(device)
-                for t in (self.lips, self.shape, self.reading, self.frames, self.measured)
-            ),
-        )
-
-    def share(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
-        """How much of what is seen of points is read off mouths, 0..1."""
-        middle, reach = region(self.shape)
-        return ramp(((points - middle) / reach).norm(dim=-1), 1, EDGE)
-
-    def wanted(
-        self, measures: Float[Tensor, " L"], origin: Float[Tensor, 3]
-    ) -> Float[Tensor, "Q 2"]:
-        """Where lips with these measures are, seen from a place."""
-        seen = torch.cat([measures, F.normalize(origin, dim=0)])
-        return (seen @ self.reading[:-1] + self.reading[-1]).view(-1, 2)
 
 
 def ramp(values: Float[Tensor, "*B"], start: float, end: float) -> Float[Tensor, "*B"]:
@@ -93,6 +49,20 @@ def lip_traits(lips: Float[Tensor, "T Q 2"]) -> Float[Tensor, "T Q2"]:
     return lips.flatten(1) / lips.var(0).sum().sqrt().clamp_min(LEAST_WEIGHT)
 
 
+def share(mouths: MouthViews, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
+    """How much of what is seen of points is read off mouths, 0..1."""
+    middle, reach = region(mouths.shape)
+    return ramp(((points - middle) / reach).norm(dim=-1), 1, EDGE)
+
+
+def wanted_lips(
+    mouths: MouthViews, measures: Float[Tensor, " L"], origin: Float[Tensor, 3]
+) -> Float[Tensor, "Q 2"]:
+    """Where lips with these measures are, seen from a place."""
+    seen = torch.cat([measures, F.normalize(origin, dim=0)])
+    return (seen @ mouths.reading[:-1] + mouths.reading[-1]).view(-1, 2)
+
+
 def fit_reading(
     measures: Float[Tensor, "T L"], c2w: Float[Tensor, "T 3 4"], lips: Float[Tensor, "T Q 2"]
 ) -> Float[Tensor, "I Q2"]:
@@ -105,26 +75,12 @@ def fit_reading(
     return torch.cat([weights, (target.mean(0) - inputs.mean(0) @ weights)[None]]).float()
 
 
-@dataclass(frozen=True)
-class ChosenMouths:
-    """The few crops that a frame looks at.
-
-    Attributes:
-        maps: of these.
-        at: points of the lips where they are wanted, x and y in the head frame.
-        motion: from there to where each crop shows them, pixels of the crop.
-    """
-
-    maps: ReferenceMaps
-    at: Float[Tensor, "Q 2"]
-    motion: Float[Tensor, "n Q 2"]
-
-    def moved(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, "n M 2"]:
-        """How far beside their projection the crops show points, pixels."""
-        apart = torch.cdist(points[:, :2], self.at)
-        kernel = torch.exp(-0.5 * (apart / KERNEL) ** 2)
-        kernel = kernel / (kernel.sum(1, keepdim=True) + STILL)
-        return kernel @ self.motion
+def moved(chosen: ChosenMouths, points: Float[Tensor, "M 3"]) -> Float[Tensor, "n M 2"]:
+    """How far beside their projection the chosen crops show points, pixels."""
+    apart = torch.cdist(points[:, :2], chosen.at)
+    kernel = torch.exp(-0.5 * (apart / KERNEL) ** 2)
+    kernel = kernel / (kernel.sum(1, keepdim=True) + STILL)
+    return kernel @ chosen.motion
 
 
 def nearest(
@@ -145,7 +101,7 @@ def nearest(
             looked at.
     """
     views = mouths.views
-    wanted = mouths.wanted(measures, origin) if learned is None else mouths.measured[learned]
+    wanted = wanted_lips(mouths, measures, origin) if learned is None else mouths.measured[learned]
     spread = mouths.lips.var(0).mean().clamp_min(LEAST_WEIGHT**2)
     of_lips = (mouths.lips - wanted).square().mean((1, 2)) / spread
     seen_from = F.normalize(views.c2w[:, :, 3], dim=-1)

@@ -13,7 +13,8 @@ from jaxtyping import Float, UInt8
 from torch import Tensor, nn
 
 from dfrf.config import FieldConfig
-from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
+from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.sharpening import sharpened
 
 COLOUR = slice(0, 3)  # of the features of a reference

@@ -1,24 +1,20 @@
 """Reference views of a person, and the features read off them.
 
-N references of H x W pixels, n of them looked at, C feature channels, U measures of the upper face,
-M points.
+N references of H x W pixels, n of them looked at, C feature channels, M points, Q lip points.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import torch
 import torch.nn.functional as F
-from jaxtyping import Float, Int, UInt8
+from jaxtyping import Float, Int
 from torch import Tensor
 
 from dfrf import device as devices
-from dfrf.cameras import project
-
-if TYPE_CHECKING:
-    from dfrf.field.mouth_views import ChosenMouths, MouthViews
+from dfrf.field.reference_views import ReferenceViews
 
 # Power by which a view's weight falls with its turn, to nothing at the first view left out.
 FADE = 6
@@ -48,53 +44,6 @@ def bilinear_rows(
     rows = torch.stack([index, index + 1, index + width, index + width + 1], -1)
     weights = torch.stack([(1 - a) * (1 - b), a * (1 - b), (1 - a) * b, a * b], -1)
     return rows, weights
-
-
-@dataclass(frozen=True)
-class ReferenceViews:
-    """Reference frames, cut to the head, before the CNN.
-
-    Attributes:
-        images, mattes: P of them: all N, or none once their features are at hand.
-        c2w: camera to head frame.
-        focal: pixels.
-        centres: principal points of the cut, (column, row).
-        scale: pixels of the reference for one pixel at a 512 crop (the unit of the warp).
-        mouths: crops round many mouths, see `mouth_views`; None without.
-    """
-
-    images: UInt8[Tensor, "P H W 3"]
-    mattes: UInt8[Tensor, "P H W"]
-    c2w: Float[Tensor, "N 3 4"]
-    focal: float
-    centres: Float[Tensor, "N 2"]
-    scale: float
-    mouths: MouthViews | None = None
-
-    def to(self, device: torch.device) -> ReferenceViews:
-        """The same views on a device."""
-        return replace(
-            self,
-            images=self.images.to(device),
-            mattes=self.mattes.to(device),
-            c2w=self.c2w.to(device),
-            centres=self.centres.to(device),
-            mouths=None if self.mouths is None else self.mouths.to(device),
-        )
-
-    def project(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, "N M 2"]:
-        """Equation (1): where the views see points."""
-        return project(points, self.c2w, self.focal, self.centres)
-
-    def direction_differences(
-        self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]
-    ) -> Float[Tensor, "N M 4"]:
-        """How unit directions differ from those in which the views see the points.
-
-        The difference of the two, then the cosine of the angle between them.
-        """
-        towards = F.normalize(points - self.c2w[:, None, :, 3], dim=-1)
-        return torch.cat([directions - towards, (directions * towards).sum(-1, keepdim=True)], -1)
 
 
 @dataclass(frozen=True)
@@ -204,3 +153,18 @@ class ReferenceMaps:
     def with_features(self, features: Float[Tensor, "R C"]) -> Self:
         """The same references with another table."""
         return replace(self, table=features)
+
+
+@dataclass(frozen=True)
+class ChosenMouths:
+    """The few crops that a frame looks at.
+
+    Attributes:
+        maps: of these.
+        at: points of the lips where they are wanted, x and y in the head frame.
+        motion: from there to where each crop shows them, pixels of the crop.
+    """
+
+    maps: ReferenceMaps
+    at: Float[Tensor, "Q 2"]
+    motion: Float[Tensor, "n Q 2"]

@@ -17,7 +17,7 @@ from torch import Tensor
 from dfrf.cameras import Camera, pixel_grid, pixel_rays
 from dfrf.config import TrainConfig
 from dfrf.data import HeadDataset, RayBatch, draw_rays, neighbour_windows
-from dfrf.field.reference_maps import ReferenceViews
+from dfrf.field.reference_views import ReferenceViews
 from dfrf.method import FrameInputs, Method, StepOutcome
 from dfrf.published.conditioned_field import EncodedReferences, References
 from dfrf.published.model import PaperModel, paper_loss

@@ -19,6 +19,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dfrf import device as devices
+from dfrf.field import mouth_views
 from dfrf.field.field import ConditionedField
 from dfrf.field.reference_encoder import COLOUR
 from dfrf.field.reference_maps import ReferenceMaps
@@ -70,7 +71,7 @@ class SurfaceDetails:
         mouths = self.maps.views.mouths
         if mouths is None or not self.maps.chosen:
             return points.new_zeros(len(points))
-        return mouths.share(points)
+        return mouth_views.share(mouths, points)
 
     def anchors(
         self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]
@@ -112,7 +113,7 @@ class SurfaceDetails:
         near = share.nonzero()[:, 0]
         if len(near):
             mouths, some = self.maps.chosen[0], points[near]
-            positions = mouths.maps.views.project(some) + mouths.moved(some)
+            positions = mouths.maps.views.project(some) + mouth_views.moved(mouths, some)
             mouth = blend(mouths.maps, positions, of_mouths[near])
             seen = seen.index_add(0, near, share[near, None] * (mouth - seen[near]))
         return seen

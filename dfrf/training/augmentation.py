@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dfrf.cameras import Rays
 from dfrf.data import MIRRORED_EXPRESSION, SurfaceRays
-from dfrf.field.reference_maps import ReferenceViews
+from dfrf.field.reference_views import ReferenceViews
 from dfrf.training.ray_share import RayShare
 
 # Largest changes, up and down alike: the person as filmed lies in the middle.

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dfrf.config import TrainConfig
 from dfrf.data import HeadDataset, RayBatch, draw_rays
-from dfrf.field.reference_maps import ReferenceViews
+from dfrf.field.reference_views import ReferenceViews
 from dfrf.method import Method
 from dfrf.workers import Workers
 

@@ -20,7 +20,8 @@ from dfrf import presets
 from dfrf.cameras import Camera, Rays
 from dfrf.data import neighbour_windows
 from dfrf.fast.model import FastModel
-from dfrf.field.reference_maps import ReferenceMaps, ReferenceViews
+from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.speaker_adaptation import REACH
 from dfrf.presets import method_of
 from dfrf.published.model import PaperModel, References

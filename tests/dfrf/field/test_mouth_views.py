@@ -14,8 +14,9 @@ from dfrf.data import HeadDataset
 from dfrf.fast.method import FastMethod
 from dfrf.field import mouth_views
 from dfrf.field.field import ConditionedField, FieldOutput
-from dfrf.field.mouth_views import ChosenMouths, MouthViews, fit_reading, nearest
-from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.field.mouth_views import fit_reading, nearest
+from dfrf.field.reference_maps import ChosenMouths, ReferenceMaps
+from dfrf.field.reference_views import MouthViews
 from tests.dfrf.people import lip_shape, person, small_config
 
 FRAMES = 40
@@ -98,7 +99,9 @@ def test_weights_fade_before_another_mouth_takes_their_place(someone: Someone) -
 
 
 def test_lips_are_where_the_measures_say(someone: Someone) -> None:
-    wanted = someone.mouths.wanted(someone.dataset.lips[30], someone.dataset.c2w[0, :, 3])
+    wanted = mouth_views.wanted_lips(
+        someone.mouths, someone.dataset.lips[30], someone.dataset.c2w[0, :, 3]
+    )
     torch.testing.assert_close(wanted, someone.dataset.lip_points[30], atol=2e-3, rtol=0)
 
 
@@ -111,9 +114,9 @@ def test_a_lip_is_read_where_the_crop_shows_it(someone: Someone) -> None:
     still = views.project(shape)
     middle, _ = mouth_views.region(shape)
     scale = views.focal / (views.c2w[:, :, 3] - middle).norm(dim=-1)
-    seen = views.project(at) + chosen.moved(at)
+    seen = views.project(at) + mouth_views.moved(chosen, at)
     shown = still + lips * scale[:, None, None]
-    before = (seen - chosen.moved(at) - shown).norm(dim=-1).mean()
+    before = (seen - mouth_views.moved(chosen, at) - shown).norm(dim=-1).mean()
     assert (seen - shown).norm(dim=-1).mean() < 0.4 * before
 
 
@@ -130,6 +133,6 @@ def test_the_choice_changes_the_mouth_and_nothing_else(someone: Someone) -> None
 def test_what_a_mouth_is_read_off_fades_to_nothing(someone: Someone) -> None:
     middle, reach = mouth_views.region(someone.mouths.shape)
     line = middle + torch.linspace(0, 1.2, 200)[:, None] * reach * torch.tensor([1.0, 0.0, 0.0])
-    share = someone.mouths.share(line)
+    share = mouth_views.share(someone.mouths, line)
     assert (share[0], share[-1]) == (1, 0)
     assert share.diff().abs().max() < 0.04

@@ -8,7 +8,7 @@ import torch
 from dfrf.data import cut_references
 from dfrf.fast.model import FastModel
 from dfrf.field.field import Field
-from dfrf.field.reference_maps import ReferenceViews
+from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.warp import SLOPE, warped
 from tests.dfrf.people import person, small_config
 

@@ -11,7 +11,7 @@ from dfrf import presets
 from dfrf.cameras import project
 from dfrf.config import TrainConfig
 from dfrf.data import cut_references
-from dfrf.field.reference_maps import ReferenceViews
+from dfrf.field.reference_views import ReferenceViews
 from dfrf.published.references import bilinear
 from dfrf.training import augmentation
 from dfrf.training.augmentation import Augmentation, draw_augmentation

@@ -1,0 +1,95 @@
+"""Pictures of a person that a field looks at: whole references, and crops round the mouth.
+
+N references of H x W pixels, P crops, M points; L lip measures, Q points of the lips, I = L + 4
+numbers that say where these are. Where lips are is how far they lie beside those of the mean face,
+right and down in the picture, head units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float, Int, UInt8
+from torch import Tensor
+
+from dfrf.cameras import project
+
+
+@dataclass(frozen=True)
+class ReferenceViews:
+    """Reference frames, cut to the head, before the CNN.
+
+    Attributes:
+        images, mattes: P of them: all N, or none once their features are at hand.
+        c2w: camera to head frame.
+        focal: pixels.
+        centres: principal points of the cut, (column, row).
+        scale: pixels of the reference for one pixel at a 512 crop (the unit of the warp).
+        mouths: crops round many mouths, see `mouth_views`; None without.
+    """
+
+    images: UInt8[Tensor, "P H W 3"]
+    mattes: UInt8[Tensor, "P H W"]
+    c2w: Float[Tensor, "N 3 4"]
+    focal: float
+    centres: Float[Tensor, "N 2"]
+    scale: float
+    mouths: MouthViews | None = None
+
+    def to(self, device: torch.device) -> ReferenceViews:
+        """The same views on a device."""
+        return replace(
+            self,
+            images=self.images.to(device),
+            mattes=self.mattes.to(device),
+            c2w=self.c2w.to(device),
+            centres=self.centres.to(device),
+            mouths=None if self.mouths is None else self.mouths.to(device),
+        )
+
+    def project(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, "N M 2"]:
+        """Equation (1): where the views see points."""
+        return project(points, self.c2w, self.focal, self.centres)
+
+    def direction_differences(
+        self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]
+    ) -> Float[Tensor, "N M 4"]:
+        """How unit directions differ from those in which the views see the points.
+
+        The difference of the two, then the cosine of the angle between them.
+        """
+        towards = F.normalize(points - self.c2w[:, None, :, 3], dim=-1)
+        return torch.cat([directions - towards, (directions * towards).sum(-1, keepdim=True)], -1)
+
+
+@dataclass(frozen=True)
+class MouthViews:
+    """Crops round a person's mouth.
+
+    Attributes:
+        views: the crops.
+        lips: where they are in each.
+        shape: points of the lips of the mean face, head frame.
+        reading: from lip measures and a viewpoint to where lips are, rows of weights, then a bias.
+        frames: number of each crop among the learned frames.
+        measured: where lips are in all T learned frames; none once all is learned.
+    """
+
+    views: ReferenceViews
+    lips: Float[Tensor, "P Q 2"]
+    shape: Float[Tensor, "Q 3"]
+    reading: Float[Tensor, "I Q2"]
+    frames: Int[Tensor, " P"]
+    measured: Float[Tensor, "T Q 2"]
+
+    def to(self, device: torch.device) -> MouthViews:
+        """The same on a device."""
+        return MouthViews(
+            self.views.to(device),
+            *(
+                t.to(device)
+                for t in (self.lips, self.shape, self.reading, self.frames, self.measured)
+            ),
+        )
