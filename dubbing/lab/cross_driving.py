@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
-from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
@@ -32,27 +31,6 @@ from dubbing.stages.refine_poses import refined
 from dubbing.sync.network import load_network
 
 AT_ONCE = 250  # frames whose speech windows are held at a time
-
-
-def unlearned(
-    frames: int, rate: Fraction, learned: Sequence[Part], most: float | None = None
-) -> list[Part]:
-    """The parts of a clip that were not learned from, the last first.
-
-    Args:
-        frames, rate: of the clip, frames a second.
-        learned: frames that were learned from, in their order.
-        most: seconds of them together.
-    """
-    left = frames if most is None else max(1, round(most * rate))
-    stops = [first for first, _ in learned] + [frames]
-    starts = [0, *(min(sum(part), frames) for part in learned)]
-    parts = []
-    for start, stop in zip(reversed(starts), reversed(stops), strict=True):
-        if (count := min(stop - start, left)) > 0:
-            parts.append((start, count))
-            left -= count
-    return parts
 
 
 def pictures(

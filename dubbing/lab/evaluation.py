@@ -7,8 +7,8 @@ case of a dub: their speech over pictures from elsewhere, see `dubbing.lab.cross
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,25 +20,23 @@ from dfrf.config import family
 from dfrf.metrics import lpips
 from dfrf.metrics.lpips import Lpips
 from dubbing import json_records as kept
-from dubbing import media, pipeline
+from dubbing import pipeline
 from dubbing.engine import claims
 from dubbing.engine.stage import Stage
 from dubbing.engine.update import run_stage
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, remove_torn
-from dubbing.identity.best_seconds import Part
 from dubbing.lab import tiles
-from dubbing.lab.cross_driving import measure_dub, unlearned
-from dubbing.lab.measuring import held_out, measure
-from dubbing.manifest.entries import Identity
+from dubbing.lab.cross_driving import measure_dub
+from dubbing.lab.held_out import frames_to_test, supposed
+from dubbing.lab.measuring import measure
+from dubbing.lab.sync_figures import sync_figures
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.only import chosen_names
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.provenance import provenance
 from dubbing.stage_kinds import SUMMARY_FILE
 from dubbing.stages import tasks
 from dubbing.stages.finetune import MODEL_FILE, clip_speech
-from dubbing.sync.check import check
 
 RESULT_FILE = "evaluate.json"
 EVALUATION = "evaluation"  # folder of what is measured, in that of the stages
@@ -122,7 +120,7 @@ def evaluate(
     asked = PROTOCOLS[protocol]
     names = [name for name in manifest.identities if name in chosen]
     for name in names:  # before anybody is learned
-        tested_parts(manifest, name, [supposed(manifest.identities[name])], seconds, asked)
+        frames_to_test(manifest, name, [supposed(manifest.identities[name])], seconds, asked)
     network = None
     if lpips_weights is not None:
         try:
@@ -148,62 +146,6 @@ def evaluate(
                 found[name][method] = merged(before, figures)
                 atomic_write_json(path, found)
     return found
-
-
-@dataclass(frozen=True)
-class Tested:
-    """Which frames of a clip are tested.
-
-    Attributes:
-        learned: frames that were learned from.
-        p15: the part whose pictures are compared; None where they are not asked for.
-        p15x: the parts whose speech is dubbed over other pictures; none where not asked for.
-    """
-
-    learned: list[Part]
-    p15: Part | None
-    p15x: list[Part]
-
-
-def supposed(identity: Identity) -> tuple[float, float]:
-    """From which second to which it learns; of the best only how many they are is known."""
-    start = identity.learned_start or 0.0
-    return start, start + identity.learned_seconds
-
-
-def tested_parts(
-    manifest: Manifest,
-    name: str,
-    learned: Sequence[tuple[float, float]],
-    seconds: float | None,
-    protocols: tuple[str, ...],
-) -> Tested:
-    """Frames of an identity's clip to test on, `seconds` of each protocol at most.
-
-    Args:
-        learned: from which second to which it was learned from.
-
-    Raises:
-        DubbingError: the clip is damaged, or nothing of it is held out.
-    """
-    identity = manifest.identities[name]
-    if damaged := manifest.damaged.get(identity.clip):
-        raise damaged
-    clip = manifest.media[identity.clip]
-    assert clip.rate is not None  # a clip without a picture is no valid manifest
-    frames = [(round(a * clip.rate), round((b - a) * clip.rate)) for a, b in learned]
-    others = unlearned(clip.frames, clip.rate, frames)
-    if not others:
-        raise DubbingError(
-            f"nothing of the clip is held out beside {identity.learned_seconds:g} s",
-            name,
-            "learn fewer seconds, or use a longer clip",
-        )
-    return Tested(
-        frames,
-        held_out(clip.frames, clip.rate, others, seconds) if "p15" in protocols else None,
-        unlearned(clip.frames, clip.rate, frames, seconds) if "p15x" in protocols else [],
-    )
 
 
 def merged(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
@@ -241,7 +183,7 @@ def evaluate_one(
     """Figures of one identity and method; leaves a picture beside the methods measured so far.
 
     Args:
-        tested: seconds and protocols, see `tested_parts`. every: one of so many, in P15.
+        tested: seconds and protocols, see `frames_to_test`. every: one of so many, in P15.
     """
     preset = PRESET_OF_METHOD[method]
     own = manifest.identities[name]
@@ -261,7 +203,7 @@ def evaluate_one(
         run_stage(stage, progress, began=began)
     clip = PreparedClip.load(prepare.folder, identity.clip)
     learned = kept.read(finetune.folder / SUMMARY_FILE, Learned, "summary of finetune")
-    part = tested_parts(manifest, name, learned["learned"], *tested)
+    part = frames_to_test(manifest, name, learned["learned"], *tested)
     model = finetune.folder / MODEL_FILE
     speech = clip_speech(
         clip, identity.speech, identity.speech_weights, tasks.offset_of(source.folder)
@@ -292,50 +234,3 @@ def evaluate_one(
         )
         found["p15x"] = {**figures, **sync_figures(clip, out / "p15x", part.p15x[0])}
     return {**found, "steps": learned["steps"], "seconds": learned["seconds"]}
-
-
-def sync_figures(clip: PreparedClip, out: Path, part: Part) -> dict[str, Any]:
-    """Lip sync of OUT/render_picture.mp4 and of the source beside it, once they have their sound.
-
-    Args:
-        part: frames of the clip that were spoken in them.
-    """
-    start, length = (float(frames / clip.rate) for frames in part)
-    checks = {}
-    for kind in ("render", "source"):
-        video = out / f"{kind}.mp4"
-        picture = out / f"{kind}_picture.mp4"
-        media.mux(
-            picture,
-            clip.clip,
-            video,
-            audio_start=start,
-            seconds=length,
-            metadata=provenance.tags() if kind == "render" else None,
-        )
-        picture.unlink()
-        checks[kind] = check(video)
-    render, source = checks["render"], checks["source"]
-    return {
-        "offset_frames": render.offset_frames,
-        "confidence": render.confidence,
-        "source_offset_frames": source.offset_frames,
-        "source_confidence": source.confidence,
-        **suspicion(render.confidence, source.confidence),
-    }
-
-
-def suspicion(confidence: float | None, of_source: float | None) -> dict[str, Any]:
-    """`suspicious`, and a sentence where a render fits its sound better than the person does.
-
-    Lips that do what speech sounds like on average please a sync network more than real ones.
-    """
-    if confidence is None or of_source is None:
-        return {}
-    if confidence <= of_source:
-        return {"suspicious": False}
-    why = (
-        f"sync confidence {confidence:.3f} is above the source's own {of_source:.3f}: "
-        "no success, lips of the average please a sync network more than a person's own"
-    )
-    return {"suspicious": True, "suspicion": why}

@@ -7,7 +7,6 @@ import io
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, fields
-from fractions import Fraction
 from itertools import chain
 from pathlib import Path
 
@@ -22,7 +21,6 @@ from dubbing.face.landmarks import FaceMesh
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
 from dubbing.face.mouth_shape import OUTER_LIP
 from dubbing.files import atomic_write_text
-from dubbing.identity.best_seconds import Part
 from dubbing.identity.dataset import mouth_boxes
 from dubbing.lab import tiles
 from dubbing.lab.flicker import Flicker, brow_skin
@@ -34,7 +32,6 @@ from dubbing.stages import render as heads
 from dubbing.stages.refine_poses import refined
 from dubbing.sync.network import load_network
 
-LONG_CLIP = 30.0  # seconds; a longer clip is tested on more of it
 NOT_KNOWN = float("nan")
 
 
@@ -54,26 +51,6 @@ class FrameFigures:
     lmd_picture: float
     sharpness_mouth: float
     sharpness_eyes: float
-
-
-def held_out(frames: int, rate: Fraction, parts: Sequence[Part], most: float | None = None) -> Part:
-    """The part to test on: the last 5 s of what was not learned, or 10 s of a clip over 30 s.
-
-    Where the last part is shorter, another that is as long, or the longest.
-
-    Args:
-        frames, rate: of the clip, frames a second.
-        parts: that were not learned from, the last first, one at least.
-        most: seconds; of a longer part, its beginning is taken.
-    """
-    wanted = round((10 if frames / rate > LONG_CLIP else 5) * rate)
-    longest = max(parts, key=lambda part: part[1])
-    first, count = next((part for part in parts if part[1] >= wanted), longest)
-    length = min(count, wanted)
-    return (
-        first + count - length,
-        length if most is None else min(length, max(1, round(most * rate))),
-    )
 
 
 def box_of(points: np.ndarray, size: int, margin: float = 0.0) -> Tensor:

@@ -12,7 +12,7 @@ import pytest
 
 from dfrf import head_checkpoint, presets
 from dubbing.lab import cross_driving, tiles
-from dubbing.lab.cross_driving import measure_dub, pictures, unlearned
+from dubbing.lab.cross_driving import measure_dub, pictures
 from dubbing.media import read_frames
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
@@ -27,16 +27,6 @@ from tests.fakes import write_prepared
 FRAMES, LEARNED = 12, [(2, 5)]
 PARTS = [(7, 5), (0, 2)]
 RATE = Fraction(25)
-
-
-def test_all_that_was_not_learned_is_spoken() -> None:
-    assert unlearned(FRAMES, RATE, LEARNED) == PARTS
-    assert unlearned(FRAMES, RATE, LEARNED, most=6 / 25) == [(7, 5), (0, 1)]
-    assert unlearned(FRAMES, RATE, LEARNED, most=3 / 25) == [(7, 3)]
-    assert unlearned(FRAMES, RATE, [(1, 2), (6, 3)]) == [(9, 3), (3, 3), (0, 1)]
-    assert unlearned(FRAMES, RATE, [(0, 5)]) == [(5, 7)]
-    assert unlearned(FRAMES, RATE, [(4, 100)]) == [(0, 4)]
-    assert unlearned(FRAMES, RATE, [(0, 100)]) == []
 
 
 def test_pictures_are_learned_frames_of_one_shot_with_a_face_there_and_back() -> None:

@@ -11,7 +11,8 @@ import pytest
 
 from dubbing import pipeline
 from dubbing.errors import DubbingError, MediaError
-from dubbing.lab import evaluation, tiles
+from dubbing.lab import evaluation, sync_figures, tiles
+from dubbing.lab.held_out import frames_to_test
 from dubbing.manifest.manifest import Manifest, load
 from dubbing.stages import tasks
 from tests import clips, fakes
@@ -57,7 +58,7 @@ def _stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evaluation, "measure_dub", measure_dub)
     monkeypatch.setattr(evaluation, "clip_speech", lambda *_: None)
     monkeypatch.setattr(tasks, "offset_of", lambda _: 0)
-    monkeypatch.setattr(evaluation, "check", lambda _: checked)
+    monkeypatch.setattr(sync_figures, "check", lambda _: checked)
     monkeypatch.setattr(tiles, "write_methods", lambda *_: None)
 
 
@@ -123,14 +124,6 @@ def test_frames_that_do_not_follow_one_another_have_no_sync_check(manifest: Mani
     assert "confidence" not in found
 
 
-def test_a_render_that_beats_its_source_is_suspicious() -> None:
-    said = evaluation.suspicion(0.235, 0.174)
-    assert said["suspicious"] is True
-    assert "0.235 is above the source's own 0.174" in said["suspicion"]
-    assert evaluation.suspicion(0.174, 0.174) == {"suspicious": False}
-    assert evaluation.suspicion(None, 0.2) == {}  # there was no face to look at
-
-
 def test_before_anybody_is_learned_everybody_must_have_something_held_out(
     manifest: Manifest,
 ) -> None:
@@ -147,7 +140,7 @@ def test_before_anybody_is_learned_everybody_must_have_something_held_out(
 
 def test_of_the_best_seconds_none_is_measured(manifest: Manifest) -> None:
     parts = [(0.2, 0.4), (0.8, 1.2)]  # frames 5 to 10 and 20 to 30
-    tested = evaluation.tested_parts(manifest, "ann", parts, None, ("p15", "p15x"))
+    tested = frames_to_test(manifest, "ann", parts, None, ("p15", "p15x"))
     assert tested.learned == [(5, 5), (20, 10)]
     assert tested.p15 == (10, 10)
     assert tested.p15x == [(10, 10), (0, 5)]

@@ -12,7 +12,7 @@ import pytest
 
 from dfrf import head_checkpoint, presets
 from dubbing.files import atomic_write_json
-from dubbing.lab import cross_driving, evaluation, measuring
+from dubbing.lab import cross_driving, evaluation, measuring, sync_figures
 from dubbing.manifest.manifest import load
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import tasks
@@ -63,7 +63,7 @@ def test_both_protocols_of_a_tiny_person(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(tasks, "offset_of", lambda _: 0)
     speech = SpeechFrames(random.random((FRAMES, 16, 8)), random.random((FRAMES, 8)))
     monkeypatch.setattr(evaluation, "clip_speech", lambda *_: speech)
-    monkeypatch.setattr(evaluation, "check", lambda _: checked)
+    monkeypatch.setattr(sync_figures, "check", lambda _: checked)
     show_faces(monkeypatch, measuring, talks, scale=16)
     show_faces(monkeypatch, cross_driving, talks, scale=16)
     manifest = load(tmp_path / "m.yaml")

@@ -2,7 +2,6 @@
 
 import csv
 from dataclasses import replace
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from dfrf import head_checkpoint, presets
 from dfrf.metrics.lpips import Lpips
 from dubbing.lab import measuring, tiles
-from dubbing.lab.measuring import FrameFigures, held_out, mean_figures, measure
+from dubbing.lab.measuring import FrameFigures, mean_figures, measure
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from tests import clips
@@ -38,30 +37,6 @@ def test_means_are_of_the_frames_that_have_the_figure() -> None:
     assert "lpips" not in means
     assert "frame" not in means
     assert mean_figures([figures(sharpness_mouth=0.5)])["sharpness"] == 0.75
-
-
-@pytest.mark.parametrize(
-    ("seconds", "learned", "most", "expected"),
-    [
-        (20, 15, None, (375, 125)),
-        (40, 15, None, (750, 250)),
-        (18, 15, None, (375, 75)),
-        (20, 15, 2.0, (375, 50)),
-        (20, 15, 60.0, (375, 125)),
-    ],
-)
-def test_the_end_of_a_clip_is_held_out(
-    seconds: int, learned: float, most: float | None, expected: tuple[int, int]
-) -> None:
-    first = round(25 * learned)
-    parts = [(first, 25 * seconds - first)]
-    assert held_out(25 * seconds, Fraction(25), parts, most) == expected
-
-
-def test_between_learned_parts_the_last_that_is_long_enough_is_held_out() -> None:
-    parts = [(700, 50), (400, 200), (100, 130)]
-    assert held_out(750, Fraction(25), parts) == (475, 125)
-    assert held_out(750, Fraction(25), [(700, 50), (100, 60)]) == (100, 60)
 
 
 @pytest.fixture

@@ -1,0 +1,111 @@
+"""Which frames of a clip are tested: none that a person was learned from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from dubbing.errors import DubbingError
+from dubbing.identity.best_seconds import Part
+from dubbing.manifest.entries import Identity
+from dubbing.manifest.manifest import Manifest
+
+LONG_CLIP = 30.0  # seconds; a longer clip is tested on more of it
+
+
+@dataclass(frozen=True)
+class Tested:
+    """Which frames of a clip are tested.
+
+    Attributes:
+        learned: frames that were learned from.
+        p15: the part whose pictures are compared; None where they are not asked for.
+        p15x: the parts whose speech is dubbed over other pictures; none where not asked for.
+    """
+
+    learned: list[Part]
+    p15: Part | None
+    p15x: list[Part]
+
+
+def supposed(identity: Identity) -> tuple[float, float]:
+    """From which second to which it learns; of the best only how many they are is known."""
+    start = identity.learned_start or 0.0
+    return start, start + identity.learned_seconds
+
+
+def frames_to_test(
+    manifest: Manifest,
+    name: str,
+    learned: Sequence[tuple[float, float]],
+    seconds: float | None,
+    protocols: tuple[str, ...],
+) -> Tested:
+    """Frames of an identity's clip to test on, `seconds` of each protocol at most.
+
+    Args:
+        learned: from which second to which it was learned from.
+
+    Raises:
+        DubbingError: the clip is damaged, or nothing of it is held out.
+    """
+    identity = manifest.identities[name]
+    if damaged := manifest.damaged.get(identity.clip):
+        raise damaged
+    clip = manifest.media[identity.clip]
+    assert clip.rate is not None  # a clip without a picture is no valid manifest
+    frames = [(round(a * clip.rate), round((b - a) * clip.rate)) for a, b in learned]
+    others = unlearned(clip.frames, clip.rate, frames)
+    if not others:
+        raise DubbingError(
+            f"nothing of the clip is held out beside {identity.learned_seconds:g} s",
+            name,
+            "learn fewer seconds, or use a longer clip",
+        )
+    return Tested(
+        frames,
+        held_out(clip.frames, clip.rate, others, seconds) if "p15" in protocols else None,
+        unlearned(clip.frames, clip.rate, frames, seconds) if "p15x" in protocols else [],
+    )
+
+
+def held_out(frames: int, rate: Fraction, parts: Sequence[Part], most: float | None = None) -> Part:
+    """The part to test on: the last 5 s of what was not learned, or 10 s of a clip over 30 s.
+
+    Where the last part is shorter, another that is as long, or the longest.
+
+    Args:
+        frames, rate: of the clip, frames a second.
+        parts: that were not learned from, the last first, one at least.
+        most: seconds; of a longer part, its beginning is taken.
+    """
+    wanted = round((10 if frames / rate > LONG_CLIP else 5) * rate)
+    longest = max(parts, key=lambda part: part[1])
+    first, count = next((part for part in parts if part[1] >= wanted), longest)
+    length = min(count, wanted)
+    return (
+        first + count - length,
+        length if most is None else min(length, max(1, round(most * rate))),
+    )
+
+
+def unlearned(
+    frames: int, rate: Fraction, learned: Sequence[Part], most: float | None = None
+) -> list[Part]:
+    """The parts of a clip that were not learned from, the last first.
+
+    Args:
+        frames, rate: of the clip, frames a second.
+        learned: frames that were learned from, in their order.
+        most: seconds of them together.
+    """
+    left = frames if most is None else max(1, round(most * rate))
+    stops = [first for first, _ in learned] + [frames]
+    starts = [0, *(min(sum(part), frames) for part in learned)]
+    parts = []
+    for start, stop in zip(reversed(starts), reversed(stops), strict=True):
+        if (count := min(stop - start, left)) > 0:
+            parts.append((start, count))
+            left -= count
+    return parts
