@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dfrf.cameras import Camera
     from dfrf.config import TrainConfig
-    from dfrf.data import HeadDataset
+    from dfrf.data.dataset import HeadDataset
     from dfrf.head import Head, fit_head, load_head, render_frame, save_head
     from dfrf.method import FrameInputs
     from dfrf.training.fit import FitOptions, fit
@@ -33,7 +33,7 @@ __all__ = [
 _HOMES = {
     "dfrf.cameras": ["Camera"],
     "dfrf.config": ["TrainConfig"],
-    "dfrf.data": ["HeadDataset"],
+    "dfrf.data.dataset": ["HeadDataset"],
     "dfrf.head": ["Head", "fit_head", "load_head", "render_frame", "save_head"],
     "dfrf.method": ["FrameInputs"],
     "dfrf.training.fit": ["FitOptions", "fit"],

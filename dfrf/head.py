@@ -17,7 +17,7 @@ from torch import Tensor
 from dfrf import device as devices
 from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset
+from dfrf.data.dataset import HeadDataset
 from dfrf.field.audio import NEIGHBOURS, WINDOW
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.speaker_adaptation import PREDICTED

@@ -16,7 +16,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset, RayBatch
+from dfrf.data.dataset import HeadDataset
+from dfrf.data.ray_batch import RayBatch
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.head_model import HeadModel
 

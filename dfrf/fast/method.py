@@ -16,11 +16,13 @@ from torch import Tensor
 from dfrf import device as devices
 from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset, RayBatch, cut_mouths, cut_references
+from dfrf.data.dataset import HeadDataset
+from dfrf.data.ray_batch import RayBatch
+from dfrf.data.reference_cuts import cut_mouths, cut_references
 from dfrf.fast.medoids import medoids
 from dfrf.fast.model import FastModel
 from dfrf.fast.objective import share_outcome
-from dfrf.field.field import ConditionedField
+from dfrf.field.conditioned_field import ConditionedField
 from dfrf.field.mouth_views import MOUTHS, TURN, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews

@@ -13,7 +13,8 @@ from torch import Tensor
 
 from dfrf import device as devices
 from dfrf.config import ModelConfig
-from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII, ConditionedField, Field
+from dfrf.field.conditioned_field import ConditionedField
+from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII, Field
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.head_model import HeadModel
 from dfrf.rendering.occupancy import OccupancyGrid

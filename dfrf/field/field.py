@@ -5,7 +5,7 @@ M points, N references, F frames in a batch, C feature channels, K numbers of co
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import torch
 import torch.nn.functional as F
@@ -231,55 +231,3 @@ class Field(nn.Module):
                 gate, gate.new_ones(()), mouth_views.share(maps.views.mouths, points)[:, None]
             )
         return FieldOutput(density, gate * blended + (1 - gate) * own, offset)
-
-
-@dataclass(frozen=True)
-class ConditionedField:
-    """A field with all that it needs beside points: what a renderer is given.
-
-    Attributes:
-        field: the network.
-        conditioning: of each frame.
-        maps: references; None for a field without them.
-        warp: False in the coarse stage.
-        learned: numbers of the frames that are learned, which must not look at their own mouths;
-            None where nothing is learned.
-    """
-
-    field: Field
-    conditioning: Float[Tensor, "F K"]
-    maps: ReferenceMaps | None
-    warp: bool = True
-    learned: Int[Tensor, " F"] | None = None
-
-    def seen_from(self, origin: Float[Tensor, 3]) -> ConditionedField:
-        """The same field with the references nearest to a place, head frame."""
-        if self.maps is None:
-            return self
-        count = self.field.config.references
-        maps = self.maps.select_nearest_views(origin, count)
-        return replace(self, maps=replace(maps, chosen=self.chosen_mouths(origin)))
-
-    def chosen_mouths(self, origin: Float[Tensor, 3]) -> tuple[ChosenMouths, ...]:
-        """The mouths that each frame looks at; none where there are none."""
-        if self.maps is None or self.maps.mouths is None:
-            return ()
-        mouths, of_all = self.maps.views.mouths, self.maps.mouths
-        assert mouths is not None
-        codes = self.conditioning[:, : self.field.config.code_dim].detach()
-        with torch.no_grad():
-            lips = self.field.conditioning.lips(codes)
-        learned = [None] * len(lips) if self.learned is None else self.learned
-        return tuple(
-            mouth_views.nearest(mouths, of_all, wanted, origin, frame)
-            for wanted, frame in zip(lips, learned, strict=True)
-        )
-
-    def __call__(
-        self,
-        points: Float[Tensor, "M 3"],
-        directions: Float[Tensor, "M 3"],
-        frame: Int[Tensor, " M"],
-    ) -> FieldOutput:
-        """Density and colour of points, see `Field.forward`."""
-        return self.field(points, directions, frame, self.conditioning, self.maps, self.warp)

@@ -16,7 +16,8 @@ from torch import Tensor
 
 from dfrf.cameras import Camera, pixel_grid, pixel_rays
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset, RayBatch, draw_rays, neighbour_windows
+from dfrf.data.dataset import HeadDataset, neighbour_windows
+from dfrf.data.ray_batch import RayBatch, draw_rays
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.method import FrameInputs, Method, StepOutcome
 from dfrf.published.conditioned_field import EncodedReferences, References

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from dfrf import device as devices
 from dfrf.field import mouth_views
-from dfrf.field.field import ConditionedField
+from dfrf.field.conditioned_field import ConditionedField
 from dfrf.field.reference_encoder import COLOUR
 from dfrf.field.reference_maps import ReferenceMaps
 

@@ -15,7 +15,8 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from dfrf.cameras import Rays
-from dfrf.data import MIRRORED_EXPRESSION, SurfaceRays
+from dfrf.data.dataset import MIRRORED_EXPRESSION
+from dfrf.data.ray_batch import SurfaceRays
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.training.ray_share import RayShare
 

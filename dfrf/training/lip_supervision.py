@@ -20,7 +20,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from dfrf.data import HeadDataset, neighbour_windows
+from dfrf.data.dataset import HeadDataset, neighbour_windows
 from dfrf.field.conditioning import Conditioning
 from dfrf.field.speaker_adaptation import closed_mouth
 

@@ -12,7 +12,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset, RayBatch, SurfaceRays, draw_rays, frames_alike, surface_rays
+from dfrf.data.dataset import HeadDataset
+from dfrf.data.ray_batch import RayBatch, SurfaceRays, draw_rays, frames_alike, surface_rays
 
 SURFACE_RAYS = 24  # a frame
 

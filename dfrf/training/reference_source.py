@@ -9,7 +9,7 @@ from jaxtyping import Int
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset
+from dfrf.data.dataset import HeadDataset
 from dfrf.method import Maps, Method
 from dfrf.training.augmentation import Augmentation
 

@@ -15,7 +15,8 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset, RayBatch, draw_rays
+from dfrf.data.dataset import HeadDataset
+from dfrf.data.ray_batch import RayBatch, draw_rays
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.method import Method
 from dfrf.workers import Workers

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from dfrf.cameras import project
-from dfrf.data import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, HeadDataset
+from dfrf.data.dataset import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, HeadDataset
 from dfrf.field.mouth_views import region
 from dubbing.errors import TrainingError
 from dubbing.face.lip_measures import lip_measures, lips_touch

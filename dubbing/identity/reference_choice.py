@@ -7,7 +7,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from dfrf.data import EYES, HeadDataset
+from dfrf.data.dataset import EYES, HeadDataset
 from dfrf.fast.medoids import medoids
 from dfrf.metrics.image import crop, gradient_energy
 from dubbing.face.mouth_shape import OUTER_LIP

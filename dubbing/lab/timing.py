@@ -18,7 +18,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from dfrf import device as devices
 from dfrf import presets
 from dfrf.cameras import Camera, Rays
-from dfrf.data import neighbour_windows
+from dfrf.data.dataset import neighbour_windows
 from dfrf.fast.model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import ReferenceViews

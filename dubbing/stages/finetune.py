@@ -15,7 +15,7 @@ import torch
 
 from dfrf import checkpoint, head_checkpoint, presets
 from dfrf.config import PUBLISHED_SPEECH, TrainConfig, family
-from dfrf.data import HeadDataset
+from dfrf.data.dataset import HeadDataset
 from dfrf.head_model import HeadModel
 from dfrf.method import Method
 from dfrf.presets import method_of

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from dfrf import checkpoint, head_checkpoint
 from dfrf import device as devices
-from dfrf.data import neighbour_windows
+from dfrf.data.dataset import neighbour_windows
 from dfrf.field.audio import NEIGHBOURS
 from dfrf.head_model import HeadModel
 from dfrf.method import FrameInputs, Maps

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from dfrf import checkpoint, head_checkpoint, presets
-from dfrf.data import HeadDataset
+from dfrf.data.dataset import HeadDataset
 from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import Progress

@@ -6,7 +6,8 @@ import torch
 
 from dfrf import presets
 from dfrf.config import FieldConfig, MarchConfig, ModelConfig
-from dfrf.data import EYES, HEAD, MOUTH, RIM, HeadDataset, cut_references
+from dfrf.data.dataset import EYES, HEAD, MOUTH, RIM, HeadDataset
+from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.model import FastModel
 from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII
 from dfrf.field.mouth_views import LIP_POINTS

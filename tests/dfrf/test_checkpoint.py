@@ -8,7 +8,7 @@ from safetensors.torch import save_file
 
 from dfrf import presets
 from dfrf.checkpoint import CheckpointError, read_tensors, write_tensors
-from dfrf.data import cut_references
+from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.method import FastMethod
 from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
 from tests.dfrf.people import person, small_config

@@ -14,7 +14,7 @@ from dfrf import device as devices
 from dfrf import presets
 from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
-from dfrf.data import neighbour_windows
+from dfrf.data.dataset import neighbour_windows
 from dfrf.fast.method import FastMethod
 from dfrf.head import Head, load_head, render_frame, save_head
 from dfrf.method import FrameInputs

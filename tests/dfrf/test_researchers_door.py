@@ -10,7 +10,7 @@ import torch
 import dfrf
 from dfrf import presets
 from dfrf.config import MarchConfig
-from dfrf.data import cut_references
+from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.model import FastModel
 from dfrf.head_checkpoint import save_person
 from tests.dfrf.people import SIZE, person, random_model, small_config

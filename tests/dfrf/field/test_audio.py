@@ -2,7 +2,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from dfrf.data import neighbour_windows
+from dfrf.data.dataset import neighbour_windows
 from dfrf.field.audio import NEIGHBOURS, AudioAttNet, AudioNet, attend
 
 

@@ -10,10 +10,11 @@ from torch import Tensor
 
 from dfrf import device as devices
 from dfrf import presets
-from dfrf.data import HeadDataset
+from dfrf.data.dataset import HeadDataset
 from dfrf.fast.method import FastMethod
 from dfrf.field import mouth_views
-from dfrf.field.field import ConditionedField, FieldOutput
+from dfrf.field.conditioned_field import ConditionedField
+from dfrf.field.field import FieldOutput
 from dfrf.field.mouth_views import fit_reading, nearest
 from dfrf.field.reference_maps import ChosenMouths, ReferenceMaps
 from dfrf.field.reference_views import MouthViews

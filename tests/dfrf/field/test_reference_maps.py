@@ -8,7 +8,8 @@ from torch import Tensor
 
 from dfrf import presets
 from dfrf.cameras import Rays
-from dfrf.data import cut_references, frames_alike
+from dfrf.data.ray_batch import frames_alike
+from dfrf.data.reference_cuts import cut_references
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.volume_rendering import render_rays
 from tests.dfrf.people import person, small_config

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
-from dfrf.data import cut_references
+from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.model import FastModel
 from dfrf.field.field import Field
 from dfrf.field.reference_views import ReferenceViews

@@ -11,7 +11,7 @@ from torch import Tensor
 from dfrf.cameras import Camera, pixel_grid, pixel_rays
 from dfrf.checkpoint import CheckpointError
 from dfrf.config import TrainConfig
-from dfrf.data import OUTSIDE, HeadDataset, neighbour_windows
+from dfrf.data.dataset import OUTSIDE, HeadDataset, neighbour_windows
 from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
 from dfrf.method import FrameInputs
 from dfrf.presets import method_of

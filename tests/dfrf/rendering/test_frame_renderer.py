@@ -8,7 +8,8 @@ import torch
 
 from dfrf import device
 from dfrf.cameras import Camera
-from dfrf.data import cut_references, neighbour_windows
+from dfrf.data.dataset import neighbour_windows
+from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.method import FastMethod
 from dfrf.field.field import FieldOutput
 from dfrf.field.speaker_adaptation import REACH

@@ -4,7 +4,7 @@ import torch
 
 from dfrf import presets
 from dfrf.cameras import Camera
-from dfrf.data import cut_references
+from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.method import prune
 from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII
 from dfrf.rendering.volume_rendering import render_rays

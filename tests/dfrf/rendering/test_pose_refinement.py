@@ -4,7 +4,7 @@ import torch
 
 from dfrf import presets
 from dfrf.cameras import Camera, pixel_grid
-from dfrf.data import cut_references
+from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.frame_renderer import render_frame

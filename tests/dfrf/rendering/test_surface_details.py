@@ -4,7 +4,7 @@ import torch
 
 from dfrf import device
 from dfrf.fast.method import FastMethod
-from dfrf.field.field import ConditionedField
+from dfrf.field.conditioned_field import ConditionedField
 from dfrf.rendering.surface_details import SurfaceDetails
 from tests.dfrf.people import person, random_model
 

@@ -10,7 +10,7 @@ from torch import Tensor
 from dfrf import presets
 from dfrf.cameras import project
 from dfrf.config import TrainConfig
-from dfrf.data import cut_references
+from dfrf.data.reference_cuts import cut_references
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.published.references import bilinear
 from dfrf.training import augmentation

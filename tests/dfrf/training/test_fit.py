@@ -11,7 +11,7 @@ import torch
 from dfrf import presets
 from dfrf.checkpoint import CheckpointError
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset
+from dfrf.data.dataset import HeadDataset
 from dfrf.fast.method import FastMethod
 from dfrf.fast.model import FastModel
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit, learning_rate

@@ -5,7 +5,7 @@ from dataclasses import replace
 import torch
 
 from dfrf import presets
-from dfrf.data import HeadDataset
+from dfrf.data.dataset import HeadDataset
 from dfrf.fast.method import FastMethod
 from dfrf.fast.model import FastModel
 from dfrf.field.speaker_adaptation import PREDICTED, REACH

@@ -8,7 +8,7 @@ import torch
 
 from dfrf import presets
 from dfrf.config import TrainConfig
-from dfrf.data import cut_references
+from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.method import FastMethod
 from dfrf.fast.objective import share_outcome
 from dfrf.training.fit import FitOptions, fit

@@ -9,7 +9,7 @@ import torch
 
 from dfrf import presets
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset
+from dfrf.data.dataset import HeadDataset
 from dfrf.fast.method import FastMethod
 from dfrf.fast.model import FastModel
 from dfrf.training.progress import Curve

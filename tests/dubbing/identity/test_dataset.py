@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dfrf.cameras import project
-from dfrf.data import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
+from dfrf.data.dataset import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
 from dubbing.errors import DubbingError, TrainingError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from dfrf.data import EYES, HEAD, HeadDataset
+from dfrf.data.dataset import EYES, HEAD, HeadDataset
 from dubbing.face.mouth_shape import OUTER_LIP
 from dubbing.identity.reference_choice import choose_references, eye_sharpness, medoids, turns_far
 from dubbing.stages import finetune as finetuning

@@ -11,7 +11,7 @@ import torch
 
 from dfrf import presets
 from dfrf.config import TrainConfig
-from dfrf.data import HeadDataset
+from dfrf.data.dataset import HeadDataset
 from dfrf.head_checkpoint import load_model
 from dfrf.method import Method
 from dfrf.training import fit as training

@@ -1,0 +1,99 @@
+"""What of one person is learned from: frames with everything training needs, pictures as uint8.
+
+T frames with pictures, C frames in a row, S the crop's side in pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int, Num, UInt8
+from torch import Tensor
+
+# Codes of the region map: where rays are drawn.
+OUTSIDE, RIM, HEAD, MOUTH, EYES = 0, 1, 2, 3, 4
+HEAD_MATTE = 13  # of 255: what counts as head
+# The measures of the upper face of a mirrored person: which measure each one is, and its sign.
+# Lids left, right, brows left, right, gaze to the right, gaze downwards.
+MIRRORED_EXPRESSION = ((1, 1), (0, 1), (3, 1), (2, 1), (4, -1), (5, 1))
+
+
+@dataclass(frozen=True)
+class HeadDataset:
+    """Frames of one person with everything training needs.
+
+    Attributes:
+        name: for messages.
+        images, backgrounds: colours.
+        mattes: opacity of the head.
+        regions: codes above.
+        c2w: camera to head frame.
+        focal: pixels.
+        centres: principal points, (column, row).
+        expression: measures of lids, brows and gaze, 0 at rest; their order is that of
+            `MIRRORED_EXPRESSION`.
+        number: which of the C frames each picture is of. Speech needs every frame, also where
+            only some are kept as pictures.
+        windows: speech windows.
+        predicted_lips: what the sound says of the lips of people in general, see
+            `dfrf.field.speaker_adaptation`.
+        lips: L lip measures, each of mean 0 and variance 1.
+        touching: 1 where the inner lips touch.
+        segment: which uncut run of the clip a frame belongs to.
+        surface: rigid points of the mean face, head frame (y up).
+        lip_shape: points of the lips of the mean face, head frame.
+        lip_points: how far the lips of each picture lie beside these, see `mouth_views`.
+    """
+
+    name: str
+    images: UInt8[Tensor, "T S S 3"]
+    backgrounds: UInt8[Tensor, "T S S 3"]
+    mattes: UInt8[Tensor, "T S S"]
+    regions: UInt8[Tensor, "T S S"]
+    c2w: Float[Tensor, "T 3 4"]
+    focal: float
+    centres: Float[Tensor, "T 2"]
+    expression: Float[Tensor, "T U"]
+    number: Int[Tensor, " T"]
+    windows: Float[Tensor, "C W D"]
+    predicted_lips: Float[Tensor, "C P"]
+    lips: Float[Tensor, "C L"]
+    touching: Float[Tensor, " C"]
+    segment: Int[Tensor, " C"]
+    surface: Float[Tensor, "V 3"]
+    lip_shape: Float[Tensor, "Q 3"]
+    lip_points: Float[Tensor, "T Q 2"]
+
+    @property
+    def frames(self) -> int:
+        """T."""
+        return self.images.shape[0]
+
+    @property
+    def size(self) -> int:
+        """S."""
+        return self.images.shape[1]
+
+
+def neighbour_windows(
+    windows: Float[Tensor, "C W D"],
+    segment: Num[Tensor, " C"],
+    frames: Int[Tensor, " F"],
+    count: int = 8,
+) -> Float[Tensor, "F K W D"]:
+    """Windows of the neighbours of frames, K = count of each.
+
+    Neighbours are frames i - count/2 .. i + count/2 - 1; beyond a cut or an end the nearest frame
+    of the same uncut run stands in, so nothing reaches across a cut.
+    """
+    last = windows.shape[0] - 1
+    offsets = torch.arange(count, device=frames.device) - count // 2
+    index = (frames[:, None] + offsets).clamp(0, last)
+    same = segment[index] == segment[frames][:, None]
+    # Walk towards the frame itself until the run is the same.
+    for _ in range(count // 2):
+        step = torch.sign(frames[:, None] - index)
+        index = torch.where(same, index, index + step)
+        same = segment[index] == segment[frames][:, None]
+    return windows[index]
