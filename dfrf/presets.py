@@ -34,7 +34,7 @@ BASE_TRAINING = TrainConfig(
     learn_references_every=4,
     lip_iterations=LIP_ITERATIONS,
 )
-FINETUNE = TrainConfig(iterations=STEPS["fast"])
+FINETUNE = TrainConfig(iterations=STEPS["fast"], warmup=20)
 # The paper's 300,000 + 100,000 steps of 850 rays, dealt out to 17 frames so that the samples of 50
 # rays are all that is in memory at once. Rates as published: 5e-4 falls to .29 times that in
 # 400,000 steps, from where a person goes on.
