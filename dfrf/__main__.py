@@ -1,6 +1,6 @@
 """`python -m dfrf`: the tool of that name, as `python -m dubbing`.
 
-Nothing imports this file, so the method still knows nothing of the tool.
+Nothing imports this file, so the method does not depend on the tool.
 """
 
 import runpy

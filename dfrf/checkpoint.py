@@ -85,7 +85,7 @@ def load_state(
 
     Args:
         folder: where it is kept.
-        settings: what its header must say.
+        settings: what its header must hold.
 
     Raises:
         CheckpointError: unreadable, damaged, or the state is of a run with other settings, which

@@ -10,8 +10,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
-# The two families of presets: what the headers of their checkpoints say, and how many steps a
-# person learns by default.
+# The two families of presets: the format in the headers of their checkpoints, and the default
+# number of steps of a fine-tune.
 FORMATS = {"fast": "dfrf-3", "paper": "dfrf-paper-1"}
 STEPS = {"fast": 1500, "paper": 40_000}
 FROM_BASE = ("fast", "fast-nowarp")  # what starts from the base of `fast`

@@ -38,7 +38,7 @@ class Head:
         method: how the model learns and renders.
         views: None for a model without references.
         maps: features of the references.
-        header: what the checkpoint says of itself.
+        header: of the checkpoint.
     """
 
     method: Method[Any, Any]

@@ -47,7 +47,7 @@ class StepOutcome:
 
     Attributes:
         loss, mse: scalars.
-        gradients: of the loss, one for each tensor asked for; None where it takes no part.
+        gradients: of the loss, one for each wanted tensor; None where it takes no part.
         points, weights: samples and their rendering weights, head frame.
         rays: B.
     """
@@ -69,8 +69,8 @@ class FrameInputs:
         focal: pixels.
         centres: principal points, (column, row).
         windows: speech windows of each frame's neighbours.
-        predicted_lips: P numbers that speech says of the lips of people in general, of N = T + 2
-            reach frames; see `dfrf.field.speaker_adaptation`.
+        predicted_lips: P numbers, the lips of people in general as predicted from the sound, of
+            N = T + 2 reach frames; see `dfrf.field.speaker_adaptation`.
         expression: measures of the upper face.
         size: S.
         regions: the pixels that are needed; others may be left blank. None is all.
@@ -106,7 +106,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
     @property
     @abstractmethod
     def model(self) -> HeadModel:
-        """The model it speaks for."""
+        """The model that learns and renders."""
 
     @property
     @abstractmethod

@@ -49,7 +49,7 @@ FRAMES_AT_ONCE = 8
 def training_conditioning(
     model: FastModel, datasets: Sequence[HeadDataset]
 ) -> dict[str, Float[Tensor, "T K"]]:
-    """Conditioning of every picture of each person, by name: codes say what the lips really did."""
+    """Conditioning of every picture of each person, by name: codes hold the measured lips."""
     device, config = model.device, model.config.field
     if config.use_speech:
         codes = {d.name: supervised_codes(model.field.conditioning, d) for d in datasets}
@@ -76,7 +76,7 @@ def prune(
 
 
 class FastMethod(Method[RayShare, ReferenceMaps]):
-    """The field that knows where it is, and learns speech from lip measures.
+    """A field with an occupancy grid, whose speech networks learn from lip measures.
 
     Attributes:
         conditioning: of every frame of each person of a run, by name.
@@ -134,7 +134,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         return maps.as_type(devices.table_type(maps.table.device))
 
     def learns(self, name: str, config: TrainConfig) -> bool:
-        """Not the speech networks, which learn from lips; the CNN where `config` says so."""
+        """Not the speech networks, which learn from lips; the CNN where `config` asks for it."""
         if name.startswith("field.conditioning."):
             return False
         return config.learn_references_every > 0 or not name.startswith("field.encoder.")

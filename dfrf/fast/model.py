@@ -1,4 +1,4 @@
-"""The model of the `fast` preset: a field, and the grid that says where it is.
+"""The model of the `fast` preset: a field, and the grid of cells that it occupies.
 
 F frames in a batch, K numbers of conditioning.
 """
@@ -70,6 +70,6 @@ class FastModel(HeadModel):
         """
         copied = copy.deepcopy(self)
         copied.field.to(devices.table_type(self.device))
-        # Which mouths are nearest is said in float32.
+        # The nearest mouths are found in float32.
         copied.field.conditioning = self.field.conditioning
         return copied

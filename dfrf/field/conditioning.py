@@ -14,8 +14,8 @@ from dfrf.config import FieldConfig
 from dfrf.field.audio import LEAK, AudioAttNet, AudioNet
 from dfrf.field.speaker_adaptation import LIP_MEASURES, SpeakerAdaptation
 
-# How far from the mean a code goes where no lips are read off it. Fifteen seconds show few codes:
-# one unlike all of them drew specks beside the lips, though nothing unusual was said.
+# Share of a code's distance from the mean that is kept in directions without lips. Fifteen seconds
+# show few codes: one unlike all of them drew specks beside the lips in ordinary speech.
 BESIDE_LIPS = 0.5
 
 

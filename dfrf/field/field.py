@@ -37,7 +37,7 @@ FusedSome = tuple[Float[Tensor, "k O"], Float[Tensor, "k 3"], Tensor]  # of k of
 
 @dataclass(frozen=True)
 class FieldOutput:
-    """What the field says of points.
+    """Density, colour and warp of points.
 
     Attributes:
         density: per head unit.

@@ -34,7 +34,7 @@ def bilinear_rows(
     Returns:
         Rows, and weights, differentiable in the points.
     """
-    # Not a number would become any index: the loss says so without reading outside the table.
+    # Not a number would become any index: the loss reports it, nothing outside the table is read.
     column, row = points.nan_to_num().unbind(-1)
     column, row = column.clamp(0, width - 1), row.clamp(0, height - 1)
     left = column.detach().floor().clamp_(max=width - 2)

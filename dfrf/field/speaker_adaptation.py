@@ -20,13 +20,12 @@ TOUCHING = LIP_MEASURES  # place of the score among the predicted numbers
 PREDICTED = LIP_MEASURES + 1
 REACH = 3  # frames to each side that count for a frame's lips
 OWN = slice(REACH * PREDICTED, (REACH + 1) * PREDICTED)  # the frame's own in a row of neighbours
-# Frames that the general prediction counts for, for each measure, and how far it agrees with this
-# person before anything is known of that: chosen on people left out. A few frames say little of
-# the width.
+# Weight of the general prediction, in frames, for each measure, and its assumed correlation with
+# this person's lips. Both were chosen on people left out. A few frames determine the width badly.
 PRIOR = (800.0, 800.0, 800.0, 5000.0, 800.0, 800.0, 800.0)
 AGREEMENT = 0.6
 SMOOTHING = (0.25, 0.5, 0.25)  # of the score over neighbouring frames: no lips twitch
-OPEN = 1.0  # how much an opening, in units of its spread, speaks against lips that touch
+OPEN = 1.0  # what an opening of one spread takes off the score of touching lips
 SOFTNESS = 0.2  # of the score's spread: from half closed to closed
 ROUNDS = 8
 CLOSED_SHARE = 0.05  # of the frames, the least open ones: a closed mouth
@@ -58,7 +57,7 @@ def smoothed_score(predicted: Float[Tensor, "N P"]) -> Float[Tensor, " F"]:
 def with_closures(
     lips: Float[Tensor, "F L"], share: Float[Tensor, " F"], closed: Float[Tensor, " L"]
 ) -> Float[Tensor, "F L"]:
-    """Lips that are closed as far as `share` says; a closed mouth has any width."""
+    """Lips moved towards closed ones by `share`; their width stays."""
     shares = share[:, None].repeat(1, LIP_MEASURES)
     shares[:, WIDTH] = 0
     return lips + shares * (closed - lips)
@@ -134,7 +133,7 @@ class SpeakerAdaptation(nn.Module):
         """Learns from frames of the person.
 
         A ridge regression of what is left when lips are taken as predicted. Its answers, closures
-        among them, get the mean and the spread that are asked for: a regression alone would open
+        among them, get the given mean and spread: a regression alone would open
         the mouth less than the person does.
 
         Args:

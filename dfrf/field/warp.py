@@ -18,7 +18,7 @@ SLOPE = 10.0
 
 
 class Warp(nn.Module):
-    """D_eta of equation (3): three layers; what a point and its frame say, references share."""
+    """D_eta of equation (3): three layers; the part of a point and its frame is computed once."""
 
     def __init__(self, config: FieldConfig, point_dim: int) -> None:
         super().__init__()

@@ -11,7 +11,7 @@ from torch import Tensor
 
 SSIM_WINDOW = 11
 SSIM_SIGMA = 1.5
-# Of HaarPSI, fitted by its authors to what people say of pictures.
+# Of HaarPSI, fitted by its authors to the judgements of people.
 HAARPSI_C = 30.0
 HAARPSI_ALPHA = 4.2
 # Luminance and two colour differences of R, G, B, with the published digits.

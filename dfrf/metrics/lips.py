@@ -2,7 +2,7 @@
 
 T frames in a row, L lip points. A series is (T,) float, NaN in a frame that was not measured, so
 that frames which are neighbours here are neighbours on film. `found` is what was rendered, `truth`
-what the source does. A figure that cannot be said is NaN.
+what the source does. A figure that cannot be computed is NaN.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ class EncodedReferences:
 
 @dataclass(frozen=True)
 class FrameConditions:
-    """What the field knows of a frame beside points.
+    """What the field is given of a frame beside points.
 
     Attributes:
         code: A of the frame; empty without speech.
@@ -122,7 +122,7 @@ class FrameConditions:
 
 @dataclass(frozen=True)
 class Samples:
-    """What a field says of points.
+    """Raw colour and density, and the warp, of points.
 
     Attributes:
         colour: raw, before the sigmoid.

@@ -87,7 +87,7 @@ class Imported:
 
     Attributes:
         state: for `PaperModel`.
-        step: the optimiser steps behind it; None where the file does not say.
+        step: the optimiser steps behind it; None where the file does not name them.
         warp: False where the file has no warp, and ours starts from nothing.
     """
 
@@ -159,7 +159,7 @@ def read_torch(file: Path) -> dict[Any, Any]:
 
 
 def first_line(error: BaseException) -> str:
-    """What an error says, without the pages of advice that torch adds."""
+    """The message of an error, without the pages of advice that torch adds."""
     return next(iter(str(error).splitlines()), type(error).__name__)
 
 

@@ -103,7 +103,7 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
     def reference_views(
         self, dataset: HeadDataset, frames: Tensor, mouths: bool = True
     ) -> ReferenceViews:
-        """Whole pictures: the published aggregation is told the pixel that it reads."""
+        """Whole pictures: the published aggregation takes the pixel that it reads."""
         return ReferenceViews(
             images=dataset.images[frames],
             mattes=dataset.mattes[frames],
@@ -205,7 +205,7 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
     def render_frames(
         self, inputs: FrameInputs, maps: EncodedReferences | None
     ) -> Iterator[tuple[Tensor, Tensor]]:
-        """All of every head: the published model knows of no lips, expressions or regions."""
+        """All of every head: the published model has no lips, expressions or regions."""
         self.model.eval()
         frames = zip(inputs.c2w, inputs.centres, inputs.windows, strict=True)
         for c2w, centre, windows in frames:

@@ -141,7 +141,7 @@ class PaperModel(HeadModel):
     ) -> dict[str, Tensor]:
         """Renders rays of one frame twice: even samples, then more where those found something.
 
-        The last sample of a ray is the background, behind everything; no network is asked for it.
+        The last sample of a ray is the background, behind everything; no network computes it.
 
         Args:
             rays_o: origins.

@@ -9,7 +9,7 @@ from torch import Tensor, nn
 
 from dfrf.field.encodings import DIRECTION_OCTAVES, POINT_OCTAVES, encoded_size
 
-# Density of the published model where the network says nothing, per unit of length.
+# Density of the published model where the raw density is 0, per unit of length.
 MIN_DENSITY = 1e-6
 
 

@@ -19,7 +19,7 @@ def clamp_to_image(
 ) -> Float[Tensor, "*B 2"]:
     """Moves positions (column, row) to the nearest place between the outermost pixel centres."""
     limit = positions.new_tensor([width - 1, height - 1])
-    # Not a number would become any index: the loss says so without reading outside the image.
+    # Not a number would become any index: the loss reports it, nothing outside the image is read.
     return torch.minimum(positions.nan_to_num().clamp_min(0), limit)
 
 

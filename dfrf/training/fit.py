@@ -36,7 +36,7 @@ class FitOptions:
     Attributes:
         resume: folder that holds the state of an unfinished run, written as it goes.
         progress: called after every step.
-        stop: asked after every step; True ends the run early with its state saved.
+        stop: called after every step; True ends the run early with its state saved.
         device: auto, cpu or cuda. The datasets stay where they are; each step's rays go there.
         validation: people held out, who end the run when it no longer serves them better; holds
             the best model afterwards.
@@ -193,7 +193,7 @@ class Run:
         self.method.after_step(step, self.config)
 
     def report(self, step: int, outcome: StepOutcome) -> None:
-        """Adds a step to the curve, and says how far the run is."""
+        """Adds a step to the curve, and reports the progress."""
         spent = time.monotonic() - self.began
         loss, psnr = outcome.loss.item(), -10 * math.log10(max(outcome.mse.item(), 1e-10))
         self.state.curve.add(step, loss, psnr, self.spent + spent)

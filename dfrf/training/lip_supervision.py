@@ -1,10 +1,10 @@
 """The speech networks learn from the lips, and the field is conditioned on what these did.
 
-A picture says little of the speech code: most of its error is hair and skin, and fifteen seconds of
-one person are soon learned by heart. Lip shapes that tracking measured anyway say directly what has
-to be heard. So the speech networks learn from those alone, and while pictures are learned each
-frame's code is moved to where it says what the lips really did: the field learns what lips look
-like, not what was heard wrongly.
+Pictures teach speech codes badly: most of their error is hair and skin, and a network soon knows
+fifteen seconds of one person by heart. Lip shapes, which tracking measures anyway, are the direct
+target. So the speech networks learn from lips alone. While pictures are learned, the code of a
+frame is moved to where the measured lips are read off it: the field learns what lips look like, not
+what was heard wrongly.
 
 T frames with pictures, C frames in a row, B of them in a batch, L lip measures, A numbers of a
 code, W steps of a speech window and D features of each.
@@ -35,7 +35,7 @@ AT_ONCE = 256
 
 @dataclass(frozen=True)
 class LipTargets:
-    """What the networks are to say of each frame of a person."""
+    """What the networks have to predict for each frame of a person."""
 
     dataset: HeadDataset
     lips: Float[Tensor, "C L"]
@@ -58,11 +58,11 @@ def regression_input(dataset: HeadDataset) -> Float[Tensor, "C I"]:
 
 
 def lip_targets(datasets: Sequence[HeadDataset]) -> list[LipTargets]:
-    """The lips of each person, mixed with what a ridge regression on all the others says.
+    """The lips of each person, mixed with the prediction of a ridge regression on all others.
 
     The regression cannot know how this person differs from the others, so nor do its answers: the
     networks carry to a stranger what they learn from it. On people left out, the codes of networks
-    taught this way say .60 / .54 of opening and width, .51 / .45 taught by the lips alone.
+    taught this way correlate .60 / .54 with opening and width, .51 / .45 taught by lips alone.
     """
     if len(datasets) < 2:
         return [LipTargets(d, d.lips) for d in datasets]
@@ -163,7 +163,7 @@ def lips_read(
 
 @torch.no_grad()
 def supervised_codes(conditioning: Conditioning, dataset: HeadDataset) -> Float[Tensor, "T A"]:
-    """Codes that say of each picture what the lips did, not what was heard of it.
+    """Codes off which the measured lips of each picture are read, not the heard ones.
 
     Each code is moved by the shortest way to where the lip measures read off it are the measured
     ones, given the mean and the spread that read-off ones have over these frames: so the rendered

@@ -19,7 +19,7 @@ class ReferenceSource:
 
     Args:
         method: of the model that learns.
-        config: says how often the reference network learns.
+        config: how often the reference network learns.
         chosen: fixed reference frames of each person by name; drawn anew each step when None.
     """
 

@@ -15,8 +15,8 @@ UNSURE = 0.05  # a matte further than that from 0 and 1 is not sure
 def matte_loss(opacity: Float[Tensor, " B"], matte: Float[Tensor, " B"]) -> Float[Tensor, ""]:
     """Mean squared difference of opacity and matte, 0..1, where the matte is sure.
 
-    A soft edge of a matte is a guess. What is behind it is known there, so the picture itself says
-    how opaque the head is.
+    A soft edge of a matte is a guess. The background is known there, so the colours of the picture
+    determine the opacity.
     """
     sure = ((matte - 0.5).abs() > 0.5 - UNSURE).to(matte.dtype)
     return (sure * (opacity - matte) ** 2).mean()

@@ -49,7 +49,7 @@ def draw_held_out_rays(
 
     Args:
         dataset: of who is held out.
-        method: of the model that is measured, which says how many references it has.
+        method: of the model that is measured.
         config: how many rays and frames.
     """
     generator = torch.Generator().manual_seed(SEED)
