@@ -4,10 +4,10 @@
     dub:     listen -> render -> composite -> check (-> sign, with a certificate)
 
 A dub of a scene has a ``listen`` and a ``render`` for each of its cues, in folders of their own, so
-that one line can be made again without the others.
-This is the one place that says so: the planner, the runner, the report and ``--force`` read it. A
-stage is out of date when its parameters, a file that it reads, the result of a stage that it reads,
-or the code that does the work changed. Paths do not count, contents do. Nothing here imports torch.
+that one line can be made again without the others. The planner, the runner, the report and
+``--force`` all read this one declaration. A stage is out of date when its parameters, a file or
+another stage's result that it reads, or its code changed. Paths do not count, contents do.
+Nothing here imports torch.
 """
 
 from __future__ import annotations
@@ -15,31 +15,31 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from dubbing import timeline
-from dubbing.declaration import Stages
-from dubbing.dependencies import (
+from dubbing import tasks
+from dubbing.engine.graph import Job
+from dubbing.engine.stage import Stage
+from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.findings import Scene
+from dubbing.manifest.inputs import signer_of
+from dubbing.manifest.manifest import Manifest
+from dubbing.media import SUFFIX
+from dubbing.provenance.credentials import Signer
+from dubbing.script.timeline import Cue
+from dubbing.shipped.base import shipped_base
+from dubbing.stages.kinds import SYNC_FILE
+from dubbing.tasks.declaration import Stages, clip_name, stage_of
+from dubbing.tasks.dependencies import (
     card_of,
-    consent_of,
     consents_of,
     frames_of,
     mark_of,
     mix_of,
     portraits_of,
+    signed_facts,
     sounds_of,
     speech_weights,
+    too_long,
 )
-from dubbing.engine.graph import Job
-from dubbing.engine.stage import Stage, digest_of
-from dubbing.errors import DubbingError, RenderingError
-from dubbing.manifest.entries import Dub, Identity
-from dubbing.manifest.findings import Scene
-from dubbing.manifest.inputs import signer_of
-from dubbing.manifest.manifest import Manifest
-from dubbing.media import SUFFIX, MediaInfo
-from dubbing.provenance.credentials import Signer
-from dubbing.shipped.base import shipped_base
-from dubbing.stages import tasks
-from dubbing.timeline import Cue
 
 CUES = "cues"  # folder of the cues, in that of their dub
 
@@ -93,29 +93,16 @@ def _prepared(
 ) -> tuple[Stage, Stage]:
     """A clip's preparation for a person, and the lip sync of the clip itself."""
     identity, people = manifest.identities[name], portraits_of(manifest, name, clip)
-    shown = {f"portrait {k}": person.clip for k, person in enumerate(people)}
+    portraits = {f"portrait {k}": person.clip for k, person in enumerate(people)}
     points = [[list(point) for point in person.points] for person in people]
     prepare = stages.add(
         "prepare",
         tasks.Prepare(identity, clip, people),
-        {"clip": clip, **shown},
+        {"clip": clip, **portraits},
         {"size": identity.size, **({"people": points} if people else {})},
         of,
     )
     return prepare, stages.add("check_source", tasks.Check(clip), {"clip": clip}, of=of)
-
-
-def clip_name(identity: Identity, clip: Path) -> str:
-    """What the stages of a clip are called after; '' for the one that is learned from."""
-    if clip == identity.clip:
-        return ""
-    same = [film for film in identity.films if film.stem == clip.stem]
-    return clip.stem if len(same) == 1 else f"{clip.stem}-{same.index(clip) + 1}"
-
-
-def stage_of(person: Job, kind: str, identity: Identity, clip: Path) -> Stage:
-    """The stage of a kind that a person has for a clip."""
-    return person.stages[f"{kind} {of}" if (of := clip_name(identity, clip)) else kind]
 
 
 def dub_job(
@@ -177,7 +164,7 @@ def dub_job(
         "check",
         tasks.Check(
             video_file(composite, dub),
-            source.folder / tasks.SYNC_FILE,
+            source.folder / SYNC_FILE,
             scene if dub.lines is not None else None,
             card.frames if card else 0,
         ),
@@ -185,7 +172,7 @@ def dub_job(
     )
     if signer := signer_of(dub):
         _sign(manifest, dub, signer, composite, people, stages)
-    return Job("dub", dub.name, stages.declared, dub.people, _too_long(dub, film, scene))
+    return Job("dub", dub.name, stages.declared, dub.people, too_long(dub, film, scene))
 
 
 def _cue(
@@ -245,20 +232,11 @@ def _sign(
     """The stage that signs the finished video."""
     scene = manifest.scenes[dub.name]
     models = {name: people[name].stages["finetune"] for name in dub.people}
-    mark = mark_of(dub, scene)
-    agreed = [consent_of(manifest.identities[name]) for name in dub.people]
-    said = {
-        "consent": [
-            {key: own[key] for key in ("reference", "sha256") if key in own} for own in agreed
-        ],
-        "audio": [digest_of(path) for path in sounds_of(dub, scene).values()],
-        "digests": "BLAKE2b-128",
-        "mark": mark.id if mark else None,
-    }
+    facts = signed_facts(manifest, dub, scene)
     folders = tuple(model.folder for model in models.values())
     stages.add(
         "sign",
-        tasks.Sign(video_file(composite, dub), signer, scene.clip, folders, said),
+        tasks.Sign(video_file(composite, dub), signer, scene.clip, folders, facts),
         {
             "video": composite,
             **{f"model {name}": model for name, model in models.items()},
@@ -266,7 +244,7 @@ def _sign(
             "certificate": signer.certificate,
             "key": signer.key,
         },
-        said,
+        facts,
     )
 
 
@@ -283,17 +261,3 @@ def video_file(made: Stage, dub: Dub) -> Path:
 def finished(job: Job, dub: Dub) -> Path:
     """The video of a dub as it goes out."""
     return video_file(job.stages.get("sign", job.stages["composite"]), dub)
-
-
-def _too_long(dub: Dub, film: MediaInfo, scene: Scene) -> DubbingError | None:
-    """With ``on_longer_audio: fail`` it is known beforehand that a dub cannot be made."""
-    assert film.rate is not None
-    frames = max(cue.stop for cue in scene.cues)
-    left = film.frames - timeline.first_frame(dub.video_start, film.rate)
-    if dub.on_longer_audio != "fail" or frames <= left:
-        return None
-    return RenderingError(
-        f"the speech lasts {frames} frames, the clip {left} from video_start on",
-        dub.name,
-        "set on_longer_audio to bounce, loop, hold or cut, or use a longer clip",
-    )

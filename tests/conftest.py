@@ -53,11 +53,7 @@ MEDIUM = (
     "dubbing/sync/test_check.py",
     "dubbing/sync/test_hearing.py",
     "dubbing/synthetic/",
-    "dubbing/test_batch.py",
-    "dubbing/test_failures.py",
-    "dubbing/test_interruptions.py",
-    "dubbing/test_scene.py",
-    "dubbing/test_up_to_date.py",
+    "dubbing/batch/",
     "dubbing/test_packages.py",
     "dubbing/training/",
 )

@@ -14,14 +14,15 @@ from typing import Any
 
 import numpy as np
 
-from dubbing import jobs, media
+from dubbing import media, tasks
+from dubbing.batch import jobs
 from dubbing.engine import executors
 from dubbing.engine.graph import Job
 from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.files import atomic_write_json, atomic_write_text
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
-from dubbing.stages import tasks
+from dubbing.stages.kinds import SYNC_FILE
 from dubbing.stages.listen import Speech
 
 SIZE = 32
@@ -171,7 +172,7 @@ def install(patch: Any) -> None:
         verdict = "fail" if "fellshort" in str(self.video) else "pass"
         found = {"verdict": verdict, "reason": "measured", "words": "in sync", "curve": [1, 0, 1]}
         figures = {"offset_frames": 0, "offset_ms": 0.0, "confidence": 2.0, "distance": 1.0}
-        atomic_write_json(out / tasks.SYNC_FILE, {**found, **figures, "source": None})
+        atomic_write_json(out / SYNC_FILE, {**found, **figures, "source": None})
 
     real_compose = tasks.Composite.__call__
     patch(tasks.Prepare, "__call__", prepare)
@@ -184,7 +185,7 @@ def install(patch: Any) -> None:
 
 
 def job_of(path: Path, label: str, device: str) -> Job:
-    """As `dubbing.jobs.job_of`, for processes that `dubbing.engine.task` starts."""
+    """As `dubbing.batch.jobs.job_of`, for processes that `dubbing.engine.task` starts."""
     from dubbing.stages import composite as video
 
     install(setattr)

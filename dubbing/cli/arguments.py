@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from dubbing.errors import CallError, DubbingError
-from dubbing.stage_kinds import STAGES
+from dubbing.stages.kinds import STAGES
 
 ManifestPath = Annotated[Path, typer.Argument(metavar="MANIFEST", help="A manifest (YAML).")]
 Only = Annotated[

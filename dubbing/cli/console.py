@@ -17,10 +17,10 @@ from dubbing.printable import visible
 
 # `dfrf doctor` prints without the packages that these import.
 if TYPE_CHECKING:
-    from dubbing.batch import Result
+    from dubbing.batch.batch import Result
+    from dubbing.batch.estimates import Estimate, Rate
     from dubbing.cli.doctor import Finding
     from dubbing.engine.planner import Row
-    from dubbing.estimates import Estimate, Rate
 
 COLOURS = {
     **dict.fromkeys(("made", "kept", "pass", "up to date", "fine"), "green"),

@@ -98,7 +98,7 @@ def dub(
     if scheduler and jobs > 1:
         raise CallError("the workers are those of the scheduler", "--jobs", "leave it away")
     packages.require("cluster" if scheduler else None)
-    from dubbing import batch
+    from dubbing.batch import batch
     from dubbing.cli import console, live
     from dubbing.engine.executors import InLine, Processes, Source
     from dubbing.engine.runner import Options
@@ -129,11 +129,11 @@ def plan(
 
     Writes nothing.
     """
-    from dubbing import estimates
+    from dubbing.batch import estimates
+    from dubbing.batch.jobs import build
     from dubbing.cli import console
     from dubbing.engine import planner as planning
     from dubbing.identity.learned import learned_if_known
-    from dubbing.jobs import build
     from dubbing.manifest.manifest import load
     from dubbing.report.report import found_by_looks
 
@@ -196,8 +196,8 @@ def prepare(
     """Track, matte and restore the background of one clip; see contact_sheet.png."""
     packages.require()
     from dubbing.cli import live
-    from dubbing.preparation import prepare as work
     from dubbing.preparation.claim import claimed
+    from dubbing.preparation.prepare import prepare as work
 
     size, clip = checked_size(size), checked_path(clip.resolve())
     if out is not None and not out.strip():
@@ -284,7 +284,7 @@ def doctor(
 
     if calibrate:
         packages.require("synthetic")
-        from dubbing import estimates
+        from dubbing.batch import estimates
         from dubbing.cli import live
         from dubbing.lab.calibration import calibrate as work
 

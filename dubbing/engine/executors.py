@@ -26,7 +26,7 @@ from dubbing.engine.update import run_stage
 from dubbing.errors import LockedError
 
 MADE, KEPT, FAILED, HELD, KILLED = "made", "kept", "failed", "held", "killed"
-PIPELINE = "dubbing.jobs"  # the module that declares the graph of a manifest again
+PIPELINE = "dubbing.batch.jobs"  # the module that declares the graph of a manifest again
 OUT_OF_MEMORY = 128 + signal.SIGKILL  # exit code of a shell or container whose process was killed
 
 

@@ -19,7 +19,7 @@ from typing import Any
 from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
-from dubbing import json_records as kept
+from dubbing import json_records
 from dubbing.errors import DubbingError
 from dubbing.files import digest_data, digest_file
 
@@ -111,7 +111,9 @@ class Stage:
     def record(self, folder: Path | None = None) -> Record | None:
         """The record of a finished run, or None: one of another shape is no record."""
         try:
-            return kept.read((folder or self.folder) / RECORD, Record, f"record of {self.name}")
+            return json_records.read(
+                (folder or self.folder) / RECORD, Record, f"record of {self.name}"
+            )
         except DubbingError:
             return None
 

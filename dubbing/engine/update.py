@@ -9,7 +9,7 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 
-from dubbing import json_records as kept
+from dubbing import json_records
 from dubbing.engine import claims
 from dubbing.engine.claims import Claim, Watch
 from dubbing.engine.part import MARKS, Part
@@ -70,7 +70,7 @@ def _update(
     if stage.record(partial) is None:
         seconds = _produce(stage, partial, progress, sources, digests)
         for mark in partial.glob(MARKS):
-            seconds += kept.read(mark, float, "seconds of a part")
+            seconds += json_records.read(mark, float, "seconds of a part")
             mark.unlink()
         _seal(stage, partial, key=key, digests=digests, seconds=seconds)
     claim.check()

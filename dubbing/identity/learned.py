@@ -9,7 +9,8 @@ from typing_extensions import TypedDict
 
 from dubbing import json_records as kept
 from dubbing.errors import DubbingError
-from dubbing.stage_kinds import SUMMARY_FILE
+
+SUMMARY_FILE = "finetune.json"  # beside a model: how it was learned
 
 
 class Summary(TypedDict):

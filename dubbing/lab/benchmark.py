@@ -22,7 +22,8 @@ from torch import nn
 from dfrf import device as devices
 from dfrf.fast.model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
-from dubbing import jobs
+from dubbing import tasks
+from dubbing.batch import jobs
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
 from dubbing.lab import other_networks as others
@@ -39,7 +40,6 @@ from dubbing.manifest.manifest import load
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.report.peak_memory import peak_memory
 from dubbing.stages import render as heads
-from dubbing.stages import tasks
 from dubbing.stages.finetune import MODEL_FILE, clip_speech
 
 FRAMES = 3

@@ -7,12 +7,13 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from dubbing import batch, estimates, jobs, packages
+from dubbing import packages
+from dubbing.batch import batch, estimates, jobs
+from dubbing.batch.estimates import Rate
 from dubbing.engine.graph import Job, nodes
 from dubbing.engine.outcome import Failure
 from dubbing.engine.stage import Stage
 from dubbing.errors import DubbingError
-from dubbing.estimates import Rate
 from dubbing.manifest.manifest import load
 
 TEXT = "Good morning, my friends."
@@ -20,7 +21,7 @@ SIZE, SECONDS, STEPS, DUBBED = 192, 3.0, 40, 1.0  # of the clip, the fine-tune a
 
 
 def calibrate(progress: Callable[[str, float], None]) -> dict[str, Rate]:
-    """Measure the rates of this machine and keep them; see `dubbing.estimates`.
+    """Measure the rates of this machine and keep them; see `dubbing.batch.estimates`.
 
     Raises:
         DubbingError: the synthetic speaker is not installed, or a stage failed.

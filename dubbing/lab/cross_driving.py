@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing import timeline
 from dubbing.face.landmarks import FaceMesh
 from dubbing.identity.best_seconds import Part
 from dubbing.lab import tiles
@@ -24,6 +23,7 @@ from dubbing.lab.mouth import MouthSeries
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import cropping
+from dubbing.script import timeline
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import composer
 from dubbing.stages import render as heads

@@ -6,7 +6,6 @@ import datetime
 from collections.abc import Mapping
 from pathlib import Path
 
-from dubbing import timeline
 from dubbing.errors import DubbingError
 from dubbing.manifest import preset_checks as published
 from dubbing.manifest import terms
@@ -19,6 +18,7 @@ from dubbing.media.probing import MediaInfo
 from dubbing.provenance import card, credentials
 from dubbing.provenance.credentials import Signer
 from dubbing.provenance.mark_key import read_key
+from dubbing.script import timeline
 from dubbing.speech import features
 
 SHORTEST_CLIP = 1.0  # seconds to learn from

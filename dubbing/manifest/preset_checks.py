@@ -11,10 +11,10 @@ from typing import Any
 from safetensors import SafetensorError, safe_open
 
 from dfrf.config import FORMATS, PUBLISHED_SPEECH, STEPS, family
-from dubbing import json_records as kept
+from dubbing import json_records
 from dubbing.errors import DubbingError
 from dubbing.manifest.entries import Identity
-from dubbing.timeline import frame_count
+from dubbing.script.timeline import frame_count
 
 PRESET = "paper"
 # On two processor cores at 512 pixels (docs/performance.md): a frame as measured without the noise
@@ -30,7 +30,7 @@ def base_header(base: Path) -> dict[str, Any]:
     try:
         with safe_open(str(base), framework="numpy") as file:
             text = (file.metadata() or {}).get("dfrf", "{}")
-        return kept.parse(text, dict[str, Any], "header", str(base), "name another base")
+        return json_records.parse(text, dict[str, Any], "header", str(base), "name another base")
     except (OSError, SafetensorError, DubbingError):
         return {}
 

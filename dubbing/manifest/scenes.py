@@ -12,14 +12,14 @@ from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
-from dubbing import timeline
 from dubbing.errors import DubbingError
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Findings, KeyPath, Scene
 from dubbing.media.probing import MediaInfo
+from dubbing.script import timeline
 from dubbing.script.line import Line
 from dubbing.script.reading import read_lines
-from dubbing.timeline import Cue
+from dubbing.script.timeline import Cue
 
 CUE = re.compile(r"\{cue(?::0?([1-9]))?\}")  # {cue}, or {cue:03} with leading zeros
 MOST_NAMED = 5  # lines that one sentence names

@@ -27,7 +27,7 @@ from dubbing.mixing.voices import (
     placed,
     sample_of,
 )
-from dubbing.timeline import Cue
+from dubbing.script.timeline import Cue
 
 BLOCK = 10 * RATE  # samples
 VOICES, SOUND = "voices.flac", "sound.flac"

@@ -14,7 +14,7 @@ import numpy as np
 
 from dubbing import media
 from dubbing.media.loudness import Loudness, measure
-from dubbing.timeline import Cue
+from dubbing.script.timeline import Cue
 
 RATE = 48000
 # LUFS of every cue: EBU R128; and dialogue for streaming, where a cue is nothing but dialogue.

@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from dubbing import json_records as kept
+from dubbing import json_records
 from dubbing.errors import DubbingError, PreparationError
 from dubbing.files import atomic_path, atomic_write_json, digest_file, make_folder
 from dubbing.media import probe
-from dubbing.portraits import Portrait
 from dubbing.preparation.alignment.camera import Poses
 from dubbing.preparation.alignment.photometric import root_mean_square
 from dubbing.preparation.alignment.silhouette import Silhouette
@@ -43,6 +42,7 @@ from dubbing.preparation.prepared import (
 )
 from dubbing.preparation.tracking import tracking
 from dubbing.preparation.tracking.occlusion import covered_step
+from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.warnings import warnings_of
 
@@ -154,7 +154,7 @@ def prepare(
 def _key(path: Path) -> dict[str, Any]:
     """What the steps in a folder are of; nothing where that is not said."""
     try:
-        return kept.read(path, dict[str, Any], "key of the steps")
+        return json_records.read(path, dict[str, Any], "key of the steps")
     except DubbingError:
         return {}
 

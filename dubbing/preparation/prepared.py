@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from typing_extensions import TypedDict
 
-from dubbing import json_records as kept
+from dubbing import json_records
 from dubbing.errors import DubbingError, PreparationError
 from dubbing.files import atomic_path, atomic_write_json
 from dubbing.media import read_frames
@@ -115,9 +115,9 @@ class PreparedClip:
         """
         folder = Path(folder)
         try:
-            version = kept.read(folder / SUMMARY, Version, "summary")["version"]
+            version = json_records.read(folder / SUMMARY, Version, "summary")["version"]
             if version == VERSION:
-                summary = kept.read(folder / SUMMARY, Summary, "summary")
+                summary = json_records.read(folder / SUMMARY, Summary, "summary")
                 with np.load(folder / TRACK, allow_pickle=False) as stored:
                     arrays = {name: stored[name] for name in ARRAYS}
         except (DubbingError, *UNREADABLE) as error:

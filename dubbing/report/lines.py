@@ -8,15 +8,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-from dubbing import json_records as kept
+from dubbing import json_records
 from dubbing.engine.graph import Job
 from dubbing.errors import DubbingError
 from dubbing.manifest.entries import Dub
 from dubbing.manifest.manifest import Manifest
 from dubbing.script.edl import Marker, edl
 from dubbing.script.timecode import timecode_of
-from dubbing.stage_kinds import SCENE_FILE
-from dubbing.stages.tasks import SYNC_FILE
+from dubbing.stages.kinds import SCENE_FILE, SYNC_FILE
 
 COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unjudged": "blue"}
 OF_SOUND = ("loudness", "true_peak", "gain")
@@ -120,6 +119,6 @@ def _read(job: Job, stage: str, name: str) -> dict[str, Any]:
     """A file of a stage; empty where there is none that can be read."""
     try:
         path: Path = job.stages[stage].folder / name
-        return kept.read(path, dict[str, Any], name)
+        return json_records.read(path, dict[str, Any], name)
     except (DubbingError, KeyError):
         return {}

@@ -15,8 +15,7 @@ from markupsafe import Markup
 from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
-from dubbing import dependencies, jobs
-from dubbing import json_records as kept
+from dubbing import json_records
 from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.outcome import Outcome
 from dubbing.errors import DubbingError
@@ -27,7 +26,8 @@ from dubbing.manifest.overwriting import results_of
 from dubbing.printable import visible
 from dubbing.report import lines
 from dubbing.report.peak_memory import peak_memory
-from dubbing.stages.tasks import SYNC_FILE
+from dubbing.stages.kinds import SYNC_FILE
+from dubbing.tasks import dependencies
 
 MOST_POINTS = 400  # of a curve on the page
 SUMMARY = "prepared.json"
@@ -62,14 +62,17 @@ class Prepared(TypedDict, total=False):
 
 
 def write(
-    manifest: Manifest, planned: Jobs, outcomes: dict[str, Outcome], *, code: int, seconds: float
+    manifest: Manifest, everything: Jobs, outcomes: dict[str, Outcome], *, code: int, seconds: float
 ) -> Path:
     """Write ``report.json`` and ``report.html`` into the output folder; gives the page's path.
+
+    Args:
+        everything: all jobs of the manifest, those left out by ``--only`` included.
 
     Raises:
         DubbingError: they cannot be written there.
     """
-    found = collect(manifest, planned, outcomes, code=code, seconds=seconds)
+    found = collect(manifest, everything, outcomes, code=code, seconds=seconds)
     data, page = manifest.output / DATA, manifest.output / PAGE
     for file in (data, page):
         remove_torn(file)
@@ -117,10 +120,9 @@ def verdict_of(state: str, sync: Sync) -> str:
 
 
 def collect(
-    manifest: Manifest, planned: Jobs, outcomes: dict[str, Outcome], *, code: int, seconds: float
+    manifest: Manifest, everything: Jobs, outcomes: dict[str, Outcome], *, code: int, seconds: float
 ) -> dict[str, Any]:
-    """Everything the report says, as plain data. Jobs left out by ``--only`` are listed too."""
-    everything = jobs.build(manifest)
+    """The contents of the report, as plain data; see `write`."""
     absent = Outcome(state="not in this run")
     peak = peak_memory()
     dubs = {
@@ -268,7 +270,7 @@ def _column(path: Path, name: str, damaged: list[str]) -> list[float]:
     if not os.path.lexists(path):
         return []
     try:
-        text = read_bounded(path, kept.MOST_BYTES).decode()
+        text = read_bounded(path, json_records.MOST_BYTES).decode()
         values = [float(row[name]) for row in csv.DictReader(text.splitlines())]
     except (DubbingError, OSError, KeyError, TypeError, ValueError, csv.Error):
         damaged.append(f"{path}: is no curve of a training: run with --force finetune")
@@ -281,7 +283,7 @@ def _read(path: Path, shape: Any, whose: str, damaged: list[str]) -> Any:
     if not os.path.lexists(path):
         return {}
     try:
-        return kept.read(path, shape, whose)
+        return json_records.read(path, shape, whose)
     except DubbingError as error:
         damaged.append(str(error))
         return {}

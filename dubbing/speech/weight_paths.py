@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from dubbing import json_records as kept
+from dubbing import json_records
 from dubbing.errors import DubbingError
 
 DEFAULT_WEIGHTS = Path(__file__).with_name("acoustic_weights.safetensors")
@@ -22,7 +22,7 @@ def weights_file(folder: Path, name: str) -> Path:
     found = [folder / file for file in WEIGHT_FILES if (folder / file).is_file()]
     if not config.is_file() or not found:
         raise DubbingError(f"no {name} weights there", str(folder), remedy)
-    kind = kept.read(config, dict[str, Any], "config.json", remedy).get("model_type")
+    kind = json_records.read(config, dict[str, Any], "config.json", remedy).get("model_type")
     if kind != name:
         raise DubbingError(f"holds a model of type {kind!r}, not {name!r}", str(folder), remedy)
     return found[0]

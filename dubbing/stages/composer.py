@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from dubbing import media, timeline
+from dubbing import media
 from dubbing.compositing.composite import blend, replacement
 from dubbing.errors import RenderingError
 from dubbing.preparation.prepared import PreparedClip
@@ -21,6 +21,7 @@ from dubbing.provenance import card, provenance
 from dubbing.provenance.card import CreditsCard
 from dubbing.provenance.mark import Mark
 from dubbing.provenance.mark_key import Marking, bits_of
+from dubbing.script import timeline
 from dubbing.stages.own_pixels import OwnPixels, own_pixels
 
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse

@@ -16,17 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from dubbing import json_records as kept
-from dubbing import media, timeline
+from dubbing import json_records, media
 from dubbing.errors import RenderingError
 from dubbing.files import atomic_write_json
 from dubbing.media.colour import Colour
 from dubbing.media.overlap import ahead, behind
 from dubbing.mixing.mix import SOUND, mix
 from dubbing.provenance import provenance
+from dubbing.script import timeline
 from dubbing.script.timecode import timecode_of
-from dubbing.stage_kinds import PROXY_FILE, SCENE_FILE
 from dubbing.stages.composer import Composer, Heads, VideoSettings
+from dubbing.stages.kinds import PROXY_FILE, SCENE_FILE
 from dubbing.stages.untouched import compare
 
 SEGMENT = 250  # frames a file
@@ -122,7 +122,7 @@ def make(
     if (out / MIXED).is_file():
         own = composer.untouched()
         proof = compare(film.clip, result, own, rate) if own.any() else None
-        figures = kept.read(out / MIXED, dict[str, Any], "figures of the mix")
+        figures = json_records.read(out / MIXED, dict[str, Any], "figures of the mix")
         kept_faces = composer.own_pixels()
         found = {"sound": figures, "untouched": proof, "own_pixels": kept_faces}
         atomic_write_json(out / SCENE_FILE, found)

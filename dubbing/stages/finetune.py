@@ -26,11 +26,11 @@ from dubbing.errors import CheckpointError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text
 from dubbing.identity.best_seconds import learned_frames, parts_of
 from dubbing.identity.dataset import load_identity
+from dubbing.identity.learned import SUMMARY_FILE
 from dubbing.identity.reference_choice import choose_references, turns_far
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
 from dubbing.speech import features
-from dubbing.stage_kinds import SUMMARY_FILE
 from dubbing.stages.refine_poses import refined, refines
 
 MODEL_FILE = "model.safetensors"

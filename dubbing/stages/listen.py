@@ -10,10 +10,10 @@ import numpy as np
 from safetensors.numpy import load_file, save
 from typing_extensions import TypedDict
 
-from dubbing import json_records as kept
-from dubbing import timeline
+from dubbing import json_records
 from dubbing.errors import RenderingError
 from dubbing.files import atomic_write_bytes, atomic_write_json
+from dubbing.script import timeline
 from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
 from dubbing.speech import features
 
@@ -51,7 +51,7 @@ class Speech:
         Raises:
             DubbingError: its summary is something else.
         """
-        summary = kept.read(folder / SUMMARY, Summary, "speech", "run with --force listen")
+        summary = json_records.read(folder / SUMMARY, Summary, "speech", "run with --force listen")
         return Speech(**summary, **load_file(folder / TENSORS))
 
     def part(self, first: int, count: int) -> SpeechFrames:

@@ -17,7 +17,7 @@ from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import Progress
 from dfrf.training.validation import Validation
-from dubbing import pipeline
+from dubbing import pipeline, tasks
 from dubbing.engine.update import run_stage
 from dubbing.errors import CheckpointError, DubbingError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text, digest_file
@@ -25,7 +25,6 @@ from dubbing.identity.best_seconds import learned_frames
 from dubbing.identity.dataset import load_identity
 from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.stages import tasks
 from dubbing.stages.finetune import FinetuneSettings, clip_speech, init_from_base, write_curve
 
 MOST_FRAMES = 240  # of one identity: more show little that is new, and memory is finite

@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from dfrf import presets
 from dfrf.checkpoint import read_tensors
 from dfrf.head_checkpoint import save_model
-from dubbing.stages import finetune, tasks
+from dubbing import tasks
+from dubbing.stages import finetune
 from tests.attack import rule
 from tests.attack.conftest import Room
 from tests.attack.odd import cases, damaged, names, numbers, spoilt

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from dubbing import batch
+from dubbing.batch import batch
 from dubbing.engine.graph import Job
 from dubbing.engine.outcome import Failure
 from dubbing.engine.runner import Options

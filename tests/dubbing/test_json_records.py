@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from dubbing import json_records as kept
+from dubbing import json_records
 from dubbing.errors import DubbingError
 
 
 def test_what_was_written_comes_back(tmp_path: Path) -> None:
     (tmp_path / "a.json").write_text('{"a": [1, 2]}')
-    assert kept.read(tmp_path / "a.json", dict[str, list[int]], "curve") == {"a": [1, 2]}
+    assert json_records.read(tmp_path / "a.json", dict[str, list[int]], "curve") == {"a": [1, 2]}
 
 
 @pytest.mark.parametrize(
@@ -31,7 +31,7 @@ def test_another_shape_is_said_in_one_sentence(tmp_path: Path, content: bytes) -
     path = tmp_path / "a.json"
     path.write_bytes(content)
     with pytest.raises(DubbingError, match=r"^curve holds something else: .*a\.json.*: do this$"):
-        kept.read(path, dict[str, int], "curve", "do this")
+        json_records.read(path, dict[str, int], "curve", "do this")
 
 
 def test_what_is_no_file_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,10 +39,10 @@ def test_what_is_no_file_is_not_waited_for(tmp_path: Path, monkeypatch: pytest.M
     (tmp_path / "zero").symlink_to("/dev/zero")
     for name in ("pipe", "zero"):
         with pytest.raises(DubbingError, match="is no regular file"):
-            kept.read(tmp_path / name, dict[str, int], "curve")
+            json_records.read(tmp_path / name, dict[str, int], "curve")
     with pytest.raises(DubbingError, match="curve cannot be read: No such file"):
-        kept.read(tmp_path / "none", dict[str, int], "curve")
+        json_records.read(tmp_path / "none", dict[str, int], "curve")
     (tmp_path / "long").write_text(json.dumps(dict.fromkeys(map(str, range(99)), 1)))
-    monkeypatch.setattr(kept, "MOST_BYTES", 100)
+    monkeypatch.setattr(json_records, "MOST_BYTES", 100)
     with pytest.raises(DubbingError, match="is larger than"):
-        kept.read(tmp_path / "long", dict[str, int], "curve")
+        json_records.read(tmp_path / "long", dict[str, int], "curve")

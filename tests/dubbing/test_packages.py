@@ -119,7 +119,7 @@ def test_a_dub_imports_no_package_of_an_extra() -> None:
         "import sys\n"
         "for name in ('embreex', 'espeakng_loader', 'pocketsphinx', 'distributed'):\n"
         "    sys.modules[name] = None\n"
-        "import dubbing.batch, dubbing.lab.evaluation, dubbing.preparation.prepare\n"
+        "import dubbing.batch.batch, dubbing.lab.evaluation, dubbing.preparation.prepare\n"
         "import dubbing.stages.composite, dubbing.stages.finetune, dubbing.stages.listen\n"
         "import dubbing.stages.refine_poses, dubbing.stages.render, dubbing.sync.check\n"
         "import dubbing.speech.rnn_features, dubbing.training.base"

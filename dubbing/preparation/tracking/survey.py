@@ -15,7 +15,6 @@ import numpy as np
 from dubbing.errors import PreparationError
 from dubbing.face.landmarks import MOST_FACES, FaceMesh
 from dubbing.media import MediaInfo, probe, read_frames
-from dubbing.portraits import Portrait
 from dubbing.preparation.tracking.cuts import REPEATED, find_cuts, segments, thumbnail
 from dubbing.preparation.tracking.following import (
     Person,
@@ -26,6 +25,7 @@ from dubbing.preparation.tracking.following import (
     track_at,
 )
 from dubbing.preparation.tracking.likeness import looks
+from dubbing.preparation.tracking.portraits import Portrait
 
 STRIDE = 5  # frames
 LEAST_SHARE = 0.2  # of searched frames with a face; fewer: search again, larger

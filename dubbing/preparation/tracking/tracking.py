@@ -15,7 +15,6 @@ from dubbing.errors import PreparationError
 from dubbing.face.landmarks import two_modes
 from dubbing.face.mesh_points import JAW, RIGID
 from dubbing.media import MediaInfo, read_frames
-from dubbing.portraits import Portrait
 from dubbing.preparation.alignment.banded import second_difference_links
 from dubbing.preparation.alignment.bundle import Observations, fit_poses, start_poses, triangulate
 from dubbing.preparation.alignment.camera import Poses, focal_length, project, to_camera
@@ -24,6 +23,7 @@ from dubbing.preparation.alignment.photometric import Alignment, refine, residua
 from dubbing.preparation.alignment.relief import solve_relief
 from dubbing.preparation.alignment.skin import reference_frame, skin_points
 from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop
+from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
 from dubbing.preparation.tracking.survey import Survey, survey
 

@@ -6,14 +6,14 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from dubbing import batch
+from dubbing.batch import batch
+from dubbing.batch.estimates import Estimate
 from dubbing.cli import console, live
 from dubbing.engine.graph import Job
 from dubbing.engine.outcome import Failure, Outcome
 from dubbing.engine.planner import Row
 from dubbing.engine.stage import Stage
 from dubbing.errors import DubbingError
-from dubbing.estimates import Estimate
 
 ODD = "[bold]a[/x] \x1b[31m"
 SHOWN = r"[bold]a[/x] \x1b[31m"

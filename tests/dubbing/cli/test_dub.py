@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from dubbing.stages import tasks
+from dubbing import tasks
 
 
 def test_dub_then_plan(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]

@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from dubbing import tasks
 from dubbing.cli import main as cli
-from dubbing.stages import tasks
+from dubbing.stages.kinds import SYNC_FILE
 from dubbing.sync.curves import OFFSETS, Estimate
 from dubbing.sync.result import Found, Media, SyncResult, conclude
 from tests import clips
@@ -109,11 +110,11 @@ def test_sync_beside_the_source_says_what_the_report_says(
     own = tmp_path / "own"
     for folder, task in (
         (own, tasks.Check(footage / "ann.mp4")),
-        (tmp_path, tasks.Check(video, own / tasks.SYNC_FILE)),
+        (tmp_path, tasks.Check(video, own / SYNC_FILE)),
     ):
         folder.mkdir(exist_ok=True)
         task(folder, lambda message, share: None)
-    in_report = json.loads((tmp_path / tasks.SYNC_FILE).read_text())
+    in_report = json.loads((tmp_path / SYNC_FILE).read_text())
     call = ["sync", str(video), "--source", str(footage / "ann.mp4"), "--json"]
     result = CliRunner().invoke(cli.app, call)
     assert json.loads(result.stdout) == in_report

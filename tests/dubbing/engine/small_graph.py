@@ -122,7 +122,7 @@ def jobs_of(path: Path) -> Jobs:
 
 
 def job_of(path: Path, label: str, _device: str) -> Job:
-    """One of them; see `dubbing.jobs.job_of`."""
+    """One of them; see `dubbing.batch.jobs.job_of`."""
     return next(job for job in jobs_of(path).all() if job.label == label)
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from dubbing.batch.estimates import Estimate
 from dubbing.cli import console
-from dubbing.estimates import Estimate
 from dubbing.files import atomic_write_json
 from dubbing.identity.learned import learned_if_known
 

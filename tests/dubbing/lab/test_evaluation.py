@@ -9,12 +9,11 @@ from types import SimpleNamespace
 import av
 import pytest
 
-from dubbing import pipeline
+from dubbing import pipeline, tasks
 from dubbing.errors import DubbingError, MediaError
 from dubbing.lab import evaluation, sync_figures, tiles
 from dubbing.lab.held_out import frames_to_test
 from dubbing.manifest.manifest import Manifest, load
-from dubbing.stages import tasks
 from tests import clips, fakes
 
 FRAMES, LEARNED = 30, 20  # 0.8 s at 25 a second

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from dfrf import head_checkpoint, presets
+from dubbing import tasks
 from dubbing.files import atomic_write_json
 from dubbing.lab import cross_driving, evaluation, measuring, sync_figures
 from dubbing.manifest.manifest import load
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from dubbing.stages import tasks
 from tests import clips, fakes
 from tests.dfrf.people import small_config
 from tests.dubbing.lab.faces import show_faces

@@ -10,10 +10,10 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from dubbing import dependencies
 from dubbing.cli.main import app
 from dubbing.errors import CallError
 from dubbing.manifest.terms import covers
+from dubbing.tasks import dependencies
 from tests.dubbing.manifest.test_provenance import footage, problems, read
 
 __all__ = ["footage"]

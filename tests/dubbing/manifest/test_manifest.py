@@ -9,7 +9,7 @@ import soundfile
 from safetensors.numpy import save_file
 
 from dfrf.config import STEPS
-from dubbing import jobs
+from dubbing.batch import jobs
 from dubbing.engine.stage import Stage
 from dubbing.errors import ManifestError
 from dubbing.files import atomic_path

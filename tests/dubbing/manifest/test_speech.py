@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing import jobs
+from dubbing.batch import jobs
 from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
 from tests.dubbing.manifest.made import GOOD, problems, read
 

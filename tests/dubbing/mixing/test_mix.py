@@ -12,7 +12,7 @@ import soundfile
 from dubbing import media
 from dubbing.mixing.mix import SOUND, VOICES, envelope, mix, with_dialogue
 from dubbing.mixing.voices import RATE, measured
-from dubbing.timeline import Cue
+from dubbing.script.timeline import Cue
 from tests import clips
 
 FRAMES, FPS = 150, Fraction(25)

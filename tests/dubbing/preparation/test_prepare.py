@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from dubbing.errors import MediaError, PreparationError
 from dubbing.media import VideoWriter
-from dubbing.preparation import PreparedClip, prepare
+from dubbing.preparation.prepare import prepare
+from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import tracking
 from dubbing.synthetic.speaker import SpeakerTruth, make_speaker
 from tests import clips

@@ -9,10 +9,9 @@ import pytest
 
 from dubbing.errors import PreparationError
 from dubbing.media import VideoWriter, read_frames
-from dubbing.preparation import PreparedClip
 from dubbing.preparation.alignment.rotations import rotation_from_vector
 from dubbing.preparation.matting.matting import inpaint_mask
-from dubbing.preparation.prepared import BACKGROUND, MATTE, VERSION
+from dubbing.preparation.prepared import BACKGROUND, MATTE, VERSION, PreparedClip
 
 FRAMES, SIZE = 6, 64
 

@@ -14,12 +14,12 @@ from dubbing.errors import RenderingError
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance.card import CreditsCard, default_text
 from dubbing.provenance.mark_key import marking
+from dubbing.script.timeline import frame_count
 from dubbing.stages import composer
 from dubbing.stages import composite as video
 from dubbing.stages.composer import Heads, VideoSettings, read_heads, read_source
 from dubbing.stages.composite import Sound, make, verify
 from dubbing.stages.own_pixels import reasons, views
-from dubbing.timeline import frame_count
 from tests import clips, fakes
 
 SIZE = (96, 64)

@@ -12,7 +12,8 @@ from dfrf import head_checkpoint, presets
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
 from dfrf.published import method as paper_method
 from dfrf.published.model import PaperConfig, PaperModel
-from dubbing import jobs
+from dubbing import tasks
+from dubbing.batch import jobs
 from dubbing.errors import CheckpointError, ManifestError
 from dubbing.files import atomic_write_json
 from dubbing.manifest import preset_checks as published
@@ -21,7 +22,6 @@ from dubbing.manifest.manifest import Manifest, load
 from dubbing.media import read_frames
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
-from dubbing.stages import tasks
 from dubbing.stages.finetune import (
     MODEL_FILE,
     SUMMARY_FILE,

@@ -15,7 +15,8 @@ from dubbing.face.landmarks import FaceMesh
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.identity.dataset import load_identity
 from dubbing.lab.measuring import over
-from dubbing.preparation import PreparedClip, prepare
+from dubbing.preparation.prepare import prepare
+from dubbing.preparation.prepared import PreparedClip
 from dubbing.shipped.base import BASE
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import finetune, render

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from dubbing import batch
+from dubbing.batch import batch
 from dubbing.cli.main import app
 from dubbing.manifest import yaml_lines
 from dubbing.manifest.manifest import load

@@ -10,11 +10,13 @@ from unittest.mock import create_autospec
 import numpy as np
 import pytest
 
+from dubbing import tasks
 from dubbing.files import atomic_write_json
 from dubbing.manifest.entries import Consent, Dub, Finetune, Identity
-from dubbing.stages import tasks
+from dubbing.script.timeline import Cue
+from dubbing.stages.kinds import SYNC_FILE
 from dubbing.stages.listen import Speech
-from dubbing.timeline import Cue
+from dubbing.tasks.dub import PART
 from tests import clips, fakes
 
 torch = pytest.importorskip("torch")
@@ -40,10 +42,10 @@ def quiet(_message: str, _share: float) -> None:
 
 
 def test_prepare(identity: Identity, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from dubbing import preparation
+    from dubbing.preparation import prepare as preparing
 
-    work = create_autospec(preparation.prepare)
-    monkeypatch.setattr(preparation, "prepare", work)
+    work = create_autospec(preparing.prepare)
+    monkeypatch.setattr(preparing, "prepare", work)
     tasks.Prepare(identity, identity.clip, ())(tmp_path, quiet)
     work.assert_called_once_with(identity.clip, tmp_path, size=512, people=(), progress=quiet)
 
@@ -57,7 +59,7 @@ def test_finetune(identity: Identity, tmp_path: Path, monkeypatch: pytest.Monkey
     media = Media(75, "25", 3.0, 3.0, 2.0, 3.0)
     found = SyncResult("warn", "late", "lips", media, offset_frames=-3, confidence=0.2)
     (tmp_path / "source").mkdir()
-    atomic_write_json(tmp_path / "source" / tasks.SYNC_FILE, found.to_json())
+    atomic_write_json(tmp_path / "source" / SYNC_FILE, found.to_json())
     fakes.write_prepared(identity.clip, tmp_path / "prepared")
     prepared = tasks.Prepared(tmp_path / "prepared", identity.clip)
     tasks.Finetune(identity, prepared, tmp_path / "source", None, "cpu")(tmp_path, quiet)
@@ -134,5 +136,5 @@ def test_a_long_cue_is_rendered_in_ranges(dub: Dub, tmp_path: Path) -> None:
         assert whole.frames == frames == sum(p.frames for p in whole.parts().values() or [whole])
         return {name: work.part for name, work in whole.parts().items()}
 
-    assert ranges(tasks.PART) == {}
+    assert ranges(PART) == {}
     assert ranges(501) == {"0-250": (0, 250), "250-500": (250, 500), "500-501": (500, 501)}

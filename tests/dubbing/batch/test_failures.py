@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from dubbing import batch, media
+from dubbing import media
+from dubbing.batch import batch
 from dubbing.engine.graph import Job
 from dubbing.engine.runner import Options
 from dubbing.engine.stage import Stage

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 
-from dubbing import json_records as kept
+from dubbing import json_records, tasks
 from dubbing.engine.graph import Jobs, Node, nodes
 from dubbing.engine.part import Part
 from dubbing.engine.planner import Row
@@ -24,7 +24,6 @@ from dubbing.manifest.entries import Identity
 from dubbing.manifest.findings import Scene
 from dubbing.manifest.manifest import Manifest
 from dubbing.media import MediaInfo
-from dubbing.stages import tasks
 
 FULL_SIZE = 512  # px of a crop whose frame counts as one
 REFINED = 0.5  # steps of learning that the poses of a learned frame are worth
@@ -106,7 +105,7 @@ def measured(manifest: Manifest, graph: Mapping[str, Node]) -> dict[str, Rate]:
 def calibrated() -> dict[str, Rate]:
     """Rates of this machine as `dfrf doctor --calibrate` measured them; none where it did not."""
     try:
-        return kept.read(rates_file(), dict[str, Rate], "rates of this machine")
+        return json_records.read(rates_file(), dict[str, Rate], "rates of this machine")
     except DubbingError:
         return {}
 

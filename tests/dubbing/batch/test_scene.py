@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 import soundfile
 
-from dubbing import batch, jobs, media
+from dubbing import media, tasks
+from dubbing.batch import batch, jobs
 from dubbing.engine.executors import Processes, Source
 from dubbing.engine.graph import nodes
 from dubbing.manifest.manifest import load
 from dubbing.script.timecode import frame_of
-from dubbing.stages import composite, tasks
+from dubbing.stages import composite
 from tests import clips, fakes
 from tests.dubbing.batches import Listener, dub
 

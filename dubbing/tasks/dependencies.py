@@ -5,16 +5,18 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from dubbing import timeline
 from dubbing.engine.stage import digest_of
+from dubbing.errors import DubbingError, RenderingError
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Scene
 from dubbing.manifest.inputs import credits_text
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.terms import sha256_of
-from dubbing.portraits import Portrait
+from dubbing.media import MediaInfo
+from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.provenance.card import CreditsCard
 from dubbing.provenance.mark_key import Marking, marking
+from dubbing.script import timeline
 from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 from dubbing.speech import features
 
@@ -44,9 +46,9 @@ def sounds_of(dub: Dub, scene: Scene) -> dict[str, Path]:
 
 
 def portraits_of(manifest: Manifest, name: str, clip: Path) -> tuple[Portrait, ...]:
-    """Who is told apart in a clip: a person of the manifest, and the others whose clip it is.
+    """How to recognise a person of the manifest in a clip, and the others whose clip it is.
 
-    Nobody where the largest face is meant: nothing says what they look like.
+    Empty where the person is the largest face of the clip.
     """
     own, plain = portrait_of(manifest.identities[name]), Portrait(clip)
     if own == plain:
@@ -94,11 +96,40 @@ def card_of(manifest: Manifest, dub: Dub, scene: Scene) -> CreditsCard | None:
 def consent_of(identity: Identity) -> dict[str, Any]:
     """Who agreed to what, as it is recorded: with the digest of the file, not with its place."""
     consent = identity.consent
-    said = consent.terms()
-    return said if consent.file is None else {**said, "sha256": sha256_of(consent.file)}
+    terms = consent.terms()
+    return terms if consent.file is None else {**terms, "sha256": sha256_of(consent.file)}
 
 
 def consents_of(manifest: Manifest, dub: Dub) -> Any:
     """Who agreed to a dub: of one person, or by name of several."""
     given = {name: consent_of(manifest.identities[name]) for name in dub.people}
     return given if len(given) > 1 else next(iter(given.values()))
+
+
+def signed_facts(manifest: Manifest, dub: Dub, scene: Scene) -> dict[str, Any]:
+    """What the credentials of a dub state, beside its models: consent, sound, mark."""
+    consents = [consent_of(manifest.identities[name]) for name in dub.people]
+    mark = mark_of(dub, scene)
+    return {
+        "consent": [
+            {key: consent[key] for key in ("reference", "sha256") if key in consent}
+            for consent in consents
+        ],
+        "audio": [digest_of(path) for path in sounds_of(dub, scene).values()],
+        "digests": "BLAKE2b-128",
+        "mark": mark.id if mark else None,
+    }
+
+
+def too_long(dub: Dub, film: MediaInfo, scene: Scene) -> DubbingError | None:
+    """With ``on_longer_audio: fail`` a dub that is longer than its clip cannot be made."""
+    assert film.rate is not None
+    frames = max(cue.stop for cue in scene.cues)
+    left = film.frames - timeline.first_frame(dub.video_start, film.rate)
+    if dub.on_longer_audio != "fail" or frames <= left:
+        return None
+    return RenderingError(
+        f"the speech lasts {frames} frames, the clip {left} from video_start on",
+        dub.name,
+        "set on_longer_audio to bounce, loop, hold or cut, or use a longer clip",
+    )

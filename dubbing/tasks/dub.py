@@ -1,6 +1,7 @@
-"""Who does the work of each stage. Each is called with a folder to fill and a progress function.
+"""What is made for a dub: speech features and heads of each cue, the video, its credentials.
 
-What does the work (and torch with it) is imported when it runs, not before.
+Each task is called with a folder to fill and a progress function. What does the work (and torch
+with it) is imported when it runs, not before.
 """
 
 from __future__ import annotations
@@ -13,116 +14,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dfrf.config import STEPS, family
-from dubbing import json_records as kept
-from dubbing import timeline
 from dubbing.engine.stage import Progress, digest_of
-from dubbing.files import atomic_write_json
 from dubbing.identity.learned import learned_seconds
-from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.entries import Dub
 from dubbing.manifest.findings import Scene
-from dubbing.portraits import Portrait
 from dubbing.provenance.card import CreditsCard
 from dubbing.provenance.mark_key import Marking
-from dubbing.timeline import Cue
+from dubbing.script import timeline
+from dubbing.script.timeline import Cue
+from dubbing.tasks.person import Prepared
 
-if TYPE_CHECKING:  # they load what a plan does without
+if TYPE_CHECKING:
     from dubbing.preparation.prepared import PreparedClip
     from dubbing.provenance.credentials import Signer
-    from dubbing.sync.result import SyncResult
 
-SYNC_FILE = "sync.json"
 PART = 250  # frames that are rendered on one machine: a multiple of every method's segment
-
-
-@dataclass(frozen=True)
-class Prepared:
-    """Where a prepared clip lies, and the clip it was made from."""
-
-    folder: Path
-    clip: Path
-
-    def load(self) -> PreparedClip:
-        """See ``PreparedClip.load``."""
-        from dubbing.preparation.prepared import PreparedClip
-
-        return PreparedClip.load(self.folder, self.clip)
-
-
-@dataclass(frozen=True)
-class Prepare:
-    """Tracking, matte and background of one of a person's clips."""
-
-    identity: Identity
-    clip: Path
-    people: tuple[Portrait, ...]
-
-    def __call__(self, out: Path, progress: Progress) -> None:
-        from dubbing.preparation import prepare
-
-        prepare(self.clip, out, size=self.identity.size, people=self.people, progress=progress)
-
-
-def iterations_of(identity: Identity) -> int:
-    """Steps that a person learns: as the manifest says, or the default of their preset."""
-    return identity.finetune.iterations or STEPS[family(identity.preset)]
-
-
-@dataclass(frozen=True)
-class Finetune:
-    """A person's model, from the base checkpoint, the prepared clip and its sync check."""
-
-    identity: Identity
-    prepared: Prepared
-    source_check: Path
-    base: Path | None
-    device: str
-    references: int | None = None
-
-    def __call__(self, out: Path, progress: Progress) -> None:
-        from dubbing.stages.finetune import FinetuneSettings, finetune
-
-        wanted = self.identity
-        settings = FinetuneSettings(
-            preset=wanted.preset,
-            iterations=iterations_of(wanted),
-            seed=wanted.seed,
-            speech=wanted.speech,
-            speech_weights=None if wanted.speech_weights is None else str(wanted.speech_weights),
-            references=self.references,
-        )
-
-        def step(state: Any) -> None:
-            progress(str(state), state.step / state.iterations)
-
-        finetune(
-            self.prepared.load(),
-            out,
-            start=wanted.learned_start,
-            seconds=wanted.learned_seconds,
-            settings=settings,
-            base=self.base,
-            device=self.device,
-            offset=offset_of(self.source_check),
-            progress=step,
-        )
-
-
-@dataclass(frozen=True)
-class RefinePoses:
-    """Head poses of every frame of a person's clip, refined with the learned head."""
-
-    model: Path
-    prepared: Prepared
-    device: str
-
-    def __call__(self, out: Path, progress: Progress) -> None:
-        from dubbing.stages.finetune import MODEL_FILE
-        from dubbing.stages.refine_poses import refine_clip
-        from dubbing.stages.render import load
-
-        model, maps, _ = load(self.model / MODEL_FILE, self.device)
-        refine_clip(model, maps, self.prepared.load(), out, progress)
 
 
 @dataclass(frozen=True)
@@ -278,7 +184,7 @@ class Sign:
     signer: Signer
     film: Path
     models: tuple[Path, ...]
-    said: Mapping[str, Any]
+    facts: Mapping[str, Any]
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.provenance.credentials import sign
@@ -286,62 +192,8 @@ class Sign:
 
         progress("signing", 0.0)
         models = [digest_of(folder / MODEL_FILE) for folder in self.models]
-        said = {**self.said, "models": models}
-        sign(self.video, out / self.video.name, self.signer, self.film, said)
-
-
-@dataclass(frozen=True)
-class Check:
-    """The lip-sync check of a video, beside that of the clip it was made from.
-
-    The frames of a card of credits, the last ones, are not looked at. Of a scene each cue is
-    judged, whose frames alone are looked at: a segment each.
-    """
-
-    video: Path
-    source: Path | None = None
-    lines: Scene | None = None
-    credits: int = 0
-
-    def __call__(self, out: Path, progress: Progress) -> None:
-        from dubbing.sync.check import check
-
-        own = read_check(self.source) if self.source is not None else None
-        scene: dict[str, Any] = {}
-        if self.lines is not None:  # what is new in a scene, by its voices alone
-            scene["parts"] = [(cue.first, cue.stop) for cue in self.lines.cues]
-            from dubbing.mixing.mix import VOICES
-
-            scene["sound_from"] = self.video.with_name(VOICES)
-        found = check(
-            self.video,
-            source=own,
-            leave_out=self.credits,
-            progress=lambda share: progress("listening and looking", share),
-            **scene,
-        )
-        atomic_write_json(out / SYNC_FILE, found.to_json())
-
-
-def read_check(path: Path) -> SyncResult | None:
-    """A sync check that a stage wrote; None where there is none.
-
-    Raises:
-        DubbingError: it is something else.
-    """
-    from dubbing.sync.result import SyncResult
-
-    if not path.is_file():
-        return None
-    return kept.read(path, SyncResult, "sync check")
-
-
-def offset_of(folder: Path) -> int:
-    """Frames by which the sound of a clip comes early, from the folder of its source check."""
-    from dubbing.sync.result import sound_offset
-
-    found = read_check(folder / SYNC_FILE)
-    return sound_offset(found) if found is not None else 0
+        facts = {**self.facts, "models": models}
+        sign(self.video, out / self.video.name, self.signer, self.film, facts)
 
 
 def pose_index(dub: Dub, clip: PreparedClip, frames: int) -> np.ndarray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dubbing.errors import RenderingError
-from dubbing.timeline import frame_count, pose_index, runs, shares
+from dubbing.script.timeline import frame_count, pose_index, runs, shares
 
 ONE_SHOT = np.zeros(10, int)
 TWO_SHOTS = np.array([0] * 6 + [1] * 4)

@@ -9,7 +9,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from dubbing import jobs, pipeline
+from dubbing import pipeline
+from dubbing.batch import jobs
 from dubbing.engine import claims, runner
 from dubbing.engine.executors import Executor
 from dubbing.engine.graph import Job, Jobs
@@ -29,8 +30,7 @@ from dubbing.manifest.overwriting import results_of
 from dubbing.provenance.mark_key import make_installation_key
 from dubbing.report import lines, report
 from dubbing.report.report import Sync
-from dubbing.stage_kinds import PROXY_FILE
-from dubbing.stages.tasks import SYNC_FILE
+from dubbing.stages.kinds import PROXY_FILE, SYNC_FILE
 
 DEFAULT = Options()
 RESULTS = "results"  # claimed while they are put into the output folder
@@ -94,7 +94,8 @@ def dub(
         seconds = time.perf_counter() - started
         written: Path | DubbingError
         try:
-            written = report.write(manifest, planned, outcomes, code=code, seconds=seconds)
+            everything = jobs.build(manifest)
+            written = report.write(manifest, everything, outcomes, code=code, seconds=seconds)
         except DubbingError as error:  # what became of the jobs is said nevertheless
             written, code = error, SOME_FAILED
     return Result(outcomes, code, written, syncs)

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from dubbing import batch, estimates, jobs
+from dubbing import tasks
+from dubbing.batch import batch, estimates, jobs
+from dubbing.batch.estimates import Estimate, Rate
 from dubbing.engine import planner
 from dubbing.engine.graph import nodes
-from dubbing.estimates import Estimate, Rate
 from dubbing.manifest.manifest import load
-from dubbing.stages import tasks
 from tests import clips, fakes
 from tests.dubbing.batches import Listener, manifest_of
 

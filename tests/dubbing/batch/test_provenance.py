@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dubbing import batch, media
+from dubbing import media
+from dubbing.batch import batch
 from dubbing.engine.graph import Job
 from dubbing.engine.runner import Failure
 from dubbing.engine.stage import Stage

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from dubbing.batch.jobs import build
 from dubbing.engine import planner as planning
-from dubbing.jobs import build
 from dubbing.manifest.manifest import load
 from tests.dubbing.batches import dub, manifest_of
 

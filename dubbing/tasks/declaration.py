@@ -7,8 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from dubbing.engine.code_version import code_version
+from dubbing.engine.graph import Job
 from dubbing.engine.stage import Produce, Stage
-from dubbing.stage_kinds import KINDS
+from dubbing.manifest.entries import Identity
+from dubbing.stages.kinds import KINDS
 
 
 class Stages:
@@ -38,12 +40,21 @@ class Stages:
             parts: see `Stage`.
         """
         kind = KINDS[name]
-        folder, version = (
-            self.folder / self.parts / of if of else self.folder,
-            code_version(kind.module),
-        )
-        stage = Stage(
-            name, folder / kind.folder, version, parameters or {}, reads, task, parts or {}
-        )
+        folder = (self.folder / self.parts / of if of else self.folder) / kind.folder
+        version = code_version(kind.module)
+        stage = Stage(name, folder, version, parameters or {}, reads, task, parts or {})
         self.declared[f"{name} {of}" if of else name] = stage
         return stage
+
+
+def clip_name(identity: Identity, clip: Path) -> str:
+    """What the stages of a clip are called after; '' for the one that is learned from."""
+    if clip == identity.clip:
+        return ""
+    same = [film for film in identity.films if film.stem == clip.stem]
+    return clip.stem if len(same) == 1 else f"{clip.stem}-{same.index(clip) + 1}"
+
+
+def stage_of(person: Job, kind: str, identity: Identity, clip: Path) -> Stage:
+    """The stage of a kind that a person has for a clip."""
+    return person.stages[f"{kind} {of}" if (of := clip_name(identity, clip)) else kind]

@@ -18,7 +18,7 @@ class StageKind:
 
 # Beside the video of a composite: what proves a scene, and what browsers play.
 SCENE_FILE, PROXY_FILE = "scene.json", "proxy.mp4"
-SUMMARY_FILE = "finetune.json"  # beside a model: how it was learned
+SYNC_FILE = "sync.json"
 OF_IDENTITY = {
     "prepare": StageKind("prepared", "dubbing.preparation.prepare"),
     "check_source": StageKind("source_check", "dubbing.sync.check"),

@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 import soundfile
 
-from dubbing import media
+from dubbing import media, tasks
 from dubbing.script.timecode import frame_of
-from dubbing.stages import tasks
 from tests import clips, fakes
 from tests.dubbing.batches import dub
 

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from dubbing.batch.jobs import build
 from dubbing.engine import planner as planning
-from dubbing.jobs import build
 from dubbing.manifest.manifest import load
 from tests.dubbing.batches import ROOT, dub, manifest_of
 
