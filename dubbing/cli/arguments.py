@@ -1,4 +1,4 @@
-"""Arguments that several commands take."""
+"""What several commands share: arguments, their checks, and printing."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from dubbing.errors import CallError, DubbingError
+from dubbing.printable import visible
 from dubbing.stages.kinds import STAGES
 
 ManifestPath = Annotated[Path, typer.Argument(metavar="MANIFEST", help="A manifest (YAML).")]
@@ -21,17 +22,18 @@ Force = Annotated[
     list[str] | None,
     typer.Option("--force", metavar="STAGE", help=f"Do again: {', '.join(STAGES)}."),
 ]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Device = Annotated[str, typer.Option("--device", help="auto, cpu or cuda.")]
 
 
 def checked_device(name: str, *, here: bool = True) -> str:
-    """The device asked for.
+    """The requested device.
 
     Args:
-        here: whether it is this machine that does the work.
+        here: whether this machine does the work.
 
     Raises:
-        DubbingError: there is none of that name, or not here.
+        DubbingError: there is no device of that name, or not here.
     """
     if name not in ("auto", "cpu", "cuda"):
         raise DubbingError(f"no device {name!r}", "--device", "use auto, cpu or cuda")
@@ -44,10 +46,10 @@ def checked_device(name: str, *, here: bool = True) -> str:
 
 
 def checked_size(size: int) -> int:
-    """The side of the head crop asked for, pixels.
+    """The requested side of the head crop, pixels.
 
     Raises:
-        DubbingError: it is none that a manifest may ask for.
+        DubbingError: a manifest does not allow it.
     """
     from dubbing.manifest.entries import SIZES
 
@@ -80,7 +82,7 @@ def checked_output(file: Path, *read: Path) -> Path:
 
 
 def checked_path(path: Path) -> Path:
-    """A path that can be written down in what is kept.
+    """A path that records and reports can hold.
 
     Raises:
         CallError: its name is no UTF-8.
@@ -95,10 +97,10 @@ def checked_path(path: Path) -> Path:
 
 
 def checked_seconds(seconds: float | None) -> float | None:
-    """A length that was asked for.
+    """The requested length in seconds.
 
     Raises:
-        DubbingError: it is none.
+        DubbingError: it is not a length.
     """
     from dubbing.manifest.entries import LONGEST_SECONDS
 
@@ -106,3 +108,20 @@ def checked_seconds(seconds: float | None) -> float | None:
         remedy = f"use a number up to {LONGEST_SECONDS:g}"
         raise DubbingError(f"{seconds:g} s is no length", "--seconds", remedy)
     return seconds
+
+
+def checked_stages(names: list[str] | None) -> tuple[str, ...]:
+    """The stages that ``--force`` names.
+
+    Raises:
+        DubbingError: one of them does not exist.
+    """
+    for name in names or ():
+        if name not in STAGES:
+            raise DubbingError(f"no stage {name!r}", "--force", f"use {', '.join(STAGES)}")
+    return tuple(names or ())
+
+
+def print_line(text: str, *, err: bool = False) -> None:
+    """Print a line; control characters are written out."""
+    typer.echo(visible(text), err=err)

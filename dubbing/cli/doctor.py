@@ -1,4 +1,4 @@
-"""What this machine has and lacks for dubbing. What may be missing is imported late, if at all."""
+"""`dfrf doctor`: what this machine has and lacks for dubbing. What may be missing is imported late, if at all."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from dubbing import packages
 from dubbing.errors import MediaError
@@ -28,6 +31,30 @@ class Finding:
     state: str
     found: str
     remedy: str = ""
+
+
+def doctor(
+    calibrate: Annotated[
+        bool,
+        typer.Option("--calibrate", help="Measure for `plan` how fast this machine is: a minute."),
+    ] = False,
+) -> None:
+    """What this machine has and lacks, and the command that mends it."""
+    from dubbing.cli import console
+
+    if calibrate:
+        packages.require("synthetic")
+        from dubbing.batch import estimates
+        from dubbing.cli import live
+        from dubbing.lab.calibration import calibrate as work
+
+        with live.progress_bar("calibrate") as progress:
+            found = work(progress)
+        console.rates(found, estimates.rates_file())
+        return
+    findings = examine()
+    console.doctor(findings)
+    raise typer.Exit(int(any(finding.state == "lacking" for finding in findings)))
 
 
 def examine() -> list[Finding]:
@@ -63,17 +90,15 @@ def _version(package: str) -> str:
 
 
 def _torch() -> Finding:
-    found = _version("torch")
-    return Finding(
-        "torch", "fine" if found else "lacking", found, "" if found else packages.command(["torch"])
-    )
+    if found := _version("torch"):
+        return Finding("torch", "fine", found)
+    return Finding("torch", "lacking", "not installed", packages.command(["torch"]))
 
 
 def _graphics() -> Finding:
     if importlib.util.find_spec("torch") is None:
-        return Finding(
-            "graphics card", "lacking", "torch is not there", packages.command(["torch"])
-        )
+        command = packages.command(["torch"])
+        return Finding("graphics card", "lacking", "torch is not installed", command)
     import torch
 
     if torch.cuda.is_available():
@@ -114,15 +139,12 @@ def _ffmpeg() -> Finding:
     try:
         from dubbing.media import ffmpeg
     except ImportError as error:
-        return Finding("ffmpeg", "lacking", f"{error.name} is not installed", _installing(error))
+        command = packages.command([error.name or "ffmpeg"])
+        return Finding("ffmpeg", "lacking", f"{error.name} is not installed", command)
     try:
         return Finding("ffmpeg", "fine", f"{ffmpeg.version()} ({ffmpeg.binary()})")
     except MediaError as error:
         return Finding("ffmpeg", "lacking", error.what, error.remedy)
-
-
-def _installing(error: ImportError) -> str:
-    return packages.command([error.name or "ffmpeg"])
 
 
 def _mediapipe() -> Finding:

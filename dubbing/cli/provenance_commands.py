@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
+from dubbing.cli.arguments import AsJson, checked_output, print_line
 from dubbing.errors import CallError
-from dubbing.printable import visible
 
 NOTHING_FOUND = 1
 
@@ -27,9 +27,9 @@ def verify(
             help="A key of the invisible mark, beside this installation's; may be repeated.",
         ),
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: AsJson = False,
 ) -> None:
-    """Say what a video carries: credentials, invisible mark, metadata. Exit code 1: nothing."""
+    """Print what a video carries: credentials, invisible mark, metadata. Exit code 1: nothing."""
     from dubbing.provenance import verify as work
     from dubbing.provenance.mark_key import installation_file
 
@@ -40,7 +40,7 @@ def verify(
         typer.echo(json.dumps(found.to_json(), indent=2))
     else:
         for line in work.sentences(found):
-            typer.echo(visible(line))
+            print_line(line)
     if not found.found:
         raise typer.Exit(NOTHING_FOUND)
 
@@ -49,11 +49,10 @@ def consent(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The form to write, .yaml.")],
 ) -> None:
     """Write a form to fill in: who agrees to which dubs, for whom, until when."""
-    from dubbing.cli.arguments import checked_output
     from dubbing.files import atomic_write_text
     from dubbing.provenance.consent_form import FORM
 
     if checked_output(out).exists():
         raise CallError("it is there already; nothing written", str(out), "give another name")
     atomic_write_text(out, FORM)
-    typer.echo(visible(f"wrote {out}; when it is filled in, say `consent: {out}` in the manifest"))
+    print_line(f"wrote {out}; fill it in, then set `consent: {out}` in the manifest")

@@ -15,9 +15,9 @@ from dubbing.cli.arguments import (
     checked_device,
     checked_output,
     checked_seconds,
+    print_line,
 )
 from dubbing.errors import DubbingError
-from dubbing.printable import visible
 
 
 def evaluate(
@@ -47,8 +47,8 @@ def evaluate(
         int,
         typer.Option(
             min=1,
-            help="P15 renders and compares one frame of so many; then nothing is said of how the "
-            "mouth moves. P15x takes all frames.",
+            help="P15 renders and compares one frame of so many, without figures of how the mouth "
+            "moves. P15x takes all frames.",
         ),
     ] = 1,
     lpips_weights: Annotated[
@@ -101,4 +101,4 @@ def import_checkpoint(
         work(file, checked_output(out, file))
     except CheckpointError as error:
         raise DubbingError(str(error)) from error
-    typer.echo(visible(f"wrote {out}"))
+    print_line(f"wrote {out}")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dubbing.errors import MediaError
 from dubbing.manifest.entries import Identity
-from dubbing.media.probing import MediaInfo, probe
+from dubbing.media import MediaInfo, probe
 from dubbing.script.timeline import Cue
 
 KeyPath = tuple[str | int, ...]

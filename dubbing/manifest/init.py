@@ -10,7 +10,7 @@ from pathlib import Path
 
 from dubbing.errors import ManifestError, MediaError, Problem
 from dubbing.files import atomic_write_text, make_folder
-from dubbing.media.probing import MediaInfo, probe
+from dubbing.media import MediaInfo, probe
 
 NAME = "manifest.yaml"
 LONGEST_LEARNT = 15  # seconds

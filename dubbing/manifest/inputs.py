@@ -12,9 +12,8 @@ from dubbing.manifest import terms
 from dubbing.manifest.entries import BEST, Dub, Identity
 from dubbing.manifest.findings import Findings, KeyPath, Scene
 from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without_lines
-from dubbing.media import SUFFIX
+from dubbing.media import SUFFIX, MediaInfo
 from dubbing.media.muxing import MOST_CHANNELS, SOUND
-from dubbing.media.probing import MediaInfo
 from dubbing.provenance import card, credentials
 from dubbing.provenance.credentials import Signer
 from dubbing.provenance.mark_key import read_key

@@ -19,7 +19,7 @@ from dubbing.manifest import inputs, overwriting, yaml_lines
 from dubbing.manifest.entries import Dub, Entry, Identity, check_name, check_path, place_of
 from dubbing.manifest.findings import Scene
 from dubbing.manifest.messages import describe, plain, suggestion
-from dubbing.media.probing import MediaInfo
+from dubbing.media import MediaInfo
 
 MOST_BYTES = 10 * 10**6
 TOP = ("version", "output", "defaults", "identities", "dubs")

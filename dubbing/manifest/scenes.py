@@ -15,7 +15,7 @@ from pathlib import Path
 from dubbing.errors import DubbingError
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Findings, KeyPath, Scene
-from dubbing.media.probing import MediaInfo
+from dubbing.media import MediaInfo
 from dubbing.script import timeline
 from dubbing.script.line import Line
 from dubbing.script.reading import read_lines

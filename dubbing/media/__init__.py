@@ -5,8 +5,9 @@ seconds from the start of the file and frame rates exact fractions.
 """
 
 from dubbing.media.ffmpeg import binary, version
+from dubbing.media.info import MediaInfo
 from dubbing.media.muxing import SOUND, mux, proxy
-from dubbing.media.probing import MediaInfo, count_frames, probe
+from dubbing.media.probing import count_frames, probe
 from dubbing.media.reading import iter_audio, iter_channels, read_audio, read_frames
 from dubbing.media.writing import CODECS, SUFFIX, VideoWriter
 

@@ -1,15 +1,12 @@
-"""What a media file holds: size after rotation, exact rate, frames, sound. PyAV reads it.
+"""Reading what a media file holds, with PyAV.
 
 Every packet is visited (not decoded), so counts are those of the file, not of its header.
 """
 
 from __future__ import annotations
 
-import itertools
 import stat
-import statistics
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
@@ -18,85 +15,18 @@ import av
 import numpy as np
 
 from dubbing.errors import MediaError
-from dubbing.media.colour import Colour, colour_of
+from dubbing.media.colour import colour_of
+from dubbing.media.frame_rate import choose_rate
+from dubbing.media.info import MediaInfo, Picture
 from dubbing.media.opening import opened
 from dubbing.script.timecode import frame_of
 
-COMMON_RATES = (
-    *(Fraction(n) for n in (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120)),
-    *(Fraction(n * 1000, 1001) for n in (24, 30, 48, 60, 120)),
-)
-JITTER = 0.3  # largest departure of a time stamp from a constant rate, in frames
 COMPLETE = 0.98  # of the frames the header promises (most containers promise none)
 SHORTEST, LONGEST, SLIMMEST = 16, 16384, 10  # px, px, and one side over the other
 FLOATS = {"pcm_f32le": "<f4", "pcm_f32be": ">f4", "pcm_f64le": "<f8", "pcm_f64be": ">f8"}
 LOUDEST = 1e6  # 1 is full scale; the AAC encoder gives up from about 1e10
 RESTARTS = 0x0200  # AVFMT_TS_DISCONT, a flag of containers; see `MediaInfo.zero`
 ATTACHED_PICTURE = av.stream.Disposition.attached_pic
-
-
-@dataclass(frozen=True)
-class Picture:
-    """Size as shown, colours, and what a picture of ours would not be.
-
-    Attributes:
-        interlaced: two fields a frame. square: its pixels are. bits: of each colour.
-    """
-
-    width: int
-    height: int
-    colour: Colour
-    interlaced: bool = False
-    square: bool = True
-    bits: int = 8
-
-
-@dataclass(frozen=True)
-class MediaInfo:
-    """A media file. Without a picture, width and frames are 0 and rate is None.
-
-    Attributes:
-        width, height: pixels as shown, after rotation and with square pixels.
-        rate: frames a second. A clip of variable rate gets a constant one.
-        frames: how many frames ``read_frames`` gives at that rate.
-        duration: of the picture in seconds; of the sound, where there is no picture.
-        video_start, audio_start: seconds after the start of the file; 0 for most files.
-        zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
-            first stream it was asked for instead (MPEG-TS, MPEG-PS, Ogg); else None.
-        timecode: of the first frame, as ``01:00:00:00``; '' where the file has none.
-        picture: what the first frame shows; None without a picture.
-    """
-
-    path: Path
-    width: int
-    height: int
-    rate: Fraction | None
-    frames: int
-    duration: float
-    variable_rate: bool
-    video_start: float
-    picture: Picture | None
-    audio_rate: int | None
-    audio_channels: int | None
-    audio_duration: float | None
-    audio_start: float
-    zero: float | None = None
-    timecode: str = ""
-
-    @property
-    def colour(self) -> Colour:
-        """Of its picture."""
-        return self.picture.colour if self.picture else Colour()
-
-    @property
-    def first_frame(self) -> int:
-        """The frame that its timecode begins with; 0 without one."""
-        return frame_of(self.timecode, self.rate) if self.timecode and self.rate else 0
-
-    @property
-    def sound_seconds(self) -> float:
-        """From the start of the file to the end of its sound; 0 without sound."""
-        return self.audio_start + self.audio_duration if self.audio_duration else 0.0
 
 
 def probe(path: Path | str) -> MediaInfo:
@@ -144,63 +74,32 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     sound = next(iter(container.streams.audio), None)
     if video is None and sound is None:
         raise MediaError("neither picture nor sound in it", str(path))
-    times: list[float] = []
-    pictures = untimed = 0
-    floats = None if sound is None else FLOATS.get(_codec(path, sound))
-    ends = {"video": 0.0, "audio": 0.0}
-    starts: dict[str, float] = {}
-    for packet in container.demux([s for s in (video, sound) if s is not None]):
-        if packet.stream.type == "video" and packet.size > 0:
-            pictures += 1
-            untimed += packet.pts is None and packet.dts is None
-        elif floats is not None and packet.size > 0:
-            _check_sound(path, packet, floats)
-        if packet.pts is None or packet.is_discard or packet.time_base is None:
-            continue
-        at = float(packet.pts * packet.time_base)
-        length = float((packet.duration or 0) * packet.time_base)
-        kind = packet.stream.type
-        starts[kind] = min(starts.get(kind, at), at)
-        ends[kind] = max(ends[kind], at + length)
-        if kind == "video":
-            times.append(at)
+    packets = _visit(path, container, video, sound)
     zero = (container.start_time or 0) / av.time_base
-    if video is not None and not times:
-        raise MediaError("no frame in its video stream", str(path), "is the file complete?")
-    there = _counted(container, pictures, times)
-    if video is not None and there < COMPLETE * video.frames:
-        broken = f"it breaks off: {there} of {video.frames} frames are there"
-        raise MediaError(broken, str(path), "copy or convert the file again")
-    if times and untimed:
-        # Negative times of a Matroska file, for one: ffmpeg would guess, and drop what clashes.
-        what = f"{untimed} of its {pictures} frames have no time stamp"
-        raise MediaError(what, str(path), "convert the file again")
-    if sound is not None and "audio" not in starts:
+    if "audio" not in packets.starts:
         sound = None  # a declared but empty track is no sound
-
-    timecode = ""
     width = height = frames = 0
     rate: Fraction | None = None
-    variable = False
-    duration = 0.0
+    variable, duration, timecode = False, 0.0, ""
     picture: Picture | None = None
-    video_start = starts.get("video", zero) - zero
+    video_start = packets.starts.get("video", zero) - zero
     if video is not None:
+        _check_pictures(path, container, video, packets)
         picture = _picture(path, video)
         width, height = picture.width, picture.height
-        times.sort()
+        times = sorted(packets.times)
         if len(times) > 1 and times[0] == times[-1]:
             same = "all its frames have the same time stamp"
             raise MediaError(same, str(path), "convert the file again")
         hints = [r for r in (video.average_rate, video.guessed_rate) if r]
         rate, variable = choose_rate(times, hints)
-        span = ends["video"] - times[0] if variable else float(len(times) / rate)
+        span = packets.ends["video"] - times[0] if variable else float(len(times) / rate)
         frames = max(1, round((video_start + span) * rate))
         duration = float(frames / rate)
         timecode = _timecode(container, rate)
     # What lies before 0 is the priming of the encoder, which no decoder gives out.
-    audio_start = max(0.0, starts.get("audio", zero) - zero)
-    audio_duration = ends["audio"] - zero - audio_start if sound is not None else None
+    audio_start = max(0.0, packets.starts.get("audio", zero) - zero)
+    audio_duration = packets.ends["audio"] - zero - audio_start if sound is not None else None
     return MediaInfo(
         path=path,
         width=width,
@@ -218,6 +117,67 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         zero=zero if container.format.flags & RESTARTS else None,
         timecode=timecode,
     )
+
+
+@dataclass
+class _Packets:
+    """What the packets of a file show; times in seconds, by kind of stream.
+
+    Attributes:
+        pictures, untimed: packets with a picture, and those of them without a time stamp.
+        times: of the pictures.
+    """
+
+    pictures: int = 0
+    untimed: int = 0
+    times: list[float] = field(default_factory=list)
+    starts: dict[str, float] = field(default_factory=dict)
+    ends: dict[str, float] = field(default_factory=lambda: {"video": 0.0, "audio": 0.0})
+
+
+def _visit(
+    path: Path,
+    container: av.container.InputContainer,
+    video: av.video.stream.VideoStream | None,
+    sound: av.audio.stream.AudioStream | None,
+) -> _Packets:
+    found = _Packets()
+    floats = None if sound is None else FLOATS.get(_codec(path, sound))
+    for packet in container.demux([s for s in (video, sound) if s is not None]):
+        kind = packet.stream.type
+        if kind == "video" and packet.size > 0:
+            found.pictures += 1
+            found.untimed += packet.pts is None and packet.dts is None
+        elif floats is not None and packet.size > 0:
+            _check_sound(path, packet, floats)
+        if packet.pts is None or packet.is_discard or packet.time_base is None:
+            continue
+        at = float(packet.pts * packet.time_base)
+        length = float((packet.duration or 0) * packet.time_base)
+        found.starts[kind] = min(found.starts.get(kind, at), at)
+        found.ends[kind] = max(found.ends[kind], at + length)
+        if kind == "video":
+            found.times.append(at)
+    return found
+
+
+def _check_pictures(
+    path: Path,
+    container: av.container.InputContainer,
+    video: av.video.stream.VideoStream,
+    packets: _Packets,
+) -> None:
+    """Raises MediaError where pictures, or their time stamps, are missing."""
+    if not packets.times:
+        raise MediaError("no frame in its video stream", str(path), "is the file complete?")
+    there = _counted(container, packets.pictures, packets.times)
+    if there < COMPLETE * video.frames:
+        broken = f"it breaks off: {there} of {video.frames} frames are there"
+        raise MediaError(broken, str(path), "copy or convert the file again")
+    if packets.untimed:
+        # Negative times of a Matroska file, for one: ffmpeg would guess, and drop what clashes.
+        what = f"{packets.untimed} of its {packets.pictures} frames have no time stamp"
+        raise MediaError(what, str(path), "convert the file again")
 
 
 def _counted(container: av.container.InputContainer, pictures: int, times: list[float]) -> int:
@@ -246,7 +206,7 @@ def _timecode(container: av.container.InputContainer, rate: Fraction) -> str:
 
 
 def _codec(path: Path, sound: av.audio.stream.AudioStream) -> str:
-    if sound.codec_context is None:  # PyAV's stubs do not say so
+    if sound.codec_context is None:  # PyAV's stubs omit it
         what = "its sound is in a format that cannot be decoded"
         raise MediaError(what, str(path), "convert it to WAV of 16 or 24 bits")
     if not sound.channels or not sound.rate:
@@ -265,36 +225,6 @@ def _check_sound(path: Path, packet: av.Packet, kind: str) -> None:
         raise MediaError(what, str(path), "export it again, with 16 or 24 bits")
 
 
-def choose_rate(times: Sequence[float], hints: Sequence[Fraction]) -> tuple[Fraction, bool]:
-    """The constant frame rate that sorted time stamps (seconds) follow, and whether they vary.
-
-    The last of several is later than the first.
-
-    Constant: the first of the snapped hints, the hints and the snapped mean that puts every
-    stamp within ``JITTER`` frames of its place. Variable: the common rate nearest to the
-    usual interval, so that a clip with dropped frames keeps the rate it was filmed at.
-    """
-    if len(times) < 2:
-        return (hints[0] if hints else Fraction(25)), False
-    pace = (len(times) - 1) / (times[-1] - times[0])
-    mean = Fraction(pace).limit_denominator(1001)
-    candidates = [_snap(hint) for hint in hints] + list(hints) + [_snap(mean), mean]
-    for rate in candidates:
-        if all(abs((t - times[0]) * rate - k) < JITTER for k, t in enumerate(times)):
-            return rate, False
-    intervals = [b - a for a, b in itertools.pairwise(times)]
-    median = statistics.median(intervals)
-    # Their mean, because time stamps in whole milliseconds make 33 and 34 of 1/30 s.
-    regular = [interval for interval in intervals if abs(interval - median) < 0.5 * median]
-    typical = 1 / statistics.fmean(regular) if median > 0 else pace
-    return min(COMMON_RATES, key=lambda r: max(r / typical, typical / r)), True
-
-
-def _snap(rate: Fraction) -> Fraction:
-    nearest = min(COMMON_RATES, key=lambda common: abs(common - rate))
-    return nearest if abs(nearest - rate) < Fraction(3, 10000) * rate else rate
-
-
 def _picture(path: Path, video: av.video.stream.VideoStream) -> Picture:
     """What the first decoded frame shows."""
     with opened(path) as container:
@@ -310,7 +240,7 @@ def _picture(path: Path, video: av.video.stream.VideoStream) -> Picture:
     sides = sorted((width, height))
     stored = min(frame.width, frame.height)
     if min(stored, sides[0]) < SHORTEST or sides[1] > min(LONGEST, SLIMMEST * sides[0]):
-        what = f"its picture is {width}x{height} px as shown"
+        what = f"its picture is {width}x{height} px as displayed"
         if (frame.width, frame.height) not in ((width, height), (height, width)):
             what += f", {frame.width}x{frame.height} px as stored"
         bounds = f"{SHORTEST} to {LONGEST} px a side, one at most {SLIMMEST} times the other"

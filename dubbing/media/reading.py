@@ -12,8 +12,9 @@ import numpy as np
 
 from dubbing.errors import MediaError
 from dubbing.media.ffmpeg import Process
+from dubbing.media.info import MediaInfo
 from dubbing.media.opening import Graph, address, into, picture_of, sound_of
-from dubbing.media.probing import MediaInfo, probe
+from dubbing.media.probing import probe
 
 CHANNELS = {"rgb24": (3,), "rgba": (4,), "gray": ()}
 SEEK_LEADS = (20, 320, 5120)  # frames; the first is more than any codec reorders

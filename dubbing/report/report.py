@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import csv
-import math
 import os
 import platform
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import jinja2
-from markupsafe import Markup
 from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
@@ -23,23 +19,28 @@ from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, re
 from dubbing.identity.learned import in_words, learned_if_known
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
-from dubbing.printable import visible
 from dubbing.report import lines
+from dubbing.report.page import (
+    FAILED,
+    MISSING,
+    MOST_POINTS,
+    PASSED,
+    UNJUDGED,
+    VERDICTS,
+    WARNED,
+    page_of,
+)
 from dubbing.report.peak_memory import peak_memory
 from dubbing.stages.kinds import SYNC_FILE
 from dubbing.tasks import dependencies
 
-MOST_POINTS = 400  # of a curve on the page
 SUMMARY = "prepared.json"
 DATA, PAGE = "report.json", "report.html"
-# What a dub comes to, the worst first, and which verdicts of the sync check say so.
-FAILED, WARNED, PASSED, UNJUDGED, MISSING = "failed", "warned", "passed", "unjudged", "missing"
-VERDICTS = (FAILED, WARNED, UNJUDGED, MISSING, PASSED)
-OF_SYNC = {"pass": PASSED, "warn": WARNED, "fail": FAILED}
+OF_SYNC = {"pass": PASSED, "warn": WARNED, "fail": FAILED}  # by the verdict of the sync check
 
 
 class Sync(TypedDict, total=False):
-    """What of a sync check is shown."""
+    """The part of a sync check that the report reads."""
 
     __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
 
@@ -55,7 +56,7 @@ class Sync(TypedDict, total=False):
 
 
 class Prepared(TypedDict, total=False):
-    """What of a prepared clip is shown."""
+    """The part of a prepared clip's summary that the report reads."""
 
     warnings: list[str]
     residual_shift: float | None
@@ -79,35 +80,6 @@ def write(
     atomic_write_json(data, found)
     atomic_write_text(page, page_of(found))
     return page
-
-
-def page_of(found: dict[str, Any]) -> str:
-    """The page that shows what `collect` found: one file, which needs no network."""
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, finalize=_shown
-    )
-    environment.filters |= {"curve": curve, "worst_first": worst_first}
-    template = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
-    return environment.from_string(template).render(found, first_line=first_line(found))
-
-
-def first_line(found: dict[str, Any]) -> str:
-    """How many dubs passed, warned and failed: ``3 dubs: 2 passed, 1 warned, 0 failed``."""
-    counts = found["counts"]
-    named = [PASSED, WARNED, FAILED, *(v for v in (UNJUDGED, MISSING) if counts[v])]
-    total = sum(counts.values())
-    said = ", ".join(f"{counts[verdict]} {verdict}" for verdict in named)
-    return f"{total} dub{'' if total == 1 else 's'}: {said}"
-
-
-def worst_first(dubs: dict[str, Any]) -> list[tuple[str, Any]]:
-    """Names and dubs by verdict; of one verdict, those first whose sync check is least sure."""
-
-    def rank(item: tuple[str, Any]) -> tuple[int, float]:
-        sync = item[1]["sync"] or {}
-        return VERDICTS.index(item[1]["verdict"]), sync.get("confidence") or 0.0
-
-    return sorted(dubs.items(), key=rank)
 
 
 def verdict_of(state: str, sync: Sync) -> str:
@@ -165,9 +137,7 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
         "consent": dependencies.consent_of(identity),
         "warnings": [*clip_warnings(job, damaged), *dict.fromkeys(damaged)],
         "residual_shift": summary.get("residual_shift"),
-        "learned": in_words(learned)
-        if (learned := learned_if_known(job.stages["finetune"].folder))
-        else None,
+        "learned": in_words(learned) if (learned := learned_if_known(model)) else None,
         "contact_sheet": _relative(manifest, sheet) if sheet.is_file() else None,
         **curves,
         "sync": _brief(sync_of(job)),
@@ -175,23 +145,23 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
 
 
 def clip_warnings(job: Job, damaged: list[str]) -> list[str]:
-    """What preparation says of the clips of a person, those before which a name stands included."""
+    """Warnings of preparation about all clips of a person."""
     found = []
     for name, stage in job.stages.items():
         if stage.name == "prepare":
             summary = _read(stage.folder / SUMMARY, Prepared, "prepared clip", damaged)
             of = name.removeprefix("prepare").strip()
-            found += [f"{of}: {said}" if of else said for said in summary.get("warnings", [])]
+            found += [f"{of}: {w}" if of else w for w in summary.get("warnings", [])]
     return found
 
 
 def found_by_looks(planned: Jobs) -> list[str]:
     """Who was found in which shots of the clips that are prepared, and how surely."""
     return [
-        f"{name}: {said}"
+        f"{name}: {warning}"
         for name, job in planned.identities.items()
-        for said in clip_warnings(job, [])
-        if "found by looks" in said or "not found in the shots" in said
+        for warning in clip_warnings(job, [])
+        if "found by looks" in warning or "not found in the shots" in warning
     ]
 
 
@@ -240,29 +210,15 @@ def _common(job: Job, outcome: Outcome) -> dict[str, Any]:
 def _recorded(job: Job, kind: str) -> float | None:
     """Seconds that the stages of a kind took when they were made; None where one is not made."""
     records = [stage.record() for stage in job.stages.values() if stage.name == kind]
-    kept = [record["seconds"] for record in records if record]
-    return round(sum(kept), 2) if len(kept) == len(records) else None
+    seconds = [record["seconds"] for record in records if record]
+    return round(sum(seconds), 2) if len(seconds) == len(records) else None
 
 
 def _brief(sync: Sync) -> dict[str, Any] | None:
-    keys = ("verdict", "reason", "words", "offset_frames", "offset_ms", "confidence", "distance")
     if not sync:
         return None
-    found = {key: sync.get(key) for key in (*keys, "curve")}
-    source: dict[str, Any] = sync.get("source") or {}
-    found["source_confidence"] = source.get("confidence")
-    return found
-
-
-def curve(values: Sequence[float], width: int = 320, height: int = 80) -> str:
-    """Points of an SVG polyline through finite ``values``, low values at the bottom."""
-    step = max(1, len(values) // MOST_POINTS)
-    kept = [v for v in values[::step] if math.isfinite(v)]
-    if len(kept) < 2:
-        return ""
-    low, high = min(kept), max(kept)
-    across, up = width / (len(kept) - 1), height / ((high - low) or 1)
-    return " ".join(f"{k * across:.1f},{(high - v) * up:.1f}" for k, v in enumerate(kept))
+    found = {key: sync.get(key) for key in Sync.__annotations__ if key != "source"}
+    return {**found, "source_confidence": (sync.get("source") or {}).get("confidence")}
 
 
 def _column(path: Path, name: str, damaged: list[str]) -> list[float]:
@@ -287,10 +243,6 @@ def _read(path: Path, shape: Any, whose: str, damaged: list[str]) -> Any:
     except DubbingError as error:
         damaged.append(str(error))
         return {}
-
-
-def _shown(value: Any) -> Any:
-    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _relative(manifest: Manifest, path: Path) -> str:

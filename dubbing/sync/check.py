@@ -6,66 +6,28 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-import torch
 
 from dubbing import media
 from dubbing.errors import MediaError
 from dubbing.speech.voice_activity import STEP_RATE, at_times
 from dubbing.sync.curves import REACH, CurveSum, distances, estimate
+from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
+from dubbing.sync.judgement import Found, conclude, judge_part, reference_confidence
 from dubbing.sync.measure import Block, measure
 from dubbing.sync.motion import MotionSum
 from dubbing.sync.network import SyncNetwork, load_network
-from dubbing.sync.result import (
-    FaceResult,
-    Found,
-    Media,
-    Segment,
-    SyncResult,
-    conclude,
-    judge_part,
-    reference_confidence,
-)
-from dubbing.sync.sight import look
-from dubbing.sync.windows import mouth_windows, sound_windows
+from dubbing.sync.result import FaceResult, Media, Segment, SyncResult
 
 METHOD = "lip geometry and mouth pixels against log-mel and speech features, two streams"
 SEGMENT_SECONDS = 5.0
 # A last segment shorter than this is joined to the one before.
 SHORTEST_SEGMENT = 3.0
 # A frame without voice counts this much, one in full speech 1 more: a closed mouth in silence
-# says something, but a long silence must not wash out the rest.
+# is evidence, too, but a long silence must not wash out the rest.
 SILENT_WEIGHT = 0.2
 # A segment or a face needs this many compared frames to have an offset of its own.
 MIN_ROWS = 40
 Parts = Sequence[tuple[int, int]]
-# Moments that go through the network at once.
-TOGETHER = 256
-
-
-@torch.no_grad()
-def mouth_embeddings(
-    network: SyncNetwork, shapes: np.ndarray, crops: np.ndarray, times: np.ndarray
-) -> np.ndarray:
-    """Embeddings (F, E) of mouth shapes (F, M, 2) and crops (F, R, C) at `times` (F,).
-
-    NaN where a frame is missing.
-    """
-    seen = look(shapes, crops, times)
-    there = np.flatnonzero(np.isfinite(seen).all(1))
-    found = np.full((len(times), network.size), np.nan, np.float32)
-    # A few moments at a time: five frames of pixels each are much in memory.
-    for first in range(0, len(there), TOGETHER):
-        chosen = there[first : first + TOGETHER]
-        looked = mouth_windows(seen, times, times[chosen])
-        found[chosen] = network.embed_mouth(torch.from_numpy(looked)).numpy()
-    return found
-
-
-@torch.no_grad()
-def sound_embeddings(network: SyncNetwork, sound: np.ndarray, moments: np.ndarray) -> np.ndarray:
-    """Embeddings (W, E) of the channels `sound` (T, D) at `moments` (W,) from its start."""
-    windows = sound_windows(sound, moments).astype(np.float32)
-    return network.embed_sound(torch.from_numpy(windows)).numpy()
 
 
 @dataclass
@@ -151,8 +113,7 @@ def segment_edges(frames: int, rate: float) -> np.ndarray:
 
 
 def _segments(sums: _Sums, speaker: _FaceSum, reference: float | None) -> list[Segment]:
-    """What is found of each part: of the speaker, or of parts that were asked for, of whoever
-    speaks in each."""
+    """The result of each part: of the speaker; of requested parts, of whoever speaks in each."""
     found = []
     for k, (first, stop) in enumerate(sums.parts):
         faces = [face.parts[k] for face in sums.faces.values()] if sums.apart else []

@@ -8,8 +8,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dubbing.face.mouth_shape import opening
-from dubbing.sync.result import MOVING_RANGE, SILENT_SHARE, Motion
+from dubbing.sync.result import Motion
 
+# Opening range of a mouth that moves, in distances between the outer corners of the eyes; a
+# still one measures below a quarter of this (docs/sync.md).
+MOVING_RANGE = 0.03
+# The mouth moves in silence if it is this fast there, as a share of its speed in speech.
+SILENT_SHARE = 0.6
 # A frame is silent if nobody speaks this long before and after, so that closing lips do not count.
 SILENT_MARGIN = 0.3
 MIN_SILENCE = 1.0

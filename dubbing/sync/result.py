@@ -1,42 +1,18 @@
-"""What the sync check found, and how it judges it."""
+"""The result of a sync check."""
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
-from dubbing.sync.curves import OFFSETS, Estimate
+from dubbing.sync.curves import OFFSETS
 
 Verdict = Literal["pass", "warn", "fail", "unjudged"]
-
-# A lip-sync error below 40 ms is not seen (ITU-R BT.1359 finds +45 ms the first visible one); at
-# 25 fps this is one frame.
-TOLERANCE_MS = 40.0
-FAIL_MS = 125.0
-# Shares of the confidence of the source clip.
-PASS_SHARE = 0.6
-FAIL_SHARE = 0.3
-# Stands in for the source's confidence where there is no source: 60 % of it is the 95th percentile
-# of speech that does not belong, on people left out of training (docs/sync.md).
-TYPICAL_CONFIDENCE = 0.15
-# The most that a person has whom the network did not learn from (docs/sync.md). One whom it did
-# learn from can have .4, and so has the synthetic speaker: 60 % of that is more than most people's
-# own mouths have, so a dub is asked for 60 % of this at most.
-CLEAREST_CONFIDENCE = 0.28
-MIN_SECONDS = 3.0
-MIN_SPEECH_SECONDS = 1.0
-MIN_MOUTH_SECONDS = 2.0
-# Opening range of a mouth that moves, in distances between the outer corners of the eyes; a
-# still one measures below a quarter of this (docs/sync.md).
-MOVING_RANGE = 0.03
-# The mouth moves in silence if it is this fast there, as a share of its speed in speech.
-SILENT_SHARE = 0.6
 
 
 @dataclass(frozen=True)
 class Segment:
-    """Five seconds of the video, or one of the parts that were asked for.
+    """Five seconds of the video, or one of the requested parts.
 
-    Offset and confidence are None where too little was seen; see `judge_part`.
+    Offset and confidence are None where too little was seen; see `judgement.judge_part`.
     """
 
     start: float
@@ -122,142 +98,3 @@ class SyncResult:
         values["words"] = self.words
         values["source"] = self.source.to_json() if self.source is not None else None
         return values
-
-
-@dataclass(frozen=True)
-class Found:
-    """What a method found of the speaking face: estimate, curve over OFFSETS, frames a second."""
-
-    best: Estimate
-    curve: Sequence[float]
-    rate: float
-    face: int
-    motion: Motion | None = None
-    segments: list[Segment] = field(default_factory=list)
-    faces: list[FaceResult] = field(default_factory=list)
-
-
-def sound_offset(result: SyncResult) -> int:
-    """Frames by which a clip's sound comes early (negative: late), as far as one can rely on it.
-
-    0 unless the sound is off by at least two frames, which a viewer notices and a network should
-    not learn, and the check is surer than of speech that does not belong.
-    """
-    if result.offset_frames is None or result.confidence is None:
-        return 0
-    sure = result.confidence >= PASS_SHARE * TYPICAL_CONFIDENCE
-    return result.offset_frames if sure and abs(result.offset_frames) > 1 else 0
-
-
-def reference_confidence(source: SyncResult | None, method: str) -> float | None:
-    """The source's confidence, if it was measured by the same method."""
-    return source.confidence if source is not None and source.method == method else None
-
-
-def unjudgeable(media: Media, tracked: bool) -> str | None:
-    """Why nothing can be said about a video, or None."""
-    if min(media.picture_seconds, media.sound_seconds) < MIN_SECONDS:
-        short = min(media.picture_seconds, media.sound_seconds)
-        return f"only {short:.1f} s long, {MIN_SECONDS:.0f} s are needed"
-    if media.speech_seconds < MIN_SPEECH_SECONDS:
-        return f"no speech in the sound ({media.speech_seconds:.1f} s)"
-    if not tracked:
-        return "no face was found"
-    if media.mouth_seconds < MIN_MOUTH_SECONDS:
-        return f"a mouth is seen for {media.mouth_seconds:.1f} s only"
-    return None
-
-
-def judge(
-    best: Estimate,
-    offset_ms: float,
-    motion: Motion | None,
-    reference: float | None,
-    typical: float = TYPICAL_CONFIDENCE,
-) -> tuple[Verdict, str]:
-    """Verdict and reason of a video that can be judged.
-
-    Passes with an offset of at most one frame (or 40 ms, where frames are shorter) and at least
-    60 % of the source's confidence, or of `CLEAREST_CONFIDENCE` where the source has more; fails if
-    the mouth stands still, stays below 30 % of the source's, or sits visibly off. `reference` is
-    the source's confidence; `typical` stands for it without a source.
-    """
-    whose = "the source's" if reference is not None else "what real speakers have"
-    share = best.confidence / max(reference if reference is not None else typical, 1e-6)
-    if motion is not None and not motion.moves:
-        return "fail", f"the mouth hardly moves (opening range {motion.opening_range:.3f})"
-    if share < FAIL_SHARE:
-        return "fail", f"the mouth does not follow the sound: confidence {share:.0%} of {whose}"
-    side = "early" if best.offset > 0 else "late"
-    off = f"audio {side} by {abs(best.offset)} frames ({abs(offset_ms):.0f} ms)"
-    if abs(best.offset) > 1 and abs(offset_ms) > FAIL_MS:
-        return "fail", off
-    if abs(best.offset) > 1 and abs(offset_ms) > TOLERANCE_MS:
-        return "warn", off
-    if share < PASS_SHARE and (reference or 0.0) > CLEAREST_CONFIDENCE:
-        share = best.confidence / CLEAREST_CONFIDENCE
-        whose = f"{CLEAREST_CONFIDENCE}, what speakers new to the check have at best"
-    if share < PASS_SHARE:
-        return "warn", f"confidence {best.confidence:.3f} is {share:.0%} of {whose}"
-    return "pass", f"offset {best.offset} frames, confidence {share:.0%} of {whose}"
-
-
-def judge_part(
-    best: Estimate | None, rate: float, seconds: float, voice: float, reference: float | None
-) -> tuple[Verdict, str]:
-    """Verdict and reason of a part of a video, by itself.
-
-    Args:
-        best: None where too little was seen.
-        rate: frames a second.
-        voice: share of speech.
-        reference: the source's confidence, if known.
-    """
-    if seconds < MIN_SECONDS:
-        return "unjudged", f"only {seconds:.1f} s long, {MIN_SECONDS:.0f} s are needed"
-    if voice * seconds < MIN_SPEECH_SECONDS:
-        return "unjudged", f"no speech in the sound ({voice * seconds:.1f} s)"
-    if best is None:
-        return "unjudged", "too little of a mouth and its sound to compare"
-    return judge(best, best.offset * 1000 / rate, None, reference)
-
-
-def conclude(
-    found: Found | None,
-    method: str,
-    media: Media,
-    source: SyncResult | None,
-    *,
-    tracked: bool,
-    typical: float = TYPICAL_CONFIDENCE,
-) -> SyncResult:
-    """The result of a video with sound.
-
-    Args:
-        found: None if there was too little to compare.
-        tracked: whether a face was found at all.
-        typical: the method's confidence that stands in for a source's.
-    """
-    reason = unjudgeable(media, tracked)
-    if found is None or reason is not None:
-        reason = reason or "too little of a mouth and its sound to compare"
-        return SyncResult("unjudged", reason, method, media, source=source)
-    offset_ms = found.best.offset * 1000 / found.rate
-    reference = reference_confidence(source, method)
-    verdict, reason = judge(found.best, offset_ms, found.motion, reference, typical)
-    return SyncResult(
-        verdict,
-        reason,
-        method,
-        media,
-        offset_frames=found.best.offset,
-        offset_ms=offset_ms,
-        confidence=found.best.confidence,
-        distance=found.best.distance,
-        curve=[float(d) for d in found.curve],
-        segments=found.segments,
-        speaking_face=found.face,
-        faces=found.faces,
-        motion=found.motion,
-        source=source,
-    )

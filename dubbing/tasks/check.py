@@ -59,7 +59,7 @@ def read_check(path: Path) -> SyncResult | None:
 
 def offset_of(folder: Path) -> int:
     """Frames by which the sound of a clip comes early, from the folder of its source check."""
-    from dubbing.sync.result import sound_offset
+    from dubbing.sync.judgement import sound_offset
 
     found = read_check(folder / SYNC_FILE)
     return sound_offset(found) if found is not None else 0

@@ -24,7 +24,8 @@ from dubbing.errors import MediaError
 from dubbing.face.face_tracker import track_faces
 from dubbing.speech.voice_activity import STEP_RATE, voice_activity_of_blocks
 from dubbing.sync.curves import REACH, Estimate
-from dubbing.sync.result import Found, Media, SyncResult, conclude
+from dubbing.sync.judgement import Found, conclude
+from dubbing.sync.result import Media, SyncResult
 from dubbing.sync.syncnet.mfcc import HOP, SAMPLE_RATE, WINDOW, mfcc
 from dubbing.sync.syncnet.network import (
     EMBEDDING,

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from dubbing import tasks
 from dubbing.batch import batch, estimates, jobs
 from dubbing.batch.estimates import Estimate, Rate
 from dubbing.engine import planner
@@ -74,7 +73,7 @@ def test_ranges_of_a_long_dub_are_rendered_side_by_side(
     estimates.keep({"render": Rate(1.0, 10.0)})
     whole = needed(path)
     assert whole.seconds == whole.two == whole.longest > 0
-    monkeypatch.setattr(tasks, "PART", 10)  # of 40 frames
+    monkeypatch.setattr("dubbing.tasks.dub.PART", 10)  # of 40 frames
     parts = needed(path)
     assert parts.seconds == pytest.approx(whole.seconds)
     assert parts.disk == pytest.approx(whole.disk)

@@ -15,7 +15,8 @@ from dubbing import tasks
 from dubbing.cli import main as cli
 from dubbing.stages.kinds import SYNC_FILE
 from dubbing.sync.curves import OFFSETS, Estimate
-from dubbing.sync.result import Found, Media, SyncResult, conclude
+from dubbing.sync.judgement import Found, conclude
+from dubbing.sync.result import Media, SyncResult
 from tests import clips
 
 COMMANDS = (

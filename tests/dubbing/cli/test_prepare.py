@@ -21,7 +21,7 @@ def preparing(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
         found.append(out)
         return fakes.write_prepared(clip, out)
 
-    monkeypatch.setattr("dubbing.preparation.prepare", work)
+    monkeypatch.setattr("dubbing.preparation.prepare.prepare", work)
     return found
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from dubbing.manifest import init, yaml_lines
-from dubbing.media.probing import MediaInfo, probe
+from dubbing.media import MediaInfo, probe
 from tests import clips
 
 

@@ -6,7 +6,7 @@ import soundfile
 
 from dubbing import media
 from dubbing.errors import MediaError
-from dubbing.media.probing import choose_rate
+from dubbing.media.frame_rate import choose_rate
 from tests import clips
 
 
@@ -143,7 +143,7 @@ def test_a_shape_that_nobody_films_is_said(
     picture = ("-f", "lavfi", "-i", f"testsrc=s={size}", "-t", "0.2", "-vf", filters)
     codec = "ffv1" if path.suffix == ".mkv" else "libx264"
     clips.ffmpeg(*picture, "-c:v", codec, "-pix_fmt", "yuv444p", path)
-    with pytest.raises(MediaError, match=r"px as shown.*odd\.m.*times the other"):
+    with pytest.raises(MediaError, match=r"px as displayed.*odd\.m.*times the other"):
         media.probe(path)
 
 

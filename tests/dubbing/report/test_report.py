@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from dubbing.identity.learned import in_words
-from dubbing.report.report import VERDICTS, page_of, verdict_of
+from dubbing.report.page import VERDICTS, page_of
+from dubbing.report.report import verdict_of
 
 
 def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) -> dict[str, Any]:

@@ -7,16 +7,8 @@ import pytest
 from pydantic import TypeAdapter
 
 from dubbing.sync.curves import Estimate
-from dubbing.sync.result import (
-    Media,
-    Motion,
-    Segment,
-    SyncResult,
-    judge,
-    reference_confidence,
-    sound_offset,
-    unjudgeable,
-)
+from dubbing.sync.judgement import judge, reference_confidence, sound_offset, unjudgeable
+from dubbing.sync.result import Media, Motion, Segment, SyncResult
 
 MOVING = Motion(0.1, True, False, 0.3, 0.05)
 STILL = Motion(0.01, False, None, 0.02, None)

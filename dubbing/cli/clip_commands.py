@@ -1,0 +1,97 @@
+"""Commands that look at one clip: `prepare`, `sync`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from dubbing import packages
+from dubbing.cli.arguments import AsJson, checked_path, checked_size, print_line
+from dubbing.errors import CallError, DubbingError
+
+
+def prepare(
+    clip: Annotated[
+        Path,
+        typer.Argument(metavar="CLIP", exists=True, dir_okay=False, help="A video of one person."),
+    ],
+    out: Annotated[
+        str | None,
+        typer.Option("--out", metavar="PATH", help="Folder; CLIP.prepared if not given."),
+    ] = None,
+    size: Annotated[int, typer.Option("--size", help="Side of the head crop, pixels.")] = 512,
+) -> None:
+    """Track, matte and restore the background of one clip; see contact_sheet.png."""
+    packages.require()
+    from dubbing.cli import live
+    from dubbing.preparation.claim import claimed
+    from dubbing.preparation.prepare import prepare as work
+
+    size, clip = checked_size(size), checked_path(clip.resolve())
+    if out is not None and not out.strip():
+        raise DubbingError("names no folder", "--out", "name one, or leave --out away")
+    folder = checked_path(Path(out) if out else clip.with_suffix(".prepared"))
+    with claimed(folder, clip), live.progress_bar(f"prepare {clip.name}") as progress:
+        found = work(clip, folder, size=size, progress=progress)
+    for warning in found.warnings:
+        print_line(f"warning: {warning}")
+    print_line(f"{folder / 'contact_sheet.png'}: residual shift {found.residual_shift:.3f} px")
+
+
+def sync(
+    video: Annotated[
+        Path,
+        typer.Argument(metavar="VIDEO", exists=True, dir_okay=False, help="Any video with sound."),
+    ],
+    weights: Annotated[
+        Path | None,
+        typer.Option(
+            "--weights",
+            exists=True,
+            dir_okay=False,
+            help="The published SyncNet (syncnet_v2.model), instead of our network.",
+        ),
+    ] = None,
+    source: Annotated[
+        Path | None,
+        typer.Option(
+            "--source",
+            metavar="CLIP",
+            exists=True,
+            dir_okay=False,
+            help="What the video was dubbed from: judges it beside this clip, as the report does.",
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Measure the lip sync of any video: offset, confidence, distance. Exit code 3 on fail."""
+    if source and weights:
+        raise CallError(
+            "judges by our network only", "--source", "leave --source or --weights away"
+        )
+    packages.require()
+    from dubbing.cli import console, live
+    from dubbing.sync.check import check
+    from dubbing.sync.syncnet.check import published_check
+
+    with live.progress_bar(f"sync {video.name}") as progress:
+        if weights is None:
+            own = None
+            if source is not None:
+                own = check(source, progress=lambda share: progress("the source", share))
+            found = check(
+                video,
+                source=own,
+                progress=lambda share: progress("listening and looking", share),
+            )
+        else:
+            found = published_check(video, weights)
+    if as_json:
+        typer.echo(json.dumps(found.to_json(), indent=2))
+    else:
+        console.sync(found.to_json())
+    if found.verdict == "fail":
+        raise typer.Exit(3)

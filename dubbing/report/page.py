@@ -1,0 +1,62 @@
+"""The page of a report: one file, which needs no network."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from dubbing.printable import visible
+
+MOST_POINTS = 400  # of a curve on the page
+# Verdicts of dubs, the worst first.
+FAILED, WARNED, PASSED, UNJUDGED, MISSING = "failed", "warned", "passed", "unjudged", "missing"
+VERDICTS = (FAILED, WARNED, UNJUDGED, MISSING, PASSED)
+
+
+def page_of(found: dict[str, Any]) -> str:
+    """The HTML of what `report.collect` found."""
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, finalize=_printable
+    )
+    environment.filters |= {"curve": curve, "worst_first": worst_first}
+    template = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
+    return environment.from_string(template).render(found, first_line=first_line(found))
+
+
+def first_line(found: dict[str, Any]) -> str:
+    """How many dubs passed, warned and failed: ``3 dubs: 2 passed, 1 warned, 0 failed``."""
+    counts = found["counts"]
+    named = [PASSED, WARNED, FAILED, *(v for v in (UNJUDGED, MISSING) if counts[v])]
+    total = sum(counts.values())
+    words = ", ".join(f"{counts[verdict]} {verdict}" for verdict in named)
+    return f"{total} dub{'' if total == 1 else 's'}: {words}"
+
+
+def worst_first(dubs: dict[str, Any]) -> list[tuple[str, Any]]:
+    """Names and dubs by verdict; of one verdict, those first whose sync check is least sure."""
+
+    def rank(item: tuple[str, Any]) -> tuple[int, float]:
+        sync = item[1]["sync"] or {}
+        return VERDICTS.index(item[1]["verdict"]), sync.get("confidence") or 0.0
+
+    return sorted(dubs.items(), key=rank)
+
+
+def curve(values: Sequence[float], width: int = 320, height: int = 80) -> str:
+    """Points of an SVG polyline through finite ``values``, low values at the bottom."""
+    step = max(1, len(values) // MOST_POINTS)
+    finite = [v for v in values[::step] if math.isfinite(v)]
+    if len(finite) < 2:
+        return ""
+    low, high = min(finite), max(finite)
+    across, up = width / (len(finite) - 1), height / ((high - low) or 1)
+    return " ".join(f"{k * across:.1f},{(high - v) * up:.1f}" for k, v in enumerate(finite))
+
+
+def _printable(value: Any) -> Any:
+    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
