@@ -1,6 +1,4 @@
-"""Files that appear whole or not at all (write, fsync, rename), what they hold (digests), and the
-folders they go to.
-"""
+"""Writing files whole or not at all (write, fsync, rename), reading them, and their digests."""
 
 from __future__ import annotations
 
@@ -12,15 +10,15 @@ import operator
 import os
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from dubbing.errors import DubbingError
 
-BLOCK = 1 << 20  # bytes read at a time
 FULL = (errno.ENOSPC, errno.EDQUOT)
+Found = TypeVar("Found")
 # A name of a file and what `atomic_path` adds to it must fit into this, in bytes of UTF-8.
 LONGEST_NAME = 255 - len("..4194304.tmp")
 
@@ -45,7 +43,7 @@ def system_error(error: OSError, path: Path | str = "") -> DubbingError:
     """What the system refused, where, and what to do.
 
     Args:
-        path: of what; else as the error says.
+        path: the file or folder; by default the one that the error names.
     """
     if isinstance(error, IsADirectoryError):
         return DubbingError("a folder lies where a file should go", str(path), "move it away")
@@ -57,11 +55,7 @@ def system_error(error: OSError, path: Path | str = "") -> DubbingError:
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """What the system refuses in here was to be written to ``path``.
-
-    Raises:
-        DubbingError: instead of an OSError.
-    """
+    """Turn an OSError in the body into a DubbingError about ``path``."""
     try:
         yield
     except OSError as error:
@@ -157,14 +151,34 @@ def sync_file(path: Path) -> None:
 
 def digest_file(path: Path) -> str:
     """BLAKE2b-128 of a file's bytes, in hexadecimal."""
-    hasher = hashlib.blake2b(digest_size=16)
     with open(path, "rb") as stream:
-        while block := stream.read(BLOCK):
-            hasher.update(block)
-    return hasher.hexdigest()
+        return hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 
 
 def digest_data(content: Any) -> str:
-    """BLAKE2b-128 of plain data (what JSON can say), the same for every order of keys."""
+    """BLAKE2b-128 of plain data (as JSON holds it), the same for every order of keys."""
     text = json.dumps(content, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+
+
+def while_unchanged(
+    maxsize: int,
+) -> Callable[[Callable[[Path], Found]], Callable[[Path], Found]]:
+    """Cache a function of a file until its size, time stamp or inode changes.
+
+    The cached function raises FileNotFoundError where there is no file.
+    """
+
+    def wrap(read: Callable[[Path], Found]) -> Callable[[Path], Found]:
+        @functools.lru_cache(maxsize)
+        def cached(path: Path, _size: int, _changed: int, _inode: int) -> Found:
+            return read(path)
+
+        @functools.wraps(read)
+        def call(path: Path) -> Found:
+            status = os.stat(path)
+            return cached(path, status.st_size, status.st_mtime_ns, status.st_ino)
+
+        return call
+
+    return wrap

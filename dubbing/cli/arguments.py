@@ -51,7 +51,7 @@ def checked_size(size: int) -> int:
     Raises:
         DubbingError: a manifest does not allow it.
     """
-    from dubbing.manifest.entries import SIZES
+    from dubbing.manifest.values import SIZES
 
     if size not in SIZES:
         remedy = f"use {SIZES.start} to {SIZES[-1]} in steps of {SIZES.step}"
@@ -87,7 +87,7 @@ def checked_path(path: Path) -> Path:
     Raises:
         CallError: its name is no UTF-8.
     """
-    from dubbing.manifest.entries import check_path
+    from dubbing.manifest.values import check_path
 
     try:
         check_path(path.absolute())
@@ -102,7 +102,7 @@ def checked_seconds(seconds: float | None) -> float | None:
     Raises:
         DubbingError: it is not a length.
     """
-    from dubbing.manifest.entries import LONGEST_SECONDS
+    from dubbing.manifest.values import LONGEST_SECONDS
 
     if seconds is not None and not 0 < seconds <= LONGEST_SECONDS:
         remedy = f"use a number up to {LONGEST_SECONDS:g}"

@@ -1,4 +1,4 @@
-"""`dfrf doctor`: what this machine has and lacks for dubbing. What may be missing is imported late, if at all."""
+"""`dfrf doctor`: what this machine has and lacks. What may be missing is imported late."""
 
 from __future__ import annotations
 

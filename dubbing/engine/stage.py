@@ -1,7 +1,7 @@
 """A stage: a folder of results with a record, written last, of how they were made.
 
 A stage is done only if its record holds: same version, parameters and inputs, and every output
-as it was. ``Stage.changes`` says what does not hold. Work in progress lives in a sibling folder
+as it was. ``Stage.changes`` lists what does not hold. Work in progress lives in a sibling folder
 named after the key (a digest of version, parameters and inputs): a rerun with the same key goes on
 there, other settings never pick it up, and the last good result stays until the new one is whole.
 """
@@ -9,10 +9,8 @@ there, other settings never pick it up, and the last good result stays until the
 from __future__ import annotations
 
 import os
-import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +19,7 @@ from typing_extensions import TypedDict
 
 from dubbing import json_records
 from dubbing.errors import DubbingError
-from dubbing.files import digest_data, digest_file
+from dubbing.files import digest_data, digest_file, while_unchanged
 
 RECORD = "stage.json"
 
@@ -48,6 +46,7 @@ class Record(TypedDict):
 
 Progress = Callable[[str, float], None]
 Produce = Callable[[Path, Progress], None]
+_digest = while_unchanged(65536)(digest_file)
 
 
 @dataclass(frozen=True)
@@ -155,15 +154,5 @@ class Stage:
 
 def digest_of(path: Path) -> str:
     """Digest of a file, read once as long as it does not change; '' where there is none."""
-    try:
-        status = os.stat(path)
-    except FileNotFoundError:
-        return ""
-    if not stat.S_ISREG(status.st_mode):
-        return ""  # a pipe that came in its place would be waited for
-    return _digest(path, status.st_size, status.st_mtime_ns, status.st_ino)
-
-
-@lru_cache(maxsize=65536)
-def _digest(path: Path, _size: int, _changed: int, _inode: int) -> str:
-    return digest_file(path)
+    # A pipe in its place would block whoever reads it.
+    return _digest(path) if path.is_file() else ""

@@ -1,173 +1,35 @@
-"""What one identity and one dub of a manifest say: keys, types, defaults."""
+"""The entries of a manifest, identities and dubs: keys, types, defaults."""
 
 from __future__ import annotations
 
-import datetime
-import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationInfo,
-)
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
 
-from dubbing import files
 from dubbing.errors import DubbingError
 from dubbing.files import read_bounded
 from dubbing.manifest import yaml_lines
-from dubbing.printable import is_blank
-
-LONGEST_NAME = 100  # characters
-LONGEST_BYTES = files.LONGEST_NAME - len(
-    ".lines.jsonl"
-)  # of a name, which a file's name begins with
-LONGEST_SECONDS = 1e9
-# What a person is learned from: so many seconds, and where the best of the clip are asked for.
-LEARNED_SECONDS, BEST = 15.0, "best"
-# 1:05 or 0:01:05.5; the first number may be larger than 59.
-CLOCK = re.compile(r"(?:([0-9]{1,6}):(?=[0-5][0-9]:))?([0-9]{1,6}):([0-5][0-9](?:\.[0-9]*)?)")
-SIZES = range(64, 1025, 8)  # sides of the head crop, pixels
-
-
-def _resolve(value: Any, info: ValidationInfo) -> Any:
-    """A path relative to the folder of the manifest."""
-    if not isinstance(value, str) or not value.strip():
-        raise ValueError("must be the path of a file")
-    return place_of(value, (info.context or {})["folder"])
-
-
-def place_of(written: str, folder: Path) -> Path:
-    """The full path that is meant by what a manifest in a folder says; there may be nothing yet.
-
-    Raises:
-        ValueError: there can be no such path, or it may not be looked at.
-    """
-    try:
-        path = (folder / Path(written).expanduser()).resolve()
-        path.exists()
-        check_path(path)
-    except (OSError, RuntimeError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise ValueError(f"cannot be a path: {reason}") from error
-    return path
-
-
-def check_path(path: Path) -> None:
-    """Records and reports are UTF-8, and so must be what they name.
-
-    Raises:
-        ValueError: the path is not.
-    """
-    try:
-        str(path).encode()
-    except UnicodeEncodeError as error:
-        raise ValueError("its name is no UTF-8: rename the file or folder") from error
-
-
-def check_name(value: Any) -> Any:
-    """A name becomes file and folder names below the output folder."""
-    if not isinstance(value, str):
-        raise ValueError("must be text: put it in quotes")
-    if not value.strip() or len(value) > LONGEST_NAME:
-        raise ValueError(f"must have 1 to {LONGEST_NAME} characters")
-    if len(value.encode(errors="replace")) > LONGEST_BYTES:
-        raise ValueError(f"must have at most {LONGEST_BYTES} bytes in UTF-8: give a shorter name")
-    if "/" in value or "\\" in value or ":" in value or value in (".", ".."):
-        raise ValueError("would leave the output folder: a name has no '/', '\\' or ':'")
-    if value.startswith(".") or value != value.strip() or not value.isprintable():
-        raise ValueError("must not start with a dot or a space, nor hold unprintable characters")
-    return value
-
-
-def _check_words(value: str) -> str:
-    if is_blank(value):
-        raise ValueError("must not be empty: nothing in it can be read")
-    return value
-
-
-def _seconds(value: Any) -> Any:
-    """Seconds of what a clock shows; anything else as it is."""
-    if not isinstance(value, str) or ":" not in value:
-        return value
-    found = CLOCK.fullmatch(value.strip())
-    if found is None:
-        raise ValueError(
-            f"must be seconds as 65.5, or a time as 1:05.5 or 0:01:05.5, not {value!r:.60}"
-        )
-    hours, minutes, seconds = found.groups(default="0")
-    return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
-
-
-def _learned_seconds(value: Any) -> Any:
-    """A number of seconds above 0, or `BEST`."""
-    number = _seconds(value)
-    if number == BEST:
-        return BEST
-    if isinstance(number, bool) or not isinstance(number, int | float):
-        raise ValueError(f"must be a number of seconds or {BEST!r}, not {value!r:.60}")
-    if not 0 < number <= LONGEST_SECONDS:
-        raise ValueError(f"must be above 0 and at most {LONGEST_SECONDS:g}, not {value!r:.60}")
-    return float(number)
-
-
-def _resolve_sounds(value: Any, info: ValidationInfo) -> Any:
-    """A path, or a mapping of speakers to paths."""
-    if not isinstance(value, dict):
-        return _resolve(value, info)
-    found = {}
-    for name, path in value.items():
-        if not isinstance(name, str):
-            raise ValueError(f"the speaker {name!r} must be text: put it in quotes")
-        try:
-            found[name] = _resolve(path, info)
-        except ValueError as error:
-            raise ValueError(f"{name}: {error}") from error
-    return found
-
-
-# What stands in forms that nobody filled in. Compared without case, punctuation and brackets.
-PLACEHOLDERS = frozenset(
-    (
-        *("todo", "tbd", "tba", "tbc", "t b d", "fixme", "xx", "xxx", "na", "none", "null"),
-        *("unknown", "nobody", "anybody", "anyone", "someone", "somebody", "person", "name"),
-        *("your name", "full name", "first name last name", "first and last name", "who agreed"),
-        *("reference", "consent", "placeholder", "example", "sample", "fill in", "fill me in"),
-        *("to be filled in", "lorem ipsum", "john doe", "jane doe", "foo", "bar"),
-    )
+from dubbing.manifest.values import (
+    BEST,
+    LEARNED_SECONDS,
+    LONGEST_SECONDS,
+    SIZES,
+    Day,
+    FilePath,
+    Filled,
+    Film,
+    Language,
+    LearnedSeconds,
+    Name,
+    Seconds,
+    Sha256,
+    Sounds,
+    check_words,
+    resolve,
 )
 
-
-def _check_filled(value: str) -> str:
-    words = re.sub(r"[\W_]+", " ", _check_words(value).casefold().replace("/", "")).strip()
-    if words in PLACEHOLDERS or re.fullmatch(r"\s*[<\[{].*[>\]}]\s*", value):
-        raise ValueError(f"{value!r:.60} is a placeholder: fill in what it stands for")
-    return value
-
-
-def _film(value: Any, info: ValidationInfo) -> Any:
-    if isinstance(value, str) and re.fullmatch(SHA256, value):
-        return value
-    return _resolve(value, info)
-
-
 MOST_BYTES_OF_FORM = 10**5
-SHA256 = "[0-9a-fA-F]{64}"
-FilePath = Annotated[Path, BeforeValidator(_resolve)]
-# One sound, or one a speaker; a name with {cue} or {cue:03} is a file a line.
-Sounds = Annotated[Path | dict[str, Path], BeforeValidator(_resolve_sounds)]
-Seconds = Annotated[float, BeforeValidator(_seconds)]
-LearnedSeconds = Annotated[float | Literal["best"], BeforeValidator(_learned_seconds)]
-Name = Annotated[str, BeforeValidator(check_name)]
-Filled = Annotated[str, Field(min_length=1), AfterValidator(_check_filled)]
-Day = Annotated[datetime.date, Field(strict=False)]
-Language = Annotated[str, Field(pattern="^[a-zA-Z]{2,3}(-[a-zA-Z0-9]{2,8})*$")]
-Film = Annotated[Path | str, BeforeValidator(_film)]
-Sha256 = Annotated[str, Field(pattern=f"^{SHA256}$"), AfterValidator(str.lower)]
 
 
 class Entry(BaseModel):
@@ -197,16 +59,16 @@ class Consent(Entry):
 
     def terms(self) -> dict[str, Any]:
         """Everything but where files lie, as plain data; what was left open is left out."""
-        said = self.model_dump(mode="json", exclude={"file", "films"}, exclude_none=True)
+        terms = self.model_dump(mode="json", exclude={"file", "films"}, exclude_none=True)
         films = [film.name if isinstance(film, Path) else film for film in self.films or ()]
-        return {"date": None, **said, **({"films": films} if films else {})}
+        return {"date": None, **terms, **({"films": films} if films else {})}
 
 
 def _consent(value: Any, info: ValidationInfo) -> Any:
     """A form that was filled in, where consent is the path of one."""
     if not isinstance(value, str):
         return value
-    path: Path = _resolve(value, info)
+    path: Path = resolve(value, info)
     try:
         document = yaml_lines.read(read_bounded(path, MOST_BYTES_OF_FORM).decode())
     except (OSError, ValueError, DubbingError) as error:
@@ -234,14 +96,14 @@ def _mark(value: Any) -> Any:
 
 
 class Credits(Entry):
-    """A card after the last frame; by default it says what is AI-made, and who agreed."""
+    """A card after the last frame; its default text names what is AI-made, and who agreed."""
 
     seconds: Seconds = Field(default=3.0, gt=0, le=60, allow_inf_nan=False)
-    text: Annotated[str, Field(max_length=500), AfterValidator(_check_words)] | None = None
+    text: Annotated[str, Field(max_length=500), AfterValidator(check_words)] | None = None
 
 
 class Label(Entry):
-    """What viewers are told: by the visible mark over the picture, by a card of credits."""
+    """What viewers read: the visible mark over the picture, a card of credits."""
 
     mark: bool = True
     credits: Credits | None = None
@@ -254,7 +116,7 @@ def _label(value: Any) -> Any:
 
 
 class Finetune(Entry):
-    """How long to learn; the preset says it by default."""
+    """How long to learn; the preset has a default."""
 
     iterations: int | None = Field(default=None, ge=1, le=10**9)
 
@@ -276,8 +138,8 @@ FacePoints = Annotated[
 class Identity(Entry):
     """A filmed person: clips, which seconds of which one to learn from, and how.
 
-    ``face`` says whose face it is where a shot of the first clip shows several. In other shots, and
-    in other clips, it is looked for by what it looks like.
+    ``face`` points at the person where a shot of the first clip shows several faces. In other shots
+    and clips the face is recognised by its looks.
 
     ``clip`` is the one that is learned from; where only ``clips`` are named, the first of them that
     has so many seconds, or the longest for the best seconds.

@@ -7,20 +7,19 @@ from pathlib import Path
 
 from dubbing.errors import MediaError
 from dubbing.manifest.entries import Identity
+from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo, probe
 from dubbing.script.timeline import Cue
-
-KeyPath = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
 class Scene:
-    """What a dub says when, over which film.
+    """The speech of a dub, when it is spoken, and the film under it.
 
     Attributes:
         clip: the film.
         cues: in the order of their times.
-        left: frames (first, stop) in which somebody speaks whom nobody dubs.
+        left: frames (first, stop) in which people speak who are not dubbed.
     """
 
     clip: Path
@@ -47,7 +46,7 @@ class Findings:
     def look(self, path: Path, key: KeyPath) -> MediaInfo | None:
         """Probe a file once. One that is missing is a problem; one that is damaged is kept."""
         if not path.is_file():
-            self.problems.append((key, f"no such file: {path}"))
+            self.add(key, f"no such file: {path}")
             return None
         if path not in self.media and path not in self.damaged:
             try:

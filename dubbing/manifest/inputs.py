@@ -9,9 +9,11 @@ from pathlib import Path
 from dubbing.errors import DubbingError
 from dubbing.manifest import preset_checks as published
 from dubbing.manifest import terms
-from dubbing.manifest.entries import BEST, Dub, Identity
-from dubbing.manifest.findings import Findings, KeyPath, Scene
+from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.findings import Findings, Scene
 from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without_lines
+from dubbing.manifest.values import BEST
+from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import SUFFIX, MediaInfo
 from dubbing.media.muxing import MOST_CHANNELS, SOUND
 from dubbing.provenance import card, credentials
@@ -55,19 +57,19 @@ def _learning(findings: Findings, name: str, identity: Identity) -> Identity:
 def _identity(findings: Findings, name: str, identity: Identity) -> None:
     at: KeyPath = ("identities", name)
     if identity.base is not None and not identity.base.is_file():
-        findings.problems.append(((*at, "base"), f"no such file: {identity.base}"))
-    elif said := published.base_problem(identity):
-        findings.problems.append(((*at, "base"), said))
+        findings.add((*at, "base"), f"no such file: {identity.base}")
+    elif problem := published.base_problem(identity):
+        findings.add((*at, "base"), problem)
     findings.warnings += [f"identities.{name}: {n}" for n in published.identity_notes(identity)]
-    for key, said in terms.of_identity(identity, datetime.date.today()):
-        findings.problems.append(((*at, *key), said))
+    for key, problem in terms.of_identity(identity, datetime.date.today()):
+        findings.add((*at, *key), problem)
     _speech(findings, at, identity)
     info = findings.media.get(identity.clip)
     if info is None or info.rate is None:
         return
     if info.audio_rate is None:
         message = f"no sound in {identity.clip}: a face is learnt together with its speech"
-        findings.problems.append(((*at, "clip"), message))
+        findings.add((*at, "clip"), message)
     if identity.seconds == BEST and identity.start:
         findings.add(
             (*at, "start"), "leave it out: the best seconds are looked for in all the clip"
@@ -75,7 +77,7 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
     left = info.duration - identity.start
     if left < SHORTEST_CLIP:
         message = f"{identity.start:g} s leaves nothing to learn from: the clip is"
-        findings.problems.append(((*at, "start"), f"{message} {info.duration:.1f} s long"))
+        findings.add((*at, "start"), f"{message} {info.duration:.1f} s long")
     elif left < identity.learned_seconds:
         findings.warnings.append(
             f"identities.{name}: learns from {left:.1f} s, all there is, instead of"
@@ -84,7 +86,7 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
 
 
 def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> None:
-    """What of a clip's picture cannot be kept: refused where it would look wrong, else said."""
+    """What results cannot keep of a clip's picture: a problem, or a warning where it looks right."""
     picture = info.picture
     assert picture is not None  # a clip has one
     assert info.rate is not None
@@ -117,7 +119,7 @@ def signer_of(dub: Dub) -> Signer | None:
 
 
 def credits_text(dub: Dub, identities: Mapping[str, Identity]) -> str:
-    """What the card of a dub says; '' where it has none."""
+    """The text on the card of a dub; '' where it has none."""
     if dub.label.credits is None:
         return ""
     agreed = [identities[name].consent.by for name in dub.people if name in identities]
@@ -127,16 +129,16 @@ def credits_text(dub: Dub, identities: Mapping[str, Identity]) -> str:
 def _speech(findings: Findings, at: KeyPath, identity: Identity) -> None:
     name, weights = identity.speech, identity.speech_weights
     if weights is not None and name in features.WITHOUT_WEIGHTS:
-        findings.problems.append(((*at, "speech_weights"), f"{name} features have no weights"))
+        findings.add((*at, "speech_weights"), f"{name} features have no weights")
         return
     try:
         file = features.weights_file(name, weights)
     except DubbingError as error:
         key = "speech" if weights is None else "speech_weights"
-        findings.problems.append(((*at, key), str(error)))
+        findings.add((*at, key), str(error))
         return
     if file is not None and not file.is_file():
-        findings.problems.append(((*at, "speech_weights"), f"no such file: {file}"))
+        findings.add((*at, "speech_weights"), f"no such file: {file}")
 
 
 def _provenance(findings: Findings, at: KeyPath, dub: Dub) -> None:
@@ -145,12 +147,12 @@ def _provenance(findings: Findings, at: KeyPath, dub: Dub) -> None:
         try:
             read_key(dub.mark.key)
         except DubbingError as error:
-            findings.problems.append(((*at, "mark", "key"), str(error)))
+            findings.add((*at, "mark", "key"), str(error))
     if (signer := signer_of(dub)) is not None:
-        if said := credentials.problem(signer, SUFFIX[dub.codec]):
-            findings.problems.append(((*at, "certificate"), said))
+        if problem := credentials.problem(signer, SUFFIX[dub.codec]):
+            findings.add((*at, "certificate"), problem)
     elif dub.certificate or dub.key:
-        findings.problems.append(((*at, "key"), "to sign needs both, certificate and key"))
+        findings.add((*at, "key"), "to sign needs both, certificate and key")
 
 
 def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Identity]) -> None:
@@ -163,7 +165,8 @@ def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Iden
         message = f"the card has no letters for {letters[:20]!r}: give it a text without them"
         findings.add((*at, "label", "credits", "text"), message)
     for identity in (identities[name] for name in dub.people if name in identities):
-        findings.problems += [((*at, *key), said) for key, said in terms.of_dub(dub, identity)]
+        for key, problem in terms.of_dub(dub, identity):
+            findings.add((*at, *key), problem)
     if dub.lines is not None:
         inspect_scene(findings, place, dub, identities)
         _music(findings, at, dub)
@@ -185,14 +188,13 @@ def _whole_audio(
     if sound is not None:
         if sound.audio_rate is None:
             findings.add((*at, "audio"), f"no sound in {dub.audio}")
-        elif _too_many_channels(findings, (*at, "audio"), dub, sound):
-            pass
         elif dub.audio_start >= sound.sound_seconds:
             message = f"{dub.audio_start:g} s is past the end: the sound is"
             findings.add((*at, "audio_start"), f"{message} {sound.sound_seconds:.1f} s long")
         elif dub.audio_seconds and dub.audio_start + dub.audio_seconds > sound.sound_seconds + 0.5:
             message = f"there are only {sound.sound_seconds - dub.audio_start:.1f} s of sound"
             findings.add((*at, "audio_seconds"), message)
+        _check_channels(findings, (*at, "audio"), dub, sound)
     clip = film_of(findings, at, dub, identities)
     if clip is None or clip.rate is None:
         return
@@ -213,16 +215,14 @@ def _music(findings: Findings, at: KeyPath, dub: Dub) -> None:
     if sound is not None and sound.audio_rate is None:
         findings.add(key, f"no sound in {dub.music_effects}")
     elif sound is not None:
-        _too_many_channels(findings, key, dub, sound)
+        _check_channels(findings, key, dub, sound)
 
 
-def _too_many_channels(findings: Findings, key: KeyPath, dub: Dub, sound: MediaInfo) -> bool:
+def _check_channels(findings: Findings, key: KeyPath, dub: Dub, sound: MediaInfo) -> None:
     most = MOST_CHANNELS[SOUND[dub.codec]]
-    if (sound.audio_channels or 0) <= most:
-        return False
-    message = f"{sound.audio_channels} channels in {sound.path}: {dub.codec} takes {most} at most"
-    findings.add(key, f"{message}; mix it down")
-    return True
+    if (sound.audio_channels or 0) > most:
+        count = f"{sound.audio_channels} channels in {sound.path}"
+        findings.add(key, f"{count}: {dub.codec} takes {most} at most; mix it down")
 
 
 def _slow(findings: Findings, dub: Dub, scene: Scene, identities: Mapping[str, Identity]) -> None:

@@ -1,4 +1,4 @@
-"""The manifest: who was filmed, what is to be said, and where the results go.
+"""The manifest: who was filmed, their new speech, and where the results go.
 
 ``load`` reports every problem at once, each with its key path and line. A clip or a sound that is
 there but damaged is no mistake in the manifest: it is kept in ``Manifest.damaged`` and fails only
@@ -16,9 +16,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from dubbing.errors import DubbingError, ManifestError, MediaError, Problem
 from dubbing.files import read_bounded
 from dubbing.manifest import inputs, overwriting, yaml_lines
-from dubbing.manifest.entries import Dub, Entry, Identity, check_name, check_path, place_of
+from dubbing.manifest.entries import Dub, Entry, Identity
 from dubbing.manifest.findings import Scene
 from dubbing.manifest.messages import describe, plain, suggestion
+from dubbing.manifest.values import check_name, check_path, place_of
+from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
 
 MOST_BYTES = 10 * 10**6
@@ -32,11 +34,11 @@ UNKNOWN: dict[str, Any] = {
 
 
 class Manifest(BaseModel):
-    """A manifest that holds.
+    """A manifest without mistakes.
 
     Attributes:
-        scenes: what each dub says when; not those whose files are damaged.
-        media: what the readable files are. damaged: the others.
+        scenes: of each dub, except those whose files are damaged.
+        media: of the readable files. damaged: the others.
         blocked: dubs that need one of these for their sound.
     """
 
@@ -106,7 +108,7 @@ class _Reader:
         output = self._output()
         identities = self._identities()
         dubs = self._dubs()
-        findings = inputs.inspect(*self._looked_into(identities, dubs))
+        findings = inputs.inspect(*self._selected(identities, dubs))
         for key, message in findings.problems:
             self._add(self._written(key), message)
         if output is not None:
@@ -128,9 +130,10 @@ class _Reader:
             warnings=tuple(findings.warnings),
         )
 
-    def _looked_into(
+    def _selected(
         self, identities: dict[str, Identity], dubs: dict[int, Dub]
     ) -> tuple[dict[str, Identity], dict[int, Dub]]:
+        """The entries that ``only`` names, and what they need."""
         if not self.only:
             return identities, dubs
         some = {k: dub for k, dub in dubs.items() if dub.name in self.only}
@@ -160,8 +163,8 @@ class _Reader:
             self._add(("output",), str(error))
             return None
         for folder in (output, output / overwriting.WORK):
-            if said := overwriting.unwritable(folder):
-                self._add(("output",), said)
+            if problem := overwriting.unwritable(folder):
+                self._add(("output",), problem)
                 break
         return output
 
@@ -186,7 +189,7 @@ class _Reader:
         if not isinstance(entry, dict) or "clips" not in entry:
             return entry
         if "clip" in entry:
-            self._add(("identities", name, "clip"), "say either clip or clips")
+            self._add(("identities", name, "clip"), "give either clip or clips")
             return entry
         clips = entry["clips"]
         named = isinstance(clips, list) and clips and isinstance(clips[0], str)
@@ -200,21 +203,20 @@ class _Reader:
             named = entry
             if isinstance(entry, dict) and "name" not in {**self.defaults, **entry}:
                 named = {"name": _default_name({**self.defaults, **entry}), **entry}
-            self._whose(("dubs", k), named, known)
+            self._check_people(("dubs", k), named, known)
             item = self._entry(Dub, ("dubs", k), named)
-            if not isinstance(item, Dub):
-                continue
-            found[k] = item
+            if isinstance(item, Dub):
+                found[k] = item
         names = [(dub.name, ("dubs", k, "name")) for k, dub in found.items()]
         self._unique([(name, path) for name, path in names if name != UNKNOWN["name"]])
         return found
 
-    def _whose(self, at: yaml_lines.Path, entry: Any, known: Mapping[str, Any]) -> None:
+    def _check_people(self, at: KeyPath, entry: Any, known: Mapping[str, Any]) -> None:
         """Check that the people of a dub are among the identities."""
         if not isinstance(entry, dict) or not known:
             return
         speakers = entry.get("speakers")
-        named: dict[yaml_lines.Path, Any] = {("identity",): entry.get("identity")}
+        named: dict[KeyPath, Any] = {("identity",): entry.get("identity")}
         if isinstance(speakers, dict):
             named |= {("speakers", name): whose for name, whose in speakers.items()}
         for key, whose in named.items():
@@ -222,7 +224,7 @@ class _Reader:
                 there = ", ".join(known)
                 self._add((*at, *key), f"no identity {whose!r}; there is {there}")
 
-    def _entry(self, model: type[Entry], path: yaml_lines.Path, entry: Any) -> Entry | None:
+    def _entry(self, model: type[Entry], path: KeyPath, entry: Any) -> Entry | None:
         if not isinstance(entry, dict):
             self._add(path, f"must hold keys, not {describe(entry)}")
             return None
@@ -235,11 +237,9 @@ class _Reader:
         try:
             return model.model_validate(merged, context=context)
         except ValidationError as error:
-            wrong = set()
+            wrong = {detail["loc"][0] for detail in error.errors()}
             for detail in error.errors():
-                wrong.add(detail["loc"][0])
-                where = self._written((*path, *detail["loc"]))
-                self._add(where, plain(detail, model))
+                self._add(self._written((*path, *detail["loc"])), plain(detail, model))
         # What was understood is still checked against the files, to report all at once.
         kept = {key: value for key, value in merged.items() if key not in wrong}
         stand_in = {key: value for key, value in UNKNOWN.items() if key in wrong}
@@ -248,7 +248,7 @@ class _Reader:
         except ValidationError:
             return None
 
-    def _written(self, path: yaml_lines.Path) -> yaml_lines.Path:
+    def _written(self, path: KeyPath) -> KeyPath:
         """Where the value at ``path`` was written: there, or under ``defaults``."""
         own = path[:3]
         if len(path) > 2 and own not in self.document.lines and path[2] in self.defaults:
@@ -265,15 +265,15 @@ class _Reader:
             self._add((key,), "is required: who was filmed")
         return empty
 
-    def _unique(self, names: list[tuple[str, yaml_lines.Path]]) -> None:
-        seen: dict[str, yaml_lines.Path] = {}
+    def _unique(self, names: list[tuple[str, KeyPath]]) -> None:
+        seen: dict[str, KeyPath] = {}
         for name, path in names:
             other = seen.setdefault(name.casefold(), path)
             if other != path:
                 where = f"{yaml_lines.key_path(other)} (line {self.document.line(other)})"
                 self._add(path, f"the name {name!r} is taken by {where}")
 
-    def _add(self, path: yaml_lines.Path, message: str) -> None:
+    def _add(self, path: KeyPath, message: str) -> None:
         line = self.document.line(path)
         self.problems.append(Problem(line, yaml_lines.key_path(path), message))
 

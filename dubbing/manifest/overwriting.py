@@ -8,10 +8,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from dubbing.manifest.entries import Dub, Entry, Identity
-from dubbing.manifest.yaml_lines import key_path
+from dubbing.manifest.yaml_lines import KeyPath, key_path
 from dubbing.media import SUFFIX
 
-KeyPath = tuple[str | int, ...]
 WORK = "work"  # folder of the stages, in the output folder
 OF_ALL = ("report.html", "report.json", "evaluate.json")
 
@@ -49,17 +48,17 @@ def problems(
                 yield (*at, *key), f"{value} lies where the stages work: move it elsewhere"
     for path in sounds:
         inputs.setdefault(path, str(path))
-    known = {found: said for path, said in inputs.items() for found in _identities(path)}
+    known = {one: name for path, name in inputs.items() for one in _identities(path)}
     results: list[tuple[KeyPath, str]] = [(("output",), name) for name in OF_ALL]
     for place, dub in dubs.items():
         results += [(("dubs", place), name) for name in results_of(dub).values()]
     for at, name in results:
         if (output / name).is_dir():
             yield at, f"{output / name} is a folder, where a file should go: move it away"
-        said = next((known[i] for i in _identities(output / name) if i in known), None)
-        if said is not None:
+        taken = next((known[i] for i in _identities(output / name) if i in known), None)
+        if taken is not None:
             remedy = "choose another output" + ("" if at == ("output",) else " or name")
-            yield at, f"{output / name} would take the place of {said}: {remedy}"
+            yield at, f"{output / name} would take the place of {taken}: {remedy}"
 
 
 def _files(entry: Entry) -> Iterator[tuple[KeyPath, Path]]:
@@ -84,7 +83,7 @@ def unwritable(folder: Path) -> str:
     there = next(path for path in (folder, *folder.parents) if path.exists())
     if not there.is_dir():
         return f"{there} is a file, not a folder"
-    try:  # rights do not tell all: root has them on a disk that takes nothing
+    try:  # rights are not enough: root has them on a disk that takes nothing
         with tempfile.TemporaryFile(dir=there):
             return ""
     except OSError as error:

@@ -1,4 +1,4 @@
-"""What a dub says when: the lines of a script as frames of a film, each with its sound.
+"""The lines of a script as frames of a film, each with its sound.
 
 A dub without lines is a scene of one speaker, whose one cue is the whole audio.
 """
@@ -14,7 +14,8 @@ from pathlib import Path
 
 from dubbing.errors import DubbingError
 from dubbing.manifest.entries import Dub, Identity
-from dubbing.manifest.findings import Findings, KeyPath, Scene
+from dubbing.manifest.findings import Findings, Scene
+from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
 from dubbing.script import timeline
 from dubbing.script.line import Line
@@ -68,7 +69,7 @@ def film_of(
         if dub.clip is not None and dub.clip not in identity.films:
             findings.add((*at, "clip"), f"{dub.clip} is no clip of {name}")
             return None
-    # Whoever learns from another clip is looked for by what that shows.
+    # Whoever learns from another clip is recognised by that clip.
     faceless = [
         name
         for name, identity in people.items()
@@ -82,7 +83,7 @@ def film_of(
     if len({*clips}) > 1:
         findings.add((*at, "speakers"), f"{' and '.join(people)} are people of different clips")
         return None
-    # Where the damaged clip is the one that somebody learns from, their own job says so.
+    # Where somebody learns from the damaged clip, their own job reports it.
     learned = {identity.clip for identity in people.values()}
     if clips and clips[0] in findings.damaged and clips[0] not in learned:
         findings.blocked.setdefault(int(at[1]), findings.damaged[clips[0]])
@@ -104,15 +105,15 @@ class _Scene:
     def add(self, line: Line) -> None:
         """The frames of a line, and the sound for them."""
         first, stop = (round(time * self.rate) for time in (line.start, line.stop))
-        said = f"line {line.number} of {self.dub.lines and self.dub.lines.name}"
+        where = f"line {line.number} of {self.dub.lines and self.dub.lines.name}"
         if first >= self.film.frames or stop > self.film.frames + 1:
             end = f"the film is {self.film.duration:.2f} s long"
             times = f"{float(line.start):g} to {float(line.stop):g} s"
-            self.findings.add((*self.at, "lines"), f"{said} is at {times}: {end}")
+            self.findings.add((*self.at, "lines"), f"{where} is at {times}: {end}")
             return
         stop = min(stop, self.film.frames)
         if stop <= first:
-            self.findings.add((*self.at, "lines"), f"{said} is shorter than a frame")
+            self.findings.add((*self.at, "lines"), f"{where} is shorter than a frame")
             return
         identity = self._identity(line.speaker)
         if identity is None:
@@ -155,11 +156,11 @@ class _Scene:
         return path, 0.0
 
     def check(self, lines: list[Line]) -> None:
-        """What all lines together show: nobody's cues overlap, and everybody speaks."""
-        said = {line.speaker for line in lines}
-        there = ", ".join(sorted(said - {""})) or "nobody: it names no speakers"
+        """Check all lines together: nobody's cues overlap, and everybody speaks."""
+        speakers = {line.speaker for line in lines}
+        there = ", ".join(sorted(speakers - {""})) or "nobody: it names no speakers"
         for name in self.dub.speakers or {}:
-            if name not in said:
+            if name not in speakers:
                 message = f"does not speak in {self.dub.lines and self.dub.lines.name}; there is"
                 self.findings.add((*self.at, "speakers", name), f"{message} {there}")
         for person in self.dub.people:
@@ -167,10 +168,9 @@ class _Scene:
             for cue, following in pairwise(own):
                 if following.first < cue.stop:
                     both = f"lines {cue.number} and {following.number} of {person} overlap"
-                    self.findings.add((*self.at, "lines"), f"{both}: nobody says two at a time")
-        self._add_some(self.too_long, "last longer than their cues", (
-            "lengthen the cues, shorten the recordings, or set on_longer_audio: cut"
-        ))  # fmt: skip
+                    self.findings.add((*self.at, "lines"), f"{both}: nobody speaks two at a time")
+        remedy = "lengthen the cues, shorten the recordings, or set on_longer_audio: cut"
+        self._add_some(self.too_long, "last longer than their cues", remedy)
         self._add_some(self.unheard, "begin after the end of their sound", "give a longer track")
 
     def _add_some(self, lines: list[str], what: str, remedy: str) -> None:
@@ -183,11 +183,11 @@ class _Scene:
 def _keys(findings: Findings, at: KeyPath, dub: Dub) -> None:
     """Keys that have no meaning together."""
     if dub.identity is not None and dub.speakers is not None:
-        message = "say either who speaks all lines, or which speaker is whom under speakers"
+        message = "name either who speaks all lines, or the identity of each speaker under speakers"
         findings.add((*at, "identity"), message)
     for key in OF_ONE_SOUND:
         if key in dub.model_fields_set and getattr(dub, key):
-            findings.add((*at, key), "has no meaning beside lines, which say when is what")
+            findings.add((*at, key), "has no meaning beside lines, which have their own times")
     if dub.on_longer_audio in ("loop", "hold"):
         message = "a scene is as long as its film: cut or fail beside lines"
         findings.add((*at, "on_longer_audio"), message)
@@ -198,15 +198,15 @@ def _keys(findings: Findings, at: KeyPath, dub: Dub) -> None:
 
 
 def without_lines(findings: Findings, at: KeyPath, dub: Dub) -> bool:
-    """Whether a dub without lines says nothing that needs them."""
+    """Check that a dub without lines has no key that needs them."""
     before = len(findings.problems)
     for key in OF_SCENES:
         if getattr(dub, key) is not None:
-            findings.add((*at, key), "needs lines, which say who speaks when")
+            findings.add((*at, key), "needs lines, which name who speaks when")
     if dub.loudness != "none":
         findings.add((*at, "loudness"), "needs lines, whose sound is mixed")
     if isinstance(dub.audio, dict) or CUE.search(str(dub.audio)):
-        findings.add((*at, "audio"), "several sounds need lines, which say who speaks when")
+        findings.add((*at, "audio"), "several sounds need lines, which name who speaks when")
     return len(findings.problems) == before
 
 

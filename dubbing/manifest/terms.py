@@ -1,17 +1,15 @@
-"""Consent is to something: until a day, for some languages and some films. What lies outside."""
+"""What lies outside of a consent, which may be limited to days, languages and films."""
 
 from __future__ import annotations
 
 import datetime
 import hashlib
 from collections.abc import Iterator
-from functools import lru_cache
 from pathlib import Path
 
-from dubbing.files import BLOCK
+from dubbing.files import while_unchanged
 from dubbing.manifest.entries import Dub, Identity
-
-KeyPath = tuple[str | int, ...]
+from dubbing.manifest.yaml_lines import KeyPath
 
 
 def of_identity(identity: Identity, today: datetime.date) -> Iterator[tuple[KeyPath, str]]:
@@ -20,11 +18,8 @@ def of_identity(identity: Identity, today: datetime.date) -> Iterator[tuple[KeyP
     if consent.date is not None and consent.date > today:
         yield ("consent", "date"), f"{consent.date} is still to come: it was given on no such day"
     if consent.until is not None and consent.until < today:
-        remedy = "ask for it again"
-        yield (
-            ("consent", "until"),
-            f"the consent of {consent.by} ended on {consent.until}: {remedy}",
-        )
+        message = f"the consent of {consent.by} ended on {consent.until}: ask for it again"
+        yield ("consent", "until"), message
     if consent.file is None:
         if consent.sha256 is not None:
             yield ("consent", "sha256"), "belongs to a file: name it, `file: FILE`"
@@ -63,19 +58,11 @@ def covers_film(films: tuple[Path | str, ...], clip: Path) -> bool:
     return bool(digests) and clip.is_file() and sha256_of(clip) in digests
 
 
+@while_unchanged(256)
 def sha256_of(path: Path) -> str:
-    """SHA-256 of a file in hexadecimal, as other tools say it too."""
-    status = path.stat()
-    return _sha256(path, status.st_size, status.st_mtime_ns, status.st_ino)
-
-
-@lru_cache(maxsize=256)
-def _sha256(path: Path, _size: int, _changed: int, _inode: int) -> str:
-    hasher = hashlib.sha256()
+    """SHA-256 of a file in hexadecimal, which other tools report, too."""
     with open(path, "rb") as stream:
-        while block := stream.read(BLOCK):
-            hasher.update(block)
-    return hasher.hexdigest()
+        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _same(one: Path, other: Path) -> bool:

@@ -14,7 +14,7 @@ from ruamel.yaml.reader import ReaderError
 
 from dubbing.errors import Problem
 
-Path = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 # What ruamel.yaml raises at a value that is not of its kind, as the date 2026-13-45.
 UNFIT = (ArithmeticError, AttributeError, LookupError, ValueError)
 MOST_NODES = 100_000  # aliases can make a short file describe an endless tree
@@ -28,17 +28,17 @@ class Document:
     """Plain data, the line (from 1) of every key path in it, and what was wrong with the text."""
 
     data: Any = None
-    lines: dict[Path, int] = field(default_factory=dict)
+    lines: dict[KeyPath, int] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
 
-    def line(self, path: Path) -> int:
+    def line(self, path: KeyPath) -> int:
         """Line of ``path``, or of the nearest key above it."""
         while path and path not in self.lines:
             path = path[:-1]
         return self.lines.get(path, 1)
 
 
-def key_path(path: Path) -> str:
+def key_path(path: KeyPath) -> str:
     """``identities.host.clip``, ``dubs[0].audio``."""
     text = ""
     for part in path:
@@ -51,15 +51,15 @@ def read(text: str) -> Document:
     document = Document()
     parser = YAML(typ="safe", pure=True)  # YAML 1.2: `no` and 1:05 are text
     parser.Composer = _Composer
-    parser.composer.warn_double_anchors = False  # the last one counts, says YAML 1.2
+    parser.composer.warn_double_anchors = False  # in YAML 1.2 the last one counts
     try:
         root = parser.compose(text)
         if root is not None:
             document.data = _Builder(parser.constructor, document).build(root, ())
     except ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
-        said = f"not valid YAML: the character {chr(error.character)!r} is not allowed"
-        document.problems.append(Problem(line, "", said))
+        what = f"not valid YAML: the character {chr(error.character)!r} is not allowed"
+        document.problems.append(Problem(line, "", what))
     except MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = mark.line + 1 if mark else 1
@@ -76,10 +76,9 @@ class _Composer(Composer):
     def compose_node(self, parent: Node | None, index: Any) -> Node | None:
         self.read += 1
         if self.read > MOST_NODES or self.depth > DEEPEST:
-            said = (
-                "too many values" if self.read > MOST_NODES else "too many brackets in one another"
-            )
-            raise MarkedYAMLError(None, None, said, self.parser.peek_event().start_mark)
+            many = self.read > MOST_NODES
+            what = "too many values" if many else "too many brackets in one another"
+            raise MarkedYAMLError(None, None, what, self.parser.peek_event().start_mark)
         return super().compose_node(parent, index)
 
 
@@ -89,7 +88,7 @@ class _Builder:
         self.document = document
         self.nodes = 0
 
-    def build(self, node: Node, path: Path) -> Any:
+    def build(self, node: Node, path: KeyPath) -> Any:
         self._count(node, 1, len(path))
         self.document.lines.setdefault(path, node.start_mark.line + 1)
         plain = "tag:yaml.org,2002:" + ("seq" if isinstance(node, SequenceNode) else "map")
@@ -107,7 +106,7 @@ class _Builder:
         if self.nodes > MOST_NODES or depth > DEEPEST:
             raise MarkedYAMLError(None, None, "too many or too deep aliases", node.start_mark)
 
-    def _constructed(self, node: ScalarNode, path: Path) -> Any:
+    def _constructed(self, node: ScalarNode, path: KeyPath) -> Any:
         try:
             if node.tag != TEXT and len(node.value) > LONGEST_VALUE:
                 raise ValueError
@@ -120,7 +119,7 @@ class _Builder:
             what = f"{node.value!r:.60} cannot be read as {kind}"
             raise MarkedYAMLError(key_path(path), None, what, node.start_mark) from None
 
-    def _mapping(self, node: MappingNode, path: Path) -> dict[Any, Any]:
+    def _mapping(self, node: MappingNode, path: KeyPath) -> dict[Any, Any]:
         own: set[Any] = set()
         for key, _ in node.value:
             if isinstance(key, ScalarNode):
@@ -134,8 +133,8 @@ class _Builder:
                 continue
             name = self._constructed(key, path)
             if not isinstance(name, str):
-                said = f"the key {key.value!r:.60} is not text: put it in quotes"
-                self._problem(key, path, said)
+                what = f"the key {key.value!r:.60} is not text: put it in quotes"
+                self._problem(key, path, what)
                 continue
             self.document.lines[(*path, name)] = key.start_mark.line + 1
             data[name] = self.build(value, (*path, name))
@@ -162,6 +161,6 @@ class _Builder:
         self._count(node, len(merged), depth)
         return merged + own
 
-    def _problem(self, node: Node, path: Path, message: str) -> None:
+    def _problem(self, node: Node, path: KeyPath, message: str) -> None:
         line = node.start_mark.line + 1
         self.document.problems.append(Problem(line, key_path(path), message))

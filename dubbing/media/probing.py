@@ -5,16 +5,16 @@ Every packet is visited (not decoded), so counts are those of the file, not of i
 
 from __future__ import annotations
 
-import stat
+import os
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import lru_cache
 from pathlib import Path
 
 import av
 import numpy as np
 
 from dubbing.errors import MediaError
+from dubbing.files import while_unchanged
 from dubbing.media.colour import colour_of
 from dubbing.media.frame_rate import choose_rate
 from dubbing.media.info import MediaInfo, Picture
@@ -37,17 +37,13 @@ def probe(path: Path | str) -> MediaInfo:
             a shape that nobody films, pictures without time stamps, or sound that is no number.
     """
     path = Path(path)
-    try:
-        status = path.stat()
-    except (OSError, ValueError):
-        raise MediaError("no such file", str(path)) from None
-    if not stat.S_ISREG(status.st_mode):
+    if not os.path.isfile(path):
         raise MediaError("no such file", str(path))
-    return _probe(path, status.st_size, status.st_mtime_ns, status.st_ino)
+    return _probe(path)
 
 
-@lru_cache(maxsize=1024)  # the cues of a film look into it again and again
-def _probe(path: Path, _size: int, _changed: int, _inode: int) -> MediaInfo:
+@while_unchanged(1024)  # each cue of a film asks again
+def _probe(path: Path) -> MediaInfo:
     try:
         with opened(path) as container:
             return _read(path, container)

@@ -37,7 +37,7 @@ def test_doctor_works_where_everything_is_missing() -> None:
     assert (done.returncode, done.stderr) == (1, "")
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in done.stdout.splitlines()]
     assert ["OpenCV", "lacking", "not installed"] in rows
-    assert ["graphics card", "lacking", "torch is not there"] in rows
+    assert ["graphics card", "lacking", "torch is not installed"] in rows
     commands = [said for said in done.stdout.splitlines() if said.startswith("to do: ")]
     assert len(commands) == len(set(commands))
     assert any(said.endswith(f"-m pip install {packages.DECLARED['cv2']}") for said in commands)

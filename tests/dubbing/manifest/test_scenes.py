@@ -199,7 +199,7 @@ def test_an_identity_of_several_clips(folder: Path) -> None:
         (("clip: tc.mov", "clip: other.mp4"), "is no clip of ann"),
         (("tc.mov]", "no.mp4]"), "identities.ann.clips[1]: no such file"),
         (("clips: [film.mp4, tc.mov]", "clips: []"), "identities.ann.clips"),
-        (("clips: [", "clip: film.mp4, clips: ["), "say either clip or clips"),
+        (("clips: [", "clip: film.mp4, clips: ["), "give either clip or clips"),
     ):
         several.write_text(several.read_text().replace(*change))
         with pytest.raises(ManifestError, match=re.escape(said)):
