@@ -161,9 +161,7 @@ def digest_data(content: Any) -> str:
     return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
 
 
-def while_unchanged(
-    maxsize: int,
-) -> Callable[[Callable[[Path], Found]], Callable[[Path], Found]]:
+def while_unchanged(maxsize: int) -> Callable[[Callable[[Path], Found]], Callable[[Path], Found]]:
     """Cache a function of a file until its size, time stamp or inode changes.
 
     The cached function raises FileNotFoundError where there is no file.

@@ -106,11 +106,7 @@ def _prepared(
 
 
 def dub_job(
-    manifest: Manifest,
-    dub: Dub,
-    people: Mapping[str, Job],
-    device: str,
-    folder: Path | None = None,
+    manifest: Manifest, dub: Dub, people: Mapping[str, Job], device: str, folder: Path | None = None
 ) -> Job:
     """What is made for one dub: speech features, heads, video, sync check.
 
@@ -176,13 +172,7 @@ def dub_job(
 
 
 def _cue(
-    manifest: Manifest,
-    dub: Dub,
-    scene: Scene,
-    cue: Cue,
-    person: Job,
-    stages: Stages,
-    device: str,
+    manifest: Manifest, dub: Dub, scene: Scene, cue: Cue, person: Job, stages: Stages, device: str
 ) -> tuple[Stage, tasks.CueHeads]:
     """What is made for one cue: its speech features, and its heads."""
     identity, rate = manifest.identities[cue.identity], manifest.media[scene.clip].rate

@@ -35,10 +35,7 @@ def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto
         for name, identity in manifest.identities.items()
         if name in named or name in needed
     }
-    return Jobs(
-        identities,
-        {dub.name: _found(manifest, dub, identities, device) for dub in dubs},
-    )
+    return Jobs(identities, {dub.name: _found(manifest, dub, identities, device) for dub in dubs})
 
 
 def job_of(path: Path, label: str, device: str) -> Job:

@@ -83,9 +83,7 @@ def sync(
             if source is not None:
                 own = check(source, progress=lambda share: progress("the source", share))
             found = check(
-                video,
-                source=own,
-                progress=lambda share: progress("listening and looking", share),
+                video, source=own, progress=lambda share: progress("listening and looking", share)
             )
         else:
             found = published_check(video, weights)

@@ -63,24 +63,20 @@ class Bars:
             bar.close()
 
     def overall(self, done: int, total: int) -> None:
-        """So many of all stages are done."""
         if self._overall is None:
             self._overall = _bar("all stages")
         _advance(self._overall, f"{done} of {total}", done / total)
 
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
-        """A stage starts."""
         title = f"{job.name}: {job.name_of(stage)}"
         self._bars[stage.folder] = _bar(title)
         if not screen.is_terminal:
             line(screen, f"{title} ({', '.join(reasons)})")
 
     def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
-        """A stage is ``share`` (0..1) done."""
         _advance(self._bars[stage.folder], message, share)
 
     def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
-        """A stage is done or has failed."""
         self._bars.pop(stage.folder).close()
         title = f"{job.name}: {job.name_of(stage)}"
         with tqdm.external_write_mode(file=screen.file):  # a line above the bars of other stages
@@ -106,15 +102,12 @@ class JsonLines:
         """Nothing is left open."""
 
     def overall(self, done: int, total: int) -> None:
-        """So many of all stages are done."""
         _event("overall", done=done, total=total)
 
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
-        """A stage starts."""
         _event("begin", job=job.label, stage=job.name_of(stage), reasons=reasons)
 
     def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
-        """A stage is ``share`` (0..1) done."""
         now = time.monotonic()
         if now - self._last.get(stage.folder, 0.0) >= 1.0:
             self._last[stage.folder] = now
@@ -122,7 +115,6 @@ class JsonLines:
             _event("progress", job=job.label, stage=name, message=message, share=share)
 
     def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
-        """A stage is done or has failed."""
         why = asdict(failure) if failure else None
         _event("end", job=job.label, stage=job.name_of(stage), failure=why)
 

@@ -114,10 +114,7 @@ def take(path: Path) -> Claim:
         except DubbingError as error:
             shutil.rmtree(ours, ignore_errors=True)
             cause = error.__cause__
-            if not isinstance(cause, OSError) or cause.errno not in (
-                errno.ENOTEMPTY,
-                errno.EEXIST,
-            ):
+            if not isinstance(cause, OSError) or cause.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                 raise
             if not (found := _read(place)):
                 time.sleep(PACE)  # over NFS a folder may be seen as it was

@@ -79,7 +79,6 @@ class Cluster:
         future.add_done_callback(lambda ended: self._done.put((task.key, ended)))
 
     def wait(self, seconds: float) -> list[Done]:
-        """What ended, waited for so long at most."""
         try:
             key, future = self._done.get(timeout=seconds)
         except Empty:

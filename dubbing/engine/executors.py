@@ -106,7 +106,6 @@ class InLine:
         self._waiting: list[Task] = []
 
     def submit(self, task: Task) -> None:
-        """Take on a task whose needs are met."""
         heapq.heappush(self._waiting, task)
 
     def wait(self, seconds: float) -> list[Done]:
@@ -119,7 +118,6 @@ class InLine:
         return [attempt(task)]
 
     def drop(self) -> list[str]:
-        """Forget what has not begun; its keys."""
         dropped, self._waiting = [task.key for task in self._waiting], []
         return dropped
 
@@ -178,18 +176,15 @@ class Processes:
             thread.start()
 
     def submit(self, task: Task) -> None:
-        """Take on a task whose needs are met."""
         self._waiting.put(task)
 
     def wait(self, seconds: float) -> list[Done]:
-        """What ended, waited for so long at most."""
         try:
             return [self._done.get(timeout=seconds)]
         except Empty:
             return []
 
     def drop(self) -> list[str]:
-        """Forget what has not begun; its keys."""
         dropped = []
         while True:
             try:
@@ -198,7 +193,6 @@ class Processes:
                 return dropped
 
     def close(self) -> None:
-        """End what still runs; it goes on there the next time."""
         self._closed.set()
         self.drop()
         for process in [*self._running]:

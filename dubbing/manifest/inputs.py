@@ -86,7 +86,7 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
 
 
 def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> None:
-    """What results cannot keep of a clip's picture: a problem, or a warning where it looks right."""
+    """What results cannot keep of a clip's picture: a problem, or a warning if it looks right."""
     picture = info.picture
     assert picture is not None  # a clip has one
     assert info.rate is not None

@@ -38,11 +38,7 @@ def binary() -> str:
             raise MediaError("no ffmpeg found", "imageio-ffmpeg", remedy) from error
     found = shutil.which("ffmpeg" if wanted == "system" else wanted)
     if found is None:
-        raise MediaError(
-            "no ffmpeg found",
-            f"DFRF_FFMPEG={wanted}",
-            REMEDY,
-        )
+        raise MediaError("no ffmpeg found", f"DFRF_FFMPEG={wanted}", REMEDY)
     return found
 
 

@@ -30,13 +30,13 @@ def ahead(items: Iterable[Item], depth: int = DEPTH) -> Generator[Item]:
 
 
 @contextmanager
-def behind(write: Callable[[Item], None], depth: int = DEPTH) -> Iterator[Callable[[Item], None]]:
+def behind(write: Callable[[Item], None]) -> Iterator[Callable[[Item], None]]:
     """A function that queues items for ``write``; leaving the block waits for all of them."""
     with ThreadPoolExecutor(1) as pool:
         waiting: deque[Future[None]] = deque()
 
         def queue(item: Item) -> None:
-            while len(waiting) >= depth:
+            while len(waiting) >= DEPTH:
                 waiting.popleft().result()
             waiting.append(pool.submit(write, item))
 

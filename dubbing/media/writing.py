@@ -129,11 +129,7 @@ class VideoWriter:
 
     def _graph(self, path: Path) -> Graph:
         width, height = self._size
-        picture = piped(
-            pix_fmt=self.codec.pixels,
-            s=f"{width}x{height}",
-            framerate=f"{self._rate}",
-        )
+        picture = piped(pix_fmt=self.codec.pixels, s=f"{width}x{height}", framerate=f"{self._rate}")
         colour = self._colour or Colour()
         if not self.codec.full_range:
             colour = replace(colour, full_range=False)

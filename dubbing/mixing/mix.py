@@ -17,16 +17,7 @@ import soundfile
 from dubbing import media
 from dubbing.files import atomic_path
 from dubbing.media.loudness import Loudness, limit, measure
-from dubbing.mixing.voices import (
-    FADE,
-    MOST_PEAK,
-    RATE,
-    TARGETS,
-    Voice,
-    measured,
-    placed,
-    sample_of,
-)
+from dubbing.mixing.voices import FADE, MOST_PEAK, RATE, TARGETS, Voice, measured, placed, sample_of
 from dubbing.script.timeline import Cue
 
 BLOCK = 10 * RATE  # samples
@@ -39,13 +30,7 @@ Spans = Sequence[tuple[int, int]]
 
 
 def mix(
-    cues: Sequence[Cue],
-    film: Path,
-    out: Path,
-    *,
-    music: Path | None,
-    left: Spans,
-    loudness: str,
+    cues: Sequence[Cue], film: Path, out: Path, *, music: Path | None, left: Spans, loudness: str
 ) -> dict[str, Any]:
     """Write OUT/voices.flac, the new voices alone, and OUT/sound.flac, all that is heard.
 

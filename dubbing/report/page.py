@@ -13,6 +13,7 @@ from markupsafe import Markup
 from dubbing.printable import visible
 
 MOST_POINTS = 400  # of a curve on the page
+WIDTH, HEIGHT = 320, 80  # of its drawing, as in page.html
 # Verdicts of dubs, the worst first.
 FAILED, WARNED, PASSED, UNJUDGED, MISSING = "failed", "warned", "passed", "unjudged", "missing"
 VERDICTS = (FAILED, WARNED, UNJUDGED, MISSING, PASSED)
@@ -47,14 +48,14 @@ def worst_first(dubs: dict[str, Any]) -> list[tuple[str, Any]]:
     return sorted(dubs.items(), key=rank)
 
 
-def curve(values: Sequence[float], width: int = 320, height: int = 80) -> str:
+def curve(values: Sequence[float]) -> str:
     """Points of an SVG polyline through finite ``values``, low values at the bottom."""
     step = max(1, len(values) // MOST_POINTS)
     finite = [v for v in values[::step] if math.isfinite(v)]
     if len(finite) < 2:
         return ""
     low, high = min(finite), max(finite)
-    across, up = width / (len(finite) - 1), height / ((high - low) or 1)
+    across, up = WIDTH / (len(finite) - 1), HEIGHT / ((high - low) or 1)
     return " ".join(f"{k * across:.1f},{(high - v) * up:.1f}" for k, v in enumerate(finite))
 
 

@@ -40,9 +40,10 @@ def loaded(network: NetworkT, path: Path, form: str, what: str, remedy: str) -> 
     return network.eval()
 
 
-def load_encoder(path: Path = ENCODER_WEIGHTS) -> SpeechEncoder:
+def load_encoder() -> SpeechEncoder:
     """The shipped encoder; errors as `loaded`."""
-    return loaded(SpeechEncoder(), path, ENCODER_FORMAT, "speech encoder", "reinstall the package")
+    remedy = "reinstall the package"
+    return loaded(SpeechEncoder(), ENCODER_WEIGHTS, ENCODER_FORMAT, "speech encoder", remedy)
 
 
 def load(path: Path = FILTER_WEIGHTS) -> LipNetwork:

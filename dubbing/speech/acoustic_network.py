@@ -1,6 +1,6 @@
 """The recurrent acoustic network: log-mel spectra to senones, phones and lips, 50 times a second.
 
-Letters: B sounds, T steps of 20 ms, C = 128 inputs a step, H = 2 x width, S = 126 senones,
+Letters: B sounds, T steps of 20 ms, C = 128 inputs a step, H = 2 x WIDTH, S = 126 senones,
 P phone classes, M = 7 lip channels.
 """
 
@@ -16,6 +16,7 @@ from dubbing.speech.acoustic_input import BANDS, SPECTRA
 # The teacher's context-independent states, the classes of `dubbing.training.speech.phones`, and
 # the channels of `dubbing.synthetic.visemes`.
 SENONES, PHONES, LIPS = 126, 41, 7
+CHANNELS, WIDTH, DROPOUT = 192, 144, 0.1
 
 
 class Heard(NamedTuple):
@@ -30,16 +31,16 @@ class Heard(NamedTuple):
 class AcousticNetwork(nn.Module):
     """Two convolutions and a bidirectional GRU of two layers."""
 
-    def __init__(self, channels: int = 192, width: int = 144, dropout: float = 0.1) -> None:
+    def __init__(self) -> None:
         super().__init__()
-        self.first = nn.Conv1d(SPECTRA * BANDS, channels, 5, padding=2)
-        self.second = nn.Conv1d(channels, channels, 3, padding=1)
-        self.norm = nn.LayerNorm(channels)
-        self.gru = nn.GRU(channels, width, 2, batch_first=True, bidirectional=True, dropout=dropout)
-        self.dropout = nn.Dropout(dropout)
-        self.senones = nn.Linear(2 * width, SENONES)
-        self.phones = nn.Linear(2 * width, PHONES)
-        self.lips = nn.Linear(2 * width, LIPS)
+        self.first = nn.Conv1d(SPECTRA * BANDS, CHANNELS, 5, padding=2)
+        self.second = nn.Conv1d(CHANNELS, CHANNELS, 3, padding=1)
+        self.norm = nn.LayerNorm(CHANNELS)
+        self.gru = nn.GRU(CHANNELS, WIDTH, 2, batch_first=True, bidirectional=True, dropout=DROPOUT)
+        self.dropout = nn.Dropout(DROPOUT)
+        self.senones = nn.Linear(2 * WIDTH, SENONES)
+        self.phones = nn.Linear(2 * WIDTH, PHONES)
+        self.lips = nn.Linear(2 * WIDTH, LIPS)
 
     def forward(self, spectra: Float[Tensor, "B T C"]) -> Heard:
         x = F.gelu(self.first(spectra.transpose(1, 2)))

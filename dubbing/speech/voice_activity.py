@@ -115,15 +115,15 @@ def voice_activity(samples: np.ndarray) -> np.ndarray:
     return voice_activity_of_blocks(lambda: [samples])
 
 
-def at_times(series: np.ndarray, times: np.ndarray, outside: float = 0.0) -> np.ndarray:
+def at_times(series: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Linear interpolation of `series` (T, ...) of 50 values a second at `times` (seconds).
 
-    Step t stands at (t + 0.5) / 50 s; before the first and after the last step lies `outside`.
+    Step t stands at (t + 0.5) / 50 s; before the first and after the last step lie zeros.
     """
     count = len(series)
     place = np.asarray(times, np.float64) * STEP_RATE - 0.5
-    # One step of `outside` on each side, so that the ends fade instead of jumping.
-    padded = np.full((count + 2, *series.shape[1:]), outside, np.float32)
+    # A zero on each side, so that the ends fade instead of jumping.
+    padded = np.zeros((count + 2, *series.shape[1:]), np.float32)
     padded[1:-1] = series
     place = np.clip(place + 1, 0, count + 1)
     low = np.minimum(np.floor(place).astype(np.int64), count)

@@ -157,7 +157,6 @@ def check(
     video: Path,
     *,
     source: SyncResult | None = None,
-    network: SyncNetwork | None = None,
     sound_from: Path | None = None,
     parts: Parts | None = None,
     leave_out: int = 0,
@@ -170,10 +169,9 @@ def check(
     Args:
         video: anything with a picture and a sound.
         source: the result of the clip the video was made from, to compare the confidence with.
-        network: ours by default.
         sound_from: another file to take the sound from, beginning together with the video.
-        parts: frames (first, stop) that alone are looked at; they become the segments.
-        leave_out: frames at the end that are not looked at, nor what is heard in them.
+        parts: the only frames (first, stop) to look at; they become the segments.
+        leave_out: frames at the end whose picture and sound are ignored.
         progress: called with the share done, 0..1.
 
     Raises:
@@ -187,14 +185,10 @@ def check(
     if sound.audio_rate is None:
         facts = Media(info.frames, str(info.rate), info.duration, 0.0, 0.0, 0.0)
         return SyncResult("unjudged", "no sound in it", METHOD, facts, source=source)
-    network = network or load_network()
+    network = load_network()
     sums = _Sums(network, info, parts)
     for block in measure(
-        video,
-        network.face.numpy(),
-        sound_from=sound_from,
-        leave_out=leave_out,
-        progress=progress,
+        video, network.face.numpy(), sound_from=sound_from, leave_out=leave_out, progress=progress
     ):
         sums.add(block)
     speaker = max(sums.faces.values(), key=lambda f: f.evidence, default=None)

@@ -81,13 +81,11 @@ def synthesise(
     return samples, rate, _phones(events, rate, len(samples))
 
 
-def speak(
-    text: str, voice: str, out_wav: Path, *, words_per_minute: int = 160, pitch: int = 50
-) -> list[Phone]:
+def speak(text: str, voice: str, out_wav: Path) -> list[Phone]:
     """Writes a text as a 16 bit mono WAV file and returns its phones. See `synthesise`."""
     import soundfile
 
-    samples, rate, phones = synthesise(text, voice, words_per_minute=words_per_minute, pitch=pitch)
+    samples, rate, phones = synthesise(text, voice)
     with atomic_path(out_wav) as temporary:
         soundfile.write(temporary, samples, rate, subtype="PCM_16", format="WAV")
     return phones

@@ -38,6 +38,7 @@ REFERENCE_RATE = 25.0
 DAMPING = 1e-6  # keeps frames without a face solvable: they stay where they were
 SHAPE_FRAMES = 250
 POSE_STEPS = 8
+POINT_STEPS = 3  # of Gauss-Newton, for points from known poses
 LEAST_SIGMA = 0.25  # px
 
 
@@ -190,13 +191,13 @@ def fit_poses(
 
 
 def triangulate(
-    prior: np.ndarray, pixels: np.ndarray, poses: Poses, seen: Observations, steps: int = 3
+    prior: np.ndarray, pixels: np.ndarray, poses: Poses, seen: Observations
 ) -> np.ndarray:
     """Points (P, 3) that best explain pixels (T, P, 2) from known poses, drawn to a prior."""
     index = seen.spread(SHAPE_FRAMES)
     some = replace(seen.take(index), pixels=pixels[index])
     chosen, points = poses[index], prior
-    for _ in range(steps):
+    for _ in range(POINT_STEPS):
         in_camera = to_camera(chosen, points)
         residual = project(in_camera, some.focal, some.centre) - some.pixels
         sigma = point_sigmas(chosen, points, some)

@@ -237,9 +237,7 @@ def all_samples(poses: Poses, frames: np.ndarray, work: Alignment) -> np.ndarray
     return np.concatenate([values for values, _ in in_order(work.samples, parts)])
 
 
-def residual_shift(
-    poses: Poses, frames: np.ndarray, work: Alignment, *, robust: bool = True
-) -> np.ndarray:
+def residual_shift(poses: Poses, frames: np.ndarray, work: Alignment) -> np.ndarray:
     """How far the upper face still moves once the poses are taken out: (K, 2) px a frame.
 
     Every frame's skin, seen from one view, is compared with the mean of the given frames: the
@@ -256,13 +254,13 @@ def residual_shift(
     for k, t in enumerate(frames):
         slope = work.strip.gradient(t, pixels[k])
         on = np.isfinite(values[k] + slope.sum(1)) & (texture.weight > 0)
-        weight = texture.weight[on] if robust else np.ones(int(on.sum()))
+        weight = texture.weight[on]
         columns = np.concatenate((slope[on], values[k][on, None]), axis=1)
         clean, _ = without_gain(columns, texture.mean[on], weight)
         slopes, difference = clean[:, :2], clean[:, 2]
-        for _ in range(SCORE_STEPS if robust else 1):
+        for _ in range(SCORE_STEPS):
             left = difference + slopes @ out[k]
-            sure = weight * huber_weight(np.abs(left) * np.sqrt(weight)) if robust else weight
+            sure = weight * huber_weight(np.abs(left) * np.sqrt(weight))
             weighted = slopes * sure[:, None]
             # A point that lies d further shows what the texture has d before.
             out[k] = -np.linalg.solve(weighted.T @ slopes, weighted.T @ difference)

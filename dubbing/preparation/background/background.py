@@ -137,10 +137,7 @@ def wall_of(image: np.ndarray, behind: np.ndarray, person: np.ndarray) -> np.nda
 
 
 def restore(
-    image: np.ndarray,
-    region: np.ndarray,
-    wall: np.ndarray,
-    growing: tuple[np.ndarray, np.ndarray],
+    image: np.ndarray, region: np.ndarray, wall: np.ndarray, growing: tuple[np.ndarray, np.ndarray]
 ) -> np.ndarray:
     """The frame without its head: (S, S, 3) uint8, equal to the image outside of the region.
 

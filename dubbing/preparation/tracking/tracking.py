@@ -91,9 +91,7 @@ def principal_points(window: np.ndarray, source_size: tuple[int, int], size: int
     return np.stack([to_crop(middle, w, size) for w in window])
 
 
-def observations(
-    info: MediaInfo, size: int, seen: Arrays, found: Arrays, points: tuple[int, ...] = RIGID
-) -> Observations:
+def observations(info: MediaInfo, size: int, seen: Arrays, found: Arrays) -> Observations:
     """What the bundle adjustment sees: rigid points weighed by how well the two modes agree."""
     assert info.rate is not None
     apart = np.maximum(found["apart"] / (APART * size / 512), 1)
@@ -101,7 +99,7 @@ def observations(
     if not confidence.any():  # a film so blurred that the modes never agree
         confidence = found["valid"].astype(np.float64)
     return Observations(
-        pixels=found["points"][:, list(points), :2].astype(np.float64),
+        pixels=found["points"][:, list(RIGID), :2].astype(np.float64),
         confidence=confidence,
         linked=second_difference_links(
             seen["segment"], bridged(confidence > 0, float(info.rate)), seen["repeated"]

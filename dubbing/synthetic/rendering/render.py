@@ -281,10 +281,7 @@ class _Frame:
 def _edges(label: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """(h, w) bool: pixels beside a change of label or a step in depth."""
     edge = np.zeros(label.shape, bool)
-    for a, b in (
-        (np.s_[:, :-1], np.s_[:, 1:]),
-        (np.s_[:-1], np.s_[1:]),
-    ):
+    for a, b in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
         step = (label[a] != label[b]) | (np.abs(depth[a] - depth[b]) > DEPTH_STEP)
         edge[a] |= step
         edge[b] |= step

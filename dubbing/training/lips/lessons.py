@@ -58,9 +58,7 @@ class Lesson:
         return torch.from_numpy(np.concatenate([self.lips, self.closed[:, None]], 1)).float()
 
 
-def lessons(
-    paths: Sequence[Path], cache: Path, encoder: SpeechEncoder, seed: int, takes: int = TAKES
-) -> list[Lesson]:
+def lessons(paths: Sequence[Path], cache: Path, encoder: SpeechEncoder, seed: int) -> list[Lesson]:
     """Measures clips of one talking person each; offsets of their sound are taken out.
 
     Args:
@@ -79,7 +77,7 @@ def lessons(
     rng = np.random.default_rng(seed)
     made = []
     for recording, offset in zip(tqdm(found, "sounds"), offsets, strict=True):
-        made.append(lesson(recording, float(offset), encoder, rng, takes))
+        made.append(lesson(recording, float(offset), encoder, rng, TAKES))
     return made
 
 

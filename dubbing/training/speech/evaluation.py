@@ -35,6 +35,7 @@ SENTENCES = 12
 CEPSTRA = 13
 
 Extract = Callable[[np.ndarray], np.ndarray]
+TIMED_SECONDS = 120.0  # of sound, for the real-time factor
 
 
 def cepstra(samples: np.ndarray) -> np.ndarray:
@@ -53,10 +54,7 @@ def senones(samples: np.ndarray) -> np.ndarray:
 
 def compared(rnn: SpeechFeatures) -> dict[str, Extract]:
     """Features to compare, by name; the first is what the others are measured against."""
-    found: dict[str, Extract] = {
-        "log-mel": MelFeatures().extract,
-        "MFCC + delta": cepstra,
-    }
+    found: dict[str, Extract] = {"log-mel": MelFeatures().extract, "MFCC + delta": cepstra}
     if importlib.util.find_spec("pocketsphinx") is not None:
         found["pocketsphinx senones"] = senones
         found["senones + rnn"] = lambda s: np.concatenate([senones(s), rnn.extract(s)], 1)
@@ -195,9 +193,9 @@ def pause(samples: np.ndarray, rnn: SpeechFeatures) -> str:
     return "\n".join(lines)
 
 
-def real_time_factor(samples: np.ndarray, rnn: SpeechFeatures, seconds: float = 120.0) -> float:
+def real_time_factor(samples: np.ndarray, rnn: SpeechFeatures) -> float:
     """Seconds of computing, on one thread, for a second of sound."""
-    count = round(seconds * voice.SAMPLE_RATE)
+    count = round(TIMED_SECONDS * voice.SAMPLE_RATE)
     long = np.tile(samples, -(-count // len(samples)))[:count]
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
@@ -205,7 +203,7 @@ def real_time_factor(samples: np.ndarray, rnn: SpeechFeatures, seconds: float = 
     rnn.extract(long)
     spent = time.process_time() - begin
     torch.set_num_threads(threads)
-    return spent / seconds
+    return spent / TIMED_SECONDS
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
