@@ -71,7 +71,7 @@ class LockedError(DubbingError):
 
 
 class MediaError(DubbingError):
-    """A video or sound file cannot be read or written as asked."""
+    """A video or sound file cannot be read or written."""
 
 
 class StageError(DubbingError):

@@ -68,7 +68,7 @@ def missing_of(extra: str) -> list[str]:
 
 
 def lacking(names: list[str]) -> DubbingError:
-    """What to say where these modules are missing: which, and the command that installs them."""
+    """The error for missing modules, with the command that installs them."""
     return DubbingError(f"not installed: {', '.join(names)}", remedy=f"run {command(names)}")
 
 
@@ -76,7 +76,7 @@ def require(extra: str | None = None) -> None:
     """Looks for every package, those of an extra too, before any work.
 
     Raises:
-        DubbingError: some are missing; it says what to run.
+        DubbingError: some are missing.
     """
     if names := missing(extra):
         raise lacking(names)

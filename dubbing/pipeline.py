@@ -152,7 +152,7 @@ def dub_job(
             **frames_of(dub),
             **mix_of(dub, scene),
             "mark": [mark.fingerprint, mark.id] if mark else None,
-            # No pixel depends on it, but the record of a result says who agreed to it.
+            # No pixel depends on it, but the record of a result names who agreed to it.
             "consent": consents_of(manifest, dub),
         },
     )

@@ -1,4 +1,4 @@
-"""Text as it may be shown: on a terminal, control characters of a name would be orders."""
+"""Text that is safe to print: a terminal would obey the control characters of a name."""
 
 from __future__ import annotations
 

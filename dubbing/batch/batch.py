@@ -96,7 +96,7 @@ def dub(
         try:
             everything = jobs.build(manifest)
             written = report.write(manifest, everything, outcomes, code=code, seconds=seconds)
-        except DubbingError as error:  # what became of the jobs is said nevertheless
+        except DubbingError as error:  # the outcomes of the jobs are reported nevertheless
             written, code = error, SOME_FAILED
     return Result(outcomes, code, written, syncs)
 
@@ -117,7 +117,7 @@ def adopt_renamed(manifest: Manifest, planned: Jobs) -> bool:
 
 
 def publish(manifest: Manifest, job: Job) -> None:
-    """Put a dub and what is said of it into the output folder, under the dub's name.
+    """Put a dub, its sync check and its lines into the output folder, under the dub's name.
 
     Raises:
         DubbingError: nothing can be written there.

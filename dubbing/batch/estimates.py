@@ -118,7 +118,7 @@ def keep(rates: Mapping[str, Rate]) -> Path:
 
 
 def estimate(manifest: Manifest, jobs: Jobs, rows: list[Row]) -> Estimate:
-    """What a run of these jobs needs, of what `planner.rows` says of them."""
+    """What a run of these jobs needs; ``rows``: from `planner.rows`."""
     rates = {**calibrated(), **measured(manifest, nodes(jobs))}
     graph = nodes(jobs, split=lambda stage: True)
     wanted = {f"{row.job.label}/{row.stage}" for row in rows if row.state in ("run", "after")}
@@ -166,7 +166,7 @@ def _learned(identity: Identity, clip: MediaInfo) -> float:
 
 
 def _pixels(identity: Identity, clip: MediaInfo) -> float:
-    """Of a crop: as many a side as asked for, or as the film has."""
+    """Of a crop, whose side is the requested one, or that of the film."""
     return min(identity.size, clip.width, clip.height) ** 2
 
 

@@ -31,7 +31,7 @@ out = Console(highlight=False, soft_wrap=True)
 
 
 def line(console: Console, text: str, style: str | None = None) -> None:
-    """A line that says what it holds: no markup, no orders to the terminal."""
+    """Print a line without markup; control characters are written out."""
     console.print(visible(text), style=style, markup=False)
 
 
@@ -55,8 +55,8 @@ def summary(result: Result) -> None:
         text = f"{name}: sync {sync.get('verdict')}: {sync.get('reason')}"
         line(out, text, COLOURS.get(str(sync.get("verdict"))))
     failed = isinstance(result.report, Exception)
-    said = f"no report: {result.report}" if failed else f"report: {result.report}"
-    line(out, said, "red" if failed else None)
+    text = f"no report: {result.report}" if failed else f"report: {result.report}"
+    line(out, text, "red" if failed else None)
 
 
 def result_line(result: Result) -> None:
@@ -126,7 +126,7 @@ def _needed(needed: Estimate) -> None:
 
 
 def duration(seconds: float) -> str:
-    """As people say it: ``40 s``, ``25 min``, ``3.5 h``."""
+    """In words: ``40 s``, ``25 min``, ``3.5 h``."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

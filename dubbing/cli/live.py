@@ -27,10 +27,15 @@ screen = Console(stderr=True, highlight=False)
 
 def _bar(title: str) -> tqdm:
     """A bar of 100 %; nothing where there is no terminal."""
-    shown = "{desc} {bar:24} {percentage:3.0f} % {elapsed}, left {remaining}{postfix}"
+    layout = "{desc} {bar:24} {percentage:3.0f} % {elapsed}, left {remaining}{postfix}"
     off = not screen.is_terminal
     return tqdm(
-        total=1.0, desc=visible(title), bar_format=shown, leave=False, disable=off, file=screen.file
+        total=1.0,
+        desc=visible(title),
+        bar_format=layout,
+        leave=False,
+        disable=off,
+        file=screen.file,
     )
 
 

@@ -56,7 +56,7 @@ class Claim:
         self._thread.start()
 
     def note(self, message: str, share: float) -> None:
-        """Says how far the work is, for whoever looks.
+        """Record how far the work is, for other processes.
 
         Raises:
             StageError: the claim was taken over.
@@ -88,7 +88,7 @@ class Claim:
             except FileNotFoundError:
                 self._lost = True
                 return
-            except OSError:  # a full disk, say: the work will say so itself
+            except OSError:  # a full disk, for one: the work will fail on it, too
                 continue
 
 

@@ -58,7 +58,7 @@ class Cluster:
                 **(where or {"address": scheduler}), timeout=ANSWER, set_as_default=False
             )
         except (OSError, ValueError, KeyError) as error:
-            remedy = "start one with `dask scheduler`; docs/cluster.md says how"
+            remedy = "start one with `dask scheduler`; see docs/cluster.md"
             raise CallError("no Dask scheduler answers", scheduler, remedy) from error
         self._source = source
         self._futures: dict[str, Any] = {}

@@ -208,7 +208,7 @@ class Processes:
                 continue
             try:
                 self._done.put(self._run(task))
-            except Exception as error:  # no process can be started, say
+            except Exception as error:  # for one, no process can be started
                 failure = failure_of(task.stage.name, error)
                 self._done.put(Done(task.key, FAILED, failure=failure))
 

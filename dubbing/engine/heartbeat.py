@@ -18,7 +18,7 @@ class Heartbeat:
     """Who holds a claim, and how far the work is.
 
     Attributes:
-        machine: tells machines (and containers on one) apart; ``host`` is its name for people.
+        machine: unique to a machine (or a container on it); ``host`` is its name for people.
         process, started: which process there.
         count: another one at every beat.
         message, share: of the work, 0..1.

@@ -3,7 +3,7 @@
     python -m dubbing.engine.task MANIFEST JOB STAGE
 
 JOB is ``identity/NAME`` or ``dub/NAME``; STAGE is what it calls the stage, as ``render`` or
-``render host_0000010-0000050``. The last line on stdout says what became of it, as JSON.
+``render host_0000010-0000050``. The last line on stdout is its result, as JSON.
 Exit code 0: it is up to date; 1: it failed; 75: another run is at work on it.
 """
 
@@ -45,31 +45,31 @@ def main() -> int:
     parser.add_argument("--force", action="store_true", help="do it again")
     parser.add_argument("--expect", help="fingerprint of the stage where the run was started")
     parser.add_argument("--pipeline", default=PIPELINE, help="module that declares the stages")
-    asked = parser.parse_args()
+    chosen = parser.parse_args()
     signal.signal(signal.SIGTERM, _interrupt)
     _end_with_parent()
     printed, sys.stdout = sys.stdout, sys.stderr  # libraries print, too
     try:
-        done = _done(asked)
+        done = _done(chosen)
     except KeyboardInterrupt:
         return INTERRUPTED
     print(json.dumps(asdict(done)), file=printed, flush=True)
     return CODES.get(done.state, 0)
 
 
-def _done(asked: argparse.Namespace) -> Done:
-    key = f"{asked.job}/{asked.stage}"
+def _done(chosen: argparse.Namespace) -> Done:
+    key = f"{chosen.job}/{chosen.stage}"
     try:
-        job_of: Callable[[Path, str, str], Job] = import_module(asked.pipeline).job_of
-        job = job_of(asked.manifest, asked.job, asked.device)
+        job_of: Callable[[Path, str, str], Job] = import_module(chosen.pipeline).job_of
+        job = job_of(chosen.manifest, chosen.job, chosen.device)
         if job.blocked:
             raise job.blocked
-        stage = job.stage(asked.stage)
-        if asked.expect:
-            _expect(stage, asked.expect)
+        stage = job.stage(chosen.stage)
+        if chosen.expect:
+            _expect(stage, chosen.expect)
     except Exception as error:
         return Done(key, FAILED, failure=failure_of(kind_of(key), error))
-    return attempt(Task(0, key, stage, asked.force, {}, _nothing, _nothing))
+    return attempt(Task(0, key, stage, chosen.force, {}, _nothing, _nothing))
 
 
 def _expect(stage: Stage, fingerprint: str) -> None:

@@ -95,7 +95,7 @@ def _dubs(found: _Found) -> list[str]:
         (unmatched if clip is None else matched).append(entry)
     lines = ["dubs:", *(f"  {entry}" for entry in matched)]
     if unmatched:
-        lines += ["  # These begin with no clip's name and a separator: say whose they are."]
+        lines += ["  # These begin with no clip's name and a separator: fill in the identity."]
         lines += [f"  # {entry}" for entry in unmatched]
     return lines
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from dubbing.manifest.entries import Entry
 
-LONGEST = 60  # characters of a wrong value that are shown
+LONGEST = 60  # characters of a wrong value in a message
 
 
 def plain(detail: Any, model: type[Entry]) -> str:

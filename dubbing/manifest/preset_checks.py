@@ -26,7 +26,7 @@ HOUR, DAY = 3600.0, 86400.0
 
 
 def base_header(base: Path) -> dict[str, Any]:
-    """What a checkpoint says of itself; nothing where it cannot be read."""
+    """The header of a checkpoint; empty where it cannot be read."""
     try:
         with safe_open(str(base), framework="numpy") as file:
             text = (file.metadata() or {}).get("dfrf", "{}")

@@ -42,7 +42,7 @@ class Colour:
         return HIGH_RANGE.get(self.transfer, "")
 
     def tags(self) -> dict[str, str]:
-        """What the filter setparams gets: encoders write what frames say of themselves."""
+        """What the filter setparams gets: encoders write the properties of frames."""
         return {
             "colorspace": TAGS[self.matrix],
             "color_primaries": self.primaries,

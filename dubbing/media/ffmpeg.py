@@ -19,7 +19,7 @@ import imageio_ffmpeg
 from dubbing.errors import MediaError
 
 REMEDY = "unset DFRF_FFMPEG to use the one that came with imageio-ffmpeg"
-BEGINS = "ffmpeg version "  # what every ffmpeg says of itself
+BEGINS = "ffmpeg version "  # how every ffmpeg reports its version
 QUIET = {"hide_banner": None, "loglevel": "error", "nostdin": None}
 
 
@@ -63,7 +63,7 @@ def version() -> str:
 class Process:
     """A running ffmpeg with one pipe, either its input or its output.
 
-    What it says goes to a temporary file, because an unread pipe of messages can block it.
+    Its messages go to a temporary file, because an unread pipe of messages can block it.
     """
 
     def __init__(self, graph: Any, where: str, *, pipe_in: bool = False, pipe_out: bool = False):
@@ -94,7 +94,7 @@ class Process:
             MediaError: ffmpeg ended with an error; its last words are in the message.
         """
         if self._process.stdin is not None:
-            # A broken pipe means it ended early: its return code and its words say why.
+            # A broken pipe means it ended early: its return code and its messages tell why.
             with contextlib.suppress(BrokenPipeError):
                 self._process.stdin.close()
         if self._process.wait() != 0:

@@ -30,7 +30,7 @@ CONTAINERS = (
 REFUSED = "a playlist, a still picture, or no film or sound that can be read"
 REMEDY = "convert it to one file of its own: .mp4, .mov, .mkv or .wav"
 PLAYLISTS = (b"#extm3u", b"ffconcat", b"[playlist]")  # how they begin, whatever they are called
-WAV_PACKET = 1 << 18  # bytes; with the usual ones a long recording takes twice the time
+WAV_PACKET = 1 << 18  # bytes; with the default ones a long recording takes twice the time
 
 Stream = Any  # ffmpeg-python's nodes have no types
 Graph = Any
@@ -108,7 +108,7 @@ def _begins_as_playlist(path: Path | str) -> bool:
         with open(path, "rb") as file:
             begin = file.read(64)
     except (OSError, ValueError):
-        return False  # it is said where it is opened
+        return False  # opening it reports the error
     return begin.removeprefix(b"\xef\xbb\xbf").lstrip().lower().startswith(PLAYLISTS)
 
 

@@ -42,7 +42,7 @@ def probe(path: Path | str) -> MediaInfo:
     return _probe(path)
 
 
-@while_unchanged(1024)  # each cue of a film asks again
+@while_unchanged(1024)  # each cue of a film probes it again
 def _probe(path: Path) -> MediaInfo:
     try:
         with opened(path) as container:

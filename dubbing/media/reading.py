@@ -18,7 +18,7 @@ from dubbing.media.probing import probe
 
 CHANNELS = {"rgb24": (3,), "rgba": (4,), "gray": ()}
 SEEK_LEADS = (20, 320, 5120)  # frames; the first is more than any codec reorders
-NEAREST = 0.5  # frames; how far from its place a picture may lie to be shown there
+NEAREST = 0.5  # frames; how far from its place a picture may lie to be used there
 # Exact rounding, and chroma at full resolution: the default shifts colours by a level or two.
 SCALER = "bicubic+accurate_rnd+full_chroma_int+full_chroma_inp"
 
@@ -33,7 +33,7 @@ def read_frames(
 ) -> Iterator[np.ndarray]:
     """Frames ``start`` .. ``start + count`` at a constant rate; to the end by default.
 
-    Frame k is the picture shown at time k / rate (nearest, so jitter of half a frame in the
+    Frame k is the picture displayed at time k / rate (nearest, so jitter of half a frame in the
     time stamps does no harm). Starting late gives the same frames as reading from the start: a
     seek that lands after the frame it was for is found by the time stamp and made again, earlier.
 
@@ -168,7 +168,7 @@ def _frame_graph(
 
 
 def _landed(note: str, lead: int, rate: Fraction) -> bool:
-    """Whether there is a key frame, whose time the note tells, and frame ``lead`` not before it."""
+    """Whether there is a key frame, at the time in the note, and frame ``lead`` not before it."""
     _, options, time = note.partition("pts_time:")
     return bool(options) and float(time.split()[0]) * rate < lead + NEAREST
 

@@ -95,7 +95,7 @@ class VideoWriter:
         return self
 
     def write(self, frame: np.ndarray) -> None:
-        """Add one uint8 frame: (H, W, 3) RGB, (H, W, 4) RGBA or (H, W), as the codec says."""
+        """Add one uint8 frame: (H, W, 3) RGB, (H, W, 4) RGBA or (H, W), as the codec takes it."""
         assert self._process is not None, "write() outside of the with block"
         if frame.shape != self.shape or frame.dtype != np.uint8:
             raise MediaError(

@@ -22,7 +22,7 @@ from dubbing.script.timeline import Cue
 
 BLOCK = 10 * RATE  # samples
 VOICES, SOUND = "voices.flac", "sound.flac"
-STEREO = 2  # channels where neither the film nor the music says how many
+STEREO = 2  # channels where neither the film nor the music has a count
 # Channels that dialogue goes to, by how many there are; else the third, which is the centre.
 FRONT = {1: (0,), 2: (0, 1), 4: (0, 1)}
 CENTRE = 2
@@ -54,13 +54,13 @@ def mix(
     length = sample_of(info.frames, info.rate)
     voices = placed(cues, info.rate, loudness)
     bed = _Bed(film if info.audio_rate else None, music, voices, _samples(left, info.rate))
-    said = _Said(voices)
+    speech = _Speech(voices)
     with ExitStack() as stack:
         files = [stack.enter_context(atomic_path(out / name)) for name in (VOICES, SOUND)]
         stem = stack.enter_context(_flac(files[0], 1))
         whole = stack.enter_context(_flac(files[1], bed.channels))
         for first, under in _whole_blocks(bed.blocks(), length, bed.channels):
-            voice = said.block(first, len(under))
+            voice = speech.block(first, len(under))
             stem.write(voice)
             whole.write(with_dialogue(under, voice))
     found = _measure_file(out / SOUND)
@@ -105,7 +105,7 @@ def envelope(spans: Spans, first: int, count: int) -> np.ndarray:
     return found
 
 
-class _Said:
+class _Speech:
     """The voices by block; each is read when it begins and forgotten when it ends."""
 
     def __init__(self, voices: Sequence[Voice]) -> None:
@@ -113,7 +113,7 @@ class _Said:
         self.now: list[tuple[int, np.ndarray]] = []
 
     def block(self, first: int, count: int) -> np.ndarray:
-        """What all say together from sample ``first`` on, float32 (count,)."""
+        """The sum of all voices from sample ``first`` on, float32 (count,)."""
         while self.coming and self.coming[0].first < first + count:
             voice = self.coming.pop(0)
             self.now.append((voice.first, voice.samples()))
@@ -202,7 +202,7 @@ def _measure_file(path: Path) -> Loudness:
 
 
 def _cue_figures(voice: Voice, stem: Path) -> dict[str, Any]:
-    """What is to be said of a cue's loudness, measured on what was written."""
+    """The loudness of a cue, measured in the written file."""
     with soundfile.SoundFile(stem) as file:
         file.seek(voice.first)
         found = measured(file.read(voice.room, dtype="float32"))

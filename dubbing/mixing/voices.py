@@ -63,9 +63,9 @@ def placed(cues: Sequence[Cue], rate: Fraction, loudness: str) -> list[Voice]:
     known: dict[str, list[float]] = {}
     for cue, gain in zip(cues, gains, strict=True):
         known.setdefault(cue.speaker, []).extend([] if gain is None else [gain])
-    usual = {name: float(np.median(own)) if own else 0.0 for name, own in known.items()}
+    median = {name: float(np.median(own)) if own else 0.0 for name, own in known.items()}
     return [
-        Voice(cue, first, stop - first, usual[cue.speaker] if gain is None else gain)
+        Voice(cue, first, stop - first, median[cue.speaker] if gain is None else gain)
         for cue, (first, stop), gain in zip(cues, edges, gains, strict=True)
     ]
 

@@ -63,21 +63,21 @@ def prepare(
         clip: a video of one person who faces the camera most of the time.
         out: folder for track.npz, matte.mkv, background.mkv, contact_sheet.png, prepared.json.
         size: side of the square crop in px, at most; never more than the source shows.
-        people: whose face is meant, then the others to tell it from; see `survey`.
+        people: the person to prepare, then the others in the clip; see `survey`.
         progress: called with the name of the step and the share of it that is done.
 
     Raises:
         DubbingError: `out` cannot be made.
         MediaError: the clip cannot be read.
-        PreparationError: no face, or nothing else to work with; the message says what to do.
+        PreparationError: no face, or too little of it to work with.
     """
     clip, out = Path(clip), Path(out)
     info = probe(clip)
     if info.rate is None:
         raise PreparationError("no picture in it", str(clip), "give a video file")
     make_folder(out)
-    shown = [[digest_file(person.clip), person.points] for person in people]
-    key = {"size": size, "people": json.loads(json.dumps(shown))}
+    portraits = [[digest_file(person.clip), person.points] for person in people]
+    key = {"size": size, "people": json.loads(json.dumps(portraits))}
     steps = Steps(out / STEPS, clip, key, progress or (lambda step, share: None))
 
     seen = steps.run("faces", partial(tracking.survey_step, info, people))
@@ -152,7 +152,7 @@ def prepare(
 
 
 def _key(path: Path) -> dict[str, Any]:
-    """What the steps in a folder are of; nothing where that is not said."""
+    """The key of the steps in a folder; empty where there is none."""
     try:
         return json_records.read(path, dict[str, Any], "key of the steps")
     except DubbingError:

@@ -36,7 +36,7 @@ ARRAYS = (
 
 
 class Version(TypedDict):
-    """What every summary says, of whatever version."""
+    """The key that summaries of every version have."""
 
     version: int
 

@@ -27,14 +27,14 @@ RIGHT_TO_LEFT = ("R", "AL")
 
 @dataclass(frozen=True)
 class CreditsCard:
-    """What is shown after the last frame of a dub, and for how many frames."""
+    """The card after the last frame of a dub, and for how many frames it stands."""
 
     text: str
     frames: int
 
 
 def default_text(people: Sequence[str]) -> str:
-    """What a card says where the manifest gives no words; ``people``: who agreed."""
+    """The text of a card where the manifest has none; ``people``: who agreed."""
     return TEXT.format(people="; ".join(dict.fromkeys(people)))
 
 

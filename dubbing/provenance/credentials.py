@@ -40,7 +40,7 @@ class Found:
 
     Attributes:
         state: ``Valid``, ``Trusted`` (the root is known, too) or ``Invalid``.
-        signed_by: as the certificate says.
+        signed_by: the name in the certificate.
         actions: labels of what was done, ``c2pa.dubbed`` among them.
         dub: what of `DUBBED` was signed; empty where it is not a dub of ours.
         problems: what is wrong, in the words of the library.
@@ -55,12 +55,12 @@ class Found:
     earlier: int
 
 
-def sign(video: Path, out: Path, signer: Signer, film: Path, said: Mapping[str, Any]) -> None:
+def sign(video: Path, out: Path, signer: Signer, film: Path, facts: Mapping[str, Any]) -> None:
     """Write the video with credentials to ``out``: of the same suffix, .mp4 or .mov.
 
     Args:
         film: what was dubbed. It becomes an ingredient, with the credentials that it carries.
-        said: plain data of the dub: consent, model, sound.
+        facts: plain data of the dub: consent, model, sound.
 
     Raises:
         StageError: it cannot be signed so.
@@ -68,7 +68,7 @@ def sign(video: Path, out: Path, signer: Signer, film: Path, said: Mapping[str, 
     """
     import c2pa
 
-    claim = _claim(out.name, said)
+    claim = _claim(out.name, facts)
     ingredient = {"title": film.name, "relationship": "parentOf", "instance_id": FILM}
     kind = FORMATS.get(film.suffix.lower())
     if kind is None:  # no container that could carry credentials
@@ -164,7 +164,7 @@ def _algorithm(key: bytes, path: Path) -> bytes:
     raise StageError("a kind of key that C2PA does not know", str(path), "use ES256")
 
 
-def _claim(title: str, said: Mapping[str, Any], *, opened: bool = True) -> dict[str, Any]:
+def _claim(title: str, facts: Mapping[str, Any], *, opened: bool = True) -> dict[str, Any]:
     actions: list[dict[str, Any]] = [
         {"action": "c2pa.opened", "parameters": {"ingredientIds": [FILM]}},
         {
@@ -180,7 +180,7 @@ def _claim(title: str, said: Mapping[str, Any], *, opened: bool = True) -> dict[
         "title": title,
         "assertions": [
             {"label": "c2pa.actions.v2", "data": {"actions": actions}},
-            {"label": DUBBED, "data": dict(said)},
+            {"label": DUBBED, "data": dict(facts)},
         ],
     }
 

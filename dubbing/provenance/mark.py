@@ -50,9 +50,9 @@ class Code:
         return Code((2 * signs - 1).reshape(TILE, TILE), owners.reshape(TILE, TILE))
 
     def tile(self, bits: np.ndarray) -> np.ndarray:
-        """The tile (T, T) float32 that says ``bits`` (B,) of 0 or 1."""
-        said: np.ndarray = self.signs * (2 * bits[self.owners].astype(np.float32) - 1)
-        return said
+        """The tile (T, T) float32 that carries ``bits`` (B,) of 0 or 1."""
+        signed: np.ndarray = self.signs * (2 * bits[self.owners].astype(np.float32) - 1)
+        return signed
 
 
 class Mark:

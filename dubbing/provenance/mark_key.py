@@ -50,7 +50,7 @@ def marking(own: Path | None, made_of: object) -> Marking:
 
     Args:
         own: the key file that the manifest names; the installation's by default.
-        made_of: plain data that says what was dubbed with what: the 64 bits are its digest.
+        made_of: plain data of what was dubbed with what: the 64 bits are its digest.
     """
     file = own or installation_file()
     known = fingerprint_of(read_key(file)) if own or file.exists() else ""
@@ -107,7 +107,7 @@ def read_key(file: Path) -> bytes:
 
 
 def fingerprint_of(key: bytes) -> str:
-    """Names a key without telling it."""
+    """Names a key without revealing it."""
     return hashlib.blake2b(key, digest_size=8, person=b"dfrf-mark").hexdigest()
 
 

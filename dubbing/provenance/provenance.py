@@ -16,12 +16,12 @@ BACKING, INK = 0.55, 0.95  # opacity of the dark plate and of the white letters
 
 
 def tags() -> dict[str, str]:
-    """Tags of the container. They are always written, whatever the manifest says."""
-    said = (
+    """Tags of the container. They are always written; the manifest cannot turn them off."""
+    text = (
         "AI-generated picture: the face in this video was synthesised to match other speech"
         f" ({made_by()}). Digital source type: {SOURCE_TYPE}"
     )
-    return {"comment": said, "description": said, "encoder": made_by()}
+    return {"comment": text, "description": text, "encoder": made_by()}
 
 
 def made_by() -> str:

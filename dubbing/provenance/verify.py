@@ -1,4 +1,4 @@
-"""What a file carries that says how it was made: metadata, credentials, the invisible mark."""
+"""The marks of origin that a file carries: metadata, credentials, the invisible mark."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from dubbing.provenance.mark_key import fingerprint_of, id_of, read_key
 
 MOST_FRAMES = 100  # that are searched for the mark
 PIECES = 4  # places of the film that they are taken from
-SAYS = "AI-generated"  # in the metadata of what this tool makes
+TAG = "AI-generated"  # in the metadata of what this tool makes
 KEYS = ("comment", "description", "encoder")
 
 
@@ -117,7 +117,7 @@ def _metadata(video: Path) -> dict[str, str]:
             tags = {key.lower(): value for key, value in container.metadata.items()}
     except av.FFmpegError as error:
         raise MediaError(f"cannot be read: {error}", str(video)) from error
-    if not any(SAYS in value for value in tags.values()):
+    if not any(TAG in value for value in tags.values()):
         return {}
     return {key: tags[key] for key in KEYS if key in tags}
 
@@ -126,21 +126,21 @@ def sentences(found: Verified) -> list[str]:
     """What was found, for people."""
     signed = found.credentials
     if signed is None:
-        said = [f"credentials: none{f' ({note})' if (note := found.credentials_note) else ''}"]
+        text = [f"credentials: none{f' ({note})' if (note := found.credentials_note) else ''}"]
     else:
-        said = [f"credentials: {signed.state}, signed by {signed.signed_by or 'nobody named'}"]
-        said.append(f"  says: {', '.join(signed.actions) or 'nothing'}")
-        said += [f"  {name}: {value}" for name, value in signed.dub.items()]
-        said += [f"  problem: {problem}" for problem in signed.problems]
+        text = [f"credentials: {signed.state}, signed by {signed.signed_by or 'nobody named'}"]
+        text.append(f"  actions: {', '.join(signed.actions) or 'nothing'}")
+        text += [f"  {name}: {value}" for name, value in signed.dub.items()]
+        text += [f"  problem: {problem}" for problem in signed.problems]
         if signed.earlier:
-            said.append(f"  with {signed.earlier} earlier credentials of what went into it")
+            text.append(f"  with {signed.earlier} earlier credentials of what went into it")
     for key, seen in found.marks.items():
         if seen.present:
             sure = f"weakest bit {seen.sureness.min():.1f} deviations"
-            said.append(f"invisible mark: {id_of(seen.bits)} (key {key}, {sure})")
+            text.append(f"invisible mark: {id_of(seen.bits)} (key {key}, {sure})")
         else:
-            said.append(f"invisible mark: none of key {key}")
+            text.append(f"invisible mark: none of key {key}")
     if not found.marks:
-        said.append("invisible mark: not looked for, there is no key here; name one with --key")
-    said.append(f"metadata: {found.metadata.get('comment', 'nothing of an AI-generated picture')}")
-    return said
+        text.append("invisible mark: not looked for, there is no key here; name one with --key")
+    text.append(f"metadata: {found.metadata.get('comment', 'nothing of an AI-generated picture')}")
+    return text

@@ -71,7 +71,7 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
 
 
 def scene_of(job: Job) -> dict[str, Any]:
-    """What a scene's composite says of its sound and of the frames it left alone; else empty."""
+    """What a scene's composite recorded of its sound and of untouched frames; else empty."""
     return _read(job, "composite", SCENE_FILE)
 
 

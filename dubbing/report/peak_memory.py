@@ -6,7 +6,7 @@ import sys
 
 
 def peak_memory() -> int | None:
-    """Bytes; None where the system does not say (Windows)."""
+    """Bytes; None where the system does not report it (Windows)."""
     try:
         import resource
     except ModuleNotFoundError:

@@ -13,12 +13,12 @@ CLOCK = re.compile(r"(?:(?:([0-9]{1,3}):)?([0-9]{1,3}):)?([0-9]{1,9}(?:[.,][0-9]
 
 @dataclass(frozen=True)
 class Line:
-    """What is said, from when to when, and by whom.
+    """Spoken words, from when to when, and by whom.
 
     Attributes:
         number: its place in the file, from 1.
         start, stop: seconds, as written.
-        speaker: '' where the file does not say.
+        speaker: '' where the file names none.
     """
 
     number: int

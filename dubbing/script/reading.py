@@ -75,7 +75,7 @@ def _subtitles(text: str, _rate: Fraction, _start: int) -> list[Line]:
 
 
 def _speaker(text: str) -> tuple[str, str]:
-    """Who speaks, as far as the text says so, and the words alone."""
+    """The speaker, if the text names one, and the words alone."""
     voice = VOICE.search(text)
     words = TAG.sub("", text).strip()
     if voice:

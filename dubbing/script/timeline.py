@@ -1,4 +1,4 @@
-"""How many frames a dub has, which of them say something new, and over which frame of the clip.
+"""The frames of a dub: how many, which have new speech, and over which frame of the clip.
 
 F frames of the dub, T frames of the clip.
 """
@@ -19,12 +19,12 @@ FADE = 3  # frames at a cue's edges over which the film and the rendered head ar
 
 @dataclass(frozen=True)
 class Cue:
-    """Frames of a dub in which somebody says something new.
+    """Frames of a dub with new speech of one person.
 
     Attributes:
         identity: who.
         first, stop: frames first .. stop of the dub.
-        audio, audio_start, seconds: what is said: that much of a sound, from there on.
+        audio, audio_start, seconds: the speech: that much of a sound, from there on.
         number, speaker, words: of the line, where there are lines.
     """
 
@@ -94,22 +94,22 @@ def pose_index(frames: int, segment: np.ndarray, first: int, policy: str) -> np.
     )
 
 
-def shares(said: np.ndarray, index: np.ndarray, segment: np.ndarray) -> np.ndarray:
+def shares(replaced: np.ndarray, index: np.ndarray, segment: np.ndarray) -> np.ndarray:
     """How much of each frame's face is the rendered one, float32 (F,) in 0..1.
 
-    0 outside of ``said``. Inside it rises over `FADE` frames from an edge, and falls towards one;
-    at a cut of the picture, and where the dub begins and ends, there is nothing to fade from.
+    0 outside of ``replaced``. Inside it rises over `FADE` frames from an edge, and falls towards an
+    edge; at a cut of the picture, and where the dub begins and ends, there is nothing to fade from.
 
     Args:
-        said: (F,) bool, frames in which the face is to be replaced, and can be.
+        replaced: (F,) bool, frames in which the face is to be replaced, and can be.
         index: (F,) frame of the clip under each.
         segment: (T,) int, increases at every cut.
     """
-    away = np.where(said, FADE + 1, 0)
+    away = np.where(replaced, FADE + 1, 0)
     joined = (np.abs(np.diff(index)) <= 1) & (np.diff(segment[index]) == 0)
     for step in range(1, FADE + 1):
         low = away < step
-        beside = np.zeros(len(said), bool)
+        beside = np.zeros(len(replaced), bool)
         beside[1:] |= low[:-1] & joined
         beside[:-1] |= low[1:] & joined
         away[beside & (away > step)] = step

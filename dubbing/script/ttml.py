@@ -18,7 +18,7 @@ SPOKEN = ("div", "p", "span")
 
 
 def read(text: str, _rate: Fraction, start: int) -> list[Line]:
-    """The paragraphs of a document that have times. The document says its own frame rate.
+    """The paragraphs of a document that have times. The document has its own frame rate.
 
     Raises:
         ValueError: it is no TTML, declares entities, or a time in it cannot be read.
@@ -63,7 +63,7 @@ class _Document:
     def walk(
         self, element: ElementTree.Element, begin: Fraction, end: Fraction | None, agent: str
     ) -> None:
-        """Take up what is said in an element; its times count from those of what it is in."""
+        """Add the lines of an element; its times count from those of its parent."""
         start, stop = begin, end
         if (written := element.get("begin")) is not None:
             start = begin + self.seconds(written)

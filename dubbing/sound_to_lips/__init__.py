@@ -1,1 +1,1 @@
-"""What lips do while something is said: learned from the lips of many people, whoever speaks."""
+"""The motion of lips in speech, learned from many people, whoever speaks."""

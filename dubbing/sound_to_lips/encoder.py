@@ -1,4 +1,4 @@
-"""The encoder of a speech recogniser, as far as it tells what lips do.
+"""The encoder of a speech recogniser, as far as the motion of lips needs it.
 
 It is the first part of Moonshine tiny (Jeffries et al. 2024, "Moonshine: Speech Recognition for
 Live Transcription and Voice Commands"): three convolutions over the samples, then transformer

@@ -1,6 +1,6 @@
 """From a sound to what lips do, for people it never saw.
 
-A frozen speech encoder, and a linear filter over what it says: with some forty people on film to
+A frozen speech encoder, and a linear filter over its output: with some forty people on film to
 learn from, a larger network on top learned them by heart.
 
 Letters: T steps of 24 ms, C = 288 channels of the encoder, O = 8 outputs.
@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from dubbing.sound_to_lips.encoder import CHANNELS, SpeechEncoder
 
 MEASURES = 7  # as `dubbing.face.lip_measures.LIP_DISTANCES`
-CLOSED = MEASURES  # which output says that the lips touch
+CLOSED = MEASURES  # the output for lips that touch
 OUTPUTS = MEASURES + 1
 TAPS, STRIDE = 2, 2  # steps that the filter looks at, to each side of its own, and how far apart
 

@@ -18,7 +18,7 @@ PIECE, AROUND = 3000, 500
 
 
 class DeepSpeechFeatures:
-    """Outputs before the softmax, as they are: silence says something, too.
+    """Outputs before the softmax, as they are: silence is a symbol, too.
 
     The published code's windows of 16 steps begin eight steps before the video frame does, ours
     seven. So features come a step late.

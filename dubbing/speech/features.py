@@ -1,4 +1,4 @@
-"""Speech features: what the model hears of a sound, 50 times a second.
+"""Speech features of a sound, 50 a second: the input of the model.
 
 Letters: N samples at 16 kHz, T steps of 20 ms, D feature values, F video frames.
 A new kind of feature is a class with the members of `SpeechFeatures`; what makes one is entered
@@ -130,7 +130,7 @@ def windows(features: np.ndarray, frames: int, rate: Fraction, first: int = 0) -
 
     Returns:
         (frames, 16, D) float32: 16 steps of 20 ms centred on the middle of frame i, at
-        (i + 0.5) / rate. Interpolated between steps where the rate asks for it; silence (0)
+        (i + 0.5) / rate. Interpolated between steps where the rate needs it; silence (0)
         before the first and after the last step.
     """
     middle = (np.arange(first, first + frames) + 0.5) / float(rate)

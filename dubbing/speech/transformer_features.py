@@ -27,7 +27,7 @@ PIECE, AROUND = 1000, 100
 
 
 class TransformerFeatures:
-    """Last hidden layer, less what it says of silence; 0 where nobody speaks."""
+    """Last hidden layer, less its value in silence; 0 where nobody speaks."""
 
     rate = voice.STEP_RATE
 

@@ -23,7 +23,7 @@ LOUD_SHARE = 0.03
 TARGET_DB = -20.0
 # No sound at all below this level.
 SILENCE_DB = -75.0
-# Steps this far below the loud parts are no speech, whatever the detector says.
+# Steps this far below the loud parts are no speech, whatever the detector reports.
 RANGE_DB = 32.0
 # Steps whose chance of being speech is at most this are none.
 LEAST_CHANCE = 0.3

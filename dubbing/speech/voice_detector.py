@@ -1,4 +1,4 @@
-"""The network that tells speech from music and noise: Silero VAD (MIT), weights of its package.
+"""The network that separates speech from music and noise: Silero VAD (MIT), weights of its package.
 
 Letters: C chunks of 32 ms, F = 129 frequencies, H = 128 hidden values.
 """

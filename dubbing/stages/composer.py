@@ -27,7 +27,7 @@ from dubbing.stages.own_pixels import OwnPixels, own_pixels
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
 
 Picture = TypeVar("Picture")
-# Image, matte, background of the crop, and the full frame where it is asked for.
+# Image, matte, background of the crop, and the full frame if it is requested.
 Source = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]
 
 
@@ -61,7 +61,7 @@ class Heads:
 
 @dataclass(frozen=True)
 class Face:
-    """A face in a frame: what it is made of, its head, and how much of it is shown."""
+    """A face in a frame: its source, the rendered head, and the opacity of the head."""
 
     clip: PreparedClip
     source: Source
@@ -88,16 +88,16 @@ class Composer:
         count = len(pose_index)  # a dub that was cut is shorter than its cue
         self.heads = [replace(h, stop=min(h.stop, count)) for h in heads if h.first < count]
         self.shares = {
-            h.clip.folder: timeline.shares(self._said(h.clip), pose_index, h.clip.segment)
+            h.clip.folder: timeline.shares(self._replaced(h.clip), pose_index, h.clip.segment)
             for h in self.heads
         }
 
-    def _said(self, clip: PreparedClip) -> np.ndarray:
-        """Frames (F,) bool in which the face of a clip says something new, and is replaced."""
-        said = np.zeros(len(self.poses), bool)
+    def _replaced(self, clip: PreparedClip) -> np.ndarray:
+        """Frames (F,) bool in which the face of a clip has new speech, and is replaced."""
+        replaced = np.zeros(len(self.poses), bool)
         for own in (h for h in self.heads if h.clip.folder == clip.folder):
-            said[own.first : own.stop] = own.kept[self.poses[own.first : own.stop]] == 0
-        return said
+            replaced[own.first : own.stop] = own.kept[self.poses[own.first : own.stop]] == 0
+        return replaced
 
     def own_pixels(self) -> list[OwnPixels]:
         """Where inside of cues the face stays the film's own."""
@@ -148,7 +148,7 @@ class Composer:
     def frame(self, image: np.ndarray, faces: Sequence[Face], index: int) -> np.ndarray:
         """Frame of the dub over frame ``index`` of the film; uint8 RGB of ``size``.
 
-        One in which nobody says anything new is given back as it came, without the mark.
+        A frame without new speech is returned unchanged, without the mark.
         """
         out = with_faces(image, faces, index)
         if self.mark is not None:

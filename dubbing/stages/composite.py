@@ -69,7 +69,7 @@ def make(
 
     It has the colours of the film, and its timecode. What no browser plays gets OUT/proxy.mp4.
 
-    Frames in which nobody says anything new are the film's own. Of a scene there is also
+    Frames without new speech are the film's own. Of a scene there is also
     OUT/voices.flac, and OUT/scene.json: how loud it is, and what proves that.
 
     Args:
@@ -101,7 +101,7 @@ def make(
             )
             atomic_write_json(out / MIXED, figures)
             sound = Sound(out / SOUND, 0.0, float(len(pose_index) / rate))
-        # The sound is as long as it was asked for, unless the dub was cut to the clip.
+        # The sound has its requested length, unless the dub was cut to the clip.
         longest = float((len(pose_index) + Fraction(1, 2)) / rate)
         media.mux(
             parts,

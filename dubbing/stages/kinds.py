@@ -1,6 +1,6 @@
 """The stages by name, in their order: where results lie and which module makes them.
 
-The command line knows them without loading anything; `dubbing.pipeline` says what each needs.
+The command line knows them without loading anything; `dubbing.pipeline` declares what each needs.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Poses of a clip's frames, refined with the learned head of the person in it.
 
-The mouth and the jaw, which speech moves, have no say: only what lies above the base of the nose
+The mouth and the jaw, which speech moves, do not count: only what lies above the base of the nose
 is compared. K key frames.
 """
 
@@ -37,7 +37,7 @@ POSES_FILE = "poses.npz"
 # changes with the pose, so a head that turns fast has a key frame in every frame.
 PASSES = ((50, np.inf, 4), (5, np.radians(1.5), 2))
 RAYS = 1000
-FACE_SHARE = 0.7  # of the rays; hair and ears, which say more of the turn, are larger than the face
+FACE_SHARE = 0.7  # of the rays; hair and ears, which show the turn better, are larger than the face
 RIM = 8  # px at 512 beyond the matte: background that a head out of place would cover
 NOISE = 0.1  # of a channel; several times what it is, as neighbouring residuals are alike
 # How far poses may be off, and how much corrections bend between key frames: radians, units.
@@ -146,8 +146,8 @@ def shot_corrections(
             conditioning = silent(model, upper[keys])
             for _ in range(steps):
                 cameras = moved(c2w[keys], torch.from_numpy(found).float()).to(device)
-                asked = zip([observations[k] for k in keys], cameras, conditioning, strict=True)
-                pairs = zip(*workers.map(equations, asked), strict=True)
+                inputs = zip([observations[k] for k in keys], cameras, conditioning, strict=True)
+                pairs = zip(*workers.map(equations, inputs), strict=True)
                 left, right = (np.stack(side).astype(float) / NOISE**2 for side in pairs)
                 found = smoothest(left, right + np.einsum("kij,kj->ki", left, found))
     return between(found, keys, index).astype(np.float32)

@@ -64,7 +64,7 @@ def render(
     Args:
         model: of the person, written by `finetune`.
         clip: whose poses are taken, refined with the model; see `refine_poses`.
-        speech: of the frames to render, asked for a segment at a time.
+        speech: of the frames to render; called for a segment at a time.
         out: folder.
         pose_index: (T,) frame of the clip each frame takes its pose from.
         part: first and stop of those of the T frames to render; all by default.

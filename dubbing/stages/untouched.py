@@ -1,4 +1,4 @@
-"""The proof that a scene left the film alone where nobody says anything new."""
+"""The proof that a scene left the film alone where there is no new speech."""
 
 from __future__ import annotations
 
@@ -43,10 +43,10 @@ def compare(film: Path, result: Path, own: np.ndarray, rate: Fraction) -> Untouc
     for theirs, (source, made) in zip(own, pictures, strict=True):
         if theirs:
             height, width = source.shape[:2]  # an encoder may have made them even
-            shown = np.ascontiguousarray(made[:height, :width])
-            for digest, picture in zip(digests, (source, shown), strict=True):
+            result_picture = np.ascontiguousarray(made[:height, :width])
+            for digest, picture in zip(digests, (source, result_picture), strict=True):
                 digest.update(picture.data)
-            difference = source.astype(np.int16) - shown
+            difference = source.astype(np.int16) - result_picture
             worst = max(worst, float(np.mean(np.square(difference, dtype=np.float32))))
     source_digest, result_digest = (digest.hexdigest() for digest in digests)
     return Untouched(

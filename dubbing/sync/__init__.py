@@ -1,1 +1,1 @@
-"""Whether the mouth in a video says what its sound says, and how far the two are apart."""
+"""Whether the mouth in a video fits its sound, and by how much the two are offset."""

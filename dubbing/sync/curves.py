@@ -1,4 +1,4 @@
-"""Distances over offsets, and what they say.
+"""Distances over offsets, and the estimates from them.
 
 Letters: F frames, E embedding size, K = 31 offsets.
 
@@ -64,7 +64,7 @@ class CurveSum:
 
 
 def estimate(curve: np.ndarray) -> Estimate | None:
-    """What a curve (K,) says; None if it has a gap (too little was seen)."""
+    """Offset and confidence of a curve (K,); None if it has a gap (too little was seen)."""
     if not np.isfinite(curve).all():
         return None
     best = int(np.argmin(curve))

@@ -1,4 +1,4 @@
-"""What the members of the network hear: log-mel, and what a recurrent network says is spoken.
+"""The sound input of the network: log-mel, and the features of a recurrent speech network.
 
 Letters: N samples at 16 kHz, T steps of 20 ms, D = 144 channels.
 """

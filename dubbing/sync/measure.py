@@ -1,4 +1,4 @@
-"""What a video shows and says: the mouth of every face, and the sound, block by block.
+"""Measuring a video block by block: the mouth of every face, and the sound.
 
 A block is at most a minute, so memory does not grow with the length of the video. Faces keep
 their number from block to block.

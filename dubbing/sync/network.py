@@ -2,7 +2,7 @@
 
 The shape is that of SyncNet (Chung & Zisserman 2016): five frames of mouth against 0.2 s of
 speech, one embedding each. Each member sees one part of `sight`: aligned lip geometry or aligned
-pixels; and hears one part of `hearing`: log-mel, or what a recurrent network says is spoken.
+pixels; and hears one part of `hearing`: log-mel, or the speech features of a recurrent network.
 
 Letters: B items, V = 5 mouth frames, S values of sight a frame of which a member sees X, A = 10
 sound steps of 20 ms, D = 144 channels, E embedding size, N members.

@@ -51,7 +51,7 @@ class LipStream(nn.Module):
 class PixelStream(nn.Module):
     """Grey crops of the mouth; the five frames are the channels of the first convolution.
 
-    Nothing normalises an item by its own contrast: a mouth that shows little must say little.
+    Nothing normalises an item by its own contrast: a mouth that shows little must count for little.
     """
 
     def __init__(self) -> None:

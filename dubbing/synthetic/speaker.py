@@ -20,7 +20,7 @@ from dubbing.synthetic.rendering.render import REST_SHIFT, Renderer, State
 from dubbing.synthetic.visemes import Phone, mouth_curves
 from dubbing.synthetic.voice import synthesise
 
-TAIL = 0.4  # seconds of silence after the last word when no length is asked for
+TAIL = 0.4  # seconds of silence after the last word without a requested length
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def synthesise(
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     if not sound or not any(symbol for _, symbol in events):
-        raise DubbingError(f"nothing to say in {text!r}", remedy="give a text with words")
+        raise DubbingError(f"no words in {text!r}", remedy="give a text with words")
     samples = np.frombuffer(bytes(sound), dtype=np.int16).astype(np.float32) / 32768.0
     return samples, rate, _phones(events, rate, len(samples))
 

@@ -105,7 +105,7 @@ class Render:
 
 @dataclass(frozen=True)
 class Learned:
-    """The prepared clip that a person was learned from, and the fine-tune that says which part."""
+    """The prepared clip that a person was learned from, and the fine-tune with its record."""
 
     prepared: Prepared
     finetune: Path

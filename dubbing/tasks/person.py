@@ -49,7 +49,7 @@ class Prepare:
 
 
 def iterations_of(identity: Identity) -> int:
-    """Steps that a person learns: as the manifest says, or the default of their preset."""
+    """Steps that a person learns: of the manifest, or the default of the preset."""
     return identity.finetune.iterations or STEPS[family(identity.preset)]
 
 

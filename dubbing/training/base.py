@@ -46,11 +46,11 @@ def train_base(
     training ends early once it no longer gets better.
 
     An interrupted run leaves its state in OUT.resume and is continued by the next call, which must
-    ask for the same. Preset, speech features and seed are those of the manifest's identities,
+    have the same arguments. Preset, speech features and seed are those of the manifest's identities,
     which must agree in them.
 
     Args:
-        manifest: `start` and `seconds` of each identity say which part of its clip is learned.
+        manifest: `start` and `seconds` of each identity select what is learned of its clip.
         out: the checkpoint to write.
         device: auto, cpu or cuda.
         iterations: optimiser steps in all; three quarters of them without the warp, as the paper
@@ -64,11 +64,11 @@ def train_base(
         TrainingError: the identities disagree, one has no usable frame, or the loss diverged.
         CheckpointError: `init` does not fit, or OUT.resume is of another run.
     """
-    learned, asked = learned_names(manifest, hold_out), sorted(set(hold_out))
+    learned, unseen = learned_names(manifest, hold_out), sorted(set(hold_out))
     settings = common_settings(manifest)
     people, held = (
         [load_person(manifest, name, device, settings, progress) for name in names]
-        for names in (learned, asked)
+        for names in (learned, unseen)
     )
     model = init_from_base(init, settings)
     config = replace(presets.trainings(settings.preset).base, seed=settings.seed)
@@ -94,7 +94,7 @@ def train_base(
                 validation=validation,
                 about={
                     **settings.speech_header(),
-                    "people": [person_key(manifest, name) for name in (*learned, *asked)],
+                    "people": [person_key(manifest, name) for name in (*learned, *unseen)],
                     "init": "" if init is None else digest_file(init),
                 },
             ),

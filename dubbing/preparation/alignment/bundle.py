@@ -61,7 +61,7 @@ class Observations:
 
     @property
     def usable(self) -> np.ndarray:
-        """Frames (T,) bool that say anything about the pose."""
+        """Frames (T,) bool that constrain the pose."""
         return np.asarray(self.confidence > 0)
 
     def spread(self, count: int) -> np.ndarray:

@@ -116,7 +116,7 @@ def without_gain(
 
 @dataclass(frozen=True)
 class FrameEquations:
-    """What the pixels of one frame say: jacobian (n, C), residual (n,), weight (n,) of n points."""
+    """Equations of one frame's pixels: jacobian (n, C), residual (n,), weight (n,) of n points."""
 
     frame: int
     jacobian: np.ndarray

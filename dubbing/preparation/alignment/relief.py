@@ -9,7 +9,7 @@ for the other. So the depth of the skin, as seen from the reference frame, may b
 and c is solved with all poses by Gauss-Newton on the photometric residuals (:mod:`photometric`),
 with |c|^2 / .05^2. One number the pixels hardly know, as a deeper face that turns less looks
 nearly alike (the bas-relief ambiguity, Belhumeur et al. 1999): the slope of the new depths on the
-old ones. It is held at what landmarks say of faces, by (g c)^2 / .01^2, g that slope.
+old ones. It is held at the slope of the landmarks' shape, by (g c)^2 / .01^2, g that slope.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What the outline of the head says of its turns.
+"""The turns of the head, from its outline.
 
 The skin of a face is nearly flat: the pixels that align it hardly know how far it turns, and turns
 of one shot need not fit those of the next. The outline lies a head's depth behind the eyes, so it

@@ -67,7 +67,7 @@ def skin_points(
     outline: tuple[int, ...] = UPPER_FACE,
     holes: tuple[tuple[int, ...], ...] = EYES_AND_BROWS,
 ) -> Skin:
-    """Back-project the pixels of one frame onto the shape (478, 3): the rigid skin if not told.
+    """Back-project the pixels of one frame onto the shape (478, 3): by default the rigid skin.
 
     Args:
         pose: of that frame, (1,). centre: (1, 2) px.

@@ -46,7 +46,7 @@ Progress = Callable[[float], None]
 class Footage:
     """The frames of a clip as its crops, with what tracking found in them.
 
-    window (T, 3), landmarks (T, 478, 2) and jaw outline (T, K, 2) px of the crop, shown (T,)
+    window (T, 3), landmarks (T, 478, 2) and jaw outline (T, K, 2) px of the crop, valid (T,)
     bool: the head's place is known, segment (T,) int.
     """
 
@@ -55,7 +55,7 @@ class Footage:
     window: np.ndarray
     landmarks: np.ndarray
     outline: np.ndarray
-    shown: np.ndarray
+    valid: np.ndarray
     segment: np.ndarray
 
     def crops(self) -> Iterator[np.ndarray]:
@@ -155,7 +155,7 @@ def matte_step(footage: Footage, matte: Path, person: Path, progress: Progress) 
 
     def work(image: np.ndarray, seen: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray]:
         mask = seen.astype(np.float32) / 255
-        if footage.shown[t]:
+        if footage.valid[t]:
             bridge = footage.landmarks[t, NOSE_BRIDGE]
             alpha = head_matte(image, mask, lines[t], bridge)
         else:

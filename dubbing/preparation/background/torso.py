@@ -27,7 +27,7 @@ THERE_AND_BACK = 0.7  # px that a corner may miss its place by, tracked to and f
 OUTLIER = 1.5  # px
 CLEAR = 4.0  # px round an inpaint mask that may still show the jaw
 REACH = 90.0  # px round the head within which clothes are followed: further off they move otherwise
-LEAST_SEEN = 0.15  # share of the frames that must have shown a point
+LEAST_SEEN = 0.15  # share of the frames in which a point must be visible
 LEAST_FOUND = 0.9  # share of the frames in which the torso must be found
 EVEN = 4.0  # px along which the upper end of what is filled is smoothed
 

@@ -15,7 +15,7 @@ NEIGHBOURHOOD = 25  # frames
 CLOSE = 6  # frames to both sides, in which at most two others may be nearly as large:
 PEAK_RATIO = 2.5  # hands that start to wave go on waving, a cut is over at once
 THUMBNAIL = 96  # px; noise and small motion vanish at this size
-REPEATED = 0.02  # grey levels: below this a frame is the one before, shown again
+REPEATED = 0.02  # grey levels: below this a frame repeats the one before
 
 
 def thumbnail(image: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from dubbing.face.mouth_shape import INNER_LIP
 HALF_WIDTH = 0.42  # units of 10 cm from the middle of the face: beyond, cheeks turn away
 BLUR = 0.012  # of the face's width: landmarks jitter by that much
 DARK = 8.0  # added to colours (0..255) before their logarithm: noise of dark ones counts less
-UNUSUAL = 3.0  # times as far from the usual colour as the point mostly is, at least that of
+UNUSUAL = 3.0  # times as far from its median colour as the point mostly is, at least that of
 LEAST_SPREAD = 0.06  # of a logarithm
 SHARE = 0.35  # of the lower face that is unusual where something covers it
 AROUND = 2  # frames before and after that are covered in part
@@ -49,9 +49,9 @@ def covered_step(
     share = np.zeros(len(points))
     for shot in np.unique(segment):
         own = valid & (segment == shot)
-        usual = own if own.sum() >= OWN_FRAMES else valid
+        reference = own if own.sum() >= OWN_FRAMES else valid
         if own.any():
-            share[own] = unusual_share(colours[own], colours[usual], shape)
+            share[own] = unusual_share(colours[own], colours[reference], shape)
     seen = (share > SHARE).astype(np.uint8)
     for shot in np.unique(segment):
         part = segment == shot
@@ -67,22 +67,22 @@ def sampled(image: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.asarray(np.log(read[0] + np.float32(DARK)))
 
 
-def unusual_share(colours: np.ndarray, usual: np.ndarray, shape: np.ndarray) -> np.ndarray:
+def unusual_share(colours: np.ndarray, reference: np.ndarray, shape: np.ndarray) -> np.ndarray:
     """Share (T,) of the lower face's points whose colour is far from what it usually is.
 
     Args:
-        colours: (T, P, 3) logarithms. usual: (U, P, 3), of frames most of which nothing covers.
+        colours: (T, P, 3) logarithms. reference: (U, P, 3), of frames most of which nothing covers.
         shape: (P, 3) in the head frame.
     """
     lower, upper = regions(shape)
-    middle = np.median(usual, 0)
-    middle = np.median(usual - gain(usual, middle, upper), 0)
+    middle = np.median(reference, 0)
+    middle = np.median(reference - gain(reference, middle, upper), 0)
 
     def away(of: np.ndarray) -> np.ndarray:
         lit = of - gain(of, middle, upper) - middle
         return np.asarray(np.linalg.norm(lit[:, lower], axis=2))
 
-    spread = np.maximum(1.4826 * np.median(away(usual), 0), LEAST_SPREAD)
+    spread = np.maximum(1.4826 * np.median(away(reference), 0), LEAST_SPREAD)
     return np.asarray((away(colours) > UNUSUAL * spread).mean(1))
 
 

@@ -1,4 +1,4 @@
-"""Where a person can be seen: what tells the people of a film apart starts from it."""
+"""Where a person can be seen, to recognise them among the people of a film."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ def survey(
         raise PreparationError(
             f"no face {error}",
             str(info.path),
-            "say in `face` where it is: seconds, shares of the frame's width and height",
+            "give in `face` where it is: seconds, shares of the frame's width and height",
         ) from error
     repeated = difference < REPEATED
     repeated[0] = False
@@ -102,9 +102,9 @@ def person_of(portrait: Portrait, info: MediaInfo) -> Person:
     """
     if portrait.clip == info.path:
         return Person(places(portrait, info))
-    shown = probe(portrait.clip)
-    rows = places(portrait, shown)
-    spread = np.linspace(0, shown.frames - 1, PORTRAIT_FRAMES).round().astype(int)
+    info = probe(portrait.clip)
+    rows = places(portrait, info)
+    spread = np.linspace(0, info.frames - 1, PORTRAIT_FRAMES).round().astype(int)
     frames = [place.frame for place in rows] or np.unique(spread).tolist()
     found = []
     with FaceMesh(tracking=False, faces=MOST_FACES) as mesh:

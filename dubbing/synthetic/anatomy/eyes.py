@@ -40,7 +40,7 @@ def lid_curves(u: np.ndarray, blink: float, opening: float) -> tuple[np.ndarray,
 
 
 def near_eye(p: np.ndarray) -> np.ndarray:
-    """(N,) bool: skin points that `look` should be asked about."""
+    """(N,) bool: skin points near an eye, for which `look` is needed."""
     side = np.abs(np.abs(p[:, 0]) - EYE[0])
     return (side < 1.75) & (np.abs(p[:, 1] - EYE[1]) < 1.35) & (p[:, 2] > 4.5)
 

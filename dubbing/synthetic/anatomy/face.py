@@ -18,7 +18,7 @@ HairStyle = Literal["short", "parted", "swept", "bob", "bald"]
 
 @dataclass(frozen=True)
 class Face:
-    """One person. `seed` drives what no other field says (freckles, locks of hair, the room)."""
+    """One person. `seed` drives what no other field sets (freckles, locks of hair, the room)."""
 
     name: str = "alba"
     skin: Colour = (0.58, 0.33, 0.235)

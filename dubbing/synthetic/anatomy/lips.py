@@ -31,7 +31,7 @@ class MouthShape:
 class LipWeights:
     """How much each of V rest positions (V, 3) follows the jaw and the lips.
 
-    `lower` (V,) bool tells on which side of the mouth line a vertex lies.
+    `lower` (V,) bool: vertices below the mouth line.
     """
 
     def __init__(self, rest: np.ndarray, lower: np.ndarray, face: Face) -> None:

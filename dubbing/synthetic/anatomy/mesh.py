@@ -13,7 +13,7 @@ import numpy as np
 class Patch:
     """One grid: where its vertices begin in the common arrays, its size, and its neighbours.
 
-    `wrap` says that the last column meets the first; `flip` turns the normals round.
+    with `wrap` the last column meets the first; `flip` turns the normals round.
     """
 
     first: int

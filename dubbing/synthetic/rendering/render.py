@@ -2,7 +2,7 @@
 
 Embree finds what each pixel sees (two scenes: what never moves in the head frame, and what does).
 Skin light is blurred per colour under the skin, the key light's shadow is found on a third of the
-pixels, and pixels on an edge are asked again at four places.
+pixels, and pixels on an edge are sampled again at four places.
 """
 
 from dataclasses import dataclass, field

@@ -106,7 +106,7 @@ class Shaded:
     """albedo, light and shine (N, 3): colour = albedo * light + shine. part and label (N,).
 
     `solid` marks what light does not scatter under (eyes, lashes, the inside of the mouth).
-    `label` tells materials apart where edges are looked for.
+    `label` separates materials when edges are detected.
     """
 
     albedo: np.ndarray

@@ -25,12 +25,12 @@ from dubbing.training.sync.correlation import TRUSTED_PEAK, align
 
 TAKES = 3  # beside the sound as it is
 SPEEDS = (-0.12, 0.12)  # logarithm
-JUDGED = 12  # clips whose offset the sync network is asked about, too
+JUDGED = 12  # clips whose offset the sync network measures, too
 
 
 @dataclass(frozen=True)
 class Take:
-    """One take of a sound: what the encoder says of it, (T, C), and how fast it is."""
+    """One take of a sound: the encoder's output (T, C), and how fast it is."""
 
     speed: float
     encoded: torch.Tensor
@@ -82,7 +82,7 @@ def lessons(paths: Sequence[Path], cache: Path, encoder: SpeechEncoder, seed: in
 
 
 def common_offset(paths: Sequence[Path], offsets: np.ndarray, peaks: np.ndarray) -> float:
-    """What all offsets (C,) share, seconds: the sync network, whose zero is known, says it."""
+    """What all offsets (C,) share, seconds, by the sync network, whose zero is known."""
     chosen = np.argsort(-peaks)[:JUDGED]
     apart = []
     for k in tqdm(chosen.tolist(), "zero"):
@@ -117,7 +117,7 @@ def lesson(
 
 
 def take(encoder: SpeechEncoder, samples: np.ndarray, speed: float = 1.0) -> Take:
-    """What the encoder says of samples (N,)."""
+    """The encoder's output for samples (N,)."""
     return Take(speed, encode(encoder, [samples], gain_of(voice.energy_db([samples]))).half())
 
 

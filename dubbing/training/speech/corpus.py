@@ -127,13 +127,13 @@ def spoken_part(voice: Voice, seconds: float, seed: int) -> list[Utterance]:
 
 
 def utterance(spoken: synthesis.Spoken) -> Utterance:
-    """What was said, and what the teacher makes of it."""
+    """A spoken text, and the teacher's senones for it."""
     senones = senone_posteriors(spoken.samples).astype(np.float16)
     return replace(untaught(spoken), senones=senones)
 
 
 def untaught(spoken: synthesis.Spoken) -> Utterance:
-    """What was said, before a teacher has listened: no senones, (T, 0)."""
+    """A spoken text without senones yet, (T, 0)."""
     count = steps(len(spoken.samples))
     classes = np.full(count, UNKNOWN)
     lips = np.full((count, len(CHANNELS)), np.nan)

@@ -131,10 +131,10 @@ def phone_errors(weights: Path | None = None) -> str:
         rng = np.random.default_rng(99)
         wrong = total = 0
         for _ in range(SENTENCES):
-            said = synthesis.speak(speaker, sentence(speaker.language, rng, 10), rng)
-            spectra = listening.spectra_of([said.samples])
+            spoken = synthesis.speak(speaker, sentence(speaker.language, rng, 10), rng)
+            spectra = listening.spectra_of([spoken.samples])
             found = listening.hear(model.network, spectra, lambda outputs: outputs.phones).argmax(1)
-            truth = classes_at_steps(said.phones or [], len(found))
+            truth = classes_at_steps(spoken.phones or [], len(found))
             wrong += int((found != truth)[truth >= 0].sum())
             total += int((truth >= 0).sum())
         lines.append(f"| {speaker.label} | {role} | {wrong / total:.3f} |")
@@ -177,14 +177,14 @@ def pause(samples: np.ndarray, rnn: SpeechFeatures) -> str:
     """
     rate = voice.SAMPLE_RATE
     level = np.sqrt((samples**2).mean())
-    said = [samples[: 4 * rate], samples[4 * rate : 8 * rate]]
+    before, after = samples[: 4 * rate], samples[4 * rate : 8 * rate]
     lines = ["| pause | largest value, speech | from 0.4 s into it | first step of 0 |"]
     lines.append("|---|---|---|---|")
     for name, decibel in (("silent", None), ("noise 60 dB below", -60), ("40 dB below", -40)):
         gain = 0.0 if decibel is None else level * 10 ** (decibel / 20)
         gap = pink_noise(2 * rate, np.random.default_rng(0)) * np.float32(gain)
-        found = np.abs(rnn.extract(np.concatenate([said[0], gap, said[1]]))).max(1)
-        begin = voice.steps(len(said[0]))
+        found = np.abs(rnn.extract(np.concatenate([before, gap, after]))).max(1)
+        begin = voice.steps(len(before))
         inside = found[begin : begin + 2 * voice.STEP_RATE]
         zero = np.flatnonzero(inside == 0)
         when = f"{zero[0] / voice.STEP_RATE:.2f} s" if len(zero) else "never"

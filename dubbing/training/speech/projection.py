@@ -1,4 +1,4 @@
-"""From the network's outputs to the features: principal directions of what it says in speech.
+"""From the network's outputs to the features: principal directions of its output in speech.
 
 Letters: T steps, O = H + S outputs (hidden values, square roots of senone posteriors),
 D feature values.

@@ -77,7 +77,7 @@ def speak(voice: Voice, text: str, rng: np.random.Generator) -> Spoken:
     if voice.engine == ESPEAK:
         return _espeak(voice, text, rng)
     with tempfile.TemporaryDirectory(prefix="speech-") as folder:
-        wav = Path(folder) / "said.wav"
+        wav = Path(folder) / "speech.wav"
         if voice.engine == FLITE:
             return _flite(voice, text, wav, rng)
         return _festival(voice, text, wav)
@@ -108,10 +108,10 @@ def _flite(voice: Voice, text: str, wav: Path, rng: np.random.Generator) -> Spok
 
 
 def _festival(voice: Voice, text: str, wav: Path) -> Spoken:
-    said = wav.with_suffix(".txt")
+    script = wav.with_suffix(".txt")
     # Its Italian and English voices read Latin-1.
-    said.write_bytes(text.encode("latin-1", errors="ignore"))
-    _run(["text2wave", "-eval", f"(voice_{voice.name})", "-o", str(wav), str(said)])
+    script.write_bytes(text.encode("latin-1", errors="ignore"))
+    _run(["text2wave", "-eval", f"(voice_{voice.name})", "-o", str(wav), str(script)])
     return Spoken(_read(wav), None)
 
 

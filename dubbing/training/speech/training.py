@@ -141,7 +141,7 @@ def train_speech(
         progress: called with a message and the share done of the step at hand.
 
     Returns:
-        what the weights' header says of them.
+        the `about` of the weights' header.
 
     Raises:
         TrainingError: flite or pocketsphinx is missing, or another run was interrupted here.

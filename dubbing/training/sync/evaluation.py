@@ -1,4 +1,4 @@
-"""How well the sync check finds known shifts, and tells a mouth's own speech from other speech.
+"""How well the sync check finds known shifts, and separates a mouth's own speech from other speech.
 
     python -m dubbing.training.sync.evaluation CLIP...    the shipped weights on unseen clips
     python -m dubbing.training.sync.evaluation --folds 3 CLIP...    trained on some only
@@ -41,7 +41,7 @@ APART = 2.0
 class Embedded:
     """A clip through the network: mouths (F, E), distances (F, K), weights (F,), own offset.
 
-    `offset` is what the whole length says, `truth` what windows are counted from.
+    `offset` is measured on the whole length; windows are counted from `truth`.
     """
 
     clip: TalkingClip

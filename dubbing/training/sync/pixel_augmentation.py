@@ -1,7 +1,7 @@
 """Crops of mouths, varied as faces, cameras, light and tracking vary them.
 
 Everything happens to grey values, before they are compared with their mean, so that the mean mouth
-changes with the mouth. Little of it is blur: a smeared mouth should say less.
+changes with the mouth. Little of it is blur: a smeared mouth should count for less.
 
 Letters: P stretches, G items of one, V = 5 mouth frames, N = G V pictures of a stretch, R rows and
 C columns of a crop.
@@ -47,12 +47,12 @@ def vary_pixels(mouths: np.ndarray, means: np.ndarray, rng: np.random.Generator)
     )
     pictures = _warped(_coarse(pictures, rng), rng)
     mean = pictures[:, -1].view(stretches, 1, 1, ROWS, COLUMNS)
-    shown = pictures[:, :-1].reshape(stretches, items, MOUTH_FRAMES, ROWS, COLUMNS)
-    shown = _lit(shown, rng)
+    visible = pictures[:, :-1].reshape(stretches, items, MOUTH_FRAMES, ROWS, COLUMNS)
+    visible = _lit(visible, rng)
     low, high = np.log(_DARK)
-    dark = _each(np.exp(rng.uniform(low, high, stretches)), shown)
-    gamma = _each(np.exp(rng.normal(0, _GAMMA, stretches)), shown)
-    varied = gamma * (torch.log(shown + dark) - torch.log(mean + dark))
+    dark = _each(np.exp(rng.uniform(low, high, stretches)), visible)
+    gamma = _each(np.exp(rng.normal(0, _GAMMA, stretches)), visible)
+    varied = gamma * (torch.log(visible + dark) - torch.log(mean + dark))
     return varied.reshape(stretches * items, MOUTH_FRAMES, ROWS * COLUMNS)
 
 
@@ -98,11 +98,11 @@ def _warped(pictures: Tensor, rng: np.random.Generator) -> Tensor:
     return warped.view(pictures.shape)
 
 
-def _lit(shown: Tensor, rng: np.random.Generator) -> Tensor:
+def _lit(visible: Tensor, rng: np.random.Generator) -> Tensor:
     """Pictures (P, G, V, R, C) in light that changes a little from item to item, with noise."""
     down = torch.linspace(-1, 1, ROWS)[:, None]
     across = torch.linspace(-1, 1, COLUMNS)
-    level, slope, tilt = (_each(x, shown) for x in rng.normal(0, _LIGHT, (3, *shown.shape[:2])))
-    noise = _each(rng.uniform(0, _NOISE, len(shown)), shown)
-    grain = torch.from_numpy(rng.standard_normal(shown.shape, dtype=np.float32))
-    return (shown * (1 + level + slope * across + tilt * down) + noise * grain).clamp(min=0)
+    level, slope, tilt = (_each(x, visible) for x in rng.normal(0, _LIGHT, (3, *visible.shape[:2])))
+    noise = _each(rng.uniform(0, _NOISE, len(visible)), visible)
+    grain = torch.from_numpy(rng.standard_normal(visible.shape, dtype=np.float32))
+    return (visible * (1 + level + slope * across + tilt * down) + noise * grain).clamp(min=0)

@@ -18,7 +18,7 @@ SIZE = 128
 
 
 class Part(NamedTuple):
-    """Who says what: the seed of the face and the motion, an espeak-ng voice, a text."""
+    """A speaker: the seed of the face and the motion, an espeak-ng voice, a text."""
 
     seed: int
     voice: str

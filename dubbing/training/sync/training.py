@@ -104,7 +104,7 @@ def train_sync(
     """Trains the sync network on clips of one talking person each and writes its weights.
 
     Returns:
-        what the weights' header says of them: clips used with their own offsets in seconds
+        the `about` of the weights' header: clips used with their own offsets in seconds
         (positive: the sound is late), clips left out, settings.
 
     Raises:

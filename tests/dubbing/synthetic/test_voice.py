@@ -56,7 +56,7 @@ def test_wav_file_holds_the_speech(tmp_path: Path) -> None:
 def test_unknown_voice_and_empty_text() -> None:
     with pytest.raises(DubbingError, match="no voice 'klingonish'"):
         synthesise("Hello", "klingonish")
-    with pytest.raises(DubbingError, match="nothing to say"):
+    with pytest.raises(DubbingError, match="no words in"):
         synthesise("  ", "en-us")
 
 
