@@ -45,9 +45,9 @@ def train_base(
     With people held out, OUT is the model that served them best on the way (.held_out.csv), and
     training ends early once it no longer gets better.
 
-    An interrupted run leaves its state in OUT.resume and is continued by the next call, which must
-    have the same arguments. Preset, speech features and seed are those of the manifest's identities,
-    which must agree in them.
+    An interrupted run leaves its state in OUT.resume and is continued by the next call, with the
+    same arguments. Preset, speech features and seed are those of the manifest's identities, which
+    must agree in them.
 
     Args:
         manifest: `start` and `seconds` of each identity select what is learned of its clip.
