@@ -19,21 +19,18 @@ from dubbing import tasks
 from dubbing.engine.graph import Job
 from dubbing.engine.stage import Stage
 from dubbing.manifest.entries import Dub, Identity
-from dubbing.manifest.findings import Scene
 from dubbing.manifest.inputs import signer_of
 from dubbing.manifest.manifest import Manifest
 from dubbing.media import SUFFIX
-from dubbing.provenance.credentials import Signer
 from dubbing.script.timeline import Cue
 from dubbing.shipped.base import shipped_base
 from dubbing.stages.kinds import SYNC_FILE
 from dubbing.tasks.declaration import Stages, clip_name, stage_of
 from dubbing.tasks.dependencies import (
     card_of,
-    consents_of,
+    composite_parameters,
     frames_of,
     mark_of,
-    mix_of,
     portraits_of,
     signed_facts,
     sounds_of,
@@ -60,13 +57,13 @@ def identity_job(
     finetune = stages.add(
         "finetune",
         tasks.Finetune(identity, prepared, check_source.folder, base, device),
-        {
+        reads={
             "prepared": prepare,
             "source": check_source,
             **({"base": base} if base else {}),
             **speech_weights(identity),
         },
-        {
+        parameters={
             "start": identity.start,
             "seconds": identity.seconds,
             "preset": identity.preset,
@@ -82,7 +79,7 @@ def identity_job(
             stages.add(
                 "refine_poses",
                 tasks.RefinePoses(finetune.folder, tasks.Prepared(made.folder, film), device),
-                {"model": finetune, "prepared": made},
+                reads={"model": finetune, "prepared": made},
                 of=of,
             )
     return Job("identity", name, stages.declared, blocked=manifest.damaged.get(clip))
@@ -98,11 +95,11 @@ def _prepared(
     prepare = stages.add(
         "prepare",
         tasks.Prepare(identity, clip, people),
-        {"clip": clip, **portraits},
-        {"size": identity.size, **({"people": points} if people else {})},
-        of,
+        reads={"clip": clip, **portraits},
+        parameters={"size": identity.size, **({"people": points} if people else {})},
+        of=of,
     )
-    return prepare, stages.add("check_source", tasks.Check(clip), {"clip": clip}, of=of)
+    return prepare, stages.add("check_source", tasks.Check(clip), reads={"clip": clip}, of=of)
 
 
 def dub_job(
@@ -117,83 +114,73 @@ def dub_job(
     scene = manifest.scenes.get(dub.name)
     if scene is None:
         return Job("dub", dub.name, {}, dub.people, manifest.blocked.get(dub.name))
-    film = manifest.media[scene.clip]
-    assert film.rate is not None  # a clip without a picture is no valid manifest
     stages = Stages(folder or dub_folder(manifest, dub.name), CUES)
-    cues = [
-        _cue(manifest, dub, scene, cue, people[cue.identity], stages, device) for cue in scene.cues
-    ]
-    named = {name: manifest.identities[name] for name in dub.people}
-    first, whose = next(iter(named.items()))
-    source = stage_of(people[first], "check_source", whose, scene.clip)
+    heads = [_cue(manifest, dub, cue, people[cue.identity], stages, device) for cue in scene.cues]
     mark, card = mark_of(dub, scene), card_of(manifest, dub, scene)
+    of_scene = scene if dub.lines is not None else None
+    models = {f"model {name}": people[name].stages["finetune"] for name in dub.people}
     composite = stages.add(
         "composite",
-        tasks.Composite(dub, scene, tuple(heads for _, heads in cues), mark, card),
-        {
-            **{f"heads {heads.cue.name}": stage for stage, heads in cues},
-            **{
-                f"prepared {name}": stage_of(people[name], "prepare", identity, scene.clip)
-                for name, identity in named.items()
-            },
-            **{
-                f"learned {name}": people[name].stages["prepare"]
-                for name, identity in named.items()
-                if identity.clip != scene.clip
-            },
-            **{f"model {name}": people[name].stages["finetune"] for name in named},
+        tasks.Composite(dub, scene, tuple(one for _, one in heads), mark, card),
+        reads={
+            **{f"heads {one.cue.name}": stage for stage, one in heads},
+            **_clips(manifest, dub, people, scene.clip),
+            **models,
             "clip": scene.clip,
             **sounds_of(dub, scene),
         },
-        {
-            **{key: getattr(dub, key) for key in ("frame", "codec", "audio_rate")},
-            "label": dub.label.mark,
-            **({"credits": [card.text, card.frames]} if card else {}),
-            **frames_of(dub),
-            **mix_of(dub, scene),
-            "mark": [mark.fingerprint, mark.id] if mark else None,
-            # No pixel depends on it, but the record of a result names who agreed to it.
-            "consent": consents_of(manifest, dub),
-        },
+        parameters=composite_parameters(manifest, dub, scene, mark, card),
     )
+    first = dub.people[0]
+    source = stage_of(people[first], "check_source", manifest.identities[first], scene.clip)
+    finished_video, frames_of_card = video_file(composite, dub), card.frames if card else 0
     stages.add(
         "check",
-        tasks.Check(
-            video_file(composite, dub),
-            source.folder / SYNC_FILE,
-            scene if dub.lines is not None else None,
-            card.frames if card else 0,
-        ),
-        {"video": composite, "source": source},
+        tasks.Check(finished_video, source.folder / SYNC_FILE, of_scene, frames_of_card),
+        reads={"video": composite, "source": source},
     )
     if signer := signer_of(dub):
-        _sign(manifest, dub, signer, composite, people, stages)
-    return Job("dub", dub.name, stages.declared, dub.people, too_long(dub, film, scene))
+        facts = signed_facts(manifest, dub, scene)
+        folders = tuple(model.folder for model in models.values())
+        stages.add(
+            "sign",
+            tasks.Sign(finished_video, signer, scene.clip, folders, facts),
+            reads={
+                "video": composite,
+                **models,
+                "clip": scene.clip,
+                "certificate": signer.certificate,
+                "key": signer.key,
+            },
+            parameters=facts,
+        )
+    return Job("dub", dub.name, stages.declared, dub.people, too_long(manifest, dub, scene))
 
 
 def _cue(
-    manifest: Manifest, dub: Dub, scene: Scene, cue: Cue, person: Job, stages: Stages, device: str
+    manifest: Manifest, dub: Dub, cue: Cue, person: Job, stages: Stages, device: str
 ) -> tuple[Stage, tasks.CueHeads]:
     """What is made for one cue: its speech features, and its heads."""
-    identity, rate = manifest.identities[cue.identity], manifest.media[scene.clip].rate
-    assert rate is not None
+    clip = manifest.scenes[dub.name].clip
+    identity, rate = manifest.identities[cue.identity], manifest.media[clip].rate
+    assert rate is not None  # a clip has a picture
     finetune = person.stages["finetune"]
     prepare, refine_poses = (
-        stage_of(person, kind, identity, scene.clip) for kind in ("prepare", "refine_poses")
+        stage_of(person, kind, identity, clip) for kind in ("prepare", "refine_poses")
     )
-    prepared = tasks.Prepared(prepare.folder, scene.clip)
+    prepared = tasks.Prepared(prepare.folder, clip)
     of = "" if dub.lines is None else cue.name
     listen = stages.add(
         "listen",
         tasks.Listen(cue, identity.speech, identity.speech_weights, rate),
-        {"audio": cue.audio, **speech_weights(identity)},
-        {
+        reads={"audio": cue.audio, **speech_weights(identity)},
+        parameters={
             "name": identity.speech,
             "rate": str(rate),
             "audio_start": cue.audio_start,
             "seconds": cue.seconds,
         },
-        of,
+        of=of,
     )
     work = tasks.Render(
         dub, cue, finetune.folder, prepared, refine_poses.folder, listen.folder, device
@@ -201,41 +188,28 @@ def _cue(
     render = stages.add(
         "render",
         work,
-        {"model": finetune, "prepared": prepare, "poses": refine_poses, "speech": listen},
-        {"first": cue.first, "stop": cue.stop} if dub.lines is not None else frames_of(dub),
-        of,
-        work.parts(),
+        reads={"model": finetune, "prepared": prepare, "poses": refine_poses, "speech": listen},
+        parameters=frames_of(dub) if dub.lines is None else {"first": cue.first, "stop": cue.stop},
+        of=of,
+        parts=work.parts(),
     )
-    own = tasks.Prepared(person.stages["prepare"].folder, identity.clip)
-    learned = tasks.Learned(own, finetune.folder)
-    return render, tasks.CueHeads(cue, render.folder, prepared, learned)
+    learned = tasks.Prepared(person.stages["prepare"].folder, identity.clip)
+    return render, tasks.CueHeads(cue, render.folder, prepared, learned, finetune.folder)
 
 
-def _sign(
-    manifest: Manifest,
-    dub: Dub,
-    signer: Signer,
-    composite: Stage,
-    people: Mapping[str, Job],
-    stages: Stages,
-) -> None:
-    """The stage that signs the finished video."""
-    scene = manifest.scenes[dub.name]
-    models = {name: people[name].stages["finetune"] for name in dub.people}
-    facts = signed_facts(manifest, dub, scene)
-    folders = tuple(model.folder for model in models.values())
-    stages.add(
-        "sign",
-        tasks.Sign(video_file(composite, dub), signer, scene.clip, folders, facts),
-        {
-            "video": composite,
-            **{f"model {name}": model for name, model in models.items()},
-            "clip": scene.clip,
-            "certificate": signer.certificate,
-            "key": signer.key,
-        },
-        facts,
-    )
+def _clips(manifest: Manifest, dub: Dub, people: Mapping[str, Job], film: Path) -> dict[str, Stage]:
+    """The prepared clips that a dub reads: of the film, and of where people were learned."""
+    named = {name: manifest.identities[name] for name in dub.people}
+    prepared = {
+        f"prepared {name}": stage_of(people[name], "prepare", identity, film)
+        for name, identity in named.items()
+    }
+    learned = {
+        f"learned {name}": people[name].stages["prepare"]
+        for name, identity in named.items()
+        if identity.clip != film
+    }
+    return {**prepared, **learned}
 
 
 def dub_folder(manifest: Manifest, name: str) -> Path:

@@ -1,7 +1,7 @@
 """The work of each stage, as it is planned: plain data, which is called when its turn comes."""
 
 from dubbing.tasks.check import Check, offset_of
-from dubbing.tasks.dub import Composite, CueHeads, Learned, Listen, Render, Sign, pose_index
+from dubbing.tasks.dub import Composite, CueHeads, Listen, Render, Sign, pose_index
 from dubbing.tasks.person import Finetune, Prepare, Prepared, RefinePoses, iterations_of
 
 __all__ = [
@@ -9,7 +9,6 @@ __all__ = [
     "Composite",
     "CueHeads",
     "Finetune",
-    "Learned",
     "Listen",
     "Prepare",
     "Prepared",

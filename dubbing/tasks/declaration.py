@@ -28,12 +28,13 @@ class Stages:
         self,
         name: str,
         task: Produce,
+        *,
         reads: Mapping[str, Path | Stage],
         parameters: Mapping[str, Any] | None = None,
         of: str = "",
         parts: Mapping[str, Produce] | None = None,
     ) -> Stage:
-        """Declares the next stage: who does it, what it reads, and what else it depends on.
+        """Declare the next stage: its task, what it reads, and what else it depends on.
 
         Args:
             of: which one it is, where a job has several of a kind.

@@ -12,7 +12,6 @@ from dubbing.manifest.findings import Scene
 from dubbing.manifest.inputs import credits_text
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.terms import sha256_of
-from dubbing.media import MediaInfo
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.provenance.card import CreditsCard
 from dubbing.provenance.mark_key import Marking, marking
@@ -121,8 +120,25 @@ def signed_facts(manifest: Manifest, dub: Dub, scene: Scene) -> dict[str, Any]:
     }
 
 
-def too_long(dub: Dub, film: MediaInfo, scene: Scene) -> DubbingError | None:
+def composite_parameters(
+    manifest: Manifest, dub: Dub, scene: Scene, mark: Marking | None, card: CreditsCard | None
+) -> dict[str, Any]:
+    """What a finished video depends on, beside files and other stages."""
+    return {
+        **{key: getattr(dub, key) for key in ("frame", "codec", "audio_rate")},
+        "label": dub.label.mark,
+        **({"credits": [card.text, card.frames]} if card else {}),
+        **frames_of(dub),
+        **mix_of(dub, scene),
+        "mark": [mark.fingerprint, mark.id] if mark else None,
+        # No pixel depends on it, but the record of a result names who agreed to it.
+        "consent": consents_of(manifest, dub),
+    }
+
+
+def too_long(manifest: Manifest, dub: Dub, scene: Scene) -> DubbingError | None:
     """With ``on_longer_audio: fail`` a dub that is longer than its clip cannot be made."""
+    film = manifest.media[scene.clip]
     assert film.rate is not None
     frames = max(cue.stop for cue in scene.cues)
     left = film.frames - timeline.first_frame(dub.video_start, film.rate)

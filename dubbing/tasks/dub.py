@@ -104,21 +104,21 @@ class Render:
 
 
 @dataclass(frozen=True)
-class Learned:
-    """The prepared clip that a person was learned from, and the fine-tune with its record."""
-
-    prepared: Prepared
-    finetune: Path
-
-
-@dataclass(frozen=True)
 class CueHeads:
-    """Where the heads of a cue lie, the prepared clip that they go onto, what was learned from."""
+    """The rendered heads of a cue.
+
+    Attributes:
+        folder: where they lie.
+        prepared: the clip that they go onto.
+        learned: the clip that the person was learned from.
+        finetune: folder of the stage that recorded which seconds.
+    """
 
     cue: Cue
     folder: Path
     prepared: Prepared
-    learned: Learned
+    learned: Prepared
+    finetune: Path
 
 
 @dataclass(frozen=True)
@@ -140,11 +140,9 @@ class Composite:
         clips = {h.prepared: h.prepared.load() for h in self.heads}
         film = next(iter(clips.values()))
         kept = {}
-        for h in self.heads:
-            if h.prepared not in kept:
-                seconds = learned_seconds(h.learned.finetune)
-                views = learned_views(h.learned.prepared.load(), seconds)
-                kept[h.prepared] = reasons(clips[h.prepared], views)
+        for h in {h.prepared: h for h in self.heads}.values():
+            views = learned_views(h.learned.load(), learned_seconds(h.finetune))
+            kept[h.prepared] = reasons(clips[h.prepared], views)
         poses = pose_index(dub, film, max(cue.stop for cue in scene.cues))
         settings = VideoSettings(
             frame=dub.frame,
@@ -160,20 +158,13 @@ class Composite:
             sound = Sound(cue.audio, cue.audio_start, cue.seconds)
         else:
             sound = SceneSound(scene.cues, dub.music_effects, scene.left, dub.loudness)
-        make(
-            [
-                Heads(
-                    *(h.folder, clips[h.prepared], h.cue.first, h.cue.stop),
-                    *(kept[h.prepared], h.cue.name),
-                )
-                for h in self.heads
-            ],
-            sound,
-            out,
-            pose_index=poses,
-            settings=settings,
-            progress=progress,
-        )
+        heads = [
+            Heads(
+                h.folder, clips[h.prepared], h.cue.first, h.cue.stop, kept[h.prepared], h.cue.name
+            )
+            for h in self.heads
+        ]
+        make(heads, sound, out, pose_index=poses, settings=settings, progress=progress)
 
 
 @dataclass(frozen=True)
