@@ -162,11 +162,11 @@ def install(patch: Any) -> None:
         np.savez(out / "poses.npz", c2w=self.prepared.load().c2w())
 
     def compose(self: tasks.Composite, out: Path, progress: Any) -> None:
-        def told(message: str, share: float) -> None:
+        def reporting(message: str, share: float) -> None:
             progress(message, share)
             kill("mux" if message == "muxing" else "composite")
 
-        real_compose(self, out, told)
+        real_compose(self, out, reporting)
 
     def check(self: tasks.Check, out: Path, progress: Any) -> None:
         verdict = "fail" if "fellshort" in str(self.video) else "pass"

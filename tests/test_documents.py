@@ -191,7 +191,7 @@ def test_a_path_that_is_named_is_there(document: Path) -> None:
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=by_name)
-def test_a_name_is_defined_where_a_document_says(document: Path) -> None:
+def test_a_name_is_defined_where_a_document_names_it(document: Path) -> None:
     for name, path in named_places(text_of(document)):
         assert defined(name, ROOT / path), f"no {name} in {path}"
 
@@ -228,7 +228,7 @@ def test_a_call_of_the_tool_is_one_it_takes(command: Command) -> None:
 
 
 @pytest.mark.parametrize(
-    ("call", "said"),
+    ("call", "message"),
     [
         ("paint FILE", "no command paint"),
         ("dub MANIFEST --colour red", "no option --colour"),
@@ -237,8 +237,8 @@ def test_a_call_of_the_tool_is_one_it_takes(command: Command) -> None:
         ("prepare CLIP CLIP", "2 arguments, it takes 1"),
     ],
 )
-def test_a_call_it_does_not_take_is_found(call: str, said: str) -> None:
-    assert wrong(tuple(call.split())) == said
+def test_a_call_it_does_not_take_is_found(call: str, message: str) -> None:
+    assert wrong(tuple(call.split())) == message
 
 
 @pytest.mark.parametrize("name", sorted({c.words[1] for c in OURS if c.words[1][0] != "-"}))

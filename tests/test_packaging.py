@@ -85,11 +85,11 @@ def instructions() -> list[tuple[str, list[str]]]:
 
 
 def test_the_image_has_three_stages_and_ends_as_a_user() -> None:
-    said = instructions()
-    stages = [words for name, words in said if name == "FROM"]
+    message = instructions()
+    stages = [words for name, words in message if name == "FROM"]
     assert [words[2] for words in stages[:2]] == ["wheels", "install"]
     assert {words[0] for words in stages} == {"python:3.11-slim"}
-    last = said[max(k for k, (name, _) in enumerate(said) if name == "FROM") :]
+    last = message[max(k for k, (name, _) in enumerate(message) if name == "FROM") :]
     (user,) = (words[0] for name, words in last if name == "USER")
     assert user not in ("root", "0")
     assert ("ENTRYPOINT", ["[dfrf]"]) in last
@@ -122,14 +122,14 @@ def test_the_image_installs_the_torch_that_is_declared() -> None:
 
 def test_uv_installs_the_tracker_that_the_lock_pins() -> None:
     """pip cannot: what mediapipe declares contradicts what is installed."""
-    said = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    message = tomllib.loads((ROOT / "pyproject.toml").read_text())
     (pinned,) = (
         line
         for line in (ROOT / "requirements.txt").read_text().split()
         if line.startswith("mediapipe==")
     )
-    (known,) = said["tool"]["uv"]["dependency-metadata"]
-    assert said["dependency-groups"]["tracker"] == [pinned]
+    (known,) = message["tool"]["uv"]["dependency-metadata"]
+    assert message["dependency-groups"]["tracker"] == [pinned]
     assert f"{known['name']}=={known['version']}" == pinned
     assert known["requires-dist"] == []
-    assert said["tool"]["uv"]["default-groups"] == ["tracker"]
+    assert message["tool"]["uv"]["default-groups"] == ["tracker"]

@@ -54,7 +54,7 @@ class Tally:
         """Count a case."""
         self.cases[kind] += 1
         self.codes.setdefault(kind, Counter())[ending.code] += 1
-        self.broken.setdefault(kind, set()).update(re.sub(r"\d+", "#", said) for said in why)
+        self.broken.setdefault(kind, set()).update(re.sub(r"\d+", "#", text) for text in why)
 
     def table(self) -> Iterator[str]:
         """Lines: a kind, its cases, its exit codes, in how many ways it was outside the rule."""
@@ -121,21 +121,21 @@ def judge(kind: str, room: Path, *arguments: object, reads_only: bool = False) -
 
 def offences(ending: Ending) -> Iterator[str]:
     """In what an ending breaks the rule."""
-    said = ending.err + ending.out
+    text = ending.err + ending.out
     if ending.escaped:
         yield ending.escaped.strip().splitlines()[-1][:200]
         return
     if ending.code not in CODES:
         yield f"exit code {ending.code!r}"
     for bug in BUGS:
-        if bug in said:
-            line = next(line for line in said.splitlines() if bug in line)
+        if bug in text:
+            line = next(line for line in text.splitlines() if bug in line)
             yield f"speaks of a bug: {line[:300]}"
     if ending.code == 2 and not WHERE.search(ending.err):
         yield f"names no place: {ending.err[:200]}"
-    if ending.code in (1, 2) and not said.strip():
+    if ending.code in (1, 2) and not text.strip():
         yield "says nothing"
-    if orders := {c for c in said if unicodedata.category(c) in ("Cc", "Cs") and c not in "\n\t"}:
+    if orders := {c for c in text if unicodedata.category(c) in ("Cc", "Cs") and c not in "\n\t"}:
         yield f"control characters are printed: {sorted(orders)}"
 
 

@@ -40,14 +40,14 @@ def test_the_suffix_is_kept_for_ffmpeg(tmp_path: Path) -> None:
         temporary.write_bytes(b"x")
 
 
-def test_a_folder_that_cannot_be_written_to_is_said(
+def test_a_folder_that_cannot_be_written_to_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     make_folder(tmp_path / "a" / "b")
     assert (tmp_path / "a" / "b").is_dir()
     (tmp_path / "file").touch()
-    for path, said in (("file", "File exists"), ("file/out", "Not a directory")):
-        with pytest.raises(DubbingError, match=rf"{said} .*: choose another folder"):
+    for path, message in (("file", "File exists"), ("file/out", "Not a directory")):
+        with pytest.raises(DubbingError, match=rf"{message} .*: choose another folder"):
             make_folder(tmp_path / path)
     # Whoever runs the tests may be allowed everything.
     monkeypatch.setattr(os, "access", lambda *_: False)
@@ -56,14 +56,14 @@ def test_a_folder_that_cannot_be_written_to_is_said(
 
 
 @pytest.mark.parametrize(
-    ("number", "said"),
+    ("number", "message"),
     [
         (errno.ENOSPC, "No space left on device .*: free some space"),
         (errno.EROFS, "Read-only file system .*: see whether the disk"),
     ],
 )
-def test_what_the_disk_refuses_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, said: str
+def test_what_the_disk_refuses_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, message: str
 ) -> None:
     def refused(*_: object) -> None:
         raise OSError(number, os.strerror(number))
@@ -72,12 +72,12 @@ def test_what_the_disk_refuses_is_said(
     for what in ("os.replace", "os.fsync", "pathlib.Path.write_bytes"):
         with monkeypatch.context() as patch:
             patch.setattr(what, refused)
-            with pytest.raises(DubbingError, match=said):
+            with pytest.raises(DubbingError, match=message):
                 atomic_write_text(tmp_path / "a", "new")
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a", "old")]
 
 
-def test_a_folder_in_the_place_of_a_file_is_said(tmp_path: Path) -> None:
+def test_a_folder_in_the_place_of_a_file_is_reported(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
     with pytest.raises(DubbingError, match=r"a folder lies where .*: move it away"):
         atomic_write_text(tmp_path / "a", "x")

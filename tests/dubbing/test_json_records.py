@@ -27,7 +27,7 @@ def test_what_was_written_comes_back(tmp_path: Path) -> None:
         b'{"a": 1' + b"1" * 6000 + b"}",
     ],
 )
-def test_another_shape_is_said_in_one_sentence(tmp_path: Path, content: bytes) -> None:
+def test_another_shape_is_reported_in_one_sentence(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.json"
     path.write_bytes(content)
     with pytest.raises(DubbingError, match=r"^curve holds something else: .*a\.json.*: do this$"):

@@ -54,7 +54,7 @@ def dfrf(monkeypatch: pytest.MonkeyPatch, folder: Path, *arguments: str) -> obje
 
 
 @pytest.mark.parametrize("call", CALLS, ids=lambda call: call[0])
-def test_a_run_says_first_what_to_install(
+def test_a_run_names_first_what_to_install(
     call: tuple[str, ...],
     folder: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -67,7 +67,7 @@ def test_a_run_says_first_what_to_install(
     assert sorted(folder.iterdir()) == before  # nothing was begun
 
 
-def test_plan_and_doctor_say_it_too(
+def test_plan_and_doctor_report_it_too(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "mediapipe", None)
@@ -101,7 +101,7 @@ def test_the_packages_of_an_extra_are_looked_for_by_who_needs_them(
     assert error.value.remedy.endswith(f" -m pip install {pinned}")
 
 
-def test_the_synthetic_speaker_says_what_to_install(tmp_path: Path) -> None:
+def test_the_synthetic_speaker_names_what_to_install(tmp_path: Path) -> None:
     code = (
         "import runpy, sys; sys.modules['embreex'] = None; sys.argv[0] = 'speaker'\n"
         "runpy.run_module('dubbing.synthetic', run_name='__main__')"

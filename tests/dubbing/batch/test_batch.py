@@ -43,7 +43,7 @@ def test_a_dub_from_end_to_end(footage: Path, tmp_path: Path) -> None:
     assert "polyline" in page
 
 
-def test_the_report_shows_the_codec_that_was_asked_for(footage: Path, tmp_path: Path) -> None:
+def test_the_report_shows_the_codec_that_was_requested(footage: Path, tmp_path: Path) -> None:
     path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
     dub(path)
     path.write_text(path.read_text().replace("it.wav}", "it.wav, codec: ffv1}"))
@@ -84,8 +84,8 @@ def test_only(footage: Path, tmp_path: Path) -> None:
     result, began = dub(path, only=("bob_it",))
     assert {name.split(":")[0] for name in began} == {"bob", "bob_it"}
     assert result.code == 0
-    told = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert told["dubs"]["ann_it"]["state"] == "not in this run"
+    report = json.loads((tmp_path / "out" / "report.json").read_text())
+    assert report["dubs"]["ann_it"]["state"] == "not in this run"
     with pytest.raises(DubbingError, match="nothing is called nobody"):
         dub(path, only=("nobody",))
 

@@ -34,7 +34,7 @@ def needed(path: Path) -> Estimate:
     return estimates.estimate(manifest, made, planner.rows(made))
 
 
-def test_nothing_is_said_that_nobody_measured(path: Path) -> None:
+def test_nothing_is_reported_that_nobody_measured(path: Path) -> None:
     found = needed(path)
     assert found.seconds == 0
     assert set(STAGES) < set(found.unknown)

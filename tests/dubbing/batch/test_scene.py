@@ -86,10 +86,10 @@ def test_cues_are_dubbed_at_their_frames_and_the_film_is_left_alone(scene: Path)
     film = np.stack([*media.read_frames(scene.parent / "film.mp4")])
     assert made.shape == film.shape
     touched = (made != film).any((1, 2, 3))
-    said = np.zeros(FRAMES, bool)
+    spoken = np.zeros(FRAMES, bool)
     for first, stop in CUES:
-        said[first:stop] = True
-    np.testing.assert_array_equal(touched, said)  # right times, to the frame
+        spoken[first:stop] = True
+    np.testing.assert_array_equal(touched, spoken)  # right times, to the frame
     # The head of a cue is its own, and it fades in and out.
     for first, stop in CUES:
         middle = (first + stop) // 2

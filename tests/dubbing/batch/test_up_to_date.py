@@ -77,7 +77,7 @@ def test_force(footage: Path, tmp_path: Path) -> None:
     assert began == ["ann_it:listen"]  # it came out the same, so nothing follows
 
 
-def test_plan_says_what_would_run_and_why(footage: Path, tmp_path: Path) -> None:
+def test_plan_prints_what_would_run_and_why(footage: Path, tmp_path: Path) -> None:
     path = manifest_of(footage, tmp_path, {"ann": "ann.mp4", "bad": "damaged.mp4"})
 
     def states(force: tuple[str, ...] = ()) -> dict[str, str]:

@@ -41,7 +41,7 @@ def dfrf(
         finally:
             signal.signal(signal.SIGTERM, before)
         assert isinstance(code, int)
-        told = capsys.readouterr()
-        return code, told.out, told.err
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
 
     return run

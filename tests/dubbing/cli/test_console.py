@@ -67,10 +67,10 @@ def test_markup_and_controls_in_what_goes_on(monkeypatch: pytest.MonkeyPatch) ->
     with live.progress_bar(ODD) as progress:
         progress(ODD, 0.5)
     assert isinstance(terminal.file, io.StringIO)
-    said = terminal.file.getvalue()
-    assert SHOWN in said
-    assert f" 50 % 00:00, left 00:00, {SHOWN}" in said
-    assert "a[/x] \x1b[31m" not in said
+    message = terminal.file.getvalue()
+    assert SHOWN in message
+    assert f" 50 % 00:00, left 00:00, {SHOWN}" in message
+    assert "a[/x] \x1b[31m" not in message
 
 
 def rows_of(shown: str) -> list[list[str]]:

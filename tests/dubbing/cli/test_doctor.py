@@ -11,7 +11,7 @@ import pytest
 from dubbing import packages
 
 
-def test_doctor_says_what_is_there(dfrf) -> None:  # type: ignore[no-untyped-def]
+def test_doctor_reports_what_is_there(dfrf) -> None:  # type: ignore[no-untyped-def]
     _, out, _ = dfrf("doctor")
     for what in ("Python", "torch", "ffmpeg", "mediapipe", "OpenCV", "base checkpoint"):
         assert what in out
@@ -38,23 +38,27 @@ def test_doctor_works_where_everything_is_missing() -> None:
     rows = [[cell.strip() for cell in line.split("│")[1:-1]] for line in done.stdout.splitlines()]
     assert ["OpenCV", "lacking", "not installed"] in rows
     assert ["graphics card", "lacking", "torch is not installed"] in rows
-    commands = [said for said in done.stdout.splitlines() if said.startswith("to do: ")]
+    commands = [message for message in done.stdout.splitlines() if message.startswith("to do: ")]
     assert len(commands) == len(set(commands))
-    assert any(said.endswith(f"-m pip install {packages.DECLARED['cv2']}") for said in commands)
-    assert any(said.endswith(f"-m pip install {packages.DECLARED['torch']}") for said in commands)
+    assert any(
+        message.endswith(f"-m pip install {packages.DECLARED['cv2']}") for message in commands
+    )
+    assert any(
+        message.endswith(f"-m pip install {packages.DECLARED['torch']}") for message in commands
+    )
     assert any(row[:2] == ["ffmpeg", "lacking"] for row in rows if row)
 
 
 @pytest.mark.parametrize(
-    ("program", "said"),
+    ("program", "message"),
     [
         ("/bin/false", "it ended with 1"),
         ("/bin/true", "it ended with 0"),
         ("nothing", "no ffmpeg found"),
     ],
 )
-def test_doctor_says_that_ffmpeg_is_broken(
-    program: str, said: str, monkeypatch: pytest.MonkeyPatch
+def test_doctor_reports_that_ffmpeg_is_broken(
+    program: str, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from dubbing.cli import doctor as machine
     from dubbing.media import ffmpeg
@@ -63,5 +67,5 @@ def test_doctor_says_that_ffmpeg_is_broken(
     monkeypatch.setenv("DFRF_FFMPEG", program)
     (found,) = (finding for finding in machine.examine() if finding.what == "ffmpeg")
     assert found.state == "lacking"
-    assert said in found.found
+    assert message in found.found
     assert "DFRF_FFMPEG" in found.remedy

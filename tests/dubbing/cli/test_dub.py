@@ -36,7 +36,7 @@ def test_a_gpu_that_is_not_there_is_2(  # type: ignore[no-untyped-def]
     assert not (manifest.parent / "out").exists()
 
 
-def test_a_wrong_manifest_is_2_and_all_is_said(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
+def test_a_wrong_manifest_is_2_and_reports_everything(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
     manifest.write_text(manifest.read_text().replace("version: 1", "version: 3\nlabel: x"))
     code, _, err = dfrf("dub", manifest)
     assert code == 2

@@ -58,7 +58,7 @@ def test_h_is_help(command: str) -> None:
     assert "Usage" in short.output
 
 
-def test_it_says_its_version(dfrf: Any) -> None:
+def test_it_prints_its_version(dfrf: Any) -> None:
     assert dfrf("--version") == (0, f"dfrf {metadata.version('dfrf')}\n", "")
 
 
@@ -78,8 +78,10 @@ def test_a_shell_completes_commands() -> None:
     # Under pytest the program would have another name.
     code = "import sys; sys.argv = ['dfrf']; from dubbing.cli.main import main; main()"
     asked = {"_DFRF_COMPLETE": "complete_bash", "COMP_WORDS": "dfrf pl", "COMP_CWORD": "1"}
-    told = subprocess.check_output([sys.executable, "-c", code], env=os.environ | asked, text=True)
-    assert told == "plan\n"
+    printed = subprocess.check_output(
+        [sys.executable, "-c", code], env=os.environ | asked, text=True
+    )
+    assert printed == "plan\n"
 
 
 def test_the_module_of_the_name_is_the_tool_and_loads_no_torch() -> None:
@@ -95,7 +97,7 @@ def test_the_module_of_the_name_is_the_tool_and_loads_no_torch() -> None:
 
 
 @pytest.mark.parametrize("confidence", [0.05, 0.12, 0.25])
-def test_sync_beside_the_source_says_what_the_report_says(
+def test_sync_beside_the_source_prints_what_the_report_has(
     footage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, confidence: float
 ) -> None:
     video = tmp_path / "dub.mp4"
@@ -132,7 +134,7 @@ def test_every_command_is_there(dfrf) -> None:  # type: ignore[no-untyped-def]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["dub", "nothing.yaml"], "no such file"),
         (["dub", "{m}", "--only", "nobody"], "nothing is called nobody"),
@@ -150,10 +152,10 @@ def test_every_command_is_there(dfrf) -> None:  # type: ignore[no-untyped-def]
         (["sync", "{m}", "--source", "{m}", "--weights", "{m}"], "judges by our network only"),
     ],
 )
-def test_a_wrong_call_is_2(dfrf, manifest: Path, arguments: list[str], said: str) -> None:  # type: ignore[no-untyped-def]
+def test_a_wrong_call_is_2(dfrf, manifest: Path, arguments: list[str], message: str) -> None:  # type: ignore[no-untyped-def]
     code, out, err = dfrf(*(argument.format(m=manifest) for argument in arguments))
     assert code == 2
-    assert said in out + err
+    assert message in out + err
     assert not (manifest.parent / "out").exists()  # nothing was started
 
 

@@ -13,7 +13,7 @@ import pytest
 from dubbing.cli import main as cli
 
 
-def test_a_folder_that_cannot_be_made_is_said(  # type: ignore[no-untyped-def]
+def test_a_folder_that_cannot_be_made_is_reported(  # type: ignore[no-untyped-def]
     dfrf, manifest: Path, footage: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (manifest.parent / "file").touch()

@@ -141,7 +141,7 @@ def test_a_claim_of_another_machine_that_beats_is_respected(tmp_path: Path, quic
 
 
 @pytest.mark.parametrize("kind", ["link", "file", "pipe"])
-def test_what_lies_in_its_place_is_said_and_stays(tmp_path: Path, kind: str) -> None:
+def test_what_lies_in_its_place_is_reported_and_stays(tmp_path: Path, kind: str) -> None:
     place = tmp_path / "model.claim"
     other = tmp_path / "other"
     other.mkdir()
@@ -153,7 +153,9 @@ def test_what_lies_in_its_place_is_said_and_stays(tmp_path: Path, kind: str) -> 
     assert left(other) == []
 
 
-def test_a_disk_that_takes_nothing_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_disk_that_takes_nothing_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def refused(*_: object) -> None:
         raise OSError(30, "Read-only file system")
 

@@ -66,7 +66,7 @@ def test_a_stage_is_done_once(stage: Stage, work: Work) -> None:
     assert work.made == ["a", "b", "c"]
 
 
-def test_the_record_says_how_it_was_made(stage: Stage, source: Path) -> None:
+def test_the_record_holds_how_it_was_made(stage: Stage, source: Path) -> None:
     update.run_stage(stage, quiet)
     record = json.loads((stage.folder / "stage.json").read_text())
     assert record["stage"] == "copy"
@@ -78,7 +78,7 @@ def test_the_record_says_how_it_was_made(stage: Stage, source: Path) -> None:
     assert record["seconds"] >= 0
 
 
-def test_it_is_stale_for_a_reason_and_says_it(stage: Stage, source: Path) -> None:
+def test_it_is_stale_for_a_reason_and_reports_it(stage: Stage, source: Path) -> None:
     update.run_stage(stage, quiet)
     assert replace(stage, parameters={"seed": 1}).changes() == ["seed: 0 before, 1 now"]
     assert replace(stage, parameters={"seed": 0, "x": 2}).changes() == ["x: None before, 2 now"]
@@ -168,7 +168,7 @@ def test_an_input_that_changes_meanwhile_is_noticed(stage: Stage, source: Path) 
     assert list(stage.folder.parent.iterdir()) == []  # what was made of it is of no use
 
 
-def test_an_input_that_goes_away_is_what_is_said(stage: Stage, source: Path) -> None:
+def test_an_input_that_goes_away_is_what_is_reported(stage: Stage, source: Path) -> None:
     def produce(out: Path, _progress: stages.Progress) -> None:
         source.unlink()
         raise DubbingError("no such file")

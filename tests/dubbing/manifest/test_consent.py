@@ -39,7 +39,7 @@ def test_real_words_are_no_placeholders(footage: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("terms", "dub", "said"),
+    ("terms", "dub", "message"),
     [
         ("languages: [it, de]", "", "dubs[0].language: is required"),
         ("languages: [it, de]", "language: fr", "is for it, de, not for fr"),
@@ -58,10 +58,10 @@ def test_real_words_are_no_placeholders(footage: Path, text: str) -> None:
     ],
 )
 def test_a_dub_outside_of_its_terms_is_refused(
-    footage: Path, terms: str, dub: str, said: str
+    footage: Path, terms: str, dub: str, message: str
 ) -> None:
     found = problems(footage, dub, f"{{{WHO}, {terms}}}")
-    assert any(said in problem for problem in found), found
+    assert any(message in problem for problem in found), found
 
 
 def test_a_dub_within_its_terms_is_accepted_and_its_terms_are_recorded(footage: Path) -> None:
@@ -118,7 +118,7 @@ def test_a_form_is_refused_until_it_is_filled_in(footage: Path) -> None:
 @pytest.mark.parametrize(
     "content", [b"", b"[1, 2]", b"a: [", b"\xff\xfe", b"by: 1\nby: 2", b"x" * 200_000]
 )
-def test_what_is_no_form_is_said(footage: Path, content: bytes) -> None:
+def test_what_is_no_form_is_reported(footage: Path, content: bytes) -> None:
     (footage / "odd.yaml").write_bytes(content)
     (found,) = problems(footage, consent="odd.yaml")
     assert "the form" in found

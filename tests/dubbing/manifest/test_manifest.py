@@ -57,7 +57,7 @@ def test_defaults_reach_identities_and_dubs_and_can_be_overruled(folder: Path) -
     assert [d.label.mark for d in manifest.dubs] == [False, True]
 
 
-def test_everything_wrong_is_said_at_once_with_key_and_line(folder: Path) -> None:
+def test_everything_wrong_is_reported_at_once_with_key_and_line(folder: Path) -> None:
     found = problems(
         folder,
         """
@@ -107,8 +107,8 @@ def test_everything_wrong_is_said_at_once_with_key_and_line(folder: Path) -> Non
         "line 18: dubs[4]: must hold keys, not text",
     ]
     assert len(found) == len(expected), "\n".join(found)
-    for said, wanted in zip(found, expected, strict=True):
-        assert said.startswith(wanted)
+    for message, wanted in zip(found, expected, strict=True):
+        assert message.startswith(wanted)
 
 
 def test_a_card_of_credits(folder: Path) -> None:
@@ -125,9 +125,9 @@ def test_a_card_of_credits(folder: Path) -> None:
         "{mark: 3}": ".mark: must be true or false, not 3",
         "{credits: {text: \u65e5\u672c a}}": ".credits.text: the card has no letters for",
     }
-    for value, said in wrong.items():
+    for value, message in wrong.items():
         (found,) = problems(folder, GOOD.replace("audio:", f"label: {value}, audio:"))
-        assert found.startswith(f"line 6: dubs[0].label{said}")
+        assert found.startswith(f"line 6: dubs[0].label{message}")
 
 
 def test_consent_is_required(folder: Path) -> None:
@@ -136,18 +136,18 @@ def test_consent_is_required(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("path", "said"),
+    ("path", "message"),
     [
         ("~no_such_user/x.mp4", "Could not determine home directory"),
         ("x" * 300, "File name too long"),
         ("a\\0b", "embedded null byte"),
     ],
 )
-def test_what_cannot_be_a_path(folder: Path, path: str, said: str) -> None:
+def test_what_cannot_be_a_path(folder: Path, path: str, message: str) -> None:
     text = GOOD.replace("host.mp4", f'"{path}"')
     found = problems(folder, text)
     assert len(found) == 1
-    assert found[0].startswith(f"line 4: identities.host.clip: cannot be a path: {said}")
+    assert found[0].startswith(f"line 4: identities.host.clip: cannot be a path: {message}")
 
 
 @pytest.mark.parametrize("name", ["..", ".hidden", "a/b", "a\\\\b", "", " x", "C:x", "x" * 101])
@@ -158,8 +158,8 @@ def test_names_stay_in_the_output_folder(folder: Path, name: str) -> None:
 
 def test_two_dubs_need_two_names(folder: Path) -> None:
     text = GOOD + "  - {identity: host, audio: it.wav, audio_start: 1}\n"
-    (said,) = problems(folder, text)
-    assert said.startswith("line 7: dubs[1].name: the name 'host_it' is taken by dubs[0].name")
+    (message,) = problems(folder, text)
+    assert message.startswith("line 7: dubs[1].name: the name 'host_it' is taken by dubs[0].name")
 
 
 def test_a_missing_manifest(tmp_path: Path) -> None:
@@ -175,10 +175,10 @@ def test_a_damaged_file_is_no_mistake_of_the_manifest(folder: Path) -> None:
 def test_date_of_consent(folder: Path) -> None:
     text = GOOD.replace('"form 17"', '"form 17", date: 2026-11-02')
     assert str(read(folder, text).identities["host"].consent.date) == "2026-11-02"
-    (said,) = problems(folder, text.replace("2026-11-02", "yesterday"))
-    assert said.startswith("line 4: identities.host.consent.date")
-    (said,) = problems(folder, text.replace("2026-11-02", "2026-13-45"))
-    assert said.startswith("line 4: not valid YAML: identities.host.consent.date '2026-13-45'")
+    (message,) = problems(folder, text.replace("2026-11-02", "yesterday"))
+    assert message.startswith("line 4: identities.host.consent.date")
+    (message,) = problems(folder, text.replace("2026-11-02", "2026-13-45"))
+    assert message.startswith("line 4: not valid YAML: identities.host.consent.date '2026-13-45'")
 
 
 def test_a_changed_number_of_steps_is_seen(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -197,8 +197,8 @@ def test_a_changed_number_of_steps_is_seen(folder: Path, monkeypatch: pytest.Mon
 @pytest.mark.parametrize("key", ["by", "reference"])
 @pytest.mark.parametrize("blank", [" ", "\u200b\u200d", "\\x07", "\u3164", "\u2800"])
 def test_blank_consent_is_none(folder: Path, key: str, blank: str) -> None:
-    said = {"by": "the person on film", "reference": "form 17"}[key]
-    (found,) = problems(folder, GOOD.replace(f'"{said}"', f'"{blank}"'))
+    message = {"by": "the person on film", "reference": "form 17"}[key]
+    (found,) = problems(folder, GOOD.replace(f'"{message}"', f'"{blank}"'))
     assert found.startswith(f"line 4: identities.host.consent.{key}: must not be empty")
 
 
@@ -211,8 +211,8 @@ def test_names_are_counted_in_bytes(folder: Path, length: int, fits: bool) -> No
         with atomic_path(folder / f"{manifest.dubs[0].name}.sync.json") as temporary:
             temporary.touch()
     else:
-        (said,) = problems(folder, text)
-        assert "dubs[0].name: must have at most 230 bytes" in said
+        (message,) = problems(folder, text)
+        assert "dubs[0].name: must have at most 230 bytes" in message
 
 
 def test_a_base_whose_header_is_odd_is_no_mistake_of_the_manifest(folder: Path) -> None:

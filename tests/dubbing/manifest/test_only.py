@@ -21,7 +21,7 @@ def test_names_and_patterns(only: list[str], chosen: list[str]) -> None:
     assert chosen_names(only, NAMES) == set(chosen)
 
 
-def test_a_pattern_that_fits_nothing_is_said_with_some_of_the_names() -> None:
+def test_a_pattern_that_fits_nothing_is_refused_with_some_of_the_names() -> None:
     with pytest.raises(DubbingError, match=r"nothing is called x\*.*there is n0, n1") as caught:
         chosen_names(["n1", "x*"], [f"n{k}" for k in range(500)])
     assert len(str(caught.value)) < 300

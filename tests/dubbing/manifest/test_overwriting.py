@@ -38,48 +38,48 @@ def test_a_folder_where_a_result_should_go(folder: Path) -> None:
     (folder / "out" / "host.mp4").mkdir()
     (folder / "out" / "report.html").mkdir()
     (folder / "out" / "work").write_text("a file")
-    said = problems(folder, "out")
-    assert [line.split(": ")[1] for line in said] == ["output", "output", "dubs[0]"]
-    assert "host.mp4 is a folder, where a file should go: move it away" in said[2]
-    assert any("work is a file, not a folder" in line for line in said)
+    message = problems(folder, "out")
+    assert [line.split(": ")[1] for line in message] == ["output", "output", "dubs[0]"]
+    assert "host.mp4 is a folder, where a file should go: move it away" in message[2]
+    assert any("work is a file, not a folder" in line for line in message)
 
 
 def test_a_dub_of_its_own_clip(folder: Path) -> None:
     assert problems(folder, "out") == []
-    (said,) = problems(folder, ".")
-    assert said.startswith("line 5: dubs[0]: ")
-    assert "host.mp4 would take the place of identities.ann.clip" in said
-    assert said.endswith("choose another output or name")
+    (message,) = problems(folder, ".")
+    assert message.startswith("line 5: dubs[0]: ")
+    assert "host.mp4 would take the place of identities.ann.clip" in message
+    assert message.endswith("choose another output or name")
 
 
 @pytest.mark.parametrize("link", [os.link, os.symlink])
 def test_the_clip_by_another_name(folder: Path, link: object) -> None:
     assert callable(link)
     link(folder / "host.mp4", folder / "out" / "host.mp4")
-    (said,) = problems(folder, "out")
-    assert "would take the place of identities.ann.clip" in said
+    (message,) = problems(folder, "out")
+    assert "would take the place of identities.ann.clip" in message
 
 
 @pytest.mark.parametrize("name", ["host.sync.json", "report.html", "report.json", "evaluate.json"])
 def test_what_lies_beside_the_video(folder: Path, name: str) -> None:
     (folder / "it.wav").rename(folder / name)
     (folder / "host.mp4").rename(folder / "clip.mp4")
-    (said,) = problems(folder, ".", clip="clip.mp4", audio=name)
-    assert "would take the place of dubs[0].audio" in said
+    (message,) = problems(folder, ".", clip="clip.mp4", audio=name)
+    assert "would take the place of dubs[0].audio" in message
 
 
 def test_the_manifest_itself(folder: Path) -> None:
     (folder / "host.mp4").rename(folder / "clip.mp4")
-    (said,) = problems(folder, ".", clip="clip.mp4", name="report.json")
-    assert "would take the place of this manifest" in said
+    (message,) = problems(folder, ".", clip="clip.mp4", name="report.json")
+    assert "would take the place of this manifest" in message
 
 
 def test_inputs_where_the_stages_work(folder: Path) -> None:
     (folder / "out" / "work").mkdir()
     (folder / "it.wav").rename(folder / "out" / "work" / "it.wav")
-    (said,) = problems(folder, "out", audio="out/work/it.wav")
-    assert said.startswith("line 5: dubs[0].audio: ")
-    assert "lies where the stages work" in said
+    (message,) = problems(folder, "out", audio="out/work/it.wav")
+    assert message.startswith("line 5: dubs[0].audio: ")
+    assert "lies where the stages work" in message
 
 
 def test_links_to_themselves_in_the_output_are_no_inputs(folder: Path) -> None:

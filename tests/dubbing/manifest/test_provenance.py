@@ -40,7 +40,7 @@ def problems(folder: Path, dub: str = "", consent: str = CONSENT) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    ("written", "said"),
+    ("written", "message"),
     [
         ("maybe", "must be true, false or {key: FILE}"),
         ("{colour: red}", "unknown key"),
@@ -48,11 +48,11 @@ def problems(folder: Path, dub: str = "", consent: str = CONSENT) -> list[str]:
         ("{key: short.key}", "it needs 16 at least"),
     ],
 )
-def test_a_mark_that_cannot_be_drawn(footage: Path, written: str, said: str) -> None:
+def test_a_mark_that_cannot_be_drawn(footage: Path, written: str, message: str) -> None:
     (footage / "short.key").write_bytes(b"abc")
     (found,) = problems(footage, f"mark: {written}")
     assert "dubs[0].mark" in found
-    assert said in found
+    assert message in found
 
 
 def test_the_mark_is_on_unless_it_is_turned_off(footage: Path) -> None:
@@ -70,17 +70,17 @@ def test_credentials_that_cannot_be_signed(footage: Path) -> None:
     write_chain(footage)
     signed = "certificate: signer.pem, key: signer.key"
     assert read(footage, signed).dubs[0].certificate == footage / "signer.pem"
-    for written, said in (
+    for written, message in (
         ("certificate: signer.pem", "needs both"),
         (f"{signed}, codec: ffv1", ".mkv cannot carry credentials"),
         ("certificate: signer.pem, key: signer.pem", "is no private key in PEM"),
         ("certificate: gone.pem, key: signer.key", "No such file"),
     ):
         (found,) = problems(footage, written)
-        assert said in found
+        assert message in found
 
 
-def test_credentials_without_the_library_say_what_to_install(
+def test_credentials_without_the_library_name_what_to_install(
     footage: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "c2pa", None)

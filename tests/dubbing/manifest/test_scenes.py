@@ -92,7 +92,7 @@ def test_a_file_a_cue_and_one_a_speaker(folder: Path) -> None:
     assert [c.audio.name for c in scene.cues] == ["track.wav"] * 2
 
 
-def test_an_identity_alone_says_every_line(folder: Path) -> None:
+def test_an_identity_alone_speaks_every_line(folder: Path) -> None:
     scene = scene_of(folder, "name: x, identity: ann, lines: it.srt, audio: track.wav")
     assert [c.number for c in scene.cues] == [1, 2, 3]
     assert not scene.left
@@ -122,7 +122,7 @@ GOOD = "lines: it.srt, speakers: {ANN: ann}, audio: track.wav"
 
 
 @pytest.mark.parametrize(
-    ("dub", "said"),
+    ("dub", "message"),
     [
         (GOOD.replace("it.srt", "bad.srt"), "line 3 of bad.srt is at 2 to 9.5 s: the film is 3.00"),
         (GOOD.replace("it.srt", "twice.srt"), "lines 2 and 3 of ann overlap"),
@@ -152,9 +152,9 @@ GOOD = "lines: it.srt, speakers: {ANN: ann}, audio: track.wav"
         ("name: x, audio: track.wav", "identity: is required"),
     ],
 )
-def test_what_cannot_be_is_said(folder: Path, dub: str, said: str) -> None:
+def test_what_cannot_be_is_reported(folder: Path, dub: str, message: str) -> None:
     found = problems(folder, dub)
-    assert any(said in problem for problem in found), found
+    assert any(message in problem for problem in found), found
 
 
 def test_longer_recordings_can_be_cut(folder: Path) -> None:
@@ -194,7 +194,7 @@ def test_an_identity_of_several_clips(folder: Path) -> None:
     assert [path.name for path in ann.films] == ["film.mp4", "tc.mov"]
     assert ann.clip.name == "film.mp4"  # the first that has two seconds
     assert manifest.scenes["it"].clip.name == "tc.mov"
-    for change, said in (
+    for change, message in (
         (("clip: tc.mov", "label: true"), "dubs[0].clip: is required: ann has 2 clips"),
         (("clip: tc.mov", "clip: other.mp4"), "is no clip of ann"),
         (("tc.mov]", "no.mp4]"), "identities.ann.clips[1]: no such file"),
@@ -202,7 +202,7 @@ def test_an_identity_of_several_clips(folder: Path) -> None:
         (("clips: [", "clip: film.mp4, clips: ["), "give either clip or clips"),
     ):
         several.write_text(several.read_text().replace(*change))
-        with pytest.raises(ManifestError, match=re.escape(said)):
+        with pytest.raises(ManifestError, match=re.escape(message)):
             load(several)
         several.write_text(several.read_text().replace(change[1], change[0]))
 
@@ -226,8 +226,8 @@ def test_what_would_look_wrong_is_refused(folder: Path) -> None:
     clips.ffmpeg("-i", folder / "film.mp4", "-vf", change, *options, folder / "hdr.mp4")
     fields = ["-vf", "interlace", "-flags", "+ilme+ildct", "-x264-params", "tff=1", *options]
     clips.ffmpeg("-i", folder / "film.mp4", *fields, folder / "fields.mp4")
-    for clip, said in (("hdr.mp4", "is HDR (PQ)"), ("fields.mp4", "is interlaced")):
-        with pytest.raises(ManifestError, match=re.escape(said)):
+    for clip, message in (("hdr.mp4", "is HDR (PQ)"), ("fields.mp4", "is interlaced")):
+        with pytest.raises(ManifestError, match=re.escape(message)):
             load(written(folder, GOOD, clip))
     deep = ["-vf", "format=yuv420p10le,setsar=4/3", *options]
     clips.ffmpeg("-i", folder / "film.mp4", *deep, folder / "deep.mp4")

@@ -35,7 +35,7 @@ def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("keys", "said"),
+    ("keys", "message"),
     [
         ("speech: whale", "identities.host.speech: .*'mel'"),
         ("speech: hubert", "identities.host.speech: .*need weights of your own"),
@@ -46,6 +46,6 @@ def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:
         ("speech: rnn, speech_weights: gone.safetensors", "speech_weights: no such file"),
     ],
 )
-def test_speech_that_cannot_be_heard(folder: Path, keys: str, said: str) -> None:
+def test_speech_that_cannot_be_heard(folder: Path, keys: str, message: str) -> None:
     (found,) = problems(folder, with_speech(keys))
-    assert re.search(said, found)
+    assert re.search(message, found)

@@ -19,8 +19,8 @@ def test_a_dub_begins_with_a_frame_that_there_is(folder: Path) -> None:
         if fits:
             read(folder, text)
         else:
-            (said,) = problems(folder, text)
-            assert said.startswith("line 6: dubs[0].video_start: 2.99 s is past the end")
+            (message,) = problems(folder, text)
+            assert message.startswith("line 6: dubs[0].video_start: 2.99 s is past the end")
 
 
 @pytest.mark.parametrize(
@@ -55,25 +55,25 @@ def test_a_time_is_read_as_a_clock_shows_it(folder: Path, written: str, seconds:
 @pytest.mark.parametrize("written", ["1:65", "1:5", "01:00:05:12", "-1:05", "1:60:00", "1:05:"])
 def test_another_time_is_refused(folder: Path, key: str, written: str) -> None:
     text = GOOD.replace("seconds: 2", f"{key}: {written!r}")
-    (said,) = problems(folder, text)
-    assert said == (
+    (message,) = problems(folder, text)
+    assert message == (
         f"line 4: identities.host.{key}: must be seconds as 65.5, or a time as 1:05.5 or "
         f"0:01:05.5, not {written!r}"
     )
 
 
 def test_only_a_time_is_read_in_sixties(folder: Path) -> None:
-    (said,) = problems(folder, GOOD.replace("seconds: 2", "seed: 1:05"))
-    assert "identities.host.seed: must be a valid integer, not '1:05'" in said
+    (message,) = problems(folder, GOOD.replace("seconds: 2", "seed: 1:05"))
+    assert "identities.host.seed: must be a valid integer, not '1:05'" in message
 
 
 def test_seconds_without_end(folder: Path) -> None:
-    (said,) = problems(folder, GOOD.replace("seconds: 2", "seconds: 1.0e+308"))
-    assert said.startswith("line 4: identities.host.seconds: must be above 0 and at most 1e+09")
+    (message,) = problems(folder, GOOD.replace("seconds: 2", "seconds: 1.0e+308"))
+    assert message.startswith("line 4: identities.host.seconds: must be above 0 and at most 1e+09")
 
 
 @pytest.mark.parametrize(
-    ("written", "said"),
+    ("written", "message"),
     [
         ("0", "must be above 0"),
         ("-1.5", "must be above 0"),
@@ -83,9 +83,11 @@ def test_seconds_without_end(folder: Path) -> None:
         ("[3]", "must be a number of seconds or 'best'"),
     ],
 )
-def test_what_is_no_number_of_seconds_to_learn_from(folder: Path, written: str, said: str) -> None:
+def test_what_is_no_number_of_seconds_to_learn_from(
+    folder: Path, written: str, message: str
+) -> None:
     (problem,) = problems(folder, GOOD.replace("seconds: 2", f"seconds: {written}"))
-    assert problem.startswith(f"line 4: identities.host.seconds: {said}")
+    assert problem.startswith(f"line 4: identities.host.seconds: {message}")
 
 
 def test_the_best_seconds_are_looked_for_in_all_of_the_longest_clip(folder: Path) -> None:
@@ -101,6 +103,6 @@ def test_the_best_seconds_are_looked_for_in_all_of_the_longest_clip(folder: Path
     assert "identities.host.start: leave it out" in problem
 
 
-def test_a_clip_shorter_than_asked_is_used_whole_and_said(folder: Path) -> None:
+def test_a_clip_shorter_than_requested_is_used_whole_with_a_warning(folder: Path) -> None:
     manifest = read(folder, GOOD.replace("seconds: 2", "seconds: 20"))
     assert any("learns from 3.0 s" in warning for warning in manifest.warnings)

@@ -17,7 +17,7 @@ from tests.dubbing.manifest.made import GOOD, problems, read
 
 
 @pytest.mark.parametrize(
-    ("written", "said"),
+    ("written", "reported"),
     [
         ("a: [", "not valid YAML"),
         ("version: !!python/object/apply:os.system [ls]", "not valid YAML"),
@@ -44,8 +44,8 @@ from tests.dubbing.manifest.made import GOOD, problems, read
         ("version: 1\na: !!bool x", "line 2: not valid YAML: a 'x' cannot be read as bool"),
     ],
 )
-def test_what_is_no_manifest(folder: Path, written: str, said: str) -> None:
-    assert any(re.search(said, problem) for problem in problems(folder, written))
+def test_what_is_no_manifest(folder: Path, written: str, reported: str) -> None:
+    assert any(re.search(reported, problem) for problem in problems(folder, written))
 
 
 def test_aliases_cannot_explode(folder: Path) -> None:
@@ -109,7 +109,7 @@ def test_a_manifest_of_too_many_values_is_not_built(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("keys", "said"),
+    ("keys", "reported"),
     [
         (f"seed: {'1' * 6000}", "line 4: not valid YAML: identities.host.seed '111"),
         (f"seed: 0x{'1' * 6000}", "line 4: not valid YAML: identities.host.seed '0x111"),
@@ -123,10 +123,10 @@ def test_a_manifest_of_too_many_values_is_not_built(folder: Path) -> None:
         ('base: "\\udcff"', "line 4: not valid YAML: identities.host.base"),
     ],
 )
-def test_numbers_without_end(folder: Path, keys: str, said: str) -> None:
+def test_numbers_without_end(folder: Path, keys: str, reported: str) -> None:
     text = GOOD.replace("seconds: 2,", f"seconds: 2, {keys},")
     found = problems(folder, text)[0]
-    assert found.startswith(said)
+    assert found.startswith(reported)
     assert len(found) < 200
 
 

@@ -65,7 +65,7 @@ def test_lengths_do_not_add_up_their_rounding() -> None:
     assert sum(lengths) == pytest.approx(999 * 1001 / 24000, abs=2e-6)
 
 
-def test_sound_is_taken_from_where_it_was_asked(tmp_path: Path) -> None:
+def test_sound_is_taken_from_where_it_was_requested(tmp_path: Path) -> None:
     import soundfile
 
     wave = np.zeros(3 * 16000, np.float32)

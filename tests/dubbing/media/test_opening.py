@@ -136,7 +136,7 @@ def test_the_list_of_parts_holds_one_file_a_line(tmp_path: Path) -> None:
         media.mux([(part, Fraction(1, 5))], sound, tmp_path / "o.mp4", audio_start=0, seconds=1)
 
 
-def test_a_name_that_is_no_text_is_said(tmp_path: Path) -> None:
+def test_a_name_that_is_no_text_is_reported(tmp_path: Path) -> None:
     clip = clips.write_video(tmp_path / "v.mp4", 5)
     path = Path(os.fsdecode(os.fsencode(tmp_path) + b"/caf\xe9.mp4"))
     clip.rename(path)

@@ -65,14 +65,14 @@ def test_cover_art_is_no_picture(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", bytes(5000)])
-def test_what_is_no_media_is_said(tmp_path: Path, content: bytes) -> None:
+def test_what_is_no_media_is_reported(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "broken.mp4"
     path.write_bytes(content)
     with pytest.raises(MediaError, match=r"broken\.mp4"):
         media.probe(path)
 
 
-def test_a_missing_file_is_said(tmp_path: Path) -> None:
+def test_a_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(MediaError, match="no such file"):
         media.probe(tmp_path / "nothing.mp4")
 
@@ -86,7 +86,7 @@ def test_choose_rate_bears_jitter_but_not_gaps() -> None:
     assert choose_rate(rounded, []) == (Fraction(24000, 1001), False)
 
 
-def test_frames_that_are_all_shown_at_once_are_said(tmp_path: Path) -> None:
+def test_frames_that_are_all_displayed_at_once_are_reported(tmp_path: Path) -> None:
     plain, still = clips.write_video(tmp_path / "plain.mp4", 5), tmp_path / "still.mkv"
     clips.ffmpeg("-i", plain, "-c", "copy", "-bsf:v", "setts=ts=0", still)
     with pytest.raises(MediaError, match=r"the same time stamp \(.*still\.mkv\): convert"):
@@ -95,7 +95,7 @@ def test_frames_that_are_all_shown_at_once_are_said(tmp_path: Path) -> None:
     assert choose_rate([0.0, 0.0, 0.0, 1e5], []) == (10, True)
 
 
-def test_a_file_that_was_cut_off_is_said(tmp_path: Path) -> None:
+def test_a_file_that_was_cut_off_is_reported(tmp_path: Path) -> None:
     whole = clips.write_clip(tmp_path / "whole.mp4", 60).read_bytes()
     (tmp_path / "torn.mp4").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(MediaError, match=r"breaks off: \d+ of 60 frames"):
@@ -103,7 +103,7 @@ def test_a_file_that_was_cut_off_is_said(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("offset", ["-3", "-0.5"])
-def test_frames_without_time_stamps_are_said(tmp_path: Path, offset: str) -> None:
+def test_frames_without_time_stamps_are_reported(tmp_path: Path, offset: str) -> None:
     """Matroska knows no negative times: a part of the frames would be dropped."""
     plain, negative = clips.write_video(tmp_path / "plain.mp4", 150), tmp_path / "negative.mkv"
     shift = ("-output_ts_offset", offset, "-avoid_negative_ts", "disabled")
@@ -114,7 +114,7 @@ def test_frames_without_time_stamps_are_said(tmp_path: Path, offset: str) -> Non
 
 @pytest.mark.parametrize("wrong", [float("nan"), float("inf"), -float("inf"), 1e20])
 @pytest.mark.parametrize("kind", [("FLOAT", ".wav"), ("DOUBLE", ".wav"), ("FLOAT", ".aiff")])
-def test_sound_that_is_no_number_is_said(
+def test_sound_that_is_no_number_is_reported(
     tmp_path: Path, wrong: float, kind: tuple[str, str]
 ) -> None:
     wave = clips.tone(2.0, channels=2).astype(float)
@@ -136,7 +136,7 @@ def test_sound_that_is_no_number_is_said(
         ("320x240", "setsar=2000/1", "odd.mp4"),
     ],
 )
-def test_a_shape_that_nobody_films_is_said(
+def test_a_shape_that_nobody_films_is_reported(
     tmp_path: Path, size: str, filters: str, name: str
 ) -> None:
     path = tmp_path / name
@@ -147,7 +147,7 @@ def test_a_shape_that_nobody_films_is_said(
         media.probe(path)
 
 
-def test_a_sound_that_nothing_decodes_is_said(tmp_path: Path) -> None:
+def test_a_sound_that_nothing_decodes_is_reported(tmp_path: Path) -> None:
     path = clips.write_sound(tmp_path / "a.wav", 0.1)
     content = bytearray(path.read_bytes())
     content[20:22] = b"\x99\x99"  # the format of its samples
@@ -156,7 +156,7 @@ def test_a_sound_that_nothing_decodes_is_said(tmp_path: Path) -> None:
         media.probe(path)
 
 
-def test_sound_of_no_channels_is_said(tmp_path: Path) -> None:
+def test_sound_of_no_channels_is_reported(tmp_path: Path) -> None:
     path = clips.write_sound(tmp_path / "none.wav", 0.2)
     raw = bytearray(path.read_bytes())
     at = raw.index(b"fmt ") + 8

@@ -49,7 +49,7 @@ def test_another_rate_keeps_time(clip: Path) -> None:
     assert max(abs(k * 2 - seen) for k, seen in enumerate(got)) <= 1
 
 
-def test_a_file_that_breaks_off_is_said(tmp_path: Path) -> None:
+def test_a_file_that_breaks_off_is_reported(tmp_path: Path) -> None:
     whole = clips.write_video(tmp_path / "whole.mkv", 200, codec="ffv1")
     torn = tmp_path / "torn.mkv"
     torn.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])
@@ -130,7 +130,7 @@ def test_sound_that_begins_late_is_heard_where_it_belongs(tmp_path: Path, name: 
         assert at == pytest.approx(1.5 if path.name == "o.mkv" else 2.5, abs=0.01)
 
 
-def test_no_sound_is_said(tmp_path: Path) -> None:
+def test_no_sound_is_reported(tmp_path: Path) -> None:
     with pytest.raises(MediaError, match="no sound"):
         media.read_audio(clips.write_video(tmp_path / "v.mp4", 3))
 
@@ -152,7 +152,7 @@ CONTAINERS = {
 
 
 @pytest.mark.parametrize("name", list(CONTAINERS))
-def test_a_seek_gives_what_was_asked_for(clip: Path, tmp_path: Path, name: str) -> None:
+def test_a_seek_gives_what_was_requested(clip: Path, tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     clips.ffmpeg("-i", clip, *CONTAINERS[name], "-preset", "veryfast", path)
     if name == "edited.mp4":

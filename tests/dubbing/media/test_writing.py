@@ -62,7 +62,7 @@ def test_an_error_leaves_the_old_file(tmp_path: Path) -> None:
     assert [p.name for p in tmp_path.iterdir()] == ["a.mp4"]
 
 
-def test_a_frame_of_another_shape_is_said(tmp_path: Path) -> None:
+def test_a_frame_of_another_shape_is_reported(tmp_path: Path) -> None:
     with (
         pytest.raises(MediaError, match="48, 64, 3"),
         media.VideoWriter(tmp_path / "a.mp4", 64, 48, Fraction(25)) as writer,
@@ -70,7 +70,7 @@ def test_a_frame_of_another_shape_is_said(tmp_path: Path) -> None:
         writer.write(np.zeros((48, 65, 3), np.uint8))
 
 
-def test_a_folder_that_cannot_be_written_is_said(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with (
         pytest.raises(DubbingError, match=r"File exists.*see whether"),

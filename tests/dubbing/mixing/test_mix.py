@@ -62,9 +62,9 @@ def made(folder: Path, out: Path, **changes: object) -> tuple[np.ndarray, dict[s
 
 def test_the_films_own_sound_is_outside_of_the_cues(folder: Path, tmp_path: Path) -> None:
     sound, _ = made(folder, tmp_path)
-    for start, stop, said in ((0, 0.98, 0), (1.01, 1.99, 1), (2.01, 3.98, 0), (4.01, 5.47, 1)):
-        assert strength(sound[:, 0], FILM, start, stop) == pytest.approx(0.2 * (1 - said), abs=0.01)
-        assert strength(sound[:, 0], VOICE, start, stop) == pytest.approx(0.02 * said, abs=0.001)
+    for start, stop, new in ((0, 0.98, 0), (1.01, 1.99, 1), (2.01, 3.98, 0), (4.01, 5.47, 1)):
+        assert strength(sound[:, 0], FILM, start, stop) == pytest.approx(0.2 * (1 - new), abs=0.01)
+        assert strength(sound[:, 0], VOICE, start, stop) == pytest.approx(0.02 * new, abs=0.001)
     voices, _ = soundfile.read(tmp_path / VOICES)
     assert not voices[: RATE - 10].any()
     assert voices[RATE + 240 : RATE + 480].any()  # it begins with its frame
@@ -93,7 +93,7 @@ def test_dialogue_goes_to_the_centre(folder: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("loudness", "target"), [("r128", -23), ("streaming", -27)])
-def test_every_cue_is_as_loud_as_asked_for(
+def test_every_cue_is_as_loud_as_requested(
     folder: Path, tmp_path: Path, loudness: str, target: float
 ) -> None:
     _, found = made(folder, tmp_path, music=folder / "me.wav", loudness=loudness)

@@ -91,7 +91,7 @@ def test_a_run_killed_between_any_two_steps_ends_the_same(
         assert (tmp_path / name).read_bytes() == (prepared.folder / name).read_bytes(), name
 
 
-def test_a_clip_without_a_face_says_what_to_do(tmp_path: Path) -> None:
+def test_a_clip_without_a_face_gives_a_remedy(tmp_path: Path) -> None:
     clip = tmp_path / "wall.mkv"
     with VideoWriter(clip, 128, 96, Fraction(25), "ffv1") as writer:
         for _ in range(6):
@@ -101,7 +101,7 @@ def test_a_clip_without_a_face_says_what_to_do(tmp_path: Path) -> None:
     assert not (tmp_path / "out" / "prepared.json").exists()
 
 
-def test_what_only_looked_like_a_face_says_what_to_do(
+def test_what_only_looked_like_a_face_gives_a_remedy(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A detector that sees a face in a test pattern, with all its points in one place."""
@@ -117,7 +117,9 @@ def test_what_only_looked_like_a_face_says_what_to_do(
 
 
 @pytest.mark.parametrize("size", [(2, 2), (8000, 16)])
-def test_a_shape_that_nobody_films_is_said_at_once(tmp_path: Path, size: tuple[int, int]) -> None:
+def test_a_shape_that_nobody_films_is_reported_at_once(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
     clip = tmp_path / "odd.mkv"
     with VideoWriter(clip, *size, Fraction(25), "ffv1") as writer:
         writer.write(np.zeros((size[1], size[0], 3), np.uint8))

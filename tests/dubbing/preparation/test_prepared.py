@@ -69,7 +69,7 @@ def test_saved_and_loaded_is_the_same(prepared: PreparedClip) -> None:
     assert len(loaded) == FRAMES
 
 
-def test_a_folder_that_is_not_prepared_says_so(tmp_path: Path, prepared: PreparedClip) -> None:
+def test_a_folder_that_is_not_prepared_is_reported(tmp_path: Path, prepared: PreparedClip) -> None:
     with pytest.raises(PreparationError, match="dfrf prepare"):
         PreparedClip.load(tmp_path / "nothing")
     prepared.save()

@@ -64,7 +64,7 @@ def test_the_threshold_is_a_bound_of_chi_squared() -> None:
         assert stats.chi2.sf(limit, BITS) > chance / 1000
 
 
-def test_false_alarms_are_as_rare_as_is_said() -> None:
+def test_false_alarms_are_as_rare_as_is_reported() -> None:
     """S of many keys at every shift of an unmarked film has the tail of chi squared at most."""
     total, _ = mark_search.summed(frame[..., 1] for frame in film.frames(4))
     folded = mark_search.fold(total, 1.0, (0.0, 0.0, 1.0))[0, 0]

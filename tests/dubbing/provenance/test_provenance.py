@@ -27,6 +27,6 @@ def test_the_letters_can_be_read_on_any_background(level: int) -> None:
     assert np.ptp(part.mean((1, 2))) > 20  # there are lines of letters and lines without
 
 
-def test_the_tags_say_that_the_picture_is_generated() -> None:
+def test_the_tags_state_that_the_picture_is_generated() -> None:
     assert "AI-generated" in tags()["comment"]
     assert "compositeWithTrainedAlgorithmicMedia" in tags()["comment"]

@@ -35,7 +35,7 @@ def verify(file: Path, *options: str | Path) -> Result:
     return CliRunner().invoke(app, ["verify", str(file), *map(str, options)])
 
 
-def test_a_dub_says_what_it_carries(place: Path) -> None:
+def test_verify_prints_what_a_dub_carries(place: Path) -> None:
     result = verify(place / "dub.mp4", "--key", place / "own.key")
     assert result.exit_code == 0, result.output
     assert "credentials: none" in result.output
@@ -46,13 +46,13 @@ def test_a_dub_says_what_it_carries(place: Path) -> None:
 def test_credentials_and_mark_as_json(place: Path) -> None:
     pytest.importorskip("c2pa")
     signed = place / "signed.mp4"
-    said = {"consent": {"reference": "form 17"}}
-    credentials.sign(place / "dub.mp4", signed, write_chain(place), place / "film.mp4", said)
+    facts = {"consent": {"reference": "form 17"}}
+    credentials.sign(place / "dub.mp4", signed, write_chain(place), place / "film.mp4", facts)
     result = verify(signed, "--key", place / "own.key", "--json")
     assert result.exit_code == 0, result.output
     found = json.loads(result.output)
     assert found["credentials"]["state"] == "Valid"
-    assert found["credentials"]["dub"] == said
+    assert found["credentials"]["dub"] == facts
     assert [m["id"] for m in found["marks"] if m["present"]] == [film.ID]
     assert "c2pa.dubbed" in verify(signed).output
 
@@ -84,7 +84,7 @@ def test_a_wrong_call_is_exit_code_2(place: Path) -> None:
 
 
 @pytest.mark.parametrize("content", [b"", b"no video", b"\0" * 3000])
-def test_what_is_no_video_is_said(tmp_path: Path, content: bytes) -> None:
+def test_what_is_no_video_is_reported(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "x.mp4"
     file.write_bytes(content)
     error = verify(file).exception

@@ -239,7 +239,7 @@ def test_a_verdict_is_one_word_which_the_page_uses_as_its_class() -> None:
     assert all(verdict.isalpha() for verdict in VERDICTS)
 
 
-def test_a_dub_without_mark_or_credentials_says_so() -> None:
+def test_a_dub_without_mark_or_credentials_is_reported() -> None:
     page = page_of(found(("one", "pass", 0.2), ("two", "pass", 0.1)))
     assert "invisible mark 0123456789abcdef" in page
     assert page.count("without the invisible mark") == 1

@@ -64,14 +64,14 @@ def read(folder: Path, name: str, text: str) -> list[Line]:
     return read_lines(path, FILM)
 
 
-def told(lines: list[Line]) -> list[tuple[Fraction, Fraction, str, str]]:
+def rows(lines: list[Line]) -> list[tuple[Fraction, Fraction, str, str]]:
     return [(line.start, line.stop, line.speaker, line.words) for line in lines]
 
 
 def test_srt(tmp_path: Path) -> None:
     lines = read(tmp_path, "a.srt", "\ufeff" + SRT)
     assert [line.number for line in lines] == [1, 2, 3]
-    assert told(lines) == [
+    assert rows(lines) == [
         (Fraction(1), Fraction(5, 2), "ANNA", "Good evening. And welcome."),
         (Fraction(3), Fraction(4), "BEN", "At 10: 30 it begins."),
         (Fraction(131, 2), Fraction(66), "", "nobody says this"),
@@ -79,17 +79,17 @@ def test_srt(tmp_path: Path) -> None:
 
 
 def test_vtt_and_ass(tmp_path: Path) -> None:
-    assert told(read(tmp_path, "a.vtt", VTT)) == [
+    assert rows(read(tmp_path, "a.vtt", VTT)) == [
         (Fraction(1), Fraction(5, 2), "Anna", "Good evening"),
         (Fraction(3), Fraction(4), "Ben", "Now"),
     ]
-    assert told(read(tmp_path, "a.ass", ASS)) == [
+    assert rows(read(tmp_path, "a.ass", ASS)) == [
         (Fraction(1), Fraction(5, 2), "Anna", "Good, evening")
     ]
 
 
 def test_ttml_counts_frames_and_knows_agents(tmp_path: Path) -> None:
-    assert told(read(tmp_path, "a.ttml", TTML.format(extra=""))) == [
+    assert rows(read(tmp_path, "a.ttml", TTML.format(extra=""))) == [
         # media time: seconds of a clock, and frames of 1001/24000 s beyond them
         (2 + 12 / FILM, Fraction(7, 2), "Anna", "Good evening"),
         (1 + 72 / FILM, 1 + 72 / FILM + Fraction(3, 2), "Anna", "Bye"),
@@ -99,14 +99,14 @@ def test_ttml_counts_frames_and_knows_agents(tmp_path: Path) -> None:
 
 
 def test_csv(tmp_path: Path) -> None:
-    assert told(read(tmp_path, "a.csv", CSV)) == [
+    assert rows(read(tmp_path, "a.csv", CSV)) == [
         (Fraction(3, 2), Fraction(5, 2), "ANNA", "Good, evening"),
         ((3 * 24 + 12) / FILM, 60 * 24 / FILM, "BEN", "Now"),
     ]
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "said"),
+    ("name", "text", "message"),
     [
         ("a.srt", SRT.replace("00:00:03,000 -->", "00:00:3x,000 -->"), "row 7: no times"),
         ("a.srt", SRT.replace("00:00:04,000", "00:00:03,000"), "line 2 ends at 3 s"),
@@ -119,6 +119,6 @@ def test_csv(tmp_path: Path) -> None:
         ("a.doc", "x", "no kind of script"),
     ],
 )
-def test_what_is_no_script(tmp_path: Path, name: str, text: str, said: str) -> None:
-    with pytest.raises(DubbingError, match=said):
+def test_what_is_no_script(tmp_path: Path, name: str, text: str, message: str) -> None:
+    with pytest.raises(DubbingError, match=message):
         read(tmp_path, name, text)

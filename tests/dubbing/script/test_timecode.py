@@ -34,7 +34,7 @@ def test_drop_frame_keeps_up_with_the_clock() -> None:
 
 
 @pytest.mark.parametrize(
-    ("timecode", "rate", "said"),
+    ("timecode", "rate", "message"),
     [
         ("00:00:01:25", PAL, "frame 25, but there are 25 a second"),
         ("00:01:00;00", TV, "left out"),
@@ -42,6 +42,6 @@ def test_drop_frame_keeps_up_with_the_clock() -> None:
         ("1:05", PAL, "no timecode"),
     ],
 )
-def test_what_is_no_timecode(timecode: str, rate: Fraction, said: str) -> None:
-    with pytest.raises(ValueError, match=said):
+def test_what_is_no_timecode(timecode: str, rate: Fraction, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         frame_of(timecode, rate)

@@ -46,7 +46,7 @@ def test_loop_hold_and_cut() -> None:
     assert list(pose_index(5, ONE_SHOT, 8, "cut")) == [8, 9]
 
 
-def test_fail_says_what_to_do() -> None:
+def test_fail_gives_a_remedy() -> None:
     with pytest.raises(RenderingError, match="on_longer_audio"):
         pose_index(5, ONE_SHOT, 8, "fail")
     with pytest.raises(RenderingError, match="past the end"):
@@ -82,15 +82,15 @@ def test_runs_of_a_bounce() -> None:
 
 def test_a_face_fades_in_and_out_inside_its_cue() -> None:
     index, one_shot = np.arange(20), np.zeros(20, int)
-    said = np.zeros(20, bool)
-    said[5:15] = True
+    replaced = np.zeros(20, bool)
+    replaced[5:15] = True
     wanted = [0] * 5 + [0.25, 0.5, 0.75, 1, 1, 1, 1, 0.75, 0.5, 0.25] + [0] * 5
-    np.testing.assert_allclose(shares(said, index, one_shot), wanted)
+    np.testing.assert_allclose(shares(replaced, index, one_shot), wanted)
     # Where the dub begins and ends there is no frame to fade from.
     np.testing.assert_array_equal(shares(np.ones(20, bool), index, one_shot), 1)
     # A cut hides the change.
     cut = np.repeat([0, 1], [5, 15])
-    np.testing.assert_allclose(shares(said, index, cut)[:8], [0] * 5 + [1] * 3)
+    np.testing.assert_allclose(shares(replaced, index, cut)[:8], [0] * 5 + [1] * 3)
     # A short cue never becomes whole, and one frame is the least of it.
     brief = np.zeros(20, bool)
     brief[7:9] = True
@@ -98,13 +98,13 @@ def test_a_face_fades_in_and_out_inside_its_cue() -> None:
 
 
 def test_two_cues_that_touch_are_one_to_the_eye() -> None:
-    said = np.zeros(12, bool)
-    said[2:6] = said[6:10] = True
-    found = shares(said, np.arange(12), np.zeros(12, int))
+    replaced = np.zeros(12, bool)
+    replaced[2:6] = replaced[6:10] = True
+    found = shares(replaced, np.arange(12), np.zeros(12, int))
     np.testing.assert_allclose(found[2:10], [0.25, 0.5, 0.75, 1, 1, 0.75, 0.5, 0.25])
 
 
 def test_a_jump_of_the_clip_is_a_cut() -> None:
-    said = np.array([True, True, True, False, False])
-    found = shares(said, np.array([7, 8, 9, 0, 1]), np.zeros(12, int))
+    replaced = np.array([True, True, True, False, False])
+    found = shares(replaced, np.array([7, 8, 9, 0, 1]), np.zeros(12, int))
     np.testing.assert_array_equal(found, [1, 1, 1, 0, 0])

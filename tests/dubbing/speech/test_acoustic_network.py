@@ -32,7 +32,7 @@ def test_filling_counts_for_nothing() -> None:
     assert losses(heard, senones, phones, lips, known) == before
 
 
-def test_untold_phones_and_lips_count_for_nothing() -> None:
+def test_unknown_phones_and_lips_count_for_nothing() -> None:
     network = AcousticNetwork().eval()
     heard = network(torch.randn(2, 20, 128))
     senones, phones, lips, known = targets()

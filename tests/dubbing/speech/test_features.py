@@ -96,6 +96,6 @@ def test_windows_in_pieces() -> None:
     assert np.array_equal(whole[20:40], windows(steps, 20, rate, first=20))
 
 
-def test_unknown_name_says_what_there_is() -> None:
+def test_unknown_name_lists_what_there_is() -> None:
     with pytest.raises(DubbingError, match="mel"):
         features_by_name("whale")

@@ -45,9 +45,9 @@ def test_shape_and_scale(rnn: RnnFeatures, sound: np.ndarray) -> None:
 
 def test_pauses_are_exactly_silent(rnn: RnnFeatures) -> None:
     """Speech, 2 s of silence, speech: 0 well inside the pause, and smooth on the way there."""
-    said = 0.3 * spoken(LINE).samples
-    found = rnn.extract(np.concatenate([said, silence(2), said]))
-    middle = voice.steps(len(said))
+    sentence = 0.3 * spoken(LINE).samples
+    found = rnn.extract(np.concatenate([sentence, silence(2), sentence]))
+    middle = voice.steps(len(sentence))
     assert (found[middle + 20 : middle + 80] == 0).all()
     assert np.abs(found[10 : middle - 10]).max(1).min() > 0
     steps = np.abs(np.diff(found, axis=0)).max(1)
@@ -62,9 +62,9 @@ def test_silence_alone_is_silent(rnn: RnnFeatures) -> None:
 def test_the_window_in_a_pause_is_silent(rnn: RnnFeatures) -> None:
     from fractions import Fraction
 
-    said = 0.3 * spoken(LINE).samples
-    found = rnn.extract(np.concatenate([said, silence(2), said]))
-    frame = int((len(said) / 16_000 + 1) * 25)
+    sentence = 0.3 * spoken(LINE).samples
+    found = rnn.extract(np.concatenate([sentence, silence(2), sentence]))
+    frame = int((len(sentence) / 16_000 + 1) * 25)
     assert (windows(found, 1, Fraction(25), frame) == 0).all()
 
 

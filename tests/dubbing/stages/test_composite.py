@@ -159,7 +159,7 @@ def test_a_cut_dub_has_as_much_sound_as_picture(scene: Scene) -> None:
     assert media.probe(out).audio_duration == pytest.approx(6.5 / 25, abs=0.03)
 
 
-def test_too_few_heads_are_said(scene: Scene) -> None:
+def test_too_few_heads_are_reported(scene: Scene) -> None:
     fakes.write_heads(scene.folder / "few", 7, scene.rate)
     with pytest.raises(RenderingError, match="7 heads instead of 12"):
         list(read_heads(scene.folder / "few", 0, 12))
@@ -250,9 +250,9 @@ def test_a_card_follows_in_silence(scene: Scene, codec: str) -> None:
     assert np.ptp(shown[0]) > 100
     assert media.probe(made).sound_seconds == pytest.approx(42 / 25, abs=0.05)
     heard, own = (media.read_audio(path, rate=48000) for path in (made, plain))
-    said = 12 * 1920
-    np.testing.assert_allclose(heard[: said - 2048], own[: said - 2048], atol=0.02)
-    assert np.abs(heard[said + 2048 :]).max() < 1e-3 < np.abs(heard[:said]).max()
+    samples = 12 * 1920
+    np.testing.assert_allclose(heard[: samples - 2048], own[: samples - 2048], atol=0.02)
+    assert np.abs(heard[samples + 2048 :]).max() < 1e-3 < np.abs(heard[:samples]).max()
 
 
 def test_the_invisible_mark_lies_on_faces_alone(scene: Scene, tmp_path: Path) -> None:

@@ -81,19 +81,21 @@ def base_of(path: Path, config: ModelConfig | PaperConfig, speech: str = "mel") 
     return path
 
 
-def test_the_manifest_takes_it_and_says_what_it_costs(folder: Path) -> None:
+def test_the_manifest_takes_it_and_reports_what_it_costs(folder: Path) -> None:
     manifest = manifest_of(folder)
     assert manifest.identities["ann"].preset == "paper"
     assert "base" not in jobs.build(manifest).identities["ann"].stages["finetune"].inputs
-    said = "\n".join(manifest.warnings)
-    assert "identities.ann: preset paper learns 40000 steps in about " in said
-    assert "identities.ann: no base of preset paper comes with this tool" in said
-    assert "ann_it: preset paper renders 40 frames in about 12 minutes" in said  # 1150 s / 64 each
+    message = "\n".join(manifest.warnings)
+    assert "identities.ann: preset paper learns 40000 steps in about " in message
+    assert "identities.ann: no base of preset paper comes with this tool" in message
+    assert (
+        "ann_it: preset paper renders 40 frames in about 12 minutes" in message
+    )  # 1150 s / 64 each
     fast = manifest_of(folder, ", preset: fast")
     assert not any("paper" in warning for warning in fast.warnings)
 
 
-def test_times_are_told_in_fitting_units() -> None:
+def test_times_are_printed_in_fitting_units() -> None:
     minutes, hours, days = (published.lasts(60.0 * m) for m in (90, 240, 40 * 60 * 24))
     assert minutes.startswith("about 90 minutes")
     assert hours.startswith("about 4 hours")
@@ -131,7 +133,7 @@ def test_an_imported_base_gives_all_but_the_layer_that_hears_deepspeech(folder: 
     assert other == {"audio.convolutions.0.weight"}
     assert model["audio.convolutions.0.weight"].shape[1] == 80
     warnings = manifest_of(folder, ", base: imported.safetensors").warnings
-    assert any("imported.safetensors heard DeepSpeech features" in said for said in warnings)
+    assert any("imported.safetensors heard DeepSpeech features" in message for message in warnings)
 
 
 def test_an_imported_base_hears_deepspeech_where_a_user_has_it(folder: Path) -> None:
@@ -144,7 +146,7 @@ def test_an_imported_base_hears_deepspeech_where_a_user_has_it(folder: Path) -> 
     assert kept.keys() == model.keys()
     assert all(kept[name].equal(model[name]) for name in kept)
     keys = ", base: imported.safetensors, speech: deepspeech, speech_weights: output_graph.pb"
-    assert not any("learned anew" in said for said in manifest_of(folder, keys).warnings)
+    assert not any("learned anew" in message for message in manifest_of(folder, keys).warnings)
     # A base of our own says by which weights it heard.
     digest = heard.speech_header()
     head_checkpoint.save_model(base, head_checkpoint.load_model(base)[0], digest)

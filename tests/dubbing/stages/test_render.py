@@ -71,7 +71,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
         assert (tmp_path / "ranges" / file.name).read_bytes() == file.read_bytes()
 
 
-def test_only_what_a_dub_shows_is_asked_for(tmp_path: Path) -> None:
+def test_only_what_a_dub_shows_is_requested(tmp_path: Path) -> None:
     path = tmp_path / "clip.mkv"
     with VideoWriter(path, 48, 40, Fraction(25), "ffv1") as writer:
         for _ in range(4):

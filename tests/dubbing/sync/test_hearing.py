@@ -13,7 +13,7 @@ from tests.dubbing.conftest import Speaker
 HEARING = Hearing()
 
 
-def test_both_kinds_of_channels_stand_where_they_are_said_to(speaker: Speaker) -> None:
+def test_both_kinds_of_channels_stand_where_they_belong(speaker: Speaker) -> None:
     channels = HEARING(speaker.sound)
     assert channels.shape == (200, WIDTH)
     assert np.array_equal(channels[:, CHANNELS["mel"]], MelFeatures().extract(speaker.sound))
@@ -21,7 +21,7 @@ def test_both_kinds_of_channels_stand_where_they_are_said_to(speaker: Speaker) -
     assert np.array_equal(channels[:, CHANNELS["rnn"]], rnn)
 
 
-def test_another_take_says_the_same_at_its_own_speed(speaker: Speaker) -> None:
+def test_another_take_sounds_the_same_at_its_own_speed(speaker: Speaker) -> None:
     """What is spoken at second t of the clip is heard at t / speed, in both kinds of channels."""
     clean = HEARING(speaker.sound)
     for seed in (2, 3, 4):

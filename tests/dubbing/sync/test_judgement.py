@@ -53,7 +53,7 @@ def test_verdicts(
         (0.20, 0.11, "warn"),
     ],
 )
-def test_no_dub_is_asked_for_more_than_a_new_speaker_has(
+def test_no_dub_is_requested_more_than_a_new_speaker_has(
     reference: float, confidence: float, expected: str
 ) -> None:
     verdict, reason = judge(Estimate(0, confidence, 1.0), 0, MOVING, reference)

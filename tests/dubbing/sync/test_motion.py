@@ -36,7 +36,7 @@ def test_a_still_mouth_with_noise() -> None:
     assert not found.moves
 
 
-def test_too_little_silence_says_nothing() -> None:
+def test_too_little_silence_gives_no_figure() -> None:
     found = motion_of(SYLLABLES, np.ones(200)).result()
     assert found.moves_in_silence is None
     assert found.speed_in_silence is None

@@ -176,7 +176,7 @@ def test_faces_look_different(tmp_path: Path) -> None:
     assert np.abs(pictures["alba"] - pictures["random:4"]).mean() > 4
 
 
-def test_mistakes_say_what_to_do(tmp_path: Path) -> None:
+def test_mistakes_give_a_remedy(tmp_path: Path) -> None:
     with pytest.raises(DubbingError, match="no synthetic face is called 'zoe'"):
         make_speaker(tmp_path, text="A.", face="zoe")
     with pytest.raises(DubbingError, match="an even size"):

@@ -116,11 +116,11 @@ def test_check_reads_the_sources_figures(tmp_path: Path, monkeypatch: pytest.Mon
     module = sys.modules["dubbing.sync.check"]
     work = create_autospec(module.check, return_value=found)
     monkeypatch.setattr(module, "check", work)
-    told: list[float] = []
-    tasks.Check(tmp_path / "clip.mp4")(tmp_path, lambda _message, share: told.append(share))
+    reported: list[float] = []
+    tasks.Check(tmp_path / "clip.mp4")(tmp_path, lambda _message, share: reported.append(share))
     assert work.call_args[1]["source"] is None
     work.call_args[1]["progress"](0.25)
-    assert told == [0.25]
+    assert reported == [0.25]
     (tmp_path / "dub").mkdir()
     tasks.Check(tmp_path / "dub.mp4", tmp_path / "sync.json")(tmp_path / "dub", quiet)
     assert work.call_args[1]["source"] == found

@@ -131,13 +131,13 @@ def test_an_unfinished_run_goes_on_with_the_same_people_and_settings_only(
     clips.write_clip(tmp_path / "other.mp4", 31)
     other = manifest.identities["bob"].model_copy(update={"clip": tmp_path / "other.mp4"})
     swapped = manifest.model_copy(update={"identities": {**manifest.identities, "bob": other}})
-    for said, who, asked in (
+    for expected, who, asked in (
         ("training", manifest, {"iterations": 8}),
         ("people held out, people", manifest, {"hold_out": ("bob",)}),
         ("people", swapped, {}),
         ("init", manifest, {"init": init}),
     ):
-        with pytest.raises(CheckpointError, match=rf"settings \({said}\).* remove .*\.resume"):
+        with pytest.raises(CheckpointError, match=rf"settings \({expected}\).* remove .*\.resume"):
             train(who, **asked)
     assert train(manifest) == pytest.approx([k / 6 for k in (3, 4, 5, 6)])
 

@@ -98,7 +98,7 @@ def test_the_outline_of_a_ball_keeps_to_its_line_however_far_it_turns() -> None:
     np.testing.assert_allclose(top, 1.2 / 0.9, atol=2e-3)
 
 
-def test_turns_are_drawn_to_what_the_outline_says() -> None:
+def test_turns_are_drawn_to_what_the_outline_shows() -> None:
     truth = turning()
     seen = outline_of(truth)
     # All turns and nods half as large again as they were.
@@ -126,7 +126,7 @@ def test_turns_are_drawn_to_what_the_outline_says() -> None:
     assert (wrong(poses) < 0.05 * before).all()
 
 
-def test_an_outline_that_is_seldom_seen_says_nothing() -> None:
+def test_an_outline_that_is_seldom_seen_counts_for_nothing() -> None:
     poses = turning()
     seen = outline_of(poses)
     seen.middle[:25] = np.nan

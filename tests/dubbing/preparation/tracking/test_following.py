@@ -90,6 +90,6 @@ def test_nobody_is_at_two_places_at_a_time_but_may_come_back() -> None:
 
 
 @pytest.mark.parametrize("person", [place(12, 200, 100), place(30, 0, 0)])
-def test_a_point_beside_every_face_is_said(person: Person) -> None:
+def test_a_point_beside_every_face_is_reported(person: Person) -> None:
     with pytest.raises(LookupError, match=f"of frame {person.places[0].frame}"):
         follow(sightings(), SEGMENT, [person])

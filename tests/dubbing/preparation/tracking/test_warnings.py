@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 FRAMES = 10
 
 
-def said(apart: dict[int, float]) -> list[str]:
+def warnings_for(apart: dict[int, float]) -> list[str]:
     """Warnings of a calm clip at 5 fps whose modes differ by so many px in some frames."""
     info = SimpleNamespace(frames=FRAMES, rate=Fraction(5), variable_rate=False)
     points = np.zeros((FRAMES, 478, 3))
@@ -36,11 +36,11 @@ def said(apart: dict[int, float]) -> list[str]:
 
 
 def test_a_calm_clip_has_no_warnings() -> None:
-    assert said({3: 2.9}) == []
+    assert warnings_for({3: 2.9}) == []
 
 
 def test_modes_that_disagree_a_little_are_unsure_and_no_hand_before_the_face() -> None:
-    (unsure,) = said({3: 4.0, 7: 5.9})
+    (unsure,) = warnings_for({3: 4.0, 7: 5.9})
     assert unsure.startswith("the landmarks are unsure in 2 frames, the first at 0.6 s")
-    (covered,) = said({4: 6.5})
+    (covered,) = warnings_for({4: 6.5})
     assert covered.startswith("something may cover the face in 1 frames, the first at 0.8 s")

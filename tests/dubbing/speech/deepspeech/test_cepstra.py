@@ -38,7 +38,7 @@ def literal(sound: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.parametrize("samples", [100, 400, 401, 960, 1999])
-def test_cepstra_are_what_their_definition_says(samples: int) -> None:
+def test_cepstra_are_what_their_definition_gives(samples: int) -> None:
     expected = literal(SOUND[:samples])[::2]
     count = front.steps_heard(samples)
     assert count == len(expected)

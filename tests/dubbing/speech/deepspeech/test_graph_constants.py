@@ -34,7 +34,7 @@ def test_one_number_stands_for_all_and_whole_numbers_are_left_out(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "expected"),
     [
         (b"", "no frozen TensorFlow graph"),
         (b"\x0a\x05ab", "ends in the middle"),
@@ -43,13 +43,13 @@ def test_one_number_stands_for_all_and_whole_numbers_are_left_out(tmp_path: Path
         (graphs.constant("h1", np.zeros((2, 2)))[:-3], "ends in the middle"),
     ],
 )
-def test_another_file_is_refused_in_words(tmp_path: Path, content: bytes, said: str) -> None:
+def test_another_file_is_refused_in_words(tmp_path: Path, content: bytes, expected: str) -> None:
     path = tmp_path / "other.pb"
     path.write_bytes(content)
-    with pytest.raises(DubbingError, match=rf"{said}.*\(.*other\.pb\)"):
+    with pytest.raises(DubbingError, match=rf"{expected}.*\(.*other\.pb\)"):
         constants(path, {"h1"})
 
 
-def test_a_file_that_is_not_there_is_said(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(DubbingError, match=r"cannot be read.*gone\.pb"):
         constants(tmp_path / "gone.pb", {"h1"})

@@ -42,7 +42,7 @@ def literal(x: np.ndarray, tensors: dict[str, np.ndarray]) -> np.ndarray:
 
 
 @pytest.mark.parametrize("scale", [1.0, 30.0], ids=["", "clipped at 20"])
-def test_the_network_says_what_numpy_says(tmp_path: Path, scale: float) -> None:
+def test_the_network_computes_what_numpy_computes(tmp_path: Path, scale: float) -> None:
     tensors = graphs.weights()
     network = load(graphs.write(tmp_path / "output_graph.pb", tensors))
     x = np.random.default_rng(1).normal(size=(40, 494)) * scale
@@ -57,9 +57,9 @@ def test_another_graph_is_refused_in_words(tmp_path: Path) -> None:
     path = tmp_path / "graph.pb"
     tensors = graphs.weights()
 
-    def refused(said: str, **other: np.ndarray | None) -> None:
+    def refused(message: str, **other: np.ndarray | None) -> None:
         kept = {name: array for name, array in {**tensors, **other}.items() if array is not None}
-        with pytest.raises(DubbingError, match=rf"{said}.*name output_graph\.pb of DeepSpeech"):
+        with pytest.raises(DubbingError, match=rf"{message}.*name output_graph\.pb of DeepSpeech"):
             load(graphs.write(path, kept))
 
     refused("holds no 'h3'", h3=None)

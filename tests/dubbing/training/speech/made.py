@@ -25,12 +25,12 @@ def spoken(text: str = "a map of seven moons") -> synthesis.Spoken:
 
 
 def utterance() -> Utterance:
-    said = spoken()
-    assert said.phones is not None
+    message = spoken()
+    assert message.phones is not None
     # Half a second of pause behind it.
-    end = len(said.samples) / SAMPLE_RATE
-    phones = [*said.phones, Phone("", end, end + 0.5)]
-    samples = np.pad(said.samples, (0, SAMPLE_RATE // 2))
+    end = len(message.samples) / SAMPLE_RATE
+    phones = [*message.phones, Phone("", end, end + 0.5)]
+    samples = np.pad(message.samples, (0, SAMPLE_RATE // 2))
     made = corpus.untaught(synthesis.Spoken(samples, phones))
     return Utterance(made.samples, made.classes, made.lips, posteriors(samples))
 

@@ -50,7 +50,7 @@ def test_what_is_left_out_is_not_taught(monkeypatch: pytest.MonkeyPatch) -> None
     assert len([e for e, _ in names if e == "espeak"]) >= 20
 
 
-def test_without_flite_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_flite_it_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(synthesis.shutil, "which", lambda name: None)
     with pytest.raises(TrainingError, match="flite"):
         teaching_voices(Amounts())
@@ -59,10 +59,10 @@ def test_without_flite_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("language", ["cmn", "hi", "ru", "vi"])
 def test_languages_are_spoken(language: str) -> None:
     rng = np.random.default_rng(1)
-    said = synthesis.speak(synthesis.espeak_voice(language), sentence(language, rng, 4), rng)
-    assert len(said.samples) > 8000
-    assert said.phones is not None
-    assert len(said.phones) > 5
+    message = synthesis.speak(synthesis.espeak_voice(language), sentence(language, rng, 4), rng)
+    assert len(message.samples) > 8000
+    assert message.phones is not None
+    assert len(message.phones) > 5
 
 
 def test_sentences_hold_known_words() -> None:
@@ -97,7 +97,7 @@ def test_a_long_sound_is_taught_in_pieces(monkeypatch: pytest.MonkeyPatch) -> No
     assert alike.mean() > 0.8
 
 
-def test_without_the_teacher_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_the_teacher_it_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     from dubbing.training.speech.teacher import senone_posteriors
 
     monkeypatch.setitem(__import__("sys").modules, "pocketsphinx", None)

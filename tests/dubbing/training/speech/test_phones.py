@@ -22,17 +22,17 @@ def test_every_phone_of_flite_has_a_class() -> None:
 
 
 def test_every_phone_of_a_sentence_has_a_class() -> None:
-    said = spoken().phones
-    assert said is not None
-    assert all(phones.letters(p.symbol) for p in said if p.symbol)
+    message = spoken().phones
+    assert message is not None
+    assert all(phones.letters(p.symbol) for p in message if p.symbol)
 
 
 def test_phones_stand_where_they_sound() -> None:
-    said = [Phone("", 0, 0.1), Phone("aɪ", 0.1, 0.3), Phone("?", 0.3, 0.4)]
-    found = classes_at_steps(said, 25)
+    message = [Phone("", 0, 0.1), Phone("aɪ", 0.1, 0.3), Phone("?", 0.3, 0.4)]
+    found = classes_at_steps(message, 25)
     assert (found[:5] == SILENCE).all()
     assert [name(k) for k in found[5:15]] == ["a"] * 5 + ["i"] * 5
     assert (found[15:] == UNKNOWN).all()
     assert classes_at_steps([], 3).tolist() == [UNKNOWN] * 3
-    assert classes_at_steps(said, 2).tolist() == [SILENCE] * 2
+    assert classes_at_steps(message, 2).tolist() == [SILENCE] * 2
     assert found.dtype == np.int64

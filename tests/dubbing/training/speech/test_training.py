@@ -46,9 +46,9 @@ def test_batches_repeat_with_their_seed() -> None:
 def test_recordings_have_no_phones_and_voices_do() -> None:
     source = batches(0)
     seen = [source.draw() for _ in range(4)]
-    told = torch.cat([(b.phones > 0).any(1) for b in seen])
+    expected = torch.cat([(b.phones > 0).any(1) for b in seen])
     shaped = torch.cat([b.lips.isfinite().all(-1).any(1) for b in seen])
-    assert 0 < told.sum() < len(told)
+    assert 0 < expected.sum() < len(expected)
     assert not (shaped & ~torch.cat([(b.phones >= 0).any(1) for b in seen])).any()
 
 

@@ -179,7 +179,7 @@ def test_the_channels_fill_the_width() -> None:
     assert places == list(range(WIDTH))
 
 
-def test_weights_of_another_acoustic_network_say_so(
+def test_weights_of_another_acoustic_network_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "weights.safetensors"
@@ -189,7 +189,7 @@ def test_weights_of_another_acoustic_network_say_so(
         load_network(path)
 
 
-def test_wrong_weights_say_so(tmp_path: Path) -> None:
+def test_wrong_weights_is_reported(tmp_path: Path) -> None:
     with pytest.raises(SyncError, match="train-sync"):
         load_network(tmp_path / "none.safetensors")
     path = tmp_path / "text.safetensors"
