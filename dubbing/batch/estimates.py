@@ -1,4 +1,4 @@
-"""How long a run will take, and what it needs: known before anything starts.
+"""How long a run will take, and what it needs, before anything starts.
 
 A stage's time grows with its amount: frames, steps or seconds of speech. How fast this machine is
 comes from stages of the manifest that are done, else from `dfrf doctor --calibrate`.
@@ -65,25 +65,36 @@ def rates_file() -> Path:
 
 
 def amount(manifest: Manifest, node: Node) -> float:
-    """What the time of a stage grows with."""
-    work = node.stage.produce
-    if isinstance(work, tasks.Listen):
-        return work.cue.seconds
-    if isinstance(work, tasks.Composite):
-        return _frames_of(manifest, work.scene, whole=work.dub.lines is not None)
-    if isinstance(work, tasks.Check) and node.job.kind == "dub":  # the frames of its cues alone
-        return _frames_of(manifest, manifest.scenes[node.job.name], whole=False)
-    clip = manifest.media[_clip_of(work)]
-    if isinstance(work, tasks.Check):
-        return clip.frames
-    if isinstance(work, tasks.Render):
-        identity, frames = manifest.identities[work.cue.identity], work.frames
-    else:
-        identity, frames = manifest.identities[node.job.name], clip.frames
-    area = _pixels(identity, clip) / FULL_SIZE**2
-    if isinstance(work, tasks.Finetune):
-        return tasks.iterations_of(identity) + REFINED * _learned(identity, clip) * area
-    return frames * area
+    """What the time of a stage grows with: frames, steps or seconds."""
+    work, job = node.stage.produce, node.job
+    found: float
+    match work:
+        case tasks.Listen():
+            found = work.cue.seconds
+        case tasks.Prepare():
+            clip = manifest.media[work.clip]
+            found = clip.frames * _area(work.identity, clip)
+        case tasks.RefinePoses():
+            clip = manifest.media[work.prepared.clip]
+            found = clip.frames * _area(manifest.identities[job.name], clip)
+        case tasks.Finetune():
+            clip = manifest.media[work.prepared.clip]
+            refined = REFINED * _learned(work.identity, clip) * _area(work.identity, clip)
+            found = tasks.iterations_of(work.identity) + refined
+        case tasks.Render():
+            clip = manifest.media[work.prepared.clip]
+            found = work.frames * _area(manifest.identities[work.cue.identity], clip)
+        case tasks.Composite() if work.dub.lines is not None:
+            found = manifest.media[work.scene.clip].frames
+        case tasks.Composite():
+            found = _spoken_frames(work.scene)
+        case tasks.Check() if job.kind == "dub":
+            found = _spoken_frames(manifest.scenes[job.name])
+        case tasks.Check():
+            found = manifest.media[work.video].frames
+        case _:
+            raise TypeError(f"no stage of a pipeline: {work}")
+    return found
 
 
 def measured(manifest: Manifest, graph: Mapping[str, Node]) -> dict[str, Rate]:
@@ -124,38 +135,24 @@ def estimate(manifest: Manifest, jobs: Jobs, rows: list[Row]) -> Estimate:
     wanted = {f"{row.job.label}/{row.stage}" for row in rows if row.state in ("run", "after")}
     seconds, disk, memory = {}, 0.0, 0.0
     unknown = []
-    for node_key, node in graph.items():
-        key = (
-            node_key.removesuffix(f" {node.stage.of}") if isinstance(node.stage, Part) else node_key
-        )
-        if key not in wanted or node.stage.parts:  # which take the time of the stage
+    for key, node in graph.items():
+        stage = node.stage
+        whole = key.removesuffix(f" {stage.of}") if isinstance(stage, Part) else key
+        if whole not in wanted or stage.parts:  # its parts take the time of a stage
             continue
-        memory = max(memory, _memory(manifest, node))
-        if rate := rates.get(node.stage.name):
+        memory = max(memory, _memory(manifest, stage.produce))
+        if rate := rates.get(stage.name):
             many = amount(manifest, node)
-            seconds[node_key], disk = rate.seconds * many, disk + rate.bytes * many
+            seconds[key], disk = rate.seconds * many, disk + rate.bytes * many
         else:
-            unknown.append(node.stage.name)
+            unknown.append(stage.name)
     two = simulate(graph, seconds, 2)
     longest = sum(seconds.get(key, 0.0) for key in two.critical)
     missing = tuple(dict.fromkeys(unknown))
     return Estimate(sum(seconds.values()), two.seconds, longest, disk, memory, missing)
 
 
-def _clip_of(work: Produce) -> Path:
-    """The clip that a stage looks at: each of a person's has stages of its own."""
-    match work:
-        case tasks.Prepare(clip=clip) | tasks.Check(video=clip):
-            return clip
-        case tasks.Finetune() | tasks.RefinePoses() | tasks.Render():
-            return work.prepared.clip
-    raise TypeError(f"no stage of a pipeline: {work}")
-
-
-def _frames_of(manifest: Manifest, scene: Scene, *, whole: bool) -> int:
-    """Frames of a scene's film, or of its cues alone."""
-    if whole:
-        return manifest.media[scene.clip].frames
+def _spoken_frames(scene: Scene) -> int:
     return sum(cue.stop - cue.first for cue in scene.cues)
 
 
@@ -165,14 +162,14 @@ def _learned(identity: Identity, clip: MediaInfo) -> float:
     return min(clip.frames, identity.learned_seconds * float(clip.rate))
 
 
-def _pixels(identity: Identity, clip: MediaInfo) -> float:
-    """Of a crop, whose side is the requested one, or that of the film."""
-    return min(identity.size, clip.width, clip.height) ** 2
+def _area(identity: Identity, clip: MediaInfo) -> float:
+    """Area of a head crop, as a share of a crop of `FULL_SIZE`."""
+    return (min(identity.size, clip.width, clip.height) / FULL_SIZE) ** 2
 
 
-def _memory(manifest: Manifest, node: Node) -> float:
-    if not isinstance(node.stage.produce, tasks.Finetune):
+def _memory(manifest: Manifest, work: Produce) -> float:
+    if not isinstance(work, tasks.Finetune):
         return HELD
-    identity = manifest.identities[node.job.name]
-    clip = manifest.media[identity.clip]
-    return HELD + A_PIXEL * _learned(identity, clip) * _pixels(identity, clip)
+    clip = manifest.media[work.prepared.clip]
+    pixels = FULL_SIZE**2 * _area(work.identity, clip)
+    return HELD + A_PIXEL * _learned(work.identity, clip) * pixels

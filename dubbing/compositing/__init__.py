@@ -1,0 +1,1 @@
+"""Putting a rendered head into a frame: face mask, neck, blending."""

@@ -1,7 +1,7 @@
 """Doing the stages of many jobs: each is submitted as soon as what it needs is done.
 
-A failed stage stops what goes back to it, nothing else. What another run is at work on is waited
-for, and its result is used.
+A failed stage stops the stages that need its result, nothing else. A stage on which another run is
+at work is waited for, and its result is used.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from dubbing.engine.stage import Stage
 from dubbing.errors import StageError
 
 TRIES = 3  # of a stage whose process is killed
-LOOK = 1.0  # seconds between looks at how far the others are; longer where they are hundreds
-SEEN = 60.0  # seconds until a result made on another machine is seen on this one, at most
+LOOK = 1.0  # seconds between looks at other processes; longer where there are hundreds
+SEEN = 60.0  # seconds until a result of another machine is visible here, at most
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,8 @@ class _Runner:
     ) -> None:
         self.jobs, self.options, self.outcomes = jobs, options, outcomes
         self.reporter, self.executor = reporter, executor
-        self.graph = nodes(jobs, self._is_split)
+        # Parts are done side by side; a stage that is done afresh is done in one go.
+        self.graph = nodes(jobs, lambda s: not executor.here and s.name not in options.force)
         self.unmet = {key: {*node.needs} for key, node in self.graph.items()}
         self.readers: dict[str, list[str]] = {key: [] for key in self.graph}
         for key, node in self.graph.items():
@@ -74,40 +75,36 @@ class _Runner:
                 self.readers[source].append(key)
         self.ready = sorted((node.rank, key) for key, node in self.graph.items() if not node.needs)
         self.running: set[str] = set()
-        self.elsewhere: dict[str, Watch] = {}  # what another run is at work on
+        self.elsewhere: dict[str, Watch] = {}  # at work in another run
         self.settled: set[str] = set()
         self.lost: set[Path] = set()  # folders of stages that failed
         self.begun: set[str] = set()
         self.reasons: dict[str, list[str]] = {}
         self.tries: dict[str, int] = {}
         self.looked = 0.0
-        # Inputs are what they are now, for the whole run.
+        # The whole run uses the inputs as they are now.
         self.began: dict[Path, str] = {}
         for node in self.graph.values():
             with self._failing(node):
                 self.began |= node.stage.sources()
 
-    def _is_split(self, stage: Stage) -> bool:
-        """Whether its parts are done side by side; one that is done afresh is done in one go."""
-        return not self.executor.here and stage.name not in self.options.force
-
     @contextmanager
     def _failing(self, node: Node) -> Iterator[None]:
-        """What is raised in here fails this stage, and what goes back to it."""
+        """An error in the body fails this stage, and those that need its result."""
         try:
             yield
         except Exception as error:
             self._lose(node, failure_of(node.stage.name, error))
 
     def _lose(self, node: Node, failure: Failure) -> None:
-        """A stage has failed; of several of a job the first is the one it is known by."""
+        """Record the failure of a stage; a job keeps the first one."""
         self.lost.add(node.stage.folder)
         outcome = self.outcomes[node.job.label]
         if outcome.failure is None:
             outcome.state, outcome.failure = FAILED, failure
 
     def loop(self) -> None:
-        """Until nothing is left that can be done."""
+        """Submit and settle stages until none is left that can be done."""
         self._submit_ready()
         while self.running or self.elsewhere:
             for done in self.executor.wait(claims.PACE):
@@ -158,7 +155,7 @@ class _Runner:
             self.reporter.begin(node.job, node.stage, self.reasons[node.key])
 
     def _look(self) -> None:
-        """At what others do: how far it is, and whether it has ended."""
+        """Report how far the stages of other processes are, and free those that ended."""
         others = [*self.elsewhere, *(() if self.executor.here else self.running)]
         if time.monotonic() - self.looked < max(LOOK, len(others) * LOOK / 100):
             return
@@ -199,12 +196,12 @@ class _Runner:
             self._end(node, failure)
             return
         with self._failing(node):
-            if not isinstance(node.stage, Part):  # what of a part is not seen is done again
+            if not isinstance(node.stage, Part):  # missing files of a part are made again
                 self._await_result(node.stage)
             self._finish(node)
 
     def _await_result(self, stage: Stage) -> None:
-        """Folders over a network may be seen as they were: what is made needs to be seen here."""
+        """Wait until the result is visible here: a network may show an older state of a folder."""
         waited = time.monotonic() + SEEN
         while (record := stage.record()) is None or record["key"] != stage.key():
             if time.monotonic() > waited:
@@ -215,7 +212,7 @@ class _Runner:
             time.sleep(claims.PACE)
 
     def _finish(self, node: Node) -> None:
-        """A stage is up to date: what needed it may be ready now."""
+        """A stage is up to date: stages that need it may be ready now."""
         self.settled.add(node.key)
         self._end(node, None)
         for key in self.readers[node.key]:
@@ -230,13 +227,13 @@ class _Runner:
         self.reporter.overall(len(self.settled), len(self.graph))
 
     def _stopped(self) -> bool:
-        """Whether a failure ends the run: what has not begun is left out then."""
+        """Whether a failure ends the run; what has not begun is dropped then."""
         return not self.options.keep_going and any(
             outcome.state == "failed" for outcome in self.outcomes.values()
         )
 
     def mark_unfinished(self) -> None:
-        """What is neither done nor failed: it waits for an identity that failed, or for a stop."""
+        """Mark jobs that are neither done nor failed: their identity failed, or the run stopped."""
         for job in self.jobs.all():
             outcome = self.outcomes[job.label]
             left = [s for n, s in job.stages.items() if f"{job.label}/{n}" not in self.settled]

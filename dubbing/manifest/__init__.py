@@ -1,0 +1,1 @@
+"""What a manifest contains, and what is wrong with it."""

@@ -177,10 +177,9 @@ def _check_pictures(
 
 
 def _counted(container: av.container.InputContainer, pictures: int, times: list[float]) -> int:
-    """How many of the frames that a header counts are there: ``pictures``, with these times.
+    """How many of the frames in the header are there, from pictures with these times.
 
-    That of an AVI counts ticks of its clock, which may be finer; its first and last frame may be a
-    frame's length off.
+    The header of an AVI counts ticks of its clock, which may be finer than frames.
     """
     many = len(times)
     if container.format.name != "avi" or many < 2:

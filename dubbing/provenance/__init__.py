@@ -1,0 +1,1 @@
+"""Marks of origin: consent, labels, metadata, signed credentials, the invisible mark."""

@@ -1,0 +1,1 @@
+"""Speech features and voice activity of a sound."""

@@ -1,0 +1,1 @@
+"""Where the head is: poses from landmarks, pixels and outlines."""

@@ -1,0 +1,1 @@
+"""What is behind the head: wall, torso and neck."""

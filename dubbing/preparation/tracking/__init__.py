@@ -1,0 +1,1 @@
+"""Which face is the person, and where its landmarks are."""

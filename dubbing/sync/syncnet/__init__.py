@@ -1,0 +1,1 @@
+"""The published SyncNet, with a user's own weights."""

@@ -1,0 +1,1 @@
+"""Pictures of the synthetic head: camera, light, room, torso."""

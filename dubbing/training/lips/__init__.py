@@ -1,0 +1,1 @@
+"""Training of the filter from speech to lips."""
