@@ -22,6 +22,7 @@ from dubbing.engine.graph import Jobs, Node, nodes
 from dubbing.engine.outcome import Failure, Outcome, Reporter, failure_of
 from dubbing.engine.part import Part
 from dubbing.engine.stage import Stage
+from dubbing.engine.update import check_unchanged
 from dubbing.errors import StageError
 
 TRIES = 3  # of a stage whose process is killed
@@ -133,10 +134,7 @@ class _Runner:
                     self._wait_for(node, watch)
 
     def _submit(self, node: Node, reasons: list[str]) -> None:
-        for path, digest in node.stage.sources().items():
-            if self.began[path] != digest:
-                what = f"{path.name} changed while the run was going on"
-                raise StageError(what, node.stage.name, "run it again")
+        check_unchanged(node.stage, node.stage.sources(), self.began)
         self.reasons[node.key] = reasons
         self.running.add(node.key)
         progress = partial(self.reporter.progress, node.job, node.stage)

@@ -33,7 +33,7 @@ def run_stage(
     """Bring a stage up to date. True if there was anything to do.
 
     Args:
-        began: digests of files as they were when the run began: nothing is made from others.
+        began: digests of files when the run began, which they must have still.
         wait: for another run that is at work on it.
 
     Raises:
@@ -60,7 +60,7 @@ def _update(
     if not force and not stage.changes():
         return False
     key, digests, sources = stage.key(), stage.digests(), stage.sources()
-    _unchanged(stage, sources, {**sources, **began})
+    check_unchanged(stage, sources, {**sources, **began})
     partial = stage.partial()
     if force:
         shutil.rmtree(partial, ignore_errors=True)
@@ -81,11 +81,11 @@ def _update(
 
 
 def _fill(part: Part, progress: Progress, began: Mapping[Path, str]) -> bool:
-    """Do a part of a stage's work; not where somebody is at work on the stage."""
+    """Do a part of a stage's work, unless another process is at work on the stage."""
     if not Watch(part.whole.folder).free() or not part.changes():
         return False
     digests, sources, partial = part.digests(), part.sources(), part.partial()
-    _unchanged(part, sources, {**sources, **began})
+    check_unchanged(part, sources, {**sources, **began})
     partial.mkdir(parents=True, exist_ok=True)
     mark = part.mark
     atomic_write_json(mark, _produce(part, partial, progress, sources, digests))
@@ -93,7 +93,7 @@ def _fill(part: Part, progress: Progress, began: Mapping[Path, str]) -> bool:
 
 
 def _await_parts(stage: Stage) -> None:
-    """Whoever claims a stage lets those who are at work on its parts end."""
+    """Wait for the processes that are at work on parts of a stage."""
     for place in stage.folder.parent.glob(f"{stage.folder.name}.*{claims.SUFFIX}"):
         watch = Watch(place.with_name(place.name.removesuffix(claims.SUFFIX)))
         while not watch.free():
@@ -107,20 +107,20 @@ def _produce(
     sources: Mapping[Path, str],
     digests: Mapping[str, str],
 ) -> float:
-    """Do the work, from what it is to be made from; gives the seconds it took."""
+    """Do the work; gives the seconds it took. Its sources must not change meanwhile."""
     started = time.perf_counter()
     try:
         stage.produce(partial, progress)
     except Exception:
-        _unchanged(stage, stage.sources(), sources, partial)  # what it raised follows from that
+        check_unchanged(stage, stage.sources(), sources, partial)  # its error follows from that
         raise
-    _unchanged(stage, stage.sources(), sources, partial)
+    check_unchanged(stage, stage.sources(), sources, partial)
     if stage.digests() != digests:
         raise StageError("a stage before it changed meanwhile", stage.name, "run it again")
     return time.perf_counter() - started
 
 
-def _unchanged(
+def check_unchanged(
     stage: Stage, now: Mapping[Path, str], before: Mapping[Path, str], partial: Path | None = None
 ) -> None:
     """Raises StageError, and removes the partial work, where a file is not what it was before."""

@@ -17,7 +17,7 @@ TRANSFERS = {
     18: "arib-std-b67",
 }
 # Primaries and transfer where a file names none, by its matrix; and what files call the matrix.
-USUAL = {
+DEFAULTS = {
     "bt709": ("bt709", "bt709"),
     "bt601": ("smpte170m", "smpte170m"),
     "bt2020": ("bt2020", "bt2020-10"),
@@ -55,7 +55,7 @@ def colour_of(frame: av.VideoFrame) -> Colour:
     """The colours of a decoded frame; guessed from its size where it is not tagged."""
     larger = max(frame.width, frame.height) >= 1280 or int(frame.colorspace) == RGB
     matrix = MATRICES.get(int(frame.colorspace), "bt709" if larger else "bt601")
-    primaries, transfer = USUAL[matrix]
+    primaries, transfer = DEFAULTS[matrix]
     return Colour(
         matrix,
         PRIMARIES.get(int(frame.color_primaries), primaries),

@@ -58,16 +58,12 @@ def mux(
         MediaError: `audio_source` cannot be read, ffmpeg failed, or a part cannot be listed for it.
     """
     sound = sound_of(audio_source, probe(audio_source).zero, audio_start)
-    # Sound that begins late in its file is padded, so that it keeps its place.
-    sound = sound.filter("aresample", **{"async": 1, "first_pts": 0})
     if audio_rate is not None:
         sound = sound.filter("aresample", audio_rate)
     sound = sound.filter("atrim", end=f"{seconds:.6f}")
     if silent_until is not None:
         sound = sound.filter("apad", whole_dur=f"{silent_until:.6f}")
-    tags = {
-        f"metadata:g:{k}": f"{key}={text}" for k, (key, text) in enumerate((metadata or {}).items())
-    }
+    tags = _tags(metadata or {})
     with ExitStack() as stack:
         temporary = stack.enter_context(atomic_path(Path(out)))
         if isinstance(video, (str, Path)):
@@ -109,7 +105,6 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
         "scale", w=width, h=-2, out_color_matrix=colour.matrix, out_range="tv"
     ).filter("setparams", **{**colour.tags(), "range": "tv"})
     encoder = {"vcodec": "libx264", "pix_fmt": "yuv420p", "crf": 23, "preset": "veryfast"}
-    tags = {f"metadata:g:{k}": f"{key}={text}" for k, (key, text) in enumerate(metadata.items())}
     with atomic_path(out) as temporary:
         graph = into(
             temporary,
@@ -123,9 +118,14 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
             movflags="+faststart",
             threads=THREADS,
             **encoder,
-            **tags,
+            **_tags(metadata),
         )
         run(graph, str(out))
+
+
+def _tags(metadata: Mapping[str, str]) -> dict[str, str]:
+    """Options of ffmpeg that write tags of the container."""
+    return {f"metadata:g:{k}": f"{key}={text}" for k, (key, text) in enumerate(metadata.items())}
 
 
 def concat_list(parts: Sequence[tuple[Path, Fraction]]) -> str:

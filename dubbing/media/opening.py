@@ -79,11 +79,16 @@ def picture_of(path: Path | str, zero: float | None, begin: float, **options: An
 
 
 def sound_of(path: Path | str, zero: float | None, begin: float) -> Stream:
-    """The sound of ``path`` from ``begin`` seconds after ``zero`` on; see `picture_of`."""
+    """The sound of ``path`` from ``begin`` seconds after ``zero`` on; see `picture_of`.
+
+    Sound that begins late in its file is padded, so that it keeps its place.
+    """
     seek = f"{begin:.6f}"
     if zero is None:
-        return source(path, ss=seek).audio
-    return source(path, copyts=None, ss=seek).audio.filter("asetpts", _since(zero, begin))
+        sound = source(path, ss=seek).audio
+    else:
+        sound = source(path, copyts=None, ss=seek).audio.filter("asetpts", _since(zero, begin))
+    return sound.filter("aresample", **{"async": 1, "first_pts": 0})
 
 
 def joined(listing: Path | str) -> Stream:

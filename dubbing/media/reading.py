@@ -34,8 +34,8 @@ def read_frames(
     """Frames ``start`` .. ``start + count`` at a constant rate; to the end by default.
 
     Frame k is the picture displayed at time k / rate (nearest, so jitter of half a frame in the
-    time stamps does no harm). Starting late gives the same frames as reading from the start: a
-    seek that lands after the frame it was for is found by the time stamp and made again, earlier.
+    time stamps does no harm). Starting late gives the same frames as reading from the start: where
+    a seek lands after its frame, by the time stamps, an earlier one is tried.
 
     Args:
         path: a video.
@@ -104,19 +104,13 @@ def iter_audio(
     if info.audio_rate is None or info.audio_channels is None:
         raise MediaError("no sound in it", str(path))
     sound = sound_of(path, info.zero, start)
-    # first_pts: sound that begins after the picture is padded, not moved forward.
-    sound = sound.filter("aresample", **{"async": 1, "first_pts": 0})
     weight = 1 / info.audio_channels
     mean = "+".join(f"{weight:.8f}*c{k}" for k in range(info.audio_channels))
     sound = sound.filter("pan", args=f"mono|c0={mean}").filter("aresample", rate)
     if seconds is not None:
         sound = sound.filter("atrim", end_sample=round(seconds * rate))
     graph = into(None, sound, format="f32le", ar=rate)
-    block_bytes = 4 * max(1, round(block_seconds * rate))
-    with Process(graph, str(path), pipe_out=True) as process:
-        while block := process.stdout.read(block_bytes):
-            yield np.frombuffer(block[: len(block) // 4 * 4], np.float32)
-        process.finish()
+    yield from _samples(graph, path, max(1, round(block_seconds * rate)))
 
 
 def iter_channels(
@@ -130,14 +124,17 @@ def iter_channels(
     info = probe(path)
     if info.audio_rate is None:
         raise MediaError("no sound in it", str(path))
-    sound = sound_of(path, info.zero, 0.0)
-    sound = sound.filter("aresample", **{"async": 1, "first_pts": 0}).filter("aresample", rate)
+    sound = sound_of(path, info.zero, 0.0).filter("aresample", rate)
     graph = into(None, sound, format="f32le", ar=rate, ac=channels)
-    block_bytes = 4 * channels * max(1, round(block_seconds * rate))
+    for block in _samples(graph, path, channels * max(1, round(block_seconds * rate))):
+        yield block[: len(block) // channels * channels].reshape(-1, channels)
+
+
+def _samples(graph: Graph, path: Path | str, count: int) -> Iterator[np.ndarray]:
+    """Decoded samples, float32, ``count`` at a time."""
     with Process(graph, str(path), pipe_out=True) as process:
-        while block := process.stdout.read(block_bytes):
-            whole = len(block) // (4 * channels) * 4 * channels
-            yield np.frombuffer(block[:whole], np.float32).reshape(-1, channels)
+        while block := process.stdout.read(4 * count):
+            yield np.frombuffer(block[: len(block) // 4 * 4], np.float32)
         process.finish()
 
 

@@ -16,6 +16,7 @@ from dubbing.files import atomic_path
 from dubbing.media.colour import Colour
 from dubbing.media.ffmpeg import Process
 from dubbing.media.opening import Graph, into, piped
+from dubbing.media.reading import CHANNELS
 
 # x264's result depends on its number of threads: a fixed one gives the same file everywhere.
 THREADS = 4
@@ -78,8 +79,7 @@ class VideoWriter:
         self.path = Path(path)
         self.codec = CODECS[codec]
         self.frames = 0
-        channels = {"rgb24": (3,), "rgba": (4,), "gray": ()}[self.codec.pixels]
-        self.shape = (height, width, *channels)
+        self.shape = (height, width, *CHANNELS[self.codec.pixels])
         self._pad = [(0, height % 2), (0, width % 2), (0, 0)] if self.codec.even else []
         extra = (width % 2, height % 2) if self.codec.even else (0, 0)
         self._size = (width + extra[0], height + extra[1])

@@ -29,6 +29,8 @@ TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 CONTACT_SHEET, SUMMARY = "contact_sheet.png", "prepared.json"
 # What arrays that are none raise when they are read.
 UNREADABLE = (EOFError, OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
+# Fields of a prepared clip that its summary holds under their names, and its arrays.
+FIELDS = ("size", "source_size", "focal", "near", "far", "residual_shift", "warnings")
 ARRAYS = (
     *("rotation", "translation", "centre", "crop", "valid", "covered", "segment"),
     *("landmarks", "shape"),
@@ -117,7 +119,7 @@ class PreparedClip:
         try:
             version = json_records.read(folder / SUMMARY, Version, "summary")["version"]
             if version == VERSION:
-                summary = json_records.read(folder / SUMMARY, Summary, "summary")
+                summary: Any = json_records.read(folder / SUMMARY, Summary, "summary")
                 with np.load(folder / TRACK, allow_pickle=False) as stored:
                     arrays = {name: stored[name] for name in ARRAYS}
         except (DubbingError, *UNREADABLE) as error:
@@ -130,20 +132,9 @@ class PreparedClip:
                 str(folder),
                 "run `dfrf prepare` again",
             )
-        return PreparedClip(
-            folder=folder,
-            clip=clip or Path(summary["clip"]),
-            rate=summary["rate"],
-            frames_count=summary["frames"],
-            size=summary["size"],
-            source_size=summary["source_size"],
-            focal=summary["focal"],
-            near=summary["near"],
-            far=summary["far"],
-            warnings=summary["warnings"],
-            residual_shift=summary["residual_shift"],
-            **arrays,
-        )
+        clip = clip or Path(summary["clip"])
+        fields = {name: summary[name] for name in FIELDS}
+        return PreparedClip(folder, clip, summary["rate"], summary["frames"], **fields, **arrays)
 
     def save(self) -> None:
         """Write the track, then the summary: a folder with a summary is whole."""
@@ -155,13 +146,7 @@ class PreparedClip:
             "clip": str(self.clip),
             "rate": str(self.rate),
             "frames": self.frames_count,
-            "size": self.size,
-            "source_size": list(self.source_size),
-            "focal": self.focal,
-            "near": self.near,
-            "far": self.far,
-            "residual_shift": self.residual_shift,
-            "warnings": self.warnings,
+            **{name: getattr(self, name) for name in FIELDS},
         }
         atomic_write_json(self.folder / SUMMARY, summary)
 
