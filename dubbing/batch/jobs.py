@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 from dubbing.engine.graph import Job, Jobs
 from dubbing.errors import DubbingError
 from dubbing.manifest.entries import Dub
 from dubbing.manifest.manifest import Manifest, load
-from dubbing.manifest.only import chosen_names
 from dubbing.pipeline import dub_folder, dub_job, identity_job
+
+MOST_NAMED = 20  # in a message
 
 
 def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto") -> Jobs:
@@ -70,3 +72,22 @@ def _found(manifest: Manifest, dub: Dub, people: Mapping[str, Job], device: str)
         if not any(stage.changes() for stage in renamed.stages.values()):
             return renamed
     return job
+
+
+def chosen_names(only: Sequence[str], names: Sequence[str]) -> set[str]:
+    """The names that ``--only`` selects; all of them where ``only`` is empty.
+
+    Args:
+        only: names, or patterns of names as a shell's: ``shot1_*``. A name goes before a pattern.
+
+    Raises:
+        DubbingError: one of ``only`` selects nothing.
+    """
+    chosen: set[str] = set() if only else {*names}
+    for pattern in only:
+        found = {pattern} & {*names} or {name for name in names if fnmatchcase(name, pattern)}
+        if not found:
+            there = ", ".join(names[:MOST_NAMED]) + (", ..." if len(names) > MOST_NAMED else "")
+            raise DubbingError(f"nothing is called {pattern}", "--only", f"there is {there}")
+        chosen |= found
+    return chosen

@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from dubbing.errors import CallError, DubbingError
 from dubbing.printable import visible
 from dubbing.stages.kinds import STAGES
+
+
+def file_argument(metavar: str, text: str) -> Any:
+    """An argument that names a file to read."""
+    return typer.Argument(metavar=metavar, exists=True, dir_okay=False, help=text)
+
+
+def file_option(name: str, text: str, metavar: str | None = None) -> Any:
+    """An option that names a file to read."""
+    return typer.Option(name, metavar=metavar, exists=True, dir_okay=False, help=text)
+
 
 ManifestPath = Annotated[Path, typer.Argument(metavar="MANIFEST", help="A manifest (YAML).")]
 Only = Annotated[

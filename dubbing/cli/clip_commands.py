@@ -9,15 +9,19 @@ from typing import Annotated
 import typer
 
 from dubbing import packages
-from dubbing.cli.arguments import AsJson, checked_path, checked_size, print_line
+from dubbing.cli.arguments import (
+    AsJson,
+    checked_path,
+    checked_size,
+    file_argument,
+    file_option,
+    print_line,
+)
 from dubbing.errors import CallError, DubbingError
 
 
 def prepare(
-    clip: Annotated[
-        Path,
-        typer.Argument(metavar="CLIP", exists=True, dir_okay=False, help="A video of one person."),
-    ],
+    clip: Annotated[Path, file_argument("CLIP", "A video of one person.")],
     out: Annotated[
         str | None,
         typer.Option("--out", metavar="PATH", help="Folder; CLIP.prepared if not given."),
@@ -42,28 +46,14 @@ def prepare(
 
 
 def sync(
-    video: Annotated[
-        Path,
-        typer.Argument(metavar="VIDEO", exists=True, dir_okay=False, help="Any video with sound."),
-    ],
+    video: Annotated[Path, file_argument("VIDEO", "Any video with sound.")],
     weights: Annotated[
         Path | None,
-        typer.Option(
-            "--weights",
-            exists=True,
-            dir_okay=False,
-            help="The published SyncNet (syncnet_v2.model), instead of our network.",
-        ),
+        file_option("--weights", "The published SyncNet (syncnet_v2.model), not our network."),
     ] = None,
     source: Annotated[
         Path | None,
-        typer.Option(
-            "--source",
-            metavar="CLIP",
-            exists=True,
-            dir_okay=False,
-            help="What the video was dubbed from: judges it beside this clip, as the report does.",
-        ),
+        file_option("--source", "The clip it was dubbed from: judges it beside this one.", "CLIP"),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -80,13 +80,8 @@ def plan(
 
     if as_json:
         entries = [
-            {
-                "kind": row.job.kind,
-                "name": row.job.name,
-                "stage": row.stage,
-                "state": row.state,
-                "reasons": list(row.reasons),
-            }
+            {"kind": row.job.kind, "name": row.job.name, "stage": row.stage, "state": row.state}
+            | {"reasons": row.reasons}
             for row in rows
         ]
         found = {"warnings": list(warnings), "stages": entries, "estimate": asdict(needed)}

@@ -8,24 +8,17 @@ from typing import Annotated
 
 import typer
 
-from dubbing.cli.arguments import AsJson, checked_output, print_line
+from dubbing.cli.arguments import AsJson, checked_output, file_argument, file_option, print_line
 from dubbing.errors import CallError
 
 NOTHING_FOUND = 1
 
 
 def verify(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE", exists=True, dir_okay=False, help="Any video.")
-    ],
+    file: Annotated[Path, file_argument("FILE", "Any video.")],
     key: Annotated[
         list[Path] | None,
-        typer.Option(
-            "--key",
-            exists=True,
-            dir_okay=False,
-            help="A key of the invisible mark, beside this installation's; may be repeated.",
-        ),
+        file_option("--key", "A key of the invisible mark, beside this machine's; repeatable."),
     ] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -15,6 +15,8 @@ from dubbing.cli.arguments import (
     checked_device,
     checked_output,
     checked_seconds,
+    file_argument,
+    file_option,
     print_line,
 )
 from dubbing.errors import DubbingError
@@ -53,12 +55,7 @@ def evaluate(
     ] = 1,
     lpips_weights: Annotated[
         Path | None,
-        typer.Option(
-            "--lpips-weights",
-            exists=True,
-            dir_okay=False,
-            help="The weights of torchvision's AlexNet: measures LPIPS, too.",
-        ),
+        file_option("--lpips-weights", "Weights of torchvision's AlexNet: measures LPIPS, too."),
     ] = None,
     device: Device = "auto",
 ) -> None:
@@ -85,12 +82,7 @@ def evaluate(
 
 
 def import_checkpoint(
-    file: Annotated[
-        Path,
-        typer.Argument(
-            metavar="FILE", exists=True, dir_okay=False, help="A checkpoint of the paper's code."
-        ),
-    ],
+    file: Annotated[Path, file_argument("FILE", "A checkpoint of the paper's code.")],
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The safetensors file to write.")],
 ) -> None:
     """Read a checkpoint of the published code into ours."""

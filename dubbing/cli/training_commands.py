@@ -8,14 +8,18 @@ from typing import Annotated
 import typer
 
 from dubbing import packages
-from dubbing.cli.arguments import Device, ManifestPath, checked_device, checked_output
+from dubbing.cli.arguments import (
+    Device,
+    ManifestPath,
+    checked_device,
+    checked_output,
+    file_argument,
+    file_option,
+)
 
 
 def train_sync(
-    clips: Annotated[
-        list[Path],
-        typer.Argument(metavar="CLIP...", exists=True, dir_okay=False, help="One person each."),
-    ],
+    clips: Annotated[list[Path], file_argument("CLIP...", "One person each.")],
     out: Annotated[Path, typer.Option("--out", help="The weights to write.")],
 ) -> None:
     """Train the network of the sync check on clips of people who talk."""
@@ -29,8 +33,7 @@ def train_sync(
 def train_speech(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The weights to write.")],
     recordings: Annotated[
-        list[Path] | None,
-        typer.Option("--recording", exists=True, dir_okay=False, help="Of a person; repeatable."),
+        list[Path] | None, file_option("--recording", "Of a person; repeatable.")
     ] = None,
     corpus: Annotated[
         Path | None,
@@ -59,10 +62,7 @@ def train_base(
     iterations: Annotated[
         int | None, typer.Option("--iterations", min=1, max=10**9, help="Steps in all.")
     ] = None,
-    init: Annotated[
-        Path | None,
-        typer.Option("--init", exists=True, dir_okay=False, help="A checkpoint to start from."),
-    ] = None,
+    init: Annotated[Path | None, file_option("--init", "A checkpoint to start from.")] = None,
     hold_out: Annotated[
         list[str] | None,
         typer.Option("--hold-out", help="Measured on instead of learned from; repeatable."),

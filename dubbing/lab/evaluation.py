@@ -32,7 +32,6 @@ from dubbing.lab.held_out import frames_to_test, supposed
 from dubbing.lab.measuring import measure
 from dubbing.lab.sync_figures import sync_figures
 from dubbing.manifest.manifest import Manifest
-from dubbing.manifest.only import chosen_names
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stage_kinds import SUMMARY_FILE
 from dubbing.stages import tasks

@@ -1,7 +1,7 @@
 import pytest
 
+from dubbing.batch.jobs import chosen_names
 from dubbing.errors import DubbingError
-from dubbing.manifest.only import chosen_names
 
 NAMES = ["shot1", "shot10", "shot1_it", "shot1_de", "shot10_it", "a[1]"]
 
