@@ -163,7 +163,6 @@ def _cue(
     """What is made for one cue: its speech features, and its heads."""
     clip = manifest.scenes[dub.name].clip
     identity, rate = manifest.identities[cue.identity], manifest.media[clip].rate
-    assert rate is not None  # a clip has a picture
     finetune = person.stages["finetune"]
     prepare, refine_poses = (
         stage_of(person, kind, identity, clip) for kind in ("prepare", "refine_poses")

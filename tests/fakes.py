@@ -41,7 +41,6 @@ def write_prepared(
 ) -> PreparedClip:
     """A prepared clip whose head is a square in the middle of the crop, background plain green."""
     info = media.probe(clip)
-    assert info.rate is not None
     frames = info.frames
     matte = np.zeros((size, size), np.uint8)
     matte[size * 3 // 8 : size * 5 // 8, size * 3 // 8 : size * 5 // 8] = 255

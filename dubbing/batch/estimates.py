@@ -158,7 +158,6 @@ def _spoken_frames(scene: Scene) -> int:
 
 def _learned(identity: Identity, clip: MediaInfo) -> float:
     """Frames of a clip that are learned from."""
-    assert clip.rate is not None
     return min(clip.frames, identity.learned_seconds * float(clip.rate))
 
 

@@ -108,7 +108,7 @@ def _sort(folder: Path) -> _Found:
             info = probe(path)
         except MediaError:
             continue  # not media
-        if info.rate is None:
+        if info.picture is None:
             if info.audio_rate is not None:
                 found.recordings.append(path)
         elif info.frames > 1 and info.audio_rate is None:

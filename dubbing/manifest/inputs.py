@@ -43,7 +43,7 @@ def _learning(findings: Findings, name: str, identity: Identity) -> Identity:
     found = {}
     for path, key in zip(identity.clips or (identity.clip,), keys, strict=True):
         info = findings.look(path, key)
-        if info is not None and info.rate is None:
+        if info is not None and info.picture is None:
             findings.add(key, f"no picture in {path}")
         elif info is not None:
             _picture(findings, name, info, key)
@@ -65,7 +65,7 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
         findings.add((*at, *key), problem)
     _speech(findings, at, identity)
     info = findings.media.get(identity.clip)
-    if info is None or info.rate is None:
+    if info is None or info.picture is None:
         return
     if info.audio_rate is None:
         message = f"no sound in {identity.clip}: a face is learnt together with its speech"
@@ -89,7 +89,6 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
     """What results cannot keep of a clip's picture: a problem, or a warning if it looks right."""
     picture = info.picture
     assert picture is not None  # a clip has one
-    assert info.rate is not None
     if info.variable_rate:
         findings.warnings.append(
             f"identities.{name}: {info.path.name} has a variable frame rate;"
@@ -196,7 +195,7 @@ def _whole_audio(
             findings.add((*at, "audio_seconds"), message)
         _check_channels(findings, (*at, "audio"), dub, sound)
     clip = film_of(findings, at, dub, identities)
-    if clip is None or clip.rate is None:
+    if clip is None or clip.picture is None:
         return
     if timeline.first_frame(dub.video_start, clip.rate) >= clip.frames:
         last = float((clip.frames - 1) / clip.rate)
@@ -228,7 +227,6 @@ def _check_channels(findings: Findings, key: KeyPath, dub: Dub, sound: MediaInfo
 def _slow(findings: Findings, dub: Dub, scene: Scene, identities: Mapping[str, Identity]) -> None:
     """Warn of dubs that take days."""
     rate = findings.media[scene.clip].rate
-    assert rate is not None
     for person in dub.people:
         seconds = sum(cue.seconds for cue in scene.cues if cue.identity == person)
         note = published.dub_note(dub.name, identities[person], rate, seconds)

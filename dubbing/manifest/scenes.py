@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import replace
-from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 
@@ -41,7 +40,7 @@ def inspect_scene(
     if not dub.lines.is_file():
         findings.add((*at, "lines"), f"no such file: {dub.lines}")
         return
-    if film is None or film.rate is None:
+    if film is None or film.picture is None:
         return
     try:
         lines = _from_start(findings, dub, film, read_lines(dub.lines, film.rate, film.first_frame))
@@ -95,8 +94,7 @@ class _Scene:
 
     def __init__(self, findings: Findings, at: KeyPath, dub: Dub, film: MediaInfo) -> None:
         self.findings, self.at, self.dub, self.film = findings, at, dub, film
-        assert film.rate is not None  # films have pictures
-        self.rate: Fraction = film.rate
+        self.rate = film.rate
         self.cues: list[Cue] = []
         self.left: list[tuple[int, int]] = []
         self.too_long: list[str] = []
@@ -212,7 +210,6 @@ def without_lines(findings: Findings, at: KeyPath, dub: Dub) -> bool:
 
 def whole_audio(dub: Dub, film: MediaInfo, sound: MediaInfo) -> Scene:
     """The scene of one speaker whose one cue is the whole audio."""
-    assert film.rate is not None
     assert dub.identity is not None
     left = sound.sound_seconds - dub.audio_start
     seconds = min(left, dub.audio_seconds) if dub.audio_seconds else left
@@ -223,7 +220,6 @@ def whole_audio(dub: Dub, film: MediaInfo, sound: MediaInfo) -> Scene:
 
 def _from_start(findings: Findings, dub: Dub, film: MediaInfo, lines: list[Line]) -> list[Line]:
     """Lines whose times count from the film's first frame; scripts may use its timecode."""
-    assert film.rate is not None
     earliest = min(line.start for line in lines)
     offset = film.first_frame / film.rate
     # At 24000/1001 a second a clock may count the timecode's seconds or real ones: nobody knows.

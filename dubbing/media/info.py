@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
+from dubbing.errors import MediaError
 from dubbing.media.colour import Colour
 from dubbing.script.timecode import frame_of
 
@@ -31,11 +32,11 @@ class Picture:
 
 @dataclass(frozen=True)
 class MediaInfo:
-    """A media file. Without a picture, width and frames are 0 and rate is None.
+    """A media file. Without a picture, width and frames are 0.
 
     Attributes:
         width, height: as in `Picture`.
-        rate: frames a second. A clip of variable rate gets a constant one.
+        frame_rate: frames a second; a constant one for a clip of variable rate. See `rate`.
         frames: how many frames ``read_frames`` gives at that rate.
         duration: of the picture in seconds; of the sound, where there is no picture.
         video_start, audio_start: seconds after the start of the file; 0 for most files.
@@ -48,7 +49,7 @@ class MediaInfo:
     path: Path
     width: int
     height: int
-    rate: Fraction | None
+    frame_rate: Fraction | None
     frames: int
     duration: float
     variable_rate: bool
@@ -62,6 +63,17 @@ class MediaInfo:
     timecode: str = ""
 
     @property
+    def rate(self) -> Fraction:
+        """Frames a second.
+
+        Raises:
+            MediaError: there is no picture.
+        """
+        if self.frame_rate is None:
+            raise MediaError("no picture in it", str(self.path), "give a video")
+        return self.frame_rate
+
+    @property
     def colour(self) -> Colour:
         """The colours of its picture."""
         return self.picture.colour if self.picture else Colour()
@@ -69,7 +81,7 @@ class MediaInfo:
     @property
     def first_frame(self) -> int:
         """The frame that its timecode begins with; 0 without one."""
-        return frame_of(self.timecode, self.rate) if self.timecode and self.rate else 0
+        return frame_of(self.timecode, self.rate) if self.timecode else 0
 
     @property
     def sound_seconds(self) -> float:

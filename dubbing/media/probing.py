@@ -100,7 +100,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         path=path,
         width=width,
         height=height,
-        rate=rate,
+        frame_rate=rate,
         frames=frames,
         duration=duration or float(audio_duration or 0),
         variable_rate=variable,

@@ -48,8 +48,6 @@ def read_frames(
         MediaError: no picture, or it breaks off before the frames it promised.
     """
     info = probe(path)
-    if info.rate is None:
-        raise MediaError("no picture in it", str(path))
     rate = rate or info.rate
     total = info.frames if rate == info.rate else round(info.duration * rate)
     count = max(0, total - start if count is None else min(count, total - start))

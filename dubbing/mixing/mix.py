@@ -50,7 +50,6 @@ def mix(
         MediaError: a sound cannot be read.
     """
     info = media.probe(film)
-    assert info.rate is not None  # films have pictures
     length = sample_of(info.frames, info.rate)
     voices = placed(cues, info.rate, loudness)
     bed = _Bed(film if info.audio_rate else None, music, voices, _samples(left, info.rate))

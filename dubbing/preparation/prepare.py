@@ -73,7 +73,7 @@ def prepare(
     """
     clip, out = Path(clip), Path(out)
     info = probe(clip)
-    if info.rate is None:
+    if info.picture is None:
         raise PreparationError("no picture in it", str(clip), "give a video file")
     make_folder(out)
     portraits = [[digest_file(person.clip), person.points] for person in people]

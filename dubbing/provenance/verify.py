@@ -79,7 +79,7 @@ def verify(video: Path, keys: Sequence[Path]) -> Verified:
     """
     secrets = [read_key(file) for file in keys]
     info = media.probe(video)
-    if info.rate is None:
+    if info.picture is None:
         raise MediaError("no picture in it", str(video), "name a video")
     total, count = mark_search.summed(_pieces(video, info)) if secrets else (None, 0)
     marks = {
@@ -126,21 +126,21 @@ def sentences(found: Verified) -> list[str]:
     """What was found, for people."""
     signed = found.credentials
     if signed is None:
-        text = [f"credentials: none{f' ({note})' if (note := found.credentials_note) else ''}"]
+        lines = [f"credentials: none{f' ({note})' if (note := found.credentials_note) else ''}"]
     else:
-        text = [f"credentials: {signed.state}, signed by {signed.signed_by or 'nobody named'}"]
-        text.append(f"  actions: {', '.join(signed.actions) or 'nothing'}")
-        text += [f"  {name}: {value}" for name, value in signed.dub.items()]
-        text += [f"  problem: {problem}" for problem in signed.problems]
+        lines = [f"credentials: {signed.state}, signed by {signed.signed_by or 'nobody named'}"]
+        lines.append(f"  actions: {', '.join(signed.actions) or 'nothing'}")
+        lines += [f"  {name}: {value}" for name, value in signed.dub.items()]
+        lines += [f"  problem: {problem}" for problem in signed.problems]
         if signed.earlier:
-            text.append(f"  with {signed.earlier} earlier credentials of what went into it")
+            lines.append(f"  with {signed.earlier} earlier credentials of what went into it")
     for key, seen in found.marks.items():
         if seen.present:
             sure = f"weakest bit {seen.sureness.min():.1f} deviations"
-            text.append(f"invisible mark: {id_of(seen.bits)} (key {key}, {sure})")
+            lines.append(f"invisible mark: {id_of(seen.bits)} (key {key}, {sure})")
         else:
-            text.append(f"invisible mark: none of key {key}")
+            lines.append(f"invisible mark: none of key {key}")
     if not found.marks:
-        text.append("invisible mark: not looked for, there is no key here; name one with --key")
-    text.append(f"metadata: {found.metadata.get('comment', 'nothing of an AI-generated picture')}")
-    return text
+        lines.append("invisible mark: not looked for, there is no key here; name one with --key")
+    lines.append(f"metadata: {found.metadata.get('comment', 'nothing of an AI-generated picture')}")
+    return lines

@@ -31,7 +31,6 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
     if scene is None or dub.lines is None or "check" not in job.stages:
         return []
     film = manifest.media[scene.clip]
-    assert film.rate is not None  # films have pictures
     made = scene_of(job)
     sound, own_pixels = made.get("sound") or {}, made.get("own_pixels") or []
     heard = {figures["cue"]: figures for figures in sound.get("cues", [])}
@@ -92,7 +91,6 @@ def as_json_lines(rows: list[dict[str, Any]]) -> str:
 def as_edl(manifest: Manifest, dub: Dub, rows: list[dict[str, Any]]) -> str:
     """A marker a line, coloured by its verdict, and one where the film's own face is kept."""
     film = manifest.media[manifest.scenes[dub.name].clip]
-    assert film.rate is not None
     markers = [
         Marker(row["in_frame"], row["out_frame"], COLOURS.get(row["verdict"], "blue"), _note(row))
         for row in rows

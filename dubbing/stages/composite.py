@@ -170,7 +170,7 @@ def _pictures(
 
 def timecode_at(film: media.MediaInfo, frame: int) -> str:
     """The timecode of a frame of a film; '' where the film has none."""
-    if not film.timecode or film.rate is None:
+    if not film.timecode:
         return ""
     return timecode_of(film.first_frame + frame, film.rate, drop=";" in film.timecode)
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from dubbing import media
-from dubbing.errors import MediaError
 from dubbing.speech.voice_activity import STEP_RATE, at_times
 from dubbing.sync.curves import REACH, CurveSum, distances, estimate
 from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
@@ -61,7 +60,7 @@ class _Sums:
 
     def __init__(self, network: SyncNetwork, info: media.MediaInfo, parts: Parts | None) -> None:
         self._network = network
-        self.rate = float(info.rate or 0)
+        self.rate = float(info.rate)
         self.apart = parts is not None
         edges = segment_edges(info.frames, self.rate).tolist()
         self.parts = parts if parts is not None else [*pairwise(edges)]
@@ -179,8 +178,6 @@ def check(
     """
     info = media.probe(video)
     info = replace(info, frames=info.frames - leave_out)
-    if info.rate is None:
-        raise MediaError("no picture in it", str(video))
     sound = info if sound_from is None else media.probe(sound_from)
     if sound.audio_rate is None:
         facts = Media(info.frames, str(info.rate), info.duration, 0.0, 0.0, 0.0)

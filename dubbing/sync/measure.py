@@ -17,7 +17,6 @@ from pathlib import Path
 import numpy as np
 
 from dubbing import media
-from dubbing.errors import MediaError
 from dubbing.face.face_tracker import FaceTracker
 from dubbing.face.mouth_crop import COLUMNS, ROWS, mouth_crop
 from dubbing.face.mouth_shape import MOUTH, mouth_shape
@@ -134,8 +133,6 @@ def measure(
         MediaError: no picture or no sound, or the file cannot be read.
     """
     info = media.probe(video)
-    if info.rate is None:
-        raise MediaError("no picture in it", str(video))
     rate, total = info.rate, info.frames - leave_out
     end = total / float(rate) if leave_out else math.inf
     pictures = media.read_frames(video)

@@ -85,10 +85,9 @@ def mark_of(dub: Dub, scene: Scene) -> Marking | None:
 
 def card_of(manifest: Manifest, dub: Dub, scene: Scene) -> CreditsCard | None:
     """The card of credits after a dub."""
-    rate = manifest.media[scene.clip].rate
-    if dub.label.credits is None or rate is None:
+    if dub.label.credits is None:
         return None
-    frames = timeline.frame_count(dub.label.credits.seconds, rate)
+    frames = timeline.frame_count(dub.label.credits.seconds, manifest.media[scene.clip].rate)
     return CreditsCard(credits_text(dub, manifest.identities), frames)
 
 
@@ -139,7 +138,6 @@ def composite_parameters(
 def too_long(manifest: Manifest, dub: Dub, scene: Scene) -> DubbingError | None:
     """With ``on_longer_audio: fail`` a dub that is longer than its clip cannot be made."""
     film = manifest.media[scene.clip]
-    assert film.rate is not None
     frames = max(cue.stop for cue in scene.cues)
     left = film.frames - timeline.first_frame(dub.video_start, film.rate)
     if dub.on_longer_audio != "fail" or frames <= left:

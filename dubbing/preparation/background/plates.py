@@ -115,7 +115,6 @@ def person_step(
         window: (T, 3), see :class:`Footage`.
         found: landmarks (T, 478, 2) px of the crop, and (T,) bool where they are known.
     """
-    assert info.rate is not None
     landmarks, valid = found
     corners = landmarks[:, list(EYE_CORNERS)]
 
@@ -150,7 +149,6 @@ def matte_step(footage: Footage, matte: Path, person: Path, progress: Progress) 
         (T, PROFILE, 4) neck profiles as measured, NaN where unknown.
     """
     size, rate = footage.size, footage.info.rate
-    assert rate is not None
     lines = jaw_lines(footage, lambda share: progress(0.2 * share))
 
     def work(image: np.ndarray, seen: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray]:
@@ -243,7 +241,6 @@ def background_step(
         profiles: (T, PROFILE, 4), from :func:`matte_step`. masks: matte and person.
     """
     size, rate = footage.size, footage.info.rate
-    assert rate is not None
     behind, offsets = shots(footage, masks), footage.offsets()
     motions = torso_motions(footage, behind, lambda share: progress(0.3 * share))
     smooth = smooth_profiles(profiles, footage.segment)

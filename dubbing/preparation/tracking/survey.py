@@ -122,7 +122,6 @@ def person_of(portrait: Portrait, info: MediaInfo) -> Person:
 
 def places(portrait: Portrait, info: MediaInfo) -> tuple[Place, ...]:
     """The points of a portrait as frames and pixels of its clip."""
-    assert info.rate is not None
     size = np.array([info.width, info.height])
     return tuple(
         Place(min(round(at * info.rate), info.frames - 1), np.array([x, y]) * size)

@@ -43,7 +43,6 @@ Progress = Callable[[float], None]
 def survey_step(info: MediaInfo, people: Sequence[Portrait], progress: Progress) -> Arrays:
     """Cuts, the followed face's boxes and the crop windows; see :mod:`survey`."""
     seen: Survey = survey(info, progress, people)
-    assert info.rate is not None
     window = choose_windows(seen.box, seen.segment, (info.width, info.height), float(info.rate))
     return {
         "segment": seen.segment,
@@ -93,7 +92,6 @@ def principal_points(window: np.ndarray, source_size: tuple[int, int], size: int
 
 def observations(info: MediaInfo, size: int, seen: Arrays, found: Arrays) -> Observations:
     """What the bundle adjustment sees: rigid points weighed by how well the two modes agree."""
-    assert info.rate is not None
     apart = np.maximum(found["apart"] / (APART * size / 512), 1)
     confidence = np.where(found["valid"] & (apart < HIDDEN), 1 / apart**2, 0)
     if not confidence.any():  # a film so blurred that the modes never agree

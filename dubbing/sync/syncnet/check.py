@@ -20,7 +20,6 @@ from scipy.ndimage import median_filter
 from torch import Tensor
 
 from dubbing import media
-from dubbing.errors import MediaError
 from dubbing.face.face_tracker import track_faces
 from dubbing.speech.voice_activity import STEP_RATE, voice_activity_of_blocks
 from dubbing.sync.curves import REACH, Estimate
@@ -192,8 +191,6 @@ def published_check(video: Path, weights: Path) -> SyncResult:
     """
     network = load_published(weights)
     info = media.probe(video)
-    if info.rate is None:
-        raise MediaError("no picture in it", str(video))
     frames = round(info.duration * RATE)
     facts = Media(info.frames, str(info.rate), info.duration, info.sound_seconds, 0.0, 0.0)
     if info.audio_rate is None:

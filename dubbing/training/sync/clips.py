@@ -61,7 +61,7 @@ def record(path: Path) -> Recording:
         SyncError: no face is found in half of it.
     """
     info = media.probe(path)
-    if info.rate is None:
+    if info.picture is None:
         raise SyncError("no picture in it", str(path), "give a video of a talking person")
     meshes = np.full((info.frames, POINTS, 3), np.nan, np.float32)
     for k, faces in enumerate(track_faces(media.read_frames(path), float(info.rate))):

@@ -17,7 +17,6 @@ import cv2
 import numpy as np
 
 from dubbing import media
-from dubbing.errors import MediaError
 from dubbing.face.face_tracker import FaceTracker
 from dubbing.face.mouth_shape import CHIN, MOUTH, OUTER_LIP, RIGID
 from dubbing.sync.check import check
@@ -113,8 +112,6 @@ def check_changed(
 ) -> SyncResult:
     """The check of the clip's beginning with changed pictures and its own sound."""
     info = media.probe(clip)
-    if info.rate is None:
-        raise MediaError("no picture in it", str(clip))
     with tempfile.TemporaryDirectory() as folder:
         video = Path(folder) / "changed.mp4"
         with media.VideoWriter(video, info.width, info.height, info.rate) as writer:

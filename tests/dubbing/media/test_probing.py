@@ -61,7 +61,9 @@ def test_cover_art_is_no_picture(tmp_path: Path) -> None:
     song = tmp_path / "song.m4a"
     maps = ("-map", "0", "-map", "1", "-c:v", "copy", "-disposition:v", "attached_pic")
     clips.ffmpeg("-i", sound, "-i", cover, *maps, song)
-    assert media.probe(song).rate is None
+    assert media.probe(song).picture is None
+    with pytest.raises(MediaError, match="no picture in it"):
+        media.probe(song).rate  # noqa: B018
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", bytes(5000)])
