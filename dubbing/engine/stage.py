@@ -9,6 +9,7 @@ there, other settings never pick it up, and the last good result stays until the
 from __future__ import annotations
 
 import os
+import stat
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -154,5 +155,8 @@ class Stage:
 
 def digest_of(path: Path) -> str:
     """Digest of a file, read once as long as it does not change; '' where there is none."""
-    # A pipe in its place would block whoever reads it.
-    return _digest(path) if path.is_file() else ""
+    try:
+        regular = stat.S_ISREG(os.stat(path).st_mode)
+    except FileNotFoundError:
+        return ""
+    return _digest(path) if regular else ""  # a pipe in its place would block whoever reads it

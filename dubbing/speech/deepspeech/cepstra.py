@@ -1,4 +1,9 @@
-"""What DeepSpeech hears: mel-frequency cepstra with their neighbours, as it was trained with them.
+"""The input of DeepSpeech: mel-frequency cepstra with their neighbours.
+
+The definition is that of python_speech_features' defaults, written from its documentation: 25 ms
+windows every 10 ms, no taper, pre-emphasis 0.97, FFT of 512, 26 mel filters from 0 to half the
+sampling rate, logarithm, orthonormal DCT-II, sinusoidal lifter of 22, first coefficient replaced by
+the logarithm of the energy.
 
 Letters: T steps of 20 ms, W = 400 samples (25 ms), C = 26 cepstra, K = 9 steps on each side.
 """
@@ -43,11 +48,15 @@ def mel_bank() -> np.ndarray:
 def cepstra(windows: np.ndarray) -> np.ndarray:
     """Cepstra (T, C) of emphasised windows (T, W); the first one is the logarithm of the energy."""
     power = np.abs(np.fft.rfft(windows, FFT)) ** 2 / FFT
-    bands = np.maximum(power @ mel_bank().T, _LEAST)
-    found = dct(np.log(bands), norm="ortho", axis=1)
+    found = dct(_log(power @ mel_bank().T), norm="ortho", axis=1)
     found *= 1 + LIFTER / 2 * np.sin(np.pi * np.arange(CEPSTRA) / LIFTER)
-    found[:, 0] = np.log(np.maximum(power.sum(1), _LEAST))
+    found[:, 0] = _log(power.sum(1))
     return found
+
+
+def _log(x: np.ndarray) -> np.ndarray:
+    """The logarithm; that of zero is that of the smallest step of a double."""
+    return np.log(np.where(x == 0, _LEAST, x))
 
 
 def steps_heard(samples: int) -> int:
