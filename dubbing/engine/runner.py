@@ -50,9 +50,7 @@ def run(
     for job in jobs.all():
         if job.blocked:
             outcomes[job.label] = Outcome("failed", failure=failure_of("input", job.blocked))
-    runner = _Runner(jobs, options, reporter, outcomes, executor or InLine())
-    runner.loop()
-    runner.mark_unfinished()
+    _Runner(jobs, options, reporter, outcomes, executor or InLine()).loop()
     return outcomes
 
 
@@ -112,6 +110,7 @@ class _Runner:
                 self._settle(self.graph[done.key], done)
             self._look()
             self._submit_ready()
+        self._mark_unfinished()
 
     def _submit_ready(self) -> None:
         if self._stopped():
@@ -230,7 +229,7 @@ class _Runner:
             outcome.state == "failed" for outcome in self.outcomes.values()
         )
 
-    def mark_unfinished(self) -> None:
+    def _mark_unfinished(self) -> None:
         """Mark jobs that are neither done nor failed: their identity failed, or the run stopped."""
         for job in self.jobs.all():
             outcome = self.outcomes[job.label]

@@ -14,26 +14,18 @@ from tqdm import tqdm
 from dubbing import packages
 from dubbing.errors import DubbingError
 
-TRAINING_TEXTS = (
-    "The boat below the bridge moved slowly up the river, while five boys waved from the bank. "
-    "We have been warm and dry all week; how was your weather?",
-    "Please bring me a map, some bread, and a pound of plums. Thank you very much. "
-    "She sells fresh fish from a shop by the shore, whatever the wind may do.",
-    "Why would anyone borrow a blue umbrella on a bright day in May? "
-    "My father thought about it, shook his head, and put both of them back.",
-)
 VOICES = ("en-us", "en-us+f2", "en-gb-x-rp+m3", "en-us+f4", "en-gb-scotland+f3", "en-us+m7")
 
 
 def identities(out: Path, count: int, size: int, seconds: float) -> None:
     """Clips of `count` different people: out/person000/clip.mp4 and so on."""
     from dubbing.synthetic.anatomy.face import random_face
-    from dubbing.synthetic.speaker import make_speaker
+    from dubbing.synthetic.speaker import TEXTS, make_speaker
 
     for i in tqdm(range(count), desc="synthetic people"):
         folder = out / f"person{i:03d}"
         if not (folder / "truth.npz").exists():
-            texts = " ".join(TRAINING_TEXTS[(i + k) % len(TRAINING_TEXTS)] for k in range(3))
+            texts = " ".join(TEXTS[(i + k) % len(TEXTS)] for k in range(3))
             make_speaker(
                 folder,
                 text=texts,

@@ -20,6 +20,15 @@ from dubbing.synthetic.rendering.render import REST_SHIFT, Renderer, State
 from dubbing.synthetic.visemes import Phone, mouth_curves
 from dubbing.synthetic.voice import synthesise
 
+# Sentences for speakers that networks learn from.
+TEXTS = (
+    "The boat below the bridge moved slowly up the river, while five boys waved from the bank. "
+    "We have been warm and dry all week; how was your weather?",
+    "Please bring me a map, some bread, and a pound of plums. Thank you very much. "
+    "She sells fresh fish from a shop by the shore, whatever the wind may do.",
+    "Why would anyone borrow a blue umbrella on a bright day in May? "
+    "My father thought about it, shook his head, and put both of them back.",
+)
 TAIL = 0.4  # seconds of silence after the last word without a requested length
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from dubbing.synthetic.anatomy.face import random_face
-from dubbing.synthetic.speaker import make_speaker
+from dubbing.synthetic.speaker import TEXTS, make_speaker
 
 SECONDS = 8.0
 SIZE = 128
@@ -26,30 +26,15 @@ class Part(NamedTuple):
 
 
 LEARNED = (
-    Part(
-        0,
-        "en-us",
-        "The boat below the bridge moved slowly up the river, while five boys waved from the bank. "
-        "We have been warm and dry all week; how was your weather?",
-    ),
-    Part(
-        1,
-        "en-us+f2",
-        "Please bring me a map, some bread, and a pound of plums. Thank you very much. "
-        "She sells fresh fish from a shop by the shore, whatever the wind may do.",
-    ),
+    Part(0, "en-us", TEXTS[0]),
+    Part(1, "en-us+f2", TEXTS[1]),
     Part(
         2,
         "de+m4",
         "Wir haben am Montag fünf alte Bücher gefunden, und keiner wusste, wem sie gehören. "
         "Bitte frag morgen deine Mutter, ob sie etwas davon weiß.",
     ),
-    Part(
-        3,
-        "en-us+m3",
-        "Why would anyone borrow a blue umbrella on a bright day in May? "
-        "My father thought about it, shook his head, and put both of them back.",
-    ),
+    Part(3, "en-us+m3", TEXTS[2]),
     Part(
         4,
         "it+f3",
