@@ -8,7 +8,7 @@ from pathlib import Path
 
 from dubbing.errors import MediaError
 from dubbing.media.colour import Colour
-from dubbing.script.timecode import frame_of
+from dubbing.script.timecode import frame_of, timecode_of
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,10 @@ class MediaInfo:
     def first_frame(self) -> int:
         """The frame that its timecode begins with; 0 without one."""
         return frame_of(self.timecode, self.rate) if self.timecode else 0
+
+    def timecode_at(self, frame: int) -> str:
+        """The timecode of a frame; counted from zero where the file has none."""
+        return timecode_of(self.first_frame + frame, self.rate, drop=";" in self.timecode)
 
     @property
     def sound_seconds(self) -> float:

@@ -1,4 +1,4 @@
-"""What a scene hands over beside its video: its lines with times and figures, as three files."""
+"""The lines of a scene with their times and figures, as three files beside its video."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from dubbing.errors import DubbingError
 from dubbing.manifest.entries import Dub
 from dubbing.manifest.manifest import Manifest
 from dubbing.script.edl import Marker, edl
-from dubbing.script.timecode import timecode_of
 from dubbing.stages.kinds import SCENE_FILE, SYNC_FILE
 
 COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unjudged": "blue"}
@@ -38,11 +37,9 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
         (round(part["start"] * film.rate), round(part["end"] * film.rate)): part
         for part in _read(job, "check", SYNC_FILE).get("segments") or []
     }
-    drop = ";" in film.timecode
     rows = []
     for cue in scene.cues:
         frames = (cue.first, cue.stop)
-        times = [timecode_of(film.first_frame + frame, film.rate, drop=drop) for frame in frames]
         sync, own = judged.get(frames, {}), heard.get(cue.name, {})
         offset = sync.get("offset_frames")
         kept = [part for part in own_pixels if part["cue"] == cue.name]
@@ -51,8 +48,8 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
                 "line": cue.number,
                 "speaker": cue.speaker,
                 "identity": cue.identity,
-                "in": times[0],
-                "out": times[1],
+                "in": film.timecode_at(cue.first),
+                "out": film.timecode_at(cue.stop),
                 "in_frame": cue.first,
                 "out_frame": cue.stop,
                 "seconds": round(float(cue.first / film.rate), 3),

@@ -222,7 +222,7 @@ def _brief(sync: Sync) -> dict[str, Any] | None:
 
 
 def _column(path: Path, name: str, damaged: list[str]) -> list[float]:
-    """Numbers of a curve; none where there is no file. Says so where it is another file."""
+    """Numbers of a curve, empty without a file. ``damaged`` gets the error of another file."""
     if not os.path.lexists(path):
         return []
     try:
@@ -235,7 +235,7 @@ def _column(path: Path, name: str, damaged: list[str]) -> list[float]:
 
 
 def _read(path: Path, shape: Any, whose: str, damaged: list[str]) -> Any:
-    """A file of a stage; empty where there is none. Says so where it is another file."""
+    """A file of a stage, empty without one. ``damaged`` gets the error of another file."""
     if not os.path.lexists(path):
         return {}
     try:

@@ -24,7 +24,6 @@ from dubbing.media.overlap import ahead, behind
 from dubbing.mixing.mix import SOUND, mix
 from dubbing.provenance import provenance
 from dubbing.script import timeline
-from dubbing.script.timecode import timecode_of
 from dubbing.stages.composer import Composer, Heads, VideoSettings
 from dubbing.stages.kinds import PROXY_FILE, SCENE_FILE
 from dubbing.stages.untouched import compare
@@ -113,7 +112,7 @@ def make(
             audio_codec=media.SOUND[settings.codec],
             audio_rate=settings.audio_rate,
             metadata=provenance.tags(),
-            timecode=timecode_at(source, int(pose_index[0])),
+            timecode=source.timecode_at(int(pose_index[0])) if source.timecode else "",
         )
     verify(result, frames, rate)
     if settings.codec != "h264":
@@ -166,13 +165,6 @@ def _pictures(
             for _ in range(settings.card.frames):
                 encoder.write(picture)
     return parts
-
-
-def timecode_at(film: media.MediaInfo, frame: int) -> str:
-    """The timecode of a frame of a film; '' where the film has none."""
-    if not film.timecode:
-        return ""
-    return timecode_of(film.first_frame + frame, film.rate, drop=";" in film.timecode)
 
 
 def verify(path: Path, frames: int, rate: Fraction) -> None:
