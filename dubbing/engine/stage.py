@@ -47,7 +47,6 @@ class Record(TypedDict):
 
 Progress = Callable[[str, float], None]
 Produce = Callable[[Path, Progress], None]
-_digest = while_unchanged(65536)(digest_file)
 
 
 @dataclass(frozen=True)
@@ -160,3 +159,8 @@ def digest_of(path: Path) -> str:
     except FileNotFoundError:
         return ""
     return _digest(path) if regular else ""  # a pipe in its place would block whoever reads it
+
+
+@while_unchanged(65536)
+def _digest(path: Path) -> str:
+    return digest_file(path)
