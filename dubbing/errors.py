@@ -15,8 +15,6 @@
 Everything a user can cause ends in one of these; anything else that escapes is a bug.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Writing files whole or not at all (write, fsync, rename), reading them, and their digests."""
 
-from __future__ import annotations
-
 import errno
 import functools
 import hashlib

@@ -1,7 +1,5 @@
 """JSON that this tool has kept: read back only if it has the shape it was written in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path

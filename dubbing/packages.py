@@ -4,8 +4,6 @@ Only their specifications are looked up, so that nothing is loaded. Standard lib
 for machines on which the installation went wrong.
 """
 
-from __future__ import annotations
-
 import shlex
 import sys
 from importlib.util import find_spec

@@ -10,8 +10,6 @@ another stage's result that it reads, or its code changed. Paths do not count, c
 Nothing here imports torch.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 

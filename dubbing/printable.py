@@ -1,7 +1,5 @@
 """Text that is safe to print: a terminal would obey the control characters of a name."""
 
-from __future__ import annotations
-
 import unicodedata
 
 KEPT = "\n\t"

@@ -1,7 +1,5 @@
 """One run: every dub of a manifest brought up to date, published and reported."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import time

@@ -4,8 +4,6 @@ A stage's time grows with its amount: frames, steps or seconds of speech. How fa
 comes from stages of the manifest that are done, else from `dfrf doctor --calibrate`.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass

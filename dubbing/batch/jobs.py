@@ -1,7 +1,5 @@
 """The jobs of a manifest: which people and dubs are made, and where their stages lie."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What several commands share: arguments, their checks, and printing."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 

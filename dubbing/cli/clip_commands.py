@@ -1,7 +1,5 @@
 """Commands that look at one clip: `prepare`, `sync`."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """`dfrf doctor`: what this machine has and lacks. What may be missing is imported late."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import platform

@@ -4,8 +4,6 @@
 but a sync check failed; 130 interrupted, and resumable. Nothing here imports torch.
 """
 
-from __future__ import annotations
-
 import io
 import os
 import signal

@@ -1,7 +1,5 @@
 """`dfrf verify`: what a file carries, and `dfrf consent`: a form to fill in."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

@@ -1,7 +1,5 @@
 """Commands for researchers: held-out figures, and checkpoints of the published code."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -1,7 +1,5 @@
 """Commands that train what comes with the tool anew."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -3,8 +3,6 @@
 S side of the crop in px. All lengths are given for S = 512 and scale with it.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -5,8 +5,6 @@ those of the frame of the clip whose place is taken, so a dub keeps their pixels
 in px; lengths are for S = 512 and scale with it.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

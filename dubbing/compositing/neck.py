@@ -6,8 +6,6 @@ of the face through the jaw are numbered by their angle (A of them); lengths alo
 given for S = 512 and scaled. S is the side of the crop.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

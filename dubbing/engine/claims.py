@@ -9,8 +9,6 @@ heartbeat in it, and ends with the name of its heartbeat: who takes a stale one 
 remove a newer one.
 """
 
-from __future__ import annotations
-
 import errno
 import json
 import os

@@ -4,8 +4,6 @@ A worker whose interpreter is busy for minutes would be taken for dead, and a pr
 without harm. Dask gives what a vanished worker did to another one.
 """
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -4,8 +4,6 @@ A stage whose equations change is out of date by itself. A comment, a docstring 
 line changes no digest; another minor version of Python may.
 """
 
-from __future__ import annotations
-
 import ast
 import hashlib
 from collections.abc import Iterator

@@ -4,8 +4,6 @@ Every executor takes tasks whose needs are met, does those of the lowest rank fi
 what became of them. `dubbing.engine.cluster` has the third, on other machines.
 """
 
-from __future__ import annotations
-
 import heapq
 import json
 import signal

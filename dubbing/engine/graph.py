@@ -1,7 +1,5 @@
 """Jobs: what one identity or one dub needs done; and the graph of all their stages."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The sign of life in a claim: which process holds it, and how far its work is."""
 
-from __future__ import annotations
-
 import json
 import os
 import socket

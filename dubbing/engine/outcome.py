@@ -1,7 +1,5 @@
 """What became of a stage and of a job, and what shows it."""
 
-from __future__ import annotations
-
 import traceback
 from dataclasses import dataclass, field
 from typing import Protocol

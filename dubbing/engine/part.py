@@ -5,8 +5,6 @@ there, and publishes it. A part has a claim of its own. Whoever claims the stage
 claims of its parts, and a part that finds the stage claimed leaves the work to whoever holds it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

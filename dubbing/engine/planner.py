@@ -1,7 +1,5 @@
 """What a run would do, and why; nothing is written and no torch is loaded."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from dubbing.engine.graph import Job, Jobs

@@ -4,8 +4,6 @@ A failed stage stops the stages that need its result, nothing else. A stage on w
 at work is waited for, and its result is used.
 """
 
-from __future__ import annotations
-
 import heapq
 import os
 import time

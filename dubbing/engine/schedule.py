@@ -1,7 +1,5 @@
 """How long a graph of stages takes on so many workers, from how long each stage takes."""
 
-from __future__ import annotations
-
 import heapq
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ JOB is ``identity/NAME`` or ``dub/NAME``; STAGE is what it calls the stage, as `
 Exit code 0: it is up to date; 1: it failed; 75: another run is at work on it.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

@@ -1,7 +1,5 @@
 """Bringing a stage up to date: under a claim, in a folder of its own, published by a rename."""
 
-from __future__ import annotations
-
 import shutil
 import time
 from collections.abc import Mapping

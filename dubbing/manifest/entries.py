@@ -1,7 +1,5 @@
 """The entries of a manifest, identities and dubs: keys, types, defaults."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any, Literal
 

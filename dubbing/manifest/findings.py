@@ -1,7 +1,5 @@
 """What was found in the files that a manifest names."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from pathlib import Path
 

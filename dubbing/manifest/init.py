@@ -1,7 +1,5 @@
 """A first manifest from the clips and recordings of a folder."""
 
-from __future__ import annotations
-
 import json
 import unicodedata
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """The files a manifest names: are they there, and do they hold what they are used for?"""
 
-from __future__ import annotations
-
 import datetime
 from collections.abc import Mapping
 from pathlib import Path

@@ -5,8 +5,6 @@ there but damaged is no mistake in the manifest: it is kept in ``Manifest.damage
 what needs it.
 """
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict

@@ -1,7 +1,5 @@
 """What pydantic found wrong with a manifest, in the words of its reader."""
 
-from __future__ import annotations
-
 import difflib
 import reprlib
 from collections.abc import Iterable

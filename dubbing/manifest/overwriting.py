@@ -1,7 +1,5 @@
 """Results that would take the place of what a manifest reads, or cannot be written at all."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping

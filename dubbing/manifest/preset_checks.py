@@ -2,8 +2,6 @@
 it starts from. Loads no torch.
 """
 
-from __future__ import annotations
-
 from fractions import Fraction
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Reading a manifest: its sections and entries, and everything that is wrong with them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

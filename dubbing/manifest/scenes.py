@@ -3,8 +3,6 @@
 A dub without lines is a scene of one speaker, whose one cue is the whole audio.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import replace

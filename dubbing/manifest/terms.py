@@ -1,7 +1,5 @@
 """What lies outside of a consent, which may be limited to days, languages and films."""
 
-from __future__ import annotations
-
 import datetime
 import hashlib
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Types of the values in a manifest: paths, names, times, words that somebody filled in."""
 
-from __future__ import annotations
-
 import datetime
 import re
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Safe YAML that remembers on which line every key stood."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What the numbers of a picture mean as colours, by ffmpeg's names."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import av

@@ -1,7 +1,5 @@
 """The constant frame rate that the time stamps of a clip follow."""
 
-from __future__ import annotations
-
 import itertools
 import statistics
 from collections.abc import Sequence

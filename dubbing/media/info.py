@@ -1,7 +1,5 @@
 """What a media file holds: size after rotation, exact rate, frames, sound."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Loudness and true peak of a sound, by ffmpeg's ebur128, and a limiter of true peaks."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Picture and sound into one file."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack

@@ -5,8 +5,6 @@ may list other files to open. Here every path is made absolute and marked as a f
 protocol is allowed, and only containers that hold their own picture and sound are opened.
 """
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Any

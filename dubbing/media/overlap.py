@@ -1,7 +1,5 @@
 """Decoding and encoding beside the work in between: one thread at each end of a short queue."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -3,8 +3,6 @@
 Every packet is visited (not decoded), so counts are those of the file, not of its header.
 """
 
-from __future__ import annotations
-
 import os
 from dataclasses import dataclass, field
 from fractions import Fraction

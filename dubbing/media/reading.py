@@ -1,7 +1,5 @@
 """Frames and sound out of a file, streaming: memory does not grow with the length."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Iterator
 from fractions import Fraction

@@ -3,8 +3,6 @@
 C channels of the bed; 48 kHz. The sound is written block by block, whatever its length.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from fractions import Fraction

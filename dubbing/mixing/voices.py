@@ -3,8 +3,6 @@
 Samples are 48 kHz mono float32.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """A folder for `prepare`: an empty one, or one that it has made itself."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A page to look at: source, matte, restored background and pose axes of a few frames."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -4,8 +4,6 @@ Every step leaves its result in a folder beside the finished files. A run that w
 after the last finished step, and the result is the same bit for bit.
 """
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence

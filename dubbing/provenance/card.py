@@ -1,7 +1,5 @@
 """The card of credits after a dub: that it was dubbed by AI, and who agreed to it."""
 
-from __future__ import annotations
-
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 The library may ask the network for manifests and revocations that a file names: here it never does.
 """
 
-from __future__ import annotations
-
 import io
 import json
 from collections.abc import Mapping

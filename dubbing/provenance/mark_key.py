@@ -1,7 +1,5 @@
 """The secret of the invisible mark: of this installation, or a file of one's own."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import secrets

@@ -1,7 +1,5 @@
 """Saying that a picture is AI-generated: a mark on every frame, and tags in the container."""
 
-from __future__ import annotations
-
 from importlib import metadata
 
 import numpy as np

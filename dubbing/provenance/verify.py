@@ -1,7 +1,5 @@
 """The marks of origin that a file carries: metadata, credentials, the invisible mark."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The lines of a scene with their times and figures, as three files beside its video."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """The page of a report: one file, which needs no network."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """report.json and report.html: what was made, how good it is, and what to do where it failed."""
 
-from __future__ import annotations
-
 import csv
 import os
 import platform

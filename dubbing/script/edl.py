@@ -1,7 +1,5 @@
 """Markers as an edit decision list (CMX3600): an event a line, with a locator of its words."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction

@@ -1,7 +1,5 @@
 """One line of a script, and how its times are read."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from fractions import Fraction

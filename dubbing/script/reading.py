@@ -1,7 +1,5 @@
 """The lines of a script file: SRT, VTT or ASS subtitles, TTML, or CSV."""
 
-from __future__ import annotations
-
 import csv
 import re
 from collections.abc import Callable

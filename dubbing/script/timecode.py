@@ -5,8 +5,6 @@ A timecode counts frames as if there were a whole number of them a second. At 30
 keeps up with the clock; no frame is left out.
 """
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 

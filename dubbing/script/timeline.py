@@ -3,8 +3,6 @@
 F frames of the dub, T frames of the clip.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from fractions import Fraction

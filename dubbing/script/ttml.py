@@ -1,7 +1,5 @@
 """Timed text (TTML, IMSC, DFXP): paragraphs with times, which may count frames, and agents."""
 
-from __future__ import annotations
-
 import re
 from fractions import Fraction
 from xml.etree import ElementTree

@@ -1,7 +1,5 @@
 """The base checkpoint that comes with the package."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from dfrf.config import FROM_BASE

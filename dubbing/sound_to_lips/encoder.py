@@ -8,8 +8,6 @@ Letters: N samples at 16 kHz, T steps of 24 ms, C = 288 channels. Step t covers 
 [384 t, 384 (t + 1)).
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

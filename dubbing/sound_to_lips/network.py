@@ -6,8 +6,6 @@ learn from, a larger network on top learned them by heart.
 Letters: T steps of 24 ms, C = 288 channels of the encoder, O = 8 outputs.
 """
 
-from __future__ import annotations
-
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn

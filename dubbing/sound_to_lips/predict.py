@@ -3,8 +3,6 @@
 Letters: T steps of 20 ms, K = 7 lip measures.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

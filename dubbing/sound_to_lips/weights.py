@@ -1,7 +1,5 @@
 """The weights of the lip network on disk: the encoder's and the filter's."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any, TypeVar

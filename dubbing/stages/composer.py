@@ -3,8 +3,6 @@
 F frames, S side of the crop in px.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise

@@ -4,8 +4,6 @@ Frames stream from the decoders through the compositor to the encoder, in segmen
 files, so memory does not grow with the length and a kill costs one segment. S side of the crop.
 """
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Callable, Sequence
 from contextlib import closing

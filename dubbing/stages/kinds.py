@@ -3,8 +3,6 @@
 The command line knows them without loading anything; `dubbing.pipeline` declares what each needs.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

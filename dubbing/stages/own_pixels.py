@@ -3,8 +3,6 @@
 T frames of a clip.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

@@ -4,8 +4,6 @@ The mouth and the jaw, which speech moves, do not count: only what lies above th
 is compared. K key frames.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

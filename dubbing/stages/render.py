@@ -1,7 +1,5 @@
 """Rendering a person's head for every frame of new speech, in segments that survive a kill."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from pathlib import Path
 

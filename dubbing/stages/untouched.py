@@ -1,7 +1,5 @@
 """The proof that a scene left the film alone where there is no new speech."""
 
-from __future__ import annotations
-
 import hashlib
 from fractions import Fraction
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The demo: a clip of a synthetic speaker, new speech for it, and the manifests that dub it."""
 
-from __future__ import annotations
-
 import shutil
 import sysconfig
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The stages of one job as they are declared: where each lies, and what it depends on."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What of a manifest the stages of a job depend on, beside the results of other stages."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Training the shared base checkpoint across the identities of a manifest."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

@@ -4,8 +4,6 @@ T frames with 6 unknowns each. Poses that are smoothed by their second differenc
 matrix with three block diagonals: a band of 18 rows, solved in time linear in T.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.linalg import solveh_banded
 

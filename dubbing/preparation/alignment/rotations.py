@@ -3,8 +3,6 @@
 T rotations.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 

@@ -3,8 +3,6 @@
 Threads and not processes: MediaPipe, OpenCV and numpy release the interpreter's lock.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """The median in time of pixels that only some frames show."""
 
-from __future__ import annotations
-
 import numpy as np
 
 

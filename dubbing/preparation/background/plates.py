@@ -4,8 +4,6 @@ Threads and not processes: MediaPipe, OpenCV and numpy release the interpreter's
 the side of the crop in px.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path

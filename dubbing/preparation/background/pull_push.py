@@ -3,8 +3,6 @@
 Averages over ever larger blocks of known pixels flow back down to where nothing is known.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

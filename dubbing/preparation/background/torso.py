@@ -7,8 +7,6 @@ plate: collar and neck behind the jaw are taken from it, as far up as any frame 
 S is the side of the crop in px, K frames of a shot. Lengths are for S = 512 and scale with it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -8,8 +8,6 @@ without an edge the line stays where it was.
 S is the side of the crop in px. Lengths are for S = 512 and scale with it.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter

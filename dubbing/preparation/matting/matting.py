@@ -3,8 +3,6 @@
 S is the side of the crop in px. Lengths are given for S = 512 and scale with it.
 """
 
-from __future__ import annotations
-
 import threading
 from functools import partial
 

@@ -4,8 +4,6 @@ S is the side of the crop in px. A window (x0, y0, side) has whole numbers of so
 crop is a slice and a resize, and moving it moves the principal point by an exact amount.
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import cv2

@@ -4,8 +4,6 @@ A cut is a frame whose mean absolute difference from the one before is large and
 the differences around it.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

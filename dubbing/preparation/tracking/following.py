@@ -3,8 +3,6 @@
 T frames, N sightings of a face, D figures of its looks. Boxes are (x0, y0, x1, y1) in px.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise

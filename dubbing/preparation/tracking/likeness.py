@@ -4,8 +4,6 @@ A face is described by the shape of its rigid points in its own frame, and by me
 colours of its parts. N faces, D figures each.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -4,8 +4,6 @@ Colours are read at the points of the mesh, which stays where the mouth must be 
 over it. T frames, P = 478 points.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 
 import cv2

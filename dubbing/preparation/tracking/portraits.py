@@ -1,7 +1,5 @@
 """Where a person can be seen, to recognise them among the people of a film."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

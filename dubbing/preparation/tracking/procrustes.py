@@ -3,8 +3,6 @@
 T frames, P points.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dubbing.face.mesh_points import (

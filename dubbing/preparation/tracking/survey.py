@@ -3,8 +3,6 @@
 Every fifth frame is searched for faces; boxes are (x0, y0, x1, y1) in px of the source.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -3,8 +3,6 @@
 T frames. Every step returns a dictionary of arrays, which is also what it leaves on the disk.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What may go wrong later, in words, from what tracking saw."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dubbing.face.landmarks import face_width

@@ -4,8 +4,6 @@ The file is a protocol buffer, `GraphDef`. Of its fields only these are read: a 
 node's name, operation and attribute `value`, and the type, shape and numbers of that tensor.
 """
 
-from __future__ import annotations
-
 import math
 import mmap
 from collections.abc import Collection, Iterator

@@ -4,8 +4,6 @@ FILE is `assets/tiny-en/encoder_model.ort` of the package moonshine-voice 0.0.62
 model in the format of onnxruntime, which must be installed. Its matrices are bytes with a scale.
 """
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import Annotated, Any

@@ -3,8 +3,6 @@
 Letters: F frames, T steps of 24 ms, C channels of the encoder, N samples at 16 kHz.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -6,8 +6,6 @@ need not look for them again; the same seed gives the same filter.
 Letters: F frames, T steps of 24 ms, C channels of the encoder, K = (2 TAPS + 1) C.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
