@@ -1,11 +1,17 @@
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import pytest
+import soundfile
 
 from dubbing import media
 from dubbing.errors import MediaError
+from dubbing.media import reading
+from dubbing.media.ffmpeg import Process
 from tests import clips
 
 
@@ -61,26 +67,27 @@ def test_a_file_that_breaks_off_is_reported(tmp_path: Path) -> None:
 
 def _promising(path: Path, frames: int) -> list[np.ndarray]:
     """Read as if the file had promised more frames than it holds."""
-    from dataclasses import replace
-    from unittest.mock import patch
-
-    from dubbing.media import reading
-
     info = replace(media.probe(path), frames=frames)
     with patch.object(reading, "probe", lambda _: info):
         return list(media.read_frames(path))
 
 
 def test_closing_early_ends_ffmpeg(clip: Path) -> None:
-    frames = media.read_frames(clip)
-    next(frames)
-    frames.close()  # type: ignore[attr-defined]
+    started: list[Process] = []
+
+    def start(*arguments: Any, **options: Any) -> Process:
+        started.append(Process(*arguments, **options))
+        return started[-1]
+
+    with patch.object(reading, "Process", start):
+        frames = media.read_frames(clip)
+        next(frames)
+        frames.close()  # type: ignore[attr-defined]
+    assert [process._process.poll() is None for process in started] == [False]
 
 
 @pytest.mark.parametrize(("rate", "channels"), [(8000, 1), (44100, 2), (48000, 6)])
 def test_sound_is_the_mean_of_its_channels(tmp_path: Path, rate: int, channels: int) -> None:
-    import soundfile
-
     wave = clips.tone(1.0, rate, channels)
     wave[:, 1:] = 0  # only the first channel sounds
     soundfile.write(tmp_path / "a.wav", wave, rate)
@@ -115,8 +122,6 @@ def test_sound_that_begins_late_keeps_its_place(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["late.mkv", "late.ts"])
 def test_sound_that_begins_late_is_heard_where_it_belongs(tmp_path: Path, name: str) -> None:
     """A click at 2.5 s: sound that is read, that is read from 1 s on, and that is muxed from."""
-    import soundfile
-
     wave = np.zeros(16000 * 3, np.float32)
     wave[16000:16800] = 0.5
     soundfile.write(tmp_path / "a.wav", wave, 16000)
