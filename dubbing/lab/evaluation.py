@@ -20,12 +20,14 @@ from dfrf.config import family
 from dfrf.metrics import lpips
 from dfrf.metrics.lpips import Lpips
 from dubbing import json_records as kept
-from dubbing import pipeline
+from dubbing import pipeline, tasks
+from dubbing.batch.jobs import chosen_names
 from dubbing.engine import claims
 from dubbing.engine.stage import Stage
 from dubbing.engine.update import run_stage
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, remove_torn
+from dubbing.identity.learned import SUMMARY_FILE
 from dubbing.lab import tiles
 from dubbing.lab.cross_driving import measure_dub
 from dubbing.lab.held_out import frames_to_test, supposed
@@ -33,8 +35,6 @@ from dubbing.lab.measuring import measure
 from dubbing.lab.sync_figures import sync_figures
 from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.stage_kinds import SUMMARY_FILE
-from dubbing.stages import tasks
 from dubbing.stages.finetune import MODEL_FILE, clip_speech
 
 RESULT_FILE = "evaluate.json"
