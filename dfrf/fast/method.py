@@ -121,7 +121,8 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         codes = dataset_codes(conditioning, dataset)
         measures = target_lips(conditioning, dataset, codes).cpu()[dataset.number]
         seen_from = F.normalize(dataset.c2w[:, :, 3], dim=-1)
-        traits = torch.cat([lip_traits(dataset.lip_points), seen_from / TURN], 1).double()
+        lips = dataset.lip_points
+        traits = torch.cat([lip_traits(lips, lips), seen_from / TURN], 1).double()
         apart = torch.cdist(traits, traits).square().numpy()
         count = min(MOUTHS, dataset.frames)
         return cut_mouths(dataset, torch.tensor(sorted(medoids(apart, count))), measures)

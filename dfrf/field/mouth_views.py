@@ -20,15 +20,17 @@ from dfrf.field.reference_maps import LEAST_WEIGHT, ChosenMouths, ReferenceMaps
 from dfrf.field.reference_views import MouthViews
 
 LIP_POINTS = 40
+UPPER_RIM, LOWER_RIM = [36, 35, 34], [24, 25, 26]  # of these, the middle of the inner lips
 MOUTHS = 64  # crops of a person; 24 lost texture where a head turns
 VIEWS = 4  # that a point looks at
-TURN = 0.15  # rad that count as much as lips apart by the spread of each measure
+TURN = 0.15  # rad that count as much as lips that are as unlike as two frames in the mean
+GAP = 3.0  # how much the gap counts: of all that lips do it is little, and what is looked at
 FADE = 2  # power by which a view's weight falls with its distance
 EDGE = 0.7  # of the region's radii, from where its weight falls to nothing
 REACH = (1.5, 1.3, 1.5)  # half axes of the region to the side, up and forwards, half mouth widths
 NEIGHBOURS = 10  # frames to each side of one that is learned, which show nearly the same
 KERNEL = 0.05  # head units, how far the motion of a point of the lips carries
-STILL = 0.05  # weight of what does not move
+STIFF = 0.1  # added to the diagonal, so that points close together get no large weights
 RIDGE = 3.0  # frames' worth
 
 
@@ -44,9 +46,21 @@ def region(shape: Float[Tensor, "Q 3"]) -> tuple[Float[Tensor, 3], Float[Tensor,
     return (low + high) / 2, (high - low)[0] / 2 * shape.new_tensor(REACH)
 
 
-def lip_traits(lips: Float[Tensor, "T Q 2"]) -> Float[Tensor, "T Q2"]:
-    """Where lips are, in units in which their squared distance from the mean is 1 in the mean."""
-    return lips.flatten(1) / lips.var(0).sum().sqrt().clamp_min(LEAST_WEIGHT)
+def gap(lips: Float[Tensor, "T Q 2"]) -> Float[Tensor, " T"]:
+    """How much further the inner lips are apart than those of the mean face, head units."""
+    return (lips[:, LOWER_RIM, 1] - lips[:, UPPER_RIM, 1]).mean(1)
+
+
+def lip_traits(lips: Float[Tensor, "T Q 2"], among: Float[Tensor, "C Q 2"]) -> Float[Tensor, "T K"]:
+    """Numbers whose squared distance tells how unlike lips are: where they are, and their gap.
+
+    Args:
+        lips: to be compared.
+        among: lips of the person; their squared distance from the mean is 1 + GAP in the mean.
+    """
+    spread = among.var(0, correction=0).sum().sqrt().clamp_min(LEAST_WEIGHT)
+    of_gap = gap(among).std(correction=0).clamp_min(LEAST_WEIGHT)
+    return torch.cat([lips.flatten(1) / spread, GAP**0.5 * gap(lips)[:, None] / of_gap], 1)
 
 
 def share(mouths: MouthViews, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
@@ -75,12 +89,22 @@ def fit_reading(
     return torch.cat([weights, (target.mean(0) - inputs.mean(0) @ weights)[None]]).float()
 
 
+def gaussians(points: Float[Tensor, "M 2"], at: Float[Tensor, "Q 2"]) -> Float[Tensor, "M Q"]:
+    """Gaussians round some points, at others."""
+    return torch.exp(-0.5 * (torch.cdist(points, at) / KERNEL) ** 2)
+
+
+def motion_weights(
+    at: Float[Tensor, "Q 2"], motion: Float[Tensor, "n Q 2"]
+) -> Float[Tensor, "n Q 2"]:
+    """Weights of the Gaussians round points whose sum moves each of them as given."""
+    stiff = STIFF * torch.eye(len(at), device=at.device)
+    return torch.linalg.solve(gaussians(at, at) + stiff, motion)
+
+
 def moved(chosen: ChosenMouths, points: Float[Tensor, "M 3"]) -> Float[Tensor, "n M 2"]:
     """How far beside their projection the chosen crops show points, pixels."""
-    apart = torch.cdist(points[:, :2], chosen.at)
-    kernel = torch.exp(-0.5 * (apart / KERNEL) ** 2)
-    kernel = kernel / (kernel.sum(1, keepdim=True) + STILL)
-    return kernel @ chosen.motion
+    return gaussians(points[:, :2], chosen.at) @ chosen.motion
 
 
 def nearest(
@@ -102,8 +126,8 @@ def nearest(
     """
     views = mouths.views
     wanted = wanted_lips(mouths, measures, origin) if learned is None else mouths.measured[learned]
-    spread = mouths.lips.var(0).mean().clamp_min(LEAST_WEIGHT**2)
-    of_lips = (mouths.lips - wanted).square().mean((1, 2)) / spread
+    traits = lip_traits(torch.cat([mouths.lips, wanted[None]]), mouths.lips)
+    of_lips = (traits[:-1] - traits[-1]).square().sum(-1)
     seen_from = F.normalize(views.c2w[:, :, 3], dim=-1)
     turned = (seen_from - F.normalize(origin, dim=0)).square().sum(-1) / TURN**2
     apart = (of_lips + turned).sqrt()
@@ -114,8 +138,8 @@ def nearest(
     chosen = chosen[:-1]
     down = wanted.new_tensor([1, -1])
     scale = views.focal / (views.c2w[chosen, :, 3] - region(mouths.shape)[0]).norm(dim=-1)
+    at = mouths.shape[:, :2] + wanted * down
+    motion = (mouths.lips[chosen] - wanted) * scale[:, None, None]
     return ChosenMouths(
-        maps.only(chosen, weight.clamp_min(LEAST_WEIGHT).log()),
-        mouths.shape[:, :2] + wanted * down,
-        (mouths.lips[chosen] - wanted) * scale[:, None, None],
+        maps.only(chosen, weight.clamp_min(LEAST_WEIGHT).log()), at, motion_weights(at, motion)
     )

@@ -162,7 +162,8 @@ class ChosenMouths:
     Attributes:
         maps: of these.
         at: points of the lips where they are wanted, x and y in the head frame.
-        motion: from there to where each crop shows them, pixels of the crop.
+        motion: weights of Gaussians round these points, whose sum moves them to where each crop
+            shows them, pixels of the crop.
     """
 
     maps: ReferenceMaps

@@ -106,6 +106,29 @@ def test_lips_are_where_the_measures_say(someone: Someone) -> None:
     torch.testing.assert_close(wanted, someone.dataset.lip_points[30], atol=2e-3, rtol=0)
 
 
+def test_lips_that_touch_are_unlike_lips_that_hardly_do_not() -> None:
+    """Of all that lips do the gap is little: a wide mouth that is closed is like a closed one."""
+    lips = 0.05 * torch.randn(30, 40, 2, generator=torch.Generator().manual_seed(0))
+    closed, wide, ajar = lips[:1].clone(), lips[:1].clone(), lips[:1].clone()
+    wide[..., 0] *= 1.3
+    ajar[:, mouth_views.LOWER_RIM, 1] += 0.03
+    traits = mouth_views.lip_traits(torch.cat([closed, wide, ajar]), lips)
+    apart = (traits[1:] - traits[0]).norm(dim=1)
+    assert (ajar - closed).norm() < (wide - closed).norm()
+    assert apart[1] > 1.5 * apart[0]
+
+
+def test_lips_close_together_are_moved_apart() -> None:
+    at = torch.tensor([[0.0, 0.0], [0.0, -0.02], [0.2, 0.0]])
+    motion = torch.tensor([[[0.0, 3.0], [0.0, -3.0], [1.0, 0.0]]])
+    weights = mouth_views.motion_weights(at, motion)
+    made = mouth_views.gaussians(at, at) @ weights
+    assert (made - motion).abs().max() < 0.6 * 3  # a mean of both would leave them where they are
+    assert (made[0, 0, 1] - made[0, 1, 1]) > 0.4 * 6
+    far = mouth_views.gaussians(at[:1] + 1.0, at) @ weights
+    assert far.abs().max() < 1e-3
+
+
 def test_a_lip_is_read_where_the_crop_shows_it(someone: Someone) -> None:
     _, chosen = someone.looked_at(0.0)
     shape = someone.mouths.shape
@@ -124,7 +147,8 @@ def test_a_lip_is_read_where_the_crop_shows_it(someone: Someone) -> None:
 def test_the_choice_changes_the_mouth_and_nothing_else(someone: Someone) -> None:
     middle, reach = mouth_views.region(someone.mouths.shape)
     conditioning = torch.randn(1, 70, generator=torch.Generator().manual_seed(1))
-    points = torch.stack([middle, middle + 1.05 * reach * torch.tensor([0.0, 1.0, 0.0])])
+    lip = someone.mouths.shape[0]
+    points = torch.stack([lip, middle + 1.05 * reach * torch.tensor([0.0, 1.0, 0.0])])
     as_is = someone.seen(points, conditioning)
     closed = someone.seen(points, conditioning, reading=someone.mouths.reading + 0.1)
     assert (as_is.colour[0] - closed.colour[0]).abs().max() > 1e-4

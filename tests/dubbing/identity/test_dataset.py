@@ -10,6 +10,7 @@ import torch
 
 from dfrf.cameras import project
 from dfrf.data.dataset import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
+from dfrf.field.mouth_views import LOWER_RIM, UPPER_RIM
 from dubbing.errors import DubbingError, TrainingError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
@@ -196,3 +197,9 @@ def test_lips_lie_beside_those_of_the_mean_face_by_what_is_seen(clip: PreparedCl
     assert moved[..., 0].abs().max() < 1e-4
     apart = np.linalg.norm(c2w[0, :, 3].numpy() - [0, -0.4, 0.8])
     assert moved[0, :, 1].mean().item() == pytest.approx(3 * apart / float(clip.focal), rel=0.05)
+
+
+def test_the_gap_is_measured_between_the_inner_lips() -> None:
+    points = [*OUTER_LIP, *INNER_LIP]
+    assert [points[k] for k in UPPER_RIM] == [82, 13, 312]
+    assert [points[k] for k in LOWER_RIM] == [87, 14, 317]
