@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 # The two families of presets: the format in the headers of their checkpoints, and the default
 # number of steps of a fine-tune.
 FORMATS = {"fast": "dfrf-3", "paper": "dfrf-paper-1"}
-STEPS = {"fast": 1500, "paper": 40_000}
+STEPS = {"fast": 1000, "paper": 40_000}
 FROM_BASE = ("fast", "fast-nowarp")  # what starts from the base of `fast`
 PUBLISHED_SPEECH = "deepspeech"  # the speech features of published checkpoints
 
@@ -141,7 +141,7 @@ class TrainConfig:
         seed: of everything that is drawn while training.
     """
 
-    iterations: int = 1500
+    iterations: int = 1000
     coarse_iterations: int = 0
     rays: int = 3072
     frames: int = 16

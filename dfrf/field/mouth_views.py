@@ -26,6 +26,7 @@ VIEWS = 4  # that a point looks at
 TURN = 0.15  # rad that count as much as lips that are as unlike as two frames in the mean
 GAP = 3.0  # how much the gap counts: of all that lips do it is little, and what is looked at
 FADE = 2  # power by which a view's weight falls with its distance
+NEAREST = 4  # power of the weight: a mean of four kinds of teeth shows none
 EDGE = 0.7  # of the region's radii, from where its weight falls to nothing
 REACH = (1.5, 1.3, 1.5)  # half axes of the region to the side, up and forwards, half mouth widths
 NEIGHBOURS = 10  # frames to each side of one that is learned, which show nearly the same
@@ -141,5 +142,7 @@ def nearest(
     at = mouths.shape[:, :2] + wanted * down
     motion = (mouths.lips[chosen] - wanted) * scale[:, None, None]
     return ChosenMouths(
-        maps.only(chosen, weight.clamp_min(LEAST_WEIGHT).log()), at, motion_weights(at, motion)
+        maps.only(chosen, NEAREST * weight.clamp_min(LEAST_WEIGHT).log()),
+        at,
+        motion_weights(at, motion),
     )
