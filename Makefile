@@ -46,7 +46,7 @@ attack: .venv/installed-dev
 # Times a person that was dubbed before; the demo's by default.
 BENCH ?= out/demo/demo.yaml alba
 bench: .venv/installed
-	$(BIN)/python -m dubbing.lab.benchmark $(BENCH) out/bench.json
+	$(BIN)/python -m dubbing.bench.benchmark $(BENCH) out/bench.json
 
 # The tables of docs/results.md: people of manifests, learned with several seeds. Takes hours; goes on
 # where it stopped. The real clips lie beside the clone, if at all.

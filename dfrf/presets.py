@@ -98,7 +98,7 @@ class Preset:
 FAST_TRAININGS = Trainings(
     base=BASE_TRAINING,
     finetune=FINETUNE,
-    alone=replace(FINETUNE, lip_iterations=LIP_ITERATIONS),
+    alone=replace(FINETUNE, lip_iterations=LIP_ITERATIONS, warmup=TrainConfig.warmup),
 )
 # Who starts from nothing learns without the warp first, like a base.
 PAPER_TRAININGS = Trainings(

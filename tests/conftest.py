@@ -28,6 +28,7 @@ MEDIUM = (
     "dfrf/training/test_lip_supervision.py",
     "dfrf/training/test_step.py",
     "dfrf/training/test_validation.py",
+    "dubbing/bench/",
     "dubbing/cli/test_doctor.py",
     "dubbing/cli/test_dub.py",
     "dubbing/cli/test_main.py",

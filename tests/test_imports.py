@@ -73,6 +73,27 @@ def test_no_rooms_import_one_another(package: str) -> None:
         pytest.fail("rooms import one another:\n" + "\n".join(places))
 
 
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_files_import_one_another(package: str) -> None:
+    """Not even for mypy alone. Doors of packages, which gather what is in them, do not count."""
+    files = {p.relative_to(ROOT).with_suffix(""): p for p in modules(package)}
+    names = {".".join(f.parts): p for f, p in files.items() if f.name != "__init__"}
+    graph = {
+        own: {
+            other
+            for _, name in imported(path)
+            for other in (name, name.rpartition(".")[0])
+            if other in names and other != own
+        }
+        for own, path in names.items()
+    }
+    assert sum(map(len, graph.values())) > len(graph)
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail("files import one another: " + " -> ".join(reversed(error.args[1])))
+
+
 def test_a_cycle_would_be_found() -> None:
     with pytest.raises(CycleError):
         TopologicalSorter({"a": {"b"}, "b": {"c"}, "c": {"a"}}).prepare()

@@ -124,7 +124,7 @@ class SurfaceRays:
     """Rays through points of the mean face.
 
     Attributes:
-        rays: their frame is an index into the frames that were asked for.
+        rays: their frame is an index into the given frames.
         distance: of the point along its ray, head units.
     """
 

@@ -143,9 +143,8 @@ class Field(nn.Module):
 
         Their motion is measured and stands in for what D_eta has to guess.
         """
-        positions = mouths.maps.views.project(query.points) + mouth_views.moved(
-            mouths, query.points
-        )
+        points = query.points
+        positions = mouths.maps.views.project(points) + mouth_views.moved(mouths, points)
         return self.aggregate(query, mouths.maps, conditioning, positions)
 
     def fuse_references(
@@ -154,20 +153,18 @@ class Field(nn.Module):
         maps: ReferenceMaps,
         conditioning: Float[Tensor, "F K"],
         warp: bool,
+        of_mouths: Float[Tensor, " M"],
     ) -> Fused:
-        """What the references show of points; near the lips, views of mouths like that one."""
+        """What the references show of points; their share of it is read off views of mouths."""
         positions, offset = self.locate(query, maps, conditioning, warp)
         fused, colour, _ = self.aggregate(query, maps, conditioning, positions)
         seen = fused, colour, offset
-        mouths = maps.views.mouths
-        if mouths is not None and maps.chosen:
-            share = mouth_views.share(mouths, query.points)
-            near = share.nonzero().squeeze(1)
-            for frame, chosen in enumerate(maps.chosen):
-                at, weight = weighty(near, share[near] * query.belongs[near, frame])
-                if len(at):
-                    mouth = self.sample_mouths(query.only(at), chosen, conditioning)
-                    seen = mixed(seen, mouth, at, weight)
+        near = of_mouths.nonzero().squeeze(1)
+        for frame, chosen in enumerate(maps.chosen):
+            at, weight = weighty(near, of_mouths[near] * query.belongs[near, frame])
+            if len(at):
+                mouth = self.sample_mouths(query.only(at), chosen, conditioning)
+                seen = mixed(seen, mouth, at, weight)
         return seen
 
     def query(
@@ -207,7 +204,8 @@ class Field(nn.Module):
         query = self.query(points, directions, frame, conditioning)
         parts, offset = [query.encoded], points.new_zeros(0, points.shape[0], 2)
         if maps is not None:
-            fused, blended, offset = self.fuse_references(query, maps, conditioning, warp)
+            share = mouth_views.share(maps, points)
+            fused, blended, offset = self.fuse_references(query, maps, conditioning, warp, share)
             parts.append(fused.to(query.encoded.dtype))
         # Equation (7): colour and density = F_theta(p, d, A, F~).
         h = self.input(torch.cat(parts, -1))
@@ -224,10 +222,6 @@ class Field(nn.Module):
         own = raw[..., :3].sigmoid()
         if maps is None:
             return FieldOutput(density, own, offset)
-        gate = (raw[..., 3:] + 2).sigmoid()
-        if maps.views.mouths is not None and maps.chosen:
-            # A colour of the field's own is soft, which costs less than teeth in a wrong place.
-            gate = torch.lerp(
-                gate, gate.new_ones(()), mouth_views.share(maps.views.mouths, points)[:, None]
-            )
+        # A colour of the field's own is soft, which costs less than teeth in a wrong place.
+        gate = torch.lerp((raw[..., 3:] + 2).sigmoid(), raw.new_ones(()), share[:, None])
         return FieldOutput(density, gate * blended + (1 - gate) * own, offset)

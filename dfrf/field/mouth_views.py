@@ -64,8 +64,11 @@ def lip_traits(lips: Float[Tensor, "T Q 2"], among: Float[Tensor, "C Q 2"]) -> F
     return torch.cat([lips.flatten(1) / spread, GAP**0.5 * gap(lips)[:, None] / of_gap], 1)
 
 
-def share(mouths: MouthViews, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
-    """How much of what is seen of points is read off mouths, 0..1."""
+def share(maps: ReferenceMaps, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
+    """How much of what is seen of points is read off mouths, 0..1; 0 where none is looked at."""
+    mouths = maps.views.mouths
+    if mouths is None or not maps.chosen:
+        return points.new_zeros(len(points))
     middle, reach = region(mouths.shape)
     return ramp(((points - middle) / reach).norm(dim=-1), 1, EDGE)
 

@@ -4,7 +4,7 @@ What the lips of people in general would do is predicted from the sound, outside
 lip measures and a score that rises where lips touch. How wide this person's get, how long they stay
 open, how early they close and how often they touch, a few seconds of them show.
 
-C frames in a row, F of them asked for, R = REACH frames to each side, P = L + 1 predicted numbers.
+C frames in a row, F of them adapted, R = REACH frames to each side, P = L + 1 predicted numbers.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def closure_score(
 class SpeakerAdaptation(nn.Module):
     """This person's lips, from those of people in general: a linear map, and where they touch.
 
-    Lips touch where the score says so, and the less the further the linear map has them open.
+    Lips touch where the score is high, less so where the linear map opens them further.
 
     Attributes:
         score: two numbers that the score of a frame and its opening are multiplied by, and a third

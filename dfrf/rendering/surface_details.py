@@ -66,13 +66,6 @@ class SurfaceDetails:
         """K."""
         return 3 * self.counts[0] + self.counts[1]
 
-    def mouth_share(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
-        """How much of what is seen of points is read off views of the mouth, 0..1."""
-        mouths = self.maps.views.mouths
-        if mouths is None or not self.maps.chosen:
-            return points.new_zeros(len(points))
-        return mouth_views.share(mouths, points)
-
     def anchors(
         self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]
     ) -> Float[Tensor, "M K"]:
@@ -95,7 +88,7 @@ class SurfaceDetails:
         _, _, weights = field.aggregate(query, maps, known, positions)
         moved = (positions - maps.views.project(points)).movedim(0, 1).flatten(1)
         of_mouths = points.new_zeros(len(points), self.counts[1])
-        near = self.mouth_share(points).nonzero()[:, 0]
+        near = mouth_views.share(self.maps, points).nonzero()[:, 0]
         if len(near):
             _, _, theirs = field.sample_mouths(query.only(near), maps.chosen[0], known)
             of_mouths[near] = theirs.T.float()
@@ -109,7 +102,7 @@ class SurfaceDetails:
         moved, weights, of_mouths = anchors.split([2 * n, n, m], 1)
         moved = moved.view(-1, n, 2).movedim(1, 0)
         seen = blend(self.maps, self.maps.views.project(points) + moved, weights)
-        share = self.mouth_share(points)
+        share = mouth_views.share(self.maps, points)
         near = share.nonzero()[:, 0]
         if len(near):
             mouths, some = self.maps.chosen[0], points[near]

@@ -1,4 +1,4 @@
-"""`dfrf doctor`: what this machine has and lacks. What may be missing is imported late."""
+"""What this machine has and lacks. What may be missing is imported late."""
 
 import importlib.util
 import os
@@ -9,9 +9,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from dubbing import packages
 from dubbing.errors import MediaError
@@ -29,30 +26,6 @@ class Finding:
     state: str
     found: str
     remedy: str = ""
-
-
-def doctor(
-    calibrate: Annotated[
-        bool,
-        typer.Option("--calibrate", help="Measure for `plan` how fast this machine is: a minute."),
-    ] = False,
-) -> None:
-    """What this machine has and lacks, and the command that mends it."""
-    from dubbing.cli import console
-
-    if calibrate:
-        packages.require("synthetic")
-        from dubbing.batch import estimates
-        from dubbing.cli import live
-        from dubbing.lab.calibration import calibrate as work
-
-        with live.progress_bar("calibrate") as progress:
-            found = work(progress)
-        console.rates(found, estimates.rates_file())
-        return
-    findings = examine()
-    console.doctor(findings)
-    raise typer.Exit(int(any(finding.state == "lacking" for finding in findings)))
 
 
 def examine() -> list[Finding]:

@@ -17,8 +17,8 @@ import typer
 
 from dubbing.cli import (
     clip_commands,
-    doctor,
     job_commands,
+    machine_commands,
     provenance_commands,
     research_commands,
     training_commands,
@@ -64,7 +64,7 @@ for command in (
     *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.demo),
     *(clip_commands.prepare, clip_commands.sync),
     *(research_commands.evaluate, research_commands.import_checkpoint),
-    doctor.doctor,
+    machine_commands.doctor,
     *(provenance_commands.verify, provenance_commands.consent),
     *(training_commands.train_base, training_commands.train_speech, training_commands.train_sync),
 ):

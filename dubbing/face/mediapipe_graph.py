@@ -39,7 +39,7 @@ def without_native_messages() -> Iterator[None]:
 
 
 class Solution:
-    """A solution that is begun by `make`, say `partial(face_mesh.FaceMesh, max_num_faces=1)`."""
+    """A solution that is begun by `make`, as `partial(face_mesh.FaceMesh, max_num_faces=1)`."""
 
     def __init__(self, make: Callable[[], Any]) -> None:
         with without_native_messages():

@@ -1,4 +1,4 @@
-"""Which seconds of a clip a person is learned from: those that show and say the most.
+"""Which seconds of a clip a person is learned from: those with the most views and sounds.
 
 T frames of a clip, F frames that are learned from.
 """

@@ -50,14 +50,13 @@ def lid_openings(points: np.ndarray) -> np.ndarray:
     return between.sum(-1) / unit[:, None]
 
 
-def upper_measures(clip: PreparedClip) -> np.ndarray:
+def upper_face_expression(clip: PreparedClip) -> np.ndarray:
     """How far lids and brows are up and where the eyes look, (T, 6), 0 where no face was found.
 
     Opening of the lids and height of the brow of the left and of the right eye, gaze of both to the
-    right and downwards, the order of `dfrf.data.MIRRORED_EXPRESSION`: in units of the distance
-    between the eyes, less their medians over the clip. Speech says nothing
-    of them, so the field is conditioned on them, and given the pose: a rendered frame takes both
-    from the same frame of the clip.
+    right and downwards, the order of `MIRRORED_EXPRESSION` in `dfrf.data.dataset`: in units of the
+    distance between the eyes, less their medians over the clip. Speech does not determine them, so
+    the field is conditioned on them: a rendered frame takes them, like its pose, from the clip.
     """
     points = clip.landmarks
     _, right, unit = eye_axes(points[:, list(EYE_CORNERS)])
@@ -118,7 +117,7 @@ def load_identity(
         name: of the person, for messages.
         clip: what `prepare` made of the film.
         speech: of every frame of the clip.
-        frames: (F,) of the clip, in their order. What is heard at one says nothing of another that
+        frames: (F,) of the clip, in their order. What is heard at one is not joined to another that
             does not follow it without a gap.
         every: keep the picture of one frame of so many.
         folder: where the pictures lie, see `PictureStore`; in memory when None.
@@ -157,7 +156,7 @@ def load_identity(
         c2w=torch.from_numpy(clip.c2w()[index]).float(),
         focal=float(clip.focal),
         centres=torch.from_numpy(clip.centre[index]).float(),
-        expression=torch.from_numpy(upper_measures(clip)[index]).float(),
+        expression=torch.from_numpy(upper_face_expression(clip)[index]).float(),
         number=torch.from_numpy(number),
         windows=torch.from_numpy(speech.windows[speaking]).float(),
         predicted_lips=torch.from_numpy(speech.lips[speaking]).float(),

@@ -14,7 +14,7 @@ SUMMARY_FILE = "finetune.json"  # beside a model: how it was learned
 
 
 class Summary(TypedDict):
-    """What of a fine-tune's summary is shown."""
+    """What is read of a fine-tune's summary."""
 
     learned: list[tuple[float, float]]
 

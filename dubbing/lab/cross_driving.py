@@ -87,7 +87,7 @@ def measure_dub(
     mouths = MouthSeries(load_network().face.numpy(), float(clip.rate))
     rows: list[dict[str, float]] = []
     chins: list[ChinFigures] = []
-    shown_tiles: list[np.ndarray] = []
+    tile_rows: list[np.ndarray] = []
     done = 0
     with FaceMesh(tracking=True) as dub_mesh, FaceMesh(tracking=True) as true_mesh:
         for number, (first, count) in enumerate(parts):
@@ -113,12 +113,12 @@ def measure_dub(
                         chin = chin_figures(dub, film, found[:, :2], clip.landmarks[index])
                     chins.append(chin)
                     rows.append({"frame": k, "under": index, **asdict(mouth), **asdict(chin)})
-                    if done in tiles.shown_frames(0, total):
-                        shown_tiles.append(np.concatenate([image, dub, film]))
+                    if done in tiles.tile_frames(0, total):
+                        tile_rows.append(np.concatenate([image, dub, film]))
                     done += 1
                     progress(f"P15x: frame {done} of {total}", done / total)
     write_csv(out / "frames.csv", rows)
-    tiles.write_tiles(out, shown_tiles)
+    tiles.write_tiles(out, tile_rows)
     return {**mouths.figures(), **chin_ratios(chins), "frames": total}
 
 
@@ -151,7 +151,7 @@ def dubbed(
                 index[start:stop].tolist(), rendered, sources, strict=True
             ):
                 *_, whole = source
-                assert whole is not None  # it was asked for
+                assert whole is not None  # "full" reads it
                 head, seen = heads.to_rgba(colour, opacity), float(clip.valid[k])
                 frame = composer.with_faces(whole, [composer.Face(clip, source, head, seen)], k)
                 yield cropping.crop(frame, clip.crop[k], clip.size), source[0], k

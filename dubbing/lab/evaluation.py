@@ -60,7 +60,7 @@ Figures = dict[str, dict[str, dict[str, Any]]]  # identity -> method -> figure -
 
 
 class Learned(TypedDict):
-    """What of a fine-tune's summary is shown."""
+    """What is read of a fine-tune's summary."""
 
     steps: int
     seconds: float
@@ -91,8 +91,8 @@ def evaluate(
         only: names of identities or patterns; all when empty.
         protocol: p15, p15x or both.
         seconds: of the held-out part that are tested, its first; all when None.
-        every: P15 renders and compares one frame of so many. More than one says nothing of how the
-            mouth moves nor of lip sync; P15x always takes all frames.
+        every: P15 renders and compares one frame of so many. With more than one, motion and lip
+            sync are not measured; P15x always takes all frames.
         lpips_weights: the weights of torchvision's AlexNet; LPIPS is not measured without.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
@@ -116,10 +116,10 @@ def evaluate(
         raise DubbingError(
             f"no protocol is called {protocol}", "--protocol", f"there is {', '.join(PROTOCOLS)}"
         )
-    asked = PROTOCOLS[protocol]
+    protocols = PROTOCOLS[protocol]
     names = [name for name in manifest.identities if name in chosen]
     for name in names:  # before anybody is learned
-        frames_to_test(manifest, name, [supposed(manifest.identities[name])], seconds, asked)
+        frames_to_test(manifest, name, [supposed(manifest.identities[name])], seconds, protocols)
     network = None
     if lpips_weights is not None:
         try:
@@ -139,7 +139,7 @@ def evaluate(
                     progress(f"{title}: {message}", share)
 
                 figures = evaluate_one(
-                    manifest, name, method, (seconds, asked), every, network, device, notify
+                    manifest, name, method, (seconds, protocols), every, network, device, notify
                 )
                 before = found.setdefault(name, {}).get(method, {})
                 found[name][method] = merged(before, figures)

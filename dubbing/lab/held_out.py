@@ -20,8 +20,8 @@ class Tested:
 
     Attributes:
         learned: frames that were learned from.
-        p15: the part whose pictures are compared; None where they are not asked for.
-        p15x: the parts whose speech is dubbed over other pictures; none where not asked for.
+        p15: the part whose pictures are compared; None without this protocol.
+        p15x: the parts whose speech is dubbed over other pictures; none without it.
     """
 
     learned: list[Part]

@@ -84,7 +84,7 @@ def measure(
         first, count: frames to test.
         out: folder.
         every: one frame of so many is rendered and compared, its pose and speech what they are when
-            all are. More than one says nothing of how the mouth moves.
+            all are. With more than one, how the mouth moves is not measured.
         lpips: the network, where its weights are at hand.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
@@ -98,7 +98,7 @@ def measure(
     out.mkdir(parents=True, exist_ok=True)
     figures: list[FrameFigures] = []
     rows: list[dict[str, float]] = []
-    shown_tiles: list[np.ndarray] = []
+    tile_rows: list[np.ndarray] = []
     flicker = Flicker(clip, brow_skin(clip))
     mouths = MouthSeries(load_network().face.numpy(), float(clip.rate))
     index = np.arange(clip.frames_count)
@@ -127,8 +127,8 @@ def measure(
             for video, picture in zip(videos, (composed, image), strict=False):
                 video.write(picture)
             flicker.add(k, composed, image)
-            if k in tiles.shown_frames(first, count, every):
-                shown_tiles.append(np.concatenate([image, composed]))
+            if k in tiles.tile_frames(first, count, every):
+                tile_rows.append(np.concatenate([image, composed]))
             if clip.valid[k]:
                 found, truth = render_mesh(composed), source_mesh(image)
                 figures.append(compare(k, composed, image, clip.landmarks[k], found, truth, lpips))
@@ -136,7 +136,7 @@ def measure(
                 rows.append({**asdict(figures[-1]), **asdict(mouth)})
             progress(f"frame {k - first + 1} of {count}", (k - first + 1) / count)
     write_csv(out / "frames.csv", rows)
-    tiles.write_tiles(out, shown_tiles)
+    tiles.write_tiles(out, tile_rows)
     return {
         **mean_figures(figures),
         **mouths.figures(in_a_row=every == 1),

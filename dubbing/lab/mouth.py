@@ -72,7 +72,7 @@ class MouthSeries:
 
         Args:
             frame: its number in the clip; frames in a row have numbers in a row.
-            shown, image: render and source, (S, S, 3) uint8.
+            rendered, image: render and source, (S, S, 3) uint8.
             found, truth: their meshes (478, 3) px; None where no face was found.
         """
         figures = MouthFigures()
@@ -107,14 +107,14 @@ class MouthSeries:
         return values
 
     def figures(self, *, in_a_row: bool = True) -> dict[str, float]:
-        """Figures of all frames; one that cannot be said is left out.
+        """Figures of all frames; one that cannot be computed is left out.
 
         `missed` is there where a face is: frames in which only the source shows one. They are in no
         other figure.
 
         Args:
             in_a_row: whether the frames follow one another, but for cuts and for frames without a
-                face. If not, nothing is said of how the mouth moves.
+                face. If not, how the mouth moves is not measured.
         """
         gap, true_gap = self.series("opening"), self.series("source_opening")
         wide, true_wide = self.series("width"), self.series("source_width")
@@ -136,8 +136,8 @@ class MouthSeries:
                 "opening_ratio": lips.spread_ratio(gap, true_gap),
                 "lag_ms": lips.lag_ms(gap, true_gap, self._rate),
             }
-        said = {name: value for name, value in known.items() if not np.isnan(value)}
-        return said | ({"missed": self._missed} if self._still or self._missed else {})
+        figures = {name: value for name, value in known.items() if not np.isnan(value)}
+        return figures | ({"missed": self._missed} if self._still or self._missed else {})
 
     def _rms_of_a_still_mouth(self) -> float:
         """`lip_rms` of a render whose lips would stay at the source's mean."""

@@ -59,10 +59,10 @@ def table(columns: Columns, runs: Sequence[Figures]) -> list[str]:
         if len(people) > 1:
             middle = [_medians(columns, run, method) for run in runs]
             rows.append([f"median of {len(people)}", method, *_cells(columns, middle)])
-    shown = [k for k in range(2 + len(columns)) if any(row[k] for row in rows)]
+    filled = [k for k in range(2 + len(columns)) if any(row[k] for row in rows)]
     head = ["clip", "method", *(title for title, _, _ in columns)]
     lines = [head, ["---"] * len(head), *rows]
-    return ["| " + " | ".join(line[k] for k in shown) + " |" for line in lines]
+    return ["| " + " | ".join(line[k] for k in filled) + " |" for line in lines]
 
 
 def _medians(columns: Columns, run: Figures, method: str) -> dict[str, float]:

@@ -71,9 +71,9 @@ def _measure(manifest: Manifest, first: Manifest, request: Request, progress: Pr
     for name, person in manifest.identities.items():
         finetune = pipeline.identity_job(manifest, name, person, request.device).stages["finetune"]
         read = sorted(finetune.sources().values())
-        said = person.model_dump(mode="json")
+        settings = person.model_dump(mode="json")
         how = [request.every, request.lpips_weights is not None]
-        way = digest_data([code_version(CODE), how, said, read])
+        way = digest_data([code_version(CODE), how, settings, read])
         for method in request.methods:
             key = f"{name}/{method}"
             if done.get(key) == way:

@@ -16,21 +16,21 @@ from dubbing.identity.dataset import mouth_boxes
 from dubbing.preparation.prepared import PreparedClip
 
 TILES_FILE, METHODS_FILE = "tiles.png", "methods.png"
-TILES = 20  # frames of a method that are shown, about
+TILES = 20  # of a method, about
 COLUMNS = 6  # of them beside other methods
 SIDE = 256  # px of a picture beside other methods
 STRIP = 160  # px, height of a mouth beside other methods
 AROUND = 1.1  # width of a strip, in mouth boxes
 
 
-def shown_frames(first: int, count: int, every: int = 1) -> range:
-    """Which of the frames first .. first + count are shown, if one of so many is tested."""
+def tile_frames(first: int, count: int, every: int = 1) -> range:
+    """Which of the frames first .. first + count get a tile, if one of so many is tested."""
     tested = -(-count // every)
     return range(first, first + count, every * max(1, tested // TILES))
 
 
 def write_tiles(folder: Path, tiles: Sequence[np.ndarray]) -> None:
-    """FOLDER/tiles.png from pictures (R S, S, 3) of the shown frames, source above render."""
+    """FOLDER/tiles.png from pictures (R S, S, 3) of these frames, source above render."""
     _write(folder / TILES_FILE, np.concatenate(tiles, 1))
 
 
@@ -43,7 +43,7 @@ def write_methods(
     count: int,
     every: int = 1,
 ) -> None:
-    """FOLDER/methods.png: some shown frames and their mouths, of the source and of every method.
+    """FOLDER/methods.png: some of these frames and their mouths, of the source and of every method.
 
     Args:
         folder: has the tiles of each method in a folder of the method's name. A method without
@@ -57,7 +57,7 @@ def write_methods(
             both = _read(folder / method)
             if np.array_equal(both[: clip.size], rows["source"]):
                 rows[method] = both[clip.size :]
-    frames = np.array(shown_frames(first, count, every))
+    frames = np.array(tile_frames(first, count, every))
     some = np.unique(np.linspace(0, len(frames) - 1, COLUMNS).round().astype(int))
     boxes = mouth_boxes(clip.landmarks[frames[some]], clip.size)
     faces, mouths = [], []

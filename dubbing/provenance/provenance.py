@@ -1,4 +1,4 @@
-"""Saying that a picture is AI-generated: a mark on every frame, and tags in the container."""
+"""Labels of an AI-generated picture: a mark on every frame, and tags in the container."""
 
 from importlib import metadata
 

@@ -108,22 +108,22 @@ class Composer:
     def untouched(self) -> np.ndarray:
         """Frames (F,) bool that are the film's own."""
         own = np.ones(len(self.poses), bool)
-        for spoken in self.heads:
-            own[spoken.first : spoken.stop] = False
+        for cue in self.heads:
+            own[cue.first : cue.stop] = False
         return own
 
     def read(self, first: int, stop: int) -> Iterator[tuple[np.ndarray, list[Face]]]:
         """The film's frames (or crops) first .. stop of the dub, and the faces to replace."""
         edges = {edge for h in self.heads for edge in (h.first, h.stop) if first < edge < stop}
         for low, high in pairwise([first, *sorted(edges), stop]):
-            spoken = [h for h in self.heads if h.first <= low < h.stop]
-            if spoken:
-                yield from self._spoken(spoken, low, high)
+            heads = [h for h in self.heads if h.first <= low < h.stop]
+            if heads:
+                yield from self._with_heads(heads, low, high)
             else:
                 for image in read_film(self.film, self.poses[low:high]):
                     yield image, []
 
-    def _spoken(
+    def _with_heads(
         self, heads: list[Heads], low: int, high: int
     ) -> Iterator[tuple[np.ndarray, list[Face]]]:
         poses = self.poses[low:high]

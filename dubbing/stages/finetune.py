@@ -42,7 +42,7 @@ POSING = 0.25  # of the steps: then the model knows the head well enough to refi
 
 @dataclass(frozen=True)
 class FinetuneSettings:
-    """What a manifest says about an identity's fine-tune.
+    """Settings of an identity's fine-tune.
 
     Attributes:
         preset: name in `dfrf.presets`.
@@ -65,7 +65,7 @@ class FinetuneSettings:
         return None if self.speech_weights is None else Path(self.speech_weights)
 
     def speech_header(self) -> dict[str, str]:
-        """What a checkpoint's header says of its speech features: their name and weights."""
+        """What a checkpoint's header holds of its speech features: their name and weights."""
         digest = features.fingerprint(self.speech, self.weights)
         return {"speech": self.speech, **({"speech_digest": digest} if digest else {})}
 
@@ -73,7 +73,7 @@ class FinetuneSettings:
 def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
     """A model to start a person from: the base's weights, warp and occupancy prior included.
 
-    A published checkpoint heard DeepSpeech, and does not say by which weights. Where a person hears
+    A published checkpoint heard DeepSpeech, by weights it does not name. Where a person hears
     something else, the layer of its AudioNet that reads it begins anew; all else is taken.
 
     Raises:
@@ -90,14 +90,14 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
         raise CheckpointError(str(error), remedy="name another base checkpoint") from error
     if family(settings.preset) != model.FAMILY:
         raise CheckpointError(
-            f"is a base of preset {model.FAMILY!r}, asked for {settings.preset!r}",
+            f"is a base of preset {model.FAMILY!r}, wanted {settings.preset!r}",
             base.name,
             "name a base of that preset, or change the preset",
         )
     published = header.get("speech") == PUBLISHED_SPEECH and "speech_digest" not in header
     if not published and header.get("speech") != settings.speech:
         raise CheckpointError(
-            f"was trained with {header.get('speech')!r} speech, asked for {settings.speech!r}",
+            f"was trained with {header.get('speech')!r} speech, wanted {settings.speech!r}",
             base.name,
             "use the features the checkpoint was trained with",
         )

@@ -24,7 +24,7 @@ from dfrf.workers import Workers
 from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.files import atomic_path
-from dubbing.identity.dataset import upper_measures
+from dubbing.identity.dataset import upper_face_expression
 from dubbing.preparation.alignment.banded import DOF, lower_band, smoothness_blocks, solve_band
 from dubbing.preparation.alignment.rotations import relative_vectors
 from dubbing.preparation.prepared import PreparedClip
@@ -73,14 +73,14 @@ def refined(
     wanted = np.zeros(len(clip), bool)
     wanted[frames] = True
     c2w = torch.from_numpy(clip.c2w()).float()
-    upper = torch.from_numpy(upper_measures(clip)).float()
+    expression = torch.from_numpy(upper_face_expression(clip)).float()
     corrections = torch.zeros(len(clip), DOF)
     shots = np.unique(clip.segment[wanted & clip.valid])
     for number, shot in enumerate(shots):
         index = np.flatnonzero(wanted & (clip.segment == shot))
         if progress is not None:
             progress(f"poses of shot {number + 1} of {len(shots)}", 0.0)
-        found = shot_corrections(model, maps, clip, c2w, upper, index)
+        found = shot_corrections(model, maps, clip, c2w, expression, index)
         corrections[index] = torch.from_numpy(found)
     return clip.seen_by(moved(c2w, corrections).double().numpy())
 
@@ -117,13 +117,13 @@ def shot_corrections(
     maps: ReferenceMaps | None,
     clip: PreparedClip,
     c2w: Tensor,
-    upper: Tensor,
+    expression: Tensor,
     index: np.ndarray,
 ) -> np.ndarray:
     """Corrections (F, 6) float32 of frames `index` (F,), rising, of one shot; some show a face.
 
     Args:
-        c2w, upper: (T, 3, 4) cameras and (T, U) measures of the upper face, of the whole clip.
+        c2w, expression: (T, 3, 4) cameras and (T, U) measures of the upper face, of the whole clip.
     """
     device = model.device
     seen = index[clip.valid[index]]
@@ -141,7 +141,7 @@ def shot_corrections(
             before, keys = keys, key_frames(seen, c2w[seen, :, :3].double().numpy(), apart, turn)
             found = between(found, before, keys)
             observations |= observations_of(clip, keys[~np.isin(keys, list(observations))])
-            conditioning = silent(model, upper[keys])
+            conditioning = silent(model, expression[keys])
             for _ in range(steps):
                 cameras = moved(c2w[keys], torch.from_numpy(found).float()).to(device)
                 inputs = zip([observations[k] for k in keys], cameras, conditioning, strict=True)
@@ -186,10 +186,10 @@ def smoothest(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 @torch.no_grad()
-def silent(model: FastModel, upper: Tensor) -> Tensor:
+def silent(model: FastModel, expression: Tensor) -> Tensor:
     """Conditioning of frames (K, U) while nobody speaks, (K, cond_dim)."""
-    windows = torch.zeros(len(upper), NEIGHBOURS, 16, model.config.field.speech_dim)
-    parts = windows, torch.zeros(len(upper) + 2 * REACH, PREDICTED), upper
+    windows = torch.zeros(len(expression), NEIGHBOURS, 16, model.config.field.speech_dim)
+    parts = windows, torch.zeros(len(expression) + 2 * REACH, PREDICTED), expression
     conditioning: Tensor = model.field.conditioning(*(part.to(model.device) for part in parts))
     return conditioning
 

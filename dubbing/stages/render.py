@@ -16,7 +16,7 @@ from dfrf.method import FrameInputs, Maps
 from dfrf.presets import method_of
 from dubbing.compositing.face_mask import rendered_region
 from dubbing.errors import CheckpointError
-from dubbing.identity.dataset import upper_measures
+from dubbing.identity.dataset import upper_face_expression
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
@@ -127,7 +127,7 @@ def frames(
         torch.from_numpy(clip.centre[poses]).float().to(device),
         near.to(device),
         torch.from_numpy(speech.lips[around]).float().to(device),
-        torch.from_numpy(upper_measures(clip)[poses]).float().to(device),
+        torch.from_numpy(upper_face_expression(clip)[poses]).float().to(device),
         clip.size,
         None if regions is None else torch.from_numpy(regions).to(device),
     )

@@ -4,11 +4,27 @@ T frames with 6 unknowns each. Poses that are smoothed by their second differenc
 matrix with three block diagonals: a band of 18 rows, solved in time linear in T.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.linalg import solveh_banded
 
 DOF = 6
 BAND = 3 * DOF
+HUBER = 1.345
+
+
+@dataclass(frozen=True)
+class NormalEquations:
+    """diagonal (T, 6, 6) and right-hand side (T, 6) of one Gauss-Newton step of the poses."""
+
+    diagonal: np.ndarray
+    right: np.ndarray
+
+
+def huber_weight(distance: np.ndarray) -> np.ndarray:
+    """Weights of iteratively reweighted least squares for distances in sigmas."""
+    return np.minimum(1.0, HUBER / np.maximum(distance, 1e-12))
 
 
 def lower_band(diagonal: np.ndarray, next_one: np.ndarray, next_two: np.ndarray) -> np.ndarray:

@@ -12,12 +12,18 @@ prior by |X_p - X0_p|^2 / .05^2.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
-from dubbing.preparation.alignment.banded import DOF, lower_band, smoothness_blocks, solve_band
+from dubbing.preparation.alignment.banded import (
+    DOF,
+    NormalEquations,
+    huber_weight,
+    lower_band,
+    smoothness_blocks,
+    solve_band,
+)
 from dubbing.preparation.alignment.camera import (
     Poses,
     point_jacobian,
@@ -26,11 +32,8 @@ from dubbing.preparation.alignment.camera import (
     to_camera,
 )
 from dubbing.preparation.alignment.rotations import relative_vectors
+from dubbing.preparation.alignment.silhouette import Silhouette
 
-if TYPE_CHECKING:
-    from dubbing.preparation.alignment.silhouette import Silhouette
-
-HUBER = 1.345
 SHAPE_SIGMA = 0.05
 TURN_SIGMA = np.deg2rad(0.5)  # of second differences at 25 frames a second
 SHIFT_SIGMA = np.array([0.01, 0.01, 0.06])
@@ -81,14 +84,6 @@ class Observations:
         )
 
 
-@dataclass(frozen=True)
-class NormalEquations:
-    """diagonal (T, 6, 6) and right-hand side (T, 6) of one Gauss-Newton step of the poses."""
-
-    diagonal: np.ndarray
-    right: np.ndarray
-
-
 def start_poses(shape: np.ndarray, seen: Observations) -> Poses:
     """Perspective-n-point pose of every usable frame; the others copy the nearest usable one."""
     frames = len(seen.pixels)
@@ -104,11 +99,6 @@ def start_poses(shape: np.ndarray, seen: Observations) -> Poses:
         rotation[t], translation[t] = cv2.Rodrigues(vector)[0], shift[:, 0]
     nearest = usable[np.abs(np.arange(frames)[:, None] - usable[None]).argmin(1)]
     return Poses(rotation[nearest], translation[nearest])
-
-
-def huber_weight(distance: np.ndarray) -> np.ndarray:
-    """Weights of iteratively reweighted least squares for distances in sigmas."""
-    return np.minimum(1.0, HUBER / np.maximum(distance, 1e-12))
 
 
 def smoothness_weights(rate: float, slack: float) -> np.ndarray:

@@ -16,11 +16,9 @@ import numpy as np
 
 from dubbing.face.mesh_points import EYE_CORNERS
 from dubbing.preparation.alignment import silhouette
-from dubbing.preparation.alignment.banded import DOF, solve_band
+from dubbing.preparation.alignment.banded import DOF, NormalEquations, huber_weight, solve_band
 from dubbing.preparation.alignment.bundle import (
-    NormalEquations,
     Observations,
-    huber_weight,
     landmark_equations,
     point_sigmas,
     smoothed_system,

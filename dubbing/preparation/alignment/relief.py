@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dubbing.preparation.alignment.banded import DOF, solve_bordered
-from dubbing.preparation.alignment.bundle import NormalEquations, Observations, smoothed_system
+from dubbing.preparation.alignment.banded import DOF, NormalEquations, solve_bordered
+from dubbing.preparation.alignment.bundle import Observations, smoothed_system
 from dubbing.preparation.alignment.camera import Poses
 from dubbing.preparation.alignment.photometric import (
     Alignment,

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dubbing.preparation.alignment.banded import DOF
-from dubbing.preparation.alignment.bundle import NormalEquations, huber_weight
+from dubbing.preparation.alignment.banded import DOF, NormalEquations, huber_weight
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
 
 TURN, NOD = -0.94, 0.96

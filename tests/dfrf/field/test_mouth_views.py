@@ -158,6 +158,8 @@ def test_the_choice_changes_the_mouth_and_nothing_else(someone: Someone) -> None
 def test_what_a_mouth_is_read_off_fades_to_nothing(someone: Someone) -> None:
     middle, reach = mouth_views.region(someone.mouths.shape)
     line = middle + torch.linspace(0, 1.2, 200)[:, None] * reach * torch.tensor([1.0, 0.0, 0.0])
-    share = mouth_views.share(someone.mouths, line)
+    maps = replace(someone.maps, chosen=(someone.looked_at(0.0)[1],))
+    share = mouth_views.share(maps, line)
     assert (share[0], share[-1]) == (1, 0)
     assert share.diff().abs().max() < 0.04
+    assert not mouth_views.share(someone.maps, line).any()  # none is looked at yet

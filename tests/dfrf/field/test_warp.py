@@ -34,7 +34,9 @@ def colour(views: ReferenceViews, column: float, row: float) -> torch.Tensor:
         maps = model.field.encoder(views)
         conditioning = torch.zeros(1, model.config.field.cond_dim)
         query = model.field.query(POINT, directions, frame, conditioning)
-        _, shown, offset = model.field.fuse_references(query, maps, conditioning, True)
+        _, shown, offset = model.field.fuse_references(
+            query, maps, conditioning, True, torch.zeros(1)
+        )
     torch.testing.assert_close(offset[0, 0], torch.tensor([column, row]), atol=1e-4, rtol=1e-4)
     return shown[0]
 

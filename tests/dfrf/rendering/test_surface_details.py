@@ -4,6 +4,7 @@ import torch
 
 from dfrf import device
 from dfrf.fast.method import FastMethod
+from dfrf.field import mouth_views
 from dfrf.field.conditioned_field import ConditionedField
 from dfrf.rendering.surface_details import SurfaceDetails
 from tests.dfrf.people import person, random_model
@@ -26,14 +27,16 @@ def test_colours_at_anchors_are_those_that_the_field_blends() -> None:
     details, field = details_with_mouths()
     points = 0.3 * torch.randn(200, 3) + torch.tensor([0, -0.2, 0.8])
     directions = torch.nn.functional.normalize(points - torch.tensor([0, 0, 7.0]), dim=-1)
-    share = details.mouth_share(points)
+    share = mouth_views.share(details.maps, points)
     assert 20 < (share > 0).sum() < 180
     anchors = details.anchors(points, directions)
     assert anchors.shape == (200, details.anchor_count)
     frame = torch.zeros(200).long()
     with device.arithmetic(points.device):
         query = field.field.query(points, directions, frame, field.conditioning)
-        _, blended, _ = field.field.fuse_references(query, details.maps, field.conditioning, True)
+        _, blended, _ = field.field.fuse_references(
+            query, details.maps, field.conditioning, True, share
+        )
     shown = details.colours(points, anchors)
     torch.testing.assert_close(shown, blended, rtol=0, atol=2e-3)
     # The mouth views take part: without them, other colours.

@@ -25,7 +25,7 @@ from dubbing.identity.dataset import (
     load_identity,
     mouth_boxes,
     region_map,
-    upper_measures,
+    upper_face_expression,
 )
 from dubbing.identity.picture_store import PictureStore
 from dubbing.media import VideoWriter
@@ -74,7 +74,7 @@ def test_lids_brows_and_gaze_are_measured_from_rest_in_eye_distances(clip: Prepa
         marks[4, iris] += (0, 1)
     expected = np.zeros((FRAMES, 6))
     expected[1, 1], expected[2, 3], expected[3, 4], expected[4, 5] = -10, 3, 1, 0.5
-    found = upper_measures(clip)
+    found = upper_face_expression(clip)
     scale = np.array([LIDS, LIDS, BROWS, BROWS, GAZE, GAZE])
     np.testing.assert_allclose(found, expected / UNIT / scale, atol=1e-3)
 
@@ -88,22 +88,22 @@ def test_a_mirrored_face_has_the_mirrored_measures(clip: PreparedClip) -> None:
     mirrored[:, left], mirrored[:, right] = clip.landmarks[:, right], clip.landmarks[:, left]
     mirrored[..., 0] = clip.size - 1 - mirrored[..., 0]
     order, signs = map(list, zip(*MIRRORED_EXPRESSION, strict=True))
-    found = upper_measures(replace(clip, landmarks=mirrored))
-    np.testing.assert_allclose(found, upper_measures(clip)[:, order] * signs, atol=1e-3)
+    found = upper_face_expression(replace(clip, landmarks=mirrored))
+    np.testing.assert_allclose(found, upper_face_expression(clip)[:, order] * signs, atol=1e-3)
 
 
 def test_a_tilted_or_nearer_face_has_the_same_measures(clip: PreparedClip) -> None:
     clip.landmarks[1, EYES_POINTS[0][4], 1] -= 6
-    straight = upper_measures(clip)
+    straight = upper_face_expression(clip)
     turn = 1.5 * np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
     tilted = replace(clip, landmarks=(clip.landmarks @ turn.T).astype(np.float32))
-    np.testing.assert_allclose(upper_measures(tilted), straight, atol=1e-3)
+    np.testing.assert_allclose(upper_face_expression(tilted), straight, atol=1e-3)
 
 
 def test_frames_without_a_face_are_at_rest(clip: PreparedClip) -> None:
     clip.landmarks[5] = np.nan
     clip.valid[5] = False
-    found = upper_measures(clip)
+    found = upper_face_expression(clip)
     assert not np.isnan(found).any()
     assert (found[5] == 0).all()
 

@@ -69,12 +69,12 @@ def test_figures_are_kept_and_the_render_says_that_it_is_generated(manifest: Man
     found = evaluation.evaluate(manifest, device="cpu", progress=quiet)
     assert found["ann"]["dfrf"]["psnr"] == 30
     assert json.loads((manifest.output / evaluation.RESULT_FILE).read_text()) == found
-    said = {}
+    comments = {}
     for kind in ("render", "source"):
         with av.open(str(manifest.work / "evaluation" / "ann" / "dfrf" / f"{kind}.mp4")) as file:
-            said[kind] = file.metadata.get("comment", "")
-    assert "AI-generated" in said["render"]
-    assert said["source"] == ""
+            comments[kind] = file.metadata.get("comment", "")
+    assert "AI-generated" in comments["render"]
+    assert comments["source"] == ""
 
 
 def test_the_figures_of_a_dub_stand_by_themselves(manifest: Manifest) -> None:
@@ -109,7 +109,7 @@ def test_of_another_model_no_figures_stay() -> None:
     dub = {"p15x": {"opening_r": 0.5}, "steps": 5, "seconds": 1.25}
     pictures = {"psnr": 31.0, "frames": 3, "every": 3, "steps": 5, "seconds": 1.25}
     assert evaluation.merged(before, dub) == {**before, **dub}
-    # What the pictures said before is gone, flicker too.
+    # What the pictures comments before is gone, flicker too.
     assert evaluation.merged(before, pictures) == {**pictures, "p15x": {}}
     learned_again = {**dub, "seconds": 1.5}
     assert evaluation.merged(before, learned_again) == learned_again

@@ -59,7 +59,7 @@ def test_both_protocols_of_a_tiny_person(tmp_path: Path, monkeypatch: pytest.Mon
     random = np.random.default_rng(1)
     monkeypatch.setattr(tasks.Prepare, "__call__", prepare)
     monkeypatch.setattr(tasks.Finetune, "__call__", finetune)
-    monkeypatch.setattr(tasks.Check, "__call__", lambda _, out, told: None)
+    monkeypatch.setattr(tasks.Check, "__call__", lambda _, out, progress: None)
     monkeypatch.setattr(tasks, "offset_of", lambda _: 0)
     speech = SpeechFrames(random.random((FRAMES, 16, 8)), random.random((FRAMES, 8)))
     monkeypatch.setattr(evaluation, "clip_speech", lambda *_: speech)

@@ -149,7 +149,7 @@ def test_a_figure_of_one_seed_does_not_appear() -> None:
 
 
 @pytest.mark.parametrize(
-    ("more", "said"),
+    ("more", "message"),
     [
         (("--seeds", "1"), "two or more"),
         (("--seeds", "1,1"), "two or more"),
@@ -158,11 +158,15 @@ def test_a_figure_of_one_seed_does_not_appear() -> None:
     ],
 )
 def test_a_wrong_call_is_said(
-    path: Path, calls: Calls, capsys: pytest.CaptureFixture[str], more: tuple[str, ...], said: str
+    path: Path,
+    calls: Calls,
+    capsys: pytest.CaptureFixture[str],
+    more: tuple[str, ...],
+    message: str,
 ) -> None:
     with pytest.raises(SystemExit):
         run(path, *more)
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not calls
 
 

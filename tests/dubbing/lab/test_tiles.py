@@ -40,7 +40,7 @@ def source(k: int) -> np.ndarray:
 
 
 def write(folder: Path, colour: tuple[int, int, int], first: int = FIRST) -> None:
-    shown = tiles.shown_frames(first, COUNT)
+    shown = tiles.tile_frames(first, COUNT)
     tiles.write_tiles(folder, [np.concatenate([source(k), plain(colour)]) for k in shown])
 
 
@@ -51,8 +51,8 @@ def read(folder: Path) -> np.ndarray:
 
 
 def test_about_twenty_frames_are_shown() -> None:
-    assert list(tiles.shown_frames(100, 12)) == list(range(100, 112))
-    assert list(tiles.shown_frames(100, 250)) == list(range(100, 350, 12))
+    assert list(tiles.tile_frames(100, 12)) == list(range(100, 112))
+    assert list(tiles.tile_frames(100, 250)) == list(range(100, 350, 12))
 
 
 def test_rows_are_the_source_and_every_method_then_their_mouths(

@@ -14,17 +14,17 @@ RATES = [Fraction(24000, 1001), Fraction(25), Fraction(30)]
 
 @pytest.mark.parametrize("rate", RATES)
 @pytest.mark.parametrize(("sound_rate", "channels"), [(8000, 1), (44100, 2)])
-@pytest.mark.parametrize("asked", [48000, None])
+@pytest.mark.parametrize("wanted", [48000, None])
 def test_picture_and_sound_begin_together(
-    tmp_path: Path, rate: Fraction, sound_rate: int, channels: int, asked: int | None
+    tmp_path: Path, rate: Fraction, sound_rate: int, channels: int, wanted: int | None
 ) -> None:
     video = clips.write_video(tmp_path / "v.mp4", 30, rate)
     sound = clips.write_sound(tmp_path / "a.wav", 3, sound_rate, channels)
     seconds = float(30 / rate)
-    media.mux(video, sound, tmp_path / "o.mp4", audio_start=0.5, seconds=seconds, audio_rate=asked)
+    media.mux(video, sound, tmp_path / "o.mp4", audio_start=0.5, seconds=seconds, audio_rate=wanted)
     info = media.probe(tmp_path / "o.mp4")
     assert (info.rate, media.count_frames(tmp_path / "o.mp4")) == (rate, 30)
-    assert (info.audio_rate, info.audio_channels) == (asked or sound_rate, channels)
+    assert (info.audio_rate, info.audio_channels) == (wanted or sound_rate, channels)
     assert info.video_start == info.audio_start == 0
     assert info.audio_duration == pytest.approx(seconds, abs=0.03)
 

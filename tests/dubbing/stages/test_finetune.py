@@ -37,7 +37,7 @@ def test_a_base_starts_a_person_with_the_same_features(base: Path) -> None:
 
 
 def test_other_features_are_refused(base: Path) -> None:
-    with pytest.raises(CheckpointError, match="'rnn' speech, asked for 'mel'"):
+    with pytest.raises(CheckpointError, match="'rnn' speech, wanted 'mel'"):
         init_from_base(base, replace(RNN, speech="mel"))
 
 
@@ -56,7 +56,7 @@ def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
     moved = someone.c2w.clone()
     moved[:, 0, 3] += 0.05
     seen: list[tuple[int, torch.Tensor, TrainConfig]] = []
-    told: list[Progress] = []
+    reports: list[Progress] = []
     fit = finetuning.fit
 
     def noted(model: Any, people: Any, config: TrainConfig, **named: Any) -> Any:
@@ -85,7 +85,7 @@ def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
             references,
             tmp_path,
             "cpu",
-            told.append,
+            reports.append,
         )
         return posed.c2w, [row[0] for row in curve.rows]
 
@@ -97,13 +97,13 @@ def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
     # What lips do is learned from the sound, once.
     assert [c.lip_iterations for *_, c in seen] == [2, 0]
     assert steps == list(range(8))
-    assert [(p.step, p.iterations) for p in told] == [(k, 8) for k in range(1, 9)]
-    assert all(p.seconds_left >= 0 for p in told)
+    assert [(p.step, p.iterations) for p in reports] == [(k, 8) for k in range(1, 9)]
+    assert all(p.seconds_left >= 0 for p in reports)
     # A run that was killed before the model was written goes on from both states.
     seen.clear()
-    told.clear()
+    reports.clear()
     assert run()[1] == steps
-    assert not told
+    assert not reports
 
 
 def test_a_model_that_refines_nothing_learns_in_one_go(

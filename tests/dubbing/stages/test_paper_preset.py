@@ -111,7 +111,7 @@ def test_a_base_of_another_preset_is_a_mistake_in_the_manifest(folder: Path) -> 
         manifest_of(folder, ", preset: nerf, base: paper.safetensors")
     assert len(manifest_of(folder, ", base: paper.safetensors").warnings) == 2  # the two times
     for base, preset in ((fast, "paper"), (paper, "fast")):
-        with pytest.raises(CheckpointError, match=f"asked for '{preset}'"):
+        with pytest.raises(CheckpointError, match=f"wanted '{preset}'"):
             init_from_base(base, replace(PAPER, preset=preset))
 
 
@@ -120,7 +120,7 @@ def test_a_base_gives_all_it_has_to_a_person(folder: Path) -> None:
     kept, _ = head_checkpoint.load_model(base)
     model = init_from_base(base, PAPER)
     assert all(torch.equal(v, kept.state_dict()[n]) for n, v in model.state_dict().items())
-    with pytest.raises(CheckpointError, match="'mel' speech, asked for 'rnn'"):
+    with pytest.raises(CheckpointError, match="'mel' speech, wanted 'rnn'"):
         init_from_base(base, replace(PAPER, speech="rnn"))
 
 
@@ -166,8 +166,8 @@ def test_a_person_is_learned_resumed_and_rendered(
     replace(clip, landmarks=random.random((30, 478, 2)) * 32).save()
     base = base_of(tmp_path / "base.safetensors", replace(TINY, speech_dim=80))
     out, again = tmp_path / "model", tmp_path / "again"
-    asked = {"start": 0.0, "seconds": 1.0, "settings": PAPER, "base": base, "device": "cpu"}
-    finetune(clip, out, **asked)  # type: ignore[arg-type]
+    settings = {"start": 0.0, "seconds": 1.0, "settings": PAPER, "base": base, "device": "cpu"}
+    finetune(clip, out, **settings)  # type: ignore[arg-type]
 
     # Killed after two steps, with a state kept after every one: it goes on to the same model.
     def stop(state: object) -> None:
@@ -179,9 +179,9 @@ def test_a_person_is_learned_resumed_and_rendered(
     trainings = replace(tiny.trainings, finetune=often)
     monkeypatch.setitem(presets.PRESETS, "paper", replace(tiny, trainings=trainings))
     with pytest.raises(KeyboardInterrupt):
-        finetune(clip, again, **asked, progress=stop)  # type: ignore[arg-type]
+        finetune(clip, again, **settings, progress=stop)  # type: ignore[arg-type]
     assert (again / "resume" / "pictures").is_dir()
-    finetune(clip, again, **asked)  # type: ignore[arg-type]
+    finetune(clip, again, **settings)  # type: ignore[arg-type]
     one, views, header = head_checkpoint.load_person(out / MODEL_FILE)
     other, _, _ = head_checkpoint.load_person(again / MODEL_FILE)
     assert isinstance(one, PaperModel)
@@ -227,8 +227,8 @@ def test_the_stage_asks_for_the_steps_of_the_preset(
 ) -> None:
     from dubbing.stages import finetune as finetuning
 
-    asked: list[FinetuneSettings] = []
-    monkeypatch.setattr(finetuning, "finetune", lambda *_, settings, **__: asked.append(settings))
+    fitted: list[FinetuneSettings] = []
+    monkeypatch.setattr(finetuning, "finetune", lambda *_, settings, **__: fitted.append(settings))
     (tmp_path / "source").mkdir()
     atomic_write_json(tmp_path / "source" / "none.json", {})
     person = Identity.model_construct(clip=folder / "ann.mp4", preset="paper", finetune=Finetune())
@@ -237,5 +237,5 @@ def test_the_stage_asks_for_the_steps_of_the_preset(
     prepared = tasks.Prepared(tmp_path / "prepared", person.clip)
     learn = tasks.Finetune(person, prepared, tmp_path / "source", None, "cpu")
     learn(tmp_path, lambda _message, _share: None)
-    assert (asked[0].preset, asked[0].iterations) == ("paper", 40_000)
+    assert (fitted[0].preset, fitted[0].iterations) == ("paper", 40_000)
     assert presets.trainings("paper").finetune.iterations == 40_000

@@ -32,10 +32,10 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     head_checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
     windows = random.random((count, 16, 8)).astype(np.float32)
     speech = SpeechFrames(windows, random.random((count, 8)).astype(np.float32))
-    asked: list[tuple[int, int]] = []
+    requests: list[tuple[int, int]] = []
 
     def heard(first: int, number: int) -> SpeechFrames:
-        asked.append((first, number))
+        requests.append((first, number))
         return speech.part(first, first + number)
 
     def made(folder: Path, part: tuple[int, int] | None = None) -> list[np.ndarray]:
@@ -52,21 +52,21 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
         return [p for file in files for p in read_frames(file, pixels="rgba")]
 
     whole = made(tmp_path / "one")
-    assert asked == [(0, count)]
+    assert requests == [(0, count)]
     monkeypatch.setattr(FastMethod, "segment", 8)
     parts = made(tmp_path / "three")
-    assert asked[1:] == [(0, 15), (1, 22), (9, 15)]
+    assert requests[1:] == [(0, 15), (1, 22), (9, 15)]
     assert len(whole) == len(parts) == count
     for a, b in zip(whole, parts, strict=True):
         np.testing.assert_array_equal(a, b)
     assert max(p[..., 3].max() for p in whole) > 200
     # In ranges, the last first: the same files, and what is there already is not asked for.
-    del asked[:]
+    del requests[:]
     made(tmp_path / "ranges", (16, 24))
     assert [file.name for file in (tmp_path / "ranges").iterdir()] == ["000016.mkv"]
     made(tmp_path / "ranges", (0, 16))
     made(tmp_path / "ranges")
-    assert asked == [(9, 15), (0, 15), (1, 22)]
+    assert requests == [(9, 15), (0, 15), (1, 22)]
     for file in (tmp_path / "three").iterdir():
         assert (tmp_path / "ranges" / file.name).read_bytes() == file.read_bytes()
 

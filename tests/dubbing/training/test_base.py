@@ -110,7 +110,7 @@ def test_an_unfinished_run_goes_on_with_the_same_people_and_settings_only(
     manifest: Manifest, tmp_path: Path
 ) -> None:
     def train(
-        who: Manifest, iterations: int = 6, stop_at: float = 1.0, **asked: Any
+        who: Manifest, iterations: int = 6, stop_at: float = 1.0, **options: Any
     ) -> list[float]:
         shares: list[float] = []
 
@@ -121,7 +121,7 @@ def test_an_unfinished_run_goes_on_with_the_same_people_and_settings_only(
 
         out = tmp_path / "base.safetensors"
         basetraining.train_base(
-            who, out, device="cpu", iterations=iterations, progress=progress, **asked
+            who, out, device="cpu", iterations=iterations, progress=progress, **options
         )
         return shares
 
@@ -131,14 +131,14 @@ def test_an_unfinished_run_goes_on_with_the_same_people_and_settings_only(
     clips.write_clip(tmp_path / "other.mp4", 31)
     other = manifest.identities["bob"].model_copy(update={"clip": tmp_path / "other.mp4"})
     swapped = manifest.model_copy(update={"identities": {**manifest.identities, "bob": other}})
-    for expected, who, asked in (
+    for expected, who, options in (
         ("training", manifest, {"iterations": 8}),
         ("people held out, people", manifest, {"hold_out": ("bob",)}),
         ("people", swapped, {}),
         ("init", manifest, {"init": init}),
     ):
         with pytest.raises(CheckpointError, match=rf"settings \({expected}\).* remove .*\.resume"):
-            train(who, **asked)
+            train(who, **options)
     assert train(manifest) == pytest.approx([k / 6 for k in (3, 4, 5, 6)])
 
 

@@ -8,8 +8,8 @@ import pytest
 import torch
 from torch import nn
 
-from dubbing.lab import other_networks as others
-from dubbing.lab.benchmark import Tool, tool_table
+from dubbing.bench import other_networks as others
+from dubbing.bench.benchmark import Tool, tool_table
 
 TEXT = 768  # values of a vector that Stable Diffusion looks at
 

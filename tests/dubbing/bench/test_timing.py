@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dubbing.lab.timing import Scene, frame_rows
+from dubbing.bench.timing import Scene, frame_rows
 from dubbing.media import VideoWriter
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from tests.dfrf.people import FOCAL, SIZE, random_model

@@ -1,11 +1,11 @@
 """Where the time of a frame and of a training step goes, on the device at hand.
 
-    python -m dubbing.lab.benchmark MANIFEST IDENTITY OUT.json
+    python -m dubbing.bench.benchmark MANIFEST IDENTITY OUT.json
 
 IDENTITY is a person of the manifest who was fine-tuned before. The published model (`paper` preset,
 random weights, its own samples) renders a few rays of the same head, with the same references; its
 frame is that time for all rays of the picture. The networks of other tools stand beside them, see
-`dubbing.lab.other_networks`: without what these tools do before and after.
+`dubbing.bench.other_networks`: without what these tools do before and after.
 """
 
 from __future__ import annotations
@@ -24,10 +24,8 @@ from dfrf.fast.model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dubbing import tasks
 from dubbing.batch import jobs
-from dubbing.errors import DubbingError
-from dubbing.files import atomic_write_json
-from dubbing.lab import other_networks as others
-from dubbing.lab.timing import (
+from dubbing.bench import other_networks as others
+from dubbing.bench.timing import (
     Row,
     Scene,
     frame_rows,
@@ -36,6 +34,8 @@ from dubbing.lab.timing import (
     timed,
     training_row,
 )
+from dubbing.errors import DubbingError
+from dubbing.files import atomic_write_json
 from dubbing.manifest.manifest import load
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.report.peak_memory import peak_memory
@@ -122,22 +122,22 @@ def main() -> None:
     parser.add_argument("identity")
     parser.add_argument("out", type=Path)
     parser.add_argument("--device", default="auto")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     try:
-        manifest = load(asked.manifest)
+        manifest = load(arguments.manifest)
         people = manifest.identities
-        if asked.identity not in people:
-            parser.error(f"no identity {asked.identity!r}; there is {', '.join(people)}")
-        person = people[asked.identity]
-        made = jobs.build(manifest).identities[asked.identity].stages
+        if arguments.identity not in people:
+            parser.error(f"no identity {arguments.identity!r}; there is {', '.join(people)}")
+        person = people[arguments.identity]
+        made = jobs.build(manifest).identities[arguments.identity].stages
         clip = PreparedClip.load(made["prepare"].folder, person.clip)
-        model, maps, _ = heads.load(made["finetune"].folder / MODEL_FILE, asked.device)
+        model, maps, _ = heads.load(made["finetune"].folder / MODEL_FILE, arguments.device)
         offset = tasks.offset_of(made["check_source"].folder)
         speech = clip_speech(clip, person.speech, person.speech_weights, offset)
     except DubbingError as error:
         parser.error(str(error))
     if not (isinstance(model, FastModel) and isinstance(maps, ReferenceMaps | None)):
-        parser.error(f"{asked.identity!r} is a person of preset 'paper'; choose one of 'fast'")
+        parser.error(f"{arguments.identity!r} is a person of preset 'paper'; choose one of 'fast'")
     usable = np.flatnonzero(clip.valid)
     frames = usable[np.linspace(0, len(usable) - 1, FRAMES + 2).round().astype(int)][1:-1]
     scene = Scene(model, maps, clip, speech, frames.tolist())
@@ -159,7 +159,7 @@ def main() -> None:
         f"{march_row.count / rays:.1f} samples a ray; peak memory {peak:.2f} GiB"
     )
     atomic_write_json(
-        asked.out,
+        arguments.out,
         {
             "device": str(scene.device),
             "threads": torch.get_num_threads(),

@@ -33,7 +33,7 @@ from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import FitOptions, fit
 from dubbing.compositing.composite import replacement
 from dubbing.compositing.face_mask import rendered_region
-from dubbing.identity.dataset import load_identity, upper_measures
+from dubbing.identity.dataset import load_identity, upper_face_expression
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
@@ -125,7 +125,7 @@ class Scene:
 
     def upper(self, frame: int) -> Tensor:
         """Measures of the upper face (1, U)."""
-        return torch.from_numpy(upper_measures(self.clip)[[frame]]).float().to(self.device)
+        return torch.from_numpy(upper_face_expression(self.clip)[[frame]]).float().to(self.device)
 
 
 @torch.no_grad()
@@ -164,8 +164,8 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     note("head, what is seen", lambda: render_frame(volume, camera), pixels.numel(), "rays")
     landmarks = scene.clip.landmarks[frame]
     region = torch.from_numpy(rendered_region(landmarks, scene.clip.size)).to(device)
-    pixels_shown = int(region.sum())
-    note("head, what a dub shows", lambda: render_frame(volume, camera, region), pixels_shown, "px")
+    replaced = int(region.sum())
+    note("head, what a dub shows", lambda: render_frame(volume, camera, region), replaced, "px")
     seen = observations_of(scene.clip, np.array([frame]))[frame].to(device)
     count = 7 * len(seen.pixels)
     note("a step of a pose", lambda: normal_equations(volume, seen, camera.c2w), count, "rays")

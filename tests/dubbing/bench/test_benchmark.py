@@ -4,8 +4,8 @@ import torch
 import torch.nn.functional as F
 
 from dfrf.data.reference_cuts import cut_references
-from dubbing.lab.benchmark import table
-from dubbing.lab.timing import Row, flop_of, mean_row, whole_faces
+from dubbing.bench.benchmark import table
+from dubbing.bench.timing import Row, flop_of, mean_row, whole_faces
 from tests.dfrf.people import person
 
 

@@ -1,0 +1,1 @@
+"""How fast is a person's model, on this machine and beside other tools?"""

@@ -1,0 +1,33 @@
+"""The command of a machine: `doctor`."""
+
+from typing import Annotated
+
+import typer
+
+from dubbing import packages
+
+
+def doctor(
+    calibrate: Annotated[
+        bool,
+        typer.Option("--calibrate", help="Measure for `plan` how fast this machine is: a minute."),
+    ] = False,
+) -> None:
+    """What this machine has and lacks, and the command that mends it."""
+    from dubbing.cli import console
+
+    if calibrate:
+        packages.require("synthetic")
+        from dubbing.batch import estimates
+        from dubbing.bench.calibration import calibrate as work
+        from dubbing.cli import live
+
+        with live.progress_bar("calibrate") as progress:
+            found = work(progress)
+        console.rates(found, estimates.rates_file())
+        return
+    from dubbing.cli.doctor import examine
+
+    findings = examine()
+    console.doctor(findings)
+    raise typer.Exit(int(any(finding.state == "lacking" for finding in findings)))
