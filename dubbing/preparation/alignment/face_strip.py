@@ -20,7 +20,6 @@ BLUR = 1.2  # px at a crop of 512
 SHADING = 2.8  # px at a crop of 512: what is blurred so is not detail
 DETAIL_GAIN = 4.0  # of detail, around the grey value 128
 MARGIN = 16.0  # px at a crop of 512, around the points
-HALF = 0.5  # px; gradients are differences of samples this far to both sides
 
 
 @dataclass(frozen=True)
@@ -60,25 +59,34 @@ class FaceStrip:
         """Some of the frames."""
         return FaceStrip(self.pictures[index], self.corner[index])
 
-    def sample(self, t: int, pixels: np.ndarray) -> np.ndarray:
-        """Bilinear grey values (N,) float32 at pixels (N, 2) of frame t's crop; NaN outside."""
-        picture = np.asarray(self.pictures[t])
-        at = (pixels - self.corner[t]).astype(np.float32)
-        # OpenCV rounds sampling places of 8-bit pictures to 1/32 px, of float32 pictures too; so
-        # weigh the four neighbours here.
-        column, row = np.floor(at).astype(np.int32).T
-        height, width = picture.shape
-        inside = (column >= 0) & (row >= 0) & (column < width - 1) & (row < height - 1)
-        flat = np.where(inside, row * width + column, 0)
-        values = picture.ravel().astype(np.float32)
-        u, v = (at - np.floor(at)).T
-        upper = values[flat] * (1 - u) + values[flat + 1] * u
-        lower = values[flat + width] * (1 - u) + values[flat + width + 1] * u
-        return np.where(inside, upper * (1 - v) + lower * v, np.nan).astype(np.float32)
+    def sample(self, frames: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        """Grey values (K, N) float32 at pixels (K, N, 2) of some crops (K,); NaN outside."""
+        values = self._read(frames, pixels, self.pictures[frames][..., None].astype(np.float32))
+        return values[..., 0]
 
-    def gradient(self, t: int, pixels: np.ndarray) -> np.ndarray:
-        """Derivative (N, 2) of the grey value along columns and rows, in levels a px."""
-        right, down = np.array([HALF, 0]), np.array([0, HALF])
-        across = self.sample(t, pixels + right) - self.sample(t, pixels - right)
-        along = self.sample(t, pixels + down) - self.sample(t, pixels - down)
-        return np.stack((across, along), axis=1) / (2 * HALF)
+    def slopes(self, frames: np.ndarray, pixels: np.ndarray) -> np.ndarray:
+        """Derivatives (K, N, 2) of the grey values along columns and rows, in levels a px."""
+        pictures = self.pictures[frames].astype(np.float32)
+        slopes = np.zeros((*pictures.shape, 2), np.float32)
+        slopes[:, :, 1:-1, 0] = (pictures[:, :, 2:] - pictures[:, :, :-2]) / 2
+        slopes[:, 1:-1, :, 1] = (pictures[:, 2:] - pictures[:, :-2]) / 2
+        return self._read(frames, pixels, slopes)
+
+    def _read(self, frames: np.ndarray, pixels: np.ndarray, levels: np.ndarray) -> np.ndarray:
+        """Pictures (K, h, w, C) float32 at pixels (K, N, 2) of the crops, bilinear: (K, N, C)."""
+        # OpenCV rounds sampling places to 1/32 px; so weigh the four neighbours here.
+        at = pixels - self.corner[frames, None].astype(np.float32)
+        first = np.floor(at)
+        column, row = first[..., 0], first[..., 1]
+        count, height, width = levels.shape[:3]
+        inside = (column >= 0) & (row >= 0) & (column < width - 1) & (row < height - 1)
+        flat = np.where(inside, row * width + column, 0).astype(np.intp)
+        flat += np.arange(count)[:, None] * (height * width)
+        u, v = (at - first)[..., :1], (at - first)[..., 1:]
+        values = levels.reshape(-1, levels.shape[3])
+        left, right = values.take(flat, 0), values.take(flat + 1, 0)
+        upper = left + (right - left) * u
+        left, right = values.take(flat + width, 0), values.take(flat + width + 1, 0)
+        read = upper + (left + (right - left) * u - upper) * v
+        read[~inside] = np.nan
+        return np.asarray(read)

@@ -22,20 +22,15 @@ import numpy as np
 from dubbing.preparation.alignment.banded import DOF, NormalEquations, solve_bordered
 from dubbing.preparation.alignment.bundle import Observations, smoothed_system
 from dubbing.preparation.alignment.camera import Poses
-from dubbing.preparation.alignment.photometric import (
-    Alignment,
-    Texture,
-    all_samples,
-    beside_pixels,
-    frame_equations,
-    texture_of,
-)
+from dubbing.preparation.alignment.photometric import Alignment
+from dubbing.preparation.alignment.refinement import beside_pixels, pixel_equations
 from dubbing.preparation.alignment.skin import Skin
+from dubbing.preparation.alignment.texture import Texture, texture_of
 
 SPACING = 0.3  # between bumps, and their spread
 BUMP_SIGMA = 0.05
 SLOPE_SIGMA = 0.01
-ROUNDS = 8  # new mean textures
+ROUNDS = 4  # new mean textures
 STEPS = 2
 
 
@@ -108,23 +103,17 @@ def solve_relief(
     usable = np.flatnonzero(seen.usable)
     for done in range(ROUNDS):
         bent = work.with_skin(relief.bend(work.skin))
-        texture = texture_of(all_samples(poses, usable, bent))
+        texture = texture_of(poses, usable, bent)
         for step in range(STEPS):
             bent = work.with_skin(relief.bend(work.skin))
             rest = beside_pixels(poses, shape, seen)
-            diagonal, right = rest.diagonal.copy(), rest.right.copy()
-            border = np.zeros((len(poses), DOF, basis.shape[1]))
-            corner, low = prior.copy(), -prior @ relief.height
-            for one in frame_equations(poses, seen, bent, texture, (rays, basis)):
-                weighted = one.jacobian * one.weight[:, None]
-                square = weighted.T @ one.jacobian
-                pull = -weighted.T @ one.residual
-                diagonal[one.frame] += square[:DOF, :DOF]
-                border[one.frame] += square[:DOF, DOF:]
-                corner += square[DOF:, DOF:]
-                right[one.frame] += pull[:DOF]
-                low += pull[DOF:]
-            band, right_pose = smoothed_system(poses, NormalEquations(diagonal, right), seen)
+            matrix, right = pixel_equations(poses, seen, bent, texture, (rays, basis))
+            both = NormalEquations(
+                rest.diagonal + matrix[:, :DOF, :DOF], rest.right + right[:, :DOF]
+            )
+            border, corner = matrix[:, :DOF, DOF:], prior + matrix[:, DOF:, DOF:].sum(0)
+            low = right[:, DOF:].sum(0) - prior @ relief.height
+            band, right_pose = smoothed_system(poses, both, seen)
             pose_step, height_step = solve_bordered(
                 band, border.reshape(-1, basis.shape[1]), corner, right_pose, low
             )
@@ -132,4 +121,4 @@ def solve_relief(
             relief = replace(relief, height=relief.height + height_step)
             progress((done * STEPS + step + 1) / (ROUNDS * STEPS))
     bent = work.with_skin(relief.bend(work.skin))
-    return relief, texture_of(all_samples(poses, usable, bent))
+    return relief, texture_of(poses, usable, bent)

@@ -1,224 +1,143 @@
-"""What lies behind the head: a plate of each shot, and a neck that goes on under the chin.
+"""The restored background of a whole clip, streaming, the heavy parts on a few threads.
 
-S is the side of the crop in px, T frames. The head's own pixels are never used: the plate is made
-of pixels where no person is, the neck of pixels below the inpaint mask.
+T frames, S the side of the crop in px.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
-import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, median_filter
 
-from dubbing.face.mesh_points import LEFT_EAR, RIGHT_EAR
-from dubbing.preparation.background.known_median import known_median
-from dubbing.preparation.background.pull_push import pull_push
-from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
+from dubbing.media import VideoWriter, read_frames
+from dubbing.preparation.background.neck import neck, neck_profile, smooth_profiles
+from dubbing.preparation.background.pixels import box_of, chosen
+from dubbing.preparation.background.rim import REACH, restore, rim
+from dubbing.preparation.background.torso import Torso, torso
+from dubbing.preparation.background.wall import background_pixels, plate, slow_difference
+from dubbing.preparation.footage.footage import Footage
+from dubbing.preparation.footage.threads import in_order
+from dubbing.preparation.matting.matting import REFERENCE_SIZE, covered, inpaint_mask
 
-PERSON_LEAST = 0.1  # of the person mask: below this a pixel belongs to the background
-PERSON_MARGIN = 9  # px at S = 512
 PLATE_FRAMES = 40
-COARSE = 8  # the slow difference of frame and plate is computed this much smaller
-PROFILE = 96  # samples across the neck, over PROFILE_SPAN face widths to both sides
-PROFILE_SPAN = 1.0
-PROFILE_DEPTH = 8  # px at S = 512 below the inpaint mask that are averaged
-NECK_HEIGHT = 0.38  # face widths
-NECK_HALF_WIDTH = 0.22  # face widths: further out the neck ends, what is there is a collar
-NECK_ROUNDING = 0.2  # face widths over which its height falls to nothing
-NECK_DARKENING = 0.12  # at its upper end, under the chin's shadow
-SEAM_ROWS = 3  # px below the inpaint mask whose colour the seam takes
-SEAM_DEPTH = 10.0  # px at S = 512 over which it goes over into the smoothed colour
-RIM_FULL, RIM_END = 5.0, 10.0  # px at S = 512 inside the mask: what lies beside it fades out
-MEDIAN_FRAMES, SMOOTH_FRAMES = 9, 4.0
-
-
-def background_pixels(person: np.ndarray) -> np.ndarray:
-    """Where surely no person is: (S, S) bool from the person mask (S, S) float."""
-    return ~dilate(person > PERSON_LEAST, PERSON_MARGIN * len(person) / REFERENCE_SIZE)
-
-
-def plate(images: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Background (H, W, 3) float32: temporal median of known pixels, pull-push elsewhere.
-
-    Args:
-        images: (K, H, W, 3) uint8, one camera. known: (K, H, W) bool.
-    """
-    seen = np.any(known, axis=0).astype(np.float32)
-    return pull_push(known_median(images, known), np.asarray(seen))
+Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class NeckFrame:
-    """Where the neck profile of a frame is sampled: middle and width of the face in px."""
+class Shot:
+    """What is behind the head in a shot: wall (H, W, 3) float32 on its canvas, and the torso."""
 
-    middle: float
-    width: float
-
-    @staticmethod
-    def of(landmarks: np.ndarray) -> NeckFrame:
-        """From landmarks (478, 2) px."""
-        left, right = landmarks[LEFT_EAR], landmarks[RIGHT_EAR]
-        return NeckFrame(float(left[0] + right[0]) / 2, float(np.hypot(*(right - left))))
-
-    def columns(self) -> np.ndarray:
-        """Columns (PROFILE,) px of the samples."""
-        return self.middle + np.linspace(-PROFILE_SPAN, PROFILE_SPAN, PROFILE) * self.width
-
-    def position(self, size: int) -> np.ndarray:
-        """Sample numbers (S,), with fractions, of all columns of the crop."""
-        return ((np.arange(size) - self.middle) / self.width / PROFILE_SPAN + 1) * (PROFILE - 1) / 2
+    wall: np.ndarray
+    torso: Torso | None
 
 
-def bottom_of(region: np.ndarray) -> np.ndarray:
-    """Lowest row (S,) of a region (S, S) bool in every column, -1 where it has none."""
-    rows = len(region) - 1 - np.argmax(region[::-1], axis=0)
-    return np.where(region.any(0), rows, -1)
-
-
-def neck_profile(
-    image: np.ndarray, person: np.ndarray, region: np.ndarray, landmarks: np.ndarray
-) -> np.ndarray:
-    """Colour and share of the person just below the inpaint mask: (PROFILE, 4), NaN where unknown.
-
-    Columns 0..2 are RGB in grey levels, column 3 how much of it is person, 0..1.
-    """
-    size = len(image)
-    bottom = bottom_of(region)
-    depth = max(2, round(PROFILE_DEPTH * size / REFERENCE_SIZE))
-    rows = np.clip(bottom + 1 + np.arange(depth)[:, None], 0, size - 1)
-    columns = np.arange(size)[None]
-    colour, share = image[rows, columns].astype(np.float32), person[rows, columns]
-    weight = share + 1e-6
-    mean = (colour * weight[..., None]).sum(0) / weight.sum(0)[:, None]
-    values = np.concatenate((mean, share.mean(0)[:, None]), axis=1)
-    values[(bottom < 0) | (bottom + depth >= size)] = np.nan
-    at = NeckFrame.of(landmarks).columns()
-    known = np.isfinite(values[:, 0])
-    out = np.full((PROFILE, 4), np.nan, np.float32)
-    inside = (at >= 0) & (at <= size - 1) & known[np.clip(at.round().astype(int), 0, size - 1)]
-    if known.any():
-        for k in range(4):
-            out[inside, k] = np.interp(at[inside], np.flatnonzero(known), values[known, k])
-    return out
-
-
-def smooth_profiles(profiles: np.ndarray, segment: np.ndarray) -> np.ndarray:
-    """Profiles (T, PROFILE, 4) without gaps and without flicker, shot by shot.
-
-    Gaps take the nearest known sample across, then in time; samples never known have share 0.
-    """
-    out = profiles.copy()
-    for t in range(len(out)):
-        known = np.isfinite(out[t, :, 0])
-        if known.any():
-            where = np.flatnonzero(known)
-            for k in range(4):
-                out[t, :, k] = np.interp(np.arange(PROFILE), where, out[t, known, k])
-    for shot in np.unique(segment):
+def plate_frames(segment: np.ndarray) -> list[np.ndarray]:
+    """Frames of every shot that its plates are made of; segment (T,) int."""
+    out = []
+    for shot in range(segment[-1] + 1):
         index = np.flatnonzero(segment == shot)
-        part = out[index]
-        known = np.isfinite(part[:, 0, 0])
-        if not known.any():
-            out[index] = 0
-            continue
-        where = np.flatnonzero(known)
-        nearest = where[np.abs(np.arange(len(index))[:, None] - where).argmin(1)]
-        part = median_filter(part[nearest], (MEDIAN_FRAMES, 3, 1), mode="nearest")
-        part = gaussian_filter1d(part, SMOOTH_FRAMES, axis=0, mode="nearest")
-        out[index] = gaussian_filter1d(part, 1.0, axis=1, mode="nearest")
+        spread = np.linspace(0, len(index) - 1, PLATE_FRAMES).round().astype(int)
+        out.append(index[np.unique(spread)])
     return out
 
 
-def wall_of(image: np.ndarray, behind: np.ndarray, person: np.ndarray) -> np.ndarray:
-    """The plate (S, S, 3) float32 in the light of a frame (S, S, 3) with its person mask (S, S)."""
-    return behind + slow_difference(image, behind, background_pixels(person))
+def neck_profiles(
+    footage: Footage, matte: Path, wanted: set[int], progress: Progress
+) -> tuple[np.ndarray, dict[int, np.ndarray]]:
+    """Neck profiles (T, PROFILE, 4) of all frames, and the inpaint masks of those wanted."""
+
+    def work(alpha: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray]:
+        hole = inpaint_mask(alpha)
+        seen = footage.crops[t], footage.person[t], hole, footage.landmarks[t]
+        return neck_profile(*seen), hole
+
+    profiles, holes = [], {}
+    frames = zip(read_frames(matte, pixels="gray"), range(len(footage)), strict=True)
+    for t, (profile, hole) in enumerate(in_order(work, frames)):
+        profiles.append(profile)
+        if t in wanted:
+            holes[t] = hole
+        progress((t + 1) / len(footage))
+    return smooth_profiles(np.stack(profiles), footage.segment), holes
 
 
-def restore(
-    image: np.ndarray, region: np.ndarray, wall: np.ndarray, growing: tuple[np.ndarray, np.ndarray]
-) -> np.ndarray:
-    """The frame without its head: (S, S, 3) uint8, equal to the image outside of the region.
+def shots(footage: Footage, plates: list[np.ndarray], holes: dict[int, np.ndarray]) -> list[Shot]:
+    """What is behind the head in every shot, from some of its frames with their inpaint masks."""
+    offsets, size = footage.offsets(), footage.size
 
-    Args:
-        image: (S, S, 3) uint8. region: (S, S) bool inpaint mask. wall: (S, S, 3), see `wall_of`.
-        growing: colour and share of what grows into the inpaint mask.
+    def work(frames: np.ndarray) -> Shot:
+        images, people = footage.crops[frames], footage.person[frames]
+        width, height = offsets[footage.segment == footage.segment[frames[0]]].max(0) + size
+        canvas = np.zeros((len(frames), height, width, 3), np.uint8)
+        known = np.zeros((len(frames), height, width), bool)
+        for k, (x, y) in enumerate(offsets[frames]):
+            canvas[k, y : y + size, x : x + size] = images[k]
+            known[k, y : y + size, x : x + size] = background_pixels(people[k])
+        found = torso(images, people, np.stack([holes[t] for t in frames]))
+        return Shot(plate(canvas, known), found)
+
+    return [work(frames) for frames in plates]
+
+
+def torso_motions(footage: Footage, behind: list[Shot], progress: Progress) -> np.ndarray:
+    """What lays the torso of its shot over each frame, (T, 2, 3), NaN where there is none.
+
+    Frames in which it is not found take what lies between their neighbours.
     """
-    colour, share = growing
-    filled = wall + share[..., None] * (colour - wall)
-    filled = np.clip(filled.round(), 0, 255).astype(np.uint8)
-    return np.where(region[..., None], filled, image)
+
+    def work(t: int) -> np.ndarray | None:
+        found = behind[footage.segment[t]].torso
+        return None if found is None else found.motion(footage.crops[t])
+
+    out = np.full((len(footage), 2, 3), np.nan)
+    for t, motion in enumerate(in_order(work, ((t,) for t in range(len(footage))))):
+        if motion is not None:
+            out[t] = motion
+        progress((t + 1) / len(out))
+    for shot in np.unique(footage.segment):
+        index = np.flatnonzero(footage.segment == shot)
+        part = out[index].reshape(-1, 6)
+        known = np.flatnonzero(np.isfinite(part[:, 0]))
+        if len(known):
+            every = np.arange(len(index))
+            filled = [np.interp(every, known, part[known, k]) for k in range(6)]
+            out[index] = np.stack(filled, -1).reshape(-1, 2, 3)
+    return out
 
 
-def rim(
-    image: np.ndarray,
-    region: np.ndarray,
-    person: np.ndarray,
-    growing: tuple[np.ndarray, np.ndarray],
-) -> tuple[np.ndarray, np.ndarray]:
-    """What grows into the inpaint mask, with what lies beside it going on into its rim.
+def background_step(footage: Footage, matte: Path, background: Path, progress: Progress) -> None:
+    """Write the restored background: the pixels of the inpaint mask, black elsewhere."""
+    size, rate = footage.size, footage.info.rate
+    unit = size / REFERENCE_SIZE
+    plates = plate_frames(footage.segment)
+    wanted = set(np.concatenate(plates).tolist())
+    smooth, holes = neck_profiles(footage, matte, wanted, lambda share: progress(0.1 * share))
+    behind, offsets = shots(footage, plates, holes), footage.offsets()
+    motions = torso_motions(footage, behind, lambda share: progress(0.1 + 0.2 * share))
 
-    A neck grows from below; beside a jaw that rises steeply there is more of it, or a collar or
-    hair, just across the inpaint mask's edge.
+    def work(alpha: np.ndarray, t: int) -> np.ndarray:
+        image, mask = footage.crops[t], footage.person[t]
+        out, hole = np.zeros_like(image), inpaint_mask(alpha)
+        if not hole.any():
+            return out
+        region = covered(hole, alpha, footage.outline[t])
+        box = box_of(hole, round(REACH * unit))
+        x, y = offsets[t]
+        shot = behind[footage.segment[t]]
+        plate_here = shot.wall[y : y + size, x : x + size]
+        light = slow_difference(image, plate_here, background_pixels(mask))
+        wall = plate_here[box] + light[box]
+        under, left = image[box], region[box]
+        if shot.torso is not None:
+            under, left = shot.torso.fill(image, region, wall, motions[t], box)
+        landmarks = footage.landmarks[t] - (box[1].start, box[0].start)
+        growing = neck(under, left, landmarks, smooth[t], unit)
+        growing = rim(under, left, mask[box].astype(np.float32) / 255, growing, unit)
+        out[box] = chosen(hole[box], restore(under, left, wall, growing), out[box])
+        return out
 
-    Args:
-        image: (S, S, 3) uint8. region: (S, S) bool inpaint mask. person: (S, S) mask, 0..1.
-        growing: colour (S, S, 3) and share (S, S) of the :func:`neck`.
-    """
-    colour, share = growing
-    if not region.any() or region.all():
-        return growing
-    distance = cv2.distanceTransform(region.astype(np.uint8), cv2.DIST_L2, 5)
-    # Not the nearest pixel, but more of them the further in: a comb of streaks shows.
-    beside = pull_push(image, np.where(region, 0, person).astype(np.float32))
-    theirs = pull_push(person[..., None], (~region).astype(np.float32))[..., 0]
-    unit = len(image) / REFERENCE_SIZE
-    near = np.clip((RIM_END * unit - distance) / ((RIM_END - RIM_FULL) * unit), 0, 1) * region
-    there = near * theirs
-    mixed = colour + there[..., None] * (beside - colour)
-    return mixed.astype(np.float32), np.maximum(share, there).astype(np.float32)
-
-
-def slow_difference(image: np.ndarray, behind: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Low-frequency part (S, S, 3) of image - plate, carried on into what is not known."""
-    size = len(image)
-    small = (max(1, size // COARSE),) * 2
-    weight = cv2.resize(known.astype(np.float32), small, interpolation=cv2.INTER_AREA)
-    difference = (image.astype(np.float32) - behind) * known[..., None]
-    total = cv2.resize(difference, small, interpolation=cv2.INTER_AREA)
-    mean = total / np.maximum(weight, 1e-6)[..., None]
-    slow = pull_push(mean, np.where(weight > 0.2, 1.0, 0.0))
-    slow = cv2.GaussianBlur(slow, (0, 0), 1.5)
-    return cv2.resize(slow, (size, size), interpolation=cv2.INTER_CUBIC)
-
-
-def neck(
-    image: np.ndarray, region: np.ndarray, landmarks: np.ndarray, profile: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Colour (S, S, 3) and share (S, S) of what grows from below the inpaint mask up into it.
-
-    Args:
-        image: (S, S, 3) uint8. region: (S, S) bool inpaint mask. landmarks: (478, 2) px.
-        profile: (PROFILE, 4) smoothed.
-    """
-    size = len(region)
-    frame = NeckFrame.of(landmarks)
-    across = np.clip(frame.position(size), 0, PROFILE - 1)
-    by_column = np.stack(
-        [np.interp(across, np.arange(PROFILE), profile[:, k]) for k in range(4)], axis=1
-    )
-    bottom = bottom_of(region)
-    has_below = (bottom >= 0) & (bottom < size - 1)
-    outside = np.abs(np.arange(size) - frame.middle) / frame.width - NECK_HALF_WIDTH
-    height = frame.width * NECK_HEIGHT * np.clip(1 - outside / NECK_ROUNDING, 0.05, 1)
-    above = (bottom[None] - np.arange(size)[:, None]) / height  # 0 at the mask's end, 1 at the top
-    fade = np.clip((1 - above) / 0.3, 0, 1) * (above >= 0) * has_below
-    share = (by_column[:, 3] * fade).astype(np.float32)
-    colour = by_column[:, :3] * (1 - NECK_DARKENING * np.clip(above, 0, 1))[..., None]
-    # Right at the seam it is this frame's own colour, so that no line shows.
-    rows = np.clip(bottom + np.arange(1, SEAM_ROWS + 1)[:, None], 0, size - 1)
-    own = cv2.GaussianBlur(image[rows, np.arange(size)].astype(np.float32).mean(0)[None], (0, 0), 1)
-    seam = np.exp(-above * height / (SEAM_DEPTH * size / REFERENCE_SIZE))
-    colour += np.where(above >= 0, seam, 0)[..., None] * (own - by_column[None, :, :3])
-    return colour.astype(np.float32), share
+    frames = zip(read_frames(matte, pixels="gray"), range(len(footage)), strict=True)
+    with VideoWriter(background, size, size, rate, "ffv1") as writer:
+        for filled in in_order(work, frames):
+            writer.write(filled)
+            progress(0.3 + 0.7 * writer.frames / len(footage))

@@ -13,12 +13,14 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
-from dubbing.preparation.background.background import bottom_of, slow_difference
 from dubbing.preparation.background.known_median import known_median
+from dubbing.preparation.background.neck import bottom_of
+from dubbing.preparation.background.pixels import box_of, chosen, rounded, spread
+from dubbing.preparation.background.wall import slow_difference
 from dubbing.preparation.matting.matting import GREY, REFERENCE_SIZE, dilate
 
 PERSON = 0.5  # of the person mask: above this a pixel is torso, where the head is not
-MOST_CORNERS, CORNER_QUALITY, CORNER_GAP = 400, 0.005, 5.0
+MOST_CORNERS, CORNER_QUALITY, CORNER_GAP = 200, 0.005, 5.0
 LEAST_CORNERS = 20
 PATCH, LEVELS = 41, 4  # px and pyramid levels of the Lucas-Kanade tracker
 THERE_AND_BACK = 0.7  # px that a corner may miss its place by, tracked to and fro
@@ -35,7 +37,7 @@ class Torso:
     """The torso of a shot, laid over its reference frame.
 
     Attributes:
-        colour: (S, S, 3) float32, grey levels.
+        colour: (S, S, 3) uint8.
         share: (S, S) float32 in 0..1, how much of a pixel is person and not wall.
         seen: (S, S) bool, whether enough frames showed it.
         reference: (S, S) uint8 grey levels of the reference frame.
@@ -53,37 +55,54 @@ class Torso:
         return follow(self.reference, cv2.cvtColor(image, GREY), self.corners)
 
     def fill(
-        self, image: np.ndarray, region: np.ndarray, wall: np.ndarray, motion: np.ndarray
+        self,
+        image: np.ndarray,
+        region: np.ndarray,
+        wall: np.ndarray,
+        motion: np.ndarray,
+        box: tuple[slice, slice],
     ) -> tuple[np.ndarray, np.ndarray]:
-        """The image (S, S, 3) uint8 with the torso in the inpaint mask, and what is left of that.
+        """A part of the image with the torso in the inpaint mask, and what is left of that.
 
         Args:
-            image: a frame of the shot. region: (S, S) bool, its inpaint mask.
-            wall: (S, S, 3), what is behind the torso.
+            image: (S, S, 3) uint8, a frame of the shot. region: (S, S) bool, its inpaint mask.
+            wall: (H, W, 3) float32, what is behind the torso in the part.
             motion: (2, 3) that lays the torso over the image.
+            box: rows and columns of the part, which holds all of the region.
         """
         side = region.shape[::-1]
-        colour = cv2.warpAffine(self.colour, motion, side, flags=cv2.INTER_CUBIC)
         share = cv2.warpAffine(self.share, motion, side)
-        seen = cv2.warpAffine(self.seen.astype(np.float32), motion, side) > 0.99
+        seen = cv2.warpAffine(self.seen.astype(np.uint8) * 255, motion, side) > 0.99 * 255
         known = seen & ~region & (share > PERSON)
-        colour += slow_difference(image, colour, known)
-        here = reached(region, seen)
-        filled = np.clip(wall + share[..., None] * (colour - wall), 0, 255).round()
-        return np.where(here[..., None], filled, image).astype(np.uint8), region & ~here
+        light = slow_difference(image, cv2.warpAffine(self.colour, motion, side), known)
+        part, left = image[box].copy(), region[box]
+        here = reached(left, seen[box], len(image) / REFERENCE_SIZE)
+        if here.any():
+            row, column = inner = box_of(here, 0)
+            corner = np.array([box[1].start + column.start, box[0].start + row.start])
+            shape = column.stop - column.start, row.stop - row.start
+            shifted = motion - np.array([[0, 0, corner[0]], [0, 0, corner[1]]])
+            colour = cv2.warpAffine(self.colour, shifted, shape, flags=cv2.INTER_CUBIC)
+            colour = colour + light[box][inner]
+            filled = wall[inner] + spread(share[box][inner]) * (colour - wall[inner])
+            part[inner] = chosen(here[inner], rounded(filled), part[inner])
+        return part, left & ~here
 
 
-def reached(region: np.ndarray, seen: np.ndarray) -> np.ndarray:
-    """What of an inpaint mask (S, S) is seen from its lower end up without a gap, its top even."""
-    size = len(region)
+def reached(region: np.ndarray, seen: np.ndarray, unit: float) -> np.ndarray:
+    """What of an inpaint mask (H, W) is seen from its lower end up without a gap, its top even.
+
+    Args:
+        unit: px of the crop for one at S = 512.
+    """
     bottom = bottom_of(region)
-    above = bottom[None] - np.arange(size)[:, None]  # 0 at the mask's lower end, grows upwards
-    gap = np.where((above >= 0) & ~(seen & region), above, size)
-    height = np.where(bottom >= 0, gap.min(0), 0).astype(np.float32)
-    unit = size / REFERENCE_SIZE
+    row = np.arange(len(region), dtype=np.int32)[:, None]
+    gap = np.where(seen & region, -1, row)
+    gap[row > bottom] = -1
+    height = np.where(bottom >= 0, bottom - gap.max(0), 0).astype(np.float32)
     even = minimum_filter1d(height, 2 * round(EVEN * unit) + 1)
     even = np.minimum(gaussian_filter1d(even, EVEN * unit), height)
-    return region & (above >= 0) & (above < even[None])
+    return region & (bottom - row < even) & (row <= bottom)
 
 
 def follow(reference: np.ndarray, grey: np.ndarray, corners: np.ndarray) -> np.ndarray | None:
@@ -124,8 +143,8 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
     """The torso of a shot from some of its frames.
 
     Args:
-        images: (K, S, S, 3) uint8. person: (K, S, S) person masks, 0..1. inpaint_masks: (K, S, S)
-            bool, where the head is.
+        images: (K, S, S, 3), person: (K, S, S) person masks, both uint8.
+        inpaint_masks: (K, S, S) bool, where the head is.
 
     Returns:
         None where there is nothing to follow.
@@ -137,7 +156,7 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
     reference = cv2.cvtColor(images[middle], GREY)
     head = inpaint_masks[middle]
     near = dilate(head, REACH * unit) & ~dilate(head, PATCH / 4 * unit)
-    cloth = near & (person[middle] > PERSON)
+    cloth = near & (person[middle] > PERSON * 255)
     corners = cv2.goodFeaturesToTrack(
         reference, MOST_CORNERS, CORNER_QUALITY, CORNER_GAP * unit, mask=cloth.astype(np.uint8)
     )
@@ -150,13 +169,13 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
             continue
         back = cv2.invertAffineTransform(motion)
         colours.append(cv2.warpAffine(image, back, (size, size), flags=cv2.INTER_CUBIC))
-        shares.append(cv2.warpAffine((mask * 255).astype(np.uint8), back, (size, size)))
+        shares.append(cv2.warpAffine(mask, back, (size, size)))
         views.append(cv2.warpAffine(clear.astype(np.float32), back, (size, size)) > 0.99)
     if len(views) < LEAST_FOUND * len(images):
         return None
     seen = np.stack(views)
     return Torso(
-        colour=known_median(np.stack(colours), seen),
+        colour=rounded(known_median(np.stack(colours), seen)),
         share=known_median(np.stack(shares)[..., None], seen)[..., 0] / 255,
         seen=seen.mean(0) >= LEAST_SEEN,
         reference=reference,

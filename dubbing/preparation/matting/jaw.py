@@ -15,7 +15,8 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 POINTS = 96  # of the line
-INSIDE, OUTSIDE, SPACING = 5.0, 30.0, 1.0  # px along a normal
+SPACING = 1.0  # px
+OFFSETS = np.arange(-5.0, 30.0 + SPACING / 2, SPACING)  # px along a normal, J of them
 ABOVE, BELOW = 2.5, 14.0  # px: how far from FaceMesh's line the edge is expected
 STEP = 5  # px on either side whose means are compared
 CLEAR = 60.0  # grey levels: a step as high as that is worth half of MOST
@@ -40,29 +41,38 @@ def normals(line: np.ndarray) -> np.ndarray:
     return across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
 
 
-def edge_offsets(image: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """How far below an outline (K, 2) px the edge lies at its POINTS points, (POINTS,) px.
+def edge_costs(image: np.ndarray, outline: np.ndarray) -> np.ndarray:
+    """What it costs the edge to lie OFFSETS below an outline (K, 2) px, (POINTS, J).
 
     Args:
         image: (S, S, 3) uint8 RGB.
     """
     unit = len(image) / REFERENCE_SIZE
     line = resampled(outline)
-    offset = np.arange(-INSIDE, OUTSIDE + SPACING / 2, SPACING)
-    places = line[:, None] + (offset * unit)[:, None] * normals(line)[:, None]
+    places = line[:, None] + (OFFSETS * unit)[:, None] * normals(line)[:, None]
     smooth = cv2.GaussianBlur(image, (0, 0), unit)
     x, y = (places[..., k].astype(np.float32) for k in range(2))
     colour = cv2.remap(smooth, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     step = np.linalg.norm(steps(colour.astype(np.float32), STEP), axis=2)
-    far = np.where(offset < 0, offset / ABOVE, offset / BELOW)
-    outward = np.where(offset >= 0, step, 0)
+    far = np.where(OFFSETS < 0, OFFSETS / ABOVE, OFFSETS / BELOW)
+    outward = np.where(OFFSETS >= 0, step, 0)
     passed = np.cumsum(outward, axis=1) - outward
-    passed = np.pad(passed, ((0, 0), (STEP, 0)))[:, : len(offset)]
+    passed = np.pad(passed, ((0, 0), (STEP, 0)))[:, : len(OFFSETS)]
     cost = far**2 / 2 - MOST * step / (step + CLEAR) + CROSSED * SPACING * passed
     still = round(ENDS * POINTS)
     for end in (slice(0, still), slice(POINTS - still, None)):
-        cost[end] = offset**2
-    return offset[smoothest(cost, BEND * (SPACING * np.arange(-2, 3)) ** 2)] * unit
+        cost[end] = OFFSETS**2
+    return np.asarray(cost)
+
+
+def edge_offsets(costs: np.ndarray, size: int) -> np.ndarray:
+    """How far below the outlines the edges lie at their POINTS points, (T, POINTS) px.
+
+    Args:
+        costs: (T, POINTS, J), from :func:`edge_costs`. size: S.
+    """
+    bend = BEND * (SPACING * np.arange(-2, 3)) ** 2
+    return OFFSETS[smoothest(costs, bend)] * (size / REFERENCE_SIZE)
 
 
 def steps(profile: np.ndarray, reach: int) -> np.ndarray:
@@ -78,24 +88,25 @@ def steps(profile: np.ndarray, reach: int) -> np.ndarray:
 
 
 def smoothest(cost: np.ndarray, bend: np.ndarray) -> np.ndarray:
-    """Path of least cost through (P, J), one state a point: (P,) int.
+    """Paths of least cost through (T, P, J), one state a point: (T, P) int.
 
     Args:
         cost: of each state at each point.
         bend: (2 R + 1,) cost of going on to the state -R .. R further; further is not possible.
     """
-    reach = len(bend) // 2
-    total, came = cost[0].copy(), np.zeros(cost.shape, int)
-    for k in range(1, len(cost)):
-        padded = np.pad(total, reach, constant_values=np.inf)
+    reach, states = len(bend) // 2, cost.shape[2]
+    total, came = cost[:, 0], np.zeros(cost.shape, np.int16)
+    for k in range(1, cost.shape[1]):
+        padded = np.pad(total, ((0, 0), (reach, reach)), constant_values=np.inf)
         # From state j + r at the point before.
-        choices = np.stack([padded[r : r + cost.shape[1]] + bend[r] for r in range(2 * reach + 1)])
-        came[k] = choices.argmin(0) - reach + np.arange(cost.shape[1])
-        total = choices.min(0) + cost[k]
-    path = [int(total.argmin())]
-    for k in range(len(cost) - 1, 0, -1):
-        path.append(int(came[k][path[-1]]))
-    return np.array(path[::-1])
+        choices = np.stack([padded[:, r : r + states] + bend[r] for r in range(2 * reach + 1)])
+        came[:, k] = choices.argmin(0) - reach + np.arange(states)
+        total = choices.min(0) + cost[:, k]
+    every = np.arange(len(cost))
+    path = [total.argmin(1)]
+    for k in range(cost.shape[1] - 1, 0, -1):
+        path.append(came[every, k, path[-1]])
+    return np.stack(path[::-1], axis=1)
 
 
 def smooth_offsets(offsets: np.ndarray, segment: np.ndarray) -> np.ndarray:

@@ -54,12 +54,12 @@ def above_jaw(outline: np.ndarray, size: int) -> np.ndarray:
 
 
 def fill_polygon(polygon: np.ndarray, size: int) -> np.ndarray:
-    """Coverage (S, S) float32 in 0..1 of a polygon (K, 2) px, with smooth edges."""
+    """Coverage (S, S) uint8, 255 for all, of a polygon (K, 2) px, with smooth edges."""
     out = np.zeros((size, size), np.uint8)
     shift = 4  # binary places of a pixel
     corners = (polygon * (1 << shift)).round().astype(np.int32)
     cv2.fillPoly(out, [corners], 255, lineType=cv2.LINE_AA, shift=shift)
-    return out.astype(np.float32) / 255
+    return out
 
 
 def opacity(image: np.ndarray, person: np.ndarray) -> np.ndarray:
@@ -79,24 +79,25 @@ def opacity(image: np.ndarray, person: np.ndarray) -> np.ndarray:
     return np.asarray(np.maximum(sharp, (alpha - CORE) / (1 - CORE)))
 
 
-def head_matte(
-    image: np.ndarray, person: np.ndarray, outline: np.ndarray, inside: np.ndarray
-) -> np.ndarray:
+def in_bytes(share: np.ndarray) -> np.ndarray:
+    """A picture of shares, 0..1, as uint8, 0..255."""
+    return cv2.convertScaleAbs(share, alpha=255)
+
+
+def head_matte(alpha: np.ndarray, outline: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """Matte (S, S) uint8 of the head with its hair, down to the jaw.
 
     Args:
-        image: (S, S, 3) RGB uint8.
-        person: (S, S) from :func:`person_mask`.
+        alpha: (S, S) uint8, from :func:`opacity`.
         outline: (K, 2) px, see :func:`above_jaw`.
         inside: (2,) px, a point of the face: only what hangs together with it is kept.
     """
-    size = len(image)
+    size = len(alpha)
     unit = size / REFERENCE_SIZE
-    alpha = opacity(image, person)
     below = np.array([0, CUT_BELOW * unit])
     face = fill_polygon(above_jaw(outline, size) + below, size)
-    alpha *= cv2.GaussianBlur(face, (0, 0), CUT_SOFTNESS * unit)
-    matte = (np.clip(alpha, 0, 1) * 255).round().astype(np.uint8)
+    face = cv2.GaussianBlur(face, (0, 0), CUT_SOFTNESS * unit)
+    matte = cv2.multiply(alpha, face, scale=1 / 255)
     return np.where(component_at(matte > 5, inside), without_holes(matte), 0).astype(np.uint8)
 
 
@@ -133,20 +134,21 @@ def inpaint_mask(matte: np.ndarray) -> np.ndarray:
     return dilate(higher, 7 * unit) | dilate(head, 4 * unit)
 
 
-def covered(matte: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """What of the inpaint mask is to be restored, (S, S) bool: not the neck beside the jaw.
+def covered(hole: np.ndarray, matte: np.ndarray, outline: np.ndarray) -> np.ndarray:
+    """What of an inpaint mask is to be restored, (S, S) bool: not the neck beside the jaw.
 
     Below the ear lobes there is no hair that a matte could miss, so what is 2 px from it or more
     can be seen.
 
     Args:
+        hole: the :func:`inpaint_mask` (S, S) of the matte.
         outline: (K, 2) px, see :func:`above_jaw`.
     """
     size = len(matte)
     lobes = above_jaw(outline[[0, -1]], size)
-    hair = fill_polygon(lobes, size) > 0.5
+    hair = fill_polygon(lobes, size) > 127
     jaw = dilate(matte > SEEN * 255, JAW_MARGIN * size / REFERENCE_SIZE)
-    return inpaint_mask(matte) & (hair | jaw)
+    return hole & (hair | jaw)
 
 
 def dilate(mask: np.ndarray, radius: float) -> np.ndarray:

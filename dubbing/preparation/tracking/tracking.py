@@ -4,22 +4,27 @@ T frames. Every step returns a dictionary of arrays, which is also what it leave
 """
 
 import itertools
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from dubbing.errors import PreparationError
-from dubbing.face.landmarks import two_modes
+from dubbing.face.landmarks import TwoModes, two_modes
 from dubbing.face.mesh_points import JAW, RIGID
 from dubbing.media import MediaInfo, read_frames
 from dubbing.preparation.alignment.banded import second_difference_links
 from dubbing.preparation.alignment.bundle import Observations, fit_poses, start_poses, triangulate
 from dubbing.preparation.alignment.camera import Poses, focal_length, project, to_camera
 from dubbing.preparation.alignment.face_strip import FaceStrip
-from dubbing.preparation.alignment.photometric import Alignment, refine, residual_shift
+from dubbing.preparation.alignment.photometric import Alignment
+from dubbing.preparation.alignment.refinement import refine
 from dubbing.preparation.alignment.relief import solve_relief
+from dubbing.preparation.alignment.score import residual_shift
 from dubbing.preparation.alignment.skin import reference_frame, skin_points
+from dubbing.preparation.footage.footage import CROPS, new_pictures
+from dubbing.preparation.footage.threads import in_order
+from dubbing.preparation.matting.masks import People
 from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
@@ -53,11 +58,16 @@ def survey_step(info: MediaInfo, people: Sequence[Portrait], progress: Progress)
     }
 
 
-def landmark_step(info: MediaInfo, size: int, seen: Arrays, progress: Progress) -> Arrays:
-    """Landmarks of every frame in px of its crop.
+def landmark_step(
+    info: MediaInfo, size: int, seen: Arrays, folder: Path, progress: Progress
+) -> Arrays:
+    """Landmarks of every frame in px of its crop; the crops and what `People` finds are left there.
+
+    Faces are followed from frame to frame, one after the other; threads look at the frames before.
 
     Returns:
-        points (T, 478, 3), apart (T,) px between the two modes, valid (T,) bool.
+        points (T, 478, 3), apart (T,) px between the two modes, valid (T,) bool; middle and top
+        (T, 2) of a :class:`Silhouette`.
 
     Raises:
         PreparationError: hardly any frame has a face.
@@ -65,21 +75,30 @@ def landmark_step(info: MediaInfo, size: int, seen: Arrays, progress: Progress) 
     segment, window, box = seen["segment"], seen["window"], seen["box"]
     points = np.zeros((info.frames, 478, 3), np.float32)
     apart, valid = np.zeros(info.frames, np.float32), np.zeros(info.frames, bool)
-    with two_modes(int(seen["most_faces"])) as detect:
+    crops = new_pictures(folder / CROPS, info.frames, size, size, 3)
+    people = People(folder, crops)
+
+    def followed(detect: TwoModes) -> Iterator[tuple[int, np.ndarray | None]]:
         for t, image in enumerate(read_frames(info.path)):
             if t and segment[t] != segment[t - 1]:
                 detect.restart()
             middle = to_crop((box[t, :2] + box[t, 2:]) / 2, window[t], size)
-            points[t], apart[t], valid[t] = detect(crop(image, window[t], size), middle)
+            crops[t] = part = crop(image, window[t], size)
+            points[t], apart[t], valid[t] = detect(part, middle)
             valid[t] &= seen["followed"][t]
+            yield t, points[t] if valid[t] else None
             progress((t + 1) / info.frames)
+
+    with two_modes(int(seen["most_faces"])) as detect:
+        outlines = np.stack(list(in_order(people.look, followed(detect))), axis=1)
     if valid.sum() < LEAST_FRAMES:
         raise PreparationError(
             f"a face in only {int(valid.sum())} of {info.frames} frames",
             str(info.path),
             "use a clip in which the speaker faces the camera",
         )
-    return {"points": points, "apart": apart, "valid": valid}
+    found = {"points": points, "apart": apart, "valid": valid}
+    return found | dict(zip(("middle", "top"), outlines, strict=True))
 
 
 def principal_points(window: np.ndarray, source_size: tuple[int, int], size: int) -> np.ndarray:
@@ -160,26 +179,26 @@ def refine_step(
     observed: Observations,
     found: Arrays,
     bundle: Arrays,
-    footage: tuple[Callable[[], Iterable[np.ndarray]], int, Path],
+    crops: np.ndarray,
+    scratch: Path,
     progress: Progress,
 ) -> Arrays:
     """Poses refined by the pixels, the shape from them, and the score of the track.
 
     Args:
-        footage: what gives the crops (S, S, 3) of all frames, S, and a file to keep their faces
-            in while they are needed.
+        crops: (T, S, S, 3). scratch: a file to keep their faces in while they are needed.
 
     Returns:
         shape, rotation, translation as before; residual_shift (T, 2) px, NaN where not usable.
     """
-    crops, size, scratch = footage
+    size = crops.shape[1]
     shape, poses = bundle["shape"], Poses(bundle["rotation"], bundle["translation"])
     rigid = shape[list(RIGID)]
     middle = reference_frame(poses, observed.usable)
     view = poses[middle : middle + 1]
     skin = skin_points(shape, view, observed.focal, observed.centre[middle : middle + 1], size)
     pixels = project(to_camera(poses, skin.points), observed.focal, observed.centre)
-    strip = FaceStrip.record(scratch, crops(), pixels)
+    strip = FaceStrip.record(scratch, crops, pixels)
     progress(0.1)
     aligned = Alignment(skin.half(0), strip, observed.focal, observed.centre)
     some = observed.spread(RELIEF_FRAMES)

@@ -75,7 +75,7 @@ def test_the_matte_covers_the_head_and_not_the_body(
 def test_a_run_killed_between_any_two_steps_ends_the_same(
     speaker: tuple[Path, SpeakerTruth], prepared: PreparedClip, tmp_path: Path
 ) -> None:
-    for fatal in ("landmarks", "person", "refinement", "background"):
+    for fatal in ("landmarks", "occlusion", "refinement", "background"):
 
         def die(step: str, share: float, fatal: str = fatal) -> None:
             if step == fatal and share > 0.3:

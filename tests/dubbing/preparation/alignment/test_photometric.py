@@ -11,17 +11,13 @@ from scipy.spatial.transform import Rotation
 from dubbing.preparation.alignment.bundle import Observations
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.alignment.face_strip import FaceStrip
-from dubbing.preparation.alignment.photometric import (
-    Alignment,
-    all_samples,
-    refine,
-    residual_shift,
-    root_mean_square,
-    texture_of,
-)
+from dubbing.preparation.alignment.photometric import Alignment
+from dubbing.preparation.alignment.refinement import jacobian_of, product, refine
 from dubbing.preparation.alignment.relief import Relief, solve_relief
 from dubbing.preparation.alignment.rotations import rotation_from_vector
+from dubbing.preparation.alignment.score import residual_shift, root_mean_square
 from dubbing.preparation.alignment.skin import Skin
+from dubbing.preparation.alignment.texture import Texture, median_of_known, texture_of
 
 SIZE, FOCAL, FRAMES = 160, 375.0, 24
 
@@ -113,7 +109,7 @@ def test_jittered_poses_are_pulled_back_onto_the_pixels(scene: Scene) -> None:
     judged = scene.work(scene.skin.half(1))
     before = root_mean_square(residual_shift(scene.start, every, judged))
     work = scene.work(scene.skin.half(0))
-    texture = texture_of(all_samples(scene.truth, every, work))
+    texture = texture_of(scene.truth, every, work)
     poses = refine(scene.start, work, texture, scene.marks, scene.seen, lambda _: None)
     after = root_mean_square(residual_shift(poses, every, judged))
     # The score sees the jitter that was put in, but for its mean, and that it is gone.
@@ -130,7 +126,7 @@ def test_jittered_poses_are_pulled_back_onto_the_pixels(scene: Scene) -> None:
 def test_a_quick_nod_is_not_damped(tmp_path: Path) -> None:
     scene = filmed(tmp_path, nod=6.0)
     work = scene.work(scene.skin.half(0))
-    texture = texture_of(all_samples(scene.truth, np.arange(FRAMES), work))
+    texture = texture_of(scene.truth, np.arange(FRAMES), work)
     poses = refine(scene.start, work, texture, scene.marks, scene.seen, lambda _: None)
     # A frame's pose against its neighbours': where all of them are is not observable.
     nods = [
@@ -155,3 +151,62 @@ def test_skin_of_the_wrong_relief_is_bent_right(scene: Scene) -> None:
     plane = np.stack((x, y, np.ones_like(x)), axis=1)
     left = left - plane @ np.linalg.lstsq(plane, left, rcond=None)[0]
     assert left.std() < 0.5 * wrong.std()
+
+
+def test_a_grey_value_changes_as_the_step_and_the_relief_move_its_point() -> None:
+    """A plane whose grey value rises by `slope` along it: what a moved point meets of it."""
+    normal, slope = np.array([0.0, 0, -1]), np.array([3.0, -5.0, 0])
+    points = np.array([[0.3, 0.2, 0], [-0.4, 0.1, 0], [0.1, -0.5, 0]])
+    pose = Poses(rotation_from_vector(np.array([[0.1, -0.3, 0.2]])), np.array([[0.2, 0.1, 8.0]]))
+    rays, basis = np.array([[0.1, 0.2, 1.0]] * 3), np.array([[1.0], [0.5], [2.0]])
+    nothing = FaceStrip(np.zeros((1, 8, 8), np.uint8), np.zeros((1, 2), int))
+    work = Alignment(Skin(points, np.tile(normal, (3, 1))), nothing, FOCAL, np.zeros((1, 2)))
+    texture = Texture(points @ slope, np.ones(3), np.tile(slope, (3, 1)))
+    view = work.view(pose, np.array([0]))
+    jacobian = jacobian_of(view, texture, (rays, basis))[0]
+
+    def met(step: np.ndarray) -> np.ndarray:
+        moved = to_camera(pose.stepped(step[None, :6]), points + rays * basis * step[6])[0]
+        # Back into the unmoved head, and along the camera's ray to its plane z = 0.
+        eye = -pose.translation[0] @ pose.rotation[0]
+        ray = moved @ pose.rotation[0]
+        return (eye - ray * (eye[2] / ray[:, 2:])) @ slope
+
+    numeric = [(met(1e-5 * unit) - met(-1e-5 * unit)) / 2e-5 for unit in np.eye(7)]
+    np.testing.assert_allclose(jacobian, np.stack(numeric, 1), atol=1e-4)
+
+
+def test_pictures_are_read_between_their_pixels() -> None:
+    rng = np.random.default_rng(0)
+    pictures = rng.integers(0, 255, (3, 9, 12), np.uint8)
+    strip = FaceStrip(pictures, np.array([[4, 2], [0, 0], [1, 7]]))
+    frames, pixels = np.array([2, 0]), rng.uniform(0, 16, (2, 40, 2)).astype(np.float32)
+    pixels[1, 0] = [6.5, 4.25]  # in the picture of frame 0 at column 2.5, row 2.25
+    values, slopes = strip.sample(frames, pixels), strip.slopes(frames, pixels)
+    grey = pictures[0].astype(float)
+    target = 0.75 * (grey[2, 2] + grey[2, 3]) / 2 + 0.25 * (grey[3, 2] + grey[3, 3]) / 2
+    assert values[1, 0] == pytest.approx(target)
+    steps = [(grey[row, 3:5] - grey[row, 1:3]).mean() / 2 for row in (2, 3)]
+    assert slopes[1, 0, 0] == pytest.approx(0.75 * steps[0] + 0.25 * steps[1])
+    for k, frame in enumerate(frames):
+        for value, (x, y) in zip(values[k], pixels[k] - strip.corner[frame], strict=True):
+            column, row = int(np.floor(x)), int(np.floor(y))
+            inside = 0 <= column < 11 and 0 <= row < 8
+            assert np.isfinite(value) == inside
+            if inside:
+                four = pictures[frame, row : row + 2, column : column + 2].astype(float)
+                across = np.array([1 - x + column, x - column])
+                assert value == pytest.approx(np.array([1 - y + row, y - row]) @ four @ across)
+
+
+def test_median_of_what_is_known() -> None:
+    values = np.random.default_rng(0).normal(size=(9, 50))
+    values[np.random.default_rng(1).random((9, 50)) < 0.4] = np.nan
+    values[0] = 0.5
+    np.testing.assert_array_equal(median_of_known(values), np.nanmedian(values, axis=0))
+
+
+def test_a_product_of_many_points_is_the_sum_of_its_parts() -> None:
+    rng = np.random.default_rng(0)
+    one, other = rng.normal(size=(2, 60, 301)), rng.normal(size=(2, 301, 61))
+    np.testing.assert_allclose(product(one, other), one @ other, rtol=1e-9, atol=1e-9)

@@ -1,18 +1,14 @@
 """The restored background: known pixels stay, the head's own never come back."""
 
 import numpy as np
+import pytest
 
-from dubbing.preparation.background.background import (
-    PROFILE,
-    neck,
-    neck_profile,
-    plate,
-    restore,
-    rim,
-    smooth_profiles,
-    wall_of,
-)
+from dubbing.preparation.background.background import PLATE_FRAMES, plate_frames
+from dubbing.preparation.background.neck import PROFILE, neck, neck_profile, smooth_profiles
+from dubbing.preparation.background.pixels import box_of, chosen, rounded
 from dubbing.preparation.background.pull_push import pull_push
+from dubbing.preparation.background.rim import REACH, restore, rim
+from dubbing.preparation.background.wall import background_pixels, plate, slow_difference
 
 SIZE = 96
 HEAD = np.array([250, 0, 250], np.uint8)  # a colour that nothing else has
@@ -24,8 +20,8 @@ def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     image = np.tile(WALL, (SIZE, SIZE, 1))
     image[60:, 36:60] = SKIN
     image[12:60, 30:66] = HEAD
-    person = np.zeros((SIZE, SIZE), np.float32)
-    person[60:, 36:60] = person[12:60, 30:66] = 1
+    person = np.zeros((SIZE, SIZE), np.uint8)
+    person[60:, 36:60] = person[12:60, 30:66] = 255
     region = np.zeros((SIZE, SIZE), bool)
     region[8:62, 26:70] = True
     landmarks = np.full((478, 2), 48.0)
@@ -38,8 +34,9 @@ def test_nothing_of_the_head_is_in_the_background_and_the_rest_is_untouched() ->
     measured = neck_profile(image, person, region, landmarks)
     profile = smooth_profiles(np.stack([measured] * 3), np.zeros(3, int))[1]
     behind = np.tile(WALL.astype(np.float32), (SIZE, SIZE, 1))
-    wall = wall_of(image, behind, person)
-    out = restore(image, region, wall, neck(image, region, landmarks, profile))
+    wall = behind + slow_difference(image, behind, background_pixels(person))
+    growing = neck(image, region, landmarks, profile, SIZE / 512)
+    out = restore(image, region, wall, growing)
     assert np.array_equal(out[~region], image[~region])
     # Red stays below the skin's, and green above the wall's shade: no trace of 250, 0, 250.
     assert out[region][:, 0].max() <= 205
@@ -58,7 +55,7 @@ def test_what_lies_beside_a_steep_jaw_goes_on_into_the_rim_of_the_hole() -> None
     region[100:300, 200:300] = True
     image[region] = HEAD
     nothing = np.zeros((512, 512, 3), np.float32), np.zeros((512, 512), np.float32)
-    colour, share = rim(image, region, person, nothing)
+    colour, share = rim(image, region, person, nothing, 1.0)
     wall = np.tile(WALL.astype(np.float32), (512, 512, 1))
     out = restore(image, region, wall, (colour, share))
     assert np.array_equal(out[~region], image[~region])
@@ -77,7 +74,7 @@ def test_stripes_beside_a_hole_do_not_go_on_into_it() -> None:
     region = np.zeros((512, 512), bool)
     region[100:300, 200:300] = True
     nothing = np.zeros((512, 512, 3), np.float32), np.zeros((512, 512), np.float32)
-    colour, _ = rim(image, region, person, nothing)
+    colour, _ = rim(image, region, person, nothing, 1.0)
     assert np.abs(np.diff(colour[150:250, 295, 0])).max() < 0.2 * SKIN[0] / 2
 
 
@@ -86,7 +83,7 @@ def test_a_rim_without_a_hole_is_what_grows() -> None:
     growing = np.zeros((SIZE, SIZE, 3), np.float32), np.zeros((SIZE, SIZE), np.float32)
     person = np.ones((SIZE, SIZE), np.float32)
     for region in (np.zeros((SIZE, SIZE), bool), np.ones((SIZE, SIZE), bool)):
-        colour, share = rim(image, region, person, growing)
+        colour, share = rim(image, region, person, growing, SIZE / 512)
         assert not colour.any()
         assert not share.any()
 
@@ -128,3 +125,60 @@ def test_pull_push_keeps_what_is_known_and_fills_the_rest_within_its_range() -> 
     np.testing.assert_allclose(out[known], image[known], rtol=1e-5)
     assert out.min() >= 49
     assert out.max() <= 101
+
+
+def test_light_that_changes_slowly_is_carried_behind_a_person() -> None:
+    behind = np.full((SIZE, SIZE, 3), 90, np.float32)
+    image = np.full((SIZE, SIZE, 3), 110, np.uint8)
+    known = np.ones((SIZE, SIZE), bool)
+    known[30:60, 30:60] = False
+    image[~known] = 250
+    np.testing.assert_allclose(slow_difference(image, behind, known), 110 - 90, atol=1e-3)
+
+
+@pytest.mark.parametrize("corner", [(0, 40), (150, 200)])
+def test_what_grows_into_a_part_is_what_grows_into_the_whole(corner: tuple[int, int]) -> None:
+    rng = np.random.default_rng(0)
+    image, person, region, landmarks = (
+        np.kron(part, np.ones((4, 4) + (1,) * (part.ndim - 2), part.dtype))
+        if len(part) == SIZE
+        else 4 * part
+        for part in scene()
+    )
+    image = np.clip(image + rng.integers(-20, 20, image.shape), 0, 255).astype(np.uint8)
+    profile = rng.uniform(100, 120, (PROFILE, 4))
+    region = np.roll(region, corner, (0, 1))
+    box = box_of(region, REACH)
+    within = landmarks - (box[1].start, box[0].start)
+    grown = neck(image[box], region[box], within, profile, 1.0)
+    whole = neck(image, region, landmarks, profile, 1.0)
+    for mine, theirs in zip(grown, whole, strict=True):
+        np.testing.assert_allclose(mine[region[box]], theirs[region], rtol=1e-4, atol=1e-3)
+    share = person.astype(np.float32) / 255
+    mine, _ = rim(image[box], region[box], share[box], grown, 1.0)
+    theirs, _ = rim(image, region, share, whole, 1.0)
+    # The blocks of the averages lie otherwise: noise of 12 levels does not average out alike.
+    assert np.abs(mine[region[box]] - theirs[region]).mean() < 1
+
+
+def test_pixels_are_rounded_and_chosen() -> None:
+    levels = np.array([[[-3.0, 0.4, 0.6], [254.6, 300, 100.2]]], np.float32)
+    assert rounded(levels).tolist() == [[[0, 0, 1], [255, 255, 100]]]
+    one, other = np.full((1, 2, 3), 7, np.uint8), np.full((1, 2, 3), 9, np.uint8)
+    where = np.array([[True, False]])
+    assert chosen(where, one, other).tolist() == [[[7] * 3, [9] * 3]]
+    assert other.min() == 9
+
+
+def test_a_box_holds_a_region_and_its_surroundings_within_the_picture() -> None:
+    region = np.zeros((20, 30), bool)
+    region[3:8, 10] = region[5, 9:14] = True
+    assert box_of(region, 0) == (slice(3, 8), slice(9, 14))
+    assert box_of(region, 5) == (slice(0, 13), slice(4, 19))
+    assert box_of(region, 40) == (slice(0, 20), slice(0, 30))
+
+
+def test_plates_are_of_frames_spread_over_each_shot() -> None:
+    short, long = plate_frames(np.repeat([0, 1], [3, 391]))
+    assert short.tolist() == [0, 1, 2]
+    assert np.array_equal(long, 3 + 10 * np.arange(PLATE_FRAMES))

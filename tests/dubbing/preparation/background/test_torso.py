@@ -19,8 +19,8 @@ def frame(shift: float, jaw: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
     image, inpaint_mask = clean.copy(), np.zeros((SIZE, SIZE), bool)
     inpaint_mask[20:jaw, 70:190] = True
     image[inpaint_mask] = [220, 150, 120]
-    person = np.zeros((SIZE, SIZE), np.float32)
-    person[100:] = person[inpaint_mask] = 1
+    person = np.zeros((SIZE, SIZE), np.uint8)
+    person[100:] = person[inpaint_mask] = 255
     return image, clean, person, inpaint_mask
 
 
@@ -34,7 +34,10 @@ def test_what_one_jaw_covers_is_taken_from_frames_that_show_it() -> None:
     for image, clean, _, inpaint_mask in FRAMES[2::3]:  # the jaw is as low as it gets
         motion = FOUND.motion(image)
         assert motion is not None
-        filled, left = FOUND.fill(image, inpaint_mask, wall, motion)
+        box = slice(4, 250), slice(60, 200)
+        part, rest = FOUND.fill(image, inpaint_mask, wall[box], motion, box)
+        filled, left = image.copy(), np.zeros_like(inpaint_mask)
+        filled[box], left[box] = part, rest
         new = inpaint_mask & ~left
         assert new[140:165, 80:180].mean() > 0.9  # down from where the highest jaw ended
         assert not new[:125].any()  # and no further: no frame showed that
@@ -65,9 +68,15 @@ def test_what_is_filled_hangs_together_from_below() -> None:
     region, seen = np.zeros((512, 512), bool), np.ones((512, 512), bool)
     region[80:400, 64:448] = True
     seen[240, 160:350] = False  # a gap: nothing above it is reached
-    here = reached(region, seen)
+    here = reached(region, seen, 1.0)
     assert here[241:400, 160:350].all()
     assert not here[:240, 160:350].any()
     assert not (here & ~region).any()
     heights = here.sum(0)[64:448]
     assert np.abs(np.diff(heights)).max() <= 40  # no cliff where the gap ends
+    # One column, wide enough that its end is even: as far up as it is seen, row by row.
+    for column in (100, 255):
+        row = 399
+        while row >= 80 and seen[row, column]:
+            row -= 1
+        assert heights[column - 64] == 399 - row

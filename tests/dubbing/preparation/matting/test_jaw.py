@@ -4,6 +4,7 @@ import numpy as np
 
 from dubbing.preparation.matting.jaw import (
     POINTS,
+    edge_costs,
     edge_offsets,
     moved,
     smooth_offsets,
@@ -27,42 +28,46 @@ def picture(below: float, collar: int | None = None) -> np.ndarray:
     return image
 
 
+def offsets_in(image: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """Offsets (POINTS,) px of the edge in one picture."""
+    return edge_offsets(edge_costs(image, line)[None], len(image))[0]
+
+
 def test_the_edge_is_found_where_it_is() -> None:
     for below in (0.0, 3.0, 6.0, 15.0):
-        offset = edge_offsets(picture(below), LINE)
+        offset = offsets_in(picture(below), LINE)
         line = moved(LINE, offset)[MIDDLE]
         truth = 300 + 80 * np.sin((line[:, 0] - 120) / 272 * np.pi) + below
         assert np.abs(line[:, 1] - truth).max() < 1.6
 
 
 def test_a_collar_further_down_is_no_chin() -> None:
-    chin = edge_offsets(picture(1.0), LINE)[POINTS // 2 - 5 : POINTS // 2 + 5]
-    with_collar = edge_offsets(picture(1.0, collar=400), LINE)[POINTS // 2 - 5 : POINTS // 2 + 5]
+    chin = offsets_in(picture(1.0), LINE)[POINTS // 2 - 5 : POINTS // 2 + 5]
+    with_collar = offsets_in(picture(1.0, collar=400), LINE)[POINTS // 2 - 5 : POINTS // 2 + 5]
     assert np.abs(with_collar - chin).max() <= 1
 
 
 def test_without_an_edge_the_line_stays() -> None:
     plain = np.full((SIZE, SIZE, 3), 150, np.uint8)
-    assert np.abs(edge_offsets(plain, LINE)).max() == 0
+    assert np.abs(offsets_in(plain, LINE)).max() == 0
 
 
 def test_lengths_grow_with_the_picture() -> None:
-    small = edge_offsets(picture(6.0)[::2, ::2], LINE / 2)
-    assert (
-        abs(np.median(small[MIDDLE]) - np.median(edge_offsets(picture(6.0), LINE)[MIDDLE]) / 2) < 1
-    )
+    small = offsets_in(picture(6.0)[::2, ::2], LINE / 2)
+    assert abs(np.median(small[MIDDLE]) - np.median(offsets_in(picture(6.0), LINE)[MIDDLE]) / 2) < 1
 
 
 def test_the_path_of_least_cost_is_the_best_of_all() -> None:
     rng = np.random.default_rng(0)
-    cost, bend = rng.random((5, 4)), np.array([0.3, 0.0, 0.3])
+    costs, bend = rng.random((3, 5, 4)), np.array([0.3, 0.0, 0.3])
 
-    def price(path: tuple[int, ...]) -> float:
+    def price(path: tuple[int, ...], cost: np.ndarray) -> float:
         steps = np.abs(np.diff(path))
         return np.inf if steps.max() > 1 else cost[range(5), path].sum() + bend[1 + steps].sum()
 
-    best = min(np.ndindex(4, 4, 4, 4, 4), key=price)
-    assert tuple(smoothest(cost, bend)) == best
+    for cost, found in zip(costs, smoothest(costs, bend), strict=True):
+        best = min(np.ndindex(4, 4, 4, 4, 4), key=lambda path: price(path, cost))
+        assert tuple(found) == best
 
 
 def test_a_step_is_the_difference_of_means_on_both_sides() -> None:

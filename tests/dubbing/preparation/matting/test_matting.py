@@ -9,7 +9,9 @@ from dubbing.preparation.matting.matting import (
     dilate,
     fill_polygon,
     head_matte,
+    in_bytes,
     inpaint_mask,
+    opacity,
     without_holes,
 )
 
@@ -26,7 +28,7 @@ def jaw(roll: float = 0.0) -> np.ndarray:
 
 def test_above_the_jaw_is_above_the_jaw() -> None:
     inside = fill_polygon(above_jaw(jaw(), SIZE), SIZE)
-    assert inside[20, 64] == inside[95, 64] == inside[5, 5] == inside[50, 120] == 1
+    assert inside[20, 64] == inside[95, 64] == inside[5, 5] == inside[50, 120] == 255
     assert inside[105, 64] == inside[70, 10] == inside[70, 120] == inside[127, 0] == 0
 
 
@@ -34,7 +36,7 @@ def test_the_cut_turns_with_the_head() -> None:
     inside = fill_polygon(above_jaw(jaw(roll=0.5), SIZE), SIZE)
     chin = jaw(roll=0.5)[8]
     down = np.array([-np.sin(0.5), np.cos(0.5)])
-    for step, expected in ((-6, 1), (6, 0)):
+    for step, expected in ((-6, 255), (6, 0)):
         column, row = (chin + step * down).round().astype(int)
         assert inside[row, column] == expected
 
@@ -43,7 +45,7 @@ def test_matte_of_a_whole_person_ends_at_the_jaw() -> None:
     image = np.full((SIZE, SIZE, 3), 90, np.uint8)
     person = np.zeros((SIZE, SIZE), np.float32)
     person[10:, 34:95] = 1  # head, neck and torso
-    matte = head_matte(image, person, jaw(), np.array([64.0, 50.0]))
+    matte = head_matte(in_bytes(opacity(image, person)), jaw(), np.array([64.0, 50.0]))
     assert matte.dtype == np.uint8
     assert (matte[20:60, 40:88] > 250).all()
     assert matte[112:].max() == 0
@@ -77,7 +79,7 @@ def test_neck_and_collar_beside_the_jaw_are_not_restored_where_they_are_seen() -
     rows, columns = np.indices((size, size))
     matte = np.where(np.hypot(rows - 240, columns - 256) < 120, 255, 0).astype(np.uint8)
     outline = np.array([[140.0, 250], [256, 360], [372, 250]])
-    region = covered(matte, outline)
+    region = covered(inpaint_mask(matte), matte, outline)
     above = rows < 248
     assert np.array_equal(region[above], inpaint_mask(matte)[above])
     below = rows > 252
@@ -88,4 +90,10 @@ def test_neck_and_collar_beside_the_jaw_are_not_restored_where_they_are_seen() -
 
 def test_without_a_head_nothing_is_covered() -> None:
     outline = np.array([[140.0, 250], [256, 360], [372, 250]])
-    assert not covered(np.zeros((512, 512), np.uint8), outline).any()
+    matte = np.zeros((512, 512), np.uint8)
+    assert not covered(inpaint_mask(matte), matte, outline).any()
+
+
+def test_a_share_in_bytes_is_the_nearest_of_256() -> None:
+    share = np.array([[0, 0.5, 1], [0.2 / 255, 100.6 / 255, 1.3]], np.float32)
+    assert np.array_equal(in_bytes(share), [[0, 128, 255], [0, 101, 255]])
