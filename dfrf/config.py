@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 # The two families of presets: the format in the headers of their checkpoints, and the default
 # number of steps of a fine-tune.
-FORMATS = {"fast": "dfrf-3", "paper": "dfrf-paper-1"}
+FORMATS = {"fast": "dfrf-4", "paper": "dfrf-paper-1"}
 STEPS = {"fast": 1000, "paper": 40_000}
 FROM_BASE = ("fast", "fast-nowarp")  # what starts from the base of `fast`
 PUBLISHED_SPEECH = "deepspeech"  # the speech features of published checkpoints

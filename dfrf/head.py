@@ -20,7 +20,7 @@ from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
 from dfrf.field.audio import NEIGHBOURS, WINDOW
 from dfrf.field.reference_views import ReferenceViews
-from dfrf.field.speaker_adaptation import PREDICTED
+from dfrf.field.speaker_adaptation import NUMBERS
 from dfrf.head_checkpoint import load_model, load_person, save_person
 from dfrf.head_model import HeadModel
 from dfrf.method import FrameInputs, Maps, Method
@@ -136,7 +136,7 @@ def render_frame(
     if windows is None:
         windows = torch.zeros(1, NEIGHBOURS, WINDOW, method.speech_dim)
     if predicted_lips is None:
-        predicted_lips = torch.zeros(1 + 2 * method.reach, PREDICTED)
+        predicted_lips = torch.zeros(1 + 2 * method.reach, NUMBERS)
     if expression is None:
         expression = torch.zeros(1, EXPRESSION)
     inputs = FrameInputs(

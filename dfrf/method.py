@@ -69,8 +69,8 @@ class FrameInputs:
         focal: pixels.
         centres: principal points, (column, row).
         windows: speech windows of each frame's neighbours.
-        predicted_lips: P numbers, the lips of people in general as predicted from the sound, of
-            N = T + 2 reach frames; see `dfrf.field.speaker_adaptation`.
+        predicted_lips: P numbers, the lips of people in general as predicted from the sound, and
+            what is heard, of N = T + 2 reach frames; see `dfrf.field.speaker_adaptation`.
         expression: measures of the upper face.
         size: S.
         regions: the pixels that are needed; others may be left blank. None is all.

@@ -36,7 +36,7 @@ class HeadDataset:
         number: which of the C frames each picture is of. Speech needs every frame, also where
             only some are kept as pictures.
         windows: speech windows.
-        predicted_lips: lips of people in general, predicted from the sound, see
+        predicted_lips: lips of people in general, predicted from the sound, and what is heard, see
             `dfrf.field.speaker_adaptation`.
         lips: L lip measures, each of mean 0 and variance 1.
         touching: 1 where the inner lips touch.

@@ -1,10 +1,10 @@
 """How one person's lips follow speech, learned from the seconds of that person.
 
 What the lips of people in general would do is predicted from the sound, outside of this package: L
-lip measures and a score that rises where lips touch. How wide this person's get, how long they stay
-open, how early they close and how often they touch, a few seconds of them show.
+lip measures and a score that rises where lips touch. Beside them stand H numbers of what is heard.
+How this person's lips differ from the prediction, and how often they touch, a few seconds show.
 
-C frames in a row, F of them adapted, R = REACH frames to each side, P = L + 1 predicted numbers.
+C frames in a row, F of them adapted, P = L + 1 + H numbers a frame, R = REACH frames to each side.
 """
 
 from __future__ import annotations
@@ -18,13 +18,16 @@ LIP_MEASURES = 7
 OPENING, WIDTH = 0, 3  # of the lip measures: the gap in the middle, the mouth's width
 TOUCHING = LIP_MEASURES  # place of the score among the predicted numbers
 PREDICTED = LIP_MEASURES + 1
-REACH = 3  # frames to each side that count for a frame's lips
-OWN = slice(REACH * PREDICTED, (REACH + 1) * PREDICTED)  # the frame's own in a row of neighbours
-# Weight of the general prediction, in frames, for each measure, and its assumed correlation with
-# this person's lips. Both were chosen on people left out. A few frames determine the width badly.
-PRIOR = (800.0, 800.0, 800.0, 5000.0, 800.0, 800.0, 800.0)
-AGREEMENT = 0.6
+HEARD = 32
+NUMBERS = PREDICTED + HEARD
+NEIGHBOURS = 2  # frames to each side that are heard for a frame's lips
 SMOOTHING = (0.25, 0.5, 0.25)  # of the score over neighbouring frames: no lips twitch
+REACH = NEIGHBOURS + len(SMOOTHING) // 2  # frames to each side that count for a frame's lips
+OWN = slice(NEIGHBOURS * NUMBERS, NEIGHBOURS * NUMBERS + PREDICTED)  # in a row of neighbours
+# Weight of the prediction, in frames, for each of its numbers; chosen on people left out. A few
+# frames determine the width badly.
+PRIOR = (1000.0, 1000.0, 1000.0, 3000.0, 1000.0, 1000.0, 1000.0, 1000.0)
+PARTS = 4  # of the frames; the answers for each are learned from the others
 OPEN = 1.0  # what an opening of one spread takes off the score of touching lips
 SOFTNESS = 0.2  # of the score's spread: from half closed to closed
 ROUNDS = 8
@@ -32,26 +35,25 @@ CLOSED_SHARE = 0.05  # of the frames, the least open ones: a closed mouth
 NEVER = (0.0, 0.0, -1e4)  # a score that is never reached
 
 
-def rows_of_neighbours(values: Float[Tensor, "N K"]) -> Float[Tensor, "F RK"]:
-    """Numbers of N = F + 2 R frames in a row: each frame's with those of R to each side.
+def rows_of_neighbours(values: Float[Tensor, "N K"]) -> Float[Tensor, "M RK"]:
+    """Numbers of N = M + 2 NEIGHBOURS frames in a row: each frame's with those of its neighbours.
 
     Returns:
-        (2 R + 1) K numbers a frame, the earliest first.
+        (2 NEIGHBOURS + 1) K numbers a frame, the earliest first.
     """
-    return values.unfold(0, 2 * REACH + 1, 1).mT.flatten(1)
+    return values.unfold(0, 2 * NEIGHBOURS + 1, 1).mT.flatten(1)
 
 
-def extended(values: Float[Tensor, "C K"]) -> Float[Tensor, "N K"]:
-    """The same with the first and the last frame R times more, N = C + 2 R."""
-    return torch.cat([values[:1].expand(REACH, -1), values, values[-1:].expand(REACH, -1)])
+def extended(values: Float[Tensor, "C K"], frames: int = REACH) -> Float[Tensor, "N K"]:
+    """The same with the first and the last frame some times more, N = C + 2 frames."""
+    first, last = values[:1].expand(frames, -1), values[-1:].expand(frames, -1)
+    return torch.cat([first, values, last])
 
 
-def smoothed_score(predicted: Float[Tensor, "N P"]) -> Float[Tensor, " F"]:
-    """The score of touching lips, over neighbouring frames; N = F + 2 R."""
-    kernel = predicted.new_tensor(SMOOTHING)[None, None]
-    wide: Tensor = F.conv1d(predicted[None, None, :, TOUCHING], kernel).view(-1)
-    cut = REACH - len(SMOOTHING) // 2
-    return wide[cut : len(wide) - cut]
+def smoothed(score: Float[Tensor, " M"]) -> Float[Tensor, " F"]:
+    """The score of touching lips over neighbouring frames, M = F + 2."""
+    wide: Tensor = F.conv1d(score[None, None], score.new_tensor(SMOOTHING)[None, None])
+    return wide.view(-1)
 
 
 def with_closures(
@@ -70,16 +72,16 @@ def closed_mouth(lips: Float[Tensor, "C L"]) -> Float[Tensor, " L"]:
 
 
 def closure_score(
-    predicted: Float[Tensor, "C P"], opening: Float[Tensor, " C"], touching: float
+    smooth: Float[Tensor, " C"], opening: Float[Tensor, " C"], touching: float
 ) -> Float[Tensor, 3]:
     """The score by which lips touch in a share `touching` of the frames; see `SpeakerAdaptation`.
 
     Args:
+        smooth: score over neighbouring frames.
         opening: of mean 0 and spread 1.
     """
     if not touching:
-        return predicted.new_tensor(NEVER)
-    smooth = smoothed_score(extended(predicted))
+        return smooth.new_tensor(NEVER)
     size = smooth.std().clamp_min(1e-6)
     score = smooth / size - OPEN * opening
     soft = SOFTNESS * score.std().clamp_min(1e-6)
@@ -92,6 +94,8 @@ class SpeakerAdaptation(nn.Module):
     Lips touch where the score is high, less so where the linear map opens them further.
 
     Attributes:
+        linear: from what is predicted and heard in a frame and its neighbours to this person's lip
+            measures and score; at first, just what is predicted.
         score: two numbers that the score of a frame and its opening are multiplied by, and a third
             that is added; lips are half closed at 0, more so above.
     """
@@ -100,11 +104,11 @@ class SpeakerAdaptation(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.linear = nn.Linear((2 * REACH + 1) * PREDICTED, LIP_MEASURES)
+        self.linear = nn.Linear((2 * NEIGHBOURS + 1) * NUMBERS, PREDICTED)
         nn.init.zeros_(self.linear.bias)
         nn.init.zeros_(self.linear.weight)
         with torch.no_grad():
-            self.linear.weight[:, OWN][:, :LIP_MEASURES] = torch.eye(LIP_MEASURES)
+            self.linear.weight[:, OWN] = torch.eye(PREDICTED)
         self.register_buffer("score", torch.tensor(NEVER))
 
     def forward(
@@ -113,12 +117,14 @@ class SpeakerAdaptation(nn.Module):
         """The person's lips in F frames.
 
         Args:
-            predicted: of these frames and of those beside them, N = F + 2 R.
+            predicted: what is predicted and heard in these frames and in those beside them, N = F +
+                2 R.
             closed: their measures where their mouth is closed.
         """
-        lips = self.linear(rows_of_neighbours(predicted))
+        answer = self.linear(rows_of_neighbours(predicted))
+        lips = answer[1:-1, :LIP_MEASURES]
         of_score, of_opening, offset = self.score.to(predicted)
-        share = of_score * smoothed_score(predicted) + of_opening * lips[:, OPENING] + offset
+        share = of_score * smoothed(answer[:, TOUCHING]) + of_opening * lips[:, OPENING] + offset
         return with_closures(lips, share.sigmoid(), closed)
 
     @torch.no_grad()
@@ -133,8 +139,9 @@ class SpeakerAdaptation(nn.Module):
         """Learns from frames of the person.
 
         A ridge regression of what is left when lips are taken as predicted. Its answers, closures
-        among them, get the given mean and spread: a regression alone would open
-        the mouth less than the person does.
+        among them, get the given mean and spread: a regression alone would open the mouth less than
+        the person does. Mean, spread and score are found on answers for frames that were not
+        learned from; the regression knows its own frames too well.
 
         Args:
             lips: measured, of mean 0 and variance 1.
@@ -143,39 +150,56 @@ class SpeakerAdaptation(nn.Module):
         """
         if len(predicted) < 2:
             return
-        predicted = predicted.double()
+        predicted, touching = predicted.double(), touching.double()
         middle, size = predicted.mean(0), predicted.std(0).clamp_min(1e-6)
-        near = rows_of_neighbours(extended((predicted - middle) / size))
-        weight = ridge(near, lips.to(near))
-        answer = near @ weight
-        factor = 1 / answer.std(0).clamp_min(1e-6)
-        opening = answer[:, OPENING] * factor[OPENING]
-        score = closure_score(predicted, opening, float(touching.mean()))
+        near = rows_of_neighbours(extended((predicted - middle) / size, NEIGHBOURS))
+        wanted = torch.cat([lips.to(near), (touching - touching.mean())[:, None]], 1)
+        rest = wanted - (predicted - middle)[:, :PREDICTED]
+        answer = held_out_answers(near, rest) + (predicted - middle)[:, :PREDICTED]
+        factor = torch.ones(PREDICTED).to(answer)
+        factor[:LIP_MEASURES] /= answer[:, :LIP_MEASURES].std(0).clamp_min(1e-6)
+        answer = (answer - answer.mean(0)) * factor
+        smooth = smoothed(extended(answer[:, TOUCHING:], 1)[:, 0])
+        own = answer[:, :LIP_MEASURES]
+        score = closure_score(smooth, own[:, OPENING], float(touching.mean()))
         of_score, of_opening, offset = score
-        share = of_score * smoothed_score(extended(predicted)) + of_opening * opening + offset
-        closed = closed_mouth(lips).to(answer)
-        scale, shift = standardising(answer * factor, share.sigmoid(), closed)
-        factor = factor * scale * spread.to(factor)
-        shift = mean.to(shift) + spread.to(shift) * shift
-        weight = (weight / size.repeat(2 * REACH + 1)[:, None] * factor).T
+        share = of_score * smooth + of_opening * own[:, OPENING] + offset
+        scale, shift = standardising(own, share.sigmoid(), closed_mouth(lips).to(own))
+        moved = torch.zeros(PREDICTED).to(answer)
+        moved[:LIP_MEASURES] = mean.to(moved) + spread.to(moved) * shift
+        factor[:LIP_MEASURES] *= scale * spread.to(factor)
+        weight = ridge(near, rest) / size.repeat(2 * NEIGHBOURS + 1)[:, None]
+        weight[OWN] += torch.eye(PREDICTED).to(weight)
+        weight = (weight * factor).T
         self.linear.weight.copy_(weight)
-        self.linear.bias.copy_(shift - weight @ middle.repeat(2 * REACH + 1))
+        self.linear.bias.copy_(moved - weight @ middle.repeat(2 * NEIGHBOURS + 1))
         # The score was found for an opening of mean 0 and spread 1.
         score[1] /= scale[OPENING] * spread[OPENING].to(scale)
-        score[2] -= score[1] * shift[OPENING]
+        score[2] -= score[1] * moved[OPENING]
         self.score.copy_(score)
 
 
-def ridge(near: Float[Tensor, "C RP"], lips: Float[Tensor, "C L"]) -> Float[Tensor, "RP L"]:
-    """Weights that give the lips, held to AGREEMENT times what is predicted of the frame itself."""
-    known = AGREEMENT * near[:, OWN][:, :LIP_MEASURES]
-    square, product = near.T @ near, near.T @ (lips - known)
+def ridge(near: Float[Tensor, "C RP"], rest: Float[Tensor, "C S"]) -> Float[Tensor, "RP S"]:
+    """Weights that give what is left of S predicted numbers, held to 0 by their priors."""
+    square, product = near.T @ near, near.T @ rest
     weight = torch.zeros_like(product)
     for k, prior in enumerate(PRIOR):
         held = square + prior * torch.eye(len(square)).to(square)
         weight[:, k] = torch.linalg.solve(held, product[:, k])
-    weight[OWN][:LIP_MEASURES] += AGREEMENT * torch.eye(LIP_MEASURES).to(weight)
     return weight
+
+
+def held_out_answers(
+    near: Float[Tensor, "C RP"], rest: Float[Tensor, "C S"]
+) -> Float[Tensor, "C S"]:
+    """Answers of the ridge regression for each part of the frames, learned from the other parts."""
+    part = torch.arange(len(near), device=near.device) * PARTS // len(near)
+    made = torch.zeros_like(rest)
+    for k in range(PARTS):
+        own = part == k
+        if own.any() and not own.all():
+            made[own] = near[own] @ ridge(near[~own], rest[~own])
+    return made
 
 
 def standardising(

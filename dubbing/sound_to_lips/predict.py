@@ -1,37 +1,20 @@
 """What lips do while a sound is heard, 50 times a second.
 
-Letters: T steps of 20 ms, K = 7 lip measures.
+Letters: T steps of 20 ms, P = 40 numbers of each.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 import torch
 
+from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.sound_to_lips.encoder import STEP, encode
-from dubbing.sound_to_lips.network import CLOSED, OUTPUTS, LipNetwork
+from dubbing.sound_to_lips.network import LipNetwork
 from dubbing.sound_to_lips.weights import load
 from dubbing.speech import voice_activity as voice
 
 LEVEL_DB = -20.0  # of the loud parts of what the encoder hears
-
-
-@dataclass(frozen=True)
-class PredictedLips:
-    """What a stranger's lips would do.
-
-    Attributes:
-        lips: (T, K) measures as of `dubbing.face.lip_measures`, of about mean 0 over speech.
-        closed: (T,) a score that rises where the lips touch.
-    """
-
-    lips: np.ndarray
-    closed: np.ndarray
-
-    def table(self) -> np.ndarray:
-        """Both side by side, (T, K + 1)."""
-        return np.concatenate([self.lips, self.closed[:, None]], 1)
 
 
 @lru_cache(maxsize=1)
@@ -46,15 +29,23 @@ def gain_of(energy: np.ndarray) -> float:
 
 
 @torch.no_grad()
-def predict(blocks: voice.Blocks) -> PredictedLips:
-    """Lips of a sound that `blocks()` gives in pieces of any length; called twice."""
+def predict(blocks: voice.Blocks) -> np.ndarray:
+    """What a stranger's lips would do, and what is heard.
+
+    Args:
+        blocks: gives the sound in pieces of any length; called twice.
+
+    Returns:
+        (T, P) as `dfrf.field.speaker_adaptation` takes them: seven measures as of
+        `dubbing.face.lip_measures`, of about mean 0 over speech, a score that rises where the lips
+        touch, and the sound itself in 32 numbers.
+    """
     network = _network()
     energy = voice.energy_db(blocks())
     if not len(energy):
-        return PredictedLips(np.zeros((0, CLOSED), np.float32), np.zeros(0, np.float32))
+        return np.zeros((0, NUMBERS), np.float32)
     answers = network.filter(encode(network.encoder, blocks(), gain_of(energy))).numpy()
     middle = (np.arange(len(energy)) + 0.5) * voice.HOP
     steps = (np.arange(len(answers)) + 0.5) * STEP
-    table = np.stack([np.interp(middle, steps, answers[:, k]) for k in range(OUTPUTS)], 1)
-    table = table.astype(np.float32)
-    return PredictedLips(table[:, :CLOSED], table[:, CLOSED])
+    table = np.stack([np.interp(middle, steps, answers[:, k]) for k in range(NUMBERS)], 1)
+    return table.astype(np.float32)

@@ -20,7 +20,8 @@ class SpeechFrames:
 
     Attributes:
         windows: (F, 16, D) speech features round each frame.
-        lips: (F, P) what a stranger's lips would do meanwhile, see `dfrf.field.speaker_adaptation`.
+        lips: (F, P) what a stranger's lips would do meanwhile, and what is heard, see
+            `dfrf.field.speaker_adaptation`.
     """
 
     windows: np.ndarray
@@ -64,4 +65,4 @@ def lips_of_file(path: Path, *, start: float = 0.0, seconds: float | None = None
     """
     return predict(
         lambda: media.iter_audio(path, rate=voice.SAMPLE_RATE, start=start, seconds=seconds)
-    ).table()
+    )

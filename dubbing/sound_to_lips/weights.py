@@ -12,7 +12,7 @@ from dubbing.sound_to_lips.encoder import SpeechEncoder
 from dubbing.sound_to_lips.network import LipFilter, LipNetwork
 from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 
-ENCODER_FORMAT, FILTER_FORMAT = "dfrf-speech-encoder-1", "dfrf-lips-2"
+ENCODER_FORMAT, FILTER_FORMAT = "dfrf-speech-encoder-1", "dfrf-lips-3"
 NetworkT = TypeVar("NetworkT", bound=nn.Module)
 
 

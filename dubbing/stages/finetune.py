@@ -6,15 +6,15 @@ import csv
 import io
 import shutil
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from dfrf import checkpoint, head_checkpoint, presets
-from dfrf.config import PUBLISHED_SPEECH, TrainConfig, family
+from dfrf import head_checkpoint, presets
+from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
 from dfrf.head_model import HeadModel
 from dfrf.method import Method
@@ -22,7 +22,7 @@ from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import Curve, Progress
 from dubbing import media
-from dubbing.errors import CheckpointError, TrainingError
+from dubbing.errors import TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text
 from dubbing.identity.best_seconds import learned_frames, parts_of
 from dubbing.identity.dataset import load_identity
@@ -31,6 +31,7 @@ from dubbing.identity.reference_choice import choose_references, turns_far
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
 from dubbing.speech import features
+from dubbing.stages.initial_model import FinetuneSettings, init_from_base
 from dubbing.stages.refine_poses import refined, refines
 
 MODEL_FILE = "model.safetensors"
@@ -38,81 +39,6 @@ CURVE_FILE = "loss.csv"
 RESUME_FOLDER = "resume"
 PICTURES_FOLDER = "pictures"  # in it: what is learned from, so that a long clip needs no memory
 POSING = 0.25  # of the steps: then the model knows the head well enough to refine its poses
-
-
-@dataclass(frozen=True)
-class FinetuneSettings:
-    """Settings of an identity's fine-tune.
-
-    Attributes:
-        preset: name in `dfrf.presets`.
-        iterations: optimiser steps.
-        seed: of rays and, without a base, of the weights.
-        speech: name of the speech features.
-        speech_weights: weights of the user's own for them, a path.
-        references: so many in every frame, the same ones, instead of the preset's.
-    """
-
-    preset: str = "fast"
-    iterations: int = presets.FINETUNE.iterations
-    seed: int = 0
-    speech: str = "rnn"
-    speech_weights: str | None = None
-    references: int | None = None
-
-    @property
-    def weights(self) -> Path | None:
-        return None if self.speech_weights is None else Path(self.speech_weights)
-
-    def speech_header(self) -> dict[str, str]:
-        """What a checkpoint's header holds of its speech features: their name and weights."""
-        digest = features.fingerprint(self.speech, self.weights)
-        return {"speech": self.speech, **({"speech_digest": digest} if digest else {})}
-
-
-def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
-    """A model to start a person from: the base's weights, warp and occupancy prior included.
-
-    A published checkpoint heard DeepSpeech, by weights it does not name. Where a person hears
-    something else, the layer of its AudioNet that reads it begins anew; all else is taken.
-
-    Raises:
-        CheckpointError: unreadable, of another preset, or trained with other speech features.
-    """
-    torch.manual_seed(settings.seed)
-    dim = features.features_by_name(settings.speech, settings.weights).dim
-    config = presets.model_config(settings.preset, dim, settings.references)
-    if base is None:
-        return presets.build(config)
-    try:
-        model, header = head_checkpoint.load_model(base)
-    except checkpoint.CheckpointError as error:
-        raise CheckpointError(str(error), remedy="name another base checkpoint") from error
-    if family(settings.preset) != model.FAMILY:
-        raise CheckpointError(
-            f"is a base of preset {model.FAMILY!r}, wanted {settings.preset!r}",
-            base.name,
-            "name a base of that preset, or change the preset",
-        )
-    published = header.get("speech") == PUBLISHED_SPEECH and "speech_digest" not in header
-    if not published and header.get("speech") != settings.speech:
-        raise CheckpointError(
-            f"was trained with {header.get('speech')!r} speech, wanted {settings.speech!r}",
-            base.name,
-            "use the features the checkpoint was trained with",
-        )
-    if not published and header.get("speech_digest") != settings.speech_header().get(
-        "speech_digest"
-    ):
-        raise CheckpointError(
-            f"was trained with other weights of the {settings.speech!r} speech features",
-            base.name,
-            "use the weights the checkpoint was trained with",
-        )
-    try:
-        return presets.adapt(model, config)
-    except ValueError as error:
-        raise CheckpointError(str(error), base.name, "name another base checkpoint") from error
 
 
 def finetune(

@@ -16,7 +16,7 @@ from dfrf.data.dataset import HEAD_MATTE
 from dfrf.fast.model import FastModel
 from dfrf.field.audio import NEIGHBOURS
 from dfrf.field.reference_maps import ReferenceMaps
-from dfrf.field.speaker_adaptation import PREDICTED, REACH
+from dfrf.field.speaker_adaptation import NUMBERS, REACH
 from dfrf.head_model import HeadModel
 from dfrf.method import Maps
 from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equations
@@ -189,7 +189,7 @@ def smoothest(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 def silent(model: FastModel, expression: Tensor) -> Tensor:
     """Conditioning of frames (K, U) while nobody speaks, (K, cond_dim)."""
     windows = torch.zeros(len(expression), NEIGHBOURS, 16, model.config.field.speech_dim)
-    parts = windows, torch.zeros(len(expression) + 2 * REACH, PREDICTED), expression
+    parts = windows, torch.zeros(len(expression) + 2 * REACH, NUMBERS), expression
     conditioning: Tensor = model.field.conditioning(*(part.to(model.device) for part in parts))
     return conditioning
 

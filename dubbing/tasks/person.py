@@ -65,7 +65,8 @@ class Finetune:
     references: int | None = None
 
     def __call__(self, out: Path, progress: Progress) -> None:
-        from dubbing.stages.finetune import FinetuneSettings, finetune
+        from dubbing.stages.finetune import finetune
+        from dubbing.stages.initial_model import FinetuneSettings
 
         wanted = self.identity
         settings = FinetuneSettings(

@@ -16,7 +16,7 @@ from dfrf import presets
 from dfrf.checkpoint import read_tensors
 from dfrf.head_checkpoint import save_model
 from dubbing import tasks
-from dubbing.stages import finetune
+from dubbing.stages import initial_model
 from tests.attack import rule
 from tests.attack.conftest import Room
 from tests.attack.odd import cases, damaged, names, numbers, spoilt
@@ -43,10 +43,10 @@ def loading(stand_ins: None, monkeypatch: pytest.MonkeyPatch) -> None:
     learnt = tasks.Finetune.__call__
 
     def load(self: tasks.Finetune, out: Path, progress: Any) -> None:
-        settings = finetune.FinetuneSettings(
+        settings = initial_model.FinetuneSettings(
             preset=self.identity.preset, speech=self.identity.speech
         )
-        finetune.init_from_base(self.base, settings)
+        initial_model.init_from_base(self.base, settings)
         learnt(self, out, progress)
 
     config = small_config(speech_dim=80)

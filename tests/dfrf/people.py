@@ -12,6 +12,7 @@ from dfrf.fast.model import FastModel
 from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII
 from dfrf.field.mouth_views import LIP_POINTS
 from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.field.speaker_adaptation import HEARD
 
 SIZE = 48
 FOCAL = 110.0
@@ -57,6 +58,7 @@ def person(frames: int = 6, seed: int = 0) -> HeadDataset:
     windows = torch.randn(frames, 16, 8, generator=generator)
     lips = torch.randn(frames, 7, generator=generator)
     expression = torch.randn(frames, 6, generator=generator)
+    heard = torch.randn(frames, HEARD, generator=generator)
     return HeadDataset(
         name="ellipsoid",
         images=images,
@@ -68,7 +70,7 @@ def person(frames: int = 6, seed: int = 0) -> HeadDataset:
         centres=torch.full((frames, 2), centre),
         number=torch.arange(frames),
         windows=windows,
-        predicted_lips=torch.cat([lips, -lips[:, :1]], 1),
+        predicted_lips=torch.cat([lips, -lips[:, :1], heard], 1),
         lips=lips,
         touching=(lips[:, 0] < -1).float(),
         expression=expression,

@@ -16,6 +16,7 @@ from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import neighbour_windows
 from dfrf.fast.method import FastMethod
+from dfrf.field.speaker_adaptation import NUMBERS
 from dfrf.head import Head, load_head, render_frame, save_head
 from dfrf.method import FrameInputs
 from dfrf.training.fit import FitOptions, fit
@@ -78,7 +79,7 @@ def test_a_fine_tune_and_frames_of_fast(gpu: StandInGpu, learn_references_every:
         FOCAL,
         someone.centres[numbers].to(GPU),
         neighbour_windows(someone.windows, someone.segment, numbers).to(GPU),
-        torch.zeros(2 + 2 * method.reach, 8, device=GPU),
+        torch.zeros(2 + 2 * method.reach, NUMBERS, device=GPU),
         someone.expression[numbers].to(GPU),
         SIZE,
         torch.ones(2, SIZE, SIZE, dtype=torch.bool).to(GPU),

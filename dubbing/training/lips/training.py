@@ -3,7 +3,7 @@
 A ridge regression, minutes on one core. Faces are kept in a folder beside FILE, so a killed run
 need not look for them again; the same seed gives the same filter.
 
-Letters: F frames, T steps of 24 ms, C channels of the encoder, K = (2 TAPS + 1) C.
+Letters: F frames, T steps of 24 ms, C channels of the encoder, K = (2 TAPS + 1) C, H numbers heard.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ import torch
 import typer
 from torch import Tensor
 
-from dubbing.sound_to_lips.network import LipFilter
+from dubbing.sound_to_lips.network import TAPS, LipFilter
 from dubbing.sound_to_lips.weights import FILTER_FORMAT, load_encoder, save
 from dubbing.training.lips.lessons import Lesson, lessons
 
@@ -34,14 +34,17 @@ def at_moments(values: Tensor, moments: np.ndarray) -> Tensor:
 def fit(found: Sequence[Lesson]) -> LipFilter:
     """The filter that gives lip measures and touching lips, each clip's less their means.
 
-    Every frame counts the same, whatever the number of takes of its sound.
+    Every frame counts the same, whatever the number of takes of its sound. What is heard is taken
+    from the clips as they are.
 
     Raises:
         ValueError: there is no lesson.
     """
     if not found:
         raise ValueError("there is no lesson to learn from")
-    mean, spread = statistics(found)
+    made = LipFilter()
+    sounds = torch.cat([one.takes[0].encoded.float() for one in found])
+    mean, spread = (part.repeat(2 * TAPS + 1) for part in statistics(sounds))
     square, product = torch.zeros(0), torch.zeros(0)
     for one in found:
         wanted = one.targets() - one.targets().mean(0)
@@ -55,17 +58,30 @@ def fit(found: Sequence[Lesson]) -> LipFilter:
     square, product = square.double(), product.double()
     square.diagonal().add_(STRENGTH * square.diagonal().mean())
     weight = torch.linalg.solve(square, product) / spread[:, None]
-    made = LipFilter()
     made.map.weight.copy_(weight.T)
     made.map.bias.copy_(-(mean.double() @ weight))
+    components = principal_components(sounds, made.heard.out_features)
+    made.heard.weight.copy_(components)
+    made.heard.bias.copy_(-(components @ sounds.mean(0)))
     return made
 
 
-def statistics(found: Sequence[Lesson]) -> tuple[Tensor, Tensor]:
-    """Mean and spread (K,) of what the filter reads of all clips as they are."""
-    together = torch.cat([one.takes[0].encoded.float() for one in found])
-    taps = LipFilter().map.in_features // together.shape[1]
-    return together.mean(0).repeat(taps), together.std(0).clamp_min(1e-3).repeat(taps)
+def statistics(sounds: Tensor) -> tuple[Tensor, Tensor]:
+    """Mean and spread (C,) of what the encoder gives for sounds (T, C)."""
+    return sounds.mean(0), sounds.std(0).clamp_min(1e-3)
+
+
+def principal_components(sounds: Tensor, count: int) -> Tensor:
+    """Directions (H, C) in which sounds (T, C) vary most, channels of one spread; variance 1 each.
+
+    Args:
+        count: H.
+    """
+    mean, spread = statistics(sounds)
+    even = ((sounds - mean) / spread).double()
+    variance, directions = torch.linalg.eigh(even.T @ even / len(even))
+    first = (directions / variance.clamp_min(1e-9).sqrt())[:, -count:].flip(1)
+    return (first.T / spread).float()
 
 
 def main(

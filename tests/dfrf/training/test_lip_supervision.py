@@ -8,7 +8,7 @@ from dfrf import presets
 from dfrf.data.dataset import HeadDataset
 from dfrf.fast.method import FastMethod
 from dfrf.fast.model import FastModel
-from dfrf.field.speaker_adaptation import PREDICTED, REACH
+from dfrf.field.speaker_adaptation import NUMBERS, REACH
 from dfrf.training.lip_supervision import (
     REGRESSION_SHARE,
     closed_mouth_target,
@@ -116,7 +116,7 @@ def test_the_mouth_is_shut_where_nothing_is_heard_and_only_there() -> None:
         ].mean()
     )
     model.field.conditioning.closed_mouth_target.copy_(closed)
-    windows, predicted = torch.rand(3, 8, 16, 8) + 0.1, torch.randn(3 + 2 * REACH, PREDICTED)
+    windows, predicted = torch.rand(3, 8, 16, 8) + 0.1, torch.randn(3 + 2 * REACH, NUMBERS)
     windows[1] = 0  # silence
     windows[2, 4, 4:8] = 0  # speech ends within the middle half of the window
     conditioning = model.field.conditioning(windows, predicted, torch.zeros(3, 6))
@@ -132,7 +132,7 @@ def test_what_a_code_says_beside_the_lips_stays_near_what_was_learned() -> None:
     model = presets.build(small_config())
     model.field.conditioning.mean_code.copy_(torch.randn(model.field.conditioning.mean_code.shape))
     windows, upper = torch.rand(5, 8, 16, 8), torch.zeros(5, 6)
-    predicted = torch.randn(5 + 2 * REACH, PREDICTED)
+    predicted = torch.randn(5 + 2 * REACH, NUMBERS)
     with torch.no_grad():
         codes = model.field.conditioning.speech_codes(windows)
         conditioning = model.field.conditioning(windows, predicted, upper)[:, :-6]

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.bench.timing import Scene, frame_rows
 from dubbing.media import VideoWriter
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
@@ -37,7 +38,7 @@ def scene(tmp_path: Path) -> Scene:
     landmarks = clip.landmarks + np.random.default_rng(0).normal(0, 4, clip.landmarks.shape)
     clip = replace(clip, focal=FOCAL, landmarks=landmarks)
     windows = np.random.default_rng(1).normal(size=(COUNT, 16, 8))
-    speech = SpeechFrames(windows, np.zeros((len(windows), 8), np.float32))
+    speech = SpeechFrames(windows, np.zeros((len(windows), NUMBERS), np.float32))
     return Scene(model, maps, clip, speech, [3, 6])
 
 

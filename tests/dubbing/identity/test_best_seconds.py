@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.identity import best_seconds
 from dubbing.identity.best_seconds import best_frames, learned_frames, parts_of, pieces
@@ -24,7 +25,7 @@ def heard(voiced: slice) -> SpeechFrames:
     """Speech that changes in some frames and is silent in all others."""
     windows = np.zeros((FRAMES, 16, 4), np.float32)
     windows[voiced] = np.random.default_rng(1).normal(size=windows[voiced].shape)
-    return SpeechFrames(windows, np.zeros((FRAMES, 8), np.float32))
+    return SpeechFrames(windows, np.zeros((FRAMES, NUMBERS), np.float32))
 
 
 @pytest.fixture

@@ -11,6 +11,7 @@ import torch
 from dfrf.cameras import project
 from dfrf.data.dataset import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
 from dfrf.field.mouth_views import LOWER_RIM, UPPER_RIM
+from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.errors import DubbingError, TrainingError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
@@ -128,7 +129,9 @@ def test_sound_and_lips_of_every_frame_stand_beside_some_of_the_pictures(
 def test_pictures_in_files_are_those_in_memory(clip: PreparedClip, tmp_path: Path) -> None:
     clip.valid[2] = False
     clip.save()
-    speech = SpeechFrames(np.zeros((FRAMES, 16, 2), np.float32), np.zeros((FRAMES, 8), np.float32))
+    speech = SpeechFrames(
+        np.zeros((FRAMES, 16, 2), np.float32), np.zeros((FRAMES, NUMBERS), np.float32)
+    )
     folder = tmp_path / "pictures"
     held = load_identity("someone", clip, speech, np.arange(1, 10))
     for _ in range(2):  # the second time over what the first one left
@@ -147,7 +150,9 @@ def test_pictures_in_files_are_those_in_memory(clip: PreparedClip, tmp_path: Pat
 
 def test_a_folder_that_cannot_be_written_is_said(clip: PreparedClip, tmp_path: Path) -> None:
     clip.save()
-    speech = SpeechFrames(np.zeros((FRAMES, 16, 2), np.float32), np.zeros((FRAMES, 8), np.float32))
+    speech = SpeechFrames(
+        np.zeros((FRAMES, 16, 2), np.float32), np.zeros((FRAMES, NUMBERS), np.float32)
+    )
     (tmp_path / "file").write_text("")
     with pytest.raises(DubbingError, match="file"):
         load_identity(
@@ -178,7 +183,7 @@ def test_rays_are_drawn_round_mouth_and_eyes_and_at_the_rim() -> None:
 
 
 def test_a_part_without_a_face_is_refused(prepared: PreparedClip) -> None:
-    speech = SpeechFrames(np.zeros((FRAMES, 16, 2)), np.zeros((FRAMES, 8)))
+    speech = SpeechFrames(np.zeros((FRAMES, 16, 2)), np.zeros((FRAMES, NUMBERS)))
     with pytest.raises(TrainingError, match="no frame with a face"):
         load_identity("someone", prepared, speech, np.arange(0))
 

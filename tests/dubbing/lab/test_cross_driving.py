@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from dfrf import head_checkpoint, presets
+from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.lab import cross_driving, tiles
 from dubbing.lab.cross_driving import measure_dub, pictures
 from dubbing.media import read_frames
@@ -56,7 +57,7 @@ def person(tmp_path: Path) -> Path:
 
 def measured(folder: Path) -> tuple[dict[str, float], list[dict[str, str]]]:
     windows = np.random.default_rng(1).random((FRAMES, 16, 8)).astype(np.float32)
-    speech = SpeechFrames(windows, np.zeros((len(windows), 8), np.float32))
+    speech = SpeechFrames(windows, np.zeros((len(windows), NUMBERS), np.float32))
     figures = measure_dub(
         *(folder / "model.safetensors", PreparedClip.load(folder / "prepared"), speech),
         *(PARTS, LEARNED, folder / "out"),
@@ -117,7 +118,7 @@ def test_frames_go_through_the_compositor_of_a_dub(
     monkeypatch.setattr(cross_driving, "AT_ONCE", 2)
     under = np.array([4, 5, 6, 5, 4, 3, 2])
     windows = np.zeros((FRAMES, 16, 8), np.float32)
-    speech = SpeechFrames(windows, np.zeros((len(windows), 8), np.float32))
+    speech = SpeechFrames(windows, np.zeros((len(windows), NUMBERS), np.float32))
     found = list(
         cross_driving.dubbed(
             *(person / "model.safetensors", clip, speech, PARTS, under, "cpu"),

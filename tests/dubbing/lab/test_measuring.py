@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dfrf import head_checkpoint, presets
+from dfrf.field.speaker_adaptation import NUMBERS
 from dfrf.metrics.lpips import Lpips
 from dubbing.lab import measuring, tiles
 from dubbing.lab.measuring import FrameFigures, mean_figures, measure
@@ -57,7 +58,7 @@ def person(tmp_path: Path) -> Path:
 def measured(folder: Path, every: int = 1) -> tuple[dict[str, float], list[dict[str, str]]]:
     """Figures and the rows of frames.csv."""
     windows = np.random.default_rng(1).random((FIRST + COUNT, 16, 8)).astype(np.float32)
-    speech = SpeechFrames(windows, np.zeros((len(windows), 8), np.float32))
+    speech = SpeechFrames(windows, np.zeros((len(windows), NUMBERS), np.float32))
     out = folder / f"out{every}"
     means = measure(
         *(

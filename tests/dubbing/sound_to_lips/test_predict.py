@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 import torch
 
+from dfrf.field.speaker_adaptation import NUMBERS, PREDICTED
 from dubbing.errors import DubbingError
 from dubbing.sound_to_lips import encoder as encoding
 from dubbing.sound_to_lips.encoder import CHANNELS, STEP, SpeechEncoder, encode
-from dubbing.sound_to_lips.network import CLOSED, LipFilter
+from dubbing.sound_to_lips.network import LipFilter
 from dubbing.sound_to_lips.predict import predict
 from dubbing.sound_to_lips.weights import FILTER_FORMAT, load, load_encoder, save
 from dubbing.speech.voice_activity import SAMPLE_RATE
@@ -64,21 +65,20 @@ def test_the_place_of_a_sound_moves_its_steps_with_it() -> None:
 
 
 def test_the_level_does_not_matter() -> None:
-    quiet, loud = predict(lambda: [0.05 * sound(3)]).table(), predict(lambda: [sound(3)]).table()
+    quiet, loud = predict(lambda: [0.05 * sound(3)]), predict(lambda: [sound(3)])
     np.testing.assert_allclose(quiet, loud, atol=1e-3)
 
 
 def test_a_sound_has_lips_fifty_times_a_second() -> None:
     found = predict(lambda: [sound(2)])
-    assert found.lips.shape == (100, CLOSED)
-    assert found.closed.shape == (100,)
-    assert np.isfinite(found.table()).all()
-    assert np.abs(found.table()).max() < 20
-    assert len(predict(lambda: []).lips) == 0
+    assert found.shape == (100, NUMBERS)
+    assert np.isfinite(found).all()
+    assert np.abs(found).max() < 20
+    assert predict(lambda: []).shape == (0, NUMBERS)
 
 
 def test_silence_has_lips_that_do_not_move() -> None:
-    still = predict(lambda: [np.zeros(3 * SAMPLE_RATE, np.float32)]).lips[25:-25]
+    still = predict(lambda: [np.zeros(3 * SAMPLE_RATE, np.float32)])[25:-25, :PREDICTED]
     assert still.std(0).max() < 0.3
 
 

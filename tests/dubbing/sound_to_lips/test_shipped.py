@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.signal import resample_poly
 
+from dfrf.field.speaker_adaptation import OPENING, TOUCHING
 from dubbing.sound_to_lips.predict import predict
 from dubbing.speech.voice_activity import SAMPLE_RATE, STEP_RATE
 from dubbing.synthetic.visemes import CHANNELS, mouth_curves
@@ -28,8 +29,8 @@ def opening(voice: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     divisor = int(np.gcd(rate, SAMPLE_RATE))
     sound = resample_poly(samples, SAMPLE_RATE // divisor, rate // divisor).astype(np.float32)
     found = predict(lambda: [sound])
-    truth = mouth_curves(phones, len(found.lips), Fraction(STEP_RATE))
-    return found.lips[:, 0], found.closed, truth[:, CHANNELS.index("jaw")]
+    truth = mouth_curves(phones, len(found), Fraction(STEP_RATE))
+    return found[:, OPENING], found[:, TOUCHING], truth[:, CHANNELS.index("jaw")]
 
 
 @pytest.mark.parametrize("voice", list(TEXTS))

@@ -16,7 +16,8 @@ from dfrf.training.progress import Progress
 from dubbing.errors import CheckpointError
 from dubbing.speech import features
 from dubbing.stages import finetune as finetuning
-from dubbing.stages.finetune import FinetuneSettings, init_from_base, learn
+from dubbing.stages.finetune import learn
+from dubbing.stages.initial_model import FinetuneSettings, init_from_base
 from tests.dfrf.people import person, small_config
 
 RNN = FinetuneSettings(speech="rnn")

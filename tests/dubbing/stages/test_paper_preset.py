@@ -10,6 +10,7 @@ import torch
 
 from dfrf import head_checkpoint, presets
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
+from dfrf.field.speaker_adaptation import NUMBERS
 from dfrf.published import method as paper_method
 from dfrf.published.model import PaperConfig, PaperModel
 from dubbing import tasks
@@ -22,13 +23,8 @@ from dubbing.manifest.manifest import Manifest, load
 from dubbing.media import read_frames
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
-from dubbing.stages.finetune import (
-    MODEL_FILE,
-    SUMMARY_FILE,
-    FinetuneSettings,
-    finetune,
-    init_from_base,
-)
+from dubbing.stages.finetune import MODEL_FILE, SUMMARY_FILE, finetune
+from dubbing.stages.initial_model import FinetuneSettings, init_from_base
 from tests import clips, fakes
 from tests.dfrf.people import small_config
 from tests.dfrf.published.test_method import TINY
@@ -195,7 +191,7 @@ def test_a_person_is_learned_resumed_and_rendered(
     assert summary["train"]["coarse_iterations"] == 0
 
     monkeypatch.setattr(paper_method, "RAYS_AT_ONCE", 300)
-    speech = SpeechFrames(random.random((3, 16, 80)).astype(np.float32), np.zeros((3, 8)))
+    speech = SpeechFrames(random.random((3, 16, 80)).astype(np.float32), np.zeros((3, NUMBERS)))
     heads.render(
         out / MODEL_FILE,
         clip,

@@ -19,7 +19,7 @@ from dubbing.preparation.prepare import prepare
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.shipped.base import BASE
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from dubbing.stages import finetune, render
+from dubbing.stages import finetune, initial_model, render
 from dubbing.synthetic.speaker import make_speaker
 
 pytestmark = pytest.mark.slow
@@ -78,7 +78,7 @@ def head(tmp_path_factory: pytest.TempPathFactory) -> Head:
     clip = prepare(folder / "clip.mp4", folder / "prepared", size=SIZE)
     speech = finetune.clip_speech(clip, "rnn")
     person = load_identity("someone", clip, speech, np.arange(TESTED.start))
-    model = finetune.init_from_base(BASE, finetune.FinetuneSettings())
+    model = initial_model.init_from_base(BASE, initial_model.FinetuneSettings())
     assert isinstance(model, FastModel)
     method = presets.method_of(model)
     references = finetune.reference_frames(person, clip.landmarks[: TESTED.start], method)

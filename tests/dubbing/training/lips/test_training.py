@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 import torch
 
-from dubbing.sound_to_lips.network import CLOSED, LipFilter
+from dfrf.field.speaker_adaptation import TOUCHING
+from dubbing.sound_to_lips.network import LipFilter
 from dubbing.speech.voice_activity import SAMPLE_RATE
 from dubbing.training.lips.lessons import Lesson, at_speed, spoilt
-from dubbing.training.lips.training import at_moments, fit
+from dubbing.training.lips.training import at_moments, fit, principal_components
 from tests.dubbing.training.lips.made import lesson
 
 
@@ -20,7 +21,7 @@ def agreement(learned: LipFilter, one: Lesson) -> tuple[float, float]:
         answers = learned(take.encoded.float())
     found = at_moments(answers, take.moments(one.times)).numpy()
     opening = np.corrcoef(found[:, 0], one.lips[:, 0])[0, 1]
-    return float(opening), float(np.corrcoef(found[:, CLOSED], one.closed)[0, 1])
+    return float(opening), float(np.corrcoef(found[:, TOUCHING], one.closed)[0, 1])
 
 
 def test_the_filter_carries_to_a_stranger_and_nothing_learned_does_not() -> None:
@@ -38,6 +39,19 @@ def test_answers_have_mean_0_over_what_was_learned() -> None:
     with torch.no_grad():
         answers = torch.cat([learned(one.takes[0].encoded.float()) for one in people])
     assert answers.mean(0).abs().max() < 0.05
+
+
+def test_what_is_heard_varies_by_1_and_in_the_largest_directions_first() -> None:
+    generator = torch.Generator().manual_seed(0)
+    hidden = torch.randn(4000, 2, generator=generator)
+    mixing = torch.randn(2, 6, generator=generator)
+    sounds = 3 + 5 * hidden @ mixing + 0.1 * torch.randn(4000, 6, generator=generator)
+    directions = principal_components(sounds, 2)
+    heard = (sounds - sounds.mean(0)) @ directions.T
+    torch.testing.assert_close(heard.T @ heard / len(heard), torch.eye(2), atol=0.01, rtol=0)
+    # Both hidden numbers are read off what is heard.
+    solved = torch.linalg.lstsq(heard, hidden - hidden.mean(0))
+    assert (hidden - hidden.mean(0) - heard @ solved.solution).std() < 0.05
 
 
 def test_a_second_take_of_the_same_sound_changes_nothing() -> None:
