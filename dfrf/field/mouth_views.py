@@ -30,8 +30,8 @@ NEAREST = 4  # power of the weight: a mean of four kinds of teeth shows none
 EDGE = 0.7  # of the region's radii, from where its weight falls to nothing
 REACH = (1.5, 1.3, 1.5)  # half axes of the region to the side, up and forwards, half mouth widths
 NEIGHBOURS = 10  # frames to each side of one that is learned, which show nearly the same
-KERNEL = 0.05  # head units, how far the motion of a point of the lips carries
-STIFF = 0.1  # added to the diagonal, so that points close together get no large weights
+KERNEL = 0.1  # head units, how far the motion of a point of the lips carries
+STIFF = 0.02  # added to the diagonal, so that points close together get no large weights
 RIDGE = 3.0  # frames' worth
 
 
