@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from dfrf import head_checkpoint, presets
+from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing import tasks
 from dubbing.files import atomic_write_json
 from dubbing.lab import cross_driving, evaluation, measuring, sync_figures
@@ -61,7 +62,7 @@ def test_both_protocols_of_a_tiny_person(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(tasks.Finetune, "__call__", finetune)
     monkeypatch.setattr(tasks.Check, "__call__", lambda _, out, progress: None)
     monkeypatch.setattr(tasks, "offset_of", lambda _: 0)
-    speech = SpeechFrames(random.random((FRAMES, 16, 8)), random.random((FRAMES, 8)))
+    speech = SpeechFrames(random.random((FRAMES, 16, 8)), random.random((FRAMES, NUMBERS)))
     monkeypatch.setattr(evaluation, "clip_speech", lambda *_: speech)
     monkeypatch.setattr(sync_figures, "check", lambda _: checked)
     show_faces(monkeypatch, measuring, talks, scale=16)

@@ -68,7 +68,7 @@ def filmed(model: FastModel, folder: Path, count: int) -> PreparedClip:
 
 
 def test_poses_go_to_where_the_head_was_filmed(tmp_path: Path) -> None:
-    torch.manual_seed(1)  # one of the random heads that the camera sees well enough
+    torch.manual_seed(4)  # one of the random heads that the camera sees well enough
     model = presets.build(small_config(references=0, use_warp=False)).eval()
     clip = filmed(model, tmp_path, 16)
     true = clip.c2w()

@@ -9,6 +9,7 @@ import pytest
 
 from dfrf import head_checkpoint, presets
 from dfrf.fast.method import FastMethod
+from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.media import VideoWriter, read_frames
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
@@ -31,7 +32,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     model = presets.build(small_config(references=0, use_warp=False))
     head_checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
     windows = random.random((count, 16, 8)).astype(np.float32)
-    speech = SpeechFrames(windows, random.random((count, 8)).astype(np.float32))
+    speech = SpeechFrames(windows, random.random((count, NUMBERS)).astype(np.float32))
     requests: list[tuple[int, int]] = []
 
     def heard(first: int, number: int) -> SpeechFrames:
