@@ -8,7 +8,7 @@ that was killed picks up after the last finished step, and the result is the sam
 import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,8 @@ import numpy as np
 from dubbing import json_records
 from dubbing.errors import DubbingError, PreparationError
 from dubbing.files import atomic_path, atomic_write_json, digest_file, make_folder
-from dubbing.media import probe
+from dubbing.media import MediaInfo, probe
+from dubbing.preparation.alignment.bundle import Observations
 from dubbing.preparation.alignment.camera import Poses
 from dubbing.preparation.alignment.score import root_mean_square
 from dubbing.preparation.alignment.silhouette import Silhouette
@@ -75,9 +76,34 @@ def prepare(
     key = {"size": size, "people": json.loads(json.dumps(portraits))}
     steps = Steps(out / STEPS, clip, key, progress or (lambda step, share: None))
 
+    tracked = _track(steps, info, people, size)
+    _cut_out(steps, info, tracked, out)
+    prepared = _record(clip, out, info, tracked)
+    contact_sheet(prepared, out / CONTACT_SHEET)
+    prepared.save()
+    shutil.rmtree(steps.folder)
+    return prepared
+
+
+@dataclass(frozen=True)
+class _Tracked:
+    """The head in every frame of a clip (N)."""
+
+    size: int  # side of the crops, px
+    seen: Arrays  # of step "faces"
+    found: Arrays  # of step "landmarks"
+    track: Arrays  # of step "refinement"
+    observed: Observations
+    covered: np.ndarray  # (N,): something hides the mouth
+    poses: Poses
+    landmarks: np.ndarray  # (N, 478, 2), px of the crop
+
+
+def _track(steps: "Steps", info: MediaInfo, people: Sequence[Portrait], most_px: int) -> _Tracked:
+    """Landmarks and head poses."""
     seen = steps.run("faces", partial(tracking.survey_step, info, people))
     # A small source keeps its own pixels: enlarging them costs time and shows nothing new.
-    size = min(size, int(seen["window"][:, 2].max()) // 8 * 8)
+    size = min(most_px, int(seen["window"][:, 2].max()) // 8 * 8)
     found = steps.run("landmarks", partial(tracking.landmark_step, info, size, seen, steps.folder))
     observed = tracking.observations(info, size, seen, found)
     bundle = steps.run("poses", partial(tracking.bundle_step, observed, found))
@@ -88,21 +114,24 @@ def prepare(
         return covered_step(crops, *places, bundle["shape"], report)
 
     covered = steps.run("occlusion", find_covered)["covered"]
-
     observed = replace(observed, silhouette=Silhouette(found["middle"], found["top"]))
     strip = steps.folder / "strip.npy"
     track = steps.run(
         "refinement", partial(tracking.refine_step, observed, found, bundle, crops, strip)
     )
-
     poses = Poses(track["rotation"], track["translation"])
-    shape = track["shape"]
-    landmarks = tracking.filled_landmarks(found, shape, poses, observed)
-    outline = tracking.jaw_outline(landmarks, shape, poses, observed)
-    visible = tracking.bridged(found["valid"], observed.rate)
+    landmarks = tracking.filled_landmarks(found, track["shape"], poses, observed)
+    return _Tracked(size, seen, found, track, observed, covered, poses, landmarks)
+
+
+def _cut_out(steps: "Steps", info: MediaInfo, tracked: _Tracked, out: Path) -> None:
+    """The head's matte and the background behind it, as files of `out`."""
+    seen, landmarks, observed = tracked.seen, tracked.landmarks, tracked.observed
+    outline = tracking.jaw_outline(landmarks, tracked.track["shape"], tracked.poses, observed)
+    visible = tracking.bridged(tracked.found["valid"], observed.rate)
     masks = pictures(steps.folder / PERSON), pictures(steps.folder / OPACITY)
     places = seen["window"], landmarks, outline, visible, seen["segment"]
-    footage = Footage(info, crops, *masks, *places)
+    footage = Footage(info, pictures(steps.folder / CROPS), *masks, *places)
     matte, background = out / MATTE, out / BACKGROUND
 
     def write_matte(report: Callable[[float], None]) -> Arrays:
@@ -116,33 +145,34 @@ def prepare(
     steps.run("matte", write_matte)
     steps.run("background", write_background)
 
-    distance = np.linalg.norm(poses.translation, axis=1)
-    prepared = PreparedClip(
+
+def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> PreparedClip:
+    """What later stages read of the clip."""
+    seen, observed, poses = tracked.seen, tracked.observed, tracked.poses
+    found = tracked.found | {"covered": tracked.covered}
+    distance = np.linalg.norm(poses.translation, axis=1)[found["valid"]]
+    return PreparedClip(
         folder=out,
         clip=clip.resolve(),
         rate=info.rate,
         frames_count=info.frames,
-        size=size,
+        size=tracked.size,
         source_size=(info.width, info.height),
         focal=observed.focal,
-        near=float(distance[found["valid"]].min() - REACH),
-        far=float(distance[found["valid"]].max() + REACH),
-        warnings=warnings_of(info, size, seen, found | {"covered": covered}, poses),
-        residual_shift=root_mean_square(track["residual_shift"]),
+        near=float(distance.min() - REACH),
+        far=float(distance.max() + REACH),
+        warnings=warnings_of(info, tracked.size, seen, found, poses),
+        residual_shift=root_mean_square(tracked.track["residual_shift"]),
         rotation=poses.rotation,
         translation=poses.translation,
         centre=observed.centre,
         crop=seen["window"],
         valid=found["valid"],
-        covered=covered,
+        covered=tracked.covered,
         segment=seen["segment"],
-        landmarks=landmarks.astype(np.float32),
-        shape=shape,
+        landmarks=tracked.landmarks.astype(np.float32),
+        shape=tracked.track["shape"],
     )
-    contact_sheet(prepared, out / CONTACT_SHEET)
-    prepared.save()
-    shutil.rmtree(steps.folder)
-    return prepared
 
 
 def _key(path: Path) -> dict[str, Any]:
