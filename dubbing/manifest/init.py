@@ -89,8 +89,11 @@ def _dubs(found: _Found) -> list[str]:
     only = next(iter(found.clips)) if len(found.clips) == 1 else ""
     for recording in found.recordings:
         clip = clip_of(recording.stem, found.clips)
-        entry = f"- {{identity: {_quoted(clip or only)}, audio: {_quoted(recording.name)}}}"
-        (unmatched if clip is None else matched).append(entry)
+        keys = f"identity: {_quoted(clip or only)}, audio: {_quoted(recording.name)}"
+        if clip is None:
+            unmatched.append(f"- {{{keys}}}")
+        else:  # the clip's name would stand twice in the default one
+            matched.append(f"- {{name: {_quoted(recording.stem)}, {keys}}}")
     lines = ["dubs:", *(f"  {entry}" for entry in matched)]
     if unmatched:
         lines += ["  # These begin with no clip's name and a separator: fill in the identity."]

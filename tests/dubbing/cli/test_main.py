@@ -178,7 +178,7 @@ def test_init_writes_a_manifest_that_asks_for_consent_only(dfrf, tmp_path: Path)
     code, out, err = dfrf("plan", "--json", path)
     assert code == 0, err
     dubs = {row["name"] for row in json.loads(out)["stages"] if row["kind"] == "dub"}
-    assert dubs == {"ann_ann_it"}
+    assert dubs == {"ann_it"}
     assert '  # - {identity: "", audio: "all.wav"}' in text
     assert dfrf("init", tmp_path)[0] == 2  # an existing manifest is left alone
 

@@ -55,6 +55,7 @@ def test_forty_clips_and_two_hundred_recordings_give_two_hundred_dubs(
     assert len(written["identities"]) == 40
     assert len(written["dubs"]) == 200
     assert all(dub["audio"].startswith(f"{dub['identity']}_") for dub in written["dubs"])
+    assert all(dub["audio"] == f"{dub['name']}.wav" for dub in written["dubs"])
 
 
 def test_what_fits_nothing_is_written_as_comments(tmp_path: Path) -> None:
