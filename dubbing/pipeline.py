@@ -67,6 +67,7 @@ def identity_job(
             "preset": identity.preset,
             "seed": identity.seed,
             "speech": identity.speech,
+            **identity.finetune.model_dump(exclude_none=True),
             "iterations": tasks.iterations_of(identity),
         },
     )

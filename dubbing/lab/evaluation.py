@@ -23,7 +23,6 @@ from dubbing import json_records as kept
 from dubbing import pipeline, tasks
 from dubbing.batch.jobs import chosen_names
 from dubbing.engine import claims
-from dubbing.engine.stage import Stage
 from dubbing.engine.update import run_stage
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, remove_torn
@@ -33,6 +32,7 @@ from dubbing.lab.cross_driving import measure_dub
 from dubbing.lab.held_out import frames_to_test, supposed
 from dubbing.lab.measuring import measure
 from dubbing.lab.sync_figures import sync_figures
+from dubbing.manifest.entries import Identity
 from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.stages.finetune import MODEL_FILE, clip_speech
@@ -159,14 +159,22 @@ def merged(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
     return {**kept, **now}
 
 
-def with_references(finetune: Stage, count: int) -> Stage:
-    """A fine-tune with another number of references than its preset's."""
-    assert isinstance(finetune.produce, tasks.Finetune)
-    return replace(
-        finetune,
-        parameters={**finetune.parameters, "references": count},
-        produce=replace(finetune.produce, references=count),
+def learned_by(method: str, own: Identity) -> Identity:
+    """An identity as a method learns it.
+
+    A base of the identity's own serves its own family of presets, a number of references the
+    method `dfrf`.
+    """
+    preset = PRESET_OF_METHOD[method]
+    references = REFERENCES_OF_METHOD.get(
+        method, own.finetune.references if method == "dfrf" else None
     )
+    changed = {
+        "preset": preset,
+        "base": own.base if family(preset) == family(own.preset) else None,
+        "finetune": own.finetune.model_copy(update={"references": references}),
+    }
+    return own.model_copy(update=changed)
 
 
 def evaluate_one(
@@ -184,17 +192,11 @@ def evaluate_one(
     Args:
         tested: seconds and protocols, see `frames_to_test`. every: one of so many, in P15.
     """
-    preset = PRESET_OF_METHOD[method]
     own = manifest.identities[name]
-    # A base of the identity's own serves its own family of presets.
-    base = own.base if family(preset) == family(own.preset) else None
-    identity = own.model_copy(update={"preset": preset, "base": base})
+    identity = learned_by(method, own)
     job = pipeline.identity_job(manifest, name, identity, device)
     prepare, source, finetune = (job.stages[n] for n in ("prepare", "check_source", "finetune"))
-    references = REFERENCES_OF_METHOD.get(method)
-    if references is not None:
-        finetune = with_references(finetune, references)
-    if preset != own.preset or references is not None:
+    if (identity.preset, identity.finetune) != (own.preset, own.finetune):
         # The model of the dubs stays where it is.
         finetune = replace(finetune, folder=finetune.folder.with_name(f"model-{method}"))
     began = finetune.sources()

@@ -114,9 +114,19 @@ def _label(value: Any) -> Any:
 
 
 class Finetune(Entry):
-    """How long to learn; the preset has a default."""
+    """How a person is learned; what is left out is as the preset has it.
+
+    Attributes:
+        iterations: steps.
+        learning_rate: Adam's first.
+        rays: of a step.
+        references: so many in every frame, always the same ones; of preset `fast` alone.
+    """
 
     iterations: int | None = Field(default=None, ge=1, le=10**9)
+    learning_rate: float | None = Field(default=None, gt=0, le=0.1, allow_inf_nan=False)
+    rays: int | None = Field(default=None, ge=64, le=10**6)
+    references: int | None = Field(default=None, ge=1, le=64)
 
 
 class FacePoint(Entry):

@@ -58,6 +58,9 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
         findings.add((*at, "base"), f"no such file: {identity.base}")
     elif problem := published.base_problem(identity):
         findings.add((*at, "base"), problem)
+    if identity.finetune.references is not None and identity.preset != "fast":
+        problem = f"preset {identity.preset!r} has a fixed number of them; leave it out"
+        findings.add((*at, "finetune", "references"), problem)
     findings.warnings += [f"identities.{name}: {n}" for n in published.identity_notes(identity)]
     for key, problem in terms.of_identity(identity, datetime.date.today()):
         findings.add((*at, *key), problem)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import shutil
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -23,7 +21,7 @@ from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import Curve, Progress
 from dubbing import media
 from dubbing.errors import TrainingError
-from dubbing.files import atomic_write_json, atomic_write_text
+from dubbing.files import atomic_write_json
 from dubbing.identity.best_seconds import learned_frames, parts_of
 from dubbing.identity.dataset import load_identity
 from dubbing.identity.learned import SUMMARY_FILE
@@ -31,11 +29,11 @@ from dubbing.identity.reference_choice import choose_references, turns_far
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
 from dubbing.speech import features
+from dubbing.stages.curve import CURVE_FILE, write_curve, write_events
 from dubbing.stages.initial_model import FinetuneSettings, init_from_base
 from dubbing.stages.refine_poses import refined, refines
 
 MODEL_FILE = "model.safetensors"
-CURVE_FILE = "loss.csv"
 RESUME_FOLDER = "resume"
 PICTURES_FOLDER = "pictures"  # in it: what is learned from, so that a long clip needs no memory
 POSING = 0.25  # of the steps: then the model knows the head well enough to refine its poses
@@ -53,7 +51,7 @@ def finetune(
     offset: int = 0,
     progress: Callable[[Progress], None] | None = None,
 ) -> None:
-    """Writes OUT/model.safetensors, OUT/loss.csv and OUT/finetune.json.
+    """Writes OUT/model.safetensors, OUT/finetune.json and the curve, see `dubbing.stages.curve`.
 
     Until then OUT/resume holds the state, from which the next call goes on, and the pictures.
 
@@ -78,8 +76,7 @@ def finetune(
     frames = learned[clip.valid[learned]]
     model = init_from_base(base, settings)
     trainings = presets.trainings(settings.preset)
-    config = trainings.alone if base is None else trainings.finetune
-    config = replace(presets.lasting(config, settings.iterations), seed=settings.seed)
+    config = settings.training(trainings.alone if base is None else trainings.finetune)
     method = method_of(model)
     references = reference_frames(person, clip.landmarks[frames], method)
     try:
@@ -108,6 +105,7 @@ def finetune(
     }
     head_checkpoint.save_person(out / MODEL_FILE, model.cpu(), views, header)
     write_curve(out / CURVE_FILE, curve)
+    write_events(out, curve)
     rate = float(clip.rate)
     summary = {
         "train": asdict(config),
@@ -213,12 +211,3 @@ def reference_frames(
         return None
     count = method.reference_pool_size if turns_far(person) else method.references
     return choose_references(person, landmarks, count)
-
-
-def write_curve(path: Path, curve: Curve) -> None:
-    """The loss curve as CSV: step, loss, PSNR in dB, seconds."""
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(["step", "loss", "psnr", "seconds"])
-    rows.writerows(curve.rows)
-    atomic_write_text(path, text.getvalue())

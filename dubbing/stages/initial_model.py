@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import torch
 
 from dfrf import checkpoint, head_checkpoint, presets
-from dfrf.config import PUBLISHED_SPEECH, family
+from dfrf.config import PUBLISHED_SPEECH, TrainConfig, family
 from dfrf.head_model import HeadModel
 from dubbing.errors import CheckpointError
 from dubbing.speech import features
@@ -25,6 +26,7 @@ class FinetuneSettings:
         speech: name of the speech features.
         speech_weights: weights of the user's own for them, a path.
         references: so many in every frame, the same ones, instead of the preset's.
+        learning_rate: Adam's first, rays: of a step; None as the preset has them.
     """
 
     preset: str = "fast"
@@ -33,10 +35,18 @@ class FinetuneSettings:
     speech: str = "rnn"
     speech_weights: str | None = None
     references: int | None = None
+    learning_rate: float | None = None
+    rays: int | None = None
 
     @property
     def weights(self) -> Path | None:
         return None if self.speech_weights is None else Path(self.speech_weights)
+
+    def training(self, preset: TrainConfig) -> TrainConfig:
+        """Settings of `fit`: the preset's with these in their place."""
+        own = {"learning_rate": self.learning_rate, "rays": self.rays}
+        changed: dict[str, Any] = {k: v for k, v in own.items() if v is not None}
+        return replace(presets.lasting(preset, self.iterations), seed=self.seed, **changed)
 
     def speech_header(self) -> dict[str, str]:
         """What a checkpoint's header holds of its speech features: their name and weights."""

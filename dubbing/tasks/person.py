@@ -62,7 +62,6 @@ class Finetune:
     source_check: Path
     base: Path | None
     device: str
-    references: int | None = None
 
     def __call__(self, out: Path, progress: Progress) -> None:
         from dubbing.stages.finetune import finetune
@@ -75,7 +74,9 @@ class Finetune:
             seed=wanted.seed,
             speech=wanted.speech,
             speech_weights=None if wanted.speech_weights is None else str(wanted.speech_weights),
-            references=self.references,
+            references=wanted.finetune.references,
+            learning_rate=wanted.finetune.learning_rate,
+            rays=wanted.finetune.rays,
         )
 
         def step(state: Any) -> None:

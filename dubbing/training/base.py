@@ -23,7 +23,8 @@ from dubbing.identity.best_seconds import learned_frames
 from dubbing.identity.dataset import load_identity
 from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.stages.finetune import clip_speech, write_curve
+from dubbing.stages.curve import write_curve
+from dubbing.stages.finetune import clip_speech
 from dubbing.stages.initial_model import FinetuneSettings, init_from_base
 
 MOST_FRAMES = 240  # of one identity: more show little that is new, and memory is finite

@@ -157,10 +157,20 @@ def test_a_damaged_clip_is_said(manifest: Manifest) -> None:
 
 
 def test_another_number_of_references_is_another_fine_tune(manifest: Manifest) -> None:
-    job = pipeline.identity_job(manifest, "ann", manifest.identities["ann"], "cpu")
-    plain = job.stages["finetune"]
-    two = evaluation.with_references(plain, evaluation.REFERENCES_OF_METHOD["dfrf-2"])
+    own = manifest.identities["ann"]
+    plain, two = (
+        pipeline.identity_job(manifest, "ann", person, "cpu").stages["finetune"]
+        for person in (own, evaluation.learned_by("dfrf-2", own))
+    )
     assert two.key() != plain.key()
     assert isinstance(two.produce, tasks.Finetune)
-    assert two.produce.references == 2
-    assert evaluation.PRESET_OF_METHOD["dfrf-2"] == "fast"
+    assert two.produce.identity.finetune.references == 2
+    assert two.produce.identity.preset == "fast"
+
+
+def test_references_of_the_manifest_are_those_of_dfrf_alone(manifest: Manifest) -> None:
+    own = manifest.identities["ann"]
+    three = own.model_copy(update={"finetune": own.finetune.model_copy(update={"references": 3})})
+    assert evaluation.learned_by("dfrf", three).finetune.references == 3
+    assert evaluation.learned_by("dfrf-1", three).finetune.references == 1
+    assert evaluation.learned_by("nerf", three).finetune.references is None

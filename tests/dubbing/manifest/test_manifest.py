@@ -194,6 +194,24 @@ def test_a_changed_number_of_steps_is_seen(folder: Path, monkeypatch: pytest.Mon
     assert stage().key() == before.key()
 
 
+def test_what_a_researcher_changes_of_a_fine_tune(folder: Path) -> None:
+    text = GOOD.replace("consent:", "finetune: {rays: 640, learning_rate: 1.0e-3}, consent:", 1)
+    changed, plain = (
+        jobs.build(read(folder, t)).identities["host"].stages["finetune"] for t in (text, GOOD)
+    )
+    assert changed.parameters["rays"] == 640
+    assert changed.parameters["learning_rate"] == 1e-3
+    assert "rays" not in plain.parameters
+    assert changed.key() != plain.key()
+
+
+def test_references_are_counted_in_fast_alone(folder: Path) -> None:
+    keys = "finetune: {references: 2}, preset: nerf, consent:"
+    found = problems(folder, GOOD.replace("consent:", keys, 1))
+    assert len(found) == 1
+    assert "finetune.references: preset 'nerf' has a fixed number of them" in found[0]
+
+
 @pytest.mark.parametrize("key", ["by", "reference"])
 @pytest.mark.parametrize("blank", [" ", "\u200b\u200d", "\\x07", "\u3164", "\u2800"])
 def test_blank_consent_is_none(folder: Path, key: str, blank: str) -> None:

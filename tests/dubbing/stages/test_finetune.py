@@ -37,6 +37,13 @@ def test_a_base_starts_a_person_with_the_same_features(base: Path) -> None:
     assert model.config.field.speech_dim == features.features_by_name("rnn").dim
 
 
+def test_settings_of_a_fine_tune_take_the_place_of_the_presets() -> None:
+    preset = presets.FINETUNE
+    own = FinetuneSettings(iterations=10, seed=3, learning_rate=1e-3, rays=64).training(preset)
+    assert own == replace(preset, iterations=10, seed=3, learning_rate=1e-3, rays=64)
+    assert FinetuneSettings(iterations=10).training(preset) == replace(preset, iterations=10)
+
+
 def test_other_features_are_refused(base: Path) -> None:
     with pytest.raises(CheckpointError, match="'rnn' speech, wanted 'mel'"):
         init_from_base(base, replace(RNN, speech="mel"))
