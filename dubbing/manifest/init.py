@@ -1,14 +1,16 @@
-"""A first manifest from the clips and recordings of a folder."""
+"""A first manifest from the clips, recordings and scripts of a folder."""
 
 import json
 import unicodedata
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from fractions import Fraction
 from pathlib import Path
 
-from dubbing.errors import ManifestError, MediaError, Problem
+from dubbing.errors import DubbingError, ManifestError, MediaError, Problem
 from dubbing.files import atomic_write_text, make_folder
 from dubbing.media import MediaInfo, probe
+from dubbing.script.reading import READERS, read_lines
 
 NAME = "manifest.yaml"
 LONGEST_LEARNT = 15  # seconds
@@ -24,8 +26,8 @@ defaults: {preset: fast, seed: 0}
 def write_manifest(folder: Path) -> Path:
     """Write ``folder/manifest.yaml``; an existing one is left alone.
 
-    Every recording is dubbed onto one clip at most, see `clip_of`. What fits no clip, or is no
-    clip to learn from, becomes a comment.
+    Every recording is dubbed onto one clip at most, see `clip_of`; every script makes a scene of
+    its clip, see `_scene`. What fits no clip, or is no clip to learn from, becomes a comment.
 
     Raises:
         ManifestError: there is a manifest already, or nothing to write one from.
@@ -60,10 +62,11 @@ def clip_of(recording: str, clips: Iterable[str]) -> str | None:
 
 @dataclass
 class _Found:
-    """Clips with picture and sound by name, recordings, and why other videos are left out."""
+    """Clips with picture and sound by name, recordings, scripts, and why videos are left out."""
 
     clips: dict[str, MediaInfo] = field(default_factory=dict)
     recordings: list[Path] = field(default_factory=list)
+    scripts: list[Path] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
 
 
@@ -86,6 +89,9 @@ def _dubs(found: _Found) -> list[str]:
         return ["dubs: []  # no recordings were found"]
     matched: list[str] = []
     unmatched: list[str] = []
+    for script in found.scripts:
+        scene, why = _scene(script, found)
+        (unmatched if why else matched).append(f"- {{{', '.join(scene)}}}{why}")
     only = next(iter(found.clips)) if len(found.clips) == 1 else ""
     for recording in found.recordings:
         clip = clip_of(recording.stem, found.clips)
@@ -96,15 +102,51 @@ def _dubs(found: _Found) -> list[str]:
             matched.append(f"- {{name: {_quoted(recording.stem)}, {keys}}}")
     lines = ["dubs:", *(f"  {entry}" for entry in matched)]
     if unmatched:
-        lines += ["  # These begin with no clip's name and a separator: fill in the identity."]
+        lines += ["  # These begin with no clip's name and a separator, or something is missing."]
         lines += [f"  # {entry}" for entry in unmatched]
     return lines
+
+
+def _scene(script: Path, found: _Found) -> tuple[list[str], str]:
+    """Keys of the scene that a script makes, and in words what is missing.
+
+    The script is named as the clip, or begins with its name. Its sound is the recording of the same
+    name, which makes no dub of its own then, or one a speaker: ``shot1_it_HOST`` beside
+    ``shot1_it.srt``. The clip's person is the only speaker, or the one of that name.
+    """
+    clip = clip_of(script.stem, found.clips)
+    keys = [f"name: {_quoted(script.stem)}", f"lines: {_quoted(script.name)}"]
+    if clip is None:
+        return keys, "  # fits no clip: fill in identity and audio"
+    info = found.clips[clip]
+    try:
+        lines = read_lines(script, info.rate or Fraction(25), info.first_frame)
+    except DubbingError as error:
+        return keys, f"  # {' '.join(str(error).split())}"
+    names = list(dict.fromkeys(line.speaker for line in lines))
+    speaker = names[0] if len(names) == 1 else next((n for n in names if _key(n) == _key(clip)), "")
+    if not speaker and len(names) > 1:
+        return (
+            keys,
+            f"  # fill in identity, or speakers; there are {', '.join(map(_quoted, names))}",
+        )
+    who = f"speakers: {{{_quoted(speaker)}: {_quoted(clip)}}}"
+    keys.append(who if speaker else f"identity: {_quoted(clip)}")
+    stems = [_key(script.stem), *([_key(f"{script.stem}_{speaker}")] if speaker else [])]
+    sound = next((r for r in found.recordings if _key(r.stem) in stems), None)
+    if sound is None:
+        return keys, f"  # no recording is called {_quoted(script.stem)}: fill in audio"
+    found.recordings.remove(sound)
+    return [*keys, f"audio: {_quoted(sound.name)}"], ""
 
 
 def _sort(folder: Path) -> _Found:
     found = _Found()
     taken: dict[str, str] = {}
     for path in sorted(folder.iterdir()):
+        if path.suffix.lower() in READERS:
+            found.scripts.append(path)
+            continue
         try:
             info = probe(path)
         except MediaError:
