@@ -4,73 +4,12 @@ from __future__ import annotations
 
 import re
 from html.parser import HTMLParser
-from typing import Any
 
 import pytest
 
-from dubbing.identity.learned import in_words
 from dubbing.report.page import VERDICTS, page_of
 from dubbing.report.report import verdict_of
-
-
-def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) -> dict[str, Any]:
-    sync = {
-        "verdict": verdict,
-        "reason": f"measured {name}",
-        "words": "in sync",
-        "confidence": confidence,
-        "source_confidence": 0.3,
-        "curve": [2.0, 1.0, 2.0],
-    }
-    state = "failed" if verdict == "broken" else "made"
-    lost = {"stage": "render", "what": "lost", "where": "", "remedy": "try again", "trace": "at"}
-    return {
-        "state": state,
-        "failure": lost if state == "failed" else None,
-        "stages": {"render": {"seconds": 2.0, "reasons": ["new"], "recorded_seconds": None}},
-        "identity": "ann",
-        "verdict": verdict_of(state, sync),  # type: ignore[arg-type]
-        "video": f"{name}.mp4",
-        "source": "../clips/ann.mp4",
-        "source_start": 1.5,
-        "sync": sync,
-        "place": place,
-        "lines": [],
-        "line_counts": {},
-        "untouched": None,
-        "signed": not place,
-        "mark": None if place else "0123456789abcdef",
-    }
-
-
-def found(*dubs: tuple[str, str, float]) -> dict[str, Any]:
-    entries = {name: dub_of(name, verdict, k, c) for k, (name, verdict, c) in enumerate(dubs)}
-    verdicts = [entry["verdict"] for entry in entries.values()]
-    consent = {"by": "Ann", "reference": "form", "date": None, "languages": ["it"]}
-    person: dict[str, Any] = {
-        "state": "made",
-        "failure": None,
-        "stages": {},
-        "clip": "/films/ann.mp4",
-        "consent": consent,
-        "warnings": [],
-        "learned": in_words([(3.0, 6.0), (21.04, 33.0)]),
-        "contact_sheet": "work/sheet.png",
-        "loss": [],
-        "psnr": [],
-        "sync": None,
-    }
-    return {
-        "manifest": "m.yaml",
-        "code": 0,
-        "seconds": 1.0,
-        "peak_memory_mb": 1,
-        "machine": {"cores": 2, "system": "x"},
-        "warnings": [],
-        "identities": {"ann": person},
-        "counts": {verdict: verdicts.count(verdict) for verdict in VERDICTS},
-        "dubs": entries,
-    }
+from tests.dubbing.report.pages import MIXED, found, line
 
 
 class Tags(HTMLParser):
@@ -98,16 +37,6 @@ class Tags(HTMLParser):
 
     def of(self, name: str) -> list[dict[str, str | None]]:
         return [attributes for tag, attributes, _ in self.found if tag == name]
-
-
-MIXED = (
-    ("fine", "pass", 0.3),
-    ("early", "warn", 0.2),
-    ("still", "fail", 0.1),
-    ("gone", "broken", 0.2),
-    ("quiet", "unjudged", 0.0),
-    ("weak", "pass", 0.2),
-)
 
 
 def test_the_first_line_counts_and_the_worst_come_first() -> None:
@@ -186,19 +115,6 @@ def test_two_hundred_dubs_stay_a_small_page() -> None:
     page = page_of(found(*((f"shot{k}", "pass", 0.2) for k in range(200))))
     assert len(page) < 600_000
     assert len(Tags(page).of("article")) == 201
-
-
-def line(number: int, verdict: str | None) -> dict[str, Any]:
-    found = {"line": number, "speaker": "ANN", "identity": "ann", "in": f"01:00:0{number}:00"}
-    return {
-        **found,
-        "seconds": 1.5,
-        "words": "a <b>",
-        "verdict": verdict,
-        "reason": "",
-        "loudness": -23.0,
-        "own_pixels": "covered 40-44" if number == 1 else "",
-    }
 
 
 def test_the_lines_of_a_scene_are_listed_where_one_asks_for_them() -> None:
