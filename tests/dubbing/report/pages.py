@@ -108,7 +108,7 @@ def shown_everything() -> dict[str, Any]:
     }
     dubs["gone"]["video"] = None
     dubs["gone"]["failure"] |= {"where": f"/films/{'x' * 90}", "trace": "y" * 200}
-    dubs["quiet"]["identity"] = "Bob"
+    dubs["quiet"]["identity"] = "ann, Bob"
     people["Bob"] = people["ann"] | {"clip": f"/films/{'bob' * 30}.mp4"}
     return data
 

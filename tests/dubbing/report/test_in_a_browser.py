@@ -63,7 +63,7 @@ const press = (key, from = document.body, more = {}) => {
   return ["still", "early"].map((name) => part(name, "figure").map(share));
 };
 say.links = find("[href], [src]:not(#hold), [data-src]").map((tag) => [tag.closest("[id]")?.id,
-  tag.className, tag.href || tag.src, !tag.hash || find(tag.hash).length === 1]);
+  tag.className, tag.href || tag.src, !tag.hash || !!document.getElementById(tag.hash.slice(1))]);
 say.styles = [...document.styleSheets].flatMap((s) => [...s.cssRules]).map((r) => r.cssText);
 say.at_first = videos(), say.all = shown();
 const { name, sort, verdict } = document.getElementById("tools").elements;
