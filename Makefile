@@ -54,10 +54,12 @@ RESULTS ?= ../shared/manifests/p15.yaml ../shared/manifests/real.yaml
 SEEDS ?= 0,1,2
 METHODS ?= dfrf
 EVERY ?= 1
+SECONDS ?=
 LPIPS ?=
 results: .venv/installed
 	$(BIN)/python -m dubbing.lab.results $(RESULTS) --seeds $(SEEDS) --every $(EVERY) \
-		$(METHODS:%=--method %) $(LPIPS:%=--lpips-weights %) --commit "$$(git describe --always --dirty)"
+		$(METHODS:%=--method %) $(SECONDS:%=--seconds %) $(LPIPS:%=--lpips-weights %) \
+		--commit "$$(git describe --always --dirty)"
 
 check: .venv/installed-dev
 	$(BIN)/ruff format --check .

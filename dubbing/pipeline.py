@@ -45,19 +45,30 @@ def identity_job(
     """What is made once for a person: prepared clip, source check, model, refined poses.
 
     Args:
-        films: clips beside the one that is learned from; each is prepared and checked, too, and
-            has poses of its own, refined with the model.
+        films: clips beside those that are learned from. All are prepared and checked, and have
+            poses of their own, refined with the model.
     """
     stages = Stages(manifest.work / "identities" / name, "clips")
     clip, base = identity.clip, identity.base or shipped_base(identity.preset)
-    prepare, check_source = _prepared(manifest, stages, name, clip, "")
-    prepared = tasks.Prepared(prepare.folder, clip)
+    made = {
+        film: _prepared(manifest, stages, name, film, clip_name(identity, film))
+        for film in dict.fromkeys((*identity.learned_clips, *films))
+        if film == clip or film not in manifest.damaged
+    }
+    prepared = {film: tasks.Prepared(prepare.folder, film) for film, (prepare, _) in made.items()}
+    learned = [(film, clip_name(identity, film)) for film in identity.learned_clips]
     finetune = stages.add(
         "finetune",
-        tasks.Finetune(identity, prepared, check_source.folder, base, device),
+        tasks.Finetune(
+            identity,
+            tuple(prepared[film] for film, _ in learned),
+            tuple(made[film][1].folder for film, _ in learned),
+            base,
+            device,
+        ),
         reads={
-            "prepared": prepare,
-            "source": check_source,
+            **{f"prepared {of}".strip(): made[film][0] for film, of in learned},
+            **{f"source {of}".strip(): made[film][1] for film, of in learned},
             **({"base": base} if base else {}),
             **speech_weights(identity),
         },
@@ -71,15 +82,13 @@ def identity_job(
             "iterations": tasks.iterations_of(identity),
         },
     )
-    for film in (clip, *(f for f in dict.fromkeys(films) if f != clip)):
-        if film not in manifest.damaged:
-            of = clip_name(identity, film)
-            made = prepare if film == clip else _prepared(manifest, stages, name, film, of)[0]
+    for film, (prepare, _) in made.items():
+        if film not in manifest.damaged and film in (clip, *films):
             stages.add(
                 "refine_poses",
-                tasks.RefinePoses(finetune.folder, tasks.Prepared(made.folder, film), device),
-                reads={"model": finetune, "prepared": made},
-                of=of,
+                tasks.RefinePoses(finetune.folder, prepared[film], device),
+                reads={"model": finetune, "prepared": prepare},
+                of=clip_name(identity, film),
             )
     return Job("identity", name, stages.declared, blocked=manifest.damaged.get(clip))
 
@@ -191,7 +200,10 @@ def _cue(
         of=of,
         parts=work.parts(),
     )
-    learned = tasks.Prepared(person.stages["prepare"].folder, identity.clip)
+    learned = tuple(
+        tasks.Prepared(stage_of(person, "prepare", identity, film).folder, film)
+        for film in identity.learned_clips
+    )
     return render, tasks.CueHeads(cue, render.folder, prepared, learned, finetune.folder)
 
 
@@ -203,9 +215,12 @@ def _clips(manifest: Manifest, dub: Dub, people: Mapping[str, Job], film: Path) 
         for name, identity in named.items()
     }
     learned = {
-        f"learned {name}": people[name].stages["prepare"]
+        f"learned {name} {clip_name(identity, clip)}".strip(): stage_of(
+            people[name], "prepare", identity, clip
+        )
         for name, identity in named.items()
-        if identity.clip != film
+        for clip in identity.learned_clips
+        if clip != film
     }
     return {**prepared, **learned}
 

@@ -140,10 +140,12 @@ def install(patch: Any) -> None:
             if not mark.exists():
                 atomic_write_text(mark, str(step))
                 kill("finetune")
-        self.prepared.load()
+        for prepared in self.prepared:
+            prepared.load()
         atomic_write_text(out / "model.safetensors", f"seed {self.identity.seed}")
         learned = [[0.0, self.identity.learned_seconds]]
-        summary = {"steps": 6, "seconds": 1.0, "learned": learned}
+        beside = [[prepared.clip.name, learned] for prepared in self.prepared[1:]]
+        summary = {"steps": 6, "seconds": 1.0, "learned": learned, "beside": beside}
         atomic_write_json(out / "finetune.json", summary)
         atomic_write_text(out / "loss.csv", "step,loss,psnr,seconds\n1,0.5,20,1\n2,0.25,22,2\n")
 

@@ -76,8 +76,8 @@ def amount(manifest: Manifest, node: Node) -> float:
             clip = manifest.media[work.prepared.clip]
             found = clip.frames * _area(manifest.identities[job.name], clip)
         case tasks.Finetune():
-            clip = manifest.media[work.prepared.clip]
-            refined = REFINED * _learned(work.identity, clip) * _area(work.identity, clip)
+            clip = manifest.media[work.identity.clip]
+            refined = REFINED * _learned(manifest, work.identity) * _area(work.identity, clip)
             found = tasks.iterations_of(work.identity) + refined
         case tasks.Render():
             clip = manifest.media[work.prepared.clip]
@@ -154,9 +154,11 @@ def _spoken_frames(scene: Scene) -> int:
     return sum(cue.stop - cue.first for cue in scene.cues)
 
 
-def _learned(identity: Identity, clip: MediaInfo) -> float:
-    """Frames of a clip that are learned from."""
-    return min(clip.frames, identity.learned_seconds * float(clip.rate))
+def _learned(manifest: Manifest, identity: Identity) -> float:
+    """Frames that a person is learned from."""
+    clips = [manifest.media[clip] for clip in identity.learned_clips]
+    wanted = identity.learned_seconds * float(clips[0].rate)
+    return min(sum(clip.frames for clip in clips), wanted)
 
 
 def _area(identity: Identity, clip: MediaInfo) -> float:
@@ -167,6 +169,5 @@ def _area(identity: Identity, clip: MediaInfo) -> float:
 def _memory(manifest: Manifest, work: Produce) -> float:
     if not isinstance(work, tasks.Finetune):
         return HELD
-    clip = manifest.media[work.prepared.clip]
-    pixels = FULL_SIZE**2 * _area(work.identity, clip)
-    return HELD + A_PIXEL * _learned(work.identity, clip) * pixels
+    pixels = FULL_SIZE**2 * _area(work.identity, manifest.media[work.identity.clip])
+    return HELD + A_PIXEL * _learned(manifest, work.identity) * pixels

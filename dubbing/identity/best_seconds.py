@@ -1,10 +1,11 @@
-"""Which seconds of a clip a person is learned from: those with the most views and sounds.
+"""Which seconds of a person's clips are learned from: those with the most views and sounds.
 
 T frames of a clip, F frames that are learned from.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,7 @@ import torch
 from dfrf.metrics.image import gradient_energy
 from dubbing.face.lip_measures import lip_measures
 from dubbing.identity.dataset import eye_boxes
+from dubbing.identity.footage import Footage
 from dubbing.media import read_frames
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import cropping
@@ -23,60 +25,72 @@ PIECE = 3.0  # seconds, about: shorter ones cut words, longer ones leave less to
 Part = tuple[int, int]  # first frame and number of frames
 
 
-def learned_frames(
-    clip: PreparedClip, speech: SpeechFrames, start: float | None, seconds: float
-) -> np.ndarray:
-    """Frames of a clip to learn from, those without a face among them, (F,) in their order.
+def learned_footage(
+    clips: Sequence[PreparedClip],
+    speeches: Sequence[SpeechFrames],
+    start: float | None,
+    seconds: float,
+) -> list[Footage]:
+    """What to learn from, of every clip, with its speech.
 
     Args:
-        clip, speech: of all T frames.
-        start: second of the clip where they begin; None for the best ones.
-        seconds: how many.
+        clips: of one person. Where one has too few seconds, the next gives the rest.
+        start: second of each where they begin; None for the best ones of all.
+        seconds: how many together.
     """
-    count = round(seconds * clip.rate)
     if start is None:
-        return best_frames(clip, speech, count)
-    first = round(start * clip.rate)
-    return np.arange(first, min(first + count, len(clip)))
+        chosen = best_frames(clips, speeches, round(seconds * clips[0].rate))
+    else:
+        chosen = []
+        for clip in clips:
+            first = min(round(start * clip.rate), len(clip))
+            frames = np.arange(first, min(first + round(seconds * clip.rate), len(clip)))
+            chosen.append(frames)
+            seconds -= float(len(frames) / clip.rate)
+    return [Footage(*one) for one in zip(clips, speeches, chosen, strict=True)]
 
 
-def best_frames(clip: PreparedClip, speech: SpeechFrames, count: int) -> np.ndarray:
-    """The `count` best frames of a clip, in pieces of some seconds of one shot, (count,).
+def best_frames(
+    clips: Sequence[PreparedClip], speeches: Sequence[SpeechFrames], count: int
+) -> list[np.ndarray]:
+    """The `count` best frames of clips, in pieces of some seconds of one shot: (F,) of each clip.
 
     One piece after another is taken, always that with which the pieces S taken so far score most:
 
-        sharpness(S) * sum over k of spread_k(S) / spread_k(clip)
+        sharpness(S) * sum over k of spread_k(S) / spread_k(clips)
 
     k: speech features, lips, direction of view; spread: root mean square distance from the mean;
-    sharpness: mean share of the clip's median gradient energy round the eyes, at most 1, 0 for
+    sharpness: mean share of the clips' median gradient energy round the eyes, at most 1, 0 for
     frames without a face. The criteria are those of ISExplore (arXiv 2511.07940).
     """
-    if len(clip) <= count:
-        return np.arange(len(clip))
-    energy = np.where(clip.valid, eye_energy(clip), 0.0)
-    sharp = np.minimum(energy / (np.median(energy[clip.valid]) + 1e-12), 1)
-    middle = speech.windows.shape[1] // 2
-    traits = [
-        trait / (spread(trait[clip.valid]) + 1e-12)
-        for trait in (
-            speech.windows[:, middle],
-            lip_measures(np.nan_to_num(clip.landmarks)),
-            clip.c2w()[:, :, 2],
-        )
-    ]
+    starts = np.cumsum([0, *map(len, clips)])
+    if starts[-1] <= count:
+        return [np.arange(len(clip)) for clip in clips]
+    valid = np.concatenate([clip.valid for clip in clips])
+    energy = np.where(valid, np.concatenate([eye_energy(clip) for clip in clips]), 0.0)
+    sharp = np.minimum(energy / (np.median(energy[valid]) + 1e-12), 1)
+    traits = []
+    for of_clips in (
+        [speech.windows[:, speech.windows.shape[1] // 2] for speech in speeches],
+        [lip_measures(np.nan_to_num(clip.landmarks)) for clip in clips],
+        [clip.c2w()[:, :, 2] for clip in clips],
+    ):
+        trait = np.concatenate(of_clips)
+        traits.append(trait / (spread(trait[valid]) + 1e-12))
 
     def score(frames: np.ndarray) -> float:
-        seen = frames[clip.valid[frames]]
+        seen = frames[valid[frames]]
         if not len(seen):
             return 0.0
         return float(sharp[frames].mean() * sum(spread(trait[seen]) for trait in traits))
 
-    left = pieces(clip)
+    left = [at + piece for at, clip in zip(starts, clips, strict=False) for piece in pieces(clip)]
     taken = np.zeros(0, int)
     while len(taken) < count:
         best = max(range(len(left)), key=lambda k: score(np.concatenate([taken, left[k]])))
         taken = np.concatenate([taken, left.pop(best)[: count - len(taken)]])
-    return np.sort(taken)
+    taken = np.sort(taken)
+    return [taken[(taken >= a) & (taken < b)] - a for a, b in pairwise(starts)]
 
 
 def pieces(clip: PreparedClip) -> list[np.ndarray]:

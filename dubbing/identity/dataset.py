@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -16,10 +17,10 @@ from dubbing.errors import TrainingError
 from dubbing.face.lip_measures import lip_measures, lips_touch
 from dubbing.face.mesh_points import EYE_CORNERS, RIGID
 from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
+from dubbing.identity.footage import Footage
 from dubbing.identity.picture_store import PictureStore
 from dubbing.preparation.alignment.silhouette import eye_axes, upwards
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.sound_to_lips.speech_frames import SpeechFrames
 
 # Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.
 EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
@@ -103,22 +104,15 @@ def region_map(matte: np.ndarray, mouth: np.ndarray, eyes: np.ndarray) -> np.nda
 
 
 def load_identity(
-    name: str,
-    clip: PreparedClip,
-    speech: SpeechFrames,
-    frames: np.ndarray,
-    *,
-    every: int = 1,
-    folder: Path | None = None,
+    name: str, footage: Sequence[Footage], *, every: int = 1, folder: Path | None = None
 ) -> HeadDataset:
-    """Frames of a prepared clip, those without a face left out.
+    """Frames of a person's clips, those without a face left out.
+
+    Camera and face shape are those of the first clip. Pictures of the others are enlarged round
+    their principal points as if they were taken with that camera.
 
     Args:
         name: of the person, for messages.
-        clip: what `prepare` made of the film.
-        speech: of every frame of the clip.
-        frames: (F,) of the clip, in their order. What is heard at one is not joined to another that
-            does not follow it without a gap.
         every: keep the picture of one frame of so many.
         folder: where the pictures lie, see `PictureStore`; in memory when None.
 
@@ -126,49 +120,88 @@ def load_identity(
         TrainingError: no frame shows a face.
         DubbingError: the folder's disk is full.
     """
-    usable = clip.valid[frames]
-    speaking = frames[usable]
-    number = np.flatnonzero(np.flatnonzero(usable) % every == 0)
-    index = speaking[number]
-    if not len(index):
+    first = footage[0].clip
+    ends = np.cumsum([0, *(len(one.shown) for one in footage)])
+    number = [
+        np.flatnonzero(np.flatnonzero(one.clip.valid[one.frames]) % every == 0) for one in footage
+    ]
+    if not (many := sum(map(len, number))):
+        frames = footage[0].frames
         where = f"frames {frames[0]} to {frames[-1]}" if len(frames) else "past its end"
         raise TrainingError(
             "no frame with a face to learn from",
-            f"{clip.clip.name}, {where}",
+            f"{first.clip.name}, {where}",
             "choose another start for this identity",
         )
-    keep = set(index.tolist())
-    landmarks = clip.landmarks[index]
-    boxes = zip(mouth_boxes(landmarks, clip.size), eye_boxes(landmarks, clip.size), strict=True)
-    grey = (len(index), clip.size, clip.size)
+    grey = (many, first.size, first.size)
     shapes = {"images": (*grey, 3), "backgrounds": (*grey, 3), "mattes": grey, "regions": grey}
     store = PictureStore(shapes, folder)
-    gaps = np.cumsum(np.diff(frames, prepend=frames[0]) > 1)
-    for gap in np.unique(gaps):
-        first, count = int(frames[gaps == gap][0]), int((gaps == gap).sum())
-        for k, (image, matte, background) in enumerate(clip.frames(first, count), first):
-            if k in keep:
-                regions = region_map(matte, *next(boxes))
-                store.add(images=image, backgrounds=background, mattes=matte, regions=regions)
+    shots = 0
+    parts: dict[str, list[np.ndarray]] = {}
+    for one, which, at in zip(footage, number, ends, strict=False):
+        clip, speech, speaking = one.clip, one.speech, one.shown
+        if not len(speaking):
+            continue
+        index = speaking[which]
+        gaps = np.cumsum(np.diff(one.frames, prepend=one.frames[:1]) > 1)
+        _add_pictures(store, one, gaps, which, first.focal)
+        segment = clip.segment[speaking] + gaps[clip.valid[one.frames]] * (clip.segment.max() + 1)
+        for field, values in {
+            "c2w": clip.c2w()[index],
+            "centres": clip.centre[index],
+            "expression": upper_face_expression(clip)[index],
+            "number": which + at,
+            "windows": speech.windows[speaking],
+            "predicted_lips": speech.lips[speaking],
+            "lips": lip_measures(clip.landmarks[speaking]),
+            "touching": lips_touch(clip.landmarks[speaking]),
+            "segment": segment + shots,
+            "lip_points": lip_points(clip, index).numpy(),
+        }.items():
+            parts.setdefault(field, []).append(values)
+        shots += int(segment.max()) + 1
+    joined = {field: torch.from_numpy(np.concatenate(values)) for field, values in parts.items()}
     return HeadDataset(
         name=name,
         **store.tensors(),
-        c2w=torch.from_numpy(clip.c2w()[index]).float(),
-        focal=float(clip.focal),
-        centres=torch.from_numpy(clip.centre[index]).float(),
-        expression=torch.from_numpy(upper_face_expression(clip)[index]).float(),
-        number=torch.from_numpy(number),
-        windows=torch.from_numpy(speech.windows[speaking]).float(),
-        predicted_lips=torch.from_numpy(speech.lips[speaking]).float(),
-        lips=torch.from_numpy(lip_measures(clip.landmarks[speaking])).float(),
-        touching=torch.from_numpy(lips_touch(clip.landmarks[speaking])).float(),
-        segment=torch.from_numpy(
-            clip.segment[speaking] + gaps[usable] * (clip.segment.max() + 1)
-        ).long(),
-        surface=surface_points(clip),
-        lip_shape=lip_shape(clip),
-        lip_points=lip_points(clip, index),
+        **{
+            field: t if field in ("number", "segment") else t.float() for field, t in joined.items()
+        },
+        focal=float(first.focal),
+        surface=surface_points(first),
+        lip_shape=lip_shape(first),
     )
+
+
+def _add_pictures(
+    store: PictureStore, footage: Footage, gaps: np.ndarray, which: np.ndarray, focal: float
+) -> None:
+    """Puts the pictures of footage into a store, as a camera of `focal` px takes them.
+
+    Args:
+        gaps: number of the run without a gap that each frame is in, (F,).
+        which: of the frames that show the face.
+    """
+    clip, keep = footage.clip, set(footage.shown[which].tolist())
+    landmarks = footage.landmarks(focal)[which]
+    boxes = zip(mouth_boxes(landmarks, clip.size), eye_boxes(landmarks, clip.size), strict=True)
+    for gap in np.unique(gaps):
+        first, count = int(footage.frames[gaps == gap][0]), int((gaps == gap).sum())
+        for k, pictures in enumerate(clip.frames(first, count), first):
+            if k in keep:
+                image, matte, background = (
+                    enlarged(one, clip.centre[k], focal / clip.focal) for one in pictures
+                )
+                regions = region_map(matte, *next(boxes))
+                store.add(images=image, backgrounds=background, mattes=matte, regions=regions)
+
+
+def enlarged(picture: np.ndarray, centre: np.ndarray, ratio: float) -> np.ndarray:
+    """A picture (S, S) or (S, S, 3) `ratio` times as large round a point, its edge repeated."""
+    if ratio == 1:
+        return picture
+    matrix = np.concatenate([np.eye(2) * ratio, (centre * (1 - ratio))[:, None]], 1)
+    return cv2.warpAffine(picture, matrix, picture.shape[:2], borderMode=cv2.BORDER_REPLICATE)
 
 
 def surface_points(clip: PreparedClip) -> Tensor:

@@ -1,4 +1,4 @@
-"""Which seconds of a clip a person was learned from, as the fine-tune wrote them down."""
+"""Which seconds of their clips a person was learned from, as the fine-tune wrote them down."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ class Summary(TypedDict):
     """What is read of a fine-tune's summary."""
 
     learned: list[tuple[float, float]]
+    beside: list[tuple[str, list[tuple[float, float]]]]
 
 
-def learned_seconds(finetune: Path) -> list[tuple[float, float]]:
-    """From which second to which a person was learned from.
+def learned_seconds(finetune: Path) -> list[list[tuple[float, float]]]:
+    """From which second to which of each clip a person was learned from, the main clip first.
 
     Args:
         finetune: the stage's folder.
@@ -28,13 +29,14 @@ def learned_seconds(finetune: Path) -> list[tuple[float, float]]:
     Raises:
         DubbingError: its summary cannot be read.
     """
-    return kept.read(finetune / SUMMARY_FILE, Summary, "summary of finetune")["learned"]
+    summary = kept.read(finetune / SUMMARY_FILE, Summary, "summary of finetune")
+    return [summary["learned"], *(seconds for _, seconds in summary["beside"])]
 
 
 def learned_if_known(finetune: Path) -> list[tuple[float, float]]:
-    """The same; empty where it is not known yet."""
+    """The same of the main clip; empty where it is not known yet."""
     try:
-        return learned_seconds(finetune)
+        return learned_seconds(finetune)[0]
     except DubbingError:
         return []
 

@@ -23,6 +23,7 @@ from dubbing import json_records as kept
 from dubbing import pipeline, tasks
 from dubbing.batch.jobs import chosen_names
 from dubbing.engine import claims
+from dubbing.engine.stage import Stage
 from dubbing.engine.update import run_stage
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json, remove_torn
@@ -196,11 +197,12 @@ def evaluate_one(
     identity = learned_by(method, own)
     job = pipeline.identity_job(manifest, name, identity, device)
     prepare, source, finetune = (job.stages[n] for n in ("prepare", "check_source", "finetune"))
+    needed = [read for read in finetune.inputs.values() if isinstance(read, Stage)]
     if (identity.preset, identity.finetune) != (own.preset, own.finetune):
         # The model of the dubs stays where it is.
         finetune = replace(finetune, folder=finetune.folder.with_name(f"model-{method}"))
     began = finetune.sources()
-    for stage in (prepare, source, finetune):
+    for stage in (*needed, finetune):
         run_stage(stage, progress, began=began)
     clip = PreparedClip.load(prepare.folder, identity.clip)
     learned = kept.read(finetune.folder / SUMMARY_FILE, Learned, "summary of finetune")

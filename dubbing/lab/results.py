@@ -40,6 +40,7 @@ class Request:
     seeds: tuple[int, ...]
     methods: tuple[str, ...]
     every: int
+    seconds: float | None
     lpips_weights: Path | None
     device: str
     commit: str
@@ -72,7 +73,7 @@ def _measure(manifest: Manifest, first: Manifest, request: Request, progress: Pr
         finetune = pipeline.identity_job(manifest, name, person, request.device).stages["finetune"]
         read = sorted(finetune.sources().values())
         settings = person.model_dump(mode="json")
-        how = [request.every, request.lpips_weights is not None]
+        how = [request.every, request.seconds, request.lpips_weights is not None]
         way = digest_data([code_version(CODE), how, settings, read])
         for method in request.methods:
             key = f"{name}/{method}"
@@ -84,6 +85,7 @@ def _measure(manifest: Manifest, first: Manifest, request: Request, progress: Pr
                 methods=(method,),
                 only=(name,),
                 every=request.every,
+                seconds=request.seconds,
                 lpips_weights=request.lpips_weights,
                 device=request.device,
                 progress=progress,
@@ -117,6 +119,8 @@ def document(text: str, request: Request, runs: Sequence[Figures], today: dateti
         raise DubbingError("the document has no place for tables", remedy=f"add {BEGIN} and {END}")
     seeds = ", ".join(map(str, request.seeds))
     frames = "every frame" if request.every == 1 else f"one frame of {request.every} (P15)"
+    if request.seconds is not None:
+        frames += f", {request.seconds:g} s of each protocol at most"
     dubs = [
         {n: {m: f.get("p15x", {}) for m, f in found.items()} for n, found in run.items()}
         for run in runs
@@ -159,6 +163,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--seeds", default="0,1,2", help="two or more, with commas between them")
     parser.add_argument("--method", action="append", help="as of `dfrf evaluate`; dfrf by default")
     parser.add_argument("--every", type=int, default=1, help="P15 takes one frame of so many")
+    parser.add_argument("--seconds", type=float, help="as of `dfrf evaluate`; all by default")
     parser.add_argument("--lpips-weights", type=Path, help="as of `dfrf evaluate`")
     parser.add_argument("--device", default="auto")
     parser.add_argument(
@@ -172,8 +177,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         parser.error(f"--seeds: numbers with commas between them, not {given.seeds!r}")
     if len(seeds) < 2 or min(seeds) < 0 or given.every < 1:
         parser.error("--seeds: two or more from 0 on, for a spread; --every: 1 or more")
+    if given.seconds is not None and not 0 < given.seconds < float("inf"):
+        parser.error("--seconds: more than 0")
     methods = tuple(given.method or ["dfrf"])
-    how = (given.every, given.lpips_weights, given.device, given.commit)
+    how = (given.every, given.seconds, given.lpips_weights, given.device, given.commit)
     request = Request(seeds, methods, *how)
     try:
         text = given.document.read_text(encoding="utf-8")

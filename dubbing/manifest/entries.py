@@ -1,9 +1,17 @@
 """The entries of a manifest, identities and dubs: keys, types, defaults."""
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+)
 
 from dubbing.errors import DubbingError
 from dubbing.files import read_bounded
@@ -150,7 +158,8 @@ class Identity(Entry):
     and clips the face is recognised by its looks.
 
     ``clip`` is the one that is learned from; where only ``clips`` are named, the first of them that
-    has so many seconds, or the longest for the best seconds.
+    has so many seconds. Where none has, or for the best seconds, it is the longest, and the others
+    are learned from with it.
     """
 
     clip: FilePath
@@ -166,6 +175,7 @@ class Identity(Entry):
     size: int = Field(default=512, ge=SIZES.start, le=SIZES[-1], multiple_of=SIZES.step)
     base: FilePath | None = None
     finetune: Finetune = Finetune()
+    _beside: tuple[Path, ...] = PrivateAttr(())
 
     @property
     def learned_start(self) -> float | None:
@@ -176,6 +186,17 @@ class Identity(Entry):
     def learned_seconds(self) -> float:
         """How many seconds it learns from."""
         return LEARNED_SECONDS if self.seconds == "best" else self.seconds
+
+    @property
+    def learned_clips(self) -> tuple[Path, ...]:
+        """The clips that it learns from, ``clip`` first."""
+        return (self.clip, *self._beside)
+
+    def learning_from(self, clip: Path, *beside: Path) -> Self:
+        """The same that learns from a clip, and from others with it."""
+        changed = self.model_copy(update={"clip": clip})
+        changed._beside = beside
+        return changed
 
     @property
     def films(self) -> tuple[Path, ...]:

@@ -35,7 +35,7 @@ def inspect(identities: Mapping[str, Identity], dubs: Mapping[int, Dub]) -> Find
 
 
 def _learning(findings: Findings, name: str, identity: Identity) -> Identity:
-    """The identity with the clip that it learns from: the first that has enough, or the longest."""
+    """The identity with the clips that it learns from: the first that has enough, or all."""
     at: KeyPath = ("identities", name)
     keys: list[KeyPath] = [(*at, "clips", k) for k in range(len(identity.clips))] or [(*at, "clip")]
     found = {}
@@ -46,10 +46,14 @@ def _learning(findings: Findings, name: str, identity: Identity) -> Identity:
         elif info is not None:
             _picture(findings, name, info, key)
             found[path] = info.duration - identity.start if info.audio_rate else 0.0
-    wanted = None if identity.seconds == BEST else identity.learned_seconds  # None: the longest
+    wanted = None if identity.seconds == BEST else identity.learned_seconds  # None: of all of them
     enough = [path for path, left in found.items() if wanted is not None and left >= wanted]
-    longest = max(found, key=lambda path: found[path], default=identity.clip)
-    return identity.model_copy(update={"clip": enough[0] if enough else longest})
+    if enough or not found:
+        return identity.learning_from(enough[0] if enough else identity.clip)
+    longest = max(found, key=lambda path: found[path])
+    return identity.learning_from(
+        longest, *(path for path, left in found.items() if left > 0 and path != longest)
+    )
 
 
 def _identity(findings: Findings, name: str, identity: Identity) -> None:
@@ -76,6 +80,8 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
             (*at, "start"), "leave it out: the best seconds are looked for in all the clip"
         )
     left = info.duration - identity.start
+    for clip in identity.learned_clips[1:]:
+        left += findings.media[clip].duration - identity.start
     if left < SHORTEST_CLIP:
         message = f"{identity.start:g} s leaves nothing to learn from: the clip is"
         findings.add((*at, "start"), f"{message} {info.duration:.1f} s long")

@@ -26,7 +26,9 @@ def of_identity(identity: Identity, today: datetime.date) -> Iterator[tuple[KeyP
     elif consent.sha256 not in (None, found := sha256_of(consent.file)):
         message = f"{consent.file} is not what was agreed to: its SHA-256 is {found}"
         yield ("consent", "sha256"), message
-    if consent.films is not None and not covers_film(consent.films, identity.clip):
+    if consent.films is not None and not all(
+        covers_film(consent.films, clip) for clip in identity.learned_clips
+    ):
         yield ("clip",), f"the consent of {consent.by} does not name this film"
 
 

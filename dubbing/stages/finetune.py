@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -22,8 +22,9 @@ from dfrf.training.progress import Curve, Progress
 from dubbing import media
 from dubbing.errors import TrainingError
 from dubbing.files import atomic_write_json
-from dubbing.identity.best_seconds import learned_frames, parts_of
+from dubbing.identity.best_seconds import learned_footage, parts_of
 from dubbing.identity.dataset import load_identity
+from dubbing.identity.footage import Footage
 from dubbing.identity.learned import SUMMARY_FILE
 from dubbing.identity.reference_choice import choose_references, turns_far
 from dubbing.preparation.prepared import PreparedClip
@@ -40,7 +41,7 @@ POSING = 0.25  # of the steps: then the model knows the head well enough to refi
 
 
 def finetune(
-    clip: PreparedClip,
+    films: Sequence[tuple[PreparedClip, int]],
     out: Path,
     *,
     start: float | None,
@@ -48,7 +49,6 @@ def finetune(
     settings: FinetuneSettings,
     base: Path | None,
     device: str = "auto",
-    offset: int = 0,
     progress: Callable[[Progress], None] | None = None,
 ) -> None:
     """Writes OUT/model.safetensors, OUT/finetune.json and the curve, see `dubbing.stages.curve`.
@@ -56,35 +56,38 @@ def finetune(
     Until then OUT/resume holds the state, from which the next call goes on, and the pictures.
 
     Args:
-        clip: what `prepare` made of the film.
+        films: what `prepare` made of each of the person's clips to learn from, and the frames by
+            which its sound comes early; see `clip_speech`. Camera and face shape of the model are
+            those of the first.
         out: folder; what an interrupted run left there is continued.
-        start, seconds: the part of the clip to learn from; the best of it without a start.
+        start, seconds: see `learned_footage`.
         settings: see `FinetuneSettings`.
         base: checkpoint to start from; None starts from random weights.
         device: auto, cpu or cuda.
-        offset: frames by which the clip's sound comes early; see `clip_speech`.
         progress: called after every step.
 
     Raises:
         TrainingError: no face in that part, no sound, or the loss diverged.
         CheckpointError: the base does not fit.
     """
-    speech = clip_speech(clip, settings.speech, settings.weights, offset)
+    clips = [clip for clip, _ in films]
+    speeches = [
+        clip_speech(clip, settings.speech, settings.weights, offset) for clip, offset in films
+    ]
+    footage = learned_footage(clips, speeches, start, seconds)
     pictures = out / RESUME_FOLDER / PICTURES_FOLDER
-    learned = learned_frames(clip, speech, start, seconds)
-    person = load_identity(clip.clip.stem, clip, speech, learned, folder=pictures)
-    frames = learned[clip.valid[learned]]
+    person = load_identity(clips[0].clip.stem, footage, folder=pictures)
     model = init_from_base(base, settings)
     trainings = presets.trainings(settings.preset)
     config = settings.training(trainings.alone if base is None else trainings.finetune)
     method = method_of(model)
-    references = reference_frames(person, clip.landmarks[frames], method)
+    landmarks = np.concatenate([one.landmarks(person.focal) for one in footage])
+    references = reference_frames(person, landmarks, method)
     try:
         person, curve = learn(
             model,
             person,
-            clip,
-            frames,
+            footage,
             config,
             references,
             out / RESUME_FOLDER,
@@ -101,17 +104,18 @@ def finetune(
         **settings.speech_header(),
         "steps": config.iterations,
         "settings": asdict(settings),
-        "clip": clip.clip.name,
+        "clip": clips[0].clip.name,
     }
     head_checkpoint.save_person(out / MODEL_FILE, model.cpu(), views, header)
     write_curve(out / CURVE_FILE, curve)
     write_events(out, curve)
-    rate = float(clip.rate)
+    learned, *beside = [learned_parts(one) for one in footage]
     summary = {
         "train": asdict(config),
         "frames": person.frames,
         "seconds": curve.seconds,
-        "learned": [[first / rate, (first + n) / rate] for first, n in parts_of(learned)],
+        "learned": learned,
+        "beside": [[c.clip.name, parts] for c, parts in zip(clips[1:], beside, strict=True)],
     }
     atomic_write_json(out / SUMMARY_FILE, {**header, **summary})
     shutil.rmtree(out / RESUME_FOLDER)
@@ -120,8 +124,7 @@ def finetune(
 def learn(
     model: HeadModel,
     person: HeadDataset,
-    clip: PreparedClip,
-    frames: np.ndarray,
+    footage: Sequence[Footage],
     config: TrainConfig,
     references: torch.Tensor | None,
     resume: Path,
@@ -131,7 +134,7 @@ def learn(
     """Trains a person's model in place: some steps, then the poses they refine, then the rest.
 
     Args:
-        frames: of the clip that the person's pictures are of.
+        footage: that the person's pictures are of.
         config: of all steps together.
         references: reference frames of the person.
         resume: folder for the state.
@@ -168,12 +171,20 @@ def learn(
         maps = (
             None if references is None else method.maps(method.reference_views(person, references))
         )
-        posed = refined(model, maps, clip, frames).c2w()[frames]
+        posed = np.concatenate(
+            [refined(model, maps, one.clip, one.shown).c2w()[one.shown] for one in footage]
+        )
         person = replace(person, c2w=torch.from_numpy(posed).float())
     rest = presets.lasting(config, config.iterations - first)
     # Speech is learned once, and coarse steps come first.
     part(resume, rest if not first else replace(rest, coarse_iterations=0, lip_iterations=0))
     return person, curve
+
+
+def learned_parts(footage: Footage) -> list[tuple[float, float]]:
+    """From which second to which of its clip it is."""
+    rate = float(footage.clip.rate)
+    return [(first / rate, (first + n) / rate) for first, n in parts_of(footage.frames)]
 
 
 def clip_speech(

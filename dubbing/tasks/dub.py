@@ -117,7 +117,7 @@ class CueHeads:
     cue: Cue
     folder: Path
     prepared: Prepared
-    learned: Prepared
+    learned: tuple[Prepared, ...]
     finetune: Path
 
 
@@ -141,8 +141,9 @@ class Composite:
         film = next(iter(clips.values()))
         kept = {}
         for h in {h.prepared: h for h in self.heads}.values():
-            views = learned_views(h.learned.load(), learned_seconds(h.finetune))
-            kept[h.prepared] = reasons(clips[h.prepared], views)
+            parts = zip(h.learned, learned_seconds(h.finetune), strict=True)
+            views = [learned_views(of.load(), seconds) for of, seconds in parts]
+            kept[h.prepared] = reasons(clips[h.prepared], np.concatenate(views))
         poses = pose_index(dub, film, max(cue.stop for cue in scene.cues))
         settings = VideoSettings(
             frame=dub.frame,

@@ -55,11 +55,11 @@ def iterations_of(identity: Identity) -> int:
 
 @dataclass(frozen=True)
 class Finetune:
-    """A person's model, from the base checkpoint, the prepared clip and its sync check."""
+    """A person's model, from the base checkpoint, prepared clips and their sync checks."""
 
     identity: Identity
-    prepared: Prepared
-    source_check: Path
+    prepared: tuple[Prepared, ...]
+    source_checks: tuple[Path, ...]
     base: Path | None
     device: str
 
@@ -83,14 +83,16 @@ class Finetune:
             progress(str(state), state.step / state.iterations)
 
         finetune(
-            self.prepared.load(),
+            [
+                (prepared.load(), offset_of(check))
+                for prepared, check in zip(self.prepared, self.source_checks, strict=True)
+            ],
             out,
             start=wanted.learned_start,
             seconds=wanted.learned_seconds,
             settings=settings,
             base=self.base,
             device=self.device,
-            offset=offset_of(self.source_check),
             progress=step,
         )
 

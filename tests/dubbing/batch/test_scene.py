@@ -240,6 +240,20 @@ def test_one_model_for_several_clips(scene: Path) -> None:
     assert dub(scene, only=("second",))[1] == []
 
 
+def test_short_clips_of_one_person_are_learned_from_together(scene: Path) -> None:
+    add_clips(scene)
+    text = scene.read_text().replace(", noface.mp4]", "]")
+    text = text[: text.index("  - {name: noface")].replace("seconds: 1", "seconds: 9")
+    scene.write_text(text)
+    result, began = dub(scene)
+    assert result.code == 0, result.outcomes
+    assert began.index("ann:finetune") > max(k for k, one in enumerate(began) if "prepare" in one)
+    folder = scene.parent / "out" / "work" / "identities" / "ann"
+    ((beside, _),) = json.loads((folder / "model" / "finetune.json").read_text())["beside"]
+    assert beside == "second.mp4"
+    assert dub(scene)[1] == []
+
+
 def test_a_card_comes_after_the_scene_and_is_no_part_of_it(scene: Path) -> None:
     dub(scene)
     plain = [*media.read_frames(scene.parent / "out" / "it.mkv")]

@@ -11,7 +11,7 @@ import pytest
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.identity import best_seconds
-from dubbing.identity.best_seconds import best_frames, learned_frames, parts_of, pieces
+from dubbing.identity.best_seconds import best_frames, learned_footage, parts_of, pieces
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from tests import clips
@@ -44,11 +44,36 @@ TALKS = slice(FRAMES // 2, FRAMES)
 
 
 def test_of_a_silent_and_a_talking_half_the_talking_one_is_learned(clip: PreparedClip) -> None:
-    chosen = best_frames(clip, heard(TALKS), FRAMES // 2)
+    chosen = best_frames([clip], [heard(TALKS)], FRAMES // 2)[0]
     assert chosen.tolist() == list(range(FRAMES // 2, FRAMES))
-    assert learned_frames(clip, heard(TALKS), None, 6.0).tolist() == chosen.tolist()
-    assert learned_frames(clip, heard(TALKS), 1.0, 2.0).tolist() == list(range(25, 75))
-    assert learned_frames(clip, heard(TALKS), 11.0, 2.0).tolist() == list(range(275, 300))
+    assert taken(clip, None, 6.0) == chosen.tolist()
+    assert taken(clip, 1.0, 2.0) == list(range(25, 75))
+    assert taken(clip, 11.0, 2.0) == list(range(275, 300))
+
+
+def taken(clip: PreparedClip, start: float | None, seconds: float) -> list[int]:
+    (footage,) = learned_footage([clip], [heard(TALKS)], start, seconds)
+    return list(footage.frames)
+
+
+def test_what_one_clip_lacks_the_next_gives(clip: PreparedClip) -> None:
+    speech = heard(TALKS)
+    footage = learned_footage([clip, clip, clip], [speech] * 3, 2.0, 15.0)
+    assert [one.frames.tolist() for one in footage] == [
+        list(range(50, 300)),
+        list(range(50, 175)),
+        [],
+    ]
+
+
+def test_the_best_seconds_are_looked_for_in_all_clips(clip: PreparedClip) -> None:
+    silent = heard(slice(0, 0))
+    frozen = replace(clip, landmarks=clip.landmarks[np.zeros(FRAMES, int)])
+    first, second = best_frames([frozen, clip], [silent, heard(TALKS)], FRAMES // 2)
+    assert not len(first)
+    assert second.tolist() == list(range(FRAMES // 2, FRAMES))
+    everything = best_frames([frozen, clip], [silent, silent], 2 * FRAMES)
+    assert [len(one) for one in everything] == [FRAMES, FRAMES]
 
 
 def test_what_is_blurred_covered_or_seen_as_before_is_left(
@@ -61,7 +86,7 @@ def test_what_is_blurred_covered_or_seen_as_before_is_left(
     sharp = np.ones(FRAMES)
     sharp[: 3 * PIECE // 4] = 0.1
     monkeypatch.setattr(best_seconds, "eye_energy", lambda clip: sharp)
-    clear = best_frames(replace(talking, valid=covered), everywhere, 2 * PIECE)
+    clear = best_frames([replace(talking, valid=covered)], [everywhere], 2 * PIECE)[0]
     assert parts_of(clear) == [(2 * PIECE, 2 * PIECE)]
     # Two pieces of a head that looks ahead, and two of one that looks aside: one of each.
     monkeypatch.setattr(best_seconds, "eye_energy", lambda clip: np.ones(FRAMES))
@@ -72,7 +97,7 @@ def test_what_is_blurred_covered_or_seen_as_before_is_left(
         [0, 1, 0],
         [-np.sin(turn), 0, np.cos(turn)],
     ]
-    both = best_frames(replace(talking, rotation=rotation), everywhere, 2 * PIECE)
+    both = best_frames([replace(talking, rotation=rotation)], [everywhere], 2 * PIECE)[0]
     assert len(both) == 2 * PIECE
     assert (both < TALKS.start).sum() == PIECE
 
@@ -81,10 +106,10 @@ def test_pieces_end_at_cuts_and_the_choice_is_as_long_as_asked_for(clip: Prepare
     cut = replace(clip, segment=(np.arange(FRAMES) >= 100).astype(int))
     assert [(int(p[0]), len(p)) for p in pieces(cut)] == [(0, 100), (100, 67), (167, 67), (234, 66)]
     for count in (1, 80, 299):
-        chosen = best_frames(cut, heard(TALKS), count)
+        chosen = best_frames([cut], [heard(TALKS)], count)[0]
         assert len(chosen) == len(set(chosen.tolist())) == count
         assert (np.diff(chosen) > 0).all()
-    assert best_frames(cut, heard(TALKS), FRAMES + 1).tolist() == list(range(FRAMES))
+    assert best_frames([cut], [heard(TALKS)], FRAMES + 1)[0].tolist() == list(range(FRAMES))
 
 
 def test_sharpness_is_that_of_the_eyes(tmp_path: Path) -> None:

@@ -10,14 +10,16 @@ import pytest
 from dubbing.batch.estimates import Estimate
 from dubbing.cli import console
 from dubbing.files import atomic_write_json
-from dubbing.identity.learned import learned_if_known
+from dubbing.identity.learned import learned_if_known, learned_seconds
 
 
 def test_what_the_fine_tune_wrote_is_said(tmp_path: Path) -> None:
     assert learned_if_known(tmp_path) == []
     (tmp_path / "finetune.json").write_text("{}")
     assert learned_if_known(tmp_path) == []  # of another shape
-    atomic_write_json(tmp_path / "finetune.json", {"steps": 6, "learned": [[3.0, 6], [21.04, 33]]})
+    summary = {"learned": [[3.0, 6], [21.04, 33]], "beside": [["shot7.mp4", [[0, 4]]]]}
+    atomic_write_json(tmp_path / "finetune.json", summary)
+    assert learned_seconds(tmp_path) == [[(3.0, 6.0), (21.04, 33.0)], [(0.0, 4.0)]]
     assert learned_if_known(tmp_path) == [(3.0, 6.0), (21.04, 33.0)]
 
 

@@ -81,6 +81,8 @@ def test_the_document_says_mean_and_spread_and_where_they_come_from(
     assert "| `ann` | dfrf | 0.600 ± 0.100 |" in text  # P15x, in a table of its own
     today = f"{datetime.date.today():%d %B %Y}"
     assert f"Commit abc, seeds 0, 1, 2, one frame of 5 (P15), {today}." in text
+    shorter = run(path, "--every", "5", "--seconds", "2.5")
+    assert f"one frame of 5 (P15), 2.5 s of each protocol at most, {today}." in shorter
     assert re.search(r"Machine: \d+ cores of .+, torch threads: \d+, no GPU\.", text)
     assert text.startswith("# Results\n")
     assert text.endswith("\n\nAfter.\n")
@@ -155,6 +157,7 @@ def test_a_figure_of_one_seed_does_not_appear() -> None:
         (("--seeds", "1,1"), "two or more"),
         (("--seeds", "one"), "numbers with commas"),
         (("--every", "0"), "1 or more"),
+        (("--seconds", "0"), "more than 0"),
     ],
 )
 def test_a_wrong_call_is_said(

@@ -216,8 +216,14 @@ def test_the_clip_that_has_enough_is_learned_from(folder: Path) -> None:
         )
     )
     clips.write_video(folder / "silent.mp4", 75)
+    learned = load(path).identities["ann"].learned_clips
+    assert [clip.name for clip in learned] == ["film.mp4"]
+    # Where none has enough, all that have sound are learned from, the longest first.
+    path.write_text(path.read_text().replace("seconds: 2", "seconds: 9"))
     manifest = load(path)
-    assert manifest.identities["ann"].clip.name == "film.mp4"
+    learned = manifest.identities["ann"].learned_clips
+    assert [clip.name for clip in learned] == ["film.mp4", "brief.mp4"]
+    assert any("all there is, instead of 9 s" in warning for warning in manifest.warnings)
 
 
 def test_what_would_look_wrong_is_refused(folder: Path) -> None:

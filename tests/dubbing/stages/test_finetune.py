@@ -57,6 +57,11 @@ def test_other_weights_of_the_features_are_refused(
         init_from_base(base, RNN)
 
 
+def footage_of(frames: range) -> Any:
+    """Footage that shows some frames of a clip of its own."""
+    return SimpleNamespace(clip=object(), shown=np.array(frames))
+
+
 def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -73,9 +78,11 @@ def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
         return curve
 
     def refined(model: Any, maps: Any, clip: Any, frames: np.ndarray) -> Any:
-        assert len(frames) == someone.frames
+        assert frames.tolist() == (first if clip is first.clip else second).shown.tolist()
         assert len(seen) == 1
         return SimpleNamespace(c2w=moved.numpy)
+
+    first, second = footage_of(range(4)), footage_of(range(4, someone.frames))
 
     monkeypatch.setattr(finetuning, "fit", noted)
     monkeypatch.setattr(finetuning, "refined", refined)
@@ -87,8 +94,7 @@ def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
         posed, curve = learn(
             model,
             someone,
-            None,  # type: ignore[arg-type]
-            np.arange(someone.frames),
+            [first, second],
             config,
             references,
             tmp_path,
@@ -121,12 +127,10 @@ def test_a_model_that_refines_nothing_learns_in_one_go(
     monkeypatch.setattr(finetuning, "refines", lambda model: False)
     config = TrainConfig(iterations=4, rays=64, frames=4)
     model = presets.build(small_config(references=0, use_warp=False))
-    frames = np.arange(someone.frames)
     posed, curve = learn(
         model,
         someone,
-        None,  # type: ignore[arg-type]
-        frames,
+        [],
         config,
         None,
         tmp_path,

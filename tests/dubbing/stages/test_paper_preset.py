@@ -163,7 +163,7 @@ def test_a_person_is_learned_resumed_and_rendered(
     base = base_of(tmp_path / "base.safetensors", replace(TINY, speech_dim=80))
     out, again = tmp_path / "model", tmp_path / "again"
     settings = {"start": 0.0, "seconds": 1.0, "settings": PAPER, "base": base, "device": "cpu"}
-    finetune(clip, out, **settings)  # type: ignore[arg-type]
+    finetune([(clip, 0)], out, **settings)  # type: ignore[arg-type]
 
     # Killed after two steps, with a state kept after every one: it goes on to the same model.
     def stop(state: object) -> None:
@@ -175,9 +175,9 @@ def test_a_person_is_learned_resumed_and_rendered(
     trainings = replace(tiny.trainings, finetune=often)
     monkeypatch.setitem(presets.PRESETS, "paper", replace(tiny, trainings=trainings))
     with pytest.raises(KeyboardInterrupt):
-        finetune(clip, again, **settings, progress=stop)  # type: ignore[arg-type]
+        finetune([(clip, 0)], again, **settings, progress=stop)  # type: ignore[arg-type]
     assert (again / "resume" / "pictures").is_dir()
-    finetune(clip, again, **settings)  # type: ignore[arg-type]
+    finetune([(clip, 0)], again, **settings)  # type: ignore[arg-type]
     one, views, header = head_checkpoint.load_person(out / MODEL_FILE)
     other, _, _ = head_checkpoint.load_person(again / MODEL_FILE)
     assert isinstance(one, PaperModel)
@@ -212,7 +212,7 @@ def test_from_nothing_the_coarse_stage_comes_first(folder: Path, tmp_path: Path)
     prepared.mkdir()
     clip = fakes.write_prepared(folder / "ann.mp4", prepared)
     replace(clip, landmarks=np.random.default_rng(0).random((30, 478, 2)) * 32).save()
-    finetune(clip, tmp_path, start=0.0, seconds=1.0, settings=PAPER, base=None, device="cpu")
+    finetune([(clip, 0)], tmp_path, start=0.0, seconds=1.0, settings=PAPER, base=None, device="cpu")
     train = json.loads((tmp_path / SUMMARY_FILE).read_text())["train"]
     assert (train["iterations"], train["coarse_iterations"]) == (4, 3)
     assert train["lip_iterations"] == 0
@@ -231,7 +231,7 @@ def test_the_stage_asks_for_the_steps_of_the_preset(
     (tmp_path / "prepared").mkdir()
     fakes.write_prepared(person.clip, tmp_path / "prepared")
     prepared = tasks.Prepared(tmp_path / "prepared", person.clip)
-    learn = tasks.Finetune(person, prepared, tmp_path / "source", None, "cpu")
+    learn = tasks.Finetune(person, (prepared,), (tmp_path / "source",), None, "cpu")
     learn(tmp_path, lambda _message, _share: None)
     assert (fitted[0].preset, fitted[0].iterations) == ("paper", 40_000)
     assert presets.trainings("paper").finetune.iterations == 40_000

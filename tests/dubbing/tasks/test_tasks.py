@@ -62,11 +62,12 @@ def test_finetune(identity: Identity, tmp_path: Path, monkeypatch: pytest.Monkey
     atomic_write_json(tmp_path / "source" / SYNC_FILE, found.to_json())
     fakes.write_prepared(identity.clip, tmp_path / "prepared")
     prepared = tasks.Prepared(tmp_path / "prepared", identity.clip)
-    tasks.Finetune(identity, prepared, tmp_path / "source", None, "cpu")(tmp_path, quiet)
+    checks = (tmp_path / "source",)
+    tasks.Finetune(identity, (prepared,), checks, None, "cpu")(tmp_path, quiet)
     (positional, named) = work.call_args
-    assert (positional[0].folder, positional[1]) == (tmp_path / "prepared", tmp_path)
+    ((clip, offset),), out = positional
+    assert (clip.folder, offset, out) == (tmp_path / "prepared", -3, tmp_path)
     assert (named["start"], named["seconds"], named["device"]) == (0.0, 1.0, "cpu")
-    assert named["offset"] == -3
     settings = named["settings"]
     assert (settings.preset, settings.iterations, settings.seed) == ("fast", 3, 0)
 
