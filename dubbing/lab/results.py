@@ -156,6 +156,18 @@ def machine(device: str) -> str:
     return f"{os.cpu_count()} cores of {processor}, torch threads: {torch.get_num_threads()}, {gpu}"
 
 
+class Lines:
+    """Prints what is being done, once each: the same message comes again with its share."""
+
+    def __init__(self) -> None:
+        self._last = ""
+
+    def __call__(self, message: str, _: float) -> None:
+        if message != self._last:
+            print(message, flush=True)
+            self._last = message
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Measures every seed, then writes the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
@@ -191,7 +203,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             parser.error(f"{twice[0]!r} is in two manifests: give it another name")
         runs: list[Figures] = [{} for _ in seeds]
         for manifest in manifests:
-            found = measure_seeds(manifest, request, lambda message, _: print(message, flush=True))
+            found = measure_seeds(manifest, request, Lines())
             runs = [{**run, **more} for run, more in zip(runs, found, strict=True)]
     except (OSError, ValueError, DubbingError) as error:
         parser.error(str(error))

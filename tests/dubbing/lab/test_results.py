@@ -181,7 +181,7 @@ def test_a_document_without_a_place_is_refused_before_anything_is_measured(
         run(path)
     assert "no place for tables" in capsys.readouterr().err
     assert not calls
-    request = results.Request((0, 1), ("dfrf",), 1, None, "cpu", "abc")
+    request = results.Request((0, 1), ("dfrf",), 1, None, None, "cpu", "abc")
     with pytest.raises(DubbingError, match="no place"):
         results.document("", request, [], datetime.date.today())
 
@@ -196,5 +196,5 @@ def test_one_name_in_two_manifests_is_refused(
 
 def test_the_document_of_the_project_has_a_place() -> None:
     text = (Path(__file__).parents[3] / "docs" / "results.md").read_text()
-    request = results.Request((0, 1), ("dfrf",), 1, None, "cpu", "abc")
+    request = results.Request((0, 1), ("dfrf",), 1, None, None, "cpu", "abc")
     assert results.BEGIN in results.document(text, request, [{}, {}], datetime.date.today())
