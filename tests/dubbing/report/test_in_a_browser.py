@@ -77,7 +77,9 @@ say.keys_there.push(press("Escape"));
 const [source, result] = part("still", "video"), [other] = part("shot9", ".result");
 say.seen = [await settled(result), await settled(other), await settled(result)];
 say.seconds = [source.duration, result.duration, source.currentTime];
+scrollTo(0, document.body.scrollHeight);
 part("still", "[data-at]")[1].click();
+say.in_sight = box(result).top >= 0 && box(result).bottom <= innerHeight;
 await wait(() => result.currentTime && Math.abs(source.currentTime - 2) < 0.01);
 say.at = [source.currentTime, result.currentTime];
 for (const video of [result, other]) {
@@ -87,6 +89,12 @@ for (const video of [result, other]) {
   await wait(() => video.currentTime > 0.55 && source.currentTime > 2.01);
   say.played.push([source.currentTime > 2.01, result.paused, other.paused]);
 }
+send(name, "still", "input");
+say.hidden_plays = !other.paused;
+send(name, "", "input");
+press("a");
+part("early", ".source")[0].dispatchEvent(new Event("error"));
+say.without_source = ["a", "Escape"].map((key) => press(key)[1]);
 })().catch((error) => say.errors.push(String(error))).finally(() => {
   document.getElementById("findings").textContent = JSON.stringify(say);
   hold.close();
@@ -191,6 +199,20 @@ def test_a_dub_and_its_source_play_together_from_a_line(seen: dict[str, Any]) ->
     assert seen["at"] == pytest.approx([2.0, 0.5], abs=0.02)
     # Whether the source went on, the dub rests, another dub rests, as each is started.
     assert seen["played"] == [[True, False, True], [True, True, False]]
+
+
+def test_a_line_brings_its_video_into_sight(seen: dict[str, Any]) -> None:
+    assert seen["in_sight"] is True
+
+
+def test_a_dub_that_is_filtered_out_falls_silent(seen: dict[str, Any]) -> None:
+    assert seen["hidden_plays"] is False
+
+
+def test_where_the_source_cannot_be_played_the_dub_stays(seen: dict[str, Any]) -> None:
+    key_a, escape = seen["without_source"]
+    assert key_a == escape
+    assert key_a[-1] > 0
 
 
 def test_nothing_is_wider_than_a_phone(report: Path) -> None:
