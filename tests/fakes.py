@@ -145,7 +145,7 @@ def install(patch: Any) -> None:
         atomic_write_text(out / "model.safetensors", f"seed {self.identity.seed}")
         learned = [[0.0, self.identity.learned_seconds]]
         beside = [[prepared.clip.name, learned] for prepared in self.prepared[1:]]
-        summary = {"steps": 6, "seconds": 1.0, "learned": learned, "beside": beside}
+        summary = {"steps": 6, "seconds": 1.0, "clip": "", "learned": learned, "beside": beside}
         atomic_write_json(out / "finetune.json", summary)
         atomic_write_text(out / "loss.csv", "step,loss,psnr,seconds\n1,0.5,20,1\n2,0.25,22,2\n")
 

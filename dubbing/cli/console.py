@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from dubbing.batch.estimates import Estimate, Rate
     from dubbing.cli.doctor import Finding
     from dubbing.engine.planner import Row
+    from dubbing.identity.learned import Learned
 
 COLOURS = {
     **dict.fromkeys(("made", "kept", "pass", "up to date", "fine"), "green"),
@@ -71,7 +72,7 @@ def plan(
     rows: Sequence[Row],
     warnings: Sequence[str],
     needed: Estimate,
-    learned: Mapping[str, Sequence[tuple[float, float]]],
+    learned: Mapping[str, Learned],
     *,
     as_json: bool,
 ) -> None:
@@ -95,8 +96,8 @@ def plan(
     for warning in warnings:
         line(out, f"warning: {warning}", "yellow")
     out.print(table)
-    for person, seconds in learned.items():
-        line(out, f"{person}: {in_words(seconds)}")
+    for person, clips in learned.items():
+        line(out, f"{person}: {in_words(clips)}")
     runs = sum(row.state == "run" for row in rows)
     kept = sum(row.state == "up to date" for row in rows)
     out.print(f"{runs} to run, {kept} up to date, {len(rows) - runs - kept} wait or are blocked")

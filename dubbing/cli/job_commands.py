@@ -93,9 +93,9 @@ def plan(
     warnings = [*loaded.warnings, *found_by_looks(planned)]
     warnings += [str(packages.lacking(absent))] if absent else []
     learned = {
-        name: seconds
+        name: clips
         for name, job in planned.identities.items()
-        if (seconds := learned_if_known(job.stages["finetune"].folder))
+        if (clips := learned_if_known(job.stages["finetune"].folder))
     }
     needed = estimates.estimate(loaded, planned, rows)
     console.plan(rows, warnings, needed, learned, as_json=as_json)

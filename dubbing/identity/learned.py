@@ -12,16 +12,20 @@ from dubbing.errors import DubbingError
 
 SUMMARY_FILE = "finetune.json"  # beside a model: how it was learned
 
+Seconds = list[tuple[float, float]]  # from which to which
+Learned = Sequence[tuple[str, Seconds]]  # file names of clips, the main one first, with theirs
+
 
 class Summary(TypedDict):
     """What is read of a fine-tune's summary."""
 
-    learned: list[tuple[float, float]]
-    beside: list[tuple[str, list[tuple[float, float]]]]
+    clip: str
+    learned: Seconds
+    beside: list[tuple[str, Seconds]]
 
 
-def learned_seconds(finetune: Path) -> list[list[tuple[float, float]]]:
-    """From which second to which of each clip a person was learned from, the main clip first.
+def learned(finetune: Path) -> Learned:
+    """Which seconds of each clip a person was learned from.
 
     Args:
         finetune: the stage's folder.
@@ -30,17 +34,22 @@ def learned_seconds(finetune: Path) -> list[list[tuple[float, float]]]:
         DubbingError: its summary cannot be read.
     """
     summary = kept.read(finetune / SUMMARY_FILE, Summary, "summary of finetune")
-    return [summary["learned"], *(seconds for _, seconds in summary["beside"])]
+    return [(summary["clip"], summary["learned"]), *summary["beside"]]
 
 
-def learned_if_known(finetune: Path) -> list[tuple[float, float]]:
-    """The same of the main clip; empty where it is not known yet."""
+def learned_if_known(finetune: Path) -> Learned:
+    """The same; empty where it is not known yet."""
     try:
-        return learned_seconds(finetune)[0]
+        return learned(finetune)
     except DubbingError:
         return []
 
 
-def in_words(learned: Sequence[tuple[float, float]]) -> str:
-    """``learned from 3.0-6.0 s, 21.0-33.0 s``."""
-    return "learned from " + ", ".join(f"{first:.1f}-{stop:.1f} s" for first, stop in learned)
+def in_words(clips: Learned) -> str:
+    """``learned from 3.0-6.0 s, 21.0-33.0 s``, with the names of clips where there are several."""
+    parts = []
+    for name, seconds in clips:
+        if seconds:
+            times = ", ".join(f"{first:.1f}-{stop:.1f} s" for first, stop in seconds)
+            parts.append(f"{name} {times}" if len(clips) > 1 else times)
+    return "learned from " + "; ".join(parts)

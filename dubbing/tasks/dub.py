@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dubbing.engine.stage import Progress, digest_of
-from dubbing.identity.learned import learned_seconds
+from dubbing.identity.learned import learned
 from dubbing.manifest.entries import Dub
 from dubbing.manifest.findings import Scene
 from dubbing.provenance.card import CreditsCard
@@ -141,8 +141,8 @@ class Composite:
         film = next(iter(clips.values()))
         kept = {}
         for h in {h.prepared: h for h in self.heads}.values():
-            parts = zip(h.learned, learned_seconds(h.finetune), strict=True)
-            views = [learned_views(of.load(), seconds) for of, seconds in parts]
+            parts = zip(h.learned, learned(h.finetune), strict=True)
+            views = [learned_views(of.load(), seconds) for of, (_, seconds) in parts]
             kept[h.prepared] = reasons(clips[h.prepared], np.concatenate(views))
         poses = pose_index(dub, film, max(cue.stop for cue in scene.cues))
         settings = VideoSettings(

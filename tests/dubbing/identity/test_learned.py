@@ -10,22 +10,31 @@ import pytest
 from dubbing.batch.estimates import Estimate
 from dubbing.cli import console
 from dubbing.files import atomic_write_json
-from dubbing.identity.learned import learned_if_known, learned_seconds
+from dubbing.identity.learned import in_words, learned_if_known
 
 
 def test_what_the_fine_tune_wrote_is_said(tmp_path: Path) -> None:
     assert learned_if_known(tmp_path) == []
     (tmp_path / "finetune.json").write_text("{}")
     assert learned_if_known(tmp_path) == []  # of another shape
-    summary = {"learned": [[3.0, 6], [21.04, 33]], "beside": [["shot7.mp4", [[0, 4]]]]}
+    summary = {"clip": "ann.mp4", "learned": [[3.0, 6], [21.04, 33]], "beside": []}
     atomic_write_json(tmp_path / "finetune.json", summary)
-    assert learned_seconds(tmp_path) == [[(3.0, 6.0), (21.04, 33.0)], [(0.0, 4.0)]]
-    assert learned_if_known(tmp_path) == [(3.0, 6.0), (21.04, 33.0)]
+    assert learned_if_known(tmp_path) == [("ann.mp4", [(3.0, 6.0), (21.04, 33.0)])]
+
+
+def test_several_clips_are_named() -> None:
+    clips: list[tuple[str, list[tuple[float, float]]]] = [
+        ("ann.mp4", [(0.0, 5.0)]),
+        ("unused.mp4", []),
+        ("shot7.mp4", [(0.0, 4.0), (6.0, 7.0)]),
+    ]
+    assert in_words(clips) == "learned from ann.mp4 0.0-5.0 s; shot7.mp4 0.0-4.0 s, 6.0-7.0 s"
 
 
 def test_a_plan_says_it(capsys: pytest.CaptureFixture[str]) -> None:
     nothing = Estimate(0, 0, 0, 0, 0, ())
-    console.plan([], [], nothing, {"ann": [(3.0, 6.0), (21.04, 33.0)]}, as_json=False)
+    learned = [("ann.mp4", [(3.0, 6.0), (21.04, 33.0)])]
+    console.plan([], [], nothing, {"ann": learned}, as_json=False)
     assert "ann: learned from 3.0-6.0 s, 21.0-33.0 s" in capsys.readouterr().out
-    console.plan([], [], nothing, {"ann": [(3.0, 6.0)]}, as_json=True)
-    assert json.loads(capsys.readouterr().out)["learned"] == {"ann": [[3.0, 6.0]]}
+    console.plan([], [], nothing, {"ann": [("ann.mp4", [(3.0, 6.0)])]}, as_json=True)
+    assert json.loads(capsys.readouterr().out)["learned"] == {"ann": [["ann.mp4", [[3.0, 6.0]]]]}

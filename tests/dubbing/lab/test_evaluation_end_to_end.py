@@ -44,7 +44,7 @@ def finetune(_self: tasks.Finetune, out: Path, _: object) -> None:
     model = presets.build(small_config(references=0, use_warp=False))
     head_checkpoint.save_person(out / "model.safetensors", model, None, {})
     learned = [[0.0, LEARNED / 25]]
-    summary = {"steps": 6, "seconds": 1.5, "learned": learned, "beside": []}
+    summary = {"steps": 6, "seconds": 1.5, "clip": "", "learned": learned, "beside": []}
     atomic_write_json(out / "finetune.json", summary)
 
 
