@@ -191,7 +191,6 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         if model.config.field.use_speech:
             fit_speaker_adaptation(own, dataset)
             own.closed_mouth_target.copy_(closed_mouth_target(own, dataset))
-            own.mean_code.copy_(dataset_codes(own, dataset).mean(0))
         maps = None if views is None else self.maps(views)
         conditioning = training_conditioning(model, [dataset])[dataset.name]
         generator = torch.Generator().manual_seed(seed)

@@ -14,10 +14,6 @@ from dfrf.config import FieldConfig
 from dfrf.field.audio import LEAK, AudioAttNet, AudioNet
 from dfrf.field.speaker_adaptation import LIP_MEASURES, SpeakerAdaptation
 
-# Share of a code's distance from the mean that is kept in directions without lips. Fifteen seconds
-# show few codes: one unlike all of them drew specks beside the lips in ordinary speech.
-BESIDE_LIPS = 0.5
-
 
 def silence(windows: Float[Tensor, "F W D"]) -> Float[Tensor, "F 1"]:
     """Share of the middle half of each window in which nothing is heard: all features are 0."""
@@ -31,13 +27,11 @@ class Conditioning(nn.Module):
 
     Attributes:
         closed_mouth_target: what is read off the code where the person's mouth is closed.
-        mean_code: of the frames the person was learned from.
         lips: reads lip measures off the code; pictures do not use it.
         speaker_adaptation: this person's lips, from the predicted ones; at first, just these.
     """
 
     closed_mouth_target: Float[Tensor, " L"]
-    mean_code: Float[Tensor, " A"]
 
     def __init__(self, config: FieldConfig) -> None:
         super().__init__()
@@ -48,7 +42,6 @@ class Conditioning(nn.Module):
         self.attention = AudioAttNet()
         self.lips = nn.Linear(config.code_dim, LIP_MEASURES)
         self.register_buffer("closed_mouth_target", torch.zeros(LIP_MEASURES))
-        self.register_buffer("mean_code", torch.zeros(config.code_dim))
         self.speaker_adaptation = SpeakerAdaptation()
         for layer in self.audio.modules():
             if isinstance(layer, nn.Conv1d | nn.Linear) and layer.bias is not None:
@@ -77,7 +70,7 @@ class Conditioning(nn.Module):
         """Codes of F frames as this person speaks; N = F + 2 REACH."""
         codes = self.speech_codes(windows)
         lips = self.speaker_adaptation(predicted_lips, self.closed_mouth_target)
-        codes = self.project_to_lips(self.mean_code + BESIDE_LIPS * (codes - self.mean_code), lips)
+        codes = self.project_to_lips(codes, lips)
         silent = silence(windows[:, windows.shape[1] // 2]).to(codes.dtype)
         closed = self.project_to_lips(codes, self.closed_mouth_target)
         return codes + silent * (closed - codes)

@@ -113,7 +113,7 @@ def train_speech_networks(
         parameter.requires_grad_(True)
     optimiser = torch.optim.AdamW(parameters, lr=LEARNING_RATE, weight_decay=1e-2)
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, max(iterations, 1))
-    device = conditioning.mean_code.device
+    device = conditioning.closed_mouth_target.device
     targets = lip_targets(datasets)
     mean = 1.0
     for _ in range(iterations):
@@ -137,7 +137,7 @@ def train_speech_networks(
 @torch.no_grad()
 def dataset_codes(conditioning: Conditioning, dataset: HeadDataset) -> Float[Tensor, "C A"]:
     """The code of every frame of a person as it is heard, on the networks' device."""
-    device = conditioning.mean_code.device
+    device = conditioning.closed_mouth_target.device
     codes = []
     for frames in torch.arange(len(dataset.windows)).split(AT_ONCE):
         windows = neighbour_windows(dataset.windows, dataset.segment, frames)

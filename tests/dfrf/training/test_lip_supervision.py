@@ -6,8 +6,6 @@ import torch
 
 from dfrf import presets
 from dfrf.data.dataset import HeadDataset
-from dfrf.fast.method import FastMethod
-from dfrf.fast.model import FastModel
 from dfrf.field.speaker_adaptation import NUMBERS, REACH
 from dfrf.training.lip_supervision import (
     REGRESSION_SHARE,
@@ -126,38 +124,3 @@ def test_the_mouth_is_shut_where_nothing_is_heard_and_only_there() -> None:
     torch.testing.assert_close(read[1], closed, atol=1e-4, rtol=1e-4)
     half = (lips[2] + closed) / 2
     torch.testing.assert_close(read[2], half, atol=1e-4, rtol=1e-4)
-
-
-def test_what_a_code_says_beside_the_lips_stays_near_what_was_learned() -> None:
-    model = presets.build(small_config())
-    model.field.conditioning.mean_code.copy_(torch.randn(model.field.conditioning.mean_code.shape))
-    windows, upper = torch.rand(5, 8, 16, 8), torch.zeros(5, 6)
-    predicted = torch.randn(5 + 2 * REACH, NUMBERS)
-    with torch.no_grad():
-        codes = model.field.conditioning.speech_codes(windows)
-        conditioning = model.field.conditioning(windows, predicted, upper)[:, :-6]
-        torch.testing.assert_close(
-            model.field.conditioning.lips(conditioning),
-            predicted[REACH:-REACH, :7],
-            atol=1e-4,
-            rtol=1e-4,
-        )
-        rows = model.field.conditioning.lips.weight
-        beside = torch.eye(len(model.field.conditioning.mean_code)) - torch.linalg.pinv(rows) @ rows
-        away = (codes - model.field.conditioning.mean_code) @ beside
-        torch.testing.assert_close(
-            (conditioning - model.field.conditioning.mean_code) @ beside,
-            away / 2,
-            atol=1e-4,
-            rtol=1e-4,
-        )
-
-
-def test_a_finished_model_knows_the_mean_code() -> None:
-    someone, config = person(frames=12), small_config()
-    model = FastModel(replace(config, field=replace(config.field, references=0, use_warp=False)))
-    FastMethod(model).finish(someone, None, 0)
-    torch.testing.assert_close(
-        model.field.conditioning.mean_code, dataset_codes(model.field.conditioning, someone).mean(0)
-    )
-    assert model.field.conditioning.mean_code.norm() > 0
