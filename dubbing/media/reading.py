@@ -17,6 +17,7 @@ from dubbing.media.probing import probe
 CHANNELS = {"rgb24": (3,), "rgba": (4,), "gray": ()}
 SEEK_LEADS = (20, 320, 5120)  # frames; the first is more than any codec reorders
 NEAREST = 0.5  # frames; how far from its place a picture may lie to be used there
+MISSING = 0.5  # seconds of sound that a decoder may lose, as at a damaged end
 # Exact rounding, and chroma at full resolution: the default shifts colours by a level or two.
 SCALER = "bicubic+accurate_rnd+full_chroma_int+full_chroma_inp"
 
@@ -106,7 +107,9 @@ def iter_audio(
     if seconds is not None:
         sound = sound.filter("atrim", end_sample=round(seconds * rate))
     graph = into(None, sound, format="f32le", ar=rate)
-    yield from _samples(graph, path, max(1, round(block_seconds * rate)))
+    expected = info.audio_start + (info.audio_duration or 0) - start
+    expected = expected if seconds is None else min(expected, seconds)
+    yield from _samples(graph, path, max(1, round(block_seconds * rate)), expected * rate, rate)
 
 
 def iter_channels(
@@ -122,16 +125,33 @@ def iter_channels(
         raise MediaError("no sound in it", str(path))
     sound = sound_of(path, info.zero, 0.0).filter("aresample", rate)
     graph = into(None, sound, format="f32le", ar=rate, ac=channels)
-    for block in _samples(graph, path, channels * max(1, round(block_seconds * rate))):
+    expected = channels * rate * (info.audio_start + (info.audio_duration or 0))
+    count = channels * max(1, round(block_seconds * rate))
+    for block in _samples(graph, path, count, expected, channels * rate):
         yield block[: len(block) // channels * channels].reshape(-1, channels)
 
 
-def _samples(graph: Graph, path: Path | str, count: int) -> Iterator[np.ndarray]:
-    """Decoded samples, float32, ``count`` at a time."""
+def _samples(
+    graph: Graph, path: Path | str, count: int, expected: float, rate: int
+) -> Iterator[np.ndarray]:
+    """Decoded samples, float32, ``count`` at a time.
+
+    Args:
+        expected: how many the packets of the file promise; rate: a second.
+
+    Raises:
+        MediaError: it cannot be decoded, or not to its end.
+    """
+    found = 0
     with Process(graph, str(path), pipe_out=True) as process:
         while block := process.stdout.read(4 * count):
-            yield np.frombuffer(block[: len(block) // 4 * 4], np.float32)
+            samples = np.frombuffer(block[: len(block) // 4 * 4], np.float32)
+            found += len(samples)
+            yield samples
         process.finish()
+    if found < expected - MISSING * rate:
+        what = f"only {found / rate:.1f} s of {expected / rate:.1f} s of its sound can be decoded"
+        raise MediaError(what, str(path), "convert the file again")
 
 
 def _frame_graph(

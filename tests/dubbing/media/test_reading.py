@@ -140,6 +140,20 @@ def test_no_sound_is_reported(tmp_path: Path) -> None:
         media.read_audio(clips.write_video(tmp_path / "v.mp4", 3))
 
 
+def test_a_decoder_that_stops_early_is_noticed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clips.write_sound(tmp_path / "it.wav", 2.0)
+    assert len(media.read_audio(tmp_path / "it.wav", rate=16000)) == 32000
+    program = tmp_path / "ffmpeg"
+    program.write_text("#!/bin/sh\nhead -c 64000 /dev/zero\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("DFRF_FFMPEG", str(program))
+    with pytest.raises(MediaError, match=r"only 1\.0 s of 2\.0 s of its sound can be decoded"):
+        media.read_audio(tmp_path / "it.wav", rate=16000)
+    assert len(media.read_audio(tmp_path / "it.wav", rate=16000, seconds=1)) == 16000
+
+
 LONG = ("-c:v", "libx264", "-g", "250", "-keyint_min", "250", "-sc_threshold", "0", "-crf", "18")
 # What seeks differ by: no index, key frames far apart, a picture that begins after the sound,
 # key frames that begin no group, intra refresh, edit lists, times far from 0.
