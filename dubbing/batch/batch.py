@@ -78,6 +78,9 @@ def dub(
     if adopt_renamed(manifest, planned):
         planned = jobs.build(manifest, only=only, device=device)
     outcomes = runner.run(planned, options, reporter, executor)
+    every = (*planned.identities.values(), *planned.dubs.values())
+    for folder in {stage.folder.parent for job in every for stage in job.stages.values()}:
+        claims.sweep(folder)
     with claims.hold(manifest.work / RESULTS, wait=True):
         for job in planned.dubs.values():
             outcome = outcomes[job.label]

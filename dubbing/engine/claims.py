@@ -191,6 +191,16 @@ def hold(path: Path, *, wait: bool = False) -> Iterator[Claim]:
         claim.release()
 
 
+def sweep(folder: Path) -> None:
+    """End the claims in a folder whose processes are known to be dead.
+
+    One that was killed after its work was done leaves a claim that nobody needs to take over.
+    """
+    for place in folder.glob(f"*{SUFFIX}"):
+        if (found := _read(place)) and found[1].here and not found[1].alive:
+            _remove(found[0])
+
+
 def _read(place: Path) -> tuple[Path, Heartbeat] | None:
     """The heartbeat in a claim's folder, and its file."""
     try:

@@ -52,6 +52,16 @@ def test_kill_at_any_moment_then_run_again(footage: Path, tmp_path: Path) -> Non
         assert not (killed / "out" / "ann_it.mp4").exists()
     assert in_a_process(path) == 0
     assert tree(killed / "out") == undisturbed
+    # One that was killed between the end of its work and that of its claim.
+    code = (
+        "import sys, os, pathlib; from dubbing.engine import claims\n"
+        "claims.take(pathlib.Path(sys.argv[1])); os.kill(os.getpid(), 9)"
+    )
+    prepared = killed / "out" / "work" / "identities" / "ann" / "prepared"
+    subprocess.run([sys.executable, "-c", code, str(prepared)], cwd=ROOT, check=False)
+    assert tree(killed / "out") != undisturbed
+    assert in_a_process(path) == 0
+    assert tree(killed / "out") == undisturbed
 
 
 def test_publishing_that_was_killed_leaves_nothing_behind(footage: Path, tmp_path: Path) -> None:

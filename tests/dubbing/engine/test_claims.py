@@ -90,6 +90,15 @@ def test_a_claim_of_a_killed_process_of_this_machine_is_taken_over_at_once(tmp_p
     assert left(tmp_path) == []
 
 
+def test_a_claim_of_one_that_was_killed_after_its_work_is_swept_away(tmp_path: Path) -> None:
+    killed_holder(tmp_path / "model")
+    other = Elsewhere(tmp_path / "poses")
+    with claims.hold(tmp_path / "prepared"):
+        claims.sweep(tmp_path)
+        assert left(tmp_path) == ["poses.claim", "prepared.claim"]
+    other.claim.release()
+
+
 class Elsewhere:
     """A claim of another machine, whose heart beats when it is asked to."""
 
