@@ -121,7 +121,7 @@ def load_identity(
         DubbingError: the folder's disk is full.
     """
     first = footage[0].clip
-    ends = np.cumsum([0, *(len(one.shown) for one in footage)])
+    ends = np.cumsum([0, *(len(one.with_face) for one in footage)])
     number = [
         np.flatnonzero(np.flatnonzero(one.clip.valid[one.frames]) % every == 0) for one in footage
     ]
@@ -139,7 +139,7 @@ def load_identity(
     shots = 0
     parts: dict[str, list[np.ndarray]] = {}
     for one, which, at in zip(footage, number, ends, strict=False):
-        clip, speech, speaking = one.clip, one.speech, one.shown
+        clip, speech, speaking = one.clip, one.speech, one.with_face
         if not len(speaking):
             continue
         index = speaking[which]
@@ -182,7 +182,7 @@ def _add_pictures(
         gaps: number of the run without a gap that each frame is in, (F,).
         which: of the frames that show the face.
     """
-    clip, keep = footage.clip, set(footage.shown[which].tolist())
+    clip, keep = footage.clip, set(footage.with_face[which].tolist())
     landmarks = footage.landmarks(focal)[which]
     boxes = zip(mouth_boxes(landmarks, clip.size), eye_boxes(landmarks, clip.size), strict=True)
     for gap in np.unique(gaps):

@@ -26,15 +26,15 @@ class Footage:
     frames: np.ndarray
 
     @property
-    def shown(self) -> np.ndarray:
+    def with_face(self) -> np.ndarray:
         """Those of the frames that show the face."""
         return self.frames[self.clip.valid[self.frames]]
 
     def c2w(self) -> np.ndarray:
         """Poses of the frames that show the face, see `PreparedClip.c2w`."""
-        return self.clip.c2w()[self.shown]
+        return self.clip.c2w()[self.with_face]
 
     def landmarks(self, focal: float) -> np.ndarray:
         """Landmarks (F', 478, 2) of these as a camera of `focal` px in the same place has them."""
-        centre = self.clip.centre[self.shown][:, None]
-        return centre + (self.clip.landmarks[self.shown] - centre) * (focal / self.clip.focal)
+        centre = self.clip.centre[self.with_face][:, None]
+        return centre + (self.clip.landmarks[self.with_face] - centre) * (focal / self.clip.focal)

@@ -172,7 +172,7 @@ def learn(
             None if references is None else method.maps(method.reference_views(person, references))
         )
         posed = np.concatenate(
-            [refined(model, maps, one.clip, one.shown).c2w()[one.shown] for one in footage]
+            [refined(model, maps, one.clip, one.with_face).c2w()[one.with_face] for one in footage]
         )
         person = replace(person, c2w=torch.from_numpy(posed).float())
     rest = presets.lasting(config, config.iterations - first)

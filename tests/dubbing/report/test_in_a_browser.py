@@ -28,9 +28,9 @@ FLAGS = (
 )
 # Stands before all else in the page: files alone may be asked for, and what fails is noted.
 WATCH = """<meta http-equiv="Content-Security-Policy" content="default-src file: 'unsafe-inline'">
-<script>const say = { errors: [], blocked: [], without: {}, played: [] };
-addEventListener("error", (event) => say.errors.push(event.message));
-addEventListener("securitypolicyviolation", (event) => say.blocked.push(event.blockedURI));
+<script>const found = { errors: [], blocked: [], without: {}, played: [] };
+addEventListener("error", (event) => found.errors.push(event.message));
+addEventListener("securitypolicyviolation", (event) => found.blocked.push(event.blockedURI));
 </script>"""
 # Chromium prints a page once it is loaded. An open document in a frame holds that back.
 ACTIONS = """<iframe id="hold" hidden></iframe><pre id="findings" hidden></pre><script>
@@ -62,41 +62,41 @@ const press = (key, from = document.body, more = {}) => {
   from.dispatchEvent(new KeyboardEvent("keydown", { key, bubbles: true, ...more }));
   return ["still", "early"].map((name) => part(name, "figure").map(share));
 };
-say.links = find("[href], [src]:not(#hold), [data-src]").map((tag) => [tag.closest("[id]")?.id,
+found.links = find("[href], [src]:not(#hold), [data-src]").map((tag) => [tag.closest("[id]")?.id,
   tag.className, tag.href || tag.src, !tag.hash || !!document.getElementById(tag.hash.slice(1))]);
-say.styles = [...document.styleSheets].flatMap((s) => [...s.cssRules]).map((r) => r.cssText);
-say.at_first = videos(), say.all = shown();
+found.styles = [...document.styleSheets].flatMap((s) => [...s.cssRules]).map((r) => r.cssText);
+found.at_first = videos(), found.all = shown();
 const { name, sort, verdict } = document.getElementById("tools").elements;
-for (const tick of verdict) { tick.click(); say.without[tick.value] = shown(); tick.click(); }
-say.named = ["EA", "bob", "nobody", ""].map((words) => send(name, words, "input"));
-say.sorted = ["name", "place", "worst"].map((by) => send(sort, by, "input", "change"));
-say.keys = ["a", "x", "B", "Escape"].map((key) => press(key));
+for (const tick of verdict) { tick.click(); found.without[tick.value] = shown(); tick.click(); }
+found.named = ["EA", "bob", "nobody", ""].map((words) => send(name, words, "input"));
+found.sorted = ["name", "place", "worst"].map((by) => send(sort, by, "input", "change"));
+found.keys = ["a", "x", "B", "Escape"].map((key) => press(key));
 part("early", ".note")[0].dispatchEvent(new Event("pointerdown", { bubbles: true }));
-say.keys_there = [press("a"), press("b", name), press("b", document.body, { ctrlKey: true })];
-say.keys_there.push(press("Escape"));
+found.keys_there = [press("a"), press("b", name), press("b", document.body, { ctrlKey: true })];
+found.keys_there.push(press("Escape"));
 const [source, result] = part("still", "video"), [other] = part("shot9", ".result");
-say.seen = [await settled(result), await settled(other), await settled(result)];
-say.seconds = [source.duration, result.duration, source.currentTime];
+found.seen = [await settled(result), await settled(other), await settled(result)];
+found.seconds = [source.duration, result.duration, source.currentTime];
 scrollTo(0, document.body.scrollHeight);
 part("still", "[data-at]")[1].click();
-say.in_sight = box(result).top >= 0 && box(result).bottom <= innerHeight;
+found.in_sight = box(result).top >= 0 && box(result).bottom <= innerHeight;
 await wait(() => result.currentTime && Math.abs(source.currentTime - 2) < 0.01);
-say.at = [source.currentTime, result.currentTime];
+found.at = [source.currentTime, result.currentTime];
 for (const video of [result, other]) {
   video.scrollIntoView();
   await wait(() => video.readyState);
-  video.play().catch((error) => say.errors.push(String(error)));
+  video.play().catch((error) => found.errors.push(String(error)));
   await wait(() => video.currentTime > 0.55 && source.currentTime > 2.01);
-  say.played.push([source.currentTime > 2.01, result.paused, other.paused]);
+  found.played.push([source.currentTime > 2.01, result.paused, other.paused]);
 }
 send(name, "still", "input");
-say.hidden_plays = !other.paused;
+found.hidden_plays = !other.paused;
 send(name, "", "input");
 press("a");
 part("early", ".source")[0].dispatchEvent(new Event("error"));
-say.without_source = ["a", "Escape"].map((key) => press(key)[1]);
-})().catch((error) => say.errors.push(String(error))).finally(() => {
-  document.getElementById("findings").textContent = JSON.stringify(say);
+found.without_source = ["a", "Escape"].map((key) => press(key)[1]);
+})().catch((error) => found.errors.push(String(error))).finally(() => {
+  document.getElementById("findings").textContent = JSON.stringify(found);
   hold.close();
 });</script>"""
 # A window cannot be as narrow as a phone: a frame can. Measured with all details closed, then open.

@@ -59,7 +59,7 @@ def test_other_weights_of_the_features_are_refused(
 
 def footage_of(frames: range) -> Any:
     """Footage that shows some frames of a clip of its own."""
-    return SimpleNamespace(clip=object(), shown=np.array(frames))
+    return SimpleNamespace(clip=object(), with_face=np.array(frames))
 
 
 def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
@@ -78,7 +78,7 @@ def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
         return curve
 
     def refined(model: Any, maps: Any, clip: Any, frames: np.ndarray) -> Any:
-        assert frames.tolist() == (first if clip is first.clip else second).shown.tolist()
+        assert frames.tolist() == (first if clip is first.clip else second).with_face.tolist()
         assert len(seen) == 1
         return SimpleNamespace(c2w=moved.numpy)
 
