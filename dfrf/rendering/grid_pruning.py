@@ -48,17 +48,17 @@ def prune_grid(
     open_cells = torch.nonzero(grid.occupied.view(-1)).view(-1)
     centres = grid.centres()[open_cells]
     size = (grid.high - grid.low) / grid.resolution
-    count = len(open_cells)
-    ray = torch.arange(count, device=device)
-    zero = torch.zeros(count, dtype=torch.long, device=device)
-    thickest = torch.zeros(count, device=device)
+    empty = torch.ones(len(open_cells), dtype=torch.bool, device=device)
     for frame in torch.randperm(len(c2w), generator=generator)[:FRAMES].tolist():
-        where = torch.rand(count, 3, generator=generator).to(device) - 0.5
-        points = centres + where * size
-        origin = c2w[frame, :, 3].to(device)
+        where = torch.rand(len(open_cells), 3, generator=generator).to(device) - 0.5
+        points = (centres + where * size)[empty]  # one frame that shows something is enough
+        origin, count = c2w[frame, :, 3].to(device), len(points)
+        if not count:
+            break
+        ray = torch.arange(count, device=device)
+        zero = torch.zeros(count, dtype=torch.long, device=device)
         rays = Rays(origin.expand(count, 3), F.normalize(points - origin, dim=-1), zero)
-        samples = PackedSamples(points, ray, zero, torch.zeros_like(thickest), 1, count)
+        samples = PackedSamples(points, ray, zero, points.new_zeros(count), 1, count)
         out = evaluate(field_of(frame).seen_from(origin), samples, rays)
-        opacity = -torch.expm1(-out.density * step)
-        thickest = torch.maximum(thickest, opacity)
-    grid.occupied.view(-1)[open_cells] = thickest >= THIN
+        empty[empty.clone()] = -torch.expm1(-out.density * step) < THIN
+    grid.occupied.view(-1)[open_cells] = ~empty

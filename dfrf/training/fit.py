@@ -8,7 +8,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import torch
@@ -22,7 +24,8 @@ from dfrf.training.augmentation import draw_augmentation
 from dfrf.training.progress import Curve, Progress
 from dfrf.training.reference_source import ReferenceSource
 from dfrf.training.run_state import RunState
-from dfrf.training.step import step_outcome
+from dfrf.training.share_processes import ShareProcesses, can_fork, share_state
+from dfrf.training.step import step_outcome, total
 from dfrf.training.validation import Validation
 from dfrf.workers import Workers
 
@@ -99,25 +102,24 @@ def fit(
         TrainingDivergedError: ten steps on end whose loss was not finite.
         dfrf.checkpoint.CheckpointError: `resume` holds the state of another run.
     """
-    run = Run(method, datasets, config, references, options or FitOptions())
-    with Workers(method.model.device, method.parallel_shares) as workers:
+    with Run(method, datasets, config, references, options or FitOptions()) as run:
         for step in run.steps():
-            shares, maps = run.draw(step)
-            outcome = step_outcome(method, shares, maps, config, step, run.trained, workers)
+            outcome = run.outcome(step)
             run.update(step, outcome)
             run.report(step, outcome)
-            run.state.validation.measure(method, config, step + 1, workers)
+            run.state.validation.measure(method, config, step + 1, run.workers)
             if run.ends_after(step):
                 break
     return run.state.curve
 
 
-class Run:
+class Run(ExitStack):
     """A run of `fit`: its state, and what happens in a step.
 
     Attributes:
         state: everything that is kept to go on from.
         trained: the parameters that learn.
+        workers: threads of this process.
     """
 
     def __init__(
@@ -128,6 +130,7 @@ class Run:
         references: dict[str, Tensor] | None,
         options: FitOptions,
     ) -> None:
+        super().__init__()
         self.method, self.datasets = method, datasets
         self.config, self.options = config, options
         model = method.model.to(devices.choose(options.device))
@@ -143,6 +146,8 @@ class Run:
         self.trained = [p for g in self.state.optimiser.param_groups for p in g["params"]]
         self.first = 0 if options.resume is None else self.state.load(options.resume)
         self.references = ReferenceSource(method, config, references)
+        self.workers = self.enter_context(Workers(model.device, method.parallel_shares))
+        self.processes: ShareProcesses[Share, StepOutcome] | None = None
         self.bad = 0
         self.began, self.spent = time.monotonic(), self.state.curve.seconds
 
@@ -168,6 +173,28 @@ class Run:
             shares = [augmentation.of_share(share) for share in shares]
         drawn = torch.cat([share.batch.frames for share in shares])
         return shares, self.references.maps(dataset, drawn, generator, step, augmentation)
+
+    def outcome(self, step: int) -> StepOutcome:
+        """Loss and gradients of a step."""
+        shares, maps = self.draw(step)
+        if step == self.first and self.workers.count > 1 and self._forks():
+            share_state(self.state.model)
+            work = partial(self._share_outcome, maps)
+            self.processes = self.enter_context(ShareProcesses(work, self.workers.count - 1))
+        if self.processes is not None:
+            return total(self.processes.outcomes(step, shares))
+        return step_outcome(
+            self.method, shares, maps, self.config, step, self.trained, self.workers
+        )
+
+    def _forks(self) -> bool:
+        """Whether all that changes from step to step is the state of the model."""
+        if not can_fork(self.state.model.device):
+            return False
+        return len(self.datasets) == 1 and self.references.stay
+
+    def _share_outcome(self, maps: Maps | None, step: int, share: Share) -> StepOutcome:
+        return self.method.share_outcome(share, maps, self.config, step, self.trained)
 
     def update(self, step: int, outcome: StepOutcome) -> None:
         """Takes a step of the optimiser where the loss is finite.

@@ -31,6 +31,14 @@ class ReferenceSource:
         self.chosen = chosen
         self.fixed: dict[str, Maps] = {}
 
+    @property
+    def stay(self) -> bool:
+        """Whether a person's maps are the same in every step."""
+        if not self.method.references:
+            return True
+        rests = not (self.config.augment or self.config.learn_references_every)
+        return self.chosen is not None and rests
+
     def maps(
         self,
         dataset: HeadDataset,
@@ -47,8 +55,7 @@ class ReferenceSource:
         if not self.method.references:
             return None
         every = self.config.learn_references_every
-        fixed = self.chosen is not None and augmentation is None and not every
-        if fixed and dataset.name in self.fixed:
+        if dataset.name in self.fixed:
             return self.fixed[dataset.name]
         if self.chosen is not None:
             views = self.method.reference_views(dataset, self.chosen[dataset.name])
@@ -60,7 +67,7 @@ class ReferenceSource:
         if every > 0 and step % every == 0:
             return self.method.encode(views.to(self.method.model.device))
         maps = self.method.maps(views)
-        if fixed:
+        if self.stay:
             self.fixed[dataset.name] = maps
         return maps
 

@@ -127,8 +127,10 @@ def shot_corrections(
     """
     device = model.device
     seen = index[clip.valid[index]]
+    rotation = c2w[seen, :, :3].double().numpy()
+    passes = [(key_frames(seen, rotation, apart, turn), n) for apart, turn, n in PASSES]
+    observations = observations_of(clip, np.unique(np.concatenate([keys for keys, _ in passes])))
     keys, found = seen[:1], np.zeros((1, DOF))
-    observations: dict[int, PoseObservation] = {}
 
     def equations(key: tuple[PoseObservation, Tensor, Tensor]) -> tuple[np.ndarray, np.ndarray]:
         observation, camera, conditioning = key
@@ -137,10 +139,8 @@ def shot_corrections(
         return left.cpu().numpy(), right.cpu().numpy()
 
     with Workers(device, AT_ONCE) as workers:
-        for apart, turn, steps in PASSES:
-            before, keys = keys, key_frames(seen, c2w[seen, :, :3].double().numpy(), apart, turn)
-            found = between(found, before, keys)
-            observations |= observations_of(clip, keys[~np.isin(keys, list(observations))])
+        for wanted, steps in passes:
+            found, keys = between(found, keys, wanted), wanted
             conditioning = silent(model, expression[keys])
             for _ in range(steps):
                 cameras = moved(c2w[keys], torch.from_numpy(found).float()).to(device)
@@ -197,8 +197,6 @@ def silent(model: FastModel, expression: Tensor) -> Tensor:
 def observations_of(clip: PreparedClip, keys: np.ndarray) -> dict[int, PoseObservation]:
     """What key frames (K,), rising, show above the base of the nose: `RAYS` pixels each."""
     observations: dict[int, PoseObservation] = {}
-    if not len(keys):
-        return observations
     first, count = int(keys[0]), int(keys[-1] - keys[0]) + 1
     for k, (image, matte, background) in enumerate(clip.frames(first, count), first):
         if k in keys:
