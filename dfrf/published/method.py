@@ -205,24 +205,30 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
     def render_frames(
         self, inputs: FrameInputs, maps: EncodedReferences | None
     ) -> Iterator[tuple[Tensor, Tensor]]:
-        """All of every head: the published model has no lips, expressions or regions."""
+        """The pixels that are needed; the published model has no lips or expressions."""
         self.model.eval()
-        frames = zip(inputs.c2w, inputs.centres, inputs.windows, strict=True)
-        for c2w, centre, windows in frames:
-            camera = Camera(c2w, inputs.focal, centre, inputs.size)
-            yield self.render_frame(camera, windows, maps)
+        for t, windows in enumerate(inputs.windows):
+            camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)
+            region = None if inputs.regions is None else inputs.regions[t]
+            yield self.render_frame(camera, windows, maps, region)
 
     @torch.no_grad()
     def render_frame(
-        self, camera: Camera, windows: Tensor, maps: EncodedReferences | None
+        self,
+        camera: Camera,
+        windows: Tensor,
+        maps: EncodedReferences | None,
+        region: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
-        """The head of one frame; as `render_frames`, a few rays after the other."""
+        """The head of one frame, a few rays after the other; blank outside a region (S, S)."""
         c2w, between, size = in_metres(camera.c2w), bounds(camera.c2w), camera.size
-        colour, opacity = [], []
-        for pixels in pixel_grid(size, size, c2w.device).view(-1, 2).split(RAYS_AT_ONCE):
-            origins, directions = pixel_rays(c2w, camera.focal, camera.centre, pixels)
+        head = torch.zeros(size, size, 4, device=c2w.device)
+        needed = torch.ones_like(head[..., 0]) if region is None else region
+        pixels = pixel_grid(size, size, c2w.device)
+        for at in needed.nonzero().split(RAYS_AT_ONCE):
+            row, column = at.T
+            origins, directions = pixel_rays(c2w, camera.focal, camera.centre, pixels[row, column])
             behind = torch.zeros_like(origins)
             rendered = self.model(origins, directions, *between, windows, maps, behind)
-            colour.append(rendered["head"])
-            opacity.append(rendered["opacity"])
-        return torch.cat(colour).view(size, size, 3), torch.cat(opacity).view(size, size)
+            head[row, column] = torch.cat([rendered["head"], rendered["opacity"][:, None]], 1)
+        return head[..., :3], head[..., 3]

@@ -28,6 +28,7 @@ from dubbing.bench import other_networks as others
 from dubbing.bench.timing import (
     Row,
     Scene,
+    dub_row,
     frame_rows,
     matrix_rate,
     paper_row,
@@ -142,14 +143,14 @@ def main() -> None:
     frames = usable[np.linspace(0, len(usable) - 1, FRAMES + 2).round().astype(int)][1:-1]
     scene = Scene(model, maps, clip, speech, frames.tolist())
     rate = matrix_rate(scene.device)
-    rows = frame_rows(scene)
+    rows = [*frame_rows(scene), dub_row(scene)]
     if maps is not None:
         rows.append(paper_row(scene))
     rows.append(training_row(scene))
     tools = other_tools(scene.device)
     march_row = next(r for r in rows if r.stage == "march")
     rays = next(r for r in rows if r.stage == "project the grid").count
-    ours = sum(r.seconds for r in rows if r.stage in ("head, what a dub shows", "composite"))
+    ours = sum(r.seconds for r in rows if r.stage in ("the same, frames in a row", "composite"))
     peak = (peak_memory() or 0) / 2**30
     print(table(rows, rate))
     print(f"\na frame of ours: {ours:.3f} s\n{tool_table(tools, ours)}")

@@ -42,6 +42,7 @@ from dubbing.stages.finetune import reference_frames
 from dubbing.stages.refine_poses import observations_of
 
 PAPER_RAYS = 96
+IN_A_ROW = 8  # frames
 TRAINING_FRAMES, TRAINING_STEPS = 50, 10
 MATRIX = 256  # side of the weights whose product gives the matrix rate
 
@@ -177,6 +178,19 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     return rows
 
 
+@torch.no_grad()
+def dub_row(scene: Scene) -> Row:
+    """A frame of a dub: what it shows of the head, frames in a row, on as many cores as there are.
+
+    Its FLOP are those of the row "head, what a dub shows", for a frame by itself.
+    """
+    first = min(scene.frames[0], scene.clip.frames_count - IN_A_ROW)
+    regions = heads.regions_of(scene.clip, np.arange(first, first + IN_A_ROW))
+    arguments = scene_arguments(scene, first, IN_A_ROW)
+    seconds = timed(lambda: list(heads.frames(*arguments, regions)), scene.device)
+    return Row("the same, frames in a row", seconds / IN_A_ROW)
+
+
 def head_pixels(grid: OccupancyGrid, camera: Camera) -> Tensor:
     """Row-major pixels (P,) that open cells can cover."""
     blocks = head_blocks(grid, camera).repeat_interleave(BLOCK, 0).repeat_interleave(BLOCK, 1)
@@ -184,11 +198,11 @@ def head_pixels(grid: OccupancyGrid, camera: Camera) -> Tensor:
 
 
 def scene_arguments(
-    scene: Scene, frame: int
+    scene: Scene, first: int, count: int = 1
 ) -> tuple[FastModel, ReferenceMaps | None, PreparedClip, SpeechFrames, np.ndarray, int, int]:
-    """Arguments of `heads.frames` for one frame."""
+    """Arguments of `heads.frames` for some frames in a row."""
     index = np.arange(scene.clip.frames_count)
-    return scene.model, scene.maps, scene.clip, scene.speech, index, frame, frame + 1
+    return scene.model, scene.maps, scene.clip, scene.speech, index, first, first + count
 
 
 def mean_row(rows: list[Row]) -> Row:

@@ -284,6 +284,12 @@ def test_a_rendered_frame_is_what_the_model_says_of_all_its_pixels(
         close(over, whole["colour"])
     assert 0.05 < frames[0][1].mean() < 1
     assert not torch.allclose(frames[0][0], frames[1][0], atol=1e-3)
+    regions = torch.rand(2, SIZE, SIZE) < 0.3
+    some = method.render_frames(replace(inputs, regions=regions), maps)
+    for region, whole_frame, part in zip(regions, frames, some, strict=True):
+        for mine, theirs in zip(part, whole_frame, strict=True):
+            close(mine[region], theirs[region])
+            assert not mine[~region].any()
 
 
 def test_frames_and_chunks_of_rays_share_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dfrf.field.speaker_adaptation import NUMBERS
-from dubbing.bench.timing import Scene, frame_rows
+from dubbing.bench.timing import Scene, dub_row, frame_rows
 from dubbing.media import VideoWriter
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from tests.dfrf.people import FOCAL, SIZE, random_model
@@ -46,3 +46,4 @@ def test_every_stage_of_a_frame_runs_and_is_timed(scene: Scene) -> None:
     rows = frame_rows(scene)
     assert tuple(row.stage for row in rows) == STAGES
     assert all(row.seconds > 0 for row in rows)
+    assert dub_row(replace(scene, frames=[COUNT - 1])).seconds > 0
