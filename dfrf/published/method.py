@@ -23,13 +23,15 @@ from dfrf.method import FrameInputs, Method, StepOutcome
 from dfrf.published.conditioned_field import EncodedReferences, References
 from dfrf.published.model import PaperModel, paper_loss
 from dfrf.training.losses import PAPER_SIZE, mse
+from dfrf.workers import Workers
 
 METRES = 0.1  # in a head unit
 # Where rays are sampled, metres before and behind the middle of the head.
 BEFORE, BEHIND = 0.2, 0.4
 NEAREST = 0.01
 REFERENCES = 4
-RAYS_AT_ONCE = 256  # of a rendered frame: their samples take about a third of a gigabyte
+RAYS_AT_ONCE = 32  # of a rendered frame: what their samples need stays near a core's cache
+PARTS_AT_ONCE = 8
 UNSMOOTHED = 3  # speech codes stand alone in the first of so many parts of the coarse stage
 
 
@@ -212,7 +214,6 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
             region = None if inputs.regions is None else inputs.regions[t]
             yield self.render_frame(camera, windows, maps, region)
 
-    @torch.no_grad()
     def render_frame(
         self,
         camera: Camera,
@@ -220,15 +221,22 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
         maps: EncodedReferences | None,
         region: Tensor | None = None,
     ) -> tuple[Tensor, Tensor]:
-        """The head of one frame, a few rays after the other; blank outside a region (S, S)."""
+        """The head of one frame, some rays on each core at a time; blank outside a region."""
         c2w, between, size = in_metres(camera.c2w), bounds(camera.c2w), camera.size
         head = torch.zeros(size, size, 4, device=c2w.device)
         needed = torch.ones_like(head[..., 0]) if region is None else region
         pixels = pixel_grid(size, size, c2w.device)
-        for at in needed.nonzero().split(RAYS_AT_ONCE):
+
+        @torch.no_grad()
+        def seen(at: Tensor) -> Tensor:
             row, column = at.T
-            origins, directions = pixel_rays(c2w, camera.focal, camera.centre, pixels[row, column])
-            behind = torch.zeros_like(origins)
-            rendered = self.model(origins, directions, *between, windows, maps, behind)
-            head[row, column] = torch.cat([rendered["head"], rendered["opacity"][:, None]], 1)
+            rays = pixel_rays(c2w, camera.focal, camera.centre, pixels[row, column])
+            behind = torch.zeros_like(rays[0])
+            rendered = self.model(*rays, *between, windows, maps, behind)
+            return torch.cat([rendered["head"], rendered["opacity"][:, None]], 1)
+
+        parts = needed.nonzero().split(RAYS_AT_ONCE)
+        with Workers(c2w.device, PARTS_AT_ONCE) as workers:
+            for at, colours in zip(parts, workers.map(seen, parts), strict=True):
+                head[at[:, 0], at[:, 1]] = colours
         return head[..., :3], head[..., 3]

@@ -35,7 +35,7 @@ def slot_weights(
     queries: Float[Tensor, "#M K D"], keys: Float[Tensor, "N M D"]
 ) -> Float[Tensor, "N M K"]:
     """How much each slot takes from each reference: slots compete, then shares sum to 1 over N."""
-    logits = (queries * keys[:, :, None]).sum(-1) * keys.shape[-1] ** -0.5
+    logits = torch.einsum("mkd,nmd->nmk", queries, keys) * keys.shape[-1] ** -0.5
     shares = logits.softmax(-1) + EPSILON
     return shares / shares.sum(0)
 
@@ -125,7 +125,7 @@ class SlotAttention(nn.Module):
         for _ in range(self.iterations):
             if noise is not None:
                 weights = slot_weights(self.query(self.norm_slots(slots)), keys)
-                update = (weights[..., None] * values[:, :, None]).sum(0)
+                update = torch.einsum("nmk,nmd->mkd", weights, values)
             slots = slots.expand_as(update)
             slots = self.gru(update.flatten(0, 1), slots.flatten(0, 1)).view_as(update)
             slots = slots + self.mlp2(F.relu(self.mlp1(self.norm_mlp(slots))))
