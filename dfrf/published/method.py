@@ -30,7 +30,7 @@ METRES = 0.1  # in a head unit
 BEFORE, BEHIND = 0.2, 0.4
 NEAREST = 0.01
 REFERENCES = 4
-RAYS_AT_ONCE = 32  # of a rendered frame: what their samples need stays near a core's cache
+RAYS_AT_ONCE = 16  # of a rendered frame: what their samples need stays near a core's cache
 PARTS_AT_ONCE = 8
 UNSMOOTHED = 3  # speech codes stand alone in the first of so many parts of the coarse stage
 
