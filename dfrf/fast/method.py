@@ -44,6 +44,7 @@ from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
 FRAMES_AT_ONCE = 8
+MOST_COMPARED = 1000  # frames of a person, each with all others: 8 MB of distances
 
 
 def training_conditioning(
@@ -123,9 +124,11 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         seen_from = F.normalize(dataset.c2w[:, :, 3], dim=-1)
         lips = dataset.lip_points
         traits = torch.cat([lip_traits(lips, lips), seen_from / TURN], 1).double()
-        apart = torch.cdist(traits, traits).square().numpy()
-        count = min(MOUTHS, dataset.frames)
-        return cut_mouths(dataset, torch.tensor(sorted(medoids(apart, count))), measures)
+        compared = min(dataset.frames, MOST_COMPARED)
+        some = torch.linspace(0, dataset.frames - 1, compared).round().long()
+        apart = torch.cdist(traits[some], traits[some]).square().numpy()
+        stand_for_all = sorted(medoids(apart, min(MOUTHS, compared)))
+        return cut_mouths(dataset, some[stand_for_all], measures)
 
     def encode(self, views: ReferenceViews) -> ReferenceMaps:
         maps: ReferenceMaps = self.model.field.encoder(views)

@@ -163,3 +163,10 @@ def test_what_a_mouth_is_read_off_fades_to_nothing(someone: Someone) -> None:
     assert (share[0], share[-1]) == (1, 0)
     assert share.diff().abs().max() < 0.04
     assert not mouth_views.share(someone.maps, line).any()  # none is looked at yet
+
+
+def test_of_many_frames_some_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    someone, method = person(), FastMethod(presets.build(small_config()))
+    assert method.mouth_views(someone).frames.tolist() == [0, 1, 2, 3, 4, 5]
+    monkeypatch.setattr("dfrf.fast.method.MOST_COMPARED", 3)
+    assert method.mouth_views(someone).frames.tolist() == [0, 2, 5]
