@@ -19,8 +19,8 @@ from dubbing.preparation.matting.matting import (
     head_matte,
     in_bytes,
     opacity,
-    person_mask,
 )
+from dubbing.preparation.matting.person_masks import PersonMasks
 
 Progress = Callable[[float], None]
 
@@ -28,7 +28,8 @@ Progress = Callable[[float], None]
 class People:
     """Person masks and opacities of the persons of all crops, left in a folder, frame by frame."""
 
-    def __init__(self, folder: Path, crops: np.ndarray) -> None:
+    def __init__(self, folder: Path, crops: np.ndarray, person_masks: PersonMasks) -> None:
+        self._person_masks = person_masks
         self._crops = crops
         self._masks = new_pictures(folder / PERSON, *crops.shape[:3])
         self._opacities = new_pictures(folder / OPACITY, *crops.shape[:3])
@@ -42,7 +43,7 @@ class People:
         Returns:
             Middle and top of the head (2, 2) px, NaN where not seen; see :class:`Silhouette`.
         """
-        mask = person_mask(self._crops[t])
+        mask = self._person_masks(self._crops[t])
         alpha = opacity(self._crops[t], mask)
         self._masks[t], self._opacities[t] = in_bytes(mask), in_bytes(alpha)
         if landmarks is None:

@@ -3,13 +3,8 @@
 S is the side of the crop in px. Lengths are given for S = 512 and scale with it.
 """
 
-import threading
-from functools import partial
-
 import cv2
 import numpy as np
-
-from dubbing.face.mediapipe_graph import Solution
 
 REFERENCE_SIZE = 512
 CUT_SOFTNESS = 1.2  # px, Gaussian
@@ -20,23 +15,6 @@ OPAQUE = 128  # of 255
 SEEN = 0.02  # of the matte: what is less is no head
 JAW_MARGIN = 2.0  # px outside of the matte that may still show some of a jaw
 GREY = cv2.COLOR_RGB2GRAY
-_thread = threading.local()
-
-
-def person_mask(image: np.ndarray) -> np.ndarray:
-    """Probability (S, S) float32 in 0..1 that a pixel of an RGB image belongs to a person.
-
-    MediaPipe's SelfieSegmentation, which looks at 256 x 256; one network a thread.
-    """
-    network: Solution | None = getattr(_thread, "network", None)
-    if network is None:
-        from mediapipe.python.solutions import selfie_segmentation
-
-        make = partial(selfie_segmentation.SelfieSegmentation, model_selection=0)
-        network = _thread.network = Solution(make)
-    small = cv2.resize(image, (256, 256), interpolation=cv2.INTER_AREA)
-    mask = network.process(small).segmentation_mask
-    return cv2.resize(mask, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
 
 
 def above_jaw(outline: np.ndarray, size: int) -> np.ndarray:

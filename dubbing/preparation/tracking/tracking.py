@@ -25,6 +25,7 @@ from dubbing.preparation.alignment.skin import reference_frame, skin_points
 from dubbing.preparation.footage.footage import CROPS, new_pictures
 from dubbing.preparation.footage.threads import in_order
 from dubbing.preparation.matting.masks import People
+from dubbing.preparation.matting.person_masks import PersonMasks
 from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
@@ -76,7 +77,6 @@ def landmark_step(
     points = np.zeros((info.frames, 478, 3), np.float32)
     apart, valid = np.zeros(info.frames, np.float32), np.zeros(info.frames, bool)
     crops = new_pictures(folder / CROPS, info.frames, size, size, 3)
-    people = People(folder, crops)
 
     def followed(detect: TwoModes) -> Iterator[tuple[int, np.ndarray | None]]:
         for t, image in enumerate(read_frames(info.path)):
@@ -89,7 +89,8 @@ def landmark_step(
             yield t, points[t] if valid[t] else None
             progress((t + 1) / info.frames)
 
-    with two_modes(int(seen["most_faces"])) as detect:
+    with two_modes(int(seen["most_faces"])) as detect, PersonMasks() as person_masks:
+        people = People(folder, crops, person_masks)
         outlines = np.stack(list(in_order(people.look, followed(detect))), axis=1)
     if valid.sum() < LEAST_FRAMES:
         raise PreparationError(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dubbing.face.mediapipe_graph import Solution, without_native_messages
-from dubbing.preparation.matting.matting import person_mask
+from dubbing.preparation.matting.person_masks import PersonMasks
 
 
 def test_only_what_is_written_inside_is_dropped(capfd: pytest.CaptureFixture[str]) -> None:
@@ -53,5 +53,6 @@ def test_a_solution_is_silent_until_it_has_found_something(
 
 
 def test_mediapipe_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:
-    person_mask(np.zeros((64, 64, 3), np.uint8))
+    with PersonMasks() as person_masks:
+        person_masks(np.zeros((64, 64, 3), np.uint8))
     assert capfd.readouterr().err == ""
