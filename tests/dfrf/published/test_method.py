@@ -307,6 +307,7 @@ def test_frames_and_chunks_of_rays_share_the_noise(monkeypatch: pytest.MonkeyPat
         SIZE,
     )
     noise: list[Tensor] = []
+    monkeypatch.setattr(paper_method, "PARTS_AT_ONCE", 1)  # threads would take turns at random
     model.field.aggregation.register_forward_pre_hook(lambda _, given: noise.append(given[2]))
     colours = []
     for rays in (300, 700):
