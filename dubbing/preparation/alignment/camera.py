@@ -53,8 +53,9 @@ def focal_length(window: np.ndarray, source_size: tuple[int, int], size: int) ->
 
 def to_camera(poses: Poses, points: np.ndarray) -> np.ndarray:
     """Points (P, 3) of the head frame in every camera: (T, P, 3)."""
-    turned = np.einsum("tij,pj->tpi", poses.rotation, points)
-    return np.asarray(turned + poses.translation[:, None])
+    turned = points @ poses.rotation.transpose(0, 2, 1)
+    turned += poses.translation[:, None]
+    return np.asarray(turned)
 
 
 def project(in_camera: np.ndarray, focal: float, centre: np.ndarray) -> np.ndarray:

@@ -9,12 +9,13 @@ decoded once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
+
+from dubbing.preparation.footage.threads import in_order
 
 BLUR = 1.2  # px at a crop of 512
 SHADING = 2.8  # px at a crop of 512: what is blurred so is not detail
@@ -30,29 +31,29 @@ class FaceStrip:
     corner: np.ndarray
 
     @staticmethod
-    def record(path: Path, crops: Iterable[np.ndarray], pixels: np.ndarray) -> FaceStrip:
-        """Cut the strip out of crops (S, S, 3), around the face's pixels (T, P, 2) of the crop.
+    def record(path: Path, crops: np.ndarray, pixels: np.ndarray) -> FaceStrip:
+        """Cut the strip out of crops (T, S, S, 3), around the face's pixels (T, P, 2) of each.
 
         Args:
             path: file that holds the pictures for as long as they are needed.
         """
-        strip: np.ndarray | None = None
-        corner = np.zeros((len(pixels), 2), int)
-        for t, image in enumerate(crops):
-            size = len(image)
-            if strip is None:
-                margin = MARGIN * size / 512
-                low, high = pixels.min(1) - margin, pixels.max(1) + margin
-                extent = np.minimum(np.ceil((high - low).max(0)).astype(int) + 1, size)
-                corner = np.clip(low.round().astype(int), 0, size - extent)
-                shape = (len(pixels), int(extent[1]), int(extent[0]))
-                strip = np.lib.format.open_memmap(path, mode="w+", dtype=np.uint8, shape=shape)
-            grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
+        size = crops.shape[1]
+        margin = MARGIN * size / 512
+        low, high = pixels.min(1) - margin, pixels.max(1) + margin
+        width, height = np.minimum(np.ceil((high - low).max(0)).astype(int) + 1, size)
+        corner = np.clip(low.round().astype(int), 0, size - np.array([width, height]))
+        shape = len(crops), int(height), int(width)
+        strip = np.lib.format.open_memmap(path, mode="w+", dtype=np.uint8, shape=shape)
+
+        def cut(t: int) -> None:
+            grey = cv2.cvtColor(crops[t], cv2.COLOR_RGB2GRAY).astype(np.float32)
             fine, coarse = (cv2.GaussianBlur(grey, (0, 0), b * size / 512) for b in (BLUR, SHADING))
             detail = np.clip(128 + DETAIL_GAIN * (fine - coarse), 0, 255).round()
             x, y = corner[t]
-            strip[t] = detail[y : y + strip.shape[1], x : x + strip.shape[2]]
-        assert strip is not None, "a clip has frames"
+            strip[t] = detail[y : y + height, x : x + width]
+
+        for _ in in_order(cut, ((t,) for t in range(len(crops)))):
+            pass
         return FaceStrip(strip, corner)
 
     def take(self, index: np.ndarray) -> FaceStrip:

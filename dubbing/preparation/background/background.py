@@ -5,6 +5,7 @@ T frames, S the side of the crop in px.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -73,8 +74,8 @@ def shots(footage: Footage, plates: list[np.ndarray], holes: dict[int, np.ndarra
         for k, (x, y) in enumerate(offsets[frames]):
             canvas[k, y : y + size, x : x + size] = images[k]
             known[k, y : y + size, x : x + size] = background_pixels(people[k])
-        found = torso(images, people, np.stack([holes[t] for t in frames]))
-        return Shot(plate(canvas, known), found)
+        found = partial(torso, images, people, np.stack([holes[t] for t in frames]))
+        return Shot(*in_order(lambda half: half(), [(partial(plate, canvas, known),), (found,)]))
 
     return [work(frames) for frames in plates]
 

@@ -91,7 +91,7 @@ def filmed(folder: Path, nod: float = 0.0) -> Scene:
     start = Poses(truth.rotation, truth.translation.copy())
     start.translation[:, :2] += jitter[:, 0] * 8 / FOCAL
     strip = FaceStrip.record(
-        folder / "strip.npy", films, project(to_camera(start, points), FOCAL, centre)
+        folder / "strip.npy", np.stack(films), project(to_camera(start, points), FOCAL, centre)
     )
     return Scene(
         truth,
