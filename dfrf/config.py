@@ -73,6 +73,8 @@ class FieldConfig:
         reference_pool_size: reference views that a person can have; of more than N the nearest to
             a view are its references.
         use_speech: False leaves A out (a plain NeRF).
+        lip_supervision: False lets the speech networks learn from pictures, as in AD-NeRF, not
+            from lip measures.
         use_warp: False looks references up where they project, equation (1), without (3) and (4).
         feature_dim: channels of the reference features, colour and matte (4) included.
         width, depth: hidden layers of the radiance MLP.
@@ -86,6 +88,7 @@ class FieldConfig:
     references: int = 5
     reference_pool_size: int = 12
     use_speech: bool = True
+    lip_supervision: bool = True
     use_warp: bool = True
     feature_dim: int = 32
     cnn_width: int = 24
@@ -100,6 +103,11 @@ class FieldConfig:
     def cond_dim(self) -> int:
         """Width of what the field is conditioned on: the speech code and the upper face."""
         return self.code_dim + self.expression_dim
+
+    @property
+    def learns_lips(self) -> bool:
+        """Whether there are speech networks that learn from lip measures."""
+        return self.use_speech and self.lip_supervision
 
 
 @dataclass(frozen=True)

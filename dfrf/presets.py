@@ -112,6 +112,9 @@ PRESETS = {
     "fast-alone": Preset(FieldConfig(), FAST_TRAININGS),
     "paper": Preset(PaperConfig(), PAPER_TRAININGS),
     "ad-nerf": Preset(FieldConfig(references=0, use_warp=False), FAST_TRAININGS),
+    "ad-nerf-nolips": Preset(
+        FieldConfig(references=0, use_warp=False, lip_supervision=False), FAST_TRAININGS
+    ),
     "nerf": Preset(FieldConfig(references=0, use_warp=False, use_speech=False), FAST_TRAININGS),
 }
 

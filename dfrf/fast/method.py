@@ -16,7 +16,7 @@ from torch import Tensor
 from dfrf import device as devices
 from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
-from dfrf.data.dataset import HeadDataset
+from dfrf.data.dataset import HeadDataset, neighbour_windows
 from dfrf.data.ray_batch import RayBatch
 from dfrf.data.reference_cuts import cut_mouths, cut_references
 from dfrf.fast.medoids import medoids
@@ -50,10 +50,15 @@ MOST_COMPARED = 1000  # frames of a person, each with all others: 8 MB of distan
 def training_conditioning(
     model: FastModel, datasets: Sequence[HeadDataset]
 ) -> dict[str, Float[Tensor, "T K"]]:
-    """Conditioning of every picture of each person, by name: codes hold the measured lips."""
-    device, config = model.device, model.config.field
-    if config.use_speech:
-        codes = {d.name: supervised_codes(model.field.conditioning, d) for d in datasets}
+    """Conditioning of every picture of each person, by name.
+
+    Codes hold the measured lips, or what is heard where no network learns from lips.
+    """
+    device, config, own = model.device, model.config.field, model.field.conditioning
+    if config.learns_lips:
+        codes = {d.name: supervised_codes(own, d) for d in datasets}
+    elif config.use_speech:
+        codes = {d.name: dataset_codes(own, d)[d.number.to(device)] for d in datasets}
     else:
         codes = {d.name: torch.zeros(d.frames, config.code_dim) for d in datasets}
     return {
@@ -138,9 +143,9 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         return maps.as_type(devices.table_type(maps.table.device))
 
     def learns(self, name: str, config: TrainConfig) -> bool:
-        """Not the speech networks, which learn from lips; the CNN where `config` asks for it."""
+        """Not speech networks that learn from lips; the CNN where `config` asks for it."""
         if name.startswith("field.conditioning."):
-            return False
+            return not self.model.config.field.lip_supervision
         return config.learn_references_every > 0 or not name.startswith("field.encoder.")
 
     def begin(
@@ -151,7 +156,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         generator: torch.Generator,
         resumed: bool,
     ) -> None:
-        if not resumed and config.lip_iterations and self.model.config.field.use_speech:
+        if not resumed and config.lip_iterations and self.model.config.field.learns_lips:
             train_speech_networks(
                 self.model.field.conditioning, datasets, config.lip_iterations, generator
             )
@@ -160,7 +165,13 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     def draw_shares(
         self, dataset: HeadDataset, config: TrainConfig, generator: torch.Generator
     ) -> list[RayShare]:
-        return draw_shares(dataset, self.conditioning[dataset.name], config, generator, SHARES)
+        known = self.conditioning[dataset.name]
+        shares = draw_shares(dataset, known, config, generator, SHARES)
+        if self.model.config.field.lip_supervision:
+            return shares
+        frames = [dataset.number[share.batch.frames.cpu()] for share in shares]
+        near = [neighbour_windows(dataset.windows, dataset.segment, f) for f in frames]
+        return [replace(s, windows=w.to(known.device)) for s, w in zip(shares, near, strict=True)]
 
     def share_outcome(
         self,
@@ -191,7 +202,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     def finish(self, dataset: HeadDataset, views: ReferenceViews | None, seed: int) -> None:
         """Sets what is the person's own in the conditioning; closes cells that show nothing."""
         model, own = self.model, self.model.field.conditioning
-        if model.config.field.use_speech:
+        if model.config.field.learns_lips:
             fit_speaker_adaptation(own, dataset)
             own.closed_mouth_target.copy_(closed_mouth_target(own, dataset))
         maps = None if views is None else self.maps(views)

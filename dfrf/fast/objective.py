@@ -36,8 +36,12 @@ def share_loss(
         warp: False in the coarse stage.
     """
     batch = share.batch
-    learned = batch.frames.to(share.conditioning.device)
-    volume = model.volume(share.conditioning, maps, warp, learned)
+    conditioning = share.conditioning
+    if share.windows is not None:
+        codes = model.field.conditioning.speech_codes(share.windows)
+        conditioning = torch.cat([codes, conditioning[:, codes.shape[1] :]], 1)
+    learned = batch.frames.to(conditioning.device)
+    volume = model.volume(conditioning, maps, warp, learned)
     rendered = render_rays(volume, batch.rays, Search(jitter=share.jitter))
     # Equation (9): L = MSE + lambda L_r'.
     mse = F.mse_loss(rendered.over(batch.background), batch.colour)

@@ -90,7 +90,7 @@ class Conditioning(nn.Module):
             predicted_lips: of these frames and of those beside them, see `speaker_adaptation`.
             expression: measures of the upper face.
         """
-        if self.config.use_speech:
+        if self.config.learns_lips:
             codes = self.adapted_codes(windows, predicted_lips)
         else:
             codes = self.speech_codes(windows)

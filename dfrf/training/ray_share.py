@@ -27,12 +27,14 @@ class RayShare:
         conditioning: of the batch's frames.
         jitter: in 0..1.
         surface: rays through the mean face.
+        windows: speech windows of the batch's frames, where the code is learned from pictures.
     """
 
     batch: RayBatch
     conditioning: Float[Tensor, "F K"]
     jitter: Float[Tensor, " B"]
     surface: SurfaceRays
+    windows: Float[Tensor, "F 8 W D"] | None = None
 
 
 def draw_shares(

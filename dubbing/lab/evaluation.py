@@ -50,6 +50,7 @@ PRESET_OF_METHOD = {
     "dfrf-6": "fast",
     "paper": "paper",
     "ad-nerf": "ad-nerf",
+    "ad-nerf-nolips": "ad-nerf-nolips",
     "nerf": "nerf",
 }
 PROTOCOLS = {"p15": ("p15",), "p15x": ("p15x",), "both": ("p15", "p15x")}
@@ -88,7 +89,8 @@ def evaluate(
     Args:
         manifest: its dubs are not needed.
         methods: dfrf (the `fast` preset), dfrf-nowarp, dfrf-alone (without a base), dfrf-1, -2, -4,
-            -6 (so many references, the same in every frame), paper, ad-nerf, nerf.
+            -6 (so many references, the same in every frame), paper, ad-nerf, ad-nerf-nolips (its
+            speech networks learn from pictures alone), nerf.
         only: names of identities or patterns; all when empty.
         protocol: p15, p15x or both.
         seconds: of the held-out part that are tested, its first; all when None.

@@ -2,11 +2,15 @@
 
 from dataclasses import replace
 
+import pytest
 import torch
 
 from dfrf import presets
-from dfrf.data.dataset import HeadDataset
+from dfrf.config import TrainConfig
+from dfrf.data.dataset import HeadDataset, neighbour_windows
+from dfrf.fast.method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS, REACH
+from dfrf.training.fit import fit
 from dfrf.training.lip_supervision import (
     REGRESSION_SHARE,
     closed_mouth_target,
@@ -42,6 +46,25 @@ def test_lip_measures_are_learned_from_the_sound_and_nothing_else_changes() -> N
     }
     assert changed == {"audio", "attention", "lips"}
     assert not any(p.requires_grad for p in model.field.conditioning.audio.parameters())
+
+
+@pytest.mark.parametrize("taught", [True, False])
+def test_without_lip_supervision_pictures_teach_the_speech_networks(taught: bool) -> None:
+    someone, config = talking(0), small_config()
+    field = replace(config.field, references=0, use_warp=False, lip_supervision=taught)
+    model = presets.build(replace(config, field=field))
+    method = FastMethod(model)
+    before = {n: p.clone() for n, p in model.field.conditioning.named_parameters()}
+    fit(method, [someone], TrainConfig(iterations=2, rays=96, frames=2, warmup=0))
+    own = model.field.conditioning
+    changed = {n.split(".")[0] for n, p in own.named_parameters() if not torch.equal(p, before[n])}
+    assert changed == (set() if taught else {"audio", "attention"})
+    method.finish(someone, None, seed=0)
+    frames = torch.arange(4)
+    near = neighbour_windows(someone.windows, someone.segment, frames)
+    heard = own(near, someone.predicted_lips[: 4 + 2 * REACH], someone.expression[:4])
+    codes = heard[:, : field.code_dim]
+    assert torch.allclose(codes, own.speech_codes(near)) != taught
 
 
 def test_what_only_one_person_does_is_not_learned_from_the_others() -> None:
