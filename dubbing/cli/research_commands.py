@@ -27,7 +27,8 @@ def evaluate(
         typer.Option(
             "--method",
             help="dfrf, dfrf-nowarp, dfrf-alone (no base), dfrf-1, -2, -4 or -6 (so many "
-            "references, always the same), paper, ad-nerf or nerf; may be repeated.",
+            "references, always the same), paper, ad-nerf, ad-nerf-nolips (its speech learned "
+            "from pictures alone) or nerf; may be repeated.",
         ),
     ] = None,
     only: Only = None,
