@@ -222,6 +222,8 @@ class Field(nn.Module):
         own = raw[..., :3].sigmoid()
         if maps is None:
             return FieldOutput(density, own, offset)
-        # A colour of the field's own is soft, which costs less than teeth in a wrong place.
-        gate = torch.lerp((raw[..., 3:] + 2).sigmoid(), raw.new_ones(()), share[:, None])
+        # A colour of the field's own is soft, which costs less than teeth in a wrong place. Where
+        # lips are moved further than any that were learned, it is white beside them.
+        near = mouth_views.nearness(maps, points)[:, None]
+        gate = torch.lerp((raw[..., 3:] + 2).sigmoid(), raw.new_ones(()), near)
         return FieldOutput(density, gate * blended + (1 - gate) * own, offset)

@@ -28,6 +28,7 @@ GAP = 3.0  # how much the gap counts: of all that lips do it is little, and what
 FADE = 2  # power by which a view's weight falls with its distance
 NEAREST = 4  # power of the weight: a mean of four kinds of teeth shows none
 EDGE = 0.7  # of the region's radii, from where its weight falls to nothing
+BESIDE = 2.0  # of the region's radii: nearer than this, colours are read off pictures
 REACH = (1.5, 1.3, 1.5)  # half axes of the region to the side, up and forwards, half mouth widths
 NEIGHBOURS = 10  # frames to each side of one that is learned, which show nearly the same
 KERNEL = 0.1  # head units, how far the motion of a point of the lips carries
@@ -64,13 +65,26 @@ def lip_traits(lips: Float[Tensor, "T Q 2"], among: Float[Tensor, "C Q 2"]) -> F
     return torch.cat([lips.flatten(1) / spread, GAP**0.5 * gap(lips)[:, None] / of_gap], 1)
 
 
-def share(maps: ReferenceMaps, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
-    """How much of what is seen of points is read off mouths, 0..1; 0 where none is looked at."""
+def distance(maps: ReferenceMaps, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
+    """How far points lie from the middle of the mouth, 1 on the edge of its region.
+
+    Infinitely far where no mouths are looked at.
+    """
     mouths = maps.views.mouths
     if mouths is None or not maps.chosen:
-        return points.new_zeros(len(points))
+        return points.new_full((len(points),), torch.inf)
     middle, reach = region(mouths.shape)
-    return ramp(((points - middle) / reach).norm(dim=-1), 1, EDGE)
+    return ((points - middle) / reach).norm(dim=-1)
+
+
+def share(maps: ReferenceMaps, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
+    """How much of what is seen of points is read off mouths, 0..1; 0 where none is looked at."""
+    return ramp(distance(maps, points), 1, EDGE)
+
+
+def nearness(maps: ReferenceMaps, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
+    """1 in the mouth region, falling to 0 beside it, at a `distance` of `BESIDE`."""
+    return ramp(distance(maps, points), BESIDE, 1)
 
 
 def wanted_lips(

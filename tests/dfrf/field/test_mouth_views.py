@@ -165,6 +165,19 @@ def test_what_a_mouth_is_read_off_fades_to_nothing(someone: Someone) -> None:
     assert not mouth_views.share(someone.maps, line).any()  # none is looked at yet
 
 
+def test_beside_the_mouth_no_colour_is_the_fields_own(someone: Someone) -> None:
+    middle, reach = mouth_views.region(someone.mouths.shape)
+    line = middle + torch.tensor([[0.0], [0.8], [1.0], [2.5]]) * reach * torch.tensor([1.0, 0, 0])
+    conditioning = torch.zeros(1, 70)
+    before = someone.seen(line, conditioning).colour
+    bias = someone.method.model.field.colour.bias.data
+    bias[:3] += 20  # white
+    after = someone.seen(line, conditioning).colour
+    bias[:3] -= 20
+    torch.testing.assert_close(before[:3], after[:3])
+    assert (after[3] - before[3]).min() > 0.05
+
+
 def test_of_many_frames_some_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     someone, method = person(), FastMethod(presets.build(small_config()))
     assert method.mouth_views(someone).frames.tolist() == [0, 1, 2, 3, 4, 5]
