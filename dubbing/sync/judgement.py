@@ -41,13 +41,13 @@ class Found:
 def sound_offset(result: SyncResult) -> int:
     """Frames by which a clip's sound comes early (negative: late), as far as one can rely on it.
 
-    0 unless the sound is off by at least two frames, which a viewer notices and a network should
-    not learn, and the check is surer than of speech that does not belong.
+    0 unless the check is surer than of speech that does not belong. What a clip's sound is off by,
+    its person would be in every dub.
     """
     if result.offset_frames is None or result.confidence is None:
         return 0
     sure = result.confidence >= PASS_SHARE * TYPICAL_CONFIDENCE
-    return result.offset_frames if sure and abs(result.offset_frames) > 1 else 0
+    return result.offset_frames if sure else 0
 
 
 def reference_confidence(source: SyncResult | None, method: str) -> float | None:

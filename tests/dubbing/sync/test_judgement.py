@@ -123,7 +123,7 @@ def test_json_round_trip() -> None:
 
 @pytest.mark.parametrize(
     ("offset", "confidence", "known"),
-    [(3, 0.5, 3), (-2, 0.2, -2), (1, 0.5, 0), (0, 0.5, 0), (4, 0.05, 0), (None, None, 0)],
+    [(3, 0.5, 3), (-2, 0.2, -2), (1, 0.5, 1), (0, 0.5, 0), (4, 0.05, 0), (None, None, 0)],
 )
 def test_sound_is_moved_only_when_it_is_surely_off(
     offset: int | None, confidence: float | None, known: int
