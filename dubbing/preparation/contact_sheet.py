@@ -7,6 +7,7 @@ import numpy as np
 
 from dubbing.files import atomic_write_bytes
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
+from dubbing.preparation.footage.threads import in_order
 from dubbing.preparation.prepared import PreparedClip
 
 COLUMNS = 8
@@ -19,7 +20,7 @@ GREEN = np.array([0, 177, 64], np.float32)
 def contact_sheet(clip: PreparedClip, path: Path) -> None:
     """Write the page as PNG: a column a frame, rows source with axes, cut-out head, background."""
     chosen = np.unique(np.linspace(0, len(clip) - 1, COLUMNS + 2).round().astype(int)[1:-1])
-    columns = [column(clip, int(t)) for t in chosen]
+    columns = list(in_order(column, ((clip, int(t)) for t in chosen)))
     _, png = cv2.imencode(".png", cv2.cvtColor(np.hstack(columns), cv2.COLOR_RGB2BGR))
     atomic_write_bytes(path, png.tobytes())
 
