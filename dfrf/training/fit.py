@@ -225,10 +225,10 @@ class Run(ExitStack):
         loss, psnr = outcome.loss.item(), -10 * math.log10(max(outcome.mse.item(), 1e-10))
         self.state.curve.add(step, loss, psnr, self.spent + spent)
         if self.options.progress is not None:
-            left = spent / (step + 1 - self.first) * (self.config.iterations - step - 1)
+            pace = spent / (step + 1 - self.first)
             per_ray = len(outcome.points) / max(outcome.rays, 1)
             self.options.progress(
-                Progress(step + 1, self.config.iterations, loss, psnr, left, per_ray)
+                Progress(step + 1, self.config.iterations, loss, psnr, pace, per_ray)
             )
 
     def ends_after(self, step: int) -> bool:

@@ -12,7 +12,7 @@ class Progress:
     Attributes:
         step, iterations: steps done, and in all.
         loss, psnr: of the last step, PSNR in dB over its rays.
-        seconds_left: at the present pace.
+        seconds_a_step: mean since the run began or went on.
         samples_per_ray: of the last step.
     """
 
@@ -20,15 +20,17 @@ class Progress:
     iterations: int
     loss: float
     psnr: float
-    seconds_left: float
+    seconds_a_step: float
     samples_per_ray: float
+
+    @property
+    def seconds_left(self) -> float:
+        """At the present pace."""
+        return self.seconds_a_step * (self.iterations - self.step)
 
     def within(self, done: int, iterations: int) -> Progress:
         """The same step as one of a longer run, of which `done` steps came before this one's."""
-        step = done + self.step
-        share = (iterations - step) / max(self.iterations - self.step, 1)
-        left = self.seconds_left * share
-        return replace(self, step=step, iterations=iterations, seconds_left=left)
+        return replace(self, step=done + self.step, iterations=iterations)
 
     def __str__(self) -> str:
         left = f"{self.seconds_left:.0f} s left"
