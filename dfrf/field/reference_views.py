@@ -1,7 +1,7 @@
 """Pictures of a person that a field looks at: whole references, and crops round the mouth.
 
 N references of H x W pixels, P crops, M points; L lip measures, Q points of the lips, I = L + 4
-numbers that say where these are. Where lips are is how far they lie beside those of the mean face,
+numbers of where these are. Where lips are is how far they lie beside those of the mean face,
 right and down in the picture, head units.
 """
 

@@ -5,7 +5,7 @@ FORM = """\
 # limit anything (`languages`, `until`, `films`). What is left blank is refused.
 #
 # "I agree that new speech is put into my mouth in the films named here, with pictures that a
-# computer makes of my face, in these languages and until this day. I was told that each result is
+# computer makes of my face, in these languages and until this day. I know that each result is
 # marked as made so, and that I can withdraw my consent for everything that is still to be made."
 #
 # Let the person sign this text, and keep the signed copy where `reference` points. In the manifest:

@@ -84,7 +84,7 @@ class StandInGpu(TorchFunctionMode):
             put(made, place(parameter))
             return made
 
-        # The one way to a new tensor that a mode is not told of.
+        # The one way to a new tensor that a mode does not see.
         Parameter.__deepcopy__ = copied  # type: ignore[method-assign, assignment]
         super().__enter__()
         return self

@@ -79,9 +79,9 @@ def pixel_equations(
     texture: Texture,
     relief: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What the pixels say of a step: matrices (T, C, C) and right-hand sides (T, C).
+    """Normal equations of a step from the pixels: matrices (T, C, C) and right-hand sides (T, C).
 
-    Residuals are in the texture's contrast. Frames that are not usable say nothing: zeros.
+    Residuals are in the texture's contrast. Frames that are not usable give zeros.
 
     Args:
         relief: directions (N, 3) of the head frame in which the points may move, and a basis

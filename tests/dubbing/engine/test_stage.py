@@ -19,7 +19,7 @@ def quiet(_message: str, _share: float) -> None:
 
 
 class Work:
-    """Copies its input a piece at a time; can be told to fail, and counts the pieces it made."""
+    """Copies its input a piece at a time; can be made to fail, and counts the pieces it made."""
 
     def __init__(self, source: Path) -> None:
         self.source = source

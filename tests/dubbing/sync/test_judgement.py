@@ -45,7 +45,7 @@ def test_verdicts(
     [
         (0.40, 0.20, "pass"),  # half of a source that the network knows, and all a stranger has
         (0.40, 0.16, "warn"),
-        (0.40, 0.11, "fail"),  # what does not follow is told by the source's own confidence still
+        (0.40, 0.11, "fail"),  # what does not follow is judged by the source's own confidence still
         (0.40, 0.35, "pass"),
         (0.28, 0.16, "warn"),
         (0.28, 0.17, "pass"),
