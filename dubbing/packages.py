@@ -36,7 +36,6 @@ DECLARED = {
     "matplotlib": "matplotlib==3.11.2",
     "silero_vad": "silero-vad==6.2.3",
     "typing_extensions": "typing_extensions==4.16.0",
-    "pysubs2": "pysubs2==1.8.1",
     "absl": "absl-py==2.5.1",
     "attr": "attrs==26.1.0",
     "flatbuffers": "flatbuffers==25.12.19",

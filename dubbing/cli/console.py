@@ -73,10 +73,14 @@ def plan(
     warnings: Sequence[str],
     needed: Estimate,
     learned: Mapping[str, Learned],
+    undubbed: Mapping[str, Sequence[dict[str, Any]]] | None = None,
     *,
     as_json: bool,
 ) -> None:
-    """What would run, and why; what that needs; and which seconds people were learned from."""
+    """What would run, and why; what that needs; which seconds people were learned from.
+
+    And the lines of scripts that nobody dubs, by dub.
+    """
     from dubbing.identity.learned import in_words
 
     if as_json:
@@ -86,7 +90,7 @@ def plan(
             for row in rows
         ]
         found = {"warnings": list(warnings), "stages": entries, "estimate": asdict(needed)}
-        print(json.dumps({**found, "learned": learned}, indent=2))
+        print(json.dumps({**found, "learned": learned, "undubbed": undubbed or {}}, indent=2))
         return
     table = _table("job", "stage", "state", "why")
     for row in rows:
@@ -96,6 +100,11 @@ def plan(
     for warning in warnings:
         line(out, f"warning: {warning}", "yellow")
     out.print(table)
+    for name, lines in (undubbed or {}).items():
+        for left in lines:
+            whose = f"{left['speaker']}: " if left["speaker"] else ""
+            what = f"line {left['line']} at {left['in']}, {whose}{left['words']}"
+            line(out, f"{name}: nobody dubs {what} ({left['why']})", "yellow")
     for person, clips in learned.items():
         line(out, f"{person}: {in_words(clips)}")
     runs = sum(row.state == "run" for row in rows)

@@ -84,6 +84,7 @@ def plan(
     from dubbing.engine import planner as planning
     from dubbing.identity.learned import learned_if_known
     from dubbing.manifest.manifest import load
+    from dubbing.report.lines import undubbed_of
     from dubbing.report.report import found_by_looks
 
     loaded = load(manifest)
@@ -97,8 +98,9 @@ def plan(
         for name, job in planned.identities.items()
         if (clips := learned_if_known(job.stages["finetune"].folder))
     }
+    undubbed = {name: undubbed_of(loaded, name) for name in planned.dubs}
     needed = estimates.estimate(loaded, planned, rows)
-    console.plan(rows, warnings, needed, learned, as_json=as_json)
+    console.plan(rows, warnings, needed, learned, undubbed, as_json=as_json)
 
 
 def init(

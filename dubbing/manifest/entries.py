@@ -28,6 +28,7 @@ from dubbing.manifest.values import (
     Language,
     LearnedSeconds,
     Name,
+    ReelTime,
     Seconds,
     Sha256,
     Sounds,
@@ -216,6 +217,7 @@ class Dub(Entry):
     clip: FilePath | None = None
     lines: FilePath | None = None
     speakers: dict[str, str] | None = None
+    reel_start: ReelTime | None = None
     audio: Sounds
     music_effects: FilePath | None = None
     loudness: Literal["r128", "streaming", "none"] = "none"

@@ -11,6 +11,18 @@ from dubbing.script.timeline import Cue
 
 
 @dataclass(frozen=True)
+class Undubbed:
+    """A line of a script that nobody dubs, in frames of the film, and why not."""
+
+    number: int
+    first: int
+    stop: int
+    speaker: str
+    words: str
+    why: str
+
+
+@dataclass(frozen=True)
 class Scene:
     """The speech of a dub, when it is spoken, and the film under it.
 
@@ -18,11 +30,15 @@ class Scene:
         clip: the film.
         cues: in the order of their times.
         left: frames (first, stop) in which people speak who are not dubbed.
+        undubbed: the lines of these frames, and all others of the film that nobody dubs.
+        elsewhere: how many lines of the script are of other shots than this film.
     """
 
     clip: Path
     cues: tuple[Cue, ...]
     left: tuple[tuple[int, int], ...] = ()
+    undubbed: tuple[Undubbed, ...] = ()
+    elsewhere: int = 0
 
 
 @dataclass

@@ -120,7 +120,7 @@ def _scene(script: Path, found: _Found) -> tuple[list[str], str]:
         return keys, "  # fits no clip: fill in identity and audio"
     info = found.clips[clip]
     try:
-        lines = read_lines(script, info.rate or Fraction(25), info.first_frame)
+        lines = read_lines(script, info.rate or Fraction(25), None)
     except DubbingError as error:
         return keys, f"  # {' '.join(str(error).split())}"
     names = list(dict.fromkeys(line.speaker for line in lines))

@@ -3,26 +3,22 @@
 A dub without lines is a scene of one speaker, whose one cue is the whole audio.
 """
 
-import re
 from collections.abc import Mapping
-from dataclasses import replace
-from itertools import pairwise
-from pathlib import Path
+from itertools import groupby
 
 from dubbing.errors import DubbingError
+from dubbing.manifest import reels
+from dubbing.manifest.cues import CUE, SceneCues
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Findings, Scene
 from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
 from dubbing.script import timeline
-from dubbing.script.line import Line
 from dubbing.script.reading import read_lines
 from dubbing.script.timeline import Cue
 
-CUE = re.compile(r"\{cue(?::0?([1-9]))?\}")  # {cue}, or {cue:03} with leading zeros
-MOST_NAMED = 5  # lines that one sentence names
 # Keys that only lines give a meaning, and those that they take it from.
-OF_SCENES = ("speakers", "music_effects")
+OF_SCENES = ("speakers", "music_effects", "reel_start")
 OF_ONE_SOUND = ("audio_start", "audio_seconds", "video_start")
 
 
@@ -41,17 +37,26 @@ def inspect_scene(
     if film is None or film.picture is None:
         return
     try:
-        lines = _from_start(findings, dub, film, read_lines(dub.lines, film.rate, film.first_frame))
+        every = read_lines(dub.lines, film.rate, _speakers(dub))
     except DubbingError as error:
         findings.add((*at, "lines"), str(error))
         return
-    scene = _Scene(findings, at, dub, film)
-    for line in lines:
-        scene.add(line)
-    scene.check(lines)
+    dealt = reels.of_film(findings, at, dub, film, every)
+    scene = SceneCues(findings, at, dub, film, reel=dealt.reel)
+    for _, cue in groupby(dealt.lines, key=lambda line: line.shared and (line.start, line.stop)):
+        scene.add_all(list(cue))
+    scene.check(every)
     if len(findings.problems) == before and place not in findings.blocked:
+        scene.warn(len(dealt.lines))
         cues = tuple(sorted(scene.cues, key=lambda cue: cue.first))
-        findings.scenes[place] = Scene(film.path, cues, tuple(scene.left))
+        findings.scenes[place] = Scene(
+            film.path, cues, tuple(scene.left), tuple(scene.undubbed), dealt.elsewhere
+        )
+
+
+def _speakers(dub: Dub) -> tuple[str, ...]:
+    """The names of speakers that a manifest has for a script."""
+    return tuple(dub.speakers or (dub.audio if isinstance(dub.audio, dict) else ()))
 
 
 def film_of(
@@ -85,95 +90,6 @@ def film_of(
     if clips and clips[0] in findings.damaged and clips[0] not in learned:
         findings.blocked.setdefault(int(at[1]), findings.damaged[clips[0]])
     return findings.media.get(clips[0]) if clips else None
-
-
-class _Scene:
-    """The cues of one dub, and what is wrong with them."""
-
-    def __init__(self, findings: Findings, at: KeyPath, dub: Dub, film: MediaInfo) -> None:
-        self.findings, self.at, self.dub, self.film = findings, at, dub, film
-        self.rate = film.rate
-        self.cues: list[Cue] = []
-        self.left: list[tuple[int, int]] = []
-        self.too_long: list[str] = []
-        self.unheard: list[str] = []
-
-    def add(self, line: Line) -> None:
-        """The frames of a line, and the sound for them."""
-        first, stop = (round(time * self.rate) for time in (line.start, line.stop))
-        where = f"line {line.number} of {self.dub.lines and self.dub.lines.name}"
-        if first >= self.film.frames or stop > self.film.frames + 1:
-            end = f"the film is {self.film.duration:.2f} s long"
-            times = f"{float(line.start):g} to {float(line.stop):g} s"
-            self.findings.add((*self.at, "lines"), f"{where} is at {times}: {end}")
-            return
-        stop = min(stop, self.film.frames)
-        if stop <= first:
-            self.findings.add((*self.at, "lines"), f"{where} is shorter than a frame")
-            return
-        identity = self._identity(line.speaker)
-        if identity is None:
-            self.left.append((first, stop))
-            return
-        sound = self._sound(line, first, stop)
-        if sound is not None:
-            length = float((stop - first) / self.rate)
-            who = (line.number, line.speaker, line.words)
-            self.cues.append(Cue(identity, first, stop, sound[0], sound[1], length, *who))
-
-    def _identity(self, speaker: str) -> str | None:
-        if self.dub.speakers is None:
-            return self.dub.identity
-        return self.dub.speakers.get(speaker)
-
-    def _sound(self, line: Line, first: int, stop: int) -> tuple[Path, float] | None:
-        """The sound of a line, and where in it the line begins, seconds."""
-        named, key = self.dub.audio, (*self.at, "audio")
-        if isinstance(named, dict):
-            if line.speaker not in named:
-                self.findings.add(key, f"has no sound of {line.speaker!r}")
-                return None
-            named = named[line.speaker]
-        path = Path(CUE.sub(lambda m: str(line.number).zfill(int(m[1] or 1)), str(named)))
-        sound = self.findings.look(path, key)
-        if sound is None or sound.audio_rate is None:
-            if sound is not None:
-                self.findings.add(key, f"no sound in {path}")
-            return None
-        if path == named:  # a track that runs beside the film
-            start = float(first / self.rate)
-            if start >= sound.sound_seconds:
-                self.unheard.append(f"{line.number} (at {start:.2f} s)")
-            return path, start
-        there, room = sound.sound_seconds, float((stop - first + 1) / self.rate)
-        if there > room and self.dub.on_longer_audio != "cut":
-            length = float((stop - first) / self.rate)
-            self.too_long.append(f"{line.number} ({there:.2f} s in {length:.2f} s)")
-        return path, 0.0
-
-    def check(self, lines: list[Line]) -> None:
-        """Check all lines together: nobody's cues overlap, and everybody speaks."""
-        speakers = {line.speaker for line in lines}
-        there = ", ".join(sorted(speakers - {""})) or "nobody: it names no speakers"
-        for name in self.dub.speakers or {}:
-            if name not in speakers:
-                message = f"does not speak in {self.dub.lines and self.dub.lines.name}; there is"
-                self.findings.add((*self.at, "speakers", name), f"{message} {there}")
-        for person in self.dub.people:
-            own = sorted((c for c in self.cues if c.identity == person), key=lambda c: c.first)
-            for cue, following in pairwise(own):
-                if following.first < cue.stop:
-                    both = f"lines {cue.number} and {following.number} of {person} overlap"
-                    self.findings.add((*self.at, "lines"), f"{both}: nobody speaks two at a time")
-        remedy = "lengthen the cues, shorten the recordings, or set on_longer_audio: cut"
-        self._add_some(self.too_long, "last longer than their cues", remedy)
-        self._add_some(self.unheard, "begin after the end of their sound", "give a longer track")
-
-    def _add_some(self, lines: list[str], what: str, remedy: str) -> None:
-        if lines:
-            more = f" and {len(lines) - MOST_NAMED} more" if len(lines) > MOST_NAMED else ""
-            named = ", ".join(lines[:MOST_NAMED]) + more
-            self.findings.add((*self.at, "audio"), f"lines {named} {what}: {remedy}")
 
 
 def _keys(findings: Findings, at: KeyPath, dub: Dub) -> None:
@@ -214,15 +130,3 @@ def whole_audio(dub: Dub, film: MediaInfo, sound: MediaInfo) -> Scene:
     frames = timeline.frame_count(seconds, film.rate)
     cue = Cue(dub.identity, 0, frames, sound.path, dub.audio_start, seconds)
     return Scene(film.path, (cue,))
-
-
-def _from_start(findings: Findings, dub: Dub, film: MediaInfo, lines: list[Line]) -> list[Line]:
-    """Lines whose times count from the film's first frame; scripts may use its timecode."""
-    earliest = min(line.start for line in lines)
-    offset = film.first_frame / film.rate
-    # At 24000/1001 a second a clock may count the timecode's seconds or real ones: nobody knows.
-    if film.rate.denominator > 1 or earliest < film.duration or earliest < offset:
-        return lines
-    name = dub.lines.name if dub.lines else ""
-    findings.warnings.append(f"{dub.name}: times of {name} count from {film.timecode}")
-    return [replace(line, start=line.start - offset, stop=line.stop - offset) for line in lines]

@@ -2,6 +2,7 @@
 
 import datetime
 import re
+from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -9,6 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
 
 from dubbing import files
 from dubbing.printable import is_blank
+from dubbing.script.line import seconds_of
 
 LONGEST_NAME = 100  # characters
 # Bytes of a name, which the name of a file begins with.
@@ -90,6 +92,15 @@ def _seconds(value: Any) -> Any:
     return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
 
 
+def _reel_time(value: Any) -> Any:
+    """A time of a script's own clock, as text: its timecodes need the rate of a film."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"must be a time as 3600, 1:00:00 or 01:00:00:00, not {value!r:.60}")
+    text = value if isinstance(value, str) else f"{value:.9f}"
+    seconds_of(text, Fraction(1000))
+    return text
+
+
 def _learned_seconds(value: Any) -> Any:
     """A number of seconds above 0, or `BEST`."""
     number = _seconds(value)
@@ -147,6 +158,7 @@ FilePath = Annotated[Path, BeforeValidator(resolve)]
 # One sound, or one a speaker; a name with {cue} or {cue:03} is a file a line.
 Sounds = Annotated[Path | dict[str, Path], BeforeValidator(_resolve_sounds)]
 Seconds = Annotated[float, BeforeValidator(_seconds)]
+ReelTime = Annotated[str, BeforeValidator(_reel_time)]
 LearnedSeconds = Annotated[float | Literal["best"], BeforeValidator(_learned_seconds)]
 Name = Annotated[str, BeforeValidator(check_name)]
 Filled = Annotated[str, Field(min_length=1), AfterValidator(_check_filled)]

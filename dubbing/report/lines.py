@@ -64,6 +64,26 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
     return rows
 
 
+def undubbed_of(manifest: Manifest, name: str) -> list[dict[str, Any]]:
+    """The lines of a dub's film that nobody dubs, in the order of their times, and why not."""
+    scene = manifest.scenes.get(name)
+    if scene is None:
+        return []
+    film = manifest.media[scene.clip]
+    return [
+        {
+            "line": line.number,
+            "in": film.timecode_at(line.first),
+            "out": film.timecode_at(line.stop),
+            "seconds": round(float(line.first / film.rate), 3),
+            "speaker": line.speaker,
+            "words": line.words,
+            "why": line.why,
+        }
+        for line in sorted(scene.undubbed, key=lambda line: line.first)
+    ]
+
+
 def scene_of(job: Job) -> dict[str, Any]:
     """What a scene's composite recorded of its sound and of untouched frames; else empty."""
     return _read(job, "composite", SCENE_FILE)

@@ -6,6 +6,7 @@ from fractions import Fraction
 
 from dubbing.script.timecode import frame_of
 
+LONGEST = 10**9  # seconds
 CLOCK = re.compile(r"(?:(?:([0-9]{1,3}):)?([0-9]{1,3}):)?([0-9]{1,9}(?:[.,][0-9]{1,9})?)")
 
 
@@ -14,9 +15,12 @@ class Line:
     """Spoken words, from when to when, and by whom.
 
     Attributes:
-        number: its place in the file, from 1.
+        number: as printed in the file; its place there, from 1, where none is printed.
         start, stop: seconds, as written.
         speaker: '' where the file names none.
+        counted: whether its times are timecodes, which count frames.
+        shared: whether somebody else speaks in the same cue.
+        carried: whether it names nobody, and is taken for a line of the speaker before it.
     """
 
     number: int
@@ -24,21 +28,25 @@ class Line:
     stop: Fraction
     speaker: str
     words: str
+    counted: bool = False
+    shared: bool = False
+    carried: bool = False
 
 
-def seconds_of(text: str, rate: Fraction, start: int = 0) -> Fraction:
+def is_timecode(text: str) -> bool:
+    """Whether a written time is meant as a timecode, which counts frames."""
+    return text.count(":") == 3 or ";" in text
+
+
+def seconds_of(text: str, rate: Fraction) -> Fraction:
     """Seconds of ``65.5``, ``1:05.5``, ``0:01:05,5`` or the timecode ``00:01:05:12``.
-
-    Args:
-        start: frame of the film's first timecode. Timecodes from there on count from it.
 
     Raises:
         ValueError: it is none of them.
     """
     text = text.strip()
-    if text.count(":") == 3 or ";" in text:
-        frame = frame_of(text, rate)
-        return (frame - start if frame >= start else frame) / rate
+    if is_timecode(text):
+        return frame_of(text, rate) / rate
     found = CLOCK.fullmatch(text)
     if found is None:
         raise ValueError(f"{text!r:.40} is no time as 65.5, 0:01:05.5 or 00:01:05:12")

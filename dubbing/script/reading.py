@@ -1,119 +1,150 @@
 """The lines of a script file: SRT, VTT or ASS subtitles, TTML, or CSV."""
 
 import csv
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
-import pysubs2
-
 from dubbing.errors import DubbingError
 from dubbing.files import read_bounded
-from dubbing.script import ttml
-from dubbing.script.line import Line, seconds_of
+from dubbing.script import substation, subtitles, ttml
+from dubbing.script.line import LONGEST, Line, is_timecode, seconds_of
+from dubbing.script.speakers import Names, guessed, is_sound, turns
 
-MOST_BYTES = 10 * 10**6
+MOST_BYTES, MOST_LINES = 10 * 10**6, 50_000
 COLUMNS = ("in", "out", "speaker", "words")
-ARROW = "-->"
-# <v Anna>Good evening</v>, and [ANNA] Good evening or ANNA: Good evening
-VOICE = re.compile(r"<v(?:\.[^\s>]*)*\s+([^>]+)>")
-TAG = re.compile(r"<[^>]*>|\{[^}]*\}")
-NAMED = re.compile(r"(?:-\s*)?(?:\[([^\]\n]{1,40})\]:?|([^\s:\[\]][^:\n\[\]]{0,39}):(?=\s))\s*")
+NUMBERS = ("cue", "line", "number", "#")  # columns of a table that hold a line's number
+# Where cues without a name may be those of the speaker before: in the others, names are a field of
+# their own, which is left empty where nobody speaks.
+CARRIED = (".srt", ".vtt", ".csv")
+LONGEST_PAUSE = 10  # seconds, before a line without a name that is still the last speaker's
 
 
-def read_lines(path: Path, rate: Fraction, start: int = 0) -> list[Line]:
+def read_lines(path: Path, rate: Fraction, names: Collection[str] | None = ()) -> list[Line]:
     """The lines of a script, in the order of the file.
-
-    Subtitles have speakers as ``<v Anna>`` (VTT), as the actor (ASS), or before the words:
-    ``ANNA: Good evening``, ``[ANNA] Good evening``.
 
     Args:
         rate: frames a second of the film, for timecodes.
-        start: frame of the film's first timecode.
+        names: of speakers, as the manifest has them; None: those that the script seems to have.
 
     Raises:
         DubbingError: it cannot be read, a time in it is none, or it holds no line.
     """
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
+    kind = path.suffix.lower()
+    if kind not in READERS:
         known = ", ".join(READERS)
         raise DubbingError(f"no kind of script: {path.suffix!r}", path.name, f"one of {known}")
     try:
         text = read_bounded(path, MOST_BYTES).decode("utf-8-sig")
-        lines = reader(text, rate, start)
+        lines = READERS[kind](text, rate)
     except UnicodeDecodeError as error:
         raise DubbingError("it is not UTF-8", path.name, "save it as UTF-8") from error
     except (ValueError, OSError, csv.Error) as error:
         raise DubbingError(str(error), path.name, "correct it there") from error
     if not lines:
         raise DubbingError("it holds no line", path.name)
-    for line in lines:
-        if line.stop <= line.start:
-            what = f"line {line.number} ends at {float(line.stop):g} s, not after its beginning"
+    if len(lines) > MOST_LINES:
+        what = f"it holds {len(lines)} lines; {MOST_LINES} are read at most"
+        raise DubbingError(what, path.name, "cut it into parts")
+    for place, line in enumerate(lines, 1):
+        if problem := _problem(line):
+            what = f"line {line.number or place} {problem}"
             raise DubbingError(what, path.name, "correct it there")
-    return lines
+    if names is None:
+        names = guessed(line.words for line in lines)
+    found = list(_once(_spoken(lines, Names(names))))
+    found = [replace(line, number=line.number or k) for k, line in enumerate(found, 1)]
+    return _carried(found) if kind in CARRIED else found
 
 
-def _subtitles(text: str, _rate: Fraction, _start: int) -> list[Line]:
-    try:
-        events = pysubs2.SSAFile.from_string(text, keep_html_tags=True).events
-    except (pysubs2.Pysubs2Error, ValueError, AttributeError) as error:
-        raise ValueError("no subtitles can be read from it") from error
-    events = [event for event in events if event.type == "Dialogue"]
-    if ARROW in text and text.count(ARROW) != len(events):
-        number = _first_odd_time(text)
-        raise ValueError(f"row {number}: no times as 00:01:05,500 --> 00:01:07,000")
-    lines = []
-    for number, event in enumerate(events, 1):
-        speaker, words = _speaker(event.text.replace(r"\N", "\n").replace(r"\n", "\n"))
-        start, stop = Fraction(event.start, 1000), Fraction(event.end, 1000)
-        lines.append(Line(number, start, stop, event.name.strip() or speaker, words))
-    return lines
+def _problem(line: Line) -> str:
+    if not 0 <= line.start <= LONGEST or line.stop > LONGEST:
+        return f"is at {float(line.start):g} s, where no film is"
+    if line.stop <= line.start:
+        return f"ends at {float(line.stop):g} s, not after its beginning"
+    return ""
 
 
-def _speaker(text: str) -> tuple[str, str]:
-    """The speaker, if the text names one, and the words alone."""
-    voice = VOICE.search(text)
-    words = TAG.sub("", text).strip()
-    if voice:
-        return voice[1].strip(), " ".join(words.split())
-    named = NAMED.match(words)
-    if named:
-        return (named[1] or named[2]).strip(), " ".join(words[named.end() :].split())
-    return "", " ".join(words.split())
+def _spoken(lines: list[Line], names: Names) -> Iterator[Line]:
+    """Lines with the names that the manifest has; a cue of several speakers is several lines."""
+    for line in lines:
+        words = " ".join(line.words.split())
+        if line.speaker:
+            yield replace(line, speaker=names.known(line.speaker) or line.speaker, words=words)
+            continue
+        found = turns(line.words, names)
+        # One speaker, or dashes of people without names: nobody knows how many.
+        shared = line.shared or len({turn.speaker for turn in found}) > 1
+        shared = shared or (len(found) > 1 and not found[0].speaker)
+        if not shared:
+            found[0].rows = [turn.words for turn in found]
+            found = found[:1]
+        for turn in found:
+            # An empty name is carried on, but not to whom a dash or a strange name is.
+            unsure = turn.unsure or shared or is_sound(turn.words)
+            yield replace(
+                line,
+                speaker=turn.speaker,
+                words=turn.words,
+                shared=shared,
+                carried=not turn.speaker and not unsure,
+            )
 
 
-def _first_odd_time(text: str) -> int:
-    """Number of the first row whose arrow stands between other things than two times."""
-    stamp = r"(?:\d+:)?\d{1,2}:\d{2}[.,]\d{1,3}"
-    good = re.compile(rf"\s*{stamp}\s*{ARROW}\s*{stamp}.*")
-    rows = enumerate(text.splitlines(), 1)
-    return next((k for k, row in rows if ARROW in row and not good.fullmatch(row)), 1)
+def _once(lines: Iterable[Line]) -> Iterator[Line]:
+    """Lines without those that say the same at the same time: layers of a drawn subtitle."""
+    said: dict[tuple[Fraction, Fraction, str], list[Line]] = {}
+    for line in lines:
+        said.setdefault((line.start, line.stop, line.words), []).append(line)
+    for alike in said.values():
+        by_speaker = {line.speaker: line for line in reversed(alike)}
+        named = [line for speaker, line in by_speaker.items() if speaker]
+        yield from named[::-1] or by_speaker.values()
 
 
-def _table(text: str, rate: Fraction, start: int) -> list[Line]:
+def _carried(lines: list[Line]) -> list[Line]:
+    """Lines without a name are the last speaker's, in a script that names two people at least."""
+    several = len({line.speaker for line in lines} - {""}) > 1
+    found, speaker, end = [], "", Fraction(0)
+    for line in lines:
+        if line.carried and several and speaker and line.start - end <= LONGEST_PAUSE:
+            found.append(replace(line, speaker=speaker))
+        else:
+            found.append(replace(line, carried=False))
+            if not is_sound(line.words):
+                speaker = "" if line.shared else line.speaker
+        end = line.stop
+    return found
+
+
+def _table(text: str, rate: Fraction) -> list[Line]:
     rows = csv.DictReader(text.splitlines(), skipinitialspace=True)
     given = [name.strip().lower() for name in rows.fieldnames or ()]
     if missing := [name for name in COLUMNS if name not in given]:
         wanted = ", ".join(COLUMNS)
         raise ValueError(f"its first row names no column {missing[0]}: it needs {wanted}")
     rows.fieldnames = given
+    numbered = next((name for name in NUMBERS if name in given), "")
     lines = []
-    for number, row in enumerate(rows, 1):
+    for place, row in enumerate(rows, 1):
+        times = [row[name] or "" for name in ("in", "out")]
         try:
-            begin, end = (seconds_of(row[name] or "", rate, start) for name in ("in", "out"))
+            begin, end = (seconds_of(time, rate) for time in times)
         except ValueError as error:
-            raise ValueError(f"line {number}: {error}") from error
+            raise ValueError(f"line {place}: {error}") from error
         speaker, words = ((row[name] or "").strip() for name in ("speaker", "words"))
-        lines.append(Line(number, begin, end, speaker, words))
+        printed = (row.get(numbered) or "").strip()
+        number = int(printed) if subtitles.PRINTED.fullmatch(printed) else 0
+        lines.append(Line(number, begin, end, speaker, words, any(map(is_timecode, times))))
     return lines
 
 
-READERS: dict[str, Callable[[str, Fraction, int], list[Line]]] = {
-    ".srt": _subtitles,
-    ".vtt": _subtitles,
-    ".ass": _subtitles,
+READERS: dict[str, Callable[[str, Fraction], list[Line]]] = {
+    ".srt": subtitles.read,
+    ".vtt": subtitles.read,
+    ".ass": substation.read,
+    ".ssa": substation.read,
     ".ttml": ttml.read,
     ".dfxp": ttml.read,
     ".xml": ttml.read,

@@ -1,21 +1,27 @@
 """Timed text (TTML, IMSC, DFXP): paragraphs with times, which may count frames, and agents."""
 
 import re
+from collections.abc import Iterator
 from fractions import Fraction
 from xml.etree import ElementTree
 
 from dubbing.script.line import Line
 from dubbing.script.timecode import frame_of
 
-NAMESPACE = re.compile(r"\{http://www\.w3\.org/[^}]*ttml?[^}]*\}")
+NAMESPACE, KINDS = "{http://www.w3.org/", ("ttml", "ttaf1")
 PARAMETER = "{http://www.w3.org/ns/ttml#parameter}"
-IDENTIFIER = "{http://www.w3.org/XML/1998/namespace}id"
-CLOCK = re.compile(r"(\d{2,}):(\d{2}):(\d{2}(?:\.\d+)?)(?::(\d{2,})(?:\.\d+)?)?")
-OFFSET = re.compile(r"(\d+(?:\.\d+)?)(h|m|s|ms|f|t)")
+XML = "{http://www.w3.org/XML/1998/namespace}"
+CLOCK = re.compile(
+    r"([0-9]{2,4}):([0-9]{2}):([0-9]{2}(?:\.[0-9]{1,9})?)(?::([0-9]{2,4})(?:\.[0-9]{1,9})?)?"
+)
+OFFSET = re.compile(r"([0-9]{1,12}(?:\.[0-9]{1,12})?)(h|m|s|ms|f|t)")
+NUMBER = re.compile(r"[0-9]{1,9}(?:\.[0-9]{1,9})?")
 SPOKEN = ("div", "p", "span")
+FASTEST = 1000  # frames a second
+DEEPEST = 50  # elements in one another
 
 
-def read(text: str, _rate: Fraction, start: int) -> list[Line]:
+def read(text: str, _rate: Fraction) -> list[Line]:
     """The paragraphs of a document that have times. The document has its own frame rate.
 
     Raises:
@@ -24,38 +30,51 @@ def read(text: str, _rate: Fraction, start: int) -> list[Line]:
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         raise ValueError("it declares entities, which no timed text needs")
     try:
-        root = ElementTree.fromstring(text)
+        root = _parsed(text)
     except ElementTree.ParseError as error:
         raise ValueError(f"it is no XML: {error}") from error
     if _tag(root) != "tt":
         raise ValueError("it is no timed text: its root is not <tt>")
+    document = _Document(root)
     body = next((child for child in root if _tag(child) == "body"), None)
-    try:
-        document = _Document(root, start)
-        if body is not None:
-            document.walk(body, Fraction(0), None, "")
-    except (ZeroDivisionError, IndexError) as error:
-        raise ValueError("its frame rate or tick rate is none") from error
-    except RecursionError as error:
-        raise ValueError("its elements lie too deep in one another") from error
+    if body is not None:
+        document.walk(body, Fraction(0), None, "")
     return document.lines
+
+
+def _parsed(text: str) -> ElementTree.Element:
+    parser = ElementTree.XMLPullParser(events=("start", "end"))
+    parser.feed(text)
+    depth, root = 0, None
+    for event, element in parser.read_events():
+        root = element if root is None else root
+        depth += 1 if event == "start" else -1
+        if depth > DEEPEST:
+            raise ValueError("its elements lie too deep in one another")
+    parser.close()
+    if root is None:
+        raise ValueError("it is no timed text: it is empty")
+    return root
 
 
 class _Document:
     """Its clock, its agents, and the lines found so far."""
 
-    def __init__(self, root: ElementTree.Element, first: int) -> None:
-        self.first = first  # frame of the film's first timecode
-        rate = Fraction(root.get(f"{PARAMETER}frameRate", "30"))
+    def __init__(self, root: ElementTree.Element) -> None:
+        rate = _number(root.get(f"{PARAMETER}frameRate", "30"))
         times = root.get(f"{PARAMETER}frameRateMultiplier", "1 1").replace(":", " ").split()
-        self.rate = rate * Fraction(int(times[0]), int(times[-1]))
-        self.ticks = Fraction(root.get(f"{PARAMETER}tickRate", "1"))
+        if len(times) not in (1, 2) or not _number(times[-1]) > 0:
+            raise ValueError("its frameRateMultiplier is none")
+        self.rate = rate * _number(times[0]) / (_number(times[1]) if len(times) > 1 else 1)
+        self.ticks = _number(root.get(f"{PARAMETER}tickRate", "1"))
+        if not 1 <= self.rate <= FASTEST or self.ticks < 1:
+            raise ValueError("its frame rate or tick rate is none")
         self.counts_frames = root.get(f"{PARAMETER}timeBase") == "smpte"
         self.drops = root.get(f"{PARAMETER}dropMode", "nonDrop") != "nonDrop"
         self.agents: dict[str, str] = {}
         for agent in (e for e in root.iter() if _tag(e) == "agent"):
             names = ["".join(child.itertext()).strip() for child in agent if _tag(child) == "name"]
-            self.agents[agent.get(IDENTIFIER, "")] = next(filter(None, names), "")
+            self.agents[agent.get(f"{XML}id", "")] = next(filter(None, names), "")
         self.lines: list[Line] = []
 
     def walk(
@@ -71,14 +90,28 @@ class _Document:
             stop = begin + self.seconds(written)
         agent = _attribute(element, "agent") or agent
         timed = stop is not None and (stop != end or start != begin)
-        if _tag(element) in ("p", "span") and timed and (words := _words(element)):
+        if _tag(element) in ("p", "span") and timed and _words(element):
             assert stop is not None
-            speaker = self.agents.get(agent) or agent or _only_agent(element, self.agents)
-            self.lines.append(Line(len(self.lines) + 1, start, stop, speaker, words))
+            self._add(element, start, stop, agent)
             return
         for child in element:
             if _tag(child) in SPOKEN:
                 self.walk(child, start, stop, agent)
+
+    def _add(
+        self, element: ElementTree.Element, start: Fraction, stop: Fraction, agent: str
+    ) -> None:
+        """Add a paragraph; one in which several agents speak is a line for each of them."""
+        parts: dict[str, list[str]] = {}
+        for whose, words in _said(element, agent):
+            parts.setdefault(self.agents.get(whose) or whose, []).append(words)
+        named = {name: "".join(words) for name, words in parts.items()}
+        spoken = {name: words for name, words in named.items() if words.strip()}
+        number = _digits(element.get(f"{XML}id", ""))
+        self.lines += [
+            Line(number, start, stop, name, words, self.counts_frames, len(spoken) > 1)
+            for name, words in spoken.items()
+        ]
 
     def seconds(self, text: str) -> Fraction:
         """Seconds of a time expression.
@@ -103,27 +136,48 @@ class _Document:
             frames = int(found[4] or 0)
             sign = ";" if self.drops else ":"
             code = f"{found[1]}:{found[2]}:{found[3][:2]}{sign}{frames:02d}"
-            frame = frame_of(code, self.rate)
-            return (frame - self.first if frame >= self.first else frame) / self.rate
+            return frame_of(code, self.rate) / self.rate
         whole = 3600 * int(found[1]) + 60 * int(found[2]) + Fraction(found[3])
         return whole + int(found[4] or 0) / self.rate
 
 
 def _tag(element: ElementTree.Element) -> str:
-    return NAMESPACE.sub("", str(element.tag))
+    return _name(str(element.tag))
+
+
+def _name(tag: str) -> str:
+    """A name without the namespace, if it is one of timed text's. Long ones are not copied."""
+    ours = tag.startswith(NAMESPACE) and any(kind in tag[:100] for kind in KINDS)
+    return tag[tag.rfind("}") + 1 :] if ours else tag
+
+
+def _number(text: str) -> Fraction:
+    if not NUMBER.fullmatch(text.strip()):
+        raise ValueError(f"{text!r:.40} is no number as 25 or 23.976")
+    return Fraction(text.strip())
+
+
+def _digits(name: str) -> int:
+    """The number at the end of an identifier as ``c12``; 0 without one."""
+    digits = name[len(name.rstrip("0123456789")) :]
+    return int(digits) if 0 < len(digits) < 10 else 0
 
 
 def _attribute(element: ElementTree.Element, name: str) -> str:
     """The value of an attribute in any of timed text's namespaces."""
-    return next((v for k, v in element.items() if NAMESPACE.sub("", k) == name), "")
+    return next((v for k, v in element.items() if _name(k) == name), "")
 
 
-def _only_agent(element: ElementTree.Element, agents: dict[str, str]) -> str:
-    """The agent named inside a paragraph, where its parts name one and the same."""
-    named = {_attribute(e, "agent") for e in element.iter()} - {""}
-    only = named.pop() if len(named) == 1 else ""
-    return agents.get(only) or only
+def _said(element: ElementTree.Element, agent: str) -> Iterator[tuple[str, str]]:
+    """The words of an element and whose they are; ``<br/>`` begins a row."""
+    agent = _attribute(element, "agent") or agent
+    yield agent, "\n" if _tag(element) == "br" else ""
+    if _tag(element) != "metadata":
+        yield agent, element.text or ""
+        for child in element:
+            yield from _said(child, agent)
+            yield agent, child.tail or ""
 
 
 def _words(element: ElementTree.Element) -> str:
-    return " ".join(" ".join(element.itertext()).split())
+    return " ".join(" ".join(words for _, words in _said(element, "")).split())

@@ -66,7 +66,7 @@ def test_a_recording_of_the_speaker_serves_as_well(folder: Path) -> None:
         ("other.srt", ("HOST",), "fits no clip"),
         ("host_it.srt", ("ANNA", "BERT"), 'there are "ANNA", "BERT"'),
         ("host_de.srt", ("HOST",), 'no recording is called "host_de"'),
-        ("host_it.srt", (), "no subtitles can be read"),
+        ("host_it.srt", (), "holds no line"),
     ],
 )
 def test_what_is_missing_is_written_beside_the_scene(

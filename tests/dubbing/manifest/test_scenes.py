@@ -11,6 +11,7 @@ import pytest
 from dubbing.errors import ManifestError
 from dubbing.manifest.findings import Scene
 from dubbing.manifest.manifest import load
+from dubbing.report.lines import undubbed_of
 from tests import clips
 
 SRT = """1
@@ -109,6 +110,111 @@ def test_times_that_count_from_the_films_timecode(folder: Path) -> None:
     assert [(c.first, c.stop) for c in manifest.scenes["hour"].cues] == [(12, 25), (50, 62)]
     assert manifest.media[(folder / "tc.mov").resolve()].timecode == "01:00:00:00"
     assert any("count from 01:00:00:00" in warning for warning in manifest.warnings)
+
+
+def rows(*cues: tuple[int, str, str, str]) -> str:
+    return "".join(f"{n}\n{start} --> {stop}\n{words}\n\n" for n, start, stop, words in cues)
+
+
+def test_a_file_a_cue_goes_by_the_printed_number(folder: Path) -> None:
+    (folder / "gap.srt").write_text(SRT.replace("3\n00:00:02", "7\n00:00:02"))
+    clips.write_sound(folder / "g_1.wav", 0.4)
+    for number in (3, 7):
+        clips.write_sound(folder / f"g_{number}.wav", 0.4)
+    scene = scene_of(folder, "lines: gap.srt, speakers: {ANN: ann}, audio: 'g_{cue}.wav'")
+    assert [(c.number, c.audio.name) for c in scene.cues] == [(1, "g_1.wav"), (7, "g_7.wav")]
+    (folder / "gap.srt").write_text(SRT.replace("3\n00:00:02", "1\n00:00:02"))
+    found = problems(folder, "lines: gap.srt, speakers: {ANN: ann}, audio: 'g_{cue}.wav'")
+    assert any("lines 1 are there twice" in problem for problem in found), found
+
+
+def test_every_line_that_nobody_dubs_is_listed(folder: Path) -> None:
+    text = SRT.replace("BEN: Two.", "Somebody: Two.").replace("ANN: Three.", "BEN: Three.")
+    (folder / "some.srt").write_text(text)
+    manifest = load(written(folder, GOOD.replace("it.srt", "some.srt")))
+    scene = manifest.scenes["some"]
+    assert [(u.number, u.first, u.stop, u.speaker, u.words, u.why) for u in scene.undubbed] == [
+        (2, 30, 40, "", "Somebody: Two.", "it names nobody"),
+        (3, 50, 62, "BEN", "Three.", "BEN is not in speakers"),
+    ]
+    assert "some: nobody dubs 2 of 3 lines of some.srt" in manifest.warnings
+    assert undubbed_of(manifest, "some")[0] == {
+        "line": 2,
+        "in": "00:00:01:05",
+        "out": "00:00:01:15",
+        "seconds": 1.2,
+        "speaker": "",
+        "words": "Somebody: Two.",
+        "why": "it names nobody",
+    }
+    (folder / "some.srt").write_text(SRT.replace("BEN: Two.", "Two."))
+    assert [c.number for c in scene_of(folder, GOOD.replace("it.srt", "some.srt")).cues] == [1, 3]
+    (folder / "some.srt").write_text(SRT.replace("ANN: Three.", "Three."))
+    manifest = load(written(folder, GOOD.replace("it.srt", "some.srt")))
+    assert [u.number for u in manifest.scenes["some"].undubbed] == [2, 3]  # after BEN
+    (folder / "some.srt").write_text(
+        SRT.replace("BEN: Two.", "Two.").replace("ANN: Three", "BEN: 3")
+    )
+    manifest = load(written(folder, GOOD.replace("it.srt", "some.srt")))
+    assert [c.number for c in manifest.scenes["some"].cues] == [1, 2]
+    assert any("lines 2 of some.srt name nobody" in warning for warning in manifest.warnings)
+
+
+def test_two_speakers_of_one_cue_need_a_track_each(folder: Path) -> None:
+    cue = (2, "00:00:01,200", "00:00:01,600", "- ANN: Two.\n- BEN: Yes.")
+    (folder / "two.srt").write_text(rows((1, "00:00:00,500", "00:00:01,000", "ANN: One."), cue))
+    scene = scene_of(folder, GOOD.replace("it.srt", "two.srt"))
+    assert [c.words for c in scene.cues] == ["One."]
+    assert [(u.speaker, u.words) for u in scene.undubbed] == [("ANN", "Two."), ("BEN", "Yes.")]
+    assert "give each a cue or a track" in scene.undubbed[0].why
+    tracks = "lines: two.srt, speakers: {ANN: ann}, audio: {ANN: track.wav}"
+    scene = scene_of(folder, tracks)
+    assert [(c.words, c.first, c.stop) for c in scene.cues] == [("One.", 12, 25), ("Two.", 30, 40)]
+    assert [(u.speaker, u.first, u.stop) for u in scene.undubbed] == [("BEN", 30, 40)]
+    # One person under two names says both.
+    (folder / "two.srt").write_text(rows((*cue[:3], "ANN: Two.\nANNA: Yes.")))
+    scene = scene_of(folder, "lines: two.srt, speakers: {ANN: ann, ANNA: ann}, audio: track.wav")
+    assert [c.words for c in scene.cues] == ["Two. Yes."]
+
+
+def test_the_lines_of_a_reel_are_dealt_to_its_shots(folder: Path) -> None:
+    reel = rows(
+        (1, "01:00:01,000", "01:00:02,000", "ANN: Of another shot."),
+        (2, "01:00:09,500", "01:00:10,500", "ANN: Over the cut."),
+        (3, "01:00:10,500", "01:00:11,000", "ANN: Mine."),
+        (4, "01:00:12,200", "01:00:12,600", "BEN: Of nobody."),
+        (5, "01:00:20,000", "01:00:21,000", "ANN: Of a third."),
+    )
+    (folder / "reel.srt").write_text(reel)
+    timecode = ["-c", "copy", "-timecode", "01:00:10:00"]
+    clips.ffmpeg("-i", folder / "film.mp4", *timecode, folder / "shot.mov")
+    dub = GOOD.replace("it.srt", "reel.srt")
+    (folder / "reel.csv").write_text(
+        "in,out,speaker,words\n01:00:01:00,01:00:02:00,ANN,a\n01:00:10:12,01:00:11:00,ANN,b\n"
+    )
+    for key, film in (("", "shot.mov"), (", reel_start: 1:00:10", "film.mp4")):
+        manifest = load(written(folder, dub + key, film))
+        scene = manifest.scenes["reel"]
+        assert [(c.number, c.first, c.stop) for c in scene.cues] == [(3, 12, 25)]
+        assert [(u.number, u.first, u.stop) for u in scene.undubbed] == [(2, 0, 12), (4, 55, 65)]
+        assert scene.undubbed[0].why == "it reaches beyond the film"
+        assert scene.elsewhere == 2
+        assert any("2 of 5 lines of reel.srt are of other shots" in w for w in manifest.warnings)
+        table = scene_of(folder, dub.replace(".srt", ".csv") + key, film)
+        assert [(c.number, c.first, c.stop) for c in table.cues] == [(2, 12, 25)]
+        assert table.elsewhere == 1
+    for start in ("3610", "3610.0", "'01:00:10:00'", "'1:00:10'"):
+        assert scene_of(folder, f"{dub}, reel_start: {start}").cues == scene.cues
+    for start, message in (
+        ("7:00:00", "no line of reel.srt lies in the film, which is 7:00:00.000 to 7:00:03.000"),
+        ("-1", "is no time"),
+        (".nan", "is no time"),
+        ("soon", "is no time"),
+        ("true", "must be a time"),
+    ):
+        found = problems(folder, f"{dub}, reel_start: {start}")
+        assert any(message in problem for problem in found), found
+    assert any("reel_start" in problem for problem in problems(folder, dub))
 
 
 def test_one_sound_is_one_cue(folder: Path) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import contextlib
 from fractions import Fraction
 from pathlib import Path
 
@@ -121,4 +122,118 @@ def test_csv(tmp_path: Path) -> None:
 )
 def test_what_is_no_script(tmp_path: Path, name: str, text: str, message: str) -> None:
     with pytest.raises(DubbingError, match=message):
+        read(tmp_path, name, text)
+
+
+def test_numbers_are_those_that_are_printed(tmp_path: Path) -> None:
+    srt = SRT.replace("\n2\n", "\n7\n").replace("\n3\n", "\n9\n")
+    assert [line.number for line in read(tmp_path, "a.srt", srt)] == [1, 7, 9]
+    tight = srt.replace("\n\n", "\n")  # no row between the cues
+    assert rows(read(tmp_path, "a.srt", tight)) == rows(read(tmp_path, "a.srt", srt))
+    assert [line.number for line in read(tmp_path, "a.srt", tight)] == [1, 7, 9]
+    vtt = VTT.replace("intro", "NOTE not spoken\n00 --> 01\n\n12").replace(
+        "\n\n00:00:03", "\n\n14\n00:00:03"
+    )
+    assert [line.number for line in read(tmp_path, "a.vtt", vtt)] == [12, 14]
+    assert [line.number for line in read(tmp_path, "a.vtt", VTT)] == [1, 2]  # names: their places
+    named = TTML.format(extra="").replace("<p begin", '<p xml:id="c8" begin', 1)
+    assert [line.number for line in read(tmp_path, "a.ttml", named)] == [8, 2]
+    table = "line,in,out,speaker,words\n4,1,2,A,x\n6,3,4,A,y\n"
+    assert [line.number for line in read(tmp_path, "a.csv", table)] == [4, 6]
+
+
+def test_words_that_are_numbers_stay(tmp_path: Path) -> None:
+    text = "1\n00:00:01,000 --> 00:00:02,000\nIt was\n1984\n\n2\n00:00:03,000 --> 00:00:04,000\n7\n"
+    assert [line.words for line in read(tmp_path, "a.srt", text)] == ["It was 1984", "7"]
+
+
+def test_an_empty_row_in_a_cue_loses_no_words(tmp_path: Path) -> None:
+    text = SRT.replace("evening.\n", "evening.\n\n")
+    assert read(tmp_path, "a.srt", text)[0].words == "Good evening. And welcome."
+
+
+def test_layers_drawings_and_arrows_of_ass(tmp_path: Path) -> None:
+    event = "Dialogue: {},0:00:0{}.00,0:00:0{}.50,Default,{},0,0,0,,{}\n"
+    text = ASS + "".join(
+        event.format(*values)
+        for values in (
+            (0, 3, 3, "Anna", r"{\k20}La{\k30}la"),
+            (1, 3, 3, "", r"{\blur3}Lala"),
+            (0, 4, 4, "Anna", r"{\p1}m 0 0 l 100 0{\p0}"),
+            (0, 5, 5, "Anna", r"{\p1}m 0 0 l 100 0{\p0}Words,\Ntoo"),
+            (0, 6, 6, "Anna", "From A --> B"),
+            (0, 7, 7, "Anna", "{unclosed"),
+        )
+    )
+    assert [line.words for line in read(tmp_path, "a.ass", text)] == [
+        "Good, evening",
+        "Lala",
+        "Words, too",
+        "From A --> B",
+        "{unclosed",
+    ]
+    other = "Format: Start, End, Text, Actor\nDialogue: 0:00:01.00,0:00:02.00,Hi,Ben\n"
+    (line,) = read(tmp_path, "a.ass", "[Events]\n" + other)
+    assert (line.speaker, line.words) == ("Ben", "Hi")
+    with pytest.raises(DubbingError, match="row 10: no times"):
+        read(tmp_path, "a.ass", ASS + event.format(0, "x", 3, "Anna", "a"))
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("a.ttml", ('"24"', '"-24"')),
+        ("a.ttml", ('"24"', '"1e99999999"')),
+        ("a.ttml", ('"24"', '"1002"')),
+        ("a.ttml", ("1000 1001", "1 0")),
+        ("a.ttml", ("1000 1001", "1000 1001 7")),
+        ("a.ttml", ('"1s"', '"-1s"')),
+        ("a.ttml", ('"1s"', '"' + "9" * 50 + 's"')),
+        ("a.csv", ("1.5, 0:02.5", "-1.5, 0:02.5")),
+        ("a.csv", ("1.5, 0:02.5", "nan, 0:02.5")),
+        ("a.csv", ("1.5, 0:02.5", "1.5, inf")),
+        ("a.csv", ("1.5, 0:02.5", "1.5, 999:59:999999999")),
+        ("a.srt", ("00:00:01,000", "-00:00:01,000")),
+    ],
+)
+def test_times_are_bounded(tmp_path: Path, name: str, change: tuple[str, str]) -> None:
+    text = {"a.ttml": TTML.format(extra=""), "a.csv": CSV, "a.srt": SRT}[name]
+    assert change[0] in text
+    with pytest.raises(DubbingError):
+        read(tmp_path, name, text.replace(*change, 1))
+
+
+ROWS, MANY = 20_000, 300_000
+HEAD = "1\n00:00:01,000 --> 00:00:02,000\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("dots.vtt", "WEBVTT\n\n00:01.000 --> 00:02.000\n<v" + "." * MANY),
+        *(("signs.srt", HEAD + sign * MANY) for sign in '<{([>-:"&#.♪ '),
+        *(
+            ("pairs.srt", HEAD + sign * MANY)
+            for sign in ("<v ", "<>", "{}", "(a) ", "A: ", "> ", ". A")
+        ),
+        ("rows.srt", HEAD + "\n" * ROWS + "x"),
+        ("numbers.srt", HEAD + "1\n" * ROWS),
+        ("arrows.srt", HEAD + "a --> b\n" * ROWS),
+        ("braces.ass", ASS + "{" * MANY),
+        ("overrides.ass", ASS + r"{\p1}" * MANY),
+        ("headings.ass", "[" + "a" * MANY + "\n" + ASS),
+        ("rate.ttml", TTML.format(extra="").replace('"24"', '"1e9999999"')),
+        ("deep.ttml", TTML.format(extra="").replace("<div>", "<div>" * ROWS)),
+        (
+            "names.ttml",
+            TTML.format(extra=f'xmlns:x="http://www.w3.org/{{ttml{"ttml" * ROWS}"').replace(
+                "<br/>", "<x:br/>" * 1000
+            ),
+        ),
+        ("cells.csv", "in,out,speaker,words\n1,2,A," + '"' * MANY),
+    ],
+)
+def test_the_time_to_read_grows_with_the_length_alone(tmp_path: Path, name: str, text: str) -> None:
+    """Each of these would take hours with a pattern that goes back and forth."""
+    with contextlib.suppress(DubbingError):
         read(tmp_path, name, text)

@@ -1,0 +1,205 @@
+"""Who speaks in a text: the ways in which scripts put a name before words.
+
+A name is one that the manifest knows; of others only those are noticed that look like names, so
+that their words go to nobody else.
+"""
+
+import re
+import unicodedata
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator
+from dataclasses import dataclass, field
+
+LONGEST = 60  # characters of a name with what stands behind it
+MOST_WORDS = 4  # of a name that the manifest does not know
+MOST_ASIDES = 3  # brackets before a name
+COLONS = ":\uff1a\ufe55\ufe13\u2236\ua789"
+DASHES = "-\u2010\u2011\u2012\u2013\u2014\u2015\u2212"
+LEADING = f"{DASHES}>\u203a\u2022*\u00b7"  # before the words of whoever speaks next
+BRACKETS = {"[": "]", "(": ")", "\uff08": "\uff09", "\u3010": "\u3011", "\uff3b": "\uff3d"}
+# Behind a name: voice over, off screen, off camera, continued.
+MARKS = {"vo", "os", "oc", "off", "over", "contd", "cont"}
+ENDS, QUOTES = "[.!?\u2026]", r"[\"\u201d\u00bb)]"
+SENTENCE_END = re.compile(rf"(?:(?<={ENDS})|(?<={ENDS}{QUOTES}))\s+(?=\S)")
+
+
+class Names:
+    """The names of a manifest, and which of them is meant by what a script writes."""
+
+    def __init__(self, names: Collection[str]) -> None:
+        self._exact = set(names)
+        self._alike: dict[str, set[str]] = {}
+        for name in names:
+            for key in {_key(name), _plain(_key(name))}:
+                self._alike.setdefault(key, set()).add(name)
+
+    def alike(self, written: str) -> set[str]:
+        """The names that may be meant: the nearest spelling counts, with or without a mark."""
+        if written in self._exact:
+            return {written}
+        keys = (_key(written), _plain(_key(written)), _key(_bare(written)))
+        keys = (*keys, _plain(keys[-1]))
+        return next((self._alike[key] for key in keys if key in self._alike), set())
+
+    def known(self, written: str) -> str:
+        """The name as the manifest has it; '' where it has none such, or several."""
+        found = self.alike(written)
+        return next(iter(found)) if len(found) == 1 else ""
+
+
+@dataclass
+class Turn:
+    """What one speaker says. ``unsure``: somebody else than before, nobody knows who."""
+
+    speaker: str
+    rows: list[str] = field(default_factory=list)
+    unsure: bool = False
+
+    @property
+    def words(self) -> str:
+        """In one row."""
+        return " ".join(" ".join(self.rows).split())
+
+
+def turns(text: str, names: Names) -> list[Turn]:
+    """Who says what in the text of a cue, rows of it apart; one at least."""
+    found = [Turn("")]
+    rows = [row for row in _rows(text, names) if row]
+    for place, row in enumerate(rows):
+        more = place + 1 < len(rows)
+        speaker, words = _named(row, names, more=more)
+        bare = row.lstrip(f"{LEADING} ")
+        marked = len(bare) < len(row) and row[0] in f"{DASHES}>\u203a"
+        if speaker:
+            found.append(Turn(speaker, [words]))
+        elif marked or (not found[-1].rows and _may_name(bare, names, more=more)):
+            found.append(Turn("", [bare], unsure=True))
+        else:
+            found[-1].rows.append(row)
+    return [turn for turn in found if turn.words] or found[:1]
+
+
+def is_sound(words: str) -> bool:
+    """Whether a text describes sound or song instead of speech: ``(laughs)``, ``♪``."""
+    text = words.strip()
+    closed = BRACKETS.get(text[:1])
+    alone = closed is not None and text.endswith(closed) and text.find(closed) == len(text) - 1
+    return alone or text[:1] in ("\u266a", "\u266b", "#") or not any(map(str.isalnum, text))
+
+
+def guessed(texts: Iterable[str]) -> set[str]:
+    """Names in a script of which nothing is known: labels in capitals, or that come back."""
+    labels: Counter[str] = Counter()
+    for text in texts:
+        for row in _rows(text, Names(())):
+            for label, form, words in _labels(row.lstrip(f"{LEADING} ")):
+                if form in ("colon", "bracket") and words and _like_a_name(label):
+                    labels[_bare(label)] += 1
+                break
+    return {label for label, count in labels.items() if count > 1 or label.isupper()}
+
+
+def _rows(text: str, names: Names) -> Iterator[str]:
+    """Rows of a text. ``>>`` begins one, and so does a name behind the end of a sentence."""
+    for row in text.replace(">>", "\n>>").replace(">>\n", ">>").split("\n"):
+        begun: list[str] = []
+        for piece in SENTENCE_END.split(row.strip()):
+            labels = _labels(piece.lstrip(f"{LEADING} "))
+            if begun and any(
+                form == "colon" and (_is_other(label) or names.known(label))
+                for label, form, _ in labels
+            ):
+                yield " ".join(begun)
+                begun = []
+            begun.append(piece)
+        yield " ".join(begun)
+
+
+def _named(row: str, names: Names, *, more: bool) -> tuple[str, str]:
+    """The speaker that a row names, as known or as written, and the words behind; else ''."""
+    for _ in range(MOST_ASIDES):
+        row = row.lstrip(f"{LEADING} ")
+        labels = list(_labels(row))
+        for label, form, words in labels:
+            loud = label.isupper() or form in ("bracket", "marked")
+            if (words or more) and (form != "alone" or loud) and (known := names.known(label)):
+                return known, words
+        for label, form, words in labels:
+            if form in ("colon", "bracket") and (words or more) and _is_other(label):
+                return _bare(label), words
+        if not labels or labels[0][1] != "bracket":
+            break
+        row = labels[0][2]  # (laughs) ALBA: Good morning
+    return "", ""
+
+
+def _is_other(label: str) -> bool:
+    """Whether a label is somebody's name for sure, though the manifest does not know it."""
+    return label.isupper() and _like_a_name(label)
+
+
+def _may_name(row: str, names: Names, *, more: bool) -> bool:
+    """Whether a row may begin with the name of somebody who is not known: ``Ben: Hello``."""
+    for label, form, _ in _labels(row):
+        if form == "colon" and (
+            _like_a_name(label) or any(map(names.alike, [label, *label.split()]))
+        ):
+            return True
+        if form == "alone" and more and _is_other(label):
+            return True
+    return False
+
+
+def _labels(text: str) -> Iterator[tuple[str, str, str]]:
+    """What may be a name at the beginning of a row, how it is set off, and the words behind."""
+    head = f"{text[:LONGEST]} "
+    closing = BRACKETS.get(head[0])
+    if closing and (end := head.find(closing)) > 1:
+        yield head[1:end].strip(), "bracket", text[end + 1 :].lstrip(f"{COLONS}{DASHES} ")
+    colon = min((k for sign in COLONS if (k := head.find(sign)) > 0), default=0)
+    if colon and not (head[colon - 1].isdigit() and head[colon + 1].isdigit()):
+        yield head[:colon].strip(), "colon", text[colon + 1 :].strip()
+    dash = next((k for k, c in enumerate(head) if c in DASHES and head[k + 1].isspace()), 0)
+    if dash:
+        yield head[:dash].strip().rstrip("."), "dash", text[dash + 1 :].strip()
+    for opening, closing in BRACKETS.items():
+        begin, end = head.find(opening), head.find(closing)
+        if 0 < begin < end and set(_key(head[begin + 1 : end]).split()) <= MARKS:
+            yield head[: end + 1], "marked", text[end + 1 :].lstrip(f"{COLONS}{DASHES} ")
+    if len(text) <= LONGEST:
+        yield text, "alone", ""
+
+
+def _like_a_name(label: str) -> bool:
+    """Whether it is some words that begin with capitals, without a sentence's signs."""
+    words = _bare(label).split()
+    return (
+        0 < len(words) <= MOST_WORDS
+        and not any(word[0].islower() for word in words)  # letters of many scripts have no case
+        and any(map(str.isalpha, label))
+        and not any(sign in label for sign in ",;!?\u2026")
+    )
+
+
+def _bare(label: str) -> str:
+    """A name without what stands behind it: ``(V.O.)``, ``, off``."""
+    for opening in BRACKETS:
+        if label.find(opening) > 0:
+            label = label[: label.find(opening)]
+    words = label.replace(",", " ").split()
+    while len(words) > 1 and _key(words[-1]) in MARKS:
+        words.pop()
+    return " ".join(words)
+
+
+def _key(name: str) -> str:
+    """A name as names are compared: without case, points, quotes and what is not seen."""
+    text = unicodedata.normalize("NFKC", name).casefold()
+    seen = (c for c in text if unicodedata.category(c) != "Cf" and c not in ".'\u2019`")
+    return unicodedata.normalize("NFC", " ".join("".join(seen).split()))
+
+
+def _plain(key: str) -> str:
+    """Without accents, which capitals often lack."""
+    letters = unicodedata.normalize("NFKD", key)
+    return "".join(letter for letter in letters if not unicodedata.combining(letter))

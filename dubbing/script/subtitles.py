@@ -1,0 +1,94 @@
+"""Cues of SRT and VTT: the printed number, two times, and rows of words with markup.
+
+pysubs2 drops the printed numbers, takes a last row of digits for one, and its patterns need the
+square of a long text's time.
+"""
+
+import html
+import re
+from dataclasses import dataclass, field
+from fractions import Fraction
+
+from dubbing.script.line import CLOCK, Line, seconds_of
+
+ARROW = "-->"
+PASSED_OVER = ("NOTE", "STYLE", "REGION", "WEBVTT")  # blocks of VTT without words
+PRINTED = re.compile(r"[0-9]{1,9}")
+TAG = re.compile(r"(<[\w/.][^<>]*>|\{[^{}]*\})")  # no tag holds what opens one: linear
+
+
+@dataclass
+class _Cue:
+    """What stands above the times, the two times, and the rows of words below."""
+
+    name: str
+    times: tuple[str, str]
+    rows: list[str] = field(default_factory=list)
+
+
+def read(text: str, rate: Fraction) -> list[Line]:
+    """The cues; one in which several voices speak is a line for each of them.
+
+    Raises:
+        ValueError: a row that stands where times do holds none.
+    """
+    lines: list[Line] = []
+    for cue in _cues(text):
+        start, stop = (seconds_of(part, rate) for part in cue.times)
+        number = int(cue.name) if PRINTED.fullmatch(cue.name) else 0
+        voices = voices_of("\n".join(cue.rows))
+        shared = len({voice for voice, _ in voices}) > 1
+        lines += [Line(number, start, stop, voice, words, shared=shared) for voice, words in voices]
+    return lines
+
+
+def _cues(text: str) -> list[_Cue]:
+    cues: list[_Cue] = []
+    above, begins, passed_over = "", True, False  # begins: the row above begins a block
+    rows = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    for place, row in enumerate(map(str.strip, rows), 1):
+        # Times stand at the beginning of a block, or below what names it.
+        expected = not above or begins or bool(PRINTED.fullmatch(above))
+        times = _times(row) if ARROW in row else None
+        if times is not None:
+            name = above if expected else ""
+            if cues and name and cues[-1].rows[-1:] == [name]:
+                cues[-1].rows.pop()
+            cues.append(_Cue(name, times))
+            passed_over = False
+        elif ARROW in row and not passed_over and (expected or re.match("[0-9]+:", row)):
+            raise ValueError(f"row {place}: no times as 00:01:05,500 --> 00:01:07,000")
+        else:
+            if not above:
+                passed_over = row.split(" ")[0] in PASSED_OVER
+            if cues and row and not passed_over:
+                cues[-1].rows.append(row)
+        above, begins = row, not above
+    return cues
+
+
+def _times(row: str) -> tuple[str, str] | None:
+    """The two times of a row, as written; there may be settings behind them."""
+    before, _, after = row.partition(ARROW)
+    first, second = before.strip(), "".join(after.split(maxsplit=1)[:1])
+    well = all(":" in part and CLOCK.fullmatch(part) for part in (first, second))
+    return (first, second) if well else None
+
+
+def voices_of(text: str) -> list[tuple[str, str]]:
+    """The parts of a text by the voice of their tag (``<v Anna>``), '' without; no markup left."""
+    parts: list[list[str]] = [["", ""]]
+    for place, piece in enumerate(TAG.split(text)):
+        if place % 2 == 0:
+            parts[-1][1] += piece
+        elif (voice := _voice(piece)) and voice != parts[-1][0]:
+            parts.append([voice, ""])
+    spoken = [(voice, html.unescape(words).strip()) for voice, words in parts]
+    return [part for part in spoken if part[1]] or [(parts[-1][0], "")]
+
+
+def _voice(tag: str) -> str:
+    """The voice that a tag names; '' of other tags."""
+    name, *rest = tag[1:-1].split(maxsplit=1) or [""]
+    named = tag[0] == "<" and rest and name.split(".", 1)[0] == "v"
+    return " ".join(html.unescape(rest[0]).split()) if named else ""
