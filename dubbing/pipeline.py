@@ -17,8 +17,8 @@ from dubbing import tasks
 from dubbing.engine.graph import Job
 from dubbing.engine.stage import Stage
 from dubbing.manifest.entries import Dub, Identity
-from dubbing.manifest.inputs import signer_of
 from dubbing.manifest.manifest import Manifest
+from dubbing.manifest.provenance_checks import signer_of
 from dubbing.media import SUFFIX
 from dubbing.script.timeline import Cue
 from dubbing.shipped.base import shipped_base

@@ -4,7 +4,6 @@ A stage's time grows with its amount: frames, steps or seconds of speech. How fa
 comes from stages of the manifest that are done, else from `dfrf doctor --calibrate`.
 """
 
-import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from dubbing.engine.schedule import simulate
 from dubbing.engine.stage import Produce
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
+from dubbing.homes import cache_folder
 from dubbing.manifest.entries import Identity
 from dubbing.manifest.findings import Scene
 from dubbing.manifest.manifest import Manifest
@@ -57,9 +57,10 @@ class Estimate:
     unknown: tuple[str, ...]
 
 
-def rates_file() -> Path:
-    """Where the rates of this machine are kept."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "dfrf" / "rates.json"
+def rates_file() -> Path | None:
+    """Where the rates of this machine are kept; nowhere for a user without a home."""
+    folder = cache_folder()
+    return folder / "rates.json" if folder else None
 
 
 def amount(manifest: Manifest, node: Node) -> float:
@@ -113,8 +114,10 @@ def measured(manifest: Manifest, graph: Mapping[str, Node]) -> dict[str, Rate]:
 
 def calibrated() -> dict[str, Rate]:
     """Rates of this machine as `dfrf doctor --calibrate` measured them; none where it did not."""
+    if (path := rates_file()) is None:
+        return {}
     try:
-        return json_records.read(rates_file(), dict[str, Rate], "rates of this machine")
+        return json_records.read(path, dict[str, Rate], "rates of this machine")
     except DubbingError:
         return {}
 
@@ -122,6 +125,7 @@ def calibrated() -> dict[str, Rate]:
 def keep(rates: Mapping[str, Rate]) -> Path:
     """Write the rates of this machine; gives the file."""
     path = rates_file()
+    assert path is not None  # `doctor` has looked
     atomic_write_json(path, {name: asdict(rate) for name, rate in rates.items()})
     return path
 

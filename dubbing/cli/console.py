@@ -100,11 +100,11 @@ def plan(
     for warning in warnings:
         line(out, f"warning: {warning}", "yellow")
     out.print(table)
-    for name, lines in (undubbed or {}).items():
+    for dub, lines in (undubbed or {}).items():
         for left in lines:
-            whose = f"{left['speaker']}: " if left["speaker"] else ""
-            what = f"line {left['line']} at {left['in']}, {whose}{left['words']}"
-            line(out, f"{name}: nobody dubs {what} ({left['why']})", "yellow")
+            who = f"{left['speaker']}: " if left["speaker"] else ""
+            what = f"line {left['line']} at {left['in']}, {who}{left['words']}"
+            line(out, f"{dub}: nobody dubs {what} ({left['why']})", "yellow")
     for person, clips in learned.items():
         line(out, f"{person}: {in_words(clips)}")
     runs = sum(row.state == "run" for row in rows)

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from dubbing import packages
+from dubbing.errors import CallError
 
 
 def doctor(
@@ -22,9 +23,11 @@ def doctor(
         from dubbing.bench.calibration import calibrate as work
         from dubbing.cli import live
 
+        if (file := estimates.rates_file()) is None:
+            raise CallError("this user has no home folder", remedy="set XDG_CACHE_HOME to one")
         with live.progress_bar("calibrate") as progress:
             found = work(progress)
-        console.rates(found, estimates.rates_file())
+        console.rates(found, file)
         return
     from dubbing.cli.doctor import examine
 

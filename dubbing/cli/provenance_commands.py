@@ -20,12 +20,15 @@ def verify(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Print what a video carries: credentials, invisible mark, metadata. Exit code 1: nothing."""
+    """Print what a video carries: credentials, invisible mark, metadata.
+
+    Exit code 1: nothing, or credentials that do not hold.
+    """
     from dubbing.provenance import verify as work
     from dubbing.provenance.mark_key import installation_file
 
     own = installation_file()
-    keys = [*(key or ()), *([own] if own.exists() else [])]
+    keys = [*(key or ()), *([own] if own and own.exists() else [])]
     found = work.verify(file, list(dict.fromkeys(keys)))
     if as_json:
         typer.echo(json.dumps(found.to_json(), indent=2))

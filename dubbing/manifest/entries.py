@@ -53,6 +53,7 @@ class Consent(Entry):
         until: the last day.
         films: files, or SHA-256 of files; any by default.
         file: what was signed, as a file. sha256: of that file.
+        form: the form that these terms were read from.
     """
 
     by: Filled
@@ -63,16 +64,19 @@ class Consent(Entry):
     films: Annotated[tuple[Film, ...], Field(min_length=1, strict=False)] | None = None
     file: FilePath | None = None
     sha256: Sha256 | None = None
+    form: FilePath | None = None
 
     def terms(self) -> dict[str, Any]:
         """Everything but where files lie, as plain data; what was left open is left out."""
-        terms = self.model_dump(mode="json", exclude={"file", "films"}, exclude_none=True)
+        terms = self.model_dump(mode="json", exclude={"file", "films", "form"}, exclude_none=True)
         films = [film.name if isinstance(film, Path) else film for film in self.films or ()]
         return {"date": None, **terms, **({"films": films} if films else {})}
 
 
 def _consent(value: Any, info: ValidationInfo) -> Any:
     """A form that was filled in, where consent is the path of one."""
+    if isinstance(value, dict) and "form" in value:
+        raise ValueError("form is no key: give the path of a form in place of the keys")
     if not isinstance(value, str):
         return value
     path: Path = resolve(value, info)
@@ -84,10 +88,12 @@ def _consent(value: Any, info: ValidationInfo) -> Any:
     if document.problems or not isinstance(document.data, dict):
         why = "; ".join(map(str, document.problems)) or "it holds no keys"
         raise ValueError(f"the form {path} cannot be read: {why}")
+    if "form" in document.data:
+        raise ValueError(f"the form {path} cannot name another")
     for key, written in document.data.items():
         if written in (None, "", []):
             raise ValueError(f"{key} is blank in {path}: fill it in, or delete its line")
-    return {"file": str(path), **document.data}
+    return {**document.data, "form": str(path)}
 
 
 class Mark(Entry):

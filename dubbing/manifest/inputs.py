@@ -6,17 +6,15 @@ from pathlib import Path
 
 from dubbing.errors import DubbingError
 from dubbing.manifest import preset_checks as published
-from dubbing.manifest import terms
+from dubbing.manifest import provenance_checks, terms
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Findings, Scene
 from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without_lines
 from dubbing.manifest.values import BEST
 from dubbing.manifest.yaml_lines import KeyPath
-from dubbing.media import SUFFIX, MediaInfo
+from dubbing.media import MediaInfo
 from dubbing.media.muxing import MOST_CHANNELS, SOUND
-from dubbing.provenance import card, credentials
-from dubbing.provenance.credentials import Signer
-from dubbing.provenance.mark_key import read_key
+from dubbing.provenance import card
 from dubbing.script import timeline
 from dubbing.speech import features
 
@@ -119,11 +117,6 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
         )
 
 
-def signer_of(dub: Dub) -> Signer | None:
-    """Who signs a dub; None where nobody does."""
-    return Signer(dub.certificate, dub.key) if dub.certificate and dub.key else None
-
-
 def credits_text(dub: Dub, identities: Mapping[str, Identity]) -> str:
     """The text on the card of a dub; '' where it has none."""
     if dub.label.credits is None:
@@ -147,23 +140,9 @@ def _speech(findings: Findings, at: KeyPath, identity: Identity) -> None:
         findings.add((*at, "speech_weights"), f"no such file: {file}")
 
 
-def _provenance(findings: Findings, at: KeyPath, dub: Dub) -> None:
-    """The keys that mark and sign a dub."""
-    if dub.mark is not None and dub.mark.key is not None:
-        try:
-            read_key(dub.mark.key)
-        except DubbingError as error:
-            findings.add((*at, "mark", "key"), str(error))
-    if (signer := signer_of(dub)) is not None:
-        if problem := credentials.problem(signer, SUFFIX[dub.codec]):
-            findings.add((*at, "certificate"), problem)
-    elif dub.certificate or dub.key:
-        findings.add((*at, "key"), "to sign needs both, certificate and key")
-
-
 def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Identity]) -> None:
     at: KeyPath = ("dubs", place)
-    _provenance(findings, at, dub)
+    provenance_checks.inspect_keys(findings, at, dub)
     if not dub.people:
         findings.add((*at, "identity"), "is required")
         return
@@ -180,6 +159,7 @@ def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Iden
         _whole_audio(findings, place, dub, identities)
     scene = findings.scenes.get(place)
     if scene is not None:
+        provenance_checks.inspect_film(findings, at, dub, scene.clip)
         _slow(findings, dub, scene, identities)
 
 

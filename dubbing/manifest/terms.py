@@ -34,7 +34,10 @@ def of_identity(identity: Identity, today: datetime.date) -> Iterator[tuple[KeyP
 
 def of_dub(dub: Dub, identity: Identity) -> Iterator[tuple[KeyPath, str]]:
     """Why a dub is outside of what a person agreed to, with the keys in its entry."""
-    consent = identity.consent
+    consent, film = identity.consent, dub.clip or identity.clip
+    if consent.films is not None and not covers_film(consent.films, film):
+        key = "clip" if dub.clip else "identity" if dub.identity else "speakers"
+        yield (key,), f"the consent of {consent.by} does not name its film, {film.name}"
     if consent.languages is None:
         return
     named = ", ".join(consent.languages)

@@ -13,13 +13,14 @@ from typing import Any
 from PIL import Image
 
 from dubbing.errors import DubbingError, RenderingError, StageError
-from dubbing.files import atomic_path, read_bounded
+from dubbing.files import atomic_path, read_bounded, while_unchanged
 from dubbing.packages import lacking, missing_of
 from dubbing.provenance.provenance import SOURCE_TYPE, made_by
 
 FORMATS = {".mp4": "video/mp4", ".m4v": "video/mp4", ".mov": "video/quicktime"}
 MOST_BYTES = 10**6  # of a certificate chain or a key
 FILM, DUBBED = "film", "org.dfrf.dub"
+UNKNOWN_SIGNER = "signingCredential.untrusted"
 OFFLINE = {"verify": {"remote_manifest_fetch": False, "ocsp_fetch": False}}
 ALGORITHMS = {"secp256r1": b"es256", "secp384r1": b"es384", "secp521r1": b"es512"}
 
@@ -42,6 +43,7 @@ class Found:
         actions: labels of what was done, ``c2pa.dubbed`` among them.
         dub: what of `DUBBED` was signed; empty where it is not a dub of ours.
         problems: what is wrong, in the words of the library.
+        film_problems: what was wrong with the credentials of the film, when this was signed.
         earlier: how many manifests of what went into it are kept.
     """
 
@@ -50,6 +52,7 @@ class Found:
     actions: list[str]
     dub: dict[str, Any]
     problems: list[str]
+    film_problems: list[str]
     earlier: int
 
 
@@ -199,8 +202,39 @@ def _found(store: dict[str, Any], state: str) -> Found:
         actions=[action["action"] for action in actions],
         dub=data.get(DUBBED) or {},
         problems=wrong,
+        film_problems=_of_ingredients(active.get("ingredients", [])),
         earlier=max(0, len(manifests) - 1),
     )
+
+
+def _of_ingredients(ingredients: list[dict[str, Any]]) -> list[str]:
+    """Why their credentials did not hold; that their signers are not known is none of it."""
+    results = [entry.get("validation_results") or {} for entry in ingredients]
+    failures = [
+        failure
+        for result in results
+        for failure in (result.get("activeManifest") or {}).get("failure", [])
+        if failure["code"] != UNKNOWN_SIGNER
+    ]
+    return [failure.get("explanation") or failure["code"] for failure in failures]
+
+
+@while_unchanged(64)
+def film_problem(film: Path) -> tuple[str, bool]:
+    """What is wrong with the credentials of a film that is to be dubbed and signed; else ''.
+
+    And whether it keeps the dub from being signed. One that reads but does not hold becomes an
+    ingredient whose failure is recorded, as C2PA asks of those who sign; see `Found`.
+    """
+    if film.suffix.lower() not in FORMATS:
+        return "", False
+    try:
+        found = read(film)
+    except StageError as error:
+        return error.what, True
+    if found is None or found.state != "Invalid":
+        return "", False
+    return f"its credentials do not hold: {'; '.join(found.problems)}", False
 
 
 def _context() -> Any:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import typer
 
-from dubbing.errors import DubbingError
+from dubbing.errors import CallError, DubbingError
 from dubbing.files import digest_data, make_folder, read_bounded, sync_file, writing
+from dubbing.homes import settings_folder
 
 BYTES = 32
 SHORTEST, LONGEST = 16, 4096  # bytes of a key file
+HOMELESS = "the key of the invisible mark has no place: this user has no home folder"
 REMEDY = "name a key of your own in the manifest, `mark: {key: FILE}`, or set `mark: false`"
 
 
@@ -22,12 +23,12 @@ class Marking:
     """What is to be drawn: 64 bits, by a key that lies in a file.
 
     Attributes:
-        key_file: where the key lies.
+        key_file: where the key lies; None for a user without a home.
         fingerprint: of the key, which is safe to show; empty where there is no key yet.
         id: the 64 bits in hexadecimal.
     """
 
-    key_file: Path
+    key_file: Path | None
     fingerprint: str
     id: str
 
@@ -37,6 +38,8 @@ class Marking:
         Raises:
             DubbingError: it cannot be read, or is not the one that was meant.
         """
+        if self.key_file is None:
+            raise DubbingError(HOMELESS, remedy=REMEDY)
         found = read_key(self.key_file)
         if fingerprint_of(found) != self.fingerprint:
             raise DubbingError("another key than when the run began", str(self.key_file), REMEDY)
@@ -51,24 +54,32 @@ def marking(own: Path | None, made_of: object) -> Marking:
         made_of: plain data of what was dubbed with what: the 64 bits are its digest.
     """
     file = own or installation_file()
-    known = fingerprint_of(read_key(file)) if own or file.exists() else ""
+    known = fingerprint_of(read_key(file)) if file and (own or file.exists()) else ""
     return Marking(file, known, digest_data(made_of)[: 64 // 4])
 
 
-def installation_file() -> Path:
-    """Where the key of this installation lies, or will."""
-    return Path(typer.get_app_dir("dfrf")) / "mark.key"
+def installation_file() -> Path | None:
+    """Where the key of this installation lies, or will; None for a user without a home."""
+    folder = settings_folder()
+    return folder / "mark.key" if folder else None
 
 
 def make_installation_key() -> Path:
     """The file of this installation's key, which is made at first use.
 
     Raises:
+        CallError: the user has no home.
         DubbingError: it cannot be made.
     """
     file = installation_file()
+    if file is None:
+        raise CallError(HOMELESS, remedy=REMEDY)
     if not file.exists():
-        make_folder(file.parent)
+        try:
+            make_folder(file.parent)
+        except DubbingError as error:
+            what = f"the key of the invisible mark cannot be made: {error.what}"
+            raise CallError(what, error.where, REMEDY) from error
         temporary = file.with_name(f".{file.name}.{os.getpid()}")
         with writing(file):
             temporary.unlink(missing_ok=True)

@@ -1,5 +1,6 @@
 """Labels of an AI-generated picture: a mark on every frame, and tags in the container."""
 
+from collections.abc import Mapping
 from importlib import metadata
 
 import numpy as np
@@ -13,13 +14,39 @@ SMALLEST = 11  # px, height of the letters
 BACKING, INK = 0.55, 0.95  # opacity of the dark plate and of the white letters
 
 
+STATEMENT = "AI-generated picture: the face in this video was synthesised to match other speech"
+# Of the IPTC's terms those that say that a trained model, or an algorithm, made it or a part.
+GENERATED = (
+    "algorithmicMedia",
+    "algorithmicallyEnhanced",
+    "compositeSynthetic",
+    "compositeWithTrainedAlgorithmicMedia",
+    "trainedAlgorithmicMedia",
+)
+
+
 def tags() -> dict[str, str]:
     """Tags of the container. They are always written; the manifest cannot turn them off."""
-    text = (
-        "AI-generated picture: the face in this video was synthesised to match other speech"
-        f" ({made_by()}). Digital source type: {SOURCE_TYPE}"
-    )
+    text = f"{STATEMENT} ({made_by()}). Digital source type: {SOURCE_TYPE}"
     return {"comment": text, "description": text, "encoder": made_by()}
+
+
+def statements(found: Mapping[str, str]) -> dict[str, str]:
+    """Those of a container's tags that say that its picture is generated, by their keys.
+
+    A tag counts if it is what `tags` writes, by any version, or holds an IPTC term and nothing
+    else. Words that somebody wrote of AI are no such statement: they may say the opposite.
+    """
+    return {key: text for key, text in found.items() if _says_so(key, text.strip())}
+
+
+def _says_so(key: str, text: str) -> bool:
+    if key.casefold().endswith("digitalsourcetype"):
+        folder, _, term = text.rpartition("/")
+        named = folder.replace("https:", "http:", 1) in ("", SOURCE_TYPE.rpartition("/")[0])
+        return named and term in GENERATED
+    begin, end = f"{STATEMENT} (dfrf ", f"). Digital source type: {SOURCE_TYPE}"
+    return text.startswith(begin) and text.endswith(end)
 
 
 def made_by() -> str:

@@ -13,11 +13,10 @@ from dubbing.media.opening import opened
 from dubbing.packages import lacking, missing_of
 from dubbing.provenance import credentials, mark_search
 from dubbing.provenance.mark_key import fingerprint_of, id_of, read_key
+from dubbing.provenance.provenance import statements
 
 MOST_FRAMES = 100  # that are searched for the mark
 PIECES = 4  # places of the film that they are taken from
-TAG = "AI-generated"  # in the metadata of what this tool makes
-KEYS = ("comment", "description", "encoder")
 
 
 @dataclass(frozen=True)
@@ -27,20 +26,27 @@ class Verified:
     Attributes:
         credentials: what is signed; None where there is nothing, or nothing that can be read.
         credentials_note: why they were not looked for, or cannot be read; else empty.
+        broken: whether there are credentials that do not hold: the file was changed since.
         marks: of every key that was tried, by its fingerprint.
-        metadata: tags that speak of generation; empty where there are none.
+        metadata: tags that say so; empty where there are none.
     """
 
     credentials: credentials.Found | None
     credentials_note: str
+    broken: bool
     marks: dict[str, mark_search.Found]
     metadata: dict[str, str]
 
     @property
     def found(self) -> bool:
-        """Whether the file carries anything that holds."""
-        signed = self.credentials is not None and self.credentials.state != "Invalid"
-        return signed or bool(self.metadata) or any(seen.present for seen in self.marks.values())
+        """Whether the file carries anything that holds.
+
+        Where credentials do not, nothing beside them is trusted either.
+        """
+        if self.broken:
+            return False
+        marked = any(seen.present for seen in self.marks.values())
+        return self.credentials is not None or bool(self.metadata) or marked
 
     def to_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -48,6 +54,7 @@ class Verified:
             "found": self.found,
             "credentials": vars(self.credentials) if self.credentials else None,
             "credentials_note": self.credentials_note,
+            "credentials_broken": self.broken,
             "marks": [
                 {
                     "key": key,
@@ -85,8 +92,8 @@ def verify(video: Path, keys: Sequence[Path]) -> Verified:
         for key in secrets
         if total is not None
     }
-    signed, note = _credentials(video)
-    return Verified(signed, note, marks, _metadata(video))
+    signed, note, broken = _credentials(video)
+    return Verified(signed, note, broken, marks, _metadata(video))
 
 
 def _pieces(video: Path, info: media.MediaInfo) -> Any:
@@ -100,13 +107,14 @@ def _pieces(video: Path, info: media.MediaInfo) -> Any:
         yield from media.read_frames(video, start=start, count=each, pixels="gray")
 
 
-def _credentials(video: Path) -> tuple[credentials.Found | None, str]:
+def _credentials(video: Path) -> tuple[credentials.Found | None, str, bool]:
     if gone := missing_of("c2pa"):
-        return None, str(lacking(gone))
+        return None, str(lacking(gone)), False
     try:
-        return credentials.read(video), ""
+        found = credentials.read(video)
     except DubbingError as error:
-        return None, str(error)
+        return None, str(error), True
+    return found, "", found is not None and found.state == "Invalid"
 
 
 def _metadata(video: Path) -> dict[str, str]:
@@ -115,9 +123,7 @@ def _metadata(video: Path) -> dict[str, str]:
             tags = {key.lower(): value for key, value in container.metadata.items()}
     except av.FFmpegError as error:
         raise MediaError(f"cannot be read: {error}", str(video)) from error
-    if not any(TAG in value for value in tags.values()):
-        return {}
-    return {key: tags[key] for key in KEYS if key in tags}
+    return statements(tags)
 
 
 def sentences(found: Verified) -> list[str]:
@@ -130,6 +136,7 @@ def sentences(found: Verified) -> list[str]:
         lines.append(f"  actions: {', '.join(signed.actions) or 'nothing'}")
         lines += [f"  {name}: {value}" for name, value in signed.dub.items()]
         lines += [f"  problem: {problem}" for problem in signed.problems]
+        lines += [f"  problem of the film it was made of: {p}" for p in signed.film_problems]
         if signed.earlier:
             lines.append(f"  with {signed.earlier} earlier credentials of what went into it")
     for key, seen in found.marks.items():
@@ -140,5 +147,9 @@ def sentences(found: Verified) -> list[str]:
             lines.append(f"invisible mark: none of key {key}")
     if not found.marks:
         lines.append("invisible mark: not looked for, there is no key here; name one with --key")
-    lines.append(f"metadata: {found.metadata.get('comment', 'nothing of an AI-generated picture')}")
+    said = next(iter(found.metadata.values()), "nothing that says so of its picture")
+    lines.append(f"metadata: {said}")
+    if found.broken:
+        lines.append("its credentials do not hold: the file was changed after it was signed, or")
+        lines[-1] += " they were torn; what else it carries is no proof. Ask for the file as signed"
     return lines

@@ -14,6 +14,7 @@ from dubbing.manifest.manifest import Manifest
 from dubbing.script.edl import Marker, edl
 from dubbing.stages.kinds import SCENE_FILE, SYNC_FILE
 
+FORMULA = tuple("=+-@|%\uff1d\uff0b\uff0d\uff20")  # what a formula begins with, in wide signs, too
 COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unjudged": "blue"}
 OF_SOUND = ("loudness", "true_peak", "gain")
 OF_SYNC = ("verdict", "reason", "offset_frames", "confidence")
@@ -94,8 +95,14 @@ def as_csv(rows: list[dict[str, Any]]) -> str:
     text = io.StringIO()
     table = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
     table.writeheader()
-    table.writerows(rows)
+    table.writerows({key: _harmless(cell) for key, cell in row.items()} for row in rows)
     return text.getvalue()
+
+
+def _harmless(cell: Any) -> Any:
+    """A cell that no spreadsheet takes for a formula: words may begin as one."""
+    formula = isinstance(cell, str) and cell.lstrip()[:1] in FORMULA
+    return f"'{cell}" if formula and cell.strip() else cell
 
 
 def as_json_lines(rows: list[dict[str, Any]]) -> str:

@@ -17,6 +17,8 @@ from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, re
 from dubbing.identity.learned import in_words, learned_if_known
 from dubbing.manifest.manifest import Manifest
 from dubbing.manifest.overwriting import results_of
+from dubbing.packages import missing_of
+from dubbing.provenance import credentials
 from dubbing.report import lines
 from dubbing.report.page import (
     FAILED,
@@ -183,10 +185,19 @@ def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
         "lines": rows,
         "line_counts": {v: verdicts.count(v) for v in lines.COLOURS if v in verdicts},
         "untouched": lines.scene_of(job).get("untouched"),
+        "label": dub.label.mark,
         "signed": "sign" in job.stages,
+        "film_credentials": _film_credentials(job, clip),
         "mark": mark.id if scene and (mark := dependencies.mark_of(dub, scene)) else None,
         "sync": _brief(sync),
     }
+
+
+def _film_credentials(job: Job, film: Path) -> str:
+    """What was wrong with the credentials of the film that a dub was signed over; else empty."""
+    if "sign" not in job.stages or missing_of("c2pa") or not film.is_file():
+        return ""
+    return credentials.film_problem(film)[0]
 
 
 def _common(job: Job, outcome: Outcome) -> dict[str, Any]:

@@ -37,8 +37,8 @@ class Names:
         """The names that may be meant: the nearest spelling counts, with or without a mark."""
         if written in self._exact:
             return {written}
-        keys = (_key(written), _plain(_key(written)), _key(_bare(written)))
-        keys = (*keys, _plain(keys[-1]))
+        keys = [_key(label) for label in (written, _bare(written))]
+        keys = [keys[0], _plain(keys[0]), keys[1], _plain(keys[1])]
         return next((self._alike[key] for key in keys if key in self._alike), set())
 
     def known(self, written: str) -> str:

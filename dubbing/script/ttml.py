@@ -43,10 +43,11 @@ def read(text: str, _rate: Fraction) -> list[Line]:
 
 
 def _parsed(text: str) -> ElementTree.Element:
-    parser = ElementTree.XMLPullParser(events=("start", "end"))
+    parser = ElementTree.XMLPullParser(("start", "end"))  # type: ignore[var-annotated]
     parser.feed(text)
-    depth, root = 0, None
-    for event, element in parser.read_events():
+    depth = 0
+    root: ElementTree.Element | None = None
+    for event, element in parser.read_events():  # type: ignore[misc]
         root = element if root is None else root
         depth += 1 if event == "start" else -1
         if depth > DEEPEST:

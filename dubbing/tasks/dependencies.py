@@ -90,10 +90,15 @@ def card_of(manifest: Manifest, dub: Dub, scene: Scene) -> CreditsCard | None:
 
 
 def consent_of(identity: Identity) -> dict[str, Any]:
-    """Who agreed to what, as it is recorded: with the digest of the file, not with its place."""
+    """Who agreed to what, as it is recorded: with the digest of the form, not with its place.
+
+    Of a form that names the file that was signed, both digests.
+    """
     consent = identity.consent
-    terms = consent.terms()
-    return terms if consent.file is None else {**terms, "sha256": sha256_of(consent.file)}
+    names = {"sha256": consent.form or consent.file}
+    if consent.form is not None:
+        names["file_sha256"] = consent.file
+    return {**consent.terms(), **{key: sha256_of(path) for key, path in names.items() if path}}
 
 
 def consents_of(manifest: Manifest, dub: Dub) -> Any:
@@ -108,7 +113,7 @@ def signed_facts(manifest: Manifest, dub: Dub, scene: Scene) -> dict[str, Any]:
     mark = mark_of(dub, scene)
     return {
         "consent": [
-            {key: consent[key] for key in ("reference", "sha256") if key in consent}
+            {key: consent[key] for key in ("reference", "sha256", "file_sha256") if key in consent}
             for consent in consents
         ],
         "audio": [digest_of(path) for path in sounds_of(dub, scene).values()],

@@ -83,7 +83,9 @@ def test_ranges_of_a_long_dub_are_rendered_side_by_side(
 
 def test_a_damaged_calibration_is_none(path: Path) -> None:
     estimates.keep({"render": Rate(1.0, 1.0)})
-    estimates.rates_file().write_text("[3]")
+    file = estimates.rates_file()
+    assert file is not None
+    file.write_text("[3]")
     assert estimates.calibrated() == {}
 
 

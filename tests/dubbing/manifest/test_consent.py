@@ -11,9 +11,11 @@ import yaml
 from typer.testing import CliRunner
 
 from dubbing.cli.main import app
-from dubbing.errors import CallError
+from dubbing.errors import CallError, ManifestError
+from dubbing.manifest.manifest import load
 from dubbing.manifest.terms import covers
 from dubbing.tasks import dependencies
+from tests import clips
 from tests.dubbing.manifest.test_provenance import footage, problems, read
 
 __all__ = ["footage"]
@@ -81,6 +83,52 @@ def test_a_dub_within_its_terms_is_accepted_and_its_terms_are_recorded(footage: 
             "films": [film],
             "sha256": paper,
         }
+
+
+def test_the_film_of_a_dub_is_one_that_was_agreed_to(footage: Path) -> None:
+    clips.write_clip(footage / "other.mp4", 80)
+    terms = f"{{{WHO}, films: [host.mp4]}}"
+    text = (footage / "m.yaml").read_text() if read(footage, consent=terms) else ""
+    text = text.replace("clip: host.mp4", "clips: [host.mp4, other.mp4]")
+    for film, allowed in (("host.mp4", True), ("other.mp4", False)):
+        (footage / "m.yaml").write_text(text.replace("audio:", f"clip: {film}, audio:"))
+        if allowed:
+            assert load(footage / "m.yaml")
+            continue
+        with pytest.raises(ManifestError, match=r"does not name its film, other.mp4"):
+            load(footage / "m.yaml")
+
+
+def test_in_a_scene_everybodys_own_consent_counts(footage: Path) -> None:
+    clips.write_clip(footage / "film.mp4", 80)
+    clips.write_clip(footage / "bob.mp4", 80)
+    (footage / "it.csv").write_text("in,out,speaker,words\n0,1,ANN,a\n1,2,BOB,b\n")
+    people = {"ann": "host.mp4", "bob": "bob.mp4"}
+    identities = {
+        name: {"clips": [own, "film.mp4"], "seconds": 1, "consent": {"by": name, "reference": "17"}}
+        for name, own in people.items()
+    }
+    dub = {"lines": "it.csv", "speakers": {"ANN": "ann", "BOB": "bob"}, "clip": "film.mp4"}
+    content = {"version": 1, "output": "out", "identities": identities}
+    path = footage / "scene.yaml"
+    path.write_text(yaml.safe_dump({**content, "dubs": [{**dub, "audio": "it.wav"}]}))
+    assert load(path)
+    identities["bob"]["consent"] = {"by": "Bob", "reference": "17", "films": ["bob.mp4"]}
+    path.write_text(yaml.safe_dump({**content, "dubs": [{**dub, "audio": "it.wav"}]}))
+    with pytest.raises(ManifestError, match=r"the consent of Bob does not name its film, film.mp4"):
+        load(path)
+
+
+def test_a_form_is_recorded_beside_the_file_that_it_names(footage: Path) -> None:
+    form = footage / "form.yaml"
+    form.write_text('by: Ann\nreference: "17"\nfile: it.wav\n')
+    recorded = dependencies.consent_of(read(footage, consent="form.yaml").identities["host"])
+    digests = [hashlib.sha256((footage / name).read_bytes()) for name in ("form.yaml", "it.wav")]
+    assert [recorded["sha256"], recorded["file_sha256"]] == [d.hexdigest() for d in digests]
+    form.write_text('by: Ann\nreference: "17"\nform: it.wav\n')
+    assert "cannot name another" in problems(footage, consent="form.yaml")[0]
+    (found,) = problems(footage, consent=f"{{{WHO}, form: it.wav}}")
+    assert "form is no key" in found
 
 
 def test_a_language_covers_its_kinds() -> None:

@@ -65,6 +65,32 @@ def test_a_changed_picture_is_noticed(place: Path, signer: Signer) -> None:
     assert any("hash" in problem for problem in found.problems)
 
 
+def test_a_film_whose_credentials_do_not_hold_is_said_to_be_so(place: Path, signer: Signer) -> None:
+    credited, film = place / "whole.mp4", place / "broken.mp4"
+    studio = write_chain(place, "studio")
+    credentials.sign(place / "film.mp4", credited, studio, place / "film.mp4", {})
+    assert credentials.film_problem(credited) == ("", False)
+    content = bytearray(credited.read_bytes())
+    content[content.index(b"mdat") + 100] ^= 1
+    film.write_bytes(content)
+    problem, prevents = credentials.film_problem(film)
+    assert "its credentials do not hold: " in problem
+    assert not prevents
+    out = place / "signed_over.mp4"
+    credentials.sign(place / "dub.mp4", out, signer, film, SAID)
+    found = credentials.read(out)
+    assert found is not None
+    assert found.state == "Valid"  # the failure is the film's, and stated
+    assert any("hash" in problem for problem in found.film_problems)
+    whole = credentials.read(credited)
+    assert whole is not None
+    assert not whole.film_problems
+    start = content.index(b"jumb") + 60
+    content[start : start + 140] = bytes(140)
+    film.write_bytes(content)
+    assert credentials.film_problem(film)[1]  # what cannot be read cannot be signed over
+
+
 def test_a_good_key_can_sign(signer: Signer) -> None:
     assert credentials.problem(signer, ".mp4") == ""
     assert "cannot carry credentials" in credentials.problem(signer, ".mkv")

@@ -1,19 +1,21 @@
 import os
+import pwd
 import stat
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dubbing.errors import DubbingError
+from dubbing.batch.estimates import calibrated, rates_file
+from dubbing.errors import CallError, DubbingError
 from dubbing.provenance import mark_key
 
 
 @pytest.fixture
 def settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "settings"
-    monkeypatch.setattr(mark_key.typer, "get_app_dir", lambda _name: str(folder))
-    return folder
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(folder))
+    return folder / "dfrf"
 
 
 def test_the_key_of_the_installation_is_made_once_and_for_its_owner_alone(settings: Path) -> None:
@@ -23,6 +25,36 @@ def test_the_key_of_the_installation_is_made_once_and_for_its_owner_alone(settin
     assert [path.name for path in settings.iterdir()] == [file.name]
     if os.name == "posix":
         assert stat.S_IMODE(file.stat().st_mode) == 0o600
+
+
+@pytest.mark.parametrize("home", [None, "", "~", "here"])
+def test_without_a_home_there_is_no_key_and_nothing_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, home: str | None
+) -> None:
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(pwd, "getpwuid", lambda uid: {"nobody": ""}[str(uid)])
+    monkeypatch.delenv("HOME") if home is None else monkeypatch.setenv("HOME", home)
+    monkeypatch.chdir(tmp_path)
+    assert mark_key.installation_file() is None
+    assert rates_file() is None
+    assert calibrated() == {}
+    known = mark_key.marking(None, ["clip"])
+    assert known.fingerprint == ""
+    with pytest.raises(DubbingError, match=r"no home folder.*mark: \{key: FILE\}"):
+        known.key()
+    with pytest.raises(CallError, match=r"no home folder.*mark: \{key: FILE\}"):
+        mark_key.make_installation_key()
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_home_that_cannot_be_written_is_a_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "file"))
+    with pytest.raises(CallError, match=r"mark: \{key: FILE\}"):
+        mark_key.make_installation_key()
 
 
 def test_a_marking_writes_nothing_and_shows_no_key(settings: Path) -> None:

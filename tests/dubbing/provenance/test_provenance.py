@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from dubbing.provenance.provenance import VisibleMark, tags
+from dubbing.provenance.provenance import SOURCE_TYPE, VisibleMark, statements, tags
 
 
 @pytest.mark.parametrize(("width", "height"), [(1920, 1080), (1080, 1920), (512, 512), (64, 48)])
@@ -30,3 +30,30 @@ def test_the_letters_can_be_read_on_any_background(level: int) -> None:
 def test_the_tags_state_that_the_picture_is_generated() -> None:
     assert "AI-generated" in tags()["comment"]
     assert "compositeWithTrainedAlgorithmicMedia" in tags()["comment"]
+
+
+TERM = SOURCE_TYPE
+OURS = tags()["comment"]
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "counts"),
+    [
+        ("comment", "Shot on film. Nothing here is AI-generated.", False),
+        ("comment", f"No {TERM} in it", False),
+        ("comment", f"{OURS} is not true", False),
+        ("comment", f"not an {OURS}", False),
+        ("encoder", "dfrf 0.1.0", False),
+        ("comment", OURS.replace("dfrf 0.", "dfrf 7."), True),
+        ("description", OURS, True),
+        ("DigitalSourceType", TERM, True),
+        ("Iptc4xmpExt:DigitalSourceType", TERM.replace("compositeWithT", "t"), True),
+        ("DigitalSourceType", TERM.replace("compositeWithT", "notT"), False),
+        ("DigitalSourceType", TERM.rpartition("/")[0] + "/digitalCapture", False),
+        ("DigitalSourceType", f"not {TERM}", False),
+        ("DigitalSourceType", "trainedAlgorithmicMedia", True),
+    ],
+)
+def test_only_what_says_so_counts_as_a_statement(key: str, text: str, counts: bool) -> None:
+    found = statements({key: text, "title": "AI-generated"})
+    assert found == ({key: text} if counts else {})

@@ -62,6 +62,33 @@ def test_a_mark_alone_is_enough(place: Path) -> None:
     assert verify(stripped, "--key", place / "own.key").exit_code == 0
 
 
+def test_words_of_ai_in_the_metadata_are_nothing(place: Path) -> None:
+    words = "comment=Shot on film. Nothing here is AI-generated."
+    file = film.treated(place / "film.mp4", "-c", "copy", "-metadata", words)
+    assert verify(file).exit_code == 1
+
+
+@pytest.mark.parametrize("where", ["mdat", "c2pa.signature"])
+def test_credentials_that_do_not_hold_are_exit_code_1_whatever_lies_beside(
+    place: Path, where: str
+) -> None:
+    pytest.importorskip("c2pa")
+    signed = place / f"{where}.mp4"
+    credentials.sign(place / "dub.mp4", signed, write_chain(place), place / "film.mp4", {})
+    content = bytearray(signed.read_bytes())
+    at = content.index(where.encode()) + 100
+    content[at : at + 60] = bytes(byte ^ 1 for byte in content[at : at + 60])
+    signed.write_bytes(content)
+    result = verify(signed, "--key", place / "own.key")
+    assert result.exit_code == 1, result.output
+    assert "do not hold: the file was changed after it was signed" in " ".join(
+        result.output.split()
+    )
+    found = json.loads(verify(signed, "--key", place / "own.key", "--json").output)
+    assert (found["found"], found["credentials_broken"]) == (False, True)
+    assert found["metadata"]
+
+
 def test_nothing_found_is_exit_code_1(place: Path) -> None:
     result = verify(place / "film.mp4", "--key", place / "own.key", "--json")
     assert result.exit_code == 1, result.output

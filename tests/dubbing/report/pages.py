@@ -48,7 +48,9 @@ def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) 
         "lines": [],
         "line_counts": {},
         "untouched": None,
+        "label": bool(place),
         "signed": not place,
+        "film_credentials": "",
         "mark": None if place else "0123456789abcdef",
     }
 

@@ -160,6 +160,10 @@ def test_a_dub_without_mark_or_credentials_is_reported() -> None:
     assert "invisible mark 0123456789abcdef" in page
     assert page.count("without the invisible mark") == 1
     assert page.count("without signed credentials") == 1
+    assert page.count("without the visible mark") == 1
+    data = found(("one", "pass", 0.2))
+    data["dubs"]["one"]["film_credentials"] = "its credentials do not hold: hash"
+    assert "of the film it was made of, its credentials do not hold: hash" in page_of(data)
 
 
 def test_a_person_is_shown_with_what_they_agreed_to() -> None:
