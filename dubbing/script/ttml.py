@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterator
 from fractions import Fraction
+from typing import Any
 from xml.etree import ElementTree
 
 from dubbing.script.line import Line
@@ -46,7 +47,7 @@ def _parsed(text: str) -> ElementTree.Element:
     parser = ElementTree.XMLPullParser(("start", "end"))  # type: ignore[var-annotated]
     parser.feed(text)
     depth = 0
-    root: ElementTree.Element | None = None
+    root: Any = None
     for event, element in parser.read_events():  # type: ignore[misc]
         root = element if root is None else root
         depth += 1 if event == "start" else -1
@@ -55,7 +56,8 @@ def _parsed(text: str) -> ElementTree.Element:
     parser.close()
     if root is None:
         raise ValueError("it is no timed text: it is empty")
-    return root
+    found: ElementTree.Element = root
+    return found
 
 
 class _Document:
