@@ -25,6 +25,8 @@ from dubbing.errors import CallError
 if TYPE_CHECKING:
     from dubbing.engine.executors import Executor
 
+WITHOUT_DUBS = "the manifest has no dubs, so nothing would be made"
+
 
 def dub(
     manifest: ManifestPath,
@@ -56,6 +58,8 @@ def dub(
     from dubbing.manifest.manifest import load
 
     options, loaded = Options(force=checked_stages(force), keep_going=keep_going), load(manifest)
+    if not loaded.dubs:
+        raise CallError(WITHOUT_DUBS, str(loaded.path), "name new speech for somebody there")
     source = Source(loaded.path, checked_device(device, here=scheduler is None))
     if scheduler:
         from dubbing.engine.cluster import Cluster
@@ -92,6 +96,7 @@ def plan(
     rows = planning.rows(planned, checked_stages(force))
     absent = packages.missing()
     warnings = [*loaded.warnings, *found_by_looks(planned)]
+    warnings += [] if loaded.dubs else [f"{WITHOUT_DUBS}: dfrf dub refuses it"]
     warnings += [str(packages.lacking(absent))] if absent else []
     learned = {
         name: clips
@@ -114,7 +119,7 @@ def init(
     """Write FOLDER/manifest.yaml from the clips and recordings found there."""
     from dubbing.manifest.init import write_manifest
 
-    written = write_manifest(folder)
+    written = write_manifest(folder, print_line)
     print_line(f"wrote {written}; fill in who gave consent, then run: dfrf plan {written}")
 
 

@@ -2,7 +2,7 @@
 
 import json
 import unicodedata
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
@@ -14,6 +14,9 @@ from dubbing.script.reading import READERS, read_lines
 
 NAME = "manifest.yaml"
 LONGEST_LEARNT = 15  # seconds
+MOST_SAID = 20  # sentences of what was paired
+NAMED = "its name begins with the clip's"
+ONLY = "there is no other clip, and no other recording"
 HEADER = """\
 # Written by `dfrf init`. Fill in who agreed to be dubbed and where that is written down, delete
 # what you do not want, then run `dfrf plan` on this file. Every path is relative to it.
@@ -23,11 +26,15 @@ defaults: {preset: fast, seed: 0}
 """
 
 
-def write_manifest(folder: Path) -> Path:
+def write_manifest(folder: Path, say: Callable[[str], None] = lambda _: None) -> Path:
     """Write ``folder/manifest.yaml``; an existing one is left alone.
 
     Every recording is dubbed onto one clip at most, see `clip_of`; every script makes a scene of
-    its clip, see `_scene`. What fits no clip, or is no clip to learn from, becomes a comment.
+    its clip, see `_scene`. What fits no clip, or is no clip to learn from, becomes a comment. One
+    clip and one recording are a pair, whatever they are called.
+
+    Args:
+        say: told what was paired with what, and why.
 
     Raises:
         ManifestError: there is a manifest already, or nothing to write one from.
@@ -40,9 +47,12 @@ def write_manifest(folder: Path) -> Path:
     found = _sort(folder)
     if not found.clips:
         raise ManifestError(str(target), [Problem(0, "", f"no clip with sound in {folder}")])
-    atomic_write_text(
-        target, "\n".join([HEADER + "identities:", *_identities(found), *_dubs(found)]) + "\n"
-    )
+    lines = [HEADER + "identities:", *_identities(found), *_dubs(found)]
+    atomic_write_text(target, "\n".join(lines) + "\n")
+    for pair in found.paired[:MOST_SAID]:
+        say(pair)
+    if (more := len(found.paired) - MOST_SAID) > 0:
+        say(f"and {more} more, see {NAME}")
     return target
 
 
@@ -62,12 +72,20 @@ def clip_of(recording: str, clips: Iterable[str]) -> str | None:
 
 @dataclass
 class _Found:
-    """Clips with picture and sound by name, recordings, scripts, and why videos are left out."""
+    """Clips with picture and sound by name, recordings, scripts, and why videos are left out.
+
+    ``paired``: what was put together, in words.
+    """
 
     clips: dict[str, MediaInfo] = field(default_factory=dict)
     recordings: list[Path] = field(default_factory=list)
     scripts: list[Path] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
+    paired: list[str] = field(default_factory=list)
+
+    def pair(self, sound: Path, clip: str, why: str) -> None:
+        """Note that a recording or script belongs to a clip."""
+        self.paired.append(f"{sound.name} is for {self.clips[clip].path.name}: {why}")
 
 
 def _identities(found: _Found) -> list[str]:
@@ -86,19 +104,32 @@ def _identities(found: _Found) -> list[str]:
 
 def _dubs(found: _Found) -> list[str]:
     if not found.recordings:
+        found.paired.append("no recording was found, so there is nothing to dub yet")
         return ["dubs: []  # no recordings were found"]
+    only = next(iter(found.clips)) if len(found.clips) == 1 else ""
+    # One clip and one recording can only be a pair; unless a name says otherwise.
+    pair = (
+        len(found.recordings) == 1
+        and not found.left_out
+        and clip_of(found.recordings[0].stem, found.clips) is None
+    )
     matched: list[str] = []
     unmatched: list[str] = []
     for script in found.scripts:
-        scene, why = _scene(script, found)
+        scene, why = _scene(script, found, pair=pair)
         (unmatched if why else matched).append(f"- {{{', '.join(scene)}}}{why}")
-    only = next(iter(found.clips)) if len(found.clips) == 1 else ""
     for recording in found.recordings:
         clip = clip_of(recording.stem, found.clips)
         keys = f"identity: {_quoted(clip or only)}, audio: {_quoted(recording.name)}"
-        if clip is None:
+        if clip is None and only and pair:
+            found.pair(recording, only, ONLY)
+            matched.append(f"- {{{keys}}}  # {ONLY}")
+        elif clip is None:
+            found.paired.append(f"{recording.name} is for nobody: its name begins with no clip's")
             unmatched.append(f"- {{{keys}}}")
-        else:  # the clip's name would stand twice in the default one
+        else:
+            found.pair(recording, clip, NAMED)
+            # The clip's name would stand twice in the default one.
             matched.append(f"- {{name: {_quoted(recording.stem)}, {keys}}}")
     lines = ["dubs:", *(f"  {entry}" for entry in matched)]
     if unmatched:
@@ -107,14 +138,18 @@ def _dubs(found: _Found) -> list[str]:
     return lines
 
 
-def _scene(script: Path, found: _Found) -> tuple[list[str], str]:
+def _scene(script: Path, found: _Found, *, pair: bool) -> tuple[list[str], str]:
     """Keys of the scene that a script makes, and in words what is missing.
 
     The script is named as the clip, or begins with its name. Its sound is the recording of the same
     name, which makes no dub of its own then, or one a speaker: ``shot1_it_HOST`` beside
-    ``shot1_it.srt``. The clip's person is the only speaker, or the one of that name.
+    ``shot1_it.srt``. The clip's person is the only speaker, or the one of that name. A clip, a
+    recording and a script that are alone belong together, whatever they are called (``pair``).
     """
     clip = clip_of(script.stem, found.clips)
+    alone = pair and len(found.clips) == len(found.scripts) == 1
+    if clip is None and alone:
+        clip = next(iter(found.clips))
     keys = [f"name: {_quoted(script.stem)}", f"lines: {_quoted(script.name)}"]
     if clip is None:
         return keys, "  # fits no clip: fill in identity and audio"
@@ -133,10 +168,13 @@ def _scene(script: Path, found: _Found) -> tuple[list[str], str]:
     who = f"speakers: {{{_quoted(speaker)}: {_quoted(clip)}}}"
     keys.append(who if speaker else f"identity: {_quoted(clip)}")
     stems = [_key(script.stem), *([_key(f"{script.stem}_{speaker}")] if speaker else [])]
-    sound = next((r for r in found.recordings if _key(r.stem) in stems), None)
+    sound = next((r for r in found.recordings if alone or _key(r.stem) in stems), None)
     if sound is None:
         return keys, f"  # no recording is called {_quoted(script.stem)}: fill in audio"
     found.recordings.remove(sound)
+    why = ONLY if alone else NAMED
+    found.pair(script, clip, why)
+    found.pair(sound, clip, why)
     return [*keys, f"audio: {_quoted(sound.name)}"], ""
 
 

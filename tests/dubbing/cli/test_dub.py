@@ -26,6 +26,21 @@ def test_dub_then_plan(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped
     assert "0 to run, 8 up to date" in out
 
 
+def test_a_manifest_without_dubs_is_2_before_anybody_is_learned(  # type: ignore[no-untyped-def]
+    dfrf, manifest: Path
+) -> None:
+    text = manifest.read_text()
+    for without in ("dubs: []", "dubs:", ""):
+        manifest.write_text(text[: text.index("dubs:")] + without)
+        code, _, err = dfrf("dub", manifest)
+        assert code == 2
+        assert "the manifest has no dubs, so nothing would be made" in err
+        code, out, _ = dfrf("plan", "--json", manifest)
+        assert code == 0
+        assert any("has no dubs" in warning for warning in json.loads(out)["warnings"])
+    assert not (manifest.parent / "out").exists()
+
+
 def test_a_gpu_that_is_not_there_is_2(  # type: ignore[no-untyped-def]
     dfrf, manifest: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

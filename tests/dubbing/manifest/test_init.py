@@ -58,6 +58,38 @@ def test_forty_clips_and_two_hundred_recordings_give_two_hundred_dubs(
     assert all(dub["audio"] == f"{dub['name']}.wav" for dub in written["dubs"])
 
 
+def test_one_clip_and_one_recording_are_a_pair(tmp_path: Path) -> None:
+    clips.write_clip(tmp_path / "shot1.mp4", 30)
+    clips.write_sound(tmp_path / "voice.wav", 1)
+    said: list[str] = []
+    text = init.write_manifest(tmp_path, said.append).read_text()
+    assert yaml_lines.read(text).data["dubs"] == [{"identity": "shot1", "audio": "voice.wav"}]
+    why = "there is no other clip, and no other recording"
+    assert said == [f"voice.wav is for shot1.mp4: {why}"]
+    assert f"# {why}" in text
+    (tmp_path / "manifest.yaml").unlink()
+    (tmp_path / "words.srt").write_text("1\n00:00:00,000 --> 00:00:01,000\nciao\n")
+    dubs = yaml_lines.read(init.write_manifest(tmp_path, said.append).read_text()).data["dubs"]
+    scene = {"name": "words", "lines": "words.srt", "identity": "shot1", "audio": "voice.wav"}
+    assert dubs == [scene]
+    for other in ("music.wav", "shot2.mp4"):  # it may belong to this one, or be something else
+        (tmp_path / "manifest.yaml").unlink()
+        write = clips.write_sound if other.endswith("wav") else clips.write_clip
+        write(tmp_path / other, 30)
+        said.clear()
+        text = init.write_manifest(tmp_path, said.append).read_text()
+        assert not yaml_lines.read(text).data["dubs"]
+        assert "voice.wav is for nobody: its name begins with no clip's" in said
+        (tmp_path / other).unlink()
+
+
+def test_a_folder_without_recordings_is_said_to_have_none(tmp_path: Path) -> None:
+    clips.write_clip(tmp_path / "shot1.mp4", 30)
+    said: list[str] = []
+    init.write_manifest(tmp_path, said.append)
+    assert said == ["no recording was found, so there is nothing to dub yet"]
+
+
 def test_what_fits_nothing_is_written_as_comments(tmp_path: Path) -> None:
     clips.write_clip(tmp_path / "shot1.mp4", 30)
     (tmp_path / "Shot1.mov").write_bytes((tmp_path / "shot1.mp4").read_bytes())
