@@ -57,7 +57,10 @@ def dub(
     from dubbing.engine.runner import Options
     from dubbing.manifest.manifest import load
 
-    options, loaded = Options(force=checked_stages(force), keep_going=keep_going), load(manifest)
+    options, loaded = (
+        Options(force=checked_stages(force), keep_going=keep_going),
+        load(manifest, from_base=True),
+    )
     if not loaded.dubs:
         raise CallError(WITHOUT_DUBS, str(loaded.path), "name new speech for somebody there")
     source = Source(loaded.path, checked_device(device, here=scheduler is None))
@@ -91,7 +94,7 @@ def plan(
     from dubbing.report.lines import undubbed_of
     from dubbing.report.report import found_by_looks
 
-    loaded = load(manifest)
+    loaded = load(manifest, from_base=True)
     planned = jobs.build(loaded, only=tuple(only or ()))
     rows = planning.rows(planned, checked_stages(force))
     absent = packages.missing()

@@ -45,6 +45,8 @@ class Scene:
 class Findings:
     """What the files hold, the damaged ones, and what is wrong with how they are used.
 
+    ``baseless``: what is wrong with learning people from a base, which not every command does.
+
     ``scenes``: by the place of the dub in the list, of those whose files are good; ``blocked``: a
     damaged file of the others. ``identities``: with the clip that each learns from.
     """
@@ -52,6 +54,7 @@ class Findings:
     media: dict[Path, MediaInfo] = field(default_factory=dict)
     damaged: dict[Path, MediaError] = field(default_factory=dict)
     problems: list[tuple[KeyPath, str]] = field(default_factory=list)
+    baseless: list[tuple[KeyPath, str]] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     scenes: dict[int, Scene] = field(default_factory=dict)
     identities: dict[str, Identity] = field(default_factory=dict)

@@ -60,6 +60,8 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
         findings.add((*at, "base"), f"no such file: {identity.base}")
     elif problem := published.base_problem(identity):
         findings.add((*at, "base"), problem)
+    elif problem := published.speech_problem(identity):
+        findings.baseless.append(((*at, "base"), problem))
     if identity.finetune.references is not None and identity.preset != "fast":
         problem = f"preset {identity.preset!r} has a fixed number of them; leave it out"
         findings.add((*at, "finetune", "references"), problem)

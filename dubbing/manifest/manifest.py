@@ -48,11 +48,12 @@ class Manifest(BaseModel):
         return self.output / overwriting.WORK
 
 
-def load(path: Path | str, only: tuple[str, ...] = ()) -> Manifest:
+def load(path: Path | str, only: tuple[str, ...] = (), *, from_base: bool = False) -> Manifest:
     """Read and check a manifest and every file it names.
 
     Args:
         only: look into the files of these identities and dubs alone, and of what they need.
+        from_base: whether people will be learned from their bases.
 
     Raises:
         ManifestError: with all problems found.
@@ -70,6 +71,7 @@ def load(path: Path | str, only: tuple[str, ...] = ()) -> Manifest:
         raise ManifestError(str(path), [Problem(0, "", error.what)]) from error
     reader = Reader(path, yaml_lines.read(text), only)
     output, dubs, findings = reader.read()
+    reader.found += findings.baseless if from_base else []
     if (problems := reader.problems()) or output is None:
         raise ManifestError(str(path), problems)
     return Manifest(

@@ -2,6 +2,7 @@
 it starts from. Loads no torch.
 """
 
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from dubbing import json_records
 from dubbing.errors import DubbingError
 from dubbing.manifest.entries import Identity
 from dubbing.script.timeline import frame_count
+from dubbing.shipped.base import shipped_base
+from dubbing.speech import features
 
 PRESET = "paper"
 # On two processor cores at 512 pixels (docs/performance.md): a frame as measured without the noise
@@ -42,6 +45,27 @@ def base_problem(identity: Identity) -> str | None:
     if kind is None or kind == family(identity.preset):
         return None
     return f"is a base of preset {kind!r}, but the identity has preset {identity.preset!r}"
+
+
+def speech_problem(identity: Identity) -> str | None:
+    """Why somebody cannot be learned from their base: it was trained to hear something else."""
+    base = identity.base or shipped_base(identity.preset)
+    if base is None:
+        return None
+    header = base_header(base)
+    heard, weights = header.get("speech"), header.get("speech_digest")
+    if heard is None or (heard == PUBLISHED_SPEECH and weights is None):
+        return None
+    what = "the base that comes with this tool" if identity.base is None else base.name
+    remedy = (
+        f"name a base of {identity.speech}, which dfrf train-base makes, or set speech: {heard}"
+    )
+    if heard != identity.speech:
+        return f"{what} hears {heard}, but the identity has speech: {identity.speech}: {remedy}"
+    with suppress(DubbingError, OSError):  # weights that are not there are reported as such
+        if weights != (features.fingerprint(identity.speech, identity.speech_weights) or None):
+            return f"{what} was trained with other weights of {heard}: {remedy}"
+    return None
 
 
 def identity_notes(identity: Identity) -> list[str]:

@@ -7,8 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from dfrf import presets
+from dfrf.head_checkpoint import save_model
 from dubbing.batch import jobs
+from dubbing.errors import ManifestError
+from dubbing.manifest.manifest import load
 from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
+from tests.dfrf.people import small_config
 from tests.dubbing.manifest.made import GOOD, problems, read
 
 
@@ -32,6 +37,32 @@ def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:
     assert [stage.inputs["speech_weights"] for stage in stages] == [DEFAULT_WEIGHTS] * 2
     mel = jobs.build(read(folder, with_speech("speech: mel"))).identities["host"].stages["finetune"]
     assert "speech_weights" not in mel.inputs
+
+
+def test_people_are_not_learned_from_a_base_that_hears_something_else(folder: Path) -> None:
+    path = folder / "m.yaml"
+    (folder / "hubert").mkdir(exist_ok=True)
+    (folder / "hubert" / "config.json").write_text('{"model_type": "hubert"}')
+    (folder / "hubert" / "model.safetensors").write_bytes(b"")
+    save_model(folder / "mel.safetensors", presets.build(small_config()), {"speech": "mel"})
+    shipped = "the base that comes with this tool hears rnn"
+    cases = {
+        "speech: mel": f"{shipped}, but the identity has speech: mel",
+        "speech: hubert, speech_weights: hubert": "name a base of hubert",
+        "speech: rnn, base: mel.safetensors": "mel.safetensors hears mel",
+        "speech: rnn, speech_weights: it.wav": "was trained with other weights of rnn",
+        "speech: mel, base: mel.safetensors": "",
+        "speech: mel, preset: nerf": "",
+        "speech: rnn": "",
+    }
+    for keys, message in cases.items():
+        path.write_text(with_speech(keys))
+        load(path)  # a base can be trained of these people
+        if message:
+            with pytest.raises(ManifestError, match=re.escape(message)):
+                load(path, from_base=True)
+        else:
+            load(path, from_base=True)
 
 
 @pytest.mark.parametrize(
