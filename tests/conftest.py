@@ -56,6 +56,7 @@ MEDIUM = (
     "dubbing/synthetic/",
     "dubbing/batch/",
     "dubbing/test_packages.py",
+    "dubbing/test_researchers.py",
     "dubbing/training/",
 )
 

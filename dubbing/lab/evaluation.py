@@ -57,6 +57,7 @@ PROTOCOLS = {"p15": ("p15",), "p15x": ("p15x",), "both": ("p15", "p15x")}
 # So many references, the same in every frame.
 REFERENCES_OF_METHOD = {"dfrf-1": 1, "dfrf-2": 2, "dfrf-4": 4, "dfrf-6": 6}
 
+FEWEST = 50  # frames of a protocol whose figures mean something: two seconds
 Progress = Callable[[str, float], None]
 Figures = dict[str, dict[str, dict[str, Any]]]  # identity -> method -> figure -> value
 
@@ -150,6 +151,14 @@ def evaluate(
     return found
 
 
+def few(frames: float) -> dict[str, str]:
+    """A sentence where so few frames were measured that their figures say next to nothing."""
+    if frames >= FEWEST:
+        return {}
+    why = f"measured: {frames:.0f}, and fewer than {FEWEST} say little of a person"
+    return {"frames suspicion": f"{why}; hold out more, by fewer `seconds` or a longer clip"}
+
+
 def merged(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
     """Figures just measured, with those of the other protocol that an earlier call left.
 
@@ -231,11 +240,13 @@ def evaluate_one(
             found |= sync_figures(clip, out, part.p15)
         else:
             found["every"] = every
+        found |= few(found["frames"])
     if part.p15x:
         figures = measure_dub(
             *(model, clip, speech, part.p15x, part.learned, out / "p15x"),
             device=device,
             progress=progress,
         )
-        found["p15x"] = {**figures, **sync_figures(clip, out / "p15x", part.p15x[0])}
+        sync = sync_figures(clip, out / "p15x", part.p15x[0])
+        found["p15x"] = {**figures, **sync, **few(figures["frames"])}
     return {**found, "steps": learned["steps"], "seconds": learned["seconds"]}

@@ -13,6 +13,7 @@ import pytest
 from dfrf import head_checkpoint, presets
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing import tasks
+from dubbing.cli import console
 from dubbing.files import atomic_write_json
 from dubbing.lab import cross_driving, evaluation, measuring, sync_figures
 from dubbing.manifest.manifest import load
@@ -48,7 +49,9 @@ def finetune(_self: tasks.Finetune, out: Path, _: object) -> None:
     atomic_write_json(out / "finetune.json", summary)
 
 
-def test_both_protocols_of_a_tiny_person(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_both_protocols_of_a_tiny_person(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     clips.write_clip(tmp_path / "ann.mp4", FRAMES)
     (tmp_path / "m.yaml").write_text(
         "version: 1\noutput: out\nidentities:\n"
@@ -79,6 +82,12 @@ def test_both_protocols_of_a_tiny_person(tmp_path: Path, monkeypatch: pytest.Mon
         assert figures["opening_r"] == pytest.approx(1)
         assert figures["width_r"] == pytest.approx(1)
         assert figures["suspicious"] is False
+        assert "measured: 6, and fewer than 50 say little" in figures["frames suspicion"]
+    assert evaluation.few(50) == {}
+    console.metrics({"ann": {"dfrf": found}})
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "ann, dfrf: frames measured: 6" in shown
+    assert "ann, dfrf: p15x frames measured: 6" in shown
     folder = manifest.work / "evaluation" / "ann" / "dfrf"
     for name in ("render.mp4", "frames.csv", "tiles.png"):
         assert (folder / name).is_file()
