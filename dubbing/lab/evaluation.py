@@ -151,8 +151,9 @@ def evaluate(
     return found
 
 
-def few(frames: float) -> dict[str, str]:
+def few(figures: Mapping[str, Any]) -> dict[str, str]:
     """A sentence where so few frames were measured that their figures say next to nothing."""
+    frames = figures.get("frames", FEWEST)
     if frames >= FEWEST:
         return {}
     why = f"measured: {frames:.0f}, and fewer than {FEWEST} say little of a person"
@@ -240,7 +241,7 @@ def evaluate_one(
             found |= sync_figures(clip, out, part.p15)
         else:
             found["every"] = every
-        found |= few(found["frames"])
+        found |= few(found)
     if part.p15x:
         figures = measure_dub(
             *(model, clip, speech, part.p15x, part.learned, out / "p15x"),
@@ -248,5 +249,5 @@ def evaluate_one(
             progress=progress,
         )
         sync = sync_figures(clip, out / "p15x", part.p15x[0])
-        found["p15x"] = {**figures, **sync, **few(figures["frames"])}
+        found["p15x"] = {**figures, **sync, **few(figures)}
     return {**found, "steps": learned["steps"], "seconds": learned["seconds"]}

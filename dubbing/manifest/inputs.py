@@ -69,6 +69,7 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
     for key, problem in terms.of_identity(identity, datetime.date.today()):
         findings.add((*at, *key), problem)
     _speech(findings, at, identity)
+    _faces(findings, at, identity)
     info = findings.media.get(identity.clip)
     if info is None or info.picture is None:
         return
@@ -90,6 +91,16 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
             f"identities.{name}: learns from {left:.1f} s, all there is, instead of"
             f" {identity.learned_seconds:g} s; nothing is held out"
         )
+
+
+def _faces(findings: Findings, at: KeyPath, identity: Identity) -> None:
+    shown = findings.media.get(identity.films[0])
+    if shown is None or shown.picture is None:
+        return
+    for k, point in enumerate(identity.face):
+        if point.at > shown.duration:
+            message = f"{point.at:g} s is past the end: the clip is {shown.duration:.1f} s long"
+            findings.add((*at, "face", k, "at"), message)
 
 
 def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> None:

@@ -42,7 +42,7 @@ from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.warnings import warnings_of
 
-STEPS, LAYOUT = "steps", 2  # the folder of the steps, and the version of what they leave there
+STEPS, LAYOUT = "steps", 3  # the folder of the steps, and the version of what they leave there
 
 
 def prepare(

@@ -35,6 +35,8 @@ from dubbing.stages.kinds import SYNC_FILE
 from dubbing.tasks import dependencies
 
 SUMMARY = "prepared.json"
+# In warnings of preparation that say whose face was taken.
+OF_FACES = ("faces in a frame", "found by looks", "not found in the shots")
 DATA, PAGE = "report.json", "report.html"
 OF_SYNC = {"pass": PASSED, "warn": WARNED, "fail": FAILED}  # by the verdict of the sync check
 
@@ -156,12 +158,12 @@ def clip_warnings(job: Job, damaged: list[str]) -> list[str]:
 
 
 def found_by_looks(planned: Jobs) -> list[str]:
-    """Who was found in which shots of the clips that are prepared, and how surely."""
+    """Whose face was taken in the clips that are prepared: of several, by looks and how surely."""
     return [
         f"{name}: {warning}"
         for name, job in planned.identities.items()
         for warning in clip_warnings(job, [])
-        if "found by looks" in warning or "not found in the shots" in warning
+        if any(words in warning for words in OF_FACES)
     ]
 
 

@@ -36,7 +36,8 @@ class Survey:
     """Frames T: segment (T,) int, repeated (T,) bool, box (T, 4) of the followed face.
 
     ``distance`` (shots,): of its looks from the person's, NaN where a shot does not show it; see
-    `following`. ``most_faces``: how many faces one frame showed at most.
+    `following`. ``most_faces``: how many faces one frame showed at most; ``other``: frame, column
+    and row of the largest that was not followed, NaN without one.
     """
 
     segment: np.ndarray
@@ -44,6 +45,7 @@ class Survey:
     box: np.ndarray
     distance: np.ndarray
     most_faces: int
+    other: np.ndarray
 
 
 def survey(
@@ -89,7 +91,23 @@ def survey(
         ) from error
     repeated = difference < REPEATED
     repeated[0] = False
-    return Survey(segment, repeated, face.box, face.distance, max(map(len, sightings)))
+    most, other = max(map(len, sightings)), other_face(sightings, face.box)
+    return Survey(segment, repeated, face.box, face.distance, most, other)
+
+
+def other_face(sightings: list[list[Sighting]], box: np.ndarray) -> np.ndarray:
+    """Frame, column and row (3,) of the largest face outside of the followed boxes (T, 4)."""
+    others = [
+        seen
+        for frame in sightings
+        for seen in frame
+        if np.hypot(*(seen.middle - (box[seen.frame, :2] + box[seen.frame, 2:]) / 2))
+        > seen.size / 2
+    ]
+    if not others:
+        return np.full(3, np.nan)
+    largest = max(others, key=lambda seen: seen.size)
+    return np.array([largest.frame, *largest.middle])
 
 
 def person_of(portrait: Portrait, info: MediaInfo) -> Person:

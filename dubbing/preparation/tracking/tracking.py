@@ -56,6 +56,7 @@ def survey_step(info: MediaInfo, people: Sequence[Portrait], progress: Progress)
         "followed": np.isfinite(seen.distance)[seen.segment],
         "window": window,
         "most_faces": np.array(seen.most_faces),
+        "other": seen.other,
     }
 
 

@@ -9,6 +9,7 @@ from dubbing.preparation.tracking.likeness import FARTHEST
 from dubbing.preparation.tracking.tracking import APART, HIDDEN, Arrays
 
 SMALL_FACE = 64  # source px: the landmarks are 1.7 px off
+SEVERAL = "faces in a frame"
 LARGE_YAW = 35.0  # degrees
 
 
@@ -42,10 +43,7 @@ def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: 
             f"{seconds(info, unsure[0])}; their poses lean on the frames around them"
         )
     if int(seen["most_faces"]) > 1:
-        out.append(
-            f"up to {int(seen['most_faces'])} faces in a frame; see the contact sheet for the one "
-            "that was followed in each shot"
-        )
+        out.append(several_faces(info, seen))
     out += matched_shots(seen)
     cuts = np.flatnonzero(np.diff(seen["segment"])) + 1
     if len(cuts):
@@ -70,6 +68,24 @@ def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: 
     if repeated:
         out.append(f"{repeated} frames repeat the one before them")
     return out
+
+
+def several_faces(info: MediaInfo, seen: Arrays) -> str:
+    """Which of several faces was followed, and how to choose another."""
+    text = (
+        f"up to {int(seen['most_faces'])} {SEVERAL}; the contact sheet shows the one that was "
+        "followed in each shot"
+    )
+    if np.isnan(seen["other"]).any():
+        return text
+    frame, size = int(seen["other"][0]), np.array([info.width, info.height])
+    followed = (seen["box"][frame, :2] + seen["box"][frame, 2:]) / 2 / size
+    x, y = seen["other"][1:] / size
+    at = frame / float(info.rate or 1)
+    return (
+        f"{text}: at {at:.1f} s that at x {followed[0]:.2f}, y {followed[1]:.2f}; for another set "
+        f"face: {{at: {at:.2f}, x: {x:.2f}, y: {y:.2f}}}"
+    )
 
 
 def matched_shots(seen: Arrays) -> list[str]:

@@ -83,7 +83,7 @@ def test_both_protocols_of_a_tiny_person(
         assert figures["width_r"] == pytest.approx(1)
         assert figures["suspicious"] is False
         assert "measured: 6, and fewer than 50 say little" in figures["frames suspicion"]
-    assert evaluation.few(50) == {}
+    assert evaluation.few({"frames": 50}) == {}
     console.metrics({"ann": {"dfrf": found}})
     shown = " ".join(capsys.readouterr().out.split())
     assert "ann, dfrf: frames measured: 6" in shown

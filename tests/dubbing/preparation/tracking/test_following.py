@@ -8,6 +8,7 @@ import pytest
 from dubbing.face.mesh_points import RIGID
 from dubbing.preparation.tracking.following import Person, Place, Sighting, Track, follow
 from dubbing.preparation.tracking.likeness import COLOUR_SCALE, PARTS
+from dubbing.preparation.tracking.survey import other_face
 
 FRAMES, CUT = 40, 20
 SEGMENT = np.repeat([0, 1], [CUT, FRAMES - CUT])
@@ -93,3 +94,15 @@ def test_nobody_is_at_two_places_at_a_time_but_may_come_back() -> None:
 def test_a_point_beside_every_face_is_reported(person: Person) -> None:
     with pytest.raises(LookupError, match=f"of frame {person.places[0].frame}"):
         follow(sightings(), SEGMENT, [person])
+
+
+def test_the_largest_face_that_is_not_followed_is_known() -> None:
+    def sighting(frame: int, middle: float, size: float) -> Sighting:
+        box = np.array([middle - size / 2, 0, middle + size / 2, size])
+        return Sighting(frame, box, np.zeros(2))
+
+    first = [sighting(0, 100, 80), sighting(0, 300, 40)]
+    seen = [first, [sighting(1, 104, 80), sighting(1, 310, 60)]]
+    box = np.array([[60.0, 0, 140, 80], [64.0, 0, 144, 80]])
+    np.testing.assert_array_equal(other_face(seen, box), [1, 310, 30])
+    assert np.isnan(other_face([seen[0][:1]], box)).all()

@@ -15,15 +15,18 @@ if TYPE_CHECKING:
 FRAMES = 10
 
 
-def warnings_for(apart: dict[int, float]) -> list[str]:
+def warnings_for(apart: dict[int, float], faces: int = 1) -> list[str]:
     """Warnings of a calm clip at 5 fps whose modes differ by so many px in some frames."""
     info = SimpleNamespace(frames=FRAMES, rate=Fraction(5), variable_rate=False)
+    info.width, info.height = 640, 512
     points = np.zeros((FRAMES, 478, 3))
     points[:, :, :2] = np.random.default_rng(0).uniform(0, 400, (478, 2))
     gaps = np.zeros(FRAMES)
     gaps[list(apart)] = list(apart.values())
     seen = {
-        "most_faces": np.array(1),
+        "most_faces": np.array(faces),
+        "other": np.array([5.0, 448.0, 128.0]) if faces > 1 else np.full(3, np.nan),
+        "box": np.tile([64.0, 192.0, 192.0, 320.0], (FRAMES, 1)),
         "segment": np.zeros(FRAMES, int),
         "distance": np.zeros(1),
         "repeated": np.zeros(FRAMES, bool),
@@ -37,6 +40,13 @@ def warnings_for(apart: dict[int, float]) -> list[str]:
 
 def test_a_calm_clip_has_no_warnings() -> None:
     assert warnings_for({3: 2.9}) == []
+
+
+def test_of_several_faces_the_chosen_one_and_the_way_to_another_are_said() -> None:
+    (said,) = warnings_for({}, faces=2)
+    assert "up to 2 faces in a frame" in said
+    assert "at 1.0 s that at x 0.20, y 0.50; for another set" in said
+    assert said.endswith("face: {at: 1.00, x: 0.70, y: 0.25}")
 
 
 def test_modes_that_disagree_a_little_are_unsure_and_no_hand_before_the_face() -> None:
