@@ -83,12 +83,13 @@ def judge(
     the mouth stands still, stays below 30 % of the source's, or sits visibly off. `reference` is
     the source's confidence; `typical` stands for it without a source.
     """
-    whose = "the source's" if reference is not None else "what real speakers have"
+    whose = "the source's" if reference is not None else "real speakers'"
     share = best.confidence / max(reference if reference is not None else typical, 1e-6)
     if motion is not None and not motion.moves:
         return "fail", f"the mouth hardly moves (opening range {motion.opening_range:.3f})"
     if share < FAIL_SHARE:
-        return "fail", f"the mouth does not follow the sound: confidence {share:.0%} of {whose}"
+        words = "the mouth moves, but does not follow these words"
+        return "fail", f"{words}: {share:.0%} of {whose} certainty"
     side = "early" if best.offset > 0 else "late"
     off = f"audio {side} by {abs(best.offset)} frames ({abs(offset_ms):.0f} ms)"
     if abs(best.offset) > 1 and abs(offset_ms) > FAIL_MS:
@@ -97,10 +98,11 @@ def judge(
         return "warn", off
     if share < PASS_SHARE and (reference or 0.0) > CLEAREST_CONFIDENCE:
         share = best.confidence / CLEAREST_CONFIDENCE
-        whose = f"{CLEAREST_CONFIDENCE}, what speakers new to the check have at best"
+        whose = "a clear unknown speaker's"
+    enough = f"{share:.0%} of {whose} certainty ({PASS_SHARE:.0%} is enough)"
     if share < PASS_SHARE:
-        return "warn", f"confidence {best.confidence:.3f} is {share:.0%} of {whose}"
-    return "pass", f"offset {best.offset} frames, confidence {share:.0%} of {whose}"
+        return "warn", f"the mouth follows the sound loosely, look at it: {enough}"
+    return "pass", f"the mouth follows the sound, offset {best.offset} frames: {enough}"
 
 
 def judge_part(

@@ -82,11 +82,14 @@ class SyncResult:
 
     @property
     def words(self) -> str:
-        """Offset in words: "audio early by 2 frames (80 ms)", "in sync" or "not measured"."""
+        """Offset in words: "audio early by 2 frames (80 ms)", "in sync" or "not measured".
+
+        A mouth that follows nothing is not in sync, whatever its offset: then "no offset".
+        """
         if self.offset_frames is None or self.offset_ms is None:
             return "not measured"
         if self.offset_frames == 0:
-            return "in sync"
+            return "no offset" if self.verdict == "fail" else "in sync"
         side = "early" if self.offset_frames > 0 else "late"
         count = abs(self.offset_frames)
         plural = "s" if count > 1 else ""

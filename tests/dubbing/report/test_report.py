@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
 from dubbing.report.page import VERDICTS, page_of
 from dubbing.report.report import verdict_of
+from dubbing.report.sources import is_played, still_of
+from tests import clips
 from tests.dubbing.report.pages import MIXED, found, line
 
 
@@ -92,6 +97,55 @@ def test_without_the_film_the_dub_stands_alone() -> None:
     data = found(("fine", "pass", 0.3))
     data["dubs"]["fine"]["source"] = None
     assert [v["src"] for v in Tags(page_of(data)).of("video")] == ["fine.mp4"]
+
+
+def test_the_sync_is_said_once_and_for_a_director() -> None:
+    page = page_of(found(("weak", "fail", 0.1)))
+    assert "<p>measured weak</p>" in page
+    assert "in sync" not in page
+
+
+def test_a_film_that_no_browser_plays_is_shown_as_a_still() -> None:
+    data = found(("fine", "pass", 0.3))
+    data["dubs"]["fine"] |= {"source": None, "still": "work/stills/a.jpg"}
+    tags = Tags(page_of(data))
+    assert [v["src"] for v in tags.of("video")] == ["fine.mp4"]
+    assert "work/stills/a.jpg" in [i["src"] for i in tags.of("img")]
+
+
+def test_what_is_shown_of_a_film(tmp_path: Path) -> None:
+    plain = clips.write_clip(tmp_path / "a.mp4", 5)
+    prores = tmp_path / "a.mov"
+    clips.ffmpeg("-i", plain, "-c:v", "prores_ks", "-an", prores)
+    deep = tmp_path / "deep.mp4"
+    clips.ffmpeg("-i", plain, "-an", "-pix_fmt", "yuv420p10le", "-c:v", "libx264", deep)
+    matroska = tmp_path / "a.mkv"
+    clips.ffmpeg("-i", plain, "-c", "copy", matroska)
+    (tmp_path / "junk.mp4").write_bytes(b"junk")
+    played = [is_played(f) for f in (plain, prores, deep, matroska, tmp_path / "junk.mp4")]
+    assert played == [True, False, False, False, False]
+    still = still_of(prores, 2, tmp_path / "work")
+    assert still is not None
+    assert np.asarray(Image.open(still)).mean() > 10
+    made = still.stat().st_mtime_ns
+    assert still_of(prores, 2, tmp_path / "work") == still
+    assert still.stat().st_mtime_ns == made
+    assert still_of(tmp_path / "junk.mp4", 0, tmp_path / "work") is None
+
+
+def test_lines_that_nobody_dubs_are_listed() -> None:
+    data = found(("scene", "pass", 0.3))
+    left = {"line": 7, "in": "01:00:00:00", "speaker": "BOB", "words": "a <b>", "why": "not known"}
+    data["dubs"]["scene"]["undubbed"] = [left]
+    page = page_of(data)
+    assert "1 line of the script that nobody dubs" in " ".join(page.split())
+    assert "<b>BOB</b> a &lt;b&gt;" in page
+
+
+def test_without_its_videos_the_page_says_so() -> None:
+    tags = Tags(page_of(found(("fine", "pass", 0.3))))
+    (lost,) = [a for a in tags.of("p") if a.get("class") == "lost note"]
+    assert "hidden" in lost
 
 
 def test_a_card_is_small_and_its_details_closed() -> None:

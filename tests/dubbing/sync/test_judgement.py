@@ -59,7 +59,11 @@ def test_no_dub_is_requested_more_than_a_new_speaker_has(
     verdict, reason = judge(Estimate(0, confidence, 1.0), 0, MOVING, reference)
     assert verdict == expected, reason
     if verdict != "fail":
-        asked = "the source's" if reference <= 0.28 or confidence > 0.24 else "speakers new to"
+        asked = (
+            "the source's"
+            if reference <= 0.28 or confidence > 0.24
+            else "a clear unknown speaker's"
+        )
         assert asked in reason
 
 
@@ -111,6 +115,7 @@ def test_words(frames: int | None, words: str) -> None:
     ms = None if frames is None else frames * 40.0
     result = SyncResult("pass", "", "m", FACTS, offset_frames=frames, offset_ms=ms)
     assert result.words == words
+    assert replace(result, verdict="fail").words == words.replace("in sync", "no offset")
     assert result.to_json()["words"] == words
 
 
