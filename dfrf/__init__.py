@@ -1,6 +1,6 @@
 """Dynamic facial radiance fields: tensors in, tensors out.
 
-The door for researchers; `docs/researchers.md` shows it in ten lines. What a name needs (torch
+The door for researchers; `docs/researchers.md` shows it in a few lines. What a name needs (torch
 above all) is loaded when the name is first used.
 """
 

@@ -7,7 +7,7 @@ case of a dub: their speech over pictures from elsewhere, see `dubbing.lab.cross
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
