@@ -35,7 +35,8 @@ def plain(detail: Any, model: type[Entry]) -> str:
 
 def suggestion(key: str, known: Iterable[str]) -> str:
     """``; did you mean 'label'?`` where a known key comes close."""
-    close = difflib.get_close_matches(key, list(known), n=1)
+    # Comparing takes the product of the lengths.
+    close = difflib.get_close_matches(key, list(known), n=1) if len(key) <= LONGEST else []
     return f"; did you mean {close[0]!r}?" if close else ""
 
 

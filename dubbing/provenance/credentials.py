@@ -234,7 +234,8 @@ def film_problem(film: Path) -> tuple[str, bool]:
         return error.what, True
     if found is None or found.state != "Invalid":
         return "", False
-    return f"its credentials do not hold: {'; '.join(found.problems)}", False
+    problems = [problem for problem in found.problems if "untrusted" not in problem]
+    return f"its credentials do not hold: {'; '.join(problems or found.problems)}", False
 
 
 def _context() -> Any:

@@ -9,6 +9,7 @@ import pytest
 
 from dubbing.errors import ManifestError
 from dubbing.manifest.manifest import Manifest, load
+from dubbing.provenance import credentials
 from tests import clips
 from tests.dubbing.provenance.chain import write_chain
 
@@ -88,3 +89,34 @@ def test_credentials_without_the_library_name_what_to_install(
     (found,) = problems(footage, "certificate: signer.pem, key: signer.key")
     assert "not installed: c2pa" in found
     assert "pip install c2pa-python" in found
+
+
+def test_what_becomes_of_broken_credentials_of_the_film_is_said(
+    footage: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("c2pa")
+    clips.write_sound(tmp_path / "it.wav", 2)
+    whole = tmp_path / "host.mp4"
+    signer = write_chain(tmp_path)
+    credentials.sign(footage / "host.mp4", whole, signer, footage / "host.mp4", {})
+    keys = "certificate: signer.pem, key: signer.key"
+    assert not any("credentials" in warning for warning in read(tmp_path, keys).warnings)
+    content = bytearray(whole.read_bytes())
+    content[content.index(b"mdat") + 100] ^= 1
+    whole.write_bytes(content)
+    (warning,) = (w for w in read(tmp_path, keys).warnings if "credentials" in w)
+    assert "signed over host.mp4, though its credentials do not hold" in warning
+    assert not any("credentials" in warning for warning in read(tmp_path).warnings)
+    start = content.index(b"jumb") + 60
+    content[start : start + 140] = bytes(140)
+    whole.write_bytes(content)
+    assert any("cannot be signed over" in problem for problem in problems(tmp_path, keys))
+
+
+def test_a_user_without_a_home_is_told_of_the_key(
+    footage: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("XDG_CONFIG_HOME")
+    monkeypatch.setenv("HOME", "")
+    assert sum("mark: {key: FILE}" in warning for warning in read(footage).warnings) == 1
+    assert not any("mark:" in warning for warning in read(footage, "mark: false").warnings)
