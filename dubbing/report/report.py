@@ -31,8 +31,7 @@ from dubbing.report.page import (
     page_of,
 )
 from dubbing.report.peak_memory import peak_memory
-from dubbing.report.sources import is_played, still_of
-from dubbing.script.timeline import first_frame
+from dubbing.report.sources import relative, shown, source_of
 from dubbing.stages.kinds import SYNC_FILE
 from dubbing.tasks import dependencies
 
@@ -107,7 +106,7 @@ def collect(
     }
     verdicts = [dub["verdict"] for dub in dubs.values()]
     return {
-        "manifest": _shown(manifest, manifest.path),
+        "manifest": shown(manifest, manifest.path),
         "code": code,
         "seconds": round(seconds, 1),
         "peak_memory_mb": None if peak is None else peak // 2**20,
@@ -137,12 +136,12 @@ def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
     sheet = prepared / "contact_sheet.png"
     return {
         **_common(job, outcome),
-        "clip": _shown(manifest, identity.clip),
+        "clip": shown(manifest, identity.clip),
         "consent": dependencies.consent_of(identity),
         "warnings": [*clip_warnings(job, damaged), *dict.fromkeys(damaged)],
         "residual_shift": summary.get("residual_shift"),
         "learned": in_words(learned) if (learned := learned_if_known(model)) else None,
-        "contact_sheet": _relative(manifest, sheet) if sheet.is_file() else None,
+        "contact_sheet": relative(manifest, sheet) if sheet.is_file() else None,
         **curves,
         "sync": _brief(sync_of(job)),
     }
@@ -183,8 +182,8 @@ def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
         **_common(job, outcome),
         "identity": ", ".join(job.waits_for),
         "verdict": verdict_of(outcome.state, sync),
-        "video": _relative(manifest, video) if video.is_file() else None,
-        **_source(manifest, clip, dub.video_start),
+        "video": relative(manifest, video) if video.is_file() else None,
+        **source_of(manifest, clip, dub.video_start),
         "undubbed": lines.undubbed_of(manifest, job.name),
         "lines": rows,
         "line_counts": {v: verdicts.count(v) for v in lines.COLOURS if v in verdicts},
@@ -195,25 +194,6 @@ def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
         "mark": mark.id if scene and (mark := dependencies.mark_of(dub, scene)) else None,
         "sync": _brief(sync),
     }
-
-
-def _source(manifest: Manifest, film: Path, start: float) -> dict[str, Any]:
-    """The film under a dub, for the page; or a still of it, where no browser plays it."""
-    found: dict[str, Any] = {"source": None, "source_start": start, "still": None}
-    if not film.is_file():
-        return found
-    if is_played(film):
-        return {**found, "source": _relative(manifest, film)}
-    info = manifest.media.get(film)
-    frame = first_frame(start, info.rate) if info and info.frames else 0
-    still = still_of(film, frame, manifest.work)
-    return {**found, "still": _relative(manifest, still) if still else None}
-
-
-def _shown(manifest: Manifest, path: Path) -> str:
-    """A path as the report names it: relative to its folder, if it lies below it or beside it."""
-    near = path.is_relative_to(manifest.output.parent)
-    return _relative(manifest, path) if near else str(path)
 
 
 def _film_credentials(job: Job, film: Path) -> str:
@@ -275,8 +255,3 @@ def _read(path: Path, shape: Any, whose: str, damaged: list[str]) -> Any:
     except DubbingError as error:
         damaged.append(str(error))
         return {}
-
-
-def _relative(manifest: Manifest, path: Path) -> str:
-    """The way from the page to a file, which may lie elsewhere."""
-    return Path(os.path.relpath(path, manifest.output)).as_posix()

@@ -1,6 +1,8 @@
 """What the page shows of a dub's source: the film, or a still of one that no browser plays."""
 
+import os
 from pathlib import Path
+from typing import Any
 
 import av
 from PIL import Image
@@ -9,7 +11,9 @@ from dubbing import media
 from dubbing.engine.stage import digest_of
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_path, make_folder, writing
+from dubbing.manifest.manifest import Manifest
 from dubbing.media.opening import opened
+from dubbing.script.timeline import first_frame
 
 STILLS = "stills"  # folder of them, in that of the stages
 WIDEST = 640  # px of a still
@@ -50,3 +54,27 @@ def still_of(film: Path, frame: int, work: Path) -> Path | None:
     except (DubbingError, StopIteration):
         return None
     return path
+
+
+def source_of(manifest: Manifest, film: Path, start: float) -> dict[str, Any]:
+    """The film under a dub, for the page; or a still of it, where no browser plays it."""
+    found: dict[str, Any] = {"source": None, "source_start": start, "still": None}
+    if not film.is_file():
+        return found
+    if is_played(film):
+        return {**found, "source": relative(manifest, film)}
+    info = manifest.media.get(film)
+    frame = first_frame(start, info.rate) if info and info.frames else 0
+    still = still_of(film, frame, manifest.work)
+    return {**found, "still": relative(manifest, still) if still else None}
+
+
+def shown(manifest: Manifest, path: Path) -> str:
+    """A path as the report names it: relative to its folder, if it lies below it or beside it."""
+    near = path.is_relative_to(manifest.output.parent)
+    return relative(manifest, path) if near else str(path)
+
+
+def relative(manifest: Manifest, path: Path) -> str:
+    """The way from the page to a file, which may lie elsewhere."""
+    return Path(os.path.relpath(path, manifest.output)).as_posix()
