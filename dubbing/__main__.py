@@ -2,11 +2,14 @@
 
 import sys
 
-from dubbing import packages
+from dubbing import environment
 
 
 def main() -> None:
     """Entry point. A package that is missing ends in one sentence."""
+    environment.settle()  # before anything else is imported
+    from dubbing import packages
+
     try:
         from dubbing.cli.main import main as run
 

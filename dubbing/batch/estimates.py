@@ -91,6 +91,8 @@ def amount(manifest: Manifest, node: Node) -> float:
             found = _spoken_frames(manifest.scenes[job.name])
         case tasks.Check():
             found = manifest.media[work.video].frames
+        case tasks.Sign():  # bytes are copied and digested: far quicker than any frame is made
+            found = _spoken_frames(manifest.scenes[job.name])
         case _:
             raise TypeError(f"no stage of a pipeline: {work}")
     return found

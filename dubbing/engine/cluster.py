@@ -5,16 +5,16 @@ without harm. Dask gives what a vanished worker did to another one.
 """
 
 import subprocess
-import sys
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 from uuid import uuid4
 
 from dubbing import packages
-from dubbing.engine.executors import FAILED, KILLED, Done, Source, Task, result
+from dubbing.engine.executors import FAILED, KILLED, TASK, Done, Source, Task, result
 from dubbing.engine.graph import kind_of
 from dubbing.engine.outcome import Failure
+from dubbing.environment import of_children, python
 from dubbing.errors import CallError
 
 ANSWER = "15s"  # time that a scheduler has to answer
@@ -23,12 +23,13 @@ ANSWER = "15s"  # time that a scheduler has to answer
 def call(arguments: list[str]) -> tuple[int, str, str]:
     """What a worker does: exit code, stdout and stderr of a process."""
     done = subprocess.run(
-        [sys.executable, "-m", "dubbing.engine.task", *arguments],
+        [*python(TASK), *arguments],
         check=False,
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,
         errors="replace",
+        env=of_children(),
     )
     return done.returncode, done.stdout, done.stderr
 

@@ -8,7 +8,6 @@ import heapq
 import json
 import signal
 import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -21,9 +20,11 @@ from dubbing.engine.graph import kind_of
 from dubbing.engine.outcome import Failure, failure_of
 from dubbing.engine.stage import Progress, Stage
 from dubbing.engine.update import run_stage
+from dubbing.environment import of_children, python
 from dubbing.errors import LockedError
 
 MADE, KEPT, FAILED, HELD, KILLED = "made", "kept", "failed", "held", "killed"
+TASK = "dubbing.engine.task"  # which a process of its own runs
 PIPELINE = "dubbing.batch.jobs"  # the module that declares the graph of a manifest again
 OUT_OF_MEMORY = 128 + signal.SIGKILL  # exit code of a shell or container whose process was killed
 
@@ -211,9 +212,14 @@ class Processes:
                 self._done.put(Done(task.key, FAILED, failure=failure))
 
     def _run(self, task: Task) -> Done:
-        call = [sys.executable, "-m", "dubbing.engine.task", *self._source.command(task)]
+        call = [*python(TASK), *self._source.command(task)]
         with subprocess.Popen(
-            call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, errors="replace"
+            call,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            errors="replace",
+            env=of_children(),
         ) as process:
             self._running.add(process)
             if self._closed.is_set():

@@ -6,11 +6,11 @@ Letters: T frames, P = 478 points of the face mesh, H and W pixels.
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 
-from dubbing.face.mediapipe_graph import Solution
+from dubbing.face.mediapipe_graph import Solution, solution
 
 POINTS = 478
 MAX_FACES = 4
@@ -46,12 +46,9 @@ class FaceTracker:
     """
 
     def __init__(self, rate: float, max_faces: int = MAX_FACES) -> None:
-        import mediapipe as mp
-
-        solutions: Any = mp.solutions
         self._mesh = Solution(
             partial(
-                solutions.face_mesh.FaceMesh,
+                solution("face_mesh").FaceMesh,
                 static_image_mode=False,
                 refine_landmarks=True,
                 max_num_faces=max_faces,

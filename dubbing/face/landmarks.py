@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from dubbing.face.mediapipe_graph import Solution
+from dubbing.face.mediapipe_graph import Solution, solution
 from dubbing.face.mesh_points import LANDMARKS
 
 MOST_FACES = 4
@@ -44,11 +44,9 @@ class FaceMesh:
 
     def restart(self) -> None:
         """Forget the face that was followed: for the first frame after a cut."""
-        from mediapipe.python.solutions import face_mesh
-
         if self._mesh is not None:
             self._mesh.close()
-        self._mesh = Solution(partial(face_mesh.FaceMesh, **self._settings))
+        self._mesh = Solution(partial(solution("face_mesh").FaceMesh, **self._settings))
 
     def __call__(self, image: np.ndarray) -> list[np.ndarray]:
         """Faces of an RGB frame: (478, 3) float64 each; an empty list where there is none."""

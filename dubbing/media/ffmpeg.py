@@ -16,6 +16,7 @@ from typing import IO, Any
 
 import imageio_ffmpeg
 
+from dubbing import environment
 from dubbing.errors import MediaError
 
 REMEDY = "unset DFRF_FFMPEG to use the one that came with imageio-ffmpeg"
@@ -29,6 +30,7 @@ def binary() -> str:
     Raises:
         MediaError: ``DFRF_FFMPEG`` names something that is not there, or the wheel has none.
     """
+    environment.settle()  # PATH is looked through; and imageio-ffmpeg starts what it has, too
     wanted = os.environ.get("DFRF_FFMPEG", "")
     if not wanted:
         try:
@@ -51,7 +53,12 @@ def version() -> str:
     """
     program = binary()
     try:
-        done = subprocess.run([program, "-version"], capture_output=True, check=False)
+        done = subprocess.run(
+            [program, "-version"],
+            capture_output=True,
+            check=False,
+            env=environment.of_children(),
+        )
         text, what = done.stdout.decode(errors="replace"), f"it ended with {done.returncode}"
     except OSError as error:
         text, what = "", str(error.strerror)
@@ -75,6 +82,7 @@ class Process:
             stdin=subprocess.PIPE if pipe_in else subprocess.DEVNULL,
             stdout=subprocess.PIPE if pipe_out else subprocess.DEVNULL,
             stderr=self._messages,
+            env=environment.of_children(),
         )
 
     @property

@@ -3,6 +3,7 @@
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ WIDEST = 0.84  # of the card's sides, that the text takes
 LETTERS = 0.06  # of the shorter side: height of the letters, where the text leaves room for it
 SMALLER = 0.92  # of the letters, from try to try
 LINE = 1.35  # of the letters' height
+ABSENT = "\uffff"  # no letter: fonts draw in its place what they draw for those that they lack
 RIGHT_TO_LEFT = ("R", "AL")
 
 
@@ -40,13 +42,12 @@ def undrawable(text: str) -> str:
     """The characters of a text that would not be seen as they are written, each once."""
     if not text:
         return ""
-    from matplotlib.ft2font import FT2Font
-
-    known = FT2Font(str(_font_file())).get_charmap()
+    font = ImageFont.truetype(_font_file(), 20, layout_engine=ImageFont.Layout.BASIC)
+    absent = bytes(font.getmask(ABSENT))
     return "".join(
         letter
         for letter in dict.fromkeys(text.replace("\n", ""))
-        if ord(letter) not in known
+        if bytes(font.getmask(letter)) == absent
         or unicodedata.bidirectional(letter) in RIGHT_TO_LEFT
         or not letter.isprintable()
     )
@@ -89,6 +90,7 @@ def _wrapped(text: str, font: ImageFont.FreeTypeFont, width: float) -> list[str]
 
 def _font_file() -> Path:
     """DejaVu Sans, which has Latin, Greek and Cyrillic letters and comes with matplotlib."""
-    import matplotlib
-
-    return Path(matplotlib.get_data_path(), "fonts", "ttf", "DejaVuSans.ttf")
+    found = find_spec("matplotlib")  # which reads files of the current folder where it is imported
+    assert found is not None
+    assert found.origin is not None
+    return Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"

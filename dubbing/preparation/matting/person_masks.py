@@ -8,7 +8,7 @@ from functools import partial
 import cv2
 import numpy as np
 
-from dubbing.face.mediapipe_graph import Solution
+from dubbing.face.mediapipe_graph import Solution, solution
 
 LOOKED_AT = 256  # px, side of what the network takes
 
@@ -35,8 +35,7 @@ class PersonMasks(ExitStack):
         return cv2.resize(mask, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
 
     def _another(self) -> Solution:
-        from mediapipe.python.solutions import selfie_segmentation
-
-        network = Solution(partial(selfie_segmentation.SelfieSegmentation, model_selection=0))
+        networks = solution("selfie_segmentation")
+        network = Solution(partial(networks.SelfieSegmentation, model_selection=0))
         self.callback(network.close)
         return network

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dubbing.environment import of_children
 from dubbing.errors import TrainingError
 from dubbing.speech.voice_activity import SAMPLE_RATE
 from dubbing.synthetic.visemes import Phone
@@ -117,7 +118,7 @@ def _festival(voice: Voice, text: str, wav: Path) -> Spoken:
 
 def _run(call: list[str]) -> str:
     try:
-        done = subprocess.run(call, capture_output=True, check=True, timeout=120)
+        done = subprocess.run(call, capture_output=True, check=True, timeout=120, env=of_children())
     except (OSError, subprocess.SubprocessError) as error:
         raise TrainingError(
             f"{call[0]} failed: {error}", remedy=f"install {call[0]}, or leave its voices out"

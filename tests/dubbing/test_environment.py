@@ -1,0 +1,96 @@
+"""Nothing of the current folder is run: no library, no module, no program, no settings."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dubbing import environment
+from dubbing.errors import CallError
+from dubbing.face import mediapipe_graph
+from dubbing.provenance import card
+
+PATHS = ("PATH", "LD_LIBRARY_PATH", "PYTHONPATH", "XDG_DATA_DIRS", "OPENCV_VIDEOIO_PLUGIN_PATH")
+
+
+def entries(found: dict[str, str]) -> dict[str, list[str]]:
+    return {name: found[name].split(os.pathsep) for name in PATHS if name in found}
+
+
+@pytest.mark.parametrize("value", ["", ".", ":", "lib", ":/usr/lib", "/usr/lib:", "/a::b:./c:/usr"])
+def test_no_search_path_of_a_child_holds_the_current_folder(
+    value: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in PATHS:
+        monkeypatch.setenv(name, value)
+    found = entries(environment.of_children())
+    assert all(os.path.isabs(entry) for some in found.values() for entry in some)
+    kept = [entry for entry in value.split(":") if entry.startswith("/")]
+    assert found.get("PATH", []) == kept
+
+
+def test_opencv_leaves_no_empty_entry_behind(tmp_path: Path) -> None:
+    """It puts its folder and a colon before what stands in LD_LIBRARY_PATH."""
+    code = "from dubbing import environment as e; e.settle(); import cv2, os; print(os.environ)"
+    call = [sys.executable, "-c", f"{code}; print('|', os.environ.get('LD_LIBRARY_PATH'))"]
+    own = {name: value for name, value in os.environ.items() if name != "LD_LIBRARY_PATH"}
+    done = subprocess.run(call, capture_output=True, text=True, check=True, env=own)
+    found = done.stdout.rpartition("|")[2].strip()
+    assert all(os.path.isabs(entry) for entry in found.split(":")), found
+
+
+@pytest.mark.parametrize("module", ["argparse", "dubbing", "json", "pathlib", "torch"])
+def test_no_module_beside_a_film_is_imported_by_a_child(module: str, tmp_path: Path) -> None:
+    (tmp_path / f"{module}.py").write_text("raise SystemExit('ran')")
+    call = [*environment.python("dubbing.engine.task"), "--help"]
+    env = environment.of_children()
+    done = subprocess.run(call, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_nor_by_python_m_dubbing(tmp_path: Path) -> None:
+    """Python puts the current folder first."""
+    for module in ("argparse", "typer", "json", "pathlib", "torch"):
+        (tmp_path / f"{module}.py").write_text("raise SystemExit('ran')")
+    call = [sys.executable, "-m", "dubbing", "--version"]
+    env = {**os.environ, "PYTHONPATH": environment.PACKAGES}
+    done = subprocess.run(call, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_matplotlibrc_is_not_read(tmp_path: Path) -> None:
+    """With bytes that are no text it would end the import."""
+    (tmp_path / "matplotlibrc").write_bytes(b"\xff\xfe backend: module://evil")
+    (tmp_path / "evil.py").write_text("raise SystemExit('ran')")
+    code = (
+        "from dubbing.face.mediapipe_graph import solution; from dubbing.provenance import card\n"
+        "solution('face_mesh'), solution('selfie_segmentation'), card.undrawable('a')\n"
+        "card.draw('a', 64, 64); import sys; print('matplotlib' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-P", "-c", code],
+        cwd=tmp_path,
+        env=environment.of_children(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout == "False\n", done.stderr
+
+
+def test_letters_that_the_card_lacks() -> None:
+    assert card.undrawable("Ann Žižek, Ελλάδα, Юлия\n") == ""
+    assert card.undrawable("Ann 李 and שלום") == "李שלום"
+
+
+def test_networks_of_the_current_folder_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """MediaPipe reads mediapipe/modules/... of the current folder before its own."""
+    monkeypatch.chdir(tmp_path)
+    mediapipe_graph.check_current_folder()
+    (tmp_path / "mediapipe" / "modules").mkdir(parents=True)
+    with pytest.raises(CallError, match="call from another folder"):
+        mediapipe_graph.check_current_folder()
