@@ -8,6 +8,7 @@ import operator
 import os
 import re
 import stat
+import unicodedata
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,6 +20,9 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 Found = TypeVar("Found")
 # A name of a file and what `atomic_path` adds to it must fit into this, in bytes of UTF-8.
 LONGEST_NAME = 255 - len("..4194304.tmp")
+PARTIAL = ".partial-"  # in the name of a folder of work in progress, before 12 digits of its key
+IN_PROGRESS = re.compile(rf".+{re.escape(PARTIAL)}[0-9a-f]{{12}}")
+DIGESTS = ".digests"  # in that folder: of each file that is whole, so that damage is seen
 
 
 def make_folder(path: Path) -> None:
@@ -78,11 +82,37 @@ def atomic_path(path: Path) -> Iterator[Path]:
         yield temporary
         with writing(path):
             sync_file(temporary)
+            _note_digest(temporary, path)
             os.replace(temporary, path)
             sync_file(path.parent)
     finally:
         with suppress(OSError):
             temporary.unlink()
+
+
+def _note_digest(temporary: Path, path: Path) -> None:
+    """Keep the digest of a file that is to become ``path``, where that is work in progress.
+
+    Behind that of the file that lies there now: a kill may come before it is replaced.
+    """
+    folder = next((one for one in path.parents if IN_PROGRESS.fullmatch(one.name)), None)
+    if folder is None:
+        return
+    kept = folder / DIGESTS / path.relative_to(folder)
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    before = kept.read_text().split()[-1:] if kept.exists() else []
+    kept.write_text(" ".join([*before, digest_file(temporary)]))
+
+
+def remove_damaged(folder: Path) -> list[Path]:
+    """Remove the files of work in progress that are not what was written; gives them."""
+    damaged = []
+    for kept in (folder / DIGESTS).rglob("*"):
+        path = folder / kept.relative_to(folder / DIGESTS)
+        if kept.is_file() and path.is_file() and digest_file(path) not in kept.read_text().split():
+            path.unlink()
+            damaged.append(path)
+    return damaged
 
 
 def remove_torn(path: Path) -> None:
@@ -134,6 +164,11 @@ def flags(*names: str) -> int:
     return functools.reduce(operator.or_, (getattr(os, name, 0) for name in names), 0)
 
 
+def same_on_disk(name: str) -> str:
+    """The same for names that are one file where capitals, or forms of letters, do not count."""
+    return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
+
+
 def sync_file(path: Path) -> None:
     """Push a file (or a folder's list of names) to the disk."""
     windows = os.name == "nt"
@@ -160,20 +195,23 @@ def digest_data(content: Any) -> str:
 
 
 def while_unchanged(maxsize: int) -> Callable[[Callable[[Path], Found]], Callable[[Path], Found]]:
-    """Cache a function of a file until its size, time stamp or inode changes.
+    """Cache a function of a file until its size, a time stamp or its inode changes.
+
+    Of the time stamps one is the system's own: nobody can put it back.
 
     The cached function raises FileNotFoundError where there is no file.
     """
 
     def wrap(read: Callable[[Path], Found]) -> Callable[[Path], Found]:
         @functools.lru_cache(maxsize)
-        def cached(path: Path, _size: int, _changed: int, _inode: int) -> Found:
+        def cached(path: Path, *_status: int) -> Found:
             return read(path)
 
         @functools.wraps(read)
         def call(path: Path) -> Found:
             status = os.stat(path)
-            return cached(path, status.st_size, status.st_mtime_ns, status.st_ino)
+            times = (status.st_mtime_ns, status.st_ctime_ns)
+            return cached(path, status.st_size, *times, status.st_ino)
 
         return call
 

@@ -26,10 +26,12 @@ from dubbing.stages.kinds import SYNC_FILE
 from dubbing.tasks.declaration import Stages, clip_name, stage_of
 from dubbing.tasks.dependencies import (
     card_of,
+    check_weights,
     composite_parameters,
     frames_of,
     mark_of,
     portraits_of,
+    prepare_weights,
     signed_facts,
     sounds_of,
     speech_weights,
@@ -103,11 +105,12 @@ def _prepared(
     prepare = stages.add(
         "prepare",
         tasks.Prepare(identity, clip, people),
-        reads={"clip": clip, **portraits},
+        reads={"clip": clip, **portraits, **prepare_weights()},
         parameters={"size": identity.size, **({"people": points} if people else {})},
         of=of,
     )
-    return prepare, stages.add("check_source", tasks.Check(clip), reads={"clip": clip}, of=of)
+    reads = {"clip": clip, **check_weights()}
+    return prepare, stages.add("check_source", tasks.Check(clip), reads=reads, of=of)
 
 
 def dub_job(
@@ -145,7 +148,7 @@ def dub_job(
     stages.add(
         "check",
         tasks.Check(finished_video, source.folder / SYNC_FILE, of_scene, frames_of_card),
-        reads={"video": composite, "source": source},
+        reads={"video": composite, "source": source, **check_weights()},
     )
     if signer := signer_of(dub):
         facts = signed_facts(manifest, dub, scene)

@@ -27,6 +27,7 @@ from dubbing.files import make_folder, writing
 
 SUFFIX = ".claim"
 BEAT = 2.0  # seconds between heartbeats
+TAKEN_OVER = "this process gave no sign of life, and another run took the work over"
 STALE = 30.0  # seconds without one, by the clock of who looks, until a claim is taken over
 PACE = 0.25  # seconds between looks at what changes
 
@@ -65,8 +66,7 @@ class Claim:
     def check(self) -> None:
         """Raises StageError where this process slept so long that the claim was taken over."""
         if self._lost or not self._file.exists():
-            what = "this process gave no sign of life, and another run took the work over"
-            raise StageError(what, str(self._path), "run it again")
+            raise StageError(TAKEN_OVER, str(self._path), "run it again")
 
     def release(self) -> None:
         """Give the claim back."""

@@ -20,7 +20,7 @@ from typing_extensions import TypedDict
 
 from dubbing import json_records
 from dubbing.errors import DubbingError
-from dubbing.files import digest_data, digest_file, while_unchanged
+from dubbing.files import PARTIAL, digest_data, digest_file, while_unchanged
 
 RECORD = "stage.json"
 
@@ -118,7 +118,7 @@ class Stage:
 
     def partial(self) -> Path:
         """Where work in progress with the present settings lives."""
-        return self.folder.with_name(f"{self.folder.name}.partial-{self.key()[:12]}")
+        return self.folder.with_name(f"{self.folder.name}{PARTIAL}{self.key()[:12]}")
 
     def changes(self) -> list[str]:
         """Why the results do not hold, one reason a line; empty when they do."""

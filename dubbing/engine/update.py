@@ -1,21 +1,35 @@
 """Bringing a stage up to date: under a claim, in a folder of its own, published by a rename."""
 
+import errno
 import shutil
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
+from uuid import uuid4
 
 from dubbing import json_records
 from dubbing.engine import claims
-from dubbing.engine.claims import Claim, Watch
+from dubbing.engine.claims import TAKEN_OVER, Claim, Watch
 from dubbing.engine.part import MARKS, Part
 from dubbing.engine.stage import RECORD, Progress, Stage
 from dubbing.errors import StageError
-from dubbing.files import atomic_write_json, digest_file, sync_file
+from dubbing.files import (
+    DIGESTS,
+    PARTIAL,
+    atomic_write_json,
+    digest_file,
+    remove_damaged,
+    sync_file,
+    system_error,
+)
 from dubbing.media import ffmpeg
 
+# Where another process has moved what was to be moved, or has put its own in the place.
+OVERTAKEN = (errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST)
+READY = ".ready-"  # in the name of a folder of finished work that is being put in its place
 TEMPORARY = ".*.tmp*"  # names given by files.atomic_path
 PACKAGES = ("dfrf", "torch", "numpy")
 
@@ -65,7 +79,8 @@ def _update(
     partial.mkdir(parents=True, exist_ok=True)
     for torn in partial.rglob(TEMPORARY):
         torn.unlink()  # half-written files of a run that was killed
-    if stage.record(partial) is None:
+    remove_damaged(partial)
+    if not _sealed(stage, partial):
         seconds = _produce(stage, partial, progress, sources, digests)
         for mark in partial.glob(MARKS):
             seconds += json_records.read(mark, float, "seconds of a part")
@@ -73,8 +88,9 @@ def _update(
         _seal(stage, partial, key=key, digests=digests, seconds=seconds)
     claim.check()
     _swap(stage, partial)
-    for leftover in stage.folder.parent.glob(f"{stage.folder.name}.partial-*"):
-        shutil.rmtree(leftover)  # of other settings
+    for kind in (PARTIAL, READY):
+        for leftover in stage.folder.parent.glob(f"{stage.folder.name}{kind}*"):
+            shutil.rmtree(leftover, ignore_errors=True)  # of other settings
     return True
 
 
@@ -137,10 +153,29 @@ def recover(stage: Stage) -> None:
         shutil.rmtree(old, ignore_errors=True)
     elif old.exists():
         old.rename(stage.folder)
+    if not (partial := stage.partial()).exists():
+        for ready in partial.parent.glob(f"{partial.name.replace(PARTIAL, READY)}-*"):
+            with suppress(OSError):  # it is in its place by now
+                ready.rename(partial)
+
+
+def _sealed(stage: Stage, partial: Path) -> bool:
+    """Whether the work was whole when its process ended, and still is; else it is begun again."""
+    record = stage.record(partial)
+    if record is None:
+        return False
+    for name, made in record["outputs"].items():
+        path = partial / name
+        if not path.is_file() or digest_file(path) != made["digest"]:
+            shutil.rmtree(partial)
+            partial.mkdir()
+            return False
+    return True
 
 
 def _seal(stage: Stage, folder: Path, *, key: str, digests: dict[str, str], seconds: float) -> None:
     """Flush every output to the disk, then write the record."""
+    shutil.rmtree(folder / DIGESTS, ignore_errors=True)
     outputs = {}
     for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.name != RECORD):
         sync_file(path)
@@ -160,11 +195,31 @@ def _seal(stage: Stage, folder: Path, *, key: str, digests: dict[str, str], seco
 
 
 def _swap(stage: Stage, partial: Path) -> None:
+    """Put finished work in its place.
+
+    A process may sleep anywhere in here, and another finish the stage meanwhile. So the work
+    becomes this one's own first: of two that want to move it one alone can. A result that cannot
+    be replaced goes back to where it lay.
+
+    Raises:
+        StageError: another process has taken the work over.
+    """
     old = _old(stage)
-    shutil.rmtree(old, ignore_errors=True)
-    if stage.folder.exists():
-        stage.folder.rename(old)
-    partial.rename(stage.folder)
+    ready = partial.with_name(f"{partial.name.replace(PARTIAL, READY)}-{uuid4().hex}")
+    try:
+        partial.rename(ready)
+        shutil.rmtree(old, ignore_errors=True)
+        if stage.folder.exists():
+            stage.folder.rename(old)
+        ready.rename(stage.folder)
+    except OSError as error:
+        if old.exists() and not stage.folder.exists():
+            old.rename(stage.folder)
+        if error.errno not in OVERTAKEN:
+            raise system_error(error, stage.folder) from error
+        shutil.rmtree(ready, ignore_errors=True)
+        if stage.changes():
+            raise StageError(TAKEN_OVER, str(stage.folder), "run it again") from error
     sync_file(stage.folder.parent)
     shutil.rmtree(old, ignore_errors=True)
 

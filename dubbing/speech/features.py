@@ -14,10 +14,10 @@ import numpy as np
 
 from dfrf.config import PUBLISHED_SPEECH as DEEPSPEECH
 from dubbing.errors import DubbingError
-from dubbing.files import digest_file
+from dubbing.files import digest_data, digest_file
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.mel_features import MelFeatures
-from dubbing.speech.weight_paths import DEEPSPEECH_GRAPH, DEFAULT_WEIGHTS
+from dubbing.speech.weight_paths import DEEPSPEECH_GRAPH, DEFAULT_WEIGHTS, files_of
 from dubbing.speech.weight_paths import weights_file as file_in_folder
 
 RATE = voice.STEP_RATE
@@ -103,10 +103,22 @@ def weights_file(name: str, weights: Path | None = None) -> Path | None:
     return file_in_folder(_named(name, weights), name)
 
 
+def weights_files(name: str, weights: Path | None = None) -> dict[str, Path]:
+    """All files on which the features depend, by name; see `weights_file`."""
+    file = weights_file(name, weights)
+    if file is None:
+        return {}
+    return files_of(file.parent) if weights is not None and weights.is_dir() else {"": file}
+
+
 def fingerprint(name: str, weights: Path | None = None) -> str:
     """Digest of the weights, which a checkpoint remembers; '' for features without."""
     file = weights_file(name, weights)
-    return "" if file is None else digest_file(file)
+    if file is None:
+        return ""
+    if file.suffix != ".json":
+        return digest_file(file)
+    return digest_data({part: digest_file(path) for part, path in files_of(file.parent).items()})
 
 
 def _named(name: str, weights: Path | None) -> Path:

@@ -5,9 +5,7 @@ Letters: C chunks of 32 ms, F = 129 frequencies, H = 128 hidden values.
 
 from collections.abc import Iterable
 from functools import lru_cache
-from importlib.util import find_spec
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -17,6 +15,7 @@ from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from dubbing import packages
+from dubbing.speech.weight_paths import voice_detector_weights
 
 PACKAGE = "silero_vad"  # never imported: it would set the number of torch's threads
 CHUNK = 512  # samples at 16 kHz
@@ -58,10 +57,10 @@ def load() -> VoiceDetector:
     Raises:
         DubbingError: the package is not installed.
     """
-    found = find_spec(PACKAGE)
-    if found is None or found.origin is None:
+    found = voice_detector_weights()
+    if not found:
         raise packages.lacking([PACKAGE])
-    weights = load_file(Path(found.origin).with_name("data") / "silero_vad_16k.safetensors")
+    weights = load_file(*found.values())
     names = {"stft_conv": "spectrum", "final_conv": "last"}
     names |= {f"conv{k + 1}": f"layers.{k}" for k in range(len(STRIDES))}
     renamed = {}

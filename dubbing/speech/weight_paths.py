@@ -1,5 +1,6 @@
 """Where the weights of speech features lie. Imports no torch: manifests are read quickly."""
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,19 @@ from dubbing.errors import DubbingError
 DEFAULT_WEIGHTS = Path(__file__).with_name("acoustic_weights.safetensors")
 DEEPSPEECH_GRAPH = "output_graph.pb of DeepSpeech 0.1.0 (deepspeech-0_1_0-b90017e8.pb)"
 WEIGHT_FILES = ("model.safetensors", "pytorch_model.bin", "model.safetensors.index.json")
+
+
+def voice_detector_weights() -> dict[str, Path]:
+    """The file of the voice detector's weights; none where its package is missing."""
+    return of_package("silero_vad", "data/silero_vad_16k.safetensors")
+
+
+def of_package(package: str, *files: str) -> dict[str, Path]:
+    """Weights that come with another package, by name; it is not imported."""
+    found = find_spec(package)
+    if found is None or found.origin is None:
+        return {}
+    return {f"{package} {Path(name).stem}": Path(found.origin).parent / name for name in files}
 
 
 def weights_file(folder: Path, name: str) -> Path:
@@ -26,3 +40,9 @@ def weights_file(folder: Path, name: str) -> Path:
     if kind != name:
         raise DubbingError(f"holds a model of type {kind!r}, not {name!r}", str(folder), remedy)
     return found[0]
+
+
+def files_of(folder: Path) -> dict[str, Path]:
+    """The files of a model's folder, by name: its weights, in parts or whole, and its settings."""
+    found = {path.name: path for path in folder.iterdir() if path.is_file()}
+    return {name: found[name] for name in sorted(found) if not name.startswith(".")}

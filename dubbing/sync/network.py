@@ -25,9 +25,10 @@ from dubbing.speech.features import fingerprint
 from dubbing.sync.hearing import CHANNELS
 from dubbing.sync.sight import SIGHTS
 from dubbing.sync.streams import SIZE, SoundStream, mouth_stream
+from dubbing.sync.weight_path import SYNC_WEIGHTS
 
 FORMAT = "dfrf-sync-3"
-DEFAULT_WEIGHTS = Path(__file__).with_name("weights.safetensors")
+DEFAULT_WEIGHTS = SYNC_WEIGHTS
 # Centre and scale: log-mel is 0 in silence and 1 in average speech, and comes to -1.4..1.2.
 _LEVELS = {"mel": (0.7, 2.0), "rnn": (0.0, 1.0)}
 

@@ -1,5 +1,6 @@
 """The stages of one job as they are declared: where each lies, and what it depends on."""
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -7,6 +8,7 @@ from typing import Any
 from dubbing.engine.code_version import code_version
 from dubbing.engine.graph import Job
 from dubbing.engine.stage import Produce, Stage
+from dubbing.files import same_on_disk
 from dubbing.manifest.entries import Identity
 from dubbing.stages.kinds import KINDS
 
@@ -47,11 +49,21 @@ class Stages:
 
 
 def clip_name(identity: Identity, clip: Path) -> str:
-    """What the stages of a clip are called after; '' for the one that is learned from."""
+    """What the stages of a clip are called after; '' for the one that is learned from.
+
+    Its own name, or where an earlier clip has it already, with the first number that is free. No
+    two names are one on a disk that knows no capitals, or only one form of a letter with an accent.
+    """
     if clip == identity.clip:
         return ""
-    same = [film for film in identity.films if film.stem == clip.stem]
-    return clip.stem if len(same) == 1 else f"{clip.stem}-{same.index(clip) + 1}"
+    taken: dict[str, Path] = {}
+    for film in identity.films:
+        names = itertools.chain([film.stem], (f"{film.stem}-{k}" for k in itertools.count(2)))
+        name = next(name for name in names if same_on_disk(name) not in taken)
+        taken[same_on_disk(name)] = film
+        if film == clip:
+            return name
+    raise ValueError(clip)
 
 
 def stage_of(person: Job, kind: str, identity: Identity, clip: Path) -> Stage:

@@ -16,6 +16,16 @@ from dubbing.provenance.mark_key import Marking, marking
 from dubbing.script import timeline
 from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 from dubbing.speech import features
+from dubbing.speech.weight_paths import DEFAULT_WEIGHTS as ACOUSTIC_WEIGHTS
+from dubbing.speech.weight_paths import of_package, voice_detector_weights
+from dubbing.sync.weight_path import SYNC_WEIGHTS
+
+# Networks of MediaPipe, in its package.
+FACES = (
+    "modules/face_detection/face_detection_short_range.tflite",
+    "modules/face_landmark/face_landmark_with_attention.tflite",
+)
+PERSON = "modules/selfie_segmentation/selfie_segmentation.tflite"
 
 
 def frames_of(dub: Dub) -> dict[str, Any]:
@@ -68,9 +78,21 @@ def portrait_of(identity: Identity) -> Portrait:
 
 def speech_weights(identity: Identity) -> dict[str, Path]:
     """The weights of what hears an identity's speech: its features, and the lips of it."""
-    file = features.weights_file(identity.speech, identity.speech_weights)
-    own = {} if file is None else {"speech_weights": file}
-    return {**own, "lip_encoder": ENCODER_WEIGHTS, "lip_filter": FILTER_WEIGHTS}
+    files = features.weights_files(identity.speech, identity.speech_weights)
+    own = {f"speech_weights {name}".strip(): file for name, file in files.items()}
+    lips = {"lip_encoder": ENCODER_WEIGHTS, "lip_filter": FILTER_WEIGHTS}
+    return {**own, **lips, **voice_detector_weights()}
+
+
+def check_weights() -> dict[str, Path]:
+    """The weights of the sync check: its own, what it hears with, and what finds faces."""
+    own = {"sync_weights": SYNC_WEIGHTS, "acoustic_weights": ACOUSTIC_WEIGHTS}
+    return {**own, **voice_detector_weights(), **of_package("mediapipe", *FACES)}
+
+
+def prepare_weights() -> dict[str, Path]:
+    """The networks that find faces, and the person round a face."""
+    return of_package("mediapipe", *FACES, PERSON)
 
 
 def mark_of(dub: Dub, scene: Scene) -> Marking | None:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from dubbing import media
-from dubbing.batch import batch
+from dubbing.batch import batch, estimates, jobs
+from dubbing.engine import planner
 from dubbing.engine.graph import Job
 from dubbing.engine.runner import Failure
 from dubbing.engine.stage import Stage
@@ -81,6 +82,11 @@ def test_a_signed_dub_is_signed_last_and_once(place: Path) -> None:
     before = video.read_bytes()
     assert dub(place, extra)[1] == []
     assert video.read_bytes() == before
+    manifest = load(place / "m.yaml")
+    made = jobs.build(manifest)
+    needed = estimates.estimate(manifest, made, planner.rows(made, force=("sign",)))
+    assert 0 < needed.seconds < 60
+    assert not needed.unknown
 
 
 def test_every_dub_is_marked_but_where_it_is_turned_off(place: Path) -> None:
