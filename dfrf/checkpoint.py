@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Mapping
@@ -12,11 +13,13 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import torch
 from safetensors import SafetensorError, safe_open
 from safetensors.torch import save as to_bytes
 from torch import Tensor
 
 STATE_FILE = "state.safetensors"
+DIGEST = "digest"  # in its header: of all else
 # Of the settings that a kept state is compared by.
 WORDS = {"train": "training", "config": "sizes of the model", "held": "people held out"}
 
@@ -75,7 +78,28 @@ def read_tensors(path: str | Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
 
 def save_state(folder: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> None:
     """Keeps the state of a run that is not finished."""
-    write_tensors(Path(folder) / STATE_FILE, tensors, header)
+    write_tensors(Path(folder) / STATE_FILE, tensors, {**header, DIGEST: _digest(tensors, header)})
+
+
+def state_is_damaged(folder: str | Path) -> bool:
+    """Whether a kept state is not what was written; not where there is none."""
+    path = Path(folder) / STATE_FILE
+    if not path.exists():
+        return False
+    try:
+        tensors, header = read_tensors(path)
+    except CheckpointError:
+        return True
+    return header.pop(DIGEST, "") != _digest(tensors, header)
+
+
+def _digest(tensors: Mapping[str, Tensor], header: Mapping[str, Any]) -> str:
+    hasher = hashlib.blake2b(json.dumps(header, sort_keys=True).encode(), digest_size=16)
+    for name in sorted(tensors):
+        value = tensors[name].detach().cpu().contiguous()
+        hasher.update(f"{name} {value.dtype} {tuple(value.shape)}\n".encode())
+        hasher.update(value.reshape(-1).view(torch.uint8).numpy())
+    return hasher.hexdigest()
 
 
 def load_state(
@@ -95,6 +119,8 @@ def load_state(
     if not path.exists():
         return None
     tensors, header = read_tensors(path)
+    if header.pop(DIGEST, "") != _digest(tensors, header):
+        raise CheckpointError(f"{path}: the state in it is damaged; remove it")
     if others := [key for key, value in settings.items() if header.get(key) != value]:
         named = ", ".join(WORDS.get(key, key) for key in others)
         raise CheckpointError(f"{path}: holds the state of a run with other settings ({named})")

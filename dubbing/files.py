@@ -188,6 +188,11 @@ def digest_file(path: Path) -> str:
         return hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 
 
+def digest_bytes(content: bytes) -> str:
+    """BLAKE2b-128 of bytes, as `digest_file` of a file that holds them."""
+    return hashlib.blake2b(content, digest_size=16).hexdigest()
+
+
 def digest_data(content: Any) -> str:
     """BLAKE2b-128 of plain data (as JSON holds it), the same for every order of keys."""
     text = json.dumps(content, sort_keys=True, ensure_ascii=False, separators=(",", ":"))

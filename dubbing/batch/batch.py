@@ -1,6 +1,5 @@
 """One run: every dub of a manifest brought up to date, published and reported."""
 
-import os
 import shutil
 import time
 from contextlib import suppress
@@ -8,23 +7,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dubbing import pipeline
-from dubbing.batch import jobs
+from dubbing.batch import jobs, results
+from dubbing.batch.results import Ledger
 from dubbing.engine import claims, runner
 from dubbing.engine.executors import Executor
 from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.outcome import Outcome, Reporter, failure_of
 from dubbing.engine.runner import Options
 from dubbing.errors import DubbingError
-from dubbing.files import (
-    atomic_path,
-    atomic_write_text,
-    digest_file,
-    make_folder,
-    remove_torn,
-    writing,
-)
+from dubbing.files import make_folder
 from dubbing.manifest.manifest import Manifest
-from dubbing.manifest.overwriting import results_of
+from dubbing.manifest.overwriting import REPORTS
 from dubbing.provenance.mark_key import make_installation_key
 from dubbing.report import lines, report
 from dubbing.report.report import Sync
@@ -68,12 +61,16 @@ def dub(
         executor: where the stages are done; one after another in this process by default.
 
     Raises:
+        ManifestError: a file that is not of this manifest would be replaced.
         DubbingError: ``only`` names nothing, or nothing can be written.
     """
     if any(dub.mark is not None and dub.mark.key is None for dub in manifest.dubs):
         make_installation_key()
     planned = jobs.build(manifest, only=only, device=device)
+    results.check(manifest, planned.dubs)
     make_folder(manifest.work)
+    with claims.hold(manifest.work / RESULTS, wait=True):
+        results.ledger_of(manifest).keep()  # as it is before anything is made
     started = time.perf_counter()
     if adopt_renamed(manifest, planned):
         planned = jobs.build(manifest, only=only, device=device)
@@ -82,11 +79,12 @@ def dub(
     for folder in {stage.folder.parent for job in every for stage in job.stages.values()}:
         claims.sweep(folder)
     with claims.hold(manifest.work / RESULTS, wait=True):
+        ledger = results.ledger_of(manifest)
         for job in planned.dubs.values():
             outcome = outcomes[job.label]
             if outcome.state in ("made", "kept"):
                 try:
-                    publish(manifest, job)
+                    publish(manifest, job, ledger)
                     remove_old_cues(job)
                 except (DubbingError, OSError) as error:
                     outcome.state, outcome.failure = "failed", failure_of("publish", error)
@@ -96,6 +94,7 @@ def dub(
         written: Path | DubbingError
         try:
             everything = jobs.build(manifest)
+            ledger.enter(dict.fromkeys(REPORTS, ""))
             written = report.write(manifest, everything, outcomes, code=code, seconds=seconds)
         except DubbingError as error:  # the outcomes of the jobs are reported nevertheless
             written, code = error, SOME_FAILED
@@ -117,11 +116,11 @@ def adopt_renamed(manifest: Manifest, planned: Jobs) -> bool:
     return bool(renamed)
 
 
-def publish(manifest: Manifest, job: Job) -> None:
+def publish(manifest: Manifest, job: Job, ledger: Ledger) -> None:
     """Put a dub, its sync check and its lines into the output folder, under the dub's name.
 
     Raises:
-        DubbingError: nothing can be written there.
+        DubbingError: nothing can be written there, or a file there is not ours.
     """
     dub = next(dub for dub in manifest.dubs if dub.name == job.name)
     made = job.stages["composite"].folder
@@ -138,21 +137,7 @@ def publish(manifest: Manifest, job: Job) -> None:
             "lines.jsonl": lines.as_json_lines(rows),
             "edl": lines.as_edl(manifest, dub, rows),
         }
-    for kind, name in results_of(dub).items():
-        target = manifest.output / name
-        remove_torn(target)
-        if kind in texts:
-            atomic_write_text(target, texts[kind])
-        elif not target.is_file() or digest_file(target) != digest_file(files[kind]):
-            _link(files[kind], target)
-
-
-def _link(source: Path, target: Path) -> None:
-    with atomic_path(target) as temporary, writing(target):
-        try:
-            os.link(source, temporary)  # the same bytes once on the disk
-        except OSError:  # a file system without hard links
-            shutil.copyfile(source, temporary)
+    results.put(ledger, dub, files, texts)
 
 
 def remove_old_cues(job: Job) -> None:

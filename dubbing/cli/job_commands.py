@@ -86,7 +86,7 @@ def plan(
 
     Writes nothing.
     """
-    from dubbing.batch import estimates, jobs
+    from dubbing.batch import estimates, jobs, results
     from dubbing.cli import console
     from dubbing.engine import planner as planning
     from dubbing.identity.learned import learned_if_known
@@ -96,9 +96,11 @@ def plan(
 
     loaded = load(manifest, from_base=True)
     planned = jobs.build(loaded, only=tuple(only or ()))
+    results.check(loaded, planned.dubs)
     rows = planning.rows(planned, checked_stages(force))
+    again = [row.job.name for row in rows if row.stage == "composite" and row.state != "up to date"]
     absent = packages.missing()
-    warnings = [*loaded.warnings, *found_by_looks(planned)]
+    warnings = [*loaded.warnings, *results.warnings(loaded, again), *found_by_looks(planned)]
     warnings += [] if loaded.dubs else [f"{WITHOUT_DUBS}: dfrf dub refuses it"]
     warnings += [str(packages.lacking(absent))] if absent else []
     learned = {

@@ -86,6 +86,7 @@ def _update(
             seconds += json_records.read(mark, float, "seconds of a part")
             mark.unlink()
         _seal(stage, partial, key=key, digests=digests, seconds=seconds)
+    shutil.rmtree(partial / DIGESTS, ignore_errors=True)
     claim.check()
     _swap(stage, partial)
     for kind in (PARTIAL, READY):

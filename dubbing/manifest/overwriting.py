@@ -5,12 +5,14 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
+from dubbing.files import same_on_disk
 from dubbing.manifest.entries import Dub, Entry, Identity
 from dubbing.manifest.yaml_lines import KeyPath, key_path
 from dubbing.media import SUFFIX
 
 WORK = "work"  # folder of the stages, in the output folder
-OF_ALL = ("report.html", "report.json", "evaluate.json")
+REPORTS = ("report.html", "report.json")
+OF_ALL = (*REPORTS, "evaluate.json")
 
 
 def results_of(dub: Dub) -> dict[str, str]:
@@ -23,6 +25,11 @@ def results_of(dub: Dub) -> dict[str, str]:
     return found
 
 
+def previous_of(dub: Dub, name: str) -> str:
+    """What the last one of a dub's results is called: `it.previous.mp4`."""
+    return f"{dub.name}.previous{name.removeprefix(dub.name)}"
+
+
 def problems(
     manifest: Path,
     output: Path,
@@ -31,6 +38,9 @@ def problems(
     sounds: Iterable[Path] = (),
 ) -> Iterator[tuple[KeyPath, str]]:
     """Where a result and an input are one file, by name, link or inode; and inputs in ``work``.
+
+    Also where two results are one file, or the work of two people or dubs one folder, on a disk
+    that knows no capitals, or one form of a letter with an accent only.
 
     Args:
         dubs: by their place in the list.
@@ -49,7 +59,9 @@ def problems(
     known = {one: name for path, name in inputs.items() for one in _identities(path)}
     results: list[tuple[KeyPath, str]] = [(("output",), name) for name in OF_ALL]
     for place, dub in dubs.items():
-        results += [(("dubs", place), name) for name in results_of(dub).values()]
+        for name in results_of(dub).values():
+            results += [(("dubs", place), name), (("dubs", place), previous_of(dub, name))]
+    yield from _clashes(identities, dubs)
     for at, name in results:
         if (output / name).is_dir():
             yield at, f"{output / name} is a folder, where a file should go: move it away"
@@ -57,6 +69,25 @@ def problems(
         if taken is not None:
             remedy = "choose another output" + ("" if at == ("output",) else " or name")
             yield at, f"{output / name} would take the place of {taken}: {remedy}"
+
+
+def _clashes(
+    identities: Mapping[str, Identity], dubs: Mapping[int, Dub]
+) -> Iterator[tuple[KeyPath, str]]:
+    people: dict[str, str] = {}
+    for name in identities:
+        other = people.setdefault(same_on_disk(name), name)
+        if other != name:
+            yield ("identities", name), f"{name!a} and {other!a} would share a folder: rename one"
+    taken: dict[str, Dub] = {}
+    for place, dub in dubs.items():
+        own = [*results_of(dub).values()]
+        for name in (*own, *(previous_of(dub, one) for one in own)):
+            before = taken.setdefault(same_on_disk(name), dub)
+            if before.name != dub.name:  # two of one name: that is said elsewhere
+                both = f"dubs {before.name!a} and {dub.name!a}"
+                yield ("dubs", place), f"{name} would be of {both}: rename one"
+                break
 
 
 def _files(entry: Entry) -> Iterator[tuple[KeyPath, Path]]:

@@ -7,6 +7,7 @@ that was killed picks up after the last finished step, and the result is the sam
 
 import json
 import shutil
+import zipfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -212,7 +213,7 @@ class Steps:
             PreparationError: no head explains what was found.
         """
         path = self.folder / f"{name}.npz"
-        if not path.is_file():
+        if (arrays := _stored(path)) is None:
             try:
                 arrays = step(partial(self._progress, name))
             except np.linalg.LinAlgError as error:  # something that only looked like a face
@@ -224,5 +225,13 @@ class Steps:
             with atomic_path(path) as temporary:
                 np.savez(temporary, allow_pickle=False, **arrays)
         self._progress(name, 1.0)
+        return arrays
+
+
+def _stored(path: Path) -> Arrays | None:
+    """The arrays of a finished step; None where there are none, or their checksums are wrong."""
+    try:
         with np.load(path, allow_pickle=False) as stored:
             return {key: stored[key] for key in stored.files}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        return None

@@ -60,7 +60,8 @@ def load() -> VoiceDetector:
     found = voice_detector_weights()
     if not found:
         raise packages.lacking([PACKAGE])
-    weights = load_file(*found.values())
+    (file,) = found.values()
+    weights = load_file(file)
     names = {"stft_conv": "spectrum", "final_conv": "last"}
     names |= {f"conv{k + 1}": f"layers.{k}" for k in range(len(STRIDES))}
     renamed = {}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from dfrf import head_checkpoint, presets
+from dfrf import checkpoint, head_checkpoint, presets
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
 from dfrf.head_model import HeadModel
@@ -149,6 +149,8 @@ def learn(
 
     def part(folder: Path, steps: TrainConfig) -> None:
         done, before = len(curve.rows), curve.seconds
+        if checkpoint.state_is_damaged(folder):
+            shutil.rmtree(folder)
 
         def notify(state: Progress) -> None:
             if progress is not None:

@@ -7,7 +7,15 @@ import torch
 from safetensors.torch import save_file
 
 from dfrf import presets
-from dfrf.checkpoint import CheckpointError, read_tensors, write_tensors
+from dfrf.checkpoint import (
+    STATE_FILE,
+    CheckpointError,
+    load_state,
+    read_tensors,
+    save_state,
+    state_is_damaged,
+    write_tensors,
+)
 from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.method import FastMethod
 from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
@@ -208,3 +216,20 @@ def test_a_full_disk_leaves_nothing_half_written(
     with pytest.raises(OSError, match="No space left"):
         write_tensors(tmp_path / "a.safetensors", {"a": torch.zeros(1)}, {})
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("part", ["header", "tensors"])
+def test_a_damaged_state_is_seen(tmp_path: Path, part: str) -> None:
+    save_state(tmp_path, {"a": torch.arange(64.0)}, {"step": 4711, "sizes": (1, 2)})
+    assert not state_is_damaged(tmp_path)
+    found = load_state(tmp_path, {"sizes": [1, 2]})
+    assert found is not None
+    assert found[1] == {"step": 4711, "sizes": [1, 2]}
+    path = tmp_path / STATE_FILE
+    content = bytearray(path.read_bytes())
+    content[content.find(b"4711") if part == "header" else -9] ^= 1
+    path.write_bytes(content)
+    assert state_is_damaged(tmp_path)
+    with pytest.raises(CheckpointError, match="damaged"):
+        load_state(tmp_path, {})
+    assert not state_is_damaged(tmp_path / "nowhere")

@@ -3,15 +3,18 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from dubbing.engine import claims, update
 from dubbing.engine import stage as stages
-from dubbing.engine import update
+from dubbing.engine.claims import Watch
 from dubbing.engine.stage import Stage
-from dubbing.errors import DubbingError
+from dubbing.errors import DubbingError, StageError
+from dubbing.files import atomic_write_text
 
 
 def quiet(_message: str, _share: float) -> None:
@@ -32,7 +35,7 @@ class Work:
                 raise DubbingError("no more")
             piece = out / f"{k}.txt"
             if not piece.exists():
-                piece.write_text(letter)
+                atomic_write_text(piece, letter)
                 self.made.append(letter)
 
 
@@ -232,3 +235,93 @@ def test_a_stage_depends_on_what_another_made(stage: Stage, tmp_path: Path, sour
     source.write_text("abc")
     update.run_stage(stage, quiet)
     assert later.changes() == []
+
+
+def test_a_damaged_file_of_an_interrupted_run_is_made_again(stage: Stage, work: Work) -> None:
+    work.fail_at = 2
+    with pytest.raises(DubbingError):
+        update.run_stage(stage, quiet)
+    (stage.partial() / "0.txt").write_text("z")
+    work.fail_at = None
+    update.run_stage(stage, quiet)
+    assert (contents(stage), work.made) == ("abc", ["a", "b", "a", "c"])
+    assert sorted(p.name for p in stage.folder.iterdir())[0] == "0.txt"  # no digests beside them
+
+
+def test_a_kill_between_a_file_and_its_digest_costs_nothing(
+    stage: Stage, work: Work, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A file that is written anew again and again, as a state: either of the two is whole."""
+    file = stage.partial() / "state.txt"
+    atomic_write_text(file, "one")
+
+    def die(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.replace", die)
+    with pytest.raises(KeyboardInterrupt):
+        atomic_write_text(file, "two")
+    monkeypatch.undo()
+    update.run_stage(stage, quiet)
+    assert (stage.folder / "state.txt").read_text() == "one"
+
+
+def test_damaged_finished_work_is_not_put_in_its_place(
+    stage: Stage, work: Work, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def die(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(update, "_swap", die)
+    with pytest.raises(KeyboardInterrupt):
+        update.run_stage(stage, quiet)
+    monkeypatch.undo()
+    (stage.partial() / "1.txt").write_text("z")
+    update.run_stage(stage, quiet)
+    assert contents(stage) == "abc"
+
+
+@pytest.mark.parametrize("asleep", range(3))
+@pytest.mark.parametrize("before", [False, True], ids=["first", "again"])
+def test_who_sleeps_at_the_swap_leaves_what_another_finished(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch, asleep: int, before: bool
+) -> None:
+    """Before any of its moves: another process takes the work over, and finishes it."""
+    if before:
+        update.run_stage(replace(stage, version="0"), quiet)
+    moves = 0
+    move = Path.rename
+
+    def rename(path: Path, target: Path) -> Path:
+        nonlocal moves
+        if "letters" in path.name and path.suffix != ".claim" and not path.name.startswith("."):
+            moves += 1
+            if moves == asleep + 1:
+                with monkeypatch.context() as awake:
+                    awake.setattr(Path, "rename", move)
+                    awake.setattr(claims, "take", lambda path: Nobody())
+                    awake.setattr(Watch, "free", lambda self: True)
+                    update.run_stage(stage, quiet)
+                assert contents(stage) == "abc"
+        return move(path, target)
+
+    class Nobody:
+        def note(self, *_: object) -> None: ...
+        def check(self) -> None: ...
+        def release(self) -> None: ...
+
+    monkeypatch.setattr(Path, "rename", rename)
+    with suppress(StageError):
+        update.run_stage(stage, quiet)
+    monkeypatch.undo()
+    assert stage.changes() == []
+    assert contents(stage) == "abc"
+    assert [p.name for p in stage.folder.parent.iterdir()] == ["letters"]
+
+
+def test_a_file_put_back_with_its_time_stamp_is_seen(stage: Stage, source: Path) -> None:
+    update.run_stage(stage, quiet)
+    before = source.stat()
+    source.write_text("xyz")
+    os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
+    assert stage.changes() == ["text changed"]

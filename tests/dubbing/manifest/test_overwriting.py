@@ -86,3 +86,39 @@ def test_links_to_themselves_in_the_output_are_no_inputs(folder: Path) -> None:
     for name in ("report.html", "work"):
         (folder / "out" / name).symlink_to(folder / "out" / name)
     assert problems(folder, "out") == []
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "clash"),
+    [
+        ("a, codec: prores", "a.proxy", "a.proxy.mp4"),
+        ("a.proxy", "a, codec: prores", "a.proxy.mp4"),
+        ("a", "a.previous", "a.previous.mp4"),
+        ("Ann", "ann", "ann.mp4"),
+        ("caf\u00e9", "cafe\u0301", "cafe\u0301.mp4"),
+        ("a, codec: prores", "A", "A.sync.json"),
+    ],
+)
+def test_results_that_would_be_one_file(folder: Path, first: str, second: str, clash: str) -> None:
+    (folder / "m.yaml").write_text(
+        f"version: 1\noutput: out\nidentities:\n"
+        f"  ann: {{clip: host.mp4, seconds: 1, consent: {clips.CONSENT}}}\n"
+        f"dubs:\n  - {{identity: ann, audio: it.wav, name: {first}}}\n"
+        f"  - {{identity: ann, audio: it.wav, name: {second}}}\n"
+    )
+    with pytest.raises(ManifestError) as caught:
+        load(folder / "m.yaml")
+    (problem,) = caught.value.problems
+    assert problem.key == "dubs[1]"
+    assert problem.message.startswith(f"{clash} would be of dubs ")
+    assert problem.message.endswith("rename one")
+
+
+def test_people_who_would_share_a_folder(folder: Path) -> None:
+    person = f"{{clip: host.mp4, seconds: 1, consent: {clips.CONSENT}}}"
+    (folder / "m.yaml").write_text(
+        f"version: 1\noutput: out\nidentities:\n  Ann: {person}\n  ann: {person}\n"
+        "dubs: [{name: host, identity: ann, audio: it.wav}]\n"
+    )
+    with pytest.raises(ManifestError, match="would share a folder"):
+        load(folder / "m.yaml")

@@ -119,6 +119,13 @@ def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
     reports.clear()
     assert run()[1] == steps
     assert not reports
+    # One whose last state was damaged on the disk does those steps again.
+    state = tmp_path / "state.safetensors"
+    content = bytearray(state.read_bytes())
+    content[-9] ^= 1
+    state.write_bytes(content)
+    assert run()[1] == steps
+    assert reports
 
 
 def test_a_model_that_refines_nothing_learns_in_one_go(

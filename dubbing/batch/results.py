@@ -1,0 +1,229 @@
+"""Whose the files in an output folder are: a result is replaced only if it is this manifest's.
+
+``work/results.json`` there names every result: the manifest that made it, and its digest. It is
+written before a result is put in its place. So what it does not know is somebody else's file. The
+last results of a dub's name are kept beside the present ones, as ``NAME.previous.mp4``.
+"""
+
+import os
+import shutil
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from typing_extensions import TypedDict
+
+from dubbing import json_records
+from dubbing.engine.stage import digest_of
+from dubbing.errors import DubbingError, ManifestError, Problem
+from dubbing.files import (
+    atomic_path,
+    atomic_write_bytes,
+    atomic_write_json,
+    digest_bytes,
+    remove_torn,
+    writing,
+)
+from dubbing.manifest.entries import Dub
+from dubbing.manifest.manifest import Manifest
+from dubbing.manifest.overwriting import REPORTS, previous_of, results_of
+from dubbing.manifest.yaml_lines import key_path
+from dubbing.media import SUFFIX
+from dubbing.pipeline import dub_folder
+
+LEDGER = "results.json"
+VIDEO = "video"  # of the kinds of results: where it stays, the results of before are not kept
+
+
+class Entry(TypedDict):
+    """A result: the manifest that made it, seen from the output folder; and its digest."""
+
+    manifest: str
+    digest: str
+
+
+class Report(TypedDict):
+    """What of a report tells whose results are there."""
+
+    manifest: str
+    dubs: dict[str, Any]
+
+
+@dataclass
+class Ledger:
+    """The results in the output folder of a manifest."""
+
+    manifest: Manifest
+    entries: dict[str, Entry]
+
+    @property
+    def own(self) -> str:
+        """How it names the manifest."""
+        return self.named(self.manifest.path)
+
+    def named(self, manifest: Path) -> str:
+        """A manifest as it is seen from the output folder: both may be moved together."""
+        return Path(os.path.relpath(manifest, self.manifest.output)).as_posix()
+
+    def others(self) -> list[str]:
+        """The other manifests that results are of, which are still there."""
+        named = dict.fromkeys(entry["manifest"] for entry in self.entries.values())
+        return [other for other in named if self._other(other)]
+
+    def problem(self, name: str) -> str:
+        """Why a result must not be replaced; empty where it may be, or is not there."""
+        target = self.manifest.output / name
+        if not os.path.lexists(target) or target.is_dir():  # which cannot be replaced
+            return ""
+        entry = self.entries.get(name)
+        if entry is None:
+            return f"{target} was not made by this tool, and is not replaced: move it away"
+        if self._other(entry["manifest"]):
+            other = os.path.normpath(self.manifest.output / entry["manifest"])
+            return f"{target} is a result of {other}: choose another name or output"
+        exchanged = entry["digest"] not in ("", digest_of(target)) and not self._in_work(target)
+        if exchanged and target.suffix in SUFFIX.values():
+            return f"{target} is another file than was made, and is not replaced: move it away"
+        return ""
+
+    def enter(self, digests: Mapping[str, str]) -> None:
+        """Name results as those of this manifest, before they are put in their places."""
+        new = {name: Entry(manifest=self.own, digest=digests[name]) for name in digests}
+        if any(self.entries.get(name) != entry for name, entry in new.items()):
+            self.entries |= new
+            self.keep()
+
+    def keep(self) -> None:
+        """Write it."""
+        path = self.manifest.work / LEDGER
+        remove_torn(path)
+        atomic_write_json(path, self.entries)
+
+    def _in_work(self, target: Path) -> bool:
+        """Whether it is a file of a stage, too: then that stage sees what became of it."""
+        return any(target.samefile(p) for p in (self.manifest.work / "dubs").glob("*/*/*"))
+
+    def _other(self, manifest: str) -> bool:
+        return manifest != self.own and (self.manifest.output / manifest).is_file()
+
+
+def ledger_of(manifest: Manifest) -> Ledger:
+    """What is known of the results in the output folder of a manifest.
+
+    Raises:
+        DubbingError: its ledger holds something else.
+    """
+    path = manifest.work / LEDGER
+    if os.path.lexists(path):
+        found = json_records.read(path, dict[str, Entry], "the list of results", "move it away")
+        return Ledger(manifest, found)
+    ledger = Ledger(manifest, {})
+    # It was removed with `work`, or never kept by the version that made them.
+    try:
+        report = json_records.read(manifest.output / REPORTS[-1], Report, "report")
+    except DubbingError:
+        report = Report(manifest="", dubs={})
+    made_by = Path(report["manifest"] or manifest.path)
+    same = made_by.name == manifest.path.name  # all of it may have been moved or copied
+    known = ledger.own if same else ledger.named(made_by)
+    for dub in manifest.dubs:
+        if dub.name in report["dubs"] or dub_folder(manifest, dub.name).is_dir():
+            ledger.entries |= {name: Entry(manifest=known, digest="") for name in _names(dub)}
+    if ledger.entries:
+        ledger.entries |= {name: Entry(manifest=known, digest="") for name in REPORTS}
+    return ledger
+
+
+def check(manifest: Manifest, dubs: Iterable[str]) -> None:
+    """Before a run: nothing that is not its own would be replaced.
+
+    Raises:
+        ManifestError: something would.
+    """
+    try:
+        ledger = ledger_of(manifest)
+    except DubbingError as error:
+        raise ManifestError(str(manifest.path), [Problem(0, "output", str(error))]) from error
+    wanted = {*dubs}
+    problems = []
+    for place, dub in enumerate(manifest.dubs):
+        for name in _names(dub) if dub.name in wanted else ():
+            if problem := ledger.problem(name):
+                problems.append(Problem(0, key_path(("dubs", place)), problem))
+    for name in REPORTS:
+        if name not in ledger.entries and (problem := ledger.problem(name)):
+            problems.append(Problem(0, "output", problem))
+    if problems:
+        raise ManifestError(str(manifest.path), problems)
+
+
+def warnings(manifest: Manifest, made_again: Iterable[str]) -> Iterator[str]:
+    """What a run replaces that was there before.
+
+    Args:
+        made_again: dubs whose video will be made.
+    """
+    ledger = ledger_of(manifest)
+    for other in ledger.others():
+        yield (
+            f"output: holds results of {os.path.normpath(manifest.output / other)}, too; people of "
+            "one name take the place of one another there, and report.html is of the last run"
+        )
+    again = {*made_again}
+    for dub in manifest.dubs:
+        video = results_of(dub)[VIDEO]
+        if dub.name in again and (manifest.output / video).exists():
+            before = previous_of(dub, video)
+            lost = ", in place of the one there" if (manifest.output / before).exists() else ""
+            yield f"{dub.name}: {video} is made again; that of now is kept as {before}{lost}"
+
+
+def put(ledger: Ledger, dub: Dub, files: Mapping[str, Path], texts: Mapping[str, str]) -> None:
+    """Put a dub's results into the output folder; where its video is a new one, keep the last.
+
+    Args:
+        files, texts: by kind, as `results_of` names them.
+
+    Raises:
+        DubbingError: one of them is not ours to replace, or nothing can be written.
+    """
+    output, names = ledger.manifest.output, results_of(dub)
+    contents = {kind: text.encode(errors="backslashreplace") for kind, text in texts.items()}
+    made = {
+        names[kind]: digest_bytes(contents[kind]) if kind in contents else digest_of(files[kind])
+        for kind in names
+    }
+    for name in _names(dub):
+        if problem := ledger.problem(name):
+            what, _, remedy = problem.rpartition(": ")
+            raise DubbingError(what, remedy=remedy)
+        remove_torn(output / name)
+    there = {name: digest_of(output / name) for name in names.values()}
+    if there[names[VIDEO]] not in ("", made[names[VIDEO]]):
+        before = {name: previous_of(dub, name) for name, digest in there.items() if digest}
+        ledger.enter({before[name]: there[name] for name in before})
+        for name, last in before.items():
+            _link(output / name, output / last)
+    ledger.enter(made)
+    for kind, name in names.items():
+        if there[name] == made[name]:
+            continue
+        if kind in contents:
+            atomic_write_bytes(output / name, contents[kind])
+        else:
+            _link(files[kind], output / name)
+
+
+def _names(dub: Dub) -> Iterator[str]:
+    """Its results, and those of before."""
+    for name in results_of(dub).values():
+        yield from (name, previous_of(dub, name))
+
+
+def _link(source: Path, target: Path) -> None:
+    with atomic_path(target) as temporary, writing(target):
+        try:
+            os.link(source, temporary)  # the same bytes once on the disk
+        except OSError:  # a file system without hard links
+            shutil.copyfile(source, temporary)
