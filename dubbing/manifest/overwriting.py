@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from dubbing.files import same_on_disk
+from dubbing.files import LONGEST_NAME, same_on_disk
 from dubbing.manifest.entries import Dub, Entry, Identity
 from dubbing.manifest.yaml_lines import KeyPath, key_path
 from dubbing.media import SUFFIX
@@ -27,7 +27,9 @@ def results_of(dub: Dub) -> dict[str, str]:
 
 def previous_of(dub: Dub, name: str) -> str:
     """What the last one of a dub's results is called: `it.previous.mp4`."""
-    return f"{dub.name}.previous{name.removeprefix(dub.name)}"
+    suffix = f".previous{name.removeprefix(dub.name)}"
+    room = LONGEST_NAME - len(suffix.encode())
+    return dub.name.encode()[:room].decode(errors="ignore") + suffix
 
 
 def problems(
@@ -39,8 +41,7 @@ def problems(
 ) -> Iterator[tuple[KeyPath, str]]:
     """Where a result and an input are one file, by name, link or inode; and inputs in ``work``.
 
-    Also where two results are one file, or the work of two people or dubs one folder, on a disk
-    that knows no capitals, or one form of a letter with an accent only.
+    Also where results of two dubs are one file.
 
     Args:
         dubs: by their place in the list.
@@ -61,7 +62,7 @@ def problems(
     for place, dub in dubs.items():
         for name in results_of(dub).values():
             results += [(("dubs", place), name), (("dubs", place), previous_of(dub, name))]
-    yield from _clashes(identities, dubs)
+    yield from _clashes(dubs)
     for at, name in results:
         if (output / name).is_dir():
             yield at, f"{output / name} is a folder, where a file should go: move it away"
@@ -71,21 +72,15 @@ def problems(
             yield at, f"{output / name} would take the place of {taken}: {remedy}"
 
 
-def _clashes(
-    identities: Mapping[str, Identity], dubs: Mapping[int, Dub]
-) -> Iterator[tuple[KeyPath, str]]:
-    people: dict[str, str] = {}
-    for name in identities:
-        other = people.setdefault(same_on_disk(name), name)
-        if other != name:
-            yield ("identities", name), f"{name!a} and {other!a} would share a folder: rename one"
+def _clashes(dubs: Mapping[int, Dub]) -> Iterator[tuple[KeyPath, str]]:
     taken: dict[str, Dub] = {}
     for place, dub in dubs.items():
         own = [*results_of(dub).values()]
         for name in (*own, *(previous_of(dub, one) for one in own)):
             before = taken.setdefault(same_on_disk(name), dub)
-            if before.name != dub.name:  # two of one name: that is said elsewhere
-                both = f"dubs {before.name!a} and {dub.name!a}"
+            # Where their names are one, `Reader` says so.
+            if same_on_disk(before.name) != same_on_disk(dub.name):
+                both = f"dubs {before.name!r} and {dub.name!r}"
                 yield ("dubs", place), f"{name} would be of {both}: rename one"
                 break
 

@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from dubbing.errors import Problem
+from dubbing.files import same_on_disk
 from dubbing.manifest import inputs, overwriting, yaml_lines
 from dubbing.manifest.entries import Dub, Entry, Identity
 from dubbing.manifest.findings import Findings
@@ -199,7 +200,7 @@ class Reader:
     def _unique(self, names: list[tuple[str, KeyPath]]) -> None:
         seen: dict[str, KeyPath] = {}
         for name, path in names:
-            other = seen.setdefault(name.casefold(), path)
+            other = seen.setdefault(same_on_disk(name), path)
             if other != path:
                 where = f"{yaml_lines.key_path(other)} (line {self.document.line(other)})"
                 self._add(path, f"the name {name!r} is taken by {where}")

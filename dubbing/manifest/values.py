@@ -14,7 +14,7 @@ from dubbing.script.line import seconds_of
 
 LONGEST_NAME = 100  # characters
 # Bytes of a name, which the name of a file begins with.
-LONGEST_BYTES = files.LONGEST_NAME - len(".previous.lines.jsonl")
+LONGEST_BYTES = files.LONGEST_NAME - len(".lines.jsonl")
 LONGEST_SECONDS = 1e9
 # What a person is learned from: so many seconds, and where the best of the clip are requested.
 LEARNED_SECONDS, BEST = 15.0, "best"

@@ -7,7 +7,10 @@ from pathlib import Path
 import pytest
 
 from dubbing.errors import ManifestError
+from dubbing.files import LONGEST_NAME
+from dubbing.manifest.entries import Dub
 from dubbing.manifest.manifest import load
+from dubbing.manifest.overwriting import previous_of
 from tests import clips
 
 
@@ -94,9 +97,7 @@ def test_links_to_themselves_in_the_output_are_no_inputs(folder: Path) -> None:
         ("a, codec: prores", "a.proxy", "a.proxy.mp4"),
         ("a.proxy", "a, codec: prores", "a.proxy.mp4"),
         ("a", "a.previous", "a.previous.mp4"),
-        ("Ann", "ann", "ann.mp4"),
-        ("caf\u00e9", "cafe\u0301", "cafe\u0301.mp4"),
-        ("a, codec: prores", "A", "A.sync.json"),
+        ("caf\u00e9, codec: prores", "cafe\u0301.Proxy", "cafe\u0301.Proxy.mp4"),
     ],
 )
 def test_results_that_would_be_one_file(folder: Path, first: str, second: str, clash: str) -> None:
@@ -114,11 +115,24 @@ def test_results_that_would_be_one_file(folder: Path, first: str, second: str, c
     assert problem.message.endswith("rename one")
 
 
-def test_people_who_would_share_a_folder(folder: Path) -> None:
+@pytest.mark.parametrize("names", [("Ann", "ann"), ("caf\u00e9", "cafe\u0301")])
+def test_names_that_would_share_a_folder(folder: Path, names: tuple[str, str]) -> None:
+    one, other = names
     person = f"{{clip: host.mp4, seconds: 1, consent: {clips.CONSENT}}}"
     (folder / "m.yaml").write_text(
-        f"version: 1\noutput: out\nidentities:\n  Ann: {person}\n  ann: {person}\n"
-        "dubs: [{name: host, identity: ann, audio: it.wav}]\n"
+        f"version: 1\noutput: out\nidentities:\n  {one}: {person}\n  {other}: {person}\n"
+        f"dubs: [{{name: {one}, identity: {one}, audio: it.wav}},\n"
+        f"  {{name: {other}, identity: {one}, audio: it.wav}}]\n"
     )
-    with pytest.raises(ManifestError, match="would share a folder"):
+    with pytest.raises(ManifestError) as caught:
         load(folder / "m.yaml")
+    assert [problem.key for problem in caught.value.problems] == [f"identities.{other}", "dubs[1]"]
+    assert all("is taken by" in problem.message for problem in caught.value.problems)
+
+
+def test_a_long_name_leaves_room_for_the_last_result() -> None:
+    dub = Dub.model_construct(name="\u00e9" * 115, codec="h264", lines=None)
+    name = previous_of(dub, f"{dub.name}.lines.jsonl")
+    assert len(name.encode()) <= LONGEST_NAME
+    assert name.startswith("\u00e9" * 100)
+    assert name.endswith("\u00e9.previous.lines.jsonl")
