@@ -98,7 +98,7 @@ def _digest(tensors: Mapping[str, Tensor], header: Mapping[str, Any]) -> str:
     for name in sorted(tensors):
         value = tensors[name].detach().cpu().contiguous()
         hasher.update(f"{name} {value.dtype} {tuple(value.shape)}\n".encode())
-        hasher.update(value.reshape(-1).view(torch.uint8).numpy())
+        hasher.update(value.reshape(-1).view(torch.uint8).numpy().data)
     return hasher.hexdigest()
 
 

@@ -19,6 +19,8 @@ def main() -> None:
         if name.split(".")[0] in ("", "dubbing", "dfrf"):
             raise  # a bug of ours
         sys.exit(f"dfrf: {packages.lacking([name])}")
+    except MemoryError:  # while all of it is loaded
+        sys.exit("dfrf: memory ran short: end other programs, then run again")
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from dubbing.cli import (
 )
 from dubbing.cli.arguments import print_line
 from dubbing.errors import CallError, DubbingError, LockedError, ManifestError
+from dubbing.memory import ROOM, SHORT, short_of_memory
 
 FAILED, WRONG_CALL, INTERRUPTED = 1, 2, 130
 WRONG_CALLS = (CallError, LockedError, ManifestError)
@@ -92,6 +93,10 @@ def main() -> None:
     except DubbingError as error:
         wrong_call = isinstance(error, WRONG_CALLS) or error.where.startswith("--")
         _end(str(error), WRONG_CALL if wrong_call else FAILED)
+    except (MemoryError, RuntimeError) as error:
+        if not short_of_memory(error):
+            raise
+        _end(str(DubbingError(SHORT, remedy=ROOM)), FAILED)
     except OSError as error:  # of what is printed, too: `> /dev/full`
         from dubbing.files import system_error
 

@@ -28,6 +28,7 @@ from dubbing.files import make_folder, writing
 SUFFIX = ".claim"
 BEAT = 2.0  # seconds between heartbeats
 TAKEN_OVER = "this process gave no sign of life, and another run took the work over"
+DENIED = (errno.EACCES, errno.EPERM, errno.EROFS)
 STALE = 30.0  # seconds without one, by the clock of who looks, until a claim is taken over
 PACE = 0.25  # seconds between looks at what changes
 
@@ -72,7 +73,8 @@ class Claim:
         """Give the claim back."""
         self._end.set()
         self._thread.join()
-        _remove(self._file)
+        with suppress(LockedError):
+            _remove(self._file)
 
     def _beat(self) -> None:
         count, last = 0, time.monotonic()
@@ -94,7 +96,7 @@ def take(path: Path) -> Claim:
     """Claim ``path``; what holds it and is known to be dead is swept away.
 
     Raises:
-        LockedError: somebody holds it.
+        LockedError: somebody holds it, or did so and has left what cannot be removed.
         DubbingError: nothing can be written there, or something else lies there.
     """
     place, token = place_of(path), uuid4().hex
@@ -144,7 +146,11 @@ class Watch:
         self.alive = False  # whether it gave a sign of life since the first look
 
     def free(self) -> bool:
-        """Whether nobody holds it (any more)."""
+        """Whether nobody holds it (any more).
+
+        Raises:
+            LockedError: who held it is dead, but the claim cannot be removed.
+        """
         found = _read(self._place)
         if found is None:
             return True
@@ -198,7 +204,8 @@ def sweep(folder: Path) -> None:
     """
     for place in folder.glob(f"*{SUFFIX}"):
         if (found := _read(place)) and found[1].here and not found[1].alive:
-            _remove(found[0])
+            with suppress(LockedError):  # nobody needs it now; who does, says so
+                _remove(found[0])
 
 
 def _read(place: Path) -> tuple[Path, Heartbeat] | None:
@@ -215,7 +222,16 @@ def _read(place: Path) -> tuple[Path, Heartbeat] | None:
 
 
 def _remove(file: Path) -> None:
-    """End a claim by its heartbeat: a newer one in the same place stays."""
-    with suppress(OSError):
+    """End a claim by its heartbeat: a newer one in the same place stays.
+
+    Raises:
+        LockedError: it is of a run that is dead, and may not be removed by who this is.
+    """
+    try:
         file.unlink()
         file.parent.rmdir()
+    except OSError as error:
+        if error.errno not in DENIED:  # somebody else was quicker
+            return
+        what = f"a run that ended has left its claim, which cannot be removed: {error.strerror}"
+        raise LockedError(what, str(file), f"remove the folder {file.parent}") from error

@@ -5,19 +5,36 @@ without harm. Dask gives what a vanished worker did to another one.
 """
 
 import subprocess
+import time
+from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 from uuid import uuid4
 
-from dubbing import packages
+from pydantic import ConfigDict
+from typing_extensions import TypedDict
+
+from dubbing import json_records, packages
+from dubbing.engine import claims
 from dubbing.engine.executors import FAILED, KILLED, TASK, Done, Source, Task, result
 from dubbing.engine.graph import kind_of
 from dubbing.engine.outcome import Failure
 from dubbing.environment import of_children, python
-from dubbing.errors import CallError
+from dubbing.errors import CallError, DubbingError
 
 ANSWER = "15s"  # time that a scheduler has to answer
+CLOSING = 5  # seconds that leaving it may take
+LOST = "the Dask scheduler is gone"
+AGAIN = "start it again, then run again: what was made stays"
+
+
+class SchedulerFile(TypedDict):
+    """What of the file that a scheduler writes is used."""
+
+    __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
+
+    address: str
 
 
 def call(arguments: list[str]) -> tuple[int, str, str]:
@@ -51,13 +68,16 @@ class Cluster:
         packages.require("cluster")
         from distributed import Client
 
-        where = {"scheduler_file": scheduler} if Path(scheduler).is_file() else {}
+        remedy = "start one with `dask scheduler`; see docs/cluster.md"
+        address, self._where = scheduler, scheduler
         try:
-            self._client = Client(
-                **(where or {"address": scheduler}), timeout=ANSWER, set_as_default=False
-            )
-        except (OSError, ValueError, KeyError) as error:
-            remedy = "start one with `dask scheduler`; see docs/cluster.md"
+            if Path(scheduler).is_file():
+                found = json_records.read(Path(scheduler), SchedulerFile, "the scheduler's file")
+                address = found["address"]
+            self._client = Client(address=address, timeout=ANSWER, set_as_default=False)
+        except DubbingError as error:
+            raise CallError(error.what, scheduler, remedy) from error
+        except Exception as error:  # whatever Dask makes of an odd address or answer
             raise CallError("no Dask scheduler answers", scheduler, remedy) from error
         self._source = source
         self._futures: dict[str, Any] = {}
@@ -65,6 +85,8 @@ class Cluster:
 
     def submit(self, task: Task) -> None:
         """Take on a task whose needs are met; of CUDA, for workers with the resource GPU alone."""
+        if self._client.status == "closed":
+            raise DubbingError(LOST, self._where, AGAIN)
         cuda = getattr(task.stage.produce, "device", "") == "cuda"
         future = self._client.submit(
             call,
@@ -81,27 +103,39 @@ class Cluster:
         try:
             key, future = self._done.get(timeout=seconds)
         except Empty:
-            return []
+            return self._lost() if self._client.status == "closed" else []
         if key not in self._futures or self._futures[key] is not future:
             return []  # it was dropped
         del self._futures[key]
         if future.status == "finished":
             return [result(key, *future.result())]
         if future.status != "error":
+            while self._client.status == "connecting":  # for as long as `ANSWER`
+                time.sleep(claims.PACE)
+            if self._client.status != "running":
+                return [Done(key, FAILED, failure=Failure(kind_of(key), LOST, self._where, AGAIN))]
             return [Done(key, KILLED)]  # the scheduler has lost or cancelled it
         error = future.exception()
         remedy = "see the log of the workers, then run again"
         what = f"its worker could not do it: {type(error).__name__}: {error}"
         return [Done(key, FAILED, failure=Failure(kind_of(key), what, remedy=remedy))]
 
+    def _lost(self) -> list[Done]:
+        """All that was begun, where Dask has given its scheduler up: no call tells of it."""
+        failures = {key: Failure(kind_of(key), LOST, self._where, AGAIN) for key in self._futures}
+        self._futures = {}
+        return [Done(key, FAILED, failure=failure) for key, failure in failures.items()]
+
     def drop(self) -> list[str]:
         """Forget all that has not ended; its keys. What a worker has begun it brings to its end."""
         dropped, futures = [*self._futures], [*self._futures.values()]
         self._futures = {}
-        self._client.cancel(futures)
+        if futures and self._client.status == "running":
+            self._client.cancel(futures)
         return dropped
 
     def close(self) -> None:
         """Leave the cluster as it is."""
         self.drop()
-        self._client.close()
+        with suppress(Exception):  # of a scheduler that is gone
+            self._client.close(timeout=CLOSING)

@@ -140,7 +140,7 @@ class Source:
         """The arguments of `dubbing.engine.task` for a task."""
         label, _, stage = task.key.rpartition("/")
         more = [*(["--force"] if task.force else []), "--pipeline", PIPELINE]
-        more += ["--expect", task.stage.fingerprint(), "--device", self.device]
+        more += ["--expect", json.dumps(task.stage.fingerprints()), "--device", self.device]
         return [str(self.manifest), label, stage, *more]
 
 

@@ -8,6 +8,7 @@ from dubbing.engine.graph import Job
 from dubbing.engine.stage import Stage
 from dubbing.errors import DubbingError
 from dubbing.files import system_error
+from dubbing.memory import ROOM, SHORT, short_of_memory
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,8 @@ def failure_of(stage: str, error: BaseException) -> Failure:
         return Failure(stage, error.what, error.where, error.remedy)
     trace = "".join(traceback.format_exception(error))
     what = f"{type(error).__name__}: {error}"
+    if short_of_memory(error):
+        return Failure(stage, SHORT, what, ROOM, trace)
     if isinstance(error, OSError) and error.errno:
         refused = system_error(error)
         return Failure(stage, refused.what, refused.where, refused.remedy, trace)

@@ -160,9 +160,16 @@ class _Runner:
             if life := claims.look(node.stage.folder):
                 self._begin(node)
                 self.reporter.progress(node.job, node.stage, life.message, life.share)
-            if key in self.elsewhere and self.elsewhere[key].free():
+            if key in self.elsewhere and self._free(node, self.elsewhere[key]):
                 del self.elsewhere[key]
-                heapq.heappush(self.ready, (node.rank, key))
+                if node.stage.folder not in self.lost:
+                    heapq.heappush(self.ready, (node.rank, key))
+
+    def _free(self, node: Node, watch: Watch) -> bool:
+        """Whether nobody holds a stage (any more); it is lost where a dead claim stays."""
+        with self._failing(node):
+            return watch.free()
+        return True
 
     def _settle(self, node: Node, done: Done) -> None:
         self.running.discard(node.key)
@@ -171,7 +178,7 @@ class _Runner:
             self._wait_for(node, Watch(node.stage.folder))
             return
         if done.state == KILLED:
-            Watch(node.stage.folder).free()  # which sweeps its claim away
+            self._free(node, Watch(node.stage.folder))  # which sweeps its claim away
             self.tries[node.key] = self.tries.get(node.key, 0) + 1
             if self.tries[node.key] < TRIES:
                 heapq.heappush(self.ready, (node.rank, node.key))

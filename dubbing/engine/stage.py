@@ -104,8 +104,17 @@ class Stage:
         return digest_data([self.name, self.version, dict(self.parameters), self.digests()])
 
     def fingerprint(self) -> str:
-        """Tells whether two processes mean the same: its key, and all that it goes back to."""
-        return digest_data([self.key(), {str(k): v for k, v in self.sources().items()}])
+        """All `fingerprints` in one."""
+        return digest_data(self.fingerprints())
+
+    def fingerprints(self) -> dict[str, str]:
+        """Tell whether two processes mean the same, and what differs where they do not.
+
+        Its code, each of its parameters, and all files that it goes back to.
+        """
+        files = [self.name, self.digests(), {str(k): v for k, v in self.sources().items()}]
+        meant = {"code": self.version, "files": files, **self.parameters}
+        return {name: digest_data(value)[:12] for name, value in meant.items()}
 
     def record(self, folder: Path | None = None) -> Record | None:
         """The record of a finished run, or None: one of another shape is no record."""

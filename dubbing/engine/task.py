@@ -11,6 +11,7 @@ import argparse
 import json
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -30,6 +31,12 @@ from dubbing.errors import StageError
 
 CODES = {FAILED: 1, HELD: os.EX_TEMPFAIL}
 INTERRUPTED = 130
+KEY = "the key of the invisible mark"
+SHARE_KEY = (
+    "copy mark.key from the settings folder of where the run was started into the one here, or "
+    "name a key in the manifest, `mark: {key: FILE}`; see docs/cluster.md"
+)
+WORDS = {"code": "the code", "files": "a file that it reads", "mark": KEY}
 LOOKS = 5  # one a second, until results of another machine are seen here
 
 
@@ -41,7 +48,7 @@ def main() -> int:
     parser.add_argument("stage", help="by its name in the job")
     parser.add_argument("--device", default="auto", help="auto, cpu or cuda")
     parser.add_argument("--force", action="store_true", help="do it again")
-    parser.add_argument("--expect", help="fingerprint of the stage where the run was started")
+    parser.add_argument("--expect", help="the stage's fingerprints where the run was started")
     parser.add_argument("--pipeline", default=PIPELINE, help="module that declares the stages")
     chosen = parser.parse_args()
     signal.signal(signal.SIGTERM, _interrupt)
@@ -64,27 +71,33 @@ def _done(chosen: argparse.Namespace) -> Done:
             raise job.blocked
         stage = job.stage(chosen.stage)
         if chosen.expect:
-            _expect(stage, chosen.expect)
+            _expect(stage, json.loads(chosen.expect))
     except Exception as error:
         return Done(key, FAILED, failure=failure_of(kind_of(key), error))
     return attempt(Task(0, key, stage, chosen.force, {}, _nothing, _nothing))
 
 
-def _expect(stage: Stage, fingerprint: str) -> None:
+def _expect(stage: Stage, fingerprints: dict[str, str]) -> None:
     """Raises StageError where the stage is not the one that the run means.
 
     A folder over a network may be seen as it was some seconds ago: listing it brings it up to date.
     """
     for _ in range(LOOKS):
-        if stage.fingerprint() == fingerprint:
+        here = stage.fingerprints()
+        other = [n for n in {**fingerprints, **here} if fingerprints.get(n) != here.get(n)]
+        if not other:
             return
         for source in stage.inputs.values():
             if isinstance(source, Stage):
                 with suppress(OSError):
                     os.listdir(source.folder.parent)
         time.sleep(1)
-    what = "the manifest, the code or a file it reads is not what it was where the run was started"
-    raise StageError(what, stage.name, "run it again")
+    where = f"{stage.name} on {socket.gethostname()}"
+    if other == ["mark"]:
+        raise StageError(f"{KEY} is another one here, or missing", where, SHARE_KEY)
+    named = ", ".join(WORDS.get(name, name) for name in other)
+    what = f"not what it was where the run was started: {named}"
+    raise StageError(what, where, "run it again")
 
 
 def _nothing(*_arguments: Any) -> None:

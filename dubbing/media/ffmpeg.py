@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import signal
 import subprocess
 import tempfile
 from functools import lru_cache
@@ -21,6 +22,12 @@ from dubbing.errors import MediaError
 
 REMEDY = "unset DFRF_FFMPEG to use the one that came with imageio-ffmpeg"
 BEGINS = "ffmpeg version "  # how every ffmpeg reports its version
+MEANINGS = {
+    "SIGKILL": "as when memory runs short",
+    "SIGXFSZ": "a file grew larger than is allowed here",
+    "SIGXCPU": "it used more processor time than is allowed here",
+    "SIGSEGV": "a fault of its own, or a damaged file",
+}
 QUIET = {"hide_banner": None, "loglevel": "error", "nostdin": None}
 
 
@@ -59,7 +66,9 @@ def version() -> str:
             check=False,
             env=environment.of_children(),
         )
-        text, what = done.stdout.decode(errors="replace"), f"it ended with {done.returncode}"
+        code = done.returncode
+        ended = f"by {signal_of(code)}" if code < 0 else f"with {code}"
+        text, what = done.stdout.decode(errors="replace"), f"it ended {ended}"
     except OSError as error:
         text, what = "", str(error.strerror)
     if not text.startswith(BEGINS):
@@ -105,8 +114,9 @@ class Process:
             # A broken pipe means it ended early: its return code and its messages tell why.
             with contextlib.suppress(BrokenPipeError):
                 self._process.stdin.close()
-        if self._process.wait() != 0:
-            raise MediaError("ffmpeg failed", self.where, self.words())
+        if code := self._process.wait():
+            killed = f"was ended by the system: {signal_of(code)}" if code < 0 else "failed"
+            raise MediaError(f"ffmpeg {killed}", self.where, self.words())
 
     def words(self) -> str:
         """The last lines ffmpeg wrote."""
@@ -128,6 +138,16 @@ class Process:
 
     def __exit__(self, *_: object) -> None:
         self.kill()
+
+
+def signal_of(code: int) -> str:
+    """The signal that ended a process, of its exit code, in words."""
+    try:
+        name = signal.Signals(-code).name
+    except ValueError:
+        return f"signal {-code}"
+    meaning = MEANINGS.get(name) or str(signal.strsignal(-code)).lower()
+    return f"signal {-code}, {name}, {meaning}"
 
 
 def run(graph: Any, where: str) -> None:

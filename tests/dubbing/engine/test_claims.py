@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -14,8 +15,11 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.engine import claims, heartbeat
+from dubbing.engine import claims, heartbeat, runner
+from dubbing.engine.graph import Job, Jobs
+from dubbing.engine.stage import Stage
 from dubbing.errors import DubbingError, LockedError, StageError
+from tests.dubbing.batches import Listener
 
 
 @pytest.fixture
@@ -171,3 +175,38 @@ def test_a_disk_that_takes_nothing_is_reported(
     monkeypatch.setattr(os, "rename", refused)
     with pytest.raises(DubbingError, match="Read-only file system"), claims.hold(tmp_path / "x"):
         pass
+
+
+def test_a_dead_claim_that_may_not_be_removed_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Another user's, in a folder that both may write to: it was waited for, for ever."""
+    path = tmp_path / "model"
+    killed_holder(path)
+    (file,) = (tmp_path / "model.claim").iterdir()
+
+    def denied(*_: object, **__: object) -> None:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(Path, "unlink", denied)
+    for look in (lambda: claims.take(path), lambda: claims.Watch(path).free()):
+        with pytest.raises(LockedError, match=rf"Permission denied.*{file.name}.*remove the fol"):
+            look()
+    with pytest.raises(LockedError), claims.hold(path, wait=True):
+        pass
+    claims.sweep(tmp_path)  # which nobody waits for
+
+
+def test_a_run_ends_at_a_dead_claim_that_may_not_be_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def denied(*_: object, **__: object) -> bool:
+        raise LockedError("a run that ended has left its claim", "model.claim/1", "remove it")
+
+    stage = Stage("copy", tmp_path / "model", "1", {}, {}, lambda out, progress: None)
+    jobs = Jobs({"ann": Job("identity", "ann", {"copy": stage})}, {})
+    monkeypatch.setattr(claims.Watch, "free", denied)
+    outcome = runner.run(jobs, runner.Options(), Listener())["identity/ann"]
+    assert outcome.state == "failed"
+    assert outcome.failure is not None
+    assert outcome.failure.where == "model.claim/1"

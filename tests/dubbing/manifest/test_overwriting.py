@@ -126,7 +126,10 @@ def test_names_that_would_share_a_folder(folder: Path, names: tuple[str, str]) -
     )
     with pytest.raises(ManifestError) as caught:
         load(folder / "m.yaml")
-    assert [problem.key for problem in caught.value.problems] == [f"identities.{other}", "dubs[1]"]
+    assert [problem.key for problem in caught.value.problems] == [
+        f"identities.{other}",
+        "dubs[1].name",
+    ]
     assert all("is taken by" in problem.message for problem in caught.value.problems)
 
 
