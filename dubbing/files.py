@@ -82,7 +82,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         yield temporary
         with writing(path):
             sync_file(temporary)
-            _note_digest(temporary, path)
+            note_digest(path, temporary)
             os.replace(temporary, path)
             sync_file(path.parent)
     finally:
@@ -90,10 +90,13 @@ def atomic_path(path: Path) -> Iterator[Path]:
             temporary.unlink()
 
 
-def _note_digest(temporary: Path, path: Path) -> None:
-    """Keep the digest of a file that is to become ``path``, where that is work in progress.
+def note_digest(path: Path, temporary: Path | None = None) -> None:
+    """Keep the digest of a file that is whole, where it is work in progress.
 
-    Behind that of the file that lies there now: a kill may come before it is replaced.
+    Behind that of the file before it: a kill may come before that is replaced.
+
+    Args:
+        temporary: the file that is to become ``path``; ``path`` itself by default.
     """
     folder = next((one for one in path.parents if IN_PROGRESS.fullmatch(one.name)), None)
     if folder is None:
@@ -101,7 +104,7 @@ def _note_digest(temporary: Path, path: Path) -> None:
     kept = folder / DIGESTS / path.relative_to(folder)
     kept.parent.mkdir(parents=True, exist_ok=True)
     before = kept.read_text().split()[-1:] if kept.exists() else []
-    kept.write_text(" ".join([*before, digest_file(temporary)]))
+    kept.write_text(" ".join([*before, digest_file(temporary or path)]))
 
 
 def remove_damaged(folder: Path) -> list[Path]:

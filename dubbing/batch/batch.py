@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dubbing import pipeline
-from dubbing.batch import jobs, results
+from dubbing.batch import estimates, jobs, results
 from dubbing.batch.results import Ledger
-from dubbing.engine import claims, runner
+from dubbing.engine import claims, planner, runner
 from dubbing.engine.executors import Executor
-from dubbing.engine.graph import Job, Jobs
+from dubbing.engine.graph import Job, Jobs, kind_of
 from dubbing.engine.outcome import Outcome, Reporter, failure_of
 from dubbing.engine.runner import Options
+from dubbing.engine.time_left import TimeLeft
 from dubbing.errors import DubbingError
 from dubbing.files import make_folder
 from dubbing.manifest.manifest import Manifest
@@ -99,6 +100,26 @@ def dub(
         except DubbingError as error:  # the outcomes of the jobs are reported nevertheless
             written, code = error, SOME_FAILED
     return Result(outcomes, code, written, syncs)
+
+
+def time_left(
+    manifest: Manifest, options: Options, *, only: tuple[str, ...], workers: int, parts: bool
+) -> TimeLeft:
+    """How long a run of `dub` takes, before it begins; it tells while it goes on.
+
+    Args:
+        workers: stages that are made at once.
+        parts: whether they are made in parts.
+    """
+    planned = jobs.build(manifest, only=only)
+    rows = planner.rows(planned, options.force)
+    wanted = {f"{row.job.label}/{row.stage}" for row in rows if row.state in ("run", "after")}
+    expected = {
+        key: seconds
+        for key, seconds in estimates.expected(manifest, planned, parts=parts).items()
+        if key in wanted or key.rpartition(" ")[0] in wanted
+    }
+    return TimeLeft(expected, kind_of, time.monotonic, workers)
 
 
 def adopt_renamed(manifest: Manifest, planned: Jobs) -> bool:

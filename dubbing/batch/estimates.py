@@ -1,7 +1,8 @@
 """How long a run will take, and what it needs, before anything starts.
 
 A stage's time grows with its amount: frames, steps or seconds of speech. How fast this machine is
-comes from stages of the manifest that are done, else from `dfrf doctor --calibrate`.
+comes from stages of the manifest that are done, else from `dfrf doctor --calibrate`, else from
+what two cores took once.
 """
 
 from collections.abc import Mapping
@@ -9,18 +10,20 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 
+from dfrf.config import family
 from dubbing import json_records, tasks
 from dubbing.engine.graph import Jobs, Node, nodes
 from dubbing.engine.part import Part
 from dubbing.engine.planner import Row
 from dubbing.engine.schedule import simulate
-from dubbing.engine.stage import Produce
+from dubbing.engine.stage import Produce, Record, Stage, digest_of
 from dubbing.errors import DubbingError
 from dubbing.files import atomic_write_json
 from dubbing.homes import cache_folder
 from dubbing.manifest.entries import Identity
 from dubbing.manifest.findings import Scene
 from dubbing.manifest.manifest import Manifest
+from dubbing.manifest.preset_checks import FEATURES_SECONDS, FRAME_SECONDS, RAYS_SECONDS
 from dubbing.media import MediaInfo
 
 FULL_SIZE = 512  # px of a crop whose frame counts as one
@@ -35,6 +38,20 @@ class Rate:
 
     seconds: float
     bytes: float
+
+
+# Two cores of a processor of 2026, 512 px, preset `fast`: seconds and bytes for each of the amount.
+TYPICAL = {
+    "prepare": Rate(0.058, 27e3),
+    "check_source": Rate(0.008, 10.0),
+    "finetune": Rate(0.30, 10e3),
+    "refine_poses": Rate(0.048, 70.0),
+    "listen": Rate(0.1, 18e3),
+    "render": Rate(0.32, 15e3),
+    "composite": Rate(0.04, 3e3),
+    "check": Rate(0.012, 40.0),
+    "sign": Rate(0.001, 3e3),
+}
 
 
 @dataclass(frozen=True)
@@ -99,19 +116,30 @@ def amount(manifest: Manifest, node: Node) -> float:
 
 
 def measured(manifest: Manifest, graph: Mapping[str, Node]) -> dict[str, Rate]:
-    """Rates by kind of stage, medians over those that are done."""
+    """Rates by kind of stage, medians over those that are done, of as much as they are of now."""
     found: dict[str, list[Rate]] = {}
     for node in graph.values():
         record = node.stage.record()
-        if record is not None and (many := amount(manifest, node)):
+        if record is None or not _as_large(node.stage, record):
+            continue
+        if many := amount(manifest, node):
             size = sum(output["bytes"] for output in record["outputs"].values())
-            found.setdefault(node.stage.name, []).append(
+            found.setdefault(kind_of_rate(manifest, node), []).append(
                 Rate(record["seconds"] / many, size / many)
             )
     return {
         name: Rate(median(r.seconds for r in rates), median(r.bytes for r in rates))
         for name, rates in found.items()
     }
+
+
+def _as_large(stage: Stage, record: Record) -> bool:
+    """Whether a record is of the files and parameters of now: of others it says nothing here."""
+    files = {name: digest_of(path) for name, path in stage.inputs.items() if isinstance(path, Path)}
+    media = {name: digest for name, digest in files.items() if name in record["inputs"]}
+    return record["parameters"] == dict(stage.parameters) and all(
+        record["inputs"][name] == digest for name, digest in media.items()
+    )
 
 
 def calibrated() -> dict[str, Rate]:
@@ -134,8 +162,7 @@ def keep(rates: Mapping[str, Rate]) -> Path:
 
 def estimate(manifest: Manifest, jobs: Jobs, rows: list[Row]) -> Estimate:
     """What a run of these jobs needs; ``rows``: from `planner.rows`."""
-    rates = {**calibrated(), **measured(manifest, nodes(jobs))}
-    graph = nodes(jobs, split=lambda stage: True)
+    rates, graph = rates_of(manifest, jobs), nodes(jobs, split=lambda stage: True)
     wanted = {f"{row.job.label}/{row.stage}" for row in rows if row.state in ("run", "after")}
     seconds, disk, memory = {}, 0.0, 0.0
     unknown = []
@@ -145,7 +172,7 @@ def estimate(manifest: Manifest, jobs: Jobs, rows: list[Row]) -> Estimate:
         if whole not in wanted or stage.parts:  # its parts take the time of a stage
             continue
         memory = max(memory, _memory(manifest, stage.produce))
-        if rate := rates.get(stage.name):
+        if rate := rates.get(kind_of_rate(manifest, node)):
             many = amount(manifest, node)
             seconds[key], disk = rate.seconds * many, disk + rate.bytes * many
         else:
@@ -154,6 +181,40 @@ def estimate(manifest: Manifest, jobs: Jobs, rows: list[Row]) -> Estimate:
     longest = sum(seconds.get(key, 0.0) for key in two.critical)
     missing = tuple(dict.fromkeys(unknown))
     return Estimate(sum(seconds.values()), two.seconds, longest, disk, memory, missing)
+
+
+def rates_of(manifest: Manifest, jobs: Jobs) -> dict[str, Rate]:
+    """The best known rates, by kind; see `kind_of_rate`."""
+    slow = Rate(RAYS_SECONDS + FEATURES_SECONDS, TYPICAL["finetune"].bytes)
+    paper = {"finetune paper": slow, "render paper": Rate(FRAME_SECONDS, TYPICAL["render"].bytes)}
+    known = calibrated() or TYPICAL
+    return {**paper, **known, **measured(manifest, nodes(jobs))}
+
+
+def kind_of_rate(manifest: Manifest, node: Node) -> str:
+    """The stage, and the preset `paper` behind it, where that takes a thousand times as long."""
+    work, name = node.stage.produce, node.stage.name
+    person = node.job.name
+    if isinstance(work, tasks.Render):
+        person = work.cue.identity
+    elif not isinstance(work, tasks.Finetune):
+        return name
+    slow = family(manifest.identities[person].preset) == "paper"
+    return f"{name} paper" if slow else name
+
+
+def expected(manifest: Manifest, jobs: Jobs, *, parts: bool) -> dict[str, float]:
+    """Seconds that stages of a run will take, by the keys of their nodes; of those that are known.
+
+    Args:
+        parts: whether they are done in parts, where they have any.
+    """
+    rates, found = rates_of(manifest, jobs), {}
+    for key, node in nodes(jobs, split=lambda stage: parts).items():
+        rate = rates.get(kind_of_rate(manifest, node))
+        if rate is not None and not (parts and node.stage.parts):
+            found[key] = rate.seconds * amount(manifest, node)
+    return found
 
 
 def _spoken_frames(scene: Scene) -> int:

@@ -70,7 +70,11 @@ def dub(
         executor: Executor = Cluster(source, scheduler)
     else:
         executor = Processes(source, jobs) if jobs > 1 else InLine()
-    reporter = live.JsonLines(loaded.warnings) if as_json else live.Bars(loaded.warnings)
+    left = batch.time_left(
+        loaded, options, only=tuple(only or ()), workers=jobs, parts=bool(scheduler) or jobs > 1
+    )
+    shown = live.JsonLines if as_json else live.Bars
+    reporter: live.JsonLines | live.Bars = shown(loaded.warnings, left)
     with closing(executor), reporter:
         result = batch.dub(
             loaded, reporter, options, only=tuple(only or ()), device=device, executor=executor

@@ -112,11 +112,13 @@ def make(
             metadata=provenance.tags(),
             timecode=source.timecode_at(int(pose_index[0])) if source.timecode else "",
         )
+    progress("decoding the result", 1.0)
     verify(result, frames, rate)
     if settings.codec != "h264":
         progress("proxy", 1.0)
         media.proxy(result, out / PROXY_FILE, provenance.tags())
     if (out / MIXED).is_file():
+        progress("comparing with the film", 1.0)
         own = composer.untouched()
         proof = compare(film.clip, result, own, rate) if own.any() else None
         figures = json_records.read(out / MIXED, dict[str, Any], "figures of the mix")

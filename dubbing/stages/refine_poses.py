@@ -4,6 +4,7 @@ The mouth and the jaw, which speech moves, do not count: only what lies above th
 is compared. K key frames.
 """
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 
@@ -78,9 +79,14 @@ def refined(
     shots = np.unique(clip.segment[wanted & clip.valid])
     for number, shot in enumerate(shots):
         index = np.flatnonzero(wanted & (clip.segment == shot))
-        if progress is not None:
-            progress(f"poses of shot {number + 1} of {len(shots)}", 0.0)
-        found = shot_corrections(model, maps, clip, c2w, expression, index)
+
+        def report(share: float, number: int = number) -> None:
+            if progress is not None:
+                done = (number + share) / len(shots)
+                progress(f"poses of shot {number + 1} of {len(shots)}", done)
+
+        report(0.0)
+        found = shot_corrections(model, maps, clip, c2w, expression, index, report)
         corrections[index] = torch.from_numpy(found)
     return clip.seen_by(moved(c2w, corrections).double().numpy())
 
@@ -119,11 +125,13 @@ def shot_corrections(
     c2w: Tensor,
     expression: Tensor,
     index: np.ndarray,
+    report: Callable[[float], None] = lambda share: None,
 ) -> np.ndarray:
     """Corrections (F, 6) float32 of frames `index` (F,), rising, of one shot; some show a face.
 
     Args:
         c2w, expression: (T, 3, 4) cameras and (T, U) measures of the upper face, of the whole clip.
+        report: called with the share done.
     """
     device = model.device
     seen = index[clip.valid[index]]
@@ -131,11 +139,13 @@ def shot_corrections(
     passes = [(key_frames(seen, rotation, apart, turn), n) for apart, turn, n in PASSES]
     observations = observations_of(clip, np.unique(np.concatenate([keys for keys, _ in passes])))
     keys, found = seen[:1], np.zeros((1, DOF))
+    looks, looked = sum(len(keys) * steps for keys, steps in passes), itertools.count(1)
 
     def equations(key: tuple[PoseObservation, Tensor, Tensor]) -> tuple[np.ndarray, np.ndarray]:
         observation, camera, conditioning = key
         volume = model.volume(conditioning[None], maps)
         left, right = normal_equations(volume, observation.to(device), camera)
+        report(next(looked) / looks)
         return left.cpu().numpy(), right.cpu().numpy()
 
     with Workers(device, AT_ONCE) as workers:

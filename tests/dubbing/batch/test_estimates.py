@@ -12,10 +12,9 @@ from dubbing.batch.estimates import Estimate, Rate
 from dubbing.engine import planner
 from dubbing.engine.graph import nodes
 from dubbing.manifest.manifest import load
+from dubbing.stages.kinds import STAGES
 from tests import clips, fakes
 from tests.dubbing.batches import Listener, manifest_of
-
-STAGES = ("prepare", "check_source", "finetune", "refine_poses", "listen", "render")
 
 
 @pytest.fixture
@@ -34,16 +33,69 @@ def needed(path: Path) -> Estimate:
     return estimates.estimate(manifest, made, planner.rows(made))
 
 
-def test_nothing_is_reported_that_nobody_measured(path: Path) -> None:
-    found = needed(path)
-    assert found.seconds == 0
-    assert set(STAGES) < set(found.unknown)
-    assert found.memory > estimates.HELD
+# What a first dub took on two cores: a clip of 20 s, 15 s learned from, 10 s of speech, 512 px.
+FIRST = {
+    "prepare": 29,
+    "check_source": 4,
+    "finetune": 357,
+    "refine_poses": 24,
+    "listen": 1,
+    "render": 81,
+    "composite": 10,
+    "check": 3,
+}
+
+
+def test_a_first_run_is_known_within_a_factor_of_two(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    manifest = load(path)
+    graph = nodes(jobs.build(manifest))
+    monkeypatch.setattr(estimates, "_area", lambda *_: 1.0)
+    monkeypatch.setattr(estimates, "_learned", lambda *_: 375)
+    frames = {"prepare": 500, "check_source": 500, "refine_poses": 500, "listen": 10}
+    found = {}
+    for node in graph.values():
+        many: float = frames.get(node.stage.name, 250)
+        if node.stage.name == "finetune":
+            many = estimates.amount(manifest, node)
+        found[node.stage.name] = estimates.TYPICAL[node.stage.name].seconds * many
+    assert found.keys() == FIRST.keys()
+    for stage, seconds in FIRST.items():
+        assert seconds / 1.5 < found[stage] < seconds * 1.5, stage
+    needs = needed(path)
+    assert needs.seconds > 0
+    assert needs.unknown == ()
+    assert needs.memory > estimates.HELD
+
+
+def test_every_stage_has_a_rate() -> None:
+    assert [*estimates.TYPICAL] == [*STAGES]
+
+
+def test_what_was_made_of_something_else_says_nothing(path: Path) -> None:
+    """A fine-tune of so many steps is no measure of one of others."""
+    batch.dub(load(path), Listener())
+    graph = nodes(jobs.build(load(path)))
+    assert set(estimates.measured(load(path), graph)) > {"finetune", "prepare", "render"}
+    path.write_text(
+        path.read_text().replace("seconds: 1,", "seconds: 1, finetune: {iterations: 9},")
+    )
+    clips.write_sound(path.parent / "it.wav", 0.8)
+    graph = nodes(jobs.build(load(path)))
+    found = estimates.measured(load(path), graph)
+    assert "prepare" in found
+    assert not {"finetune", "listen"} & set(found)
+
+
+def test_the_slow_preset_has_rates_of_its_own(path: Path) -> None:
+    quick = needed(path).seconds
+    path.write_text(path.read_text().replace("seconds: 1,", "seconds: 1, preset: paper,"))
+    assert needed(path).seconds > 1000 * quick
 
 
 def test_a_calibration_is_used_and_finished_stages_refine_it(path: Path) -> None:
-    names = [*needed(path).unknown]
-    estimates.keep({name: Rate(1.0, 10.0) for name in names})
+    estimates.keep({name: Rate(1.0, 10.0) for name in STAGES})
     manifest = load(path)
     graph = nodes(jobs.build(manifest))
     amounts = {key: estimates.amount(manifest, node) for key, node in graph.items()}
@@ -114,5 +166,5 @@ def test_a_scene_takes_as_long_as_its_lines_and_a_person_as_all_their_clips(path
     assert amounts["dub/it/composite"] == 50
     assert amounts["dub/it/check"] == 15
     # What is not made yet is what the time is of: all of it.
-    estimates.keep({name: Rate(1.0, 10.0) for name in needed(path).unknown})
+    estimates.keep({name: Rate(1.0, 10.0) for name in STAGES})
     assert needed(path).seconds == pytest.approx(sum(amounts.values()))

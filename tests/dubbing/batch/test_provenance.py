@@ -83,8 +83,8 @@ def test_a_signed_dub_is_signed_last_and_once(place: Path) -> None:
     assert dub(place, extra)[1] == []
     assert video.read_bytes() == before
     manifest = load(place / "m.yaml")
-    made = jobs.build(manifest)
-    needed = estimates.estimate(manifest, made, planner.rows(made, force=("sign",)))
+    planned = jobs.build(manifest)
+    needed = estimates.estimate(manifest, planned, planner.rows(planned, force=("sign",)))
     assert 0 < needed.seconds < 60
     assert not needed.unknown
 
