@@ -146,7 +146,9 @@ class Bars:
         key = _key(job, stage)
         self._left.progress(key, share)
         self._said[stage.folder] = f"{job.name}: {job.name_of(stage)}: {share:.0%} {message}"
-        _advance(self._bars[stage.folder], f"{message}{_left(self._left.of(key))}", share)
+        left = self._left.of(key)
+        text = message if left is None else f"left {tqdm.format_interval(left)}, {message}"
+        _advance(self._bars[stage.folder], text, share)
 
     def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
         self._left.end(_key(job, stage))
