@@ -80,7 +80,8 @@ class Finetune:
         )
 
         def step(state: Any) -> None:
-            progress(str(state), state.step / state.iterations)
+            message = str(state).rpartition(", ")[0]  # without its own guess of the time left
+            progress(message, state.step / state.iterations)
 
         finetune(
             [
