@@ -65,7 +65,7 @@ def failure_of(stage: str, error: BaseException) -> Failure:
     trace = "".join(traceback.format_exception(error))
     what = f"{type(error).__name__}: {error}"
     if short_of_memory(error):
-        return Failure(stage, SHORT, what, ROOM, trace)
+        return Failure(stage, SHORT, str(error), ROOM, trace)
     if isinstance(error, OSError) and error.errno:
         refused = system_error(error)
         return Failure(stage, refused.what, refused.where, refused.remedy, trace)
