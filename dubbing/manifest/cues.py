@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dubbing.manifest.entries import Dub
 from dubbing.manifest.findings import Findings, Undubbed
+from dubbing.manifest.messages import some
 from dubbing.manifest.reels import REMEDY
 from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
@@ -15,7 +16,6 @@ from dubbing.script.speakers import Names
 from dubbing.script.timeline import Cue
 
 CUE = re.compile(r"\{cue(?::0?([1-9]))?\}")  # {cue}, or {cue:03} with leading zeros
-MOST_NAMED = 5  # lines that one sentence names
 
 
 class SceneCues:
@@ -123,7 +123,7 @@ class SceneCues:
                 self.unheard.append(f"{line.number} (at {start:.2f} s)")
             return path, start
         there, room = sound.sound_seconds, float((stop - first + 1) / self.rate)
-        if there > room and self.dub.on_longer_audio != "cut":
+        if there > room:
             length = float((stop - first) / self.rate)
             self.too_long.append(f"{line.number} ({there:.2f} s in {length:.2f} s)")
         return path, 0.0
@@ -134,8 +134,11 @@ class SceneCues:
         if self.undubbed:
             what = f"nobody dubs {len(self.undubbed)} of {count} lines of {name}"
             self.findings.warnings.append(f"{self.dub.name}: {what}")
+        if self.too_long:
+            what = f"lines {some(self.too_long)} are cut off with their cues"
+            self.findings.warnings.append(f"{self.dub.name}: {what}")
         if self.carried:
-            what = f"lines {_some(self.carried)} of {name} name nobody"
+            what = f"lines {some(self.carried)} of {name} name nobody"
             self.findings.warnings.append(
                 f"{self.dub.name}: {what}; they are taken for the speaker's before them"
             )
@@ -159,15 +162,11 @@ class SceneCues:
                     both = f"lines {cue.number} and {following.number} of {person} overlap"
                     self.findings.add((*self.at, "lines"), f"{both}: nobody speaks two at a time")
         remedy = "lengthen the cues, shorten the recordings, or set on_longer_audio: cut"
-        self._add_some(self.too_long, "last longer than their cues", remedy)
+        if self.dub.on_longer_audio != "cut":
+            self._add_some(self.too_long, "last longer than their cues", remedy)
         self._add_some(self.twice, "are there twice", "number them anew: {cue} is the number")
         self._add_some(self.unheard, "begin after the end of their sound", "give a longer track")
 
     def _add_some(self, lines: list[str], what: str, remedy: str) -> None:
         if lines:
-            self.findings.add((*self.at, "audio"), f"lines {_some(lines)} {what}: {remedy}")
-
-
-def _some(numbers: list[str]) -> str:
-    more = f" and {len(numbers) - MOST_NAMED} more" if len(numbers) > MOST_NAMED else ""
-    return ", ".join(numbers[:MOST_NAMED]) + more
+            self.findings.add((*self.at, "audio"), f"lines {some(lines)} {what}: {remedy}")

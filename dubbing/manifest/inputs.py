@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dubbing.errors import DubbingError
 from dubbing.manifest import preset_checks as published
-from dubbing.manifest import provenance_checks, terms
+from dubbing.manifest import provenance_checks, sound_checks, terms
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Findings, Scene
 from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without_lines
@@ -27,8 +27,11 @@ def inspect(identities: Mapping[str, Identity], dubs: Mapping[int, Dub]) -> Find
     for name, identity in identities.items():
         findings.identities[name] = _learning(findings, name, identity)
         _identity(findings, name, findings.identities[name])
+        sound_checks.of_learning(findings, name, findings.identities[name])
     for place, dub in dubs.items():
         _dub(findings, place, dub, findings.identities)
+    for info in findings.media.values():
+        sound_checks.of_tracks(findings, info)
     return findings
 
 
@@ -173,6 +176,7 @@ def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Iden
     scene = findings.scenes.get(place)
     if scene is not None:
         provenance_checks.inspect_film(findings, at, dub, scene.clip)
+        sound_checks.of_dub(findings, at, dub, scene)
         _slow(findings, dub, scene, identities)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from dubbing.manifest.entries import Entry
 
 LONGEST = 60  # characters of a wrong value in a message
+MOST_NAMED = 5  # lines that one sentence names
 
 
 def plain(detail: Any, model: type[Entry]) -> str:
@@ -50,3 +51,9 @@ def short(value: Any) -> str:
     """A wrong value as it was written, or the beginning of a long one."""
     text = reprlib.repr(value)
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def some(names: list[str]) -> str:
+    """The first few of a list, and how many more there are."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more

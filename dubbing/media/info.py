@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dubbing.errors import MediaError
 from dubbing.media.colour import Colour
-from dubbing.script.timecode import frame_of, timecode_of
+from dubbing.script.timecode import frame_of, nominal, timecode_of
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,15 @@ class MediaInfo:
         frame_rate: frames a second; a constant one for a clip of variable rate. See `rate`.
         frames: how many frames ``read_frames`` gives at that rate.
         duration: of the picture in seconds; of the sound, where there is no picture.
+        audio_tracks: which of the tracks of sound are heard; see `tracks.heard_tracks`.
+        unheard_tracks: how many others there are.
+        audio_channels: of all that are heard.
         video_start, audio_start: seconds after the start of the file; 0 for most files.
         zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
             first requested stream instead (MPEG-TS, MPEG-PS, Ogg); else None.
         timecode: of the first frame, as ``01:00:00:00``; '' where the file has none.
+        timecode_count: numbers a second that the timecode counts, where they are not those of
+            the frame rate: high rates often have half of them.
         picture: of the first frame; None without a picture.
     """
 
@@ -59,6 +64,9 @@ class MediaInfo:
     audio_start: float
     zero: float | None = None
     timecode: str = ""
+    timecode_count: int | None = None
+    audio_tracks: tuple[int, ...] = (0,)
+    unheard_tracks: int = 0
 
     @property
     def rate(self) -> Fraction:
@@ -77,13 +85,34 @@ class MediaInfo:
         return self.picture.colour if self.picture else Colour()
 
     @property
+    def timecode_rate(self) -> Fraction:
+        """Timecodes a second: the frame rate, or a part or a multiple of it."""
+        if self.timecode_count is None:
+            return self.rate
+        return self.rate * Fraction(self.timecode_count, nominal(self.rate))
+
+    @property
     def first_frame(self) -> int:
         """The frame that its timecode begins with; 0 without one."""
-        return frame_of(self.timecode, self.rate) if self.timecode else 0
+        if not self.timecode:
+            return 0
+        return int(frame_of(self.timecode, self.timecode_rate) * self.rate / self.timecode_rate)
 
     def timecode_at(self, frame: int) -> str:
-        """The timecode of a frame; counted from zero where the file has none."""
-        return timecode_of(self.first_frame + frame, self.rate, drop=";" in self.timecode)
+        """The film's timecode of a frame; counted from zero where the file has none."""
+        number = int((self.first_frame + frame) * self.timecode_rate / self.rate)
+        return timecode_of(number, self.timecode_rate, drop=self.drops)
+
+    def full_timecode_at(self, frame: int) -> str:
+        """The same with a number for every frame, as ffmpeg writes it; '' without a timecode."""
+        if not self.timecode:
+            return ""
+        return timecode_of(self.first_frame + frame, self.rate, drop=self.drops)
+
+    @property
+    def drops(self) -> bool:
+        """Whether its timecode leaves out numbers."""
+        return ";" in self.timecode
 
     @property
     def sound_seconds(self) -> float:

@@ -11,10 +11,9 @@ import numpy as np
 from dubbing.errors import MediaError
 from dubbing.files import atomic_path
 from dubbing.media.ffmpeg import run
-from dubbing.media.opening import into, source
+from dubbing.media.opening import LAYOUTS, into, source
 
 SILENT = -70.0  # LUFS; the absolute gate of BS.1770: below it nothing counts
-LAYOUTS = {1: "mono", 2: "stereo", 3: "3.0", 4: "quad", 5: "5.0", 6: "5.1", 7: "6.1", 8: "7.1"}
 FINER = 192000  # Hz at which peaks between samples are seen
 MARGIN = 0.3  # dB that resampling back may add
 

@@ -55,7 +55,8 @@ def mux(
     Raises:
         MediaError: `audio_source` cannot be read, ffmpeg failed, or a part cannot be listed for it.
     """
-    sound = sound_of(audio_source, probe(audio_source).zero, audio_start)
+    heard = probe(audio_source)
+    sound = sound_of(audio_source, heard.zero, audio_start, heard.audio_tracks)
     if audio_rate is not None:
         sound = sound.filter("aresample", audio_rate)
     sound = sound.filter("atrim", end=f"{seconds:.6f}")

@@ -6,6 +6,7 @@ protocol is allowed, and only containers that hold their own picture and sound a
 """
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,9 @@ REFUSED = "a playlist, a still picture, or no film or sound that can be read"
 REMEDY = "convert it to one file of its own: .mp4, .mov, .mkv or .wav"
 PLAYLISTS = (b"#extm3u", b"ffconcat", b"[playlist]")  # how they begin, whatever they are called
 WAV_PACKET = 1 << 18  # bytes; with the default ones a long recording takes twice the time
+
+# Layouts of so many channels, as a film has them.
+LAYOUTS = {1: "mono", 2: "stereo", 3: "3.0", 4: "quad", 5: "5.0", 6: "5.1", 7: "6.1", 8: "7.1"}
 
 Stream = Any  # ffmpeg-python's nodes have no types
 Graph = Any
@@ -76,17 +80,33 @@ def picture_of(path: Path | str, zero: float | None, begin: float, **options: An
     return source(path, copyts=None, **options).video.filter("setpts", _since(zero, begin))
 
 
-def sound_of(path: Path | str, zero: float | None, begin: float) -> Stream:
+def sound_of(
+    path: Path | str, zero: float | None, begin: float, tracks: Sequence[int] = (0,)
+) -> Stream:
     """The sound of ``path`` from ``begin`` seconds after ``zero`` on; see `picture_of`.
 
-    Sound that begins late in its file is padded, so that it keeps its place.
+    Sound that begins late in its file is padded, so that it keeps its place. Several tracks, of a
+    channel each, are channels of one sound.
+
+    Raises:
+        MediaError: it begins before the file.
     """
-    seek = f"{begin:.6f}"
-    if zero is None:
-        sound = source(path, ss=seek).audio
-    else:
-        sound = source(path, copyts=None, ss=seek).audio.filter("asetpts", _since(zero, begin))
-    return sound.filter("aresample", **{"async": 1, "first_pts": 0})
+    if begin < 0:
+        what = f"sound from {begin:g} s on, before its beginning"
+        raise MediaError(what, str(path), "begin at 0 or later")
+    film = source(path, ss=f"{begin:.6f}", **({} if zero is None else {"copyts": None}))
+    sounds = []
+    for track in tracks:
+        sound = film[f"a:{track}"]
+        if zero is not None:
+            sound = sound.filter("asetpts", _since(zero, begin))
+        sounds.append(sound.filter("aresample", **{"async": 1, "first_pts": 0}))
+    if len(sounds) == 1:
+        return sounds[0]
+    layout = LAYOUTS[len(sounds)]
+    placed = [s.filter("pan", args=f"{layout}|c{k}=c0") for k, s in enumerate(sounds)]
+    # Unlike others it goes on to the end of the longest.
+    return ffmpeg.filter(placed, "amix", inputs=len(placed), duration="longest", normalize=0)
 
 
 def joined(listing: Path | str) -> Stream:

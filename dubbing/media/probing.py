@@ -17,7 +17,9 @@ from dubbing.media.colour import colour_of
 from dubbing.media.frame_rate import choose_rate
 from dubbing.media.info import MediaInfo, Picture
 from dubbing.media.opening import opened
-from dubbing.script.timecode import frame_of
+from dubbing.media.timecode_track import count_of
+from dubbing.media.tracks import Track, heard_tracks
+from dubbing.script.timecode import frame_of, nominal
 
 COMPLETE = 0.98  # of the frames the header promises (most containers promise none)
 SHORTEST, LONGEST, SLIMMEST = 16, 16384, 10  # px, px, and one side over the other
@@ -65,16 +67,18 @@ def count_frames(path: Path | str) -> int:
 
 def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     video = next((s for s in container.streams.video if not s.disposition & ATTACHED_PICTURE), None)
-    sound = next(iter(container.streams.audio), None)
-    if video is None and sound is None:
+    tracks = list(container.streams.audio)
+    heard = heard_tracks(tracks)
+    if video is None and not heard:
         raise MediaError("neither picture nor sound in it", str(path))
-    packets = _visit(path, container, video, sound)
+    packets = _visit(path, container, video, heard)
     zero = (container.start_time or 0) / av.time_base
     if "audio" not in packets.starts:
-        sound = None  # a declared but empty track is no sound
+        heard = []  # a declared but empty track is no sound
     width = height = frames = 0
     rate: Fraction | None = None
     variable, duration, timecode = False, 0.0, ""
+    count: int | None = None
     picture: Picture | None = None
     video_start = packets.starts.get("video", zero) - zero
     if video is not None:
@@ -90,10 +94,10 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         span = packets.ends["video"] - times[0] if variable else float(len(times) / rate)
         frames = max(1, round((video_start + span) * rate))
         duration = float(frames / rate)
-        timecode = _timecode(container, rate)
+        timecode, count = _timecode(path, container, rate)
     # What lies before 0 is the priming of the encoder, which no decoder gives out.
     audio_start = max(0.0, packets.starts.get("audio", zero) - zero)
-    audio_duration = packets.ends["audio"] - zero - audio_start if sound is not None else None
+    audio_duration = packets.ends["audio"] - zero - audio_start if heard else None
     return MediaInfo(
         path=path,
         width=width,
@@ -104,12 +108,15 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         variable_rate=variable,
         video_start=video_start,
         picture=picture,
-        audio_rate=sound.rate if sound is not None else None,
-        audio_channels=sound.channels if sound is not None else None,
+        audio_rate=heard[0].rate if heard else None,
+        audio_channels=sum(track.channels for track in heard) if heard else None,
         audio_duration=audio_duration,
         audio_start=audio_start,
         zero=zero if container.format.flags & RESTARTS else None,
         timecode=timecode,
+        timecode_count=count,
+        audio_tracks=tuple(tracks.index(track) for track in heard),
+        unheard_tracks=len(tracks) - len(heard),
     )
 
 
@@ -133,17 +140,17 @@ def _visit(
     path: Path,
     container: av.container.InputContainer,
     video: av.video.stream.VideoStream | None,
-    sound: av.audio.stream.AudioStream | None,
+    heard: list[Track],
 ) -> _Packets:
     found = _Packets()
-    floats = None if sound is None else FLOATS.get(_codec(path, sound))
-    for packet in container.demux([s for s in (video, sound) if s is not None]):
+    floats = {track.index: FLOATS.get(_codec(path, track)) for track in heard}
+    for packet in container.demux([*([] if video is None else [video]), *heard]):
         kind = packet.stream.type
         if kind == "video" and packet.size > 0:
             found.pictures += 1
             found.untimed += packet.pts is None and packet.dts is None
-        elif floats is not None and packet.size > 0:
-            _check_sound(path, packet, floats)
+        elif (kept := floats.get(packet.stream.index)) is not None and packet.size > 0:
+            _check_sound(path, packet, kept)
         if packet.pts is None or packet.is_discard or packet.time_base is None:
             continue
         at = float(packet.pts * packet.time_base)
@@ -186,19 +193,27 @@ def _counted(container: av.container.InputContainer, pictures: int, times: list[
     return max(pictures, round(ticks * (many + 1) / (many - 1)))
 
 
-def _timecode(container: av.container.InputContainer, rate: Fraction) -> str:
-    """The timecode of a track or of the file, if it is one at that rate."""
+def _timecode(
+    path: Path, container: av.container.InputContainer, rate: Fraction
+) -> tuple[str, int | None]:
+    """The timecode of a track or of the file, if it is one of that rate, and what it counts."""
     places = [stream.metadata for stream in container.streams] + [container.metadata]
     tags = [item for place in places for item in place.items()]
     written = next((value for key, value in tags if key.lower() == "timecode"), "")
+    if not written:
+        return "", None
+    each = nominal(rate)
+    count = count_of(path, container.format.name) or each
     try:
-        frame_of(written, rate)
+        if max(count, each) % min(count, each):
+            return "", None
+        frame_of(written, rate * Fraction(count, each))
     except ValueError:
-        return ""
-    return written
+        return "", None
+    return written, None if count == each else count
 
 
-def _codec(path: Path, sound: av.audio.stream.AudioStream) -> str:
+def _codec(path: Path, sound: Track) -> str:
     if sound.codec_context is None:  # PyAV's stubs omit it
         what = "its sound is in a format that cannot be decoded"
         raise MediaError(what, str(path), "convert it to WAV of 16 or 24 bits")

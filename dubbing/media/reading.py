@@ -13,6 +13,7 @@ from dubbing.media.ffmpeg import Process
 from dubbing.media.info import MediaInfo
 from dubbing.media.opening import Graph, address, into, picture_of, sound_of
 from dubbing.media.probing import probe
+from dubbing.media.voice_channel import voice_channel
 
 CHANNELS = {"rgb24": (3,), "rgba": (4,), "gray": ()}
 SEEK_LEADS = (20, 320, 5120)  # frames; the first is more than any codec reorders
@@ -47,6 +48,8 @@ def read_frames(
         MediaError: no picture, or it breaks off before the frames it promised.
     """
     info = probe(path)
+    if start < 0:
+        raise MediaError(f"frame {start} is before its beginning", str(path), "begin at 0 or later")
     rate = rate or info.rate
     total = info.frames if rate == info.rate else round(info.duration * rate)
     count = max(0, total - start if count is None else min(count, total - start))
@@ -79,7 +82,9 @@ def read_frames(
 def read_audio(
     path: Path | str, *, rate: int = 16000, start: float = 0.0, seconds: float | None = None
 ) -> np.ndarray:
-    """Mono float32 (samples,): the mean of the channels, resampled to ``rate`` Hz.
+    """Mono float32 (samples,), resampled to ``rate`` Hz: the mean of the channels.
+
+    Of those that have the voice, where they would cancel it; see `voice_channel`.
 
     Raises:
         MediaError: no sound, or it cannot be decoded.
@@ -100,9 +105,9 @@ def iter_audio(
     info = probe(path)
     if info.audio_rate is None or info.audio_channels is None:
         raise MediaError("no sound in it", str(path))
-    sound = sound_of(path, info.zero, start)
-    weight = 1 / info.audio_channels
-    mean = "+".join(f"{weight:.8f}*c{k}" for k in range(info.audio_channels))
+    sound = sound_of(path, info.zero, start, info.audio_tracks)
+    weights = voice_channel(info, start, seconds).weights
+    mean = "+".join(f"{weight:.8f}*c{k}" for k, weight in enumerate(weights) if weight)
     sound = sound.filter("pan", args=f"mono|c0={mean}").filter("aresample", rate)
     if seconds is not None:
         sound = sound.filter("atrim", end_sample=round(seconds * rate))
@@ -123,7 +128,11 @@ def iter_channels(
     info = probe(path)
     if info.audio_rate is None:
         raise MediaError("no sound in it", str(path))
-    sound = sound_of(path, info.zero, 0.0).filter("aresample", rate)
+    if channels == 1:
+        for mono in iter_audio(path, rate=rate, block_seconds=block_seconds):
+            yield mono[:, None]
+        return
+    sound = sound_of(path, info.zero, 0.0, info.audio_tracks).filter("aresample", rate)
     graph = into(None, sound, format="f32le", ar=rate, ac=channels)
     expected = channels * rate * (info.audio_start + (info.audio_duration or 0))
     count = channels * max(1, round(block_seconds * rate))

@@ -44,7 +44,8 @@ def placed(cues: Sequence[Cue], rate: Fraction, loudness: str) -> list[Voice]:
     """The voices of cues, in the order of their times, with the gain that each needs.
 
     A gain never lifts true peaks above -2 dBTP. A cue too short or too quiet to be measured takes
-    the gain of its speaker's others.
+    the gain of its speaker's others; where there are none, a short one is measured as if it went
+    on.
 
     Args:
         rate: frames a second of the film.
@@ -61,11 +62,21 @@ def placed(cues: Sequence[Cue], rate: Fraction, loudness: str) -> list[Voice]:
     known: dict[str, list[float]] = {}
     for cue, gain in zip(cues, gains, strict=True):
         known.setdefault(cue.speaker, []).extend([] if gain is None else [gain])
-    median = {name: float(np.median(own)) if own else 0.0 for name, own in known.items()}
-    return [
-        Voice(cue, first, stop - first, median[cue.speaker] if gain is None else gain)
-        for cue, (first, stop), gain in zip(cues, edges, gains, strict=True)
-    ]
+    found = []
+    for cue, (first, stop), gain in zip(cues, edges, gains, strict=True):
+        own = known[cue.speaker]
+        if gain is None:
+            gain = float(np.median(own)) if own else _gain_alone(cue, stop - first, target)
+        found.append(Voice(cue, first, stop - first, gain))
+    return found
+
+
+def _gain_alone(cue: Cue, room: int, target: float | None) -> float:
+    """The gain of a cue too short to be measured; 0 where it is silent."""
+    samples = _read(cue, room)
+    if target is None or not samples.any():
+        return 0.0
+    return _gain(measured(np.resize(samples, RATE)), target) or 0.0
 
 
 def _gain(heard: Loudness, target: float) -> float | None:

@@ -55,12 +55,12 @@ def first_frame(start: float, rate: Fraction) -> int:
 def pose_index(frames: int, segment: np.ndarray, first: int, policy: str) -> np.ndarray:
     """Frame of the clip for every frame of the dub, int64 (F,).
 
-    A dub that is no longer than the clip follows it, its own cuts included. For a longer one:
+    A dub follows the clip, its cuts included. What is longer than the clip is, with
 
-    * ``bounce``: back and forth between ``first`` and the end of its shot, from the beginning on;
-      later shots are not used, so the pose path is continuous and crosses no cut;
-    * ``loop``: to the end of the clip, then from ``first`` again; ``hold``: its last frame stays;
-    * ``cut``: the dub ends with the clip, so fewer frames come back; ``fail``: an error.
+    * ``bounce``: its last shot, not before ``first``, backwards and forwards, so that the pose path
+      is continuous;
+    * ``loop``: the clip from ``first`` again; ``hold``: its last frame;
+    * ``cut``: left out, so fewer frames come back; ``fail``: an error.
 
     Args:
         frames: F.
@@ -78,8 +78,8 @@ def pose_index(frames: int, segment: np.ndarray, first: int, policy: str) -> np.
     if frames <= left:
         return first + steps
     if policy == "bounce":
-        span = int(np.sum(segment[first:] == segment[first]))
-        return first + triangle(steps, span)
+        span = int(np.sum(segment[first:] == segment[-1]))
+        return total - 1 - np.maximum(left - 1 - steps, triangle(steps - left + 1, span))
     if policy == "loop":
         return first + steps % left
     if policy == "hold":

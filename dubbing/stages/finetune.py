@@ -27,6 +27,7 @@ from dubbing.identity.dataset import load_identity
 from dubbing.identity.footage import Footage
 from dubbing.identity.learned import SUMMARY_FILE
 from dubbing.identity.reference_choice import choose_references, turns_far
+from dubbing.media.voice_channel import is_silent
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
 from dubbing.speech import features
@@ -199,11 +200,13 @@ def clip_speech(
             frame i - offset. A person learned with it is dubbed in sync.
 
     Raises:
-        TrainingError: the clip has no sound.
+        TrainingError: the clip has no sound, or a silent one.
     """
-    if media.probe(clip.clip).audio_rate is None:
+    info = media.probe(clip.clip)
+    if info.audio_rate is None or is_silent(info, 0.0, info.sound_seconds):
+        none = "has no sound" if info.audio_rate is None else "is silent"
         raise TrainingError(
-            "has no sound, so there is nothing to learn the mouth from",
+            f"{none}, so there is nothing to learn the mouth from",
             clip.clip.name,
             "use a clip of the person speaking, with its sound",
         )

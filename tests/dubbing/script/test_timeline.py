@@ -35,9 +35,17 @@ def test_bounce_goes_back_and_forth() -> None:
     assert list(pose_index(8, ONE_SHOT, 7, "bounce")) == expected
 
 
-def test_bounce_stays_in_its_shot() -> None:
-    assert list(pose_index(9, TWO_SHOTS, 3, "bounce")) == [3, 4, 5, 4, 3, 4, 5, 4, 3]
+def test_bounce_follows_the_film_first_and_stays_in_its_last_shot() -> None:
+    film = [3, 4, 5, 6, 7, 8, 9]
+    assert list(pose_index(14, TWO_SHOTS, 3, "bounce")) == [*film, 8, 7, 6, 7, 8, 9, 8]
+    assert list(pose_index(6, TWO_SHOTS, 8, "bounce")) == [8, 9, 8, 9, 8, 9]
     assert list(pose_index(5, TWO_SHOTS, 9, "bounce")) == [9, 9, 9, 9, 9]
+
+
+@pytest.mark.parametrize("policy", ["bounce", "hold", "loop", "cut"])
+def test_one_frame_too_many_throws_nothing_of_the_film_away(policy: str) -> None:
+    segment = np.repeat([0, 1, 2], [38, 30, 32])
+    assert list(pose_index(101, segment, 0, policy)[:100]) == list(range(100))
 
 
 def test_loop_hold_and_cut() -> None:
@@ -64,8 +72,10 @@ def test_bounce_never_jumps(seed: int) -> None:
     assert len(index) == frames
     assert index[0] == first
     assert np.abs(np.diff(index)).max(initial=0) <= 1
-    if frames > len(segment) - first:
-        assert set(segment[index]) == {segment[first]}
+    left = len(segment) - first
+    assert list(index[:left]) == list(range(first, len(segment)))[:frames]
+    assert set(segment[index[left:]]) <= {segment[-1]}
+    assert index.min() == first
 
 
 @pytest.mark.parametrize("seed", range(50))

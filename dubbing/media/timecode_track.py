@@ -1,0 +1,40 @@
+"""How many frames a second a film's timecode counts, which its text does not show.
+
+PyAV gives the text alone. A film of 59.94 frames a second may have a timecode track of 30.
+"""
+
+import re
+from pathlib import Path
+
+MOST = 1 << 26  # bytes of a header that are read
+# QuickTime: the sample description of a timecode track ends with its numbers a second.
+MOV = re.compile(rb"stsd\0{4}\0{3}\x01.{4}tmcd.{24}(?P<count>.)", re.DOTALL)
+# MXF: the rounded timecode base, local tag 15.02, of two bytes.
+MXF = re.compile(rb"\x15\x02\x00\x02\x00(?P<count>.)", re.DOTALL)
+
+
+def count_of(path: Path, container: str) -> int | None:
+    """Numbers a second of the timecode in a file of a container, ffmpeg's name; None if unknown."""
+    if "mov" in container.split(","):
+        found = MOV.search(_movie_box(path))
+    elif container == "mxf":
+        with path.open("rb") as file:
+            found = MXF.search(file.read(1 << 20))
+    else:
+        found = None
+    return (found["count"][0] or None) if found else None
+
+
+def _movie_box(path: Path) -> bytes:
+    """The box ``moov`` of a QuickTime or MP4 file, which may lie at its end; empty without one."""
+    with path.open("rb") as file:
+        while len(head := file.read(8)) == 8:
+            size, at = int.from_bytes(head[:4], "big"), 8
+            if size == 1:
+                size, at = int.from_bytes(file.read(8), "big"), 16
+            if head[4:] == b"moov":
+                return file.read(min(size - at if size else MOST, MOST))
+            if size < at:
+                break
+            file.seek(size - at, 1)
+    return b""

@@ -1,0 +1,49 @@
+"""Which tracks of a file are heard: the default one, or single channels that belong together."""
+
+import re
+from collections.abc import Sequence
+
+import av
+
+from dubbing.media.opening import LAYOUTS
+
+Kind = av.stream.Disposition
+OTHER = (
+    *(Kind.comment, Kind.hearing_impaired, Kind.visual_impaired, Kind.descriptions),
+    *(Kind.clean_effects, Kind.karaoke, Kind.lyrics, Kind.dub),
+)
+OTHER_TITLE = re.compile(r"comment|descri|director|music|effect|m\s*&\s*e|isolated", re.IGNORECASE)
+Track = av.audio.stream.AudioStream
+
+
+def heard_tracks(tracks: Sequence[Track]) -> list[Track]:
+    """The tracks that are heard: one, or several of one channel that are channels of one sound.
+
+    The container's default flag decides; where it flags several or none, the first that is no
+    commentary. Post-production files keep each channel in a track: tracks of one channel, of one
+    codec, rate and language are taken together, eight at most, unless the flag tells them apart.
+    Some writers flag the first track alone.
+    """
+    readable = [t for t in tracks if t.codec_context is not None]
+    if not readable:
+        return list(tracks[:1])  # reading it reports why
+    flagged = [t for t in readable if t.disposition & Kind.default] or readable
+    first = next((t for t in flagged if not _is_other(t)), flagged[0])
+    if first.channels != 1:
+        return [first]
+    group = [t for t in readable if _alike(t) == _alike(first) and not _is_other(t)] or [first]
+    both = [t for t in group if t in flagged]
+    if len(both) == 1:
+        both = group if first is group[0] else [first]
+    return both[: max(LAYOUTS)]
+
+
+def _is_other(track: Track) -> bool:
+    """Whether a track is something beside the film's sound."""
+    said = any(track.disposition & kind for kind in OTHER)
+    return said or OTHER_TITLE.search(track.metadata.get("title", "")) is not None
+
+
+def _alike(track: Track) -> tuple[object, ...]:
+    """What single channels of one sound have in common."""
+    return (track.channels, track.rate, track.codec_context.name, track.language or "und")

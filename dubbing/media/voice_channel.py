@@ -1,0 +1,172 @@
+"""How the channels of a sound become the one in which a voice is heard.
+
+They are averaged. Where that would cancel the voice (one channel is the other upside down) or
+halve it (a channel is silent), only channels that have it are taken. Everything that hears a sound
+goes through here, so that features, lips, sync check and mix hear the same.
+
+P pieces of half a second, C channels.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import av
+import numpy as np
+
+from dubbing.errors import MediaError
+from dubbing.files import while_unchanged
+from dubbing.media.info import MediaInfo
+from dubbing.media.opening import opened
+
+PIECE = 0.5  # seconds
+# Of a longer stretch windows are looked at, each of so many seconds.
+WHOLE, WINDOWS, WINDOW = 60.0, 20, 2.0
+SILENT = 1e-7  # mean power of a piece: -70 dB of full scale, the gate of loudness measurement
+UNUSED = 1e-4  # power of a silent channel over that of the loudest
+LOUD = 1e-2  # power of pieces that count over that of the loudest
+# Power of the sum of channels over the sum of their powers: C if they are equal, 1 if they have
+# nothing in common, 0 if they cancel. Below it in any loud piece, or in all together, they do.
+CANCELS, CANCEL_TOGETHER = 0.25, 0.5
+
+
+@dataclass(frozen=True)
+class VoiceChannel:
+    """What is heard of a stretch of sound.
+
+    Attributes:
+        weights: of the channels.
+        why: ``opposed``, ``unused`` or '', why not all of them are averaged.
+    """
+
+    weights: tuple[float, ...]
+    why: str = ""
+
+    @property
+    def taken(self) -> str:
+        """The channels that are heard, counted from 1."""
+        return ", ".join(str(k) for k, weight in enumerate(self.weights, 1) if weight)
+
+
+def voice_channel(info: MediaInfo, start: float, seconds: float | None) -> VoiceChannel:
+    """What is heard of ``seconds`` of a sound from ``start`` on.
+
+    Raises:
+        MediaError: it cannot be decoded.
+    """
+    count = info.audio_channels or 1
+    if count == 1:
+        return VoiceChannel((1.0,))
+    known = _known(info.path)
+    if (start, seconds) not in known:
+        end = info.sound_seconds if seconds is None else min(info.sound_seconds, start + seconds)
+        powers = [_powers(part) for part in _looked_at(info, start, end)]
+        none = np.zeros((0, count, count))
+        known[start, seconds] = chosen(np.concatenate([none, *powers]))
+    return known[start, seconds]
+
+
+def chosen(powers: np.ndarray) -> VoiceChannel:
+    """What is heard of pieces with the powers (P, C, C) of all pairs of channels."""
+    count = powers.shape[1]
+    every = VoiceChannel((1 / count,) * count)
+    own = powers.trace(axis1=1, axis2=2)
+    loud = powers[own > LOUD * own.max(initial=0)]
+    total = loud.sum(0)
+    each = total.diagonal()
+    if not len(loud) or each.max() <= 0:
+        return every
+    used = each > UNUSED * each.max()
+    sums = loud.sum((1, 2)) / loud.trace(axis1=1, axis2=2)
+    if sums.min() < CANCELS or total.sum() < CANCEL_TOGETHER * each.sum():
+        # The first of those that are about as loud, so that it is the same one all along.
+        used = np.arange(count) == (each > each.max() / 2).argmax()
+        return VoiceChannel(tuple(used.astype(float).tolist()), "opposed")
+    if used.all():
+        return every
+    return VoiceChannel(tuple((used / used.sum()).tolist()), "unused")
+
+
+def is_silent(info: MediaInfo, start: float, seconds: float) -> bool:
+    """Whether nothing can be heard in a stretch of sound; it is read up to the first sound.
+
+    Raises:
+        MediaError: it cannot be decoded.
+    """
+    end = min(info.sound_seconds, start + seconds)
+    parts = _decoded(info, start, end)
+    return not any((part.astype(np.float64) ** 2).mean(0).max() > SILENT for part in parts)
+
+
+@while_unchanged(1024)
+def _known(_path: Path) -> dict[tuple[float, float | None], VoiceChannel]:
+    """What was found of stretches of a file, to be filled."""
+    return {}
+
+
+def _looked_at(info: MediaInfo, start: float, end: float) -> Iterator[np.ndarray]:
+    """Pieces (n, C) of a stretch, all of a short one."""
+    if end - start <= WHOLE:
+        yield from _decoded(info, start, end)
+        return
+    for begin in np.linspace(start, end - WINDOW, WINDOWS):
+        yield from _decoded(info, float(begin), float(begin) + WINDOW)
+
+
+def _powers(part: np.ndarray) -> np.ndarray:
+    """Mean power of all pairs of channels, (1, C, C), of a piece (n, C)."""
+    exact = part.astype(np.float64)
+    return (exact.T @ exact / len(part))[None]
+
+
+def _decoded(info: MediaInfo, start: float, end: float) -> Iterator[np.ndarray]:
+    """Pieces (n, C) float32 of the channels that are heard from ``start`` to ``end`` seconds.
+
+    In this process: a program of its own for each of many short recordings would take longer.
+    """
+    try:
+        with opened(info.path) as container:
+            tracks = [container.streams.audio[k] for k in info.audio_tracks]
+            zero = container.start_time or 0
+            if start > 0:
+                container.seek(zero + int(start * av.time_base))
+            places = {track.index: k for k, track in enumerate(tracks)}
+            held: list[list[np.ndarray]] = [[] for _ in tracks]
+            begin = start + zero / av.time_base
+            length = max(1, round(PIECE * (info.audio_rate or 1)))
+            left = round((end - start) * (info.audio_rate or 1))
+            for packet in container.demux(tracks):
+                for frame in packet.decode():
+                    if isinstance(frame, av.AudioFrame):
+                        held[places[packet.stream.index]].append(_samples(frame, begin))
+                while left > 0 and (ready := min(sum(map(len, own)) for own in held)) >= length:
+                    yield _taken(held, min(length, left, ready))
+                    left -= length
+                if left <= 0:
+                    return
+            if (ready := min(sum(map(len, own)) for own in held)) > 0:
+                yield _taken(held, min(left, ready))
+    except (av.FFmpegError, ValueError) as error:
+        raise MediaError("its sound cannot be decoded", str(info.path), str(error)) from error
+
+
+def _taken(held: list[list[np.ndarray]], count: int) -> np.ndarray:
+    """The first samples of every track side by side, (count, C); they are held no longer."""
+    found = []
+    for own in held:
+        whole = np.concatenate(own)
+        found.append(whole[:count])
+        own[:] = [whole[count:]]
+    return np.concatenate(found, 1)
+
+
+def _samples(frame: av.AudioFrame, begin: float) -> np.ndarray:
+    """Samples (n, C) float32 of a frame from ``begin`` seconds on, full scale 1."""
+    found = frame.to_ndarray()
+    found = found.T if frame.format.is_planar else found.reshape(frame.samples, -1)
+    early = round((begin - (frame.time or begin)) * frame.sample_rate)
+    found = found[max(0, early) :]
+    if found.dtype.kind == "f":
+        return found.astype(np.float32)
+    middle = 128 if found.dtype == np.uint8 else 0
+    return (found.astype(np.float32) - middle) / np.float32(2 ** (8 * found.dtype.itemsize - 1))
