@@ -39,7 +39,7 @@ def of_film(findings: Findings, at: KeyPath, dub: Dub, film: MediaInfo, lines: l
     bases = _bases(film, lines)
     if dub.reel_start is not None:
         try:
-            bases = dict.fromkeys((True, False), seconds_of(dub.reel_start, film.rate))
+            bases = dict.fromkeys((True, False), seconds_of(dub.reel_start, film.timecode_rate))
         except ValueError as error:
             findings.add((*at, "reel_start"), str(error))
             return Dealt([])
@@ -79,7 +79,7 @@ def _bases(film: MediaInfo, lines: list[Line]) -> dict[bool, Fraction | None]:
     if any(line.stop > offset for line in counted):
         bases[True] = offset
     # At 24000/1001 a second a clock may count the timecode's seconds or real ones: nobody knows.
-    real = film.rate.denominator == 1 or ";" in film.timecode
+    real = film.rate.denominator == 1 or film.drops
     beyond = any(line.stop > end + 1 / film.rate for line in clock)
     if real and beyond and any(offset < line.stop and line.start < offset + end for line in clock):
         bases[False] = offset

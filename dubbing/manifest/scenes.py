@@ -37,7 +37,7 @@ def inspect_scene(
     if film is None or film.picture is None:
         return
     try:
-        every = read_lines(dub.lines, film.rate, _speakers(dub))
+        every = read_lines(dub.lines, film.timecode_rate, _speakers(dub))
     except DubbingError as error:
         findings.add((*at, "lines"), str(error))
         return

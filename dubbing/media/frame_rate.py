@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 COMMON_RATES = (
-    *(Fraction(n) for n in (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120)),
-    *(Fraction(n * 1000, 1001) for n in (24, 30, 48, 60, 120)),
+    *(Fraction(n) for n in (10, 12, 15, 20, 24, 25, 30, 48, 50, 60, 90, 100, 120, 200, 240)),
+    *(Fraction(n * 1000, 1001) for n in (24, 30, 48, 60, 120, 240)),
 )
 JITTER = 0.3  # largest departure of a time stamp from a constant rate, in frames
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from dubbing.errors import MediaError
 from dubbing.files import atomic_path
 from dubbing.media.ffmpeg import run
-from dubbing.media.opening import address, into, joined, sound_of, source
+from dubbing.media.opening import LAYOUTS, Stream, address, into, joined, sound_of, source
 from dubbing.media.probing import probe
 from dubbing.media.writing import THREADS
 
@@ -66,8 +66,10 @@ def mux(
     with ExitStack() as stack:
         temporary = stack.enter_context(atomic_path(Path(out)))
         if isinstance(video, (str, Path)):
-            picture = source(video).video
+            picture, rate = source(video).video, probe(video).rate
         else:
+            first, length = video[0]
+            rate = probe(first).frames / length
             listing = stack.enter_context(
                 tempfile.NamedTemporaryFile("w", encoding="utf-8", suffix=".txt")
             )
@@ -82,6 +84,7 @@ def mux(
             picture,
             sound,
             vcodec="copy",
+            r=f"{rate}",  # ffmpeg would guess: 120 for 120000/1001
             map_metadata=-1,
             fflags="+bitexact",
             **AUDIO_CODECS[audio_codec],
@@ -97,8 +100,8 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
     Raises:
         MediaError: ffmpeg failed.
     """
-    film = source(video)
-    colour = probe(video).colour
+    film, info = source(video), probe(video)
+    colour = info.colour
     width = f"min({PROXY_WIDTH},trunc(iw/2)*2)"
     picture = film.video.filter(
         "scale", w=width, h=-2, out_color_matrix=colour.matrix, out_range="tv"
@@ -108,7 +111,7 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
         graph = into(
             temporary,
             picture,
-            film.audio,
+            _in_stereo(film.audio, info.audio_channels or 0),
             acodec="aac",
             ac=2,
             audio_bitrate="128k",
@@ -120,6 +123,14 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
             **_tags(metadata),
         )
         run(graph, str(out))
+
+
+def _in_stereo(sound: Stream, channels: int) -> Stream:
+    """A sound of many channels, whose places nobody knows, in both loudspeakers."""
+    if channels in LAYOUTS:
+        return sound
+    mean = "+".join(f"{1 / channels:.6f}*c{k}" for k in range(channels))
+    return sound.filter("pan", args=f"stereo|c0={mean}|c1={mean}")
 
 
 def _tags(metadata: Mapping[str, str]) -> dict[str, str]:

@@ -129,7 +129,9 @@ class VideoWriter:
 
     def _graph(self, path: Path) -> Graph:
         width, height = self._size
-        picture = piped(pix_fmt=self.codec.pixels, s=f"{width}x{height}", framerate=f"{self._rate}")
+        # `r` too: else ffmpeg guesses from the times, 120 for 120000/1001.
+        rates = {"framerate": f"{self._rate}", "r": f"{self._rate}"}
+        picture = piped(pix_fmt=self.codec.pixels, s=f"{width}x{height}", **rates)
         colour = self._colour or Colour()
         if not self.codec.full_range:
             colour = replace(colour, full_range=False)

@@ -124,7 +124,7 @@ def as_edl(manifest: Manifest, dub: Dub, rows: list[dict[str, Any]]) -> str:
             note = f"{row['line']} {_who(row)} {reason}: the film's own face"
             markers.append(Marker(first, stop, "cyan", note))
     markers.sort(key=lambda marker: marker.first)
-    return edl(dub.name, markers, film.rate, film.first_frame, drop=";" in film.timecode)
+    return edl(dub.name, markers, film.timecode_at, drop=film.drops)
 
 
 def _note(row: dict[str, Any]) -> str:

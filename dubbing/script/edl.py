@@ -1,13 +1,11 @@
 """Markers as an edit decision list (CMX3600): an event a line, with a locator of its words."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
-
-from dubbing.script.timecode import timecode_of
 
 MOST_EVENTS = 999  # numbers of three digits; an editor takes no more in one list
 LONGEST_NOTE = 120  # characters
+Timecode = Callable[[int], str]
 
 
 @dataclass(frozen=True)
@@ -20,23 +18,20 @@ class Marker:
     note: str
 
 
-def edl(title: str, markers: Sequence[Marker], rate: Fraction, start: int, *, drop: bool) -> str:
+def edl(title: str, markers: Sequence[Marker], timecode: Timecode, *, drop: bool) -> str:
     """The list as text.
 
     The note stands in a locator, as Avid and Premiere write it, and in the comment that Resolve
     reads markers from.
 
     Args:
-        rate: frames a second.
-        start: frame of the film's first timecode.
-        drop: whether its timecode drops numbers.
+        timecode: of a frame of the film.
+        drop: whether it drops numbers.
     """
     mode = "DROP FRAME" if drop else "NON-DROP FRAME"
     rows = [f"TITLE: {_plain(title)}", f"FCM: {mode}", ""]
     for number, marker in enumerate(markers[:MOST_EVENTS], 1):
-        times = [
-            timecode_of(start + frame, rate, drop=drop) for frame in (marker.first, marker.stop)
-        ]
+        times = [timecode(frame) for frame in (marker.first, marker.stop)]
         note = _plain(marker.note)[:LONGEST_NOTE]
         rows += [
             f"{number:03d}  001      V     C        {' '.join(times)} {' '.join(times)}",

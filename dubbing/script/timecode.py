@@ -1,7 +1,7 @@
 """Timecodes as editors write them, HH:MM:SS:FF, and the frames that they name.
 
-A timecode counts frames as if there were a whole number of them a second. At 30000/1001 and
-60000/1001 a second it may leave out numbers (drop frame, written with a semicolon), so that it
+A timecode counts frames as if there were a whole number of them a second. At 30000/1001 a second
+and its multiples it may leave out numbers (drop frame, written with a semicolon), so that it
 keeps up with the clock; no frame is left out.
 """
 
@@ -19,7 +19,7 @@ def nominal(rate: Fraction) -> int:
 
 def can_drop(rate: Fraction) -> bool:
     """Whether there are timecodes with left-out numbers at this rate."""
-    return rate in (Fraction(30000, 1001), Fraction(60000, 1001))
+    return rate.denominator == 1001 and nominal(rate) % 30 == 0
 
 
 def frame_of(timecode: str, rate: Fraction) -> int:
@@ -57,4 +57,6 @@ def timecode_of(frame: int, rate: Fraction, *, drop: bool = False) -> str:
     seconds, frames = divmod(frame, each)
     minutes, seconds = divmod(seconds, 60)
     hours, minutes = divmod(minutes, 60)
-    return f"{hours % DAY:02d}:{minutes:02d}:{seconds:02d}{';' if drop else ':'}{frames:02d}"
+    digits = max(2, len(str(each - 1)))
+    mark = ";" if drop else ":"
+    return f"{hours % DAY:02d}:{minutes:02d}:{seconds:02d}{mark}{frames:0{digits}d}"

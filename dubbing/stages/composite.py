@@ -110,7 +110,7 @@ def make(
             audio_codec=media.SOUND[settings.codec],
             audio_rate=settings.audio_rate,
             metadata=provenance.tags(),
-            timecode=source.timecode_at(int(pose_index[0])) if source.timecode else "",
+            timecode=source.full_timecode_at(int(pose_index[0])),
         )
     progress("decoding the result", 1.0)
     verify(result, frames, rate)

@@ -20,6 +20,7 @@ FILM, TV, PAL = Fraction(24000, 1001), Fraction(30000, 1001), Fraction(25)
         ("00:10:00;00", TV, 17982),  # but not every tenth minute
         ("01:00:00;00", TV, 107892),
         ("00:01:00;04", Fraction(60000, 1001), 3600),
+        ("00:01:00;008", Fraction(120000, 1001), 7200),
     ],
 )
 def test_frames_and_timecodes(timecode: str, rate: Fraction, frame: int) -> None:
