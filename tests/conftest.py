@@ -39,6 +39,7 @@ MEDIUM = (
     "dubbing/media/test_colour.py",
     "dubbing/media/test_opening.py",
     "dubbing/media/test_reading.py",
+    "dubbing/media/test_tracks.py",
     "dubbing/mixing/",
     "dubbing/preparation/alignment/test_photometric.py",
     "dubbing/preparation/test_prepare.py",

@@ -133,7 +133,9 @@ def iter_channels(
             yield mono[:, None]
         return
     sound = sound_of(path, info.zero, 0.0, info.audio_tracks).filter("aresample", rate)
-    graph = into(None, sound, format="f32le", ar=rate, ac=channels)
+    # Asked for as many as there are, ffmpeg would still move them to the places it knows best.
+    mixed = {} if channels == info.audio_channels else {"ac": channels}
+    graph = into(None, sound, format="f32le", ar=rate, **mixed)
     expected = channels * rate * (info.audio_start + (info.audio_duration or 0))
     count = channels * max(1, round(block_seconds * rate))
     for block in _samples(graph, path, count, expected, channels * rate):

@@ -41,7 +41,8 @@ def heard_tracks(tracks: Sequence[Track]) -> list[Track]:
 def _is_other(track: Track) -> bool:
     """Whether a track is something beside the film's sound."""
     said = any(track.disposition & kind for kind in OTHER)
-    return said or OTHER_TITLE.search(track.metadata.get("title", "")) is not None
+    names = " ".join(track.metadata.get(key, "") for key in ("title", "handler_name"))
+    return said or OTHER_TITLE.search(names) is not None
 
 
 def _alike(track: Track) -> tuple[object, ...]:
