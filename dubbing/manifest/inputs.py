@@ -4,7 +4,7 @@ import datetime
 from collections.abc import Mapping
 from pathlib import Path
 
-from dubbing.errors import DubbingError
+from dubbing.errors import DubbingError, MediaError
 from dubbing.manifest import preset_checks as published
 from dubbing.manifest import provenance_checks, sound_checks, terms
 from dubbing.manifest.entries import Dub, Identity
@@ -13,6 +13,7 @@ from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without
 from dubbing.manifest.values import BEST
 from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
+from dubbing.media.fields import looks_interlaced
 from dubbing.media.muxing import MOST_CHANNELS, SOUND
 from dubbing.provenance import card
 from dubbing.script import timeline
@@ -121,6 +122,11 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
     if picture.interlaced:
         message = f"{info.path} is interlaced: its frames are two moments each"
         findings.add(at, f"{message}; deinterlace it first")
+    elif _looks_interlaced(info):
+        findings.warnings.append(
+            f"identities.{name}: {info.path.name} looks interlaced, though nothing in it says so:"
+            " deinterlace it first if moving edges are combs"
+        )
     if not picture.square:
         findings.warnings.append(
             f"identities.{name}: the pixels of {info.path.name} are not square; those of the"
@@ -131,6 +137,13 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
             f"identities.{name}: {info.path.name} has {picture.bits} bits a colour; pictures are"
             " worked on, and written, with 8"
         )
+
+
+def _looks_interlaced(info: MediaInfo) -> bool:
+    try:
+        return looks_interlaced(info.path)
+    except MediaError:
+        return False  # decoding it later reports why
 
 
 def credits_text(dub: Dub, identities: Mapping[str, Identity]) -> str:

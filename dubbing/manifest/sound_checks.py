@@ -23,7 +23,7 @@ AT_THE_END = {
     "bounce": "the film's last shot runs backwards and forwards below the last {}",
     "loop": "the film begins again below the last {}",
     "hold": "the film's last picture stands below the last {}",
-    "cut": "its last {} are cut off",
+    "cut": "what is longer, {}, is cut off",
 }
 
 

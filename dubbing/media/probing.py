@@ -14,6 +14,7 @@ import numpy as np
 from dubbing.errors import MediaError
 from dubbing.files import while_unchanged
 from dubbing.media.colour import colour_of
+from dubbing.media.fields import is_flagged
 from dubbing.media.frame_rate import choose_rate
 from dubbing.media.info import MediaInfo, Picture
 from dubbing.media.opening import opened
@@ -83,7 +84,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     video_start = packets.starts.get("video", zero) - zero
     if video is not None:
         _check_pictures(path, container, video, packets)
-        picture = _picture(path, video)
+        picture = _picture(path, video, packets.keys)
         width, height = picture.width, picture.height
         times = sorted(packets.times)
         if len(times) > 1 and times[0] == times[-1]:
@@ -127,11 +128,13 @@ class _Packets:
     Attributes:
         pictures, untimed: packets with a picture, and those of them without a time stamp.
         times: of the pictures.
+        keys: time stamps of those that need no other.
     """
 
     pictures: int = 0
     untimed: int = 0
     times: list[float] = field(default_factory=list)
+    keys: list[int] = field(default_factory=list)
     starts: dict[str, float] = field(default_factory=dict)
     ends: dict[str, float] = field(default_factory=lambda: {"video": 0.0, "audio": 0.0})
 
@@ -159,6 +162,7 @@ def _visit(
         found.ends[kind] = max(found.ends[kind], at + length)
         if kind == "video":
             found.times.append(at)
+            found.keys += [packet.pts] if packet.is_keyframe else []
     return found
 
 
@@ -233,8 +237,8 @@ def _check_sound(path: Path, packet: av.Packet, kind: str) -> None:
         raise MediaError(what, str(path), "export it again, with 16 or 24 bits")
 
 
-def _picture(path: Path, video: av.video.stream.VideoStream) -> Picture:
-    """What the first decoded frame shows."""
+def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) -> Picture:
+    """What the first decoded frame shows, and whether any is interlaced."""
     with opened(path) as container:
         frame = next(container.decode(container.streams[video.index]), None)
     if not isinstance(frame, av.VideoFrame):
@@ -253,12 +257,13 @@ def _picture(path: Path, video: av.video.stream.VideoStream) -> Picture:
             what += f", {frame.width}x{frame.height} px as stored"
         bounds = f"{SHORTEST} to {LONGEST} px a side, one at most {SLIMMEST} times the other"
         raise MediaError(what, str(path), f"use a video of {bounds}")
+    pixels = frame.width * frame.height
     deep = max((part.bits for part in frame.format.components), default=8)
     return Picture(
         width,
         height,
         colour_of(frame),
-        interlaced=bool(frame.interlaced_frame),
+        interlaced=bool(frame.interlaced_frame) or is_flagged(path, video.index, keys, pixels),
         square=not aspect or aspect == 1,
         bits=deep,
     )

@@ -64,10 +64,13 @@ def placed(cues: Sequence[Cue], rate: Fraction, loudness: str) -> list[Voice]:
         known.setdefault(cue.speaker, []).extend([] if gain is None else [gain])
     found = []
     for cue, (first, stop), gain in zip(cues, edges, gains, strict=True):
-        own = known[cue.speaker]
-        if gain is None:
-            gain = float(np.median(own)) if own else _gain_alone(cue, stop - first, target)
-        found.append(Voice(cue, first, stop - first, gain))
+        if gain is not None:
+            chosen = gain
+        elif own := known[cue.speaker]:
+            chosen = float(np.median(own))
+        else:
+            chosen = _gain_alone(cue, stop - first, target)
+        found.append(Voice(cue, first, stop - first, chosen))
     return found
 
 
