@@ -61,6 +61,21 @@ def write_sound(
     return path
 
 
+def write_noise(path: Path, seconds: float, rate: int = 48000, seed: int = 0) -> Path:
+    """A WAV of noise, of which every stretch is unlike every other."""
+    noise = np.random.default_rng(seed).normal(size=round(seconds * rate)) * 0.1
+    soundfile.write(path, noise, rate, subtype="PCM_24")
+    return path
+
+
+def lag(heard: np.ndarray, recording: np.ndarray) -> int:
+    """By how many samples a sound (N,) comes late in another; where they are most alike."""
+    size = len(heard) + len(recording)
+    spectra = np.fft.rfft(heard, size) * np.conj(np.fft.rfft(recording, size))
+    best = int(np.fft.irfft(spectra, size).argmax())
+    return best if best < len(heard) else best - size
+
+
 def write_clip(
     path: Path,
     frames: int,

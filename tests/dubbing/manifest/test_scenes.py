@@ -86,6 +86,19 @@ def test_one_track_beside_the_film(folder: Path) -> None:
     assert scene.clip == (folder / "film.mp4").resolve()
 
 
+def test_a_line_begins_and_ends_at_the_nearest_frames(folder: Path) -> None:
+    (folder / "near.srt").write_text("1\n00:00:00,510 --> 00:00:01,030\nANN: One.\n")
+    (cue,) = scene_of(folder, "lines: near.srt, speakers: {ANN: ann}, audio: track.wav").cues
+    assert (cue.first, cue.stop) == (13, 26)  # 12.75 and 25.75
+    assert (cue.audio_start, cue.seconds) == (13 / 25, 13 / 25)
+
+
+def test_speech_without_lines_has_the_nearest_frames(folder: Path) -> None:
+    dub = "name: x, identity: ann, audio: track.wav, audio_start: 0.5, audio_seconds: 1.03"
+    (cue,) = scene_of(folder, dub).cues
+    assert (cue.first, cue.stop, cue.audio_start, cue.seconds) == (0, 26, 0.5, 1.03)
+
+
 def test_a_file_a_cue_and_one_a_speaker(folder: Path) -> None:
     scene = scene_of(folder, "lines: it.srt, speakers: {ANN: ann}, audio: '{cue:02}.wav'")
     assert [(c.audio.name, c.audio_start) for c in scene.cues] == [("01.wav", 0), ("03.wav", 0)]

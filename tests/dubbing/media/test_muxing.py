@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dubbing import media
+from dubbing.errors import MediaError
 from dubbing.media.muxing import concat_list
 from tests import clips
 
@@ -77,6 +78,49 @@ def test_sound_is_taken_from_where_it_was_requested(tmp_path: Path) -> None:
     media.mux(video, tmp_path / "a.wav", out, audio_start=0.75, seconds=2, audio_codec="flac")
     heard = media.read_audio(out)
     assert np.flatnonzero(np.abs(heard) > 0.25)[0] / 16000 == pytest.approx(0.25, abs=0.002)
+
+
+@pytest.mark.parametrize("start", [0.0, 0.52, 1.2345])
+@pytest.mark.parametrize(
+    ("suffix", "codec", "given"),
+    [(".mp4", "aac", 44100), (".mov", "pcm", 48000), (".mkv", "flac", 48000)],
+)
+def test_sound_lies_where_it_was_recorded_to_the_sample(
+    tmp_path: Path, start: float, suffix: str, codec: str, given: int
+) -> None:
+    rate, frames = 48000, 40
+    recording = clips.write_noise(tmp_path / "a.wav", 4, given)
+    pictures = [(clips.write_video(tmp_path / "v.mov", frames), Fraction(frames, 25))]
+    out = tmp_path / f"o{suffix}"
+    media.mux(pictures, recording, out, audio_start=start, seconds=1.6, audio_codec=codec)
+    heard, whole = (media.read_audio(path, rate=rate) for path in (out, recording))
+    assert clips.lag(whole, heard[: round(1.6 * rate)]) == round(start * rate)
+    with av.open(str(out)) as container:  # ... and its first picture is shown at 0
+        assert [s.start_time for s in container.streams.video] == [0]
+
+
+@pytest.mark.parametrize("channels", [9, 11, 16, 23, 64])
+def test_a_proxy_of_many_channels(tmp_path: Path, channels: int) -> None:
+    video = clips.write_video(tmp_path / "v.mov", 5, codec="prores")
+    sound = clips.write_sound(tmp_path / "a.wav", 0.2, 48000, channels)
+    film = tmp_path / "film.mov"
+    media.mux(video, sound, film, audio_start=0, seconds=0.2, audio_codec="pcm")
+    assert media.probe(film).audio_channels == channels
+    media.proxy(film, tmp_path / "p.mp4", {})
+    info = media.probe(tmp_path / "p.mp4")
+    assert (info.audio_channels, info.frames) == (2, 5)
+    assert np.abs(media.read_audio(tmp_path / "p.mp4")).max() > 0.1
+
+
+def test_sound_before_its_beginning_is_reported(tmp_path: Path) -> None:
+    video = clips.write_video(tmp_path / "v.mp4", 5)
+    sound = clips.write_sound(tmp_path / "a.wav", 1)
+    with pytest.raises(MediaError, match="before its beginning"):
+        media.mux(video, sound, tmp_path / "o.mp4", audio_start=-0.5, seconds=0.2)
+    with pytest.raises(MediaError, match="before its beginning"):
+        media.read_audio(sound, start=-0.5)
+    with pytest.raises(MediaError, match="frame -3 is before its beginning"):
+        next(media.read_frames(video, start=-3))
 
 
 def test_tags_are_written(tmp_path: Path) -> None:

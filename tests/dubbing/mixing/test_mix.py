@@ -11,7 +11,7 @@ import soundfile
 
 from dubbing import media
 from dubbing.mixing.mix import SOUND, VOICES, envelope, mix, with_dialogue
-from dubbing.mixing.voices import RATE, measured
+from dubbing.mixing.voices import RATE, measured, placed
 from dubbing.script.timeline import Cue
 from tests import clips
 
@@ -128,3 +128,61 @@ def test_dialogue_in_any_number_of_channels() -> None:
     for channels in range(1, 9):
         power = (with_dialogue(np.zeros((4, channels), np.float32), voice) ** 2).sum(1)
         np.testing.assert_allclose(power, 1, rtol=1e-6)
+
+
+def test_voices_lie_where_they_belong_to_the_sample(tmp_path: Path) -> None:
+    rate = Fraction(30000, 1001)
+    film = clips.write_clip(tmp_path / "film.mp4", 120, rate)
+    voice = clips.write_noise(tmp_path / "voice.wav", 4)
+    cues = [
+        Cue("ann", 31, 60, voice, 0.75, float(29 / rate)),
+        Cue("ann", 77, 113, voice, 2.0, float(36 / rate)),
+    ]
+    mix(cues, film, tmp_path, music=None, left=(), loudness="none")
+    recording = media.read_audio(voice, rate=RATE)
+    for name in (VOICES, SOUND):
+        sound = soundfile.read(tmp_path / name, always_2d=True)[0][:, 0]
+        for cue in cues:
+            first, stop = (round(k * RATE / rate) for k in (cue.first, cue.stop))
+            assert clips.lag(recording, sound[first:stop]) == round(cue.audio_start * RATE)
+
+
+def test_opposed_channels_are_heard(folder: Path, tmp_path: Path) -> None:
+    wave, _ = soundfile.read(folder / "voice.wav")
+    soundfile.write(tmp_path / "opposed.wav", np.stack([wave, -wave], 1), RATE, subtype="FLOAT")
+    cues = [Cue("ann", 25, 50, tmp_path / "opposed.wav", 1.0, 1.0)]
+    found = mix(cues, folder / "film.mp4", tmp_path, music=None, left=(), loudness="r128")
+    assert found["cues"][0]["loudness"] == pytest.approx(-23, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("sound", "frames", "gain"),
+    [
+        ("voice.wav", 5, pytest.approx(13.7, abs=0.5)),  # 0.2 s alone, as the whole tone
+        ("silent.wav", 25, 0.0),
+    ],
+)
+def test_a_line_that_cannot_be_measured(
+    folder: Path, tmp_path: Path, sound: str, frames: int, gain: float
+) -> None:
+    write(folder / "silent.wav", VOICE, 6, level=0)
+    cue = Cue("ann", 25, 25 + frames, folder / sound, 1.0, frames / 25)
+    (voice,) = placed([cue], FPS, "r128")
+    assert voice.gain == gain
+    loud = Cue("ann", 60, 85, write(tmp_path / "loud.wav", VOICE, 6, level=0.2), 0.0, 1.0)
+    short, other = placed([cue, loud], FPS, "r128")
+    assert short.gain == other.gain < 0
+
+
+def test_two_mono_tracks_of_the_film_stay_both(folder: Path, tmp_path: Path) -> None:
+    film = tmp_path / "film.mov"
+    tones = [write(tmp_path / f"{hertz}.wav", hertz, 6) for hertz in (440, 1500)]
+    inputs = ("-i", folder / "film.mp4", "-i", tones[0], "-i", tones[1])
+    maps = ("-map", "0:v", "-map", "1:a", "-map", "2:a", "-c:v", "copy", "-c:a", "pcm_s16le")
+    clips.ffmpeg(*inputs, *maps, film)
+    mix(cues(folder), film, tmp_path, music=None, left=(), loudness="none")
+    sound, _ = soundfile.read(tmp_path / SOUND, always_2d=True)
+    for channel, own, other in ((0, 440, 1500), (1, 1500, 440)):
+        assert strength(sound[:, channel], own, 2.1, 3.9) == pytest.approx(0.1, abs=0.003)
+        assert strength(sound[:, channel], other, 2.1, 3.9) < 1e-4
+        assert strength(sound[:, channel], own, 1.1, 1.9) < 1e-4

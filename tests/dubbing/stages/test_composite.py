@@ -14,11 +14,11 @@ from dubbing.errors import RenderingError
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance.card import CreditsCard, default_text
 from dubbing.provenance.mark_key import marking
-from dubbing.script.timeline import frame_count
+from dubbing.script.timeline import Cue, frame_count
 from dubbing.stages import composer
 from dubbing.stages import composite as video
 from dubbing.stages.composer import Heads, VideoSettings, read_heads, read_source
-from dubbing.stages.composite import Sound, make, verify
+from dubbing.stages.composite import SceneSound, Sound, make, verify
 from dubbing.stages.own_pixels import reasons, views
 from tests import clips, fakes
 
@@ -152,6 +152,31 @@ def test_codecs_and_rates(
     assert "AI-generated" in tags["comment"]
     proxy = {"proxy.mp4"} - ({"proxy.mp4"} if codec == "h264" else set())  # browsers play H.264
     assert {p.name for p in out.parent.iterdir()} == {out.name} | proxy
+
+
+@pytest.mark.parametrize("codec", ["h264", "ffv1", "prores"])
+def test_the_finished_sound_lies_where_it_was_recorded(tmp_path: Path, codec: str) -> None:
+    scene, rate = Scene(tmp_path, 28, Fraction(30000, 1001)), 48000
+    recording = clips.write_noise(tmp_path / "noise.wav", 3)
+    fakes.write_heads(tmp_path / "heads", 28, scene.rate)
+    clip = PreparedClip.load(scene.prepared)
+    heads = [Heads(tmp_path / "heads", clip, 0, 28, kept_of(clip))]
+    settings, poses = VideoSettings(codec=codec, label=False), np.arange(28)
+    whole = media.read_audio(recording, rate=rate)
+
+    sound = Sound(recording, 1.1234, float(28 / scene.rate))
+    out = make(heads, sound, tmp_path / "a", pose_index=poses, settings=settings, progress=quiet)
+    heard = media.read_audio(out, rate=rate, seconds=0.9)
+    assert clips.lag(whole, heard) == round(1.1234 * rate)
+
+    cue = Cue("ann", 7, 25, recording, 0.9, float(18 / scene.rate))
+    lines = SceneSound((cue,), None, (), "none")
+    heads = [Heads(tmp_path / "heads", clip, 7, 25, kept_of(clip))]
+    out = make(heads, lines, tmp_path / "b", pose_index=poses, settings=settings, progress=quiet)
+    first = round(7 * rate / scene.rate)
+    # A seek would be as exact as the time stamps, which are milliseconds in Matroska.
+    heard = media.read_audio(out, rate=rate)[first : first + rate // 2]
+    assert clips.lag(whole, heard) == round(0.9 * rate)
 
 
 def test_a_cut_dub_has_as_much_sound_as_picture(scene: Scene) -> None:
