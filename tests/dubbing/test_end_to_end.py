@@ -13,7 +13,12 @@ import pytest
 from dubbing import media
 from dubbing.synthetic.speaker import make_speaker
 
-SIZE, SECONDS = 192, 1.2
+# As long as the sync check needs, and learned well enough to pass it.
+SIZE, LEARNED, SECONDS = 192, 6.0, 3.2
+WORDS = (
+    "Good morning, my friends. Before we begin, please move your papers from the table and put a"
+    " pen beside them. Maybe both of you have been here before."
+)
 # Files that a stage in the middle of its work gives their names: the run is killed just before.
 MOMENTS = (
     r"identities/someone/prepared\.partial-",
@@ -39,10 +44,10 @@ output: {output}
 identities:
   someone:
     clip: {clip}
-    seconds: 2.2
+    seconds: {learned}
     size: {size}
     consent: {{by: "a synthetic person", reference: "tests"}}
-    finetune: {{iterations: 12}}
+    finetune: {{iterations: 60}}
 dubs:
   - {{name: words, identity: someone, audio: {audio}, audio_seconds: {seconds}, frame: full}}
 """
@@ -57,19 +62,19 @@ def run(manifest: Path, kill_at: str = "") -> int:
 
 @pytest.mark.slow
 def test_a_run_killed_at_every_stage_ends_like_one_that_was_not(tmp_path: Path) -> None:
-    make_speaker(tmp_path / "source", text="Good morning, my friends.", seconds=3.0, size=SIZE)
+    make_speaker(tmp_path / "source", text=WORDS, seconds=LEARNED, size=SIZE)
     clip = tmp_path / "source" / "clip.mp4"
     manifests = {}
     for name in ("calm", "killed"):
         manifests[name] = tmp_path / f"{name}.yaml"
         paths = {"output": tmp_path / name, "clip": clip, "audio": clip}
-        text = MANIFEST.format(**paths, size=SIZE, seconds=SECONDS)
+        text = MANIFEST.format(**paths, size=SIZE, learned=LEARNED, seconds=SECONDS)
         manifests[name].write_text(text)
 
-    assert run(manifests["calm"]) in (0, 3)
+    assert run(manifests["calm"]) == 0
     for moment in MOMENTS:
         assert run(manifests["killed"], moment) == -signal.SIGKILL, moment
-    assert run(manifests["killed"]) in (0, 3)
+    assert run(manifests["killed"]) == 0
 
     calm, killed = tmp_path / "calm" / "words.mp4", tmp_path / "killed" / "words.mp4"
     assert calm.read_bytes() == killed.read_bytes()
@@ -77,7 +82,7 @@ def test_a_run_killed_at_every_stage_ends_like_one_that_was_not(tmp_path: Path) 
     assert info.frames == media.count_frames(calm) == round(SECONDS * 25)
     assert info.audio_rate == 48000
     found = json.loads((tmp_path / "killed" / "words.sync.json").read_text())
-    assert found["verdict"] in ("pass", "warn", "fail", "unjudged")
-    assert len(found["curve"]) in (0, 31)
+    assert (found["verdict"], found["offset_frames"]) == ("pass", 0)
+    assert len(found["curve"]) == 31
     report = (tmp_path / "killed" / "report.html").read_text()
     assert "words.mp4" in report
