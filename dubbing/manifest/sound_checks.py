@@ -13,8 +13,9 @@ from dubbing.manifest.messages import some
 from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
 from dubbing.media.opening import LAYOUTS
-from dubbing.media.voice_channel import is_silent, voice_channel
+from dubbing.media.voice_channel import are_silent, is_silent, voice_channel
 from dubbing.script import timeline
+from dubbing.script.timeline import Cue
 
 MOST_CHANNELS = max(LAYOUTS)  # of the bed of a scene
 # Of so many cues of one file, spread over it, the channels are looked at.
@@ -48,17 +49,16 @@ def of_learning(findings: Findings, name: str, identity: Identity) -> None:
 
 def of_dub(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
     """The sounds of a dub's cues, and how they fit its film."""
-    by_file: dict[Path, list[tuple[float, float]]] = {}
+    by_file: dict[Path, list[Cue]] = {}
+    for cue in scene.cues:
+        by_file.setdefault(cue.audio, []).append(cue)
     silent = []
     try:
-        for cue in scene.cues:
-            info = findings.media[cue.audio]
-            by_file.setdefault(info.path, []).append((cue.audio_start, cue.seconds))
-            if is_silent(info, cue.audio_start, cue.seconds):
-                silent.append(str(cue.number))
-        for path, stretches in by_file.items():
-            some_of = stretches[:: 1 + len(stretches) // LOOKED_AT]
-            _channels(findings, dub.name, findings.media[path], some_of)
+        for path, cues in by_file.items():
+            info, stretches = findings.media[path], [(c.audio_start, c.seconds) for c in cues]
+            found = zip(cues, are_silent(info, stretches), strict=True)
+            silent += [str(cue.number) for cue, is_so in found if is_so]
+            _channels(findings, dub.name, info, stretches[:: 1 + len(stretches) // LOOKED_AT])
     except MediaError as error:
         findings.blocked.setdefault(int(at[1]), error)
     if silent and dub.lines is None:

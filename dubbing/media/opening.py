@@ -49,8 +49,11 @@ def address(path: Path | str) -> str:
     return f"file:{os.path.abspath(path)}"
 
 
-def opened(path: Path | str) -> av.container.InputContainer:
+def opened(path: Path | str, *, short_packets: bool = False) -> av.container.InputContainer:
     """``path`` open for reading by PyAV; a context manager.
+
+    Args:
+        short_packets: of a WAV, for a look at a few places: it opens in a tenth of the time.
 
     Raises:
         MediaError: it is a playlist or something else that is no film or sound of its own.
@@ -58,7 +61,9 @@ def opened(path: Path | str) -> av.container.InputContainer:
     """
     if _begins_as_playlist(path):
         raise MediaError("a playlist: it names other files, and holds nothing", str(path), REMEDY)
-    options = {**_only(CONTAINERS), "max_size": str(WAV_PACKET)}
+    options = _only(CONTAINERS)
+    if not short_packets:
+        options["max_size"] = str(WAV_PACKET)
     try:
         return av.open(address(path), container_options=options)
     except av.ArgumentError as error:

@@ -7,7 +7,8 @@ goes through here, so that features, lips, sync check and mix hear the same.
 P pieces of half a second, C channels.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +29,7 @@ LOUD = 1e-2  # power of pieces that count over that of the loudest
 # Power of the sum of channels over the sum of their powers: C if they are equal, 1 if they have
 # nothing in common, 0 if they cancel. Below it in any loud piece, or in all together, they do.
 CANCELS, CANCEL_TOGETHER = 0.25, 0.5
+Container = av.container.InputContainer
 
 
 @dataclass(frozen=True)
@@ -87,15 +89,41 @@ def chosen(powers: np.ndarray) -> VoiceChannel:
     return VoiceChannel(tuple((used / used.sum()).tolist()), "unused")
 
 
-def is_silent(info: MediaInfo, start: float, seconds: float) -> bool:
-    """Whether nothing can be heard in a stretch of sound; it is read up to the first sound.
+def are_silent(info: MediaInfo, stretches: Sequence[tuple[float, float]]) -> list[bool]:
+    """Whether nothing can be heard in stretches (start, seconds) of a sound.
+
+    Each is read up to its first sound.
 
     Raises:
-        MediaError: it cannot be decoded.
+        MediaError: it cannot be opened.
     """
-    end = min(info.sound_seconds, start + seconds)
-    parts = _decoded(info, start, end)
-    return not any((part.astype(np.float64) ** 2).mean(0).max() > SILENT for part in parts)
+    with _opened(info) as container:
+        return [_is_silent(info, container, *stretch) for stretch in stretches]
+
+
+def is_silent(info: MediaInfo, start: float, seconds: float) -> bool:
+    """The same of one stretch."""
+    return are_silent(info, [(start, seconds)])[0]
+
+
+def _is_silent(info: MediaInfo, container: Container, start: float, seconds: float) -> bool:
+    end, found = min(info.sound_seconds, start + seconds), 0
+    for part in _decoded(info, container, start, end):
+        if (part.astype(np.float64) ** 2).mean(0).max() > SILENT:
+            return False
+        found += 1
+    # Where nothing of it can be decoded, reading it reports why.
+    return found > 0 or end - start < PIECE
+
+
+@contextmanager
+def _opened(info: MediaInfo) -> Iterator[Container]:
+    """A file open for a look at its sound, in this process: many recordings may be short."""
+    try:
+        with opened(info.path, short_packets=True) as container:
+            yield container
+    except (av.FFmpegError, ValueError) as error:
+        raise MediaError("its sound cannot be decoded", str(info.path), str(error)) from error
 
 
 @while_unchanged(1024)
@@ -106,11 +134,11 @@ def _known(_path: Path) -> dict[tuple[float, float | None], VoiceChannel]:
 
 def _looked_at(info: MediaInfo, start: float, end: float) -> Iterator[np.ndarray]:
     """Pieces (n, C) of a stretch, all of a short one."""
-    if end - start <= WHOLE:
-        yield from _decoded(info, start, end)
-        return
-    for begin in np.linspace(start, end - WINDOW, WINDOWS):
-        yield from _decoded(info, float(begin), float(begin) + WINDOW)
+    begins = [start] if end - start <= WHOLE else np.linspace(start, end - WINDOW, WINDOWS)
+    length = end - start if end - start <= WHOLE else WINDOW
+    with _opened(info) as container:
+        for begin in map(float, begins):
+            yield from _decoded(info, container, begin, begin + length)
 
 
 def _powers(part: np.ndarray) -> np.ndarray:
@@ -119,35 +147,29 @@ def _powers(part: np.ndarray) -> np.ndarray:
     return (exact.T @ exact / len(part))[None]
 
 
-def _decoded(info: MediaInfo, start: float, end: float) -> Iterator[np.ndarray]:
-    """Pieces (n, C) float32 of the channels that are heard from ``start`` to ``end`` seconds.
-
-    In this process: a program of its own for each of many short recordings would take longer.
-    """
-    try:
-        with opened(info.path) as container:
-            tracks = [container.streams.audio[k] for k in info.audio_tracks]
-            zero = container.start_time or 0
-            if start > 0:
-                container.seek(zero + int(start * av.time_base))
-            places = {track.index: k for k, track in enumerate(tracks)}
-            held: list[list[np.ndarray]] = [[] for _ in tracks]
-            begin = start + zero / av.time_base
-            length = max(1, round(PIECE * (info.audio_rate or 1)))
-            left = round((end - start) * (info.audio_rate or 1))
-            for packet in container.demux(tracks):
-                for frame in packet.decode():
-                    if isinstance(frame, av.AudioFrame):
-                        held[places[packet.stream.index]].append(_samples(frame, begin))
-                while left > 0 and (ready := min(sum(map(len, own)) for own in held)) >= length:
-                    yield _taken(held, min(length, left, ready))
-                    left -= length
-                if left <= 0:
-                    return
-            if (ready := min(sum(map(len, own)) for own in held)) > 0:
-                yield _taken(held, min(left, ready))
-    except (av.FFmpegError, ValueError) as error:
-        raise MediaError("its sound cannot be decoded", str(info.path), str(error)) from error
+def _decoded(
+    info: MediaInfo, container: Container, start: float, end: float
+) -> Iterator[np.ndarray]:
+    """Pieces (n, C) float32 of the channels that are heard from ``start`` to ``end`` seconds."""
+    tracks = [container.streams.audio[k] for k in info.audio_tracks]
+    places = {track.index: k for k, track in enumerate(tracks)}
+    held: list[list[np.ndarray]] = [[] for _ in tracks]
+    zero, rate = container.start_time or 0, info.audio_rate or 1
+    begin, length = start + zero / av.time_base, max(1, round(PIECE * rate))
+    left = round((end - start) * rate)
+    container.seek(zero + int(start * av.time_base))
+    for packet in container.demux(tracks):
+        with suppress(av.FFmpegError):  # a damaged packet, which ffmpeg leaves out as well
+            for frame in packet.decode():
+                if isinstance(frame, av.AudioFrame):
+                    held[places[packet.stream.index]].append(_samples(frame, begin))
+        while left > 0 and (ready := min(sum(map(len, own)) for own in held)) >= length:
+            yield _taken(held, min(length, left, ready))
+            left -= length
+        if left <= 0:
+            return
+    if (ready := min(sum(map(len, own)) for own in held)) > 0:
+        yield _taken(held, min(left, ready))
 
 
 def _taken(held: list[list[np.ndarray]], count: int) -> np.ndarray:
