@@ -4,6 +4,7 @@ It is quick: of a sound with one channel nothing is read but up to its first sou
 """
 
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
 
 from dubbing.errors import MediaError
@@ -36,15 +37,13 @@ def of_learning(findings: Findings, name: str, identity: Identity) -> None:
             continue
         start, seconds = identity.learned_start, identity.learned_seconds
         stretch = (0.0, info.sound_seconds) if start is None else (start, seconds)
-        try:
+        with suppress(MediaError):  # learning reports it
             if stretch[0] < info.sound_seconds and is_silent(info, *stretch):
                 message = f"nothing can be heard in {clip} in the seconds to learn from"
                 remedy = "a face is learnt together with its speech"
                 findings.add(("identities", name, "clip"), f"{message}: {remedy}")
                 continue
             _channels(findings, f"identities.{name}", info, [stretch])
-        except MediaError as error:
-            findings.damaged.setdefault(clip, error)
 
 
 def of_dub(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
@@ -53,14 +52,12 @@ def of_dub(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
     for cue in scene.cues:
         by_file.setdefault(cue.audio, []).append(cue)
     silent = []
-    try:
+    with suppress(MediaError):  # the stage that reads it reports it
         for path, cues in by_file.items():
             info, stretches = findings.media[path], [(c.audio_start, c.seconds) for c in cues]
             found = zip(cues, are_silent(info, stretches), strict=True)
             silent += [str(cue.number) for cue, is_so in found if is_so]
             _channels(findings, dub.name, info, stretches[:: 1 + len(stretches) // LOOKED_AT])
-    except MediaError as error:
-        findings.blocked.setdefault(int(at[1]), error)
     if silent and dub.lines is None:
         findings.warnings.append(f"{dub.name}: nothing can be heard in {dub.audio}")
     elif silent:

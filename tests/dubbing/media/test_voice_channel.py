@@ -91,3 +91,16 @@ def test_a_changed_file_is_looked_at_anew(tmp_path: Path) -> None:
     assert voice_channel(media.probe(path), 0.0, None).why == ""
     written(path, [A, -A], "PCM_16")
     assert voice_channel(media.probe(path), 0.0, None).why == "opposed"
+
+
+def test_damaged_packets_are_left_out(tmp_path: Path) -> None:
+    whole, damaged = tmp_path / "whole.mka", tmp_path / "damaged.mka"
+    sound = written(tmp_path / "a.wav", [A, -A])
+    clips.ffmpeg("-i", sound, "-c:a", "mp2", whole)
+    content = bytearray(whole.read_bytes())
+    middle = len(content) // 2
+    content[middle : middle + 40] = bytes(40)
+    damaged.write_bytes(content)
+    info = media.probe(damaged)
+    assert not is_silent(info, 0.9, 0.2)
+    assert voice_channel(info, 0.0, None).why == "opposed"

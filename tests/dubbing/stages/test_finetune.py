@@ -13,11 +13,12 @@ from dfrf import head_checkpoint, presets
 from dfrf.config import TrainConfig
 from dfrf.fast.model import FastModel
 from dfrf.training.progress import Progress
-from dubbing.errors import CheckpointError
+from dubbing.errors import CheckpointError, TrainingError
 from dubbing.speech import features
 from dubbing.stages import finetune as finetuning
 from dubbing.stages.finetune import learn
 from dubbing.stages.initial_model import FinetuneSettings, init_from_base
+from tests import clips, fakes
 from tests.dfrf.people import person, small_config
 
 RNN = FinetuneSettings(speech="rnn")
@@ -148,3 +149,16 @@ def test_a_model_that_refines_nothing_learns_in_one_go(
     )
     assert posed is someone
     assert len(curve.rows) == 4
+
+
+@pytest.mark.parametrize(
+    ("sound", "message"), [((), "has no sound"), (("-f", "lavfi", "-i", "anullsrc"), "is silent")]
+)
+def test_a_clip_without_a_voice_is_refused_at_once(
+    tmp_path: Path, sound: tuple[str, ...], message: str
+) -> None:
+    film, clip = clips.write_video(tmp_path / "film.mp4", 5), tmp_path / "clip.mp4"
+    clips.ffmpeg("-i", film, *sound, "-c:v", "copy", "-shortest", clip)
+    prepared = fakes.write_prepared(clip, tmp_path / "prepared")
+    with pytest.raises(TrainingError, match=message):
+        finetuning.clip_speech(prepared, "mel")
