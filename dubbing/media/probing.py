@@ -18,9 +18,8 @@ from dubbing.media.fields import is_flagged
 from dubbing.media.frame_rate import choose_rate
 from dubbing.media.info import MediaInfo, Picture
 from dubbing.media.opening import opened
-from dubbing.media.timecode_track import count_of
+from dubbing.media.timecode_track import timecode_of
 from dubbing.media.tracks import Track, heard_tracks
-from dubbing.script.timecode import frame_of, nominal
 
 COMPLETE = 0.98  # of the frames the header promises (most containers promise none)
 SHORTEST, LONGEST, SLIMMEST = 16, 16384, 10  # px, px, and one side over the other
@@ -95,7 +94,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         span = packets.ends["video"] - times[0] if variable else float(len(times) / rate)
         frames = max(1, round((video_start + span) * rate))
         duration = float(frames / rate)
-        timecode, count = _timecode(path, container, rate)
+        timecode, count = timecode_of(path, container, rate)
     # What lies before 0 is the priming of the encoder, which no decoder gives out.
     audio_start = max(0.0, packets.starts.get("audio", zero) - zero)
     audio_duration = packets.ends["audio"] - zero - audio_start if heard else None
@@ -195,26 +194,6 @@ def _counted(container: av.container.InputContainer, pictures: int, times: list[
         return pictures
     ticks = (max(times) - min(times)) / float(container.streams.video[0].time_base or 1)
     return max(pictures, round(ticks * (many + 1) / (many - 1)))
-
-
-def _timecode(
-    path: Path, container: av.container.InputContainer, rate: Fraction
-) -> tuple[str, int | None]:
-    """The timecode of a track or of the file, if it is one of that rate, and what it counts."""
-    places = [stream.metadata for stream in container.streams] + [container.metadata]
-    tags = [item for place in places for item in place.items()]
-    written = next((value for key, value in tags if key.lower() == "timecode"), "")
-    if not written:
-        return "", None
-    each = nominal(rate)
-    count = count_of(path, container.format.name) or each
-    try:
-        if max(count, each) % min(count, each):
-            return "", None
-        frame_of(written, rate * Fraction(count, each))
-    except ValueError:
-        return "", None
-    return written, None if count == each else count
 
 
 def _codec(path: Path, sound: Track) -> str:

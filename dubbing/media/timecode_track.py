@@ -1,16 +1,41 @@
-"""How many frames a second a film's timecode counts, which its text does not show.
+"""A film's timecode, and how many frames a second it counts, which its text does not show.
 
 PyAV gives the text alone. A film of 59.94 frames a second may have a timecode track of 30.
 """
 
 import re
+from fractions import Fraction
 from pathlib import Path
+
+import av
+
+from dubbing.script.timecode import frame_of, nominal
 
 MOST = 1 << 26  # bytes of a header that are read
 # QuickTime: the sample description of a timecode track ends with its numbers a second.
 MOV = re.compile(rb"stsd\0{4}\0{3}\x01.{4}tmcd.{24}(?P<count>.)", re.DOTALL)
 # MXF: the rounded timecode base, local tag 15.02, of two bytes.
 MXF = re.compile(rb"\x15\x02\x00\x02\x00(?P<count>.)", re.DOTALL)
+
+
+def timecode_of(
+    path: Path, container: av.container.InputContainer, rate: Fraction
+) -> tuple[str, int | None]:
+    """The timecode of a track or of the file, if it is one of that rate, and what it counts."""
+    places = [stream.metadata for stream in container.streams] + [container.metadata]
+    tags = [item for place in places for item in place.items()]
+    written = next((value for key, value in tags if key.lower() == "timecode"), "")
+    if not written:
+        return "", None
+    each = nominal(rate)
+    count = count_of(path, container.format.name) or each
+    try:
+        if max(count, each) % min(count, each):
+            return "", None
+        frame_of(written, rate * Fraction(count, each))
+    except ValueError:
+        return "", None
+    return written, None if count == each else count
 
 
 def count_of(path: Path, container: str) -> int | None:
