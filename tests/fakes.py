@@ -20,6 +20,7 @@ from dubbing.engine import executors
 from dubbing.engine.graph import Job
 from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
+from dubbing.face.mouth_shape import OUTER_LIP
 from dubbing.files import atomic_write_json, atomic_write_text
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
 from dubbing.stages.kinds import SYNC_FILE
@@ -69,6 +70,9 @@ def write_prepared(
         crop=np.tile(np.array(window, float), (frames, 1)),
         valid=valid,
         covered=np.zeros(frames, bool),
+        over=np.zeros(frames, bool),
+        shown=np.ones(frames, np.float32),
+        haze=np.zeros((frames, 3)),
         segment=np.zeros(frames, int) if segment is None else segment,
         landmarks=np.tile(face(size), (frames, 1, 1)),
         shape=np.zeros((478, 3)),
@@ -78,10 +82,15 @@ def write_prepared(
 
 
 def face(size: int = SIZE) -> np.ndarray:
-    """Landmarks (478, 2) px of a face that is a circle round the fake head."""
+    """Landmarks (478, 2) px of a face that is a circle round the fake head, and mostly mouth.
+
+    So there is no skin that film and head both show, and heads keep their colour; see
+    `dubbing.compositing.light`.
+    """
     landmarks = np.full((478, 2), size / 2)
-    angle = np.arange(len(FACE_OVAL)) * 2 * np.pi / len(FACE_OVAL)
-    landmarks[list(FACE_OVAL)] += size / 3 * np.stack([np.sin(angle), -np.cos(angle)], -1)
+    for points, radius in ((FACE_OVAL, size / 3), (OUTER_LIP, 0.3 * size)):
+        angle = np.arange(len(points)) * 2 * np.pi / len(points)
+        landmarks[list(points)] += radius * np.stack([np.sin(angle), -np.cos(angle)], -1)
     landmarks[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER]] += size / 6 * np.array([[-1, -1.5], [1, -1.5]])
     landmarks[NOSE_BASE] -= (0, size / 8)
     return landmarks

@@ -7,18 +7,15 @@ that was killed picks up after the last finished step, and the result is the sam
 
 import json
 import shutil
-import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from dubbing import json_records
-from dubbing.errors import DubbingError, PreparationError
-from dubbing.files import atomic_path, atomic_write_json, digest_file, make_folder, note_digest
+from dubbing.errors import PreparationError
+from dubbing.files import digest_file, make_folder
 from dubbing.media import MediaInfo, probe
 from dubbing.preparation.alignment.bundle import Observations
 from dubbing.preparation.alignment.camera import Poses
@@ -32,28 +29,18 @@ from dubbing.preparation.prepared import (
     BACKGROUND,
     CONTACT_SHEET,
     MATTE,
+    OVERLAY,
     REACH,
-    SUMMARY,
-    VERSION,
     PreparedClip,
 )
+from dubbing.preparation.steps import STEPS, Steps
 from dubbing.preparation.tracking import tracking
+from dubbing.preparation.tracking.light import noticed
 from dubbing.preparation.tracking.occlusion import covered_step
+from dubbing.preparation.tracking.overlay import Overlay, overlay_step
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.warnings import warnings_of
-
-STEPS, LAYOUT = "steps", 3  # the folder of the steps, and the version of what they leave there
-# Shares of the time that the steps take, of 13 s at 512 px.
-TIMES = {
-    "faces": 0.08,
-    "landmarks": 0.34,
-    "poses": 0.02,
-    "occlusion": 0.02,
-    "refinement": 0.14,
-    "matte": 0.05,
-    "background": 0.35,
-}
 
 
 def prepare(
@@ -68,7 +55,8 @@ def prepare(
 
     Args:
         clip: a video of one person who faces the camera most of the time.
-        out: folder for track.npz, matte.mkv, background.mkv, contact_sheet.png, prepared.json.
+        out: folder for track.npz, matte.mkv, background.mkv, overlay.mkv, contact_sheet.png and
+            prepared.json.
         size: side of the square crop in px, at most; never more than the source shows.
         people: the person to prepare, then the others in the clip; see `survey`.
         progress: called with the name of the step and the share of it that is done.
@@ -87,7 +75,7 @@ def prepare(
     key = {"size": size, "people": json.loads(json.dumps(portraits))}
     steps = Steps(out / STEPS, clip, key, progress or (lambda step, share: None))
 
-    tracked = _track(steps, info, people, size)
+    tracked = _track(steps, info, people, size, out / OVERLAY)
     _cut_out(steps, info, tracked, out)
     prepared = _record(clip, out, info, tracked)
     contact_sheet(prepared, out / CONTACT_SHEET)
@@ -105,13 +93,16 @@ class _Tracked:
     found: Arrays  # of step "landmarks"
     track: Arrays  # of step "refinement"
     observed: Observations
-    covered: np.ndarray  # (N,): something hides the mouth
+    light: Arrays  # of step "occlusion": covered (N,), and gain and offset of the light
+    over: np.ndarray  # (N,): something lies over a part of the face
     poses: Poses
     landmarks: np.ndarray  # (N, 478, 2), px of the crop
 
 
-def _track(steps: "Steps", info: MediaInfo, people: Sequence[Portrait], most_px: int) -> _Tracked:
-    """Landmarks and head poses."""
+def _track(
+    steps: Steps, info: MediaInfo, people: Sequence[Portrait], most_px: int, overlay: Path
+) -> _Tracked:
+    """Landmarks and head poses; what lies over the face is written to a file."""
     seen = steps.run("faces", partial(tracking.survey_step, info, people))
     # A small source keeps its own pixels: enlarging them costs time and shows nothing new.
     size = min(most_px, int(seen["window"][:, 2].max()) // 8 * 8)
@@ -126,7 +117,12 @@ def _track(steps: "Steps", info: MediaInfo, people: Sequence[Portrait], most_px:
         places = found["points"], found["valid"], seen["segment"]
         return covered_step(crops, *places, bundle["shape"], report)
 
-    covered = steps.run("occlusion", find_covered)["covered"]
+    def find_overlay(report: Callable[[float], None]) -> Arrays:
+        places = found["points"], found["valid"], seen["segment"]
+        return overlay_step(Overlay(crops, *places, bundle["shape"], light), overlay, info, report)
+
+    light = steps.run("occlusion", find_covered)
+    over = steps.run("overlay", find_overlay, overlay)["over"]
     observed = replace(observed, silhouette=Silhouette(found["middle"], found["top"]))
     strip = steps.folder / "strip.npy"
     track = steps.run(
@@ -134,17 +130,18 @@ def _track(steps: "Steps", info: MediaInfo, people: Sequence[Portrait], most_px:
     )
     poses = Poses(track["rotation"], track["translation"])
     landmarks = tracking.filled_landmarks(found, track["shape"], poses, observed)
-    return _Tracked(size, seen, found, track, observed, covered, poses, landmarks)
+    return _Tracked(size, seen, found, track, observed, light, over, poses, landmarks)
 
 
-def _cut_out(steps: "Steps", info: MediaInfo, tracked: _Tracked, out: Path) -> None:
+def _cut_out(steps: Steps, info: MediaInfo, tracked: _Tracked, out: Path) -> None:
     """The head's matte and the background behind it, as files of `out`."""
     seen, landmarks, observed = tracked.seen, tracked.landmarks, tracked.observed
     outline = tracking.jaw_outline(landmarks, tracked.track["shape"], tracked.poses, observed)
     visible = tracking.bridged(tracked.found["valid"], observed.rate)
     masks = pictures(steps.folder / PERSON), pictures(steps.folder / OPACITY)
     places = seen["window"], landmarks, outline, visible, seen["segment"]
-    footage = Footage(info, pictures(steps.folder / CROPS), *masks, *places)
+    light = noticed(tracked.light["gain"], tracked.light["offset"])
+    footage = Footage(info, pictures(steps.folder / CROPS), *masks, *places, *light)
     matte, background = out / MATTE, out / BACKGROUND
 
     def write_matte(report: Callable[[float], None]) -> Arrays:
@@ -162,7 +159,7 @@ def _cut_out(steps: "Steps", info: MediaInfo, tracked: _Tracked, out: Path) -> N
 def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> PreparedClip:
     """What later stages read of the clip."""
     seen, observed, poses = tracked.seen, tracked.observed, tracked.poses
-    found = tracked.found | {"covered": tracked.covered}
+    found = tracked.found | {"covered": tracked.light["covered"], "over": tracked.over}
     distance = np.linalg.norm(poses.translation, axis=1)[found["valid"]]
     return PreparedClip(
         folder=out,
@@ -181,83 +178,11 @@ def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> Prepar
         centre=observed.centre,
         crop=seen["window"],
         valid=found["valid"],
-        covered=tracked.covered,
+        covered=tracked.light["covered"],
+        over=tracked.over,
         segment=seen["segment"],
+        shown=seen["shown"],
+        haze=tracked.light["offset"],
         landmarks=tracked.landmarks.astype(np.float32),
         shape=tracked.track["shape"],
     )
-
-
-def _key(path: Path) -> dict[str, Any]:
-    """The key of the steps in a folder; empty where there is none."""
-    try:
-        return json_records.read(path, dict[str, Any], "key of the steps")
-    except DubbingError:
-        return {}
-
-
-class Steps:
-    """Steps whose arrays lie in a folder, each a file that appears whole.
-
-    Steps of another clip, version or with other settings are thrown away.
-    """
-
-    def __init__(
-        self,
-        folder: Path,
-        clip: Path,
-        settings: Mapping[str, Any],
-        progress: Callable[[str, float], None],
-    ) -> None:
-        self.folder, self._clip, self._report = folder, clip, progress
-        key = {"clip": digest_file(clip), **settings, "version": VERSION, "layout": LAYOUT}
-        key_file = folder / "key.json"
-        if _key(key_file) != key:
-            shutil.rmtree(folder, ignore_errors=True)
-            folder.mkdir(parents=True)
-            (folder.parent / SUMMARY).unlink(missing_ok=True)
-            atomic_write_json(key_file, key)
-
-    def run(
-        self, name: str, step: Callable[[Callable[[float], None]], Arrays], *beside: Path
-    ) -> Arrays:
-        """The arrays of a step: read if it was finished, else computed and written.
-
-        Args:
-            beside: other files that it writes.
-
-        Raises:
-            PreparationError: no head explains what was found.
-        """
-        path = self.folder / f"{name}.npz"
-        arrays = _stored(path) if all(file.is_file() for file in beside) else None
-        if arrays is None:
-            try:
-                arrays = step(partial(self._progress, name))
-            except np.linalg.LinAlgError as error:  # something that only looked like a face
-                raise PreparationError(
-                    f"what looks like a face is none that can be followed ({name}: {error})",
-                    str(self._clip),
-                    "use a clip in which one person faces the camera",
-                ) from error
-            for file in beside:
-                note_digest(file)
-            with atomic_path(path) as temporary:
-                np.savez(temporary, allow_pickle=False, **arrays)
-        self._progress(name, 1.0)
-        return arrays
-
-    def _progress(self, name: str, share: float) -> None:
-        """Report how much of all steps is done, where a share of one is."""
-        steps = [*TIMES]
-        before = sum(TIMES[step] for step in steps[: steps.index(name)])
-        self._report(name, min(1.0, before + TIMES[name] * share))
-
-
-def _stored(path: Path) -> Arrays | None:
-    """The arrays of a finished step; None where there are none, or their checksums are wrong."""
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            return {key: stored[key] for key in stored.files}
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
-        return None

@@ -6,8 +6,9 @@ middle of the first pixel. See :class:`PreparedClip`.
 
 from __future__ import annotations
 
+import itertools
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -23,17 +24,18 @@ from dubbing.media import read_frames
 from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.tracking import cropping
 
-VERSION = 6
+VERSION = 7
 REACH = 1.7  # units (10 cm) that the head extends around its origin at most
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
+OVERLAY = "overlay.mkv"  # of all frames, if something lies over the face in any
 CONTACT_SHEET, SUMMARY = "contact_sheet.png", "prepared.json"
 # What arrays that are none raise when they are read.
 UNREADABLE = (EOFError, OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
 # Fields of a prepared clip that its summary holds under their names, and its arrays.
 FIELDS = ("size", "source_size", "focal", "near", "far", "residual_shift", "warnings")
 ARRAYS = (
-    *("rotation", "translation", "centre", "crop", "valid", "covered", "segment"),
-    *("landmarks", "shape"),
+    *("rotation", "translation", "centre", "crop", "valid", "covered", "over", "segment"),
+    *("shown", "haze", "landmarks", "shape"),
 )
 
 
@@ -59,6 +61,28 @@ class Summary(Version):
 
 
 @dataclass(frozen=True)
+class FilmFrame:
+    """A frame of a prepared clip.
+
+    Attributes:
+        image: (S, S, 3) crop. matte: (S, S) of the head. background: (S, S, 3), equal to the image
+            bit for bit outside of the matte's inpaint mask. All uint8.
+        overlay: (S, S) uint8, 255 where something lies over the face; None where nothing does.
+        haze: (3,) grey levels of light that lies over the picture; see `tracking.light`.
+        landmarks: (478, 2) px of the crop.
+        whole: (H, W, 3) uint8, the source frame that the crop is of.
+    """
+
+    image: np.ndarray
+    matte: np.ndarray
+    background: np.ndarray
+    overlay: np.ndarray | None
+    haze: np.ndarray
+    landmarks: np.ndarray
+    whole: np.ndarray
+
+
+@dataclass(frozen=True)
 class PreparedClip:
     """Poses, crop, matte and restored background of a clip.
 
@@ -75,7 +99,9 @@ class PreparedClip:
             through a moving window.
         crop: (T, 3) x0, y0, side of the window in px of the source.
         valid: (T,) a face was found. covered: (T,) something lies before its mouth.
-        segment: (T,) number of the shot.
+        over: (T,) something lies over a part of the face, as the overlay shows.
+        segment: (T,) number of the shot. shown: (T,) how much of the frame is of that shot; less
+            than 1 in a dissolve. haze: (T, 3) grey levels of light over the picture.
         landmarks: (T, 478, 2) px of the crop, as detected (as projected, where not valid).
         shape: (478, 3) mean head shape in the head frame: x right, y down, z away from the camera,
             outer eye corners 0.9 apart, origin between the ears.
@@ -98,7 +124,10 @@ class PreparedClip:
     crop: np.ndarray
     valid: np.ndarray
     covered: np.ndarray
+    over: np.ndarray
     segment: np.ndarray
+    shown: np.ndarray
+    haze: np.ndarray
     landmarks: np.ndarray
     shape: np.ndarray
 
@@ -175,25 +204,34 @@ class PreparedClip:
 
         The background equals the image bit for bit outside of the matte's inpaint mask.
         """
-        for image, matte, background, _ in self.whole_frames(start, count):
-            yield image, matte, background
+        for frame in self.film_frames(start, count):
+            yield frame.image, frame.matte, frame.background
 
-    def whole_frames(
-        self, start: int = 0, count: int | None = None
-    ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
-        """As `frames`, and the source frame (H, W, 3) each crop is of: decoded once for both."""
+    def film_frames(self, start: int = 0, count: int | None = None) -> Iterator[FilmFrame]:
+        """All that is known of frames one by one; the film is decoded once for it."""
         images = read_frames(self.clip, start=start, count=count, rate=self.rate)
         mattes = read_frames(self.folder / MATTE, start=start, count=count, pixels="gray")
         fills = read_frames(self.folder / BACKGROUND, start=start, count=count)
-        for index, (image, matte, fill) in enumerate(
-            zip(images, mattes, fills, strict=True), start
+        overlays: Iterable[np.ndarray | None] = itertools.repeat(None)
+        if self.over[start:].any():
+            masks = self.folder / OVERLAY
+            overlays = read_frames(masks, start=start, count=count, pixels="gray")
+        for index, (whole, matte, fill, overlay) in enumerate(
+            zip(images, mattes, fills, overlays, strict=False), start
         ):
-            picture = cropping.crop(image, self.crop[index], self.size)
-            background = np.where(inpaint_mask(matte)[..., None], fill, picture)
-            yield picture, matte, background, image
+            image = cropping.crop(whole, self.crop[index], self.size)
+            yield FilmFrame(
+                image,
+                matte,
+                np.where(inpaint_mask(matte)[..., None], fill, image),
+                overlay if self.over[index] else None,
+                self.haze[index],
+                self.landmarks[index],
+                whole,
+            )
 
     def paste(
         self, frame: np.ndarray, index: int, crop_image: np.ndarray, mask: np.ndarray
-    ) -> np.ndarray:
-        """Source frame ``index`` with the crop image laid in; see :func:`cropping.paste`."""
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Source frame ``index`` with the crop image laid in, and where; see `cropping.paste`."""
         return cropping.paste(frame, self.crop[index], crop_image, mask)

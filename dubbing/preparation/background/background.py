@@ -4,7 +4,7 @@ T frames, S the side of the crop in px.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -32,11 +32,16 @@ class Shot:
     torso: Torso | None
 
 
-def plate_frames(segment: np.ndarray) -> list[np.ndarray]:
-    """Frames of every shot that its plates are made of; segment (T,) int."""
+def plate_frames(segment: np.ndarray, lit: np.ndarray) -> list[np.ndarray]:
+    """Frames of every shot that its plates are made of; segment (T,) int.
+
+    Args:
+        lit: (T,) bool, frames in a light that is usual enough; others only where there are none.
+    """
     out = []
     for shot in range(segment[-1] + 1):
         index = np.flatnonzero(segment == shot)
+        index = index[lit[index]] if lit[index].any() else index
         spread = np.linspace(0, len(index) - 1, PLATE_FRAMES).round().astype(int)
         out.append(index[np.unique(spread)])
     return out
@@ -67,7 +72,7 @@ def shots(footage: Footage, plates: list[np.ndarray], holes: dict[int, np.ndarra
     offsets, size = footage.offsets(), footage.size
 
     def work(frames: np.ndarray) -> Shot:
-        images, people = footage.crops[frames], footage.person[frames]
+        images, people = footage.unlit(frames), footage.person[frames]
         width, height = offsets[footage.segment == footage.segment[frames[0]]].max(0) + size
         canvas = np.zeros((len(frames), height, width, 3), np.uint8)
         known = np.zeros((len(frames), height, width), bool)
@@ -110,7 +115,7 @@ def background_step(footage: Footage, matte: Path, background: Path, progress: P
     """Write the restored background: the pixels of the inpaint mask, black elsewhere."""
     size, rate = footage.size, footage.info.rate
     unit = size / REFERENCE_SIZE
-    plates = plate_frames(footage.segment)
+    plates = plate_frames(footage.segment, footage.well_lit())
     wanted = set(np.concatenate(plates).tolist())
     smooth, holes = neck_profiles(footage, matte, wanted, lambda share: progress(0.1 * share))
     behind, offsets = shots(footage, plates, holes), footage.offsets()
@@ -125,12 +130,13 @@ def background_step(footage: Footage, matte: Path, background: Path, progress: P
         box = box_of(hole, round(REACH * unit))
         x, y = offsets[t]
         shot = behind[footage.segment[t]]
-        plate_here = shot.wall[y : y + size, x : x + size]
+        plate_here = footage.lit(shot.wall[y : y + size, x : x + size], t)
         light = slow_difference(image, plate_here, background_pixels(mask))
         wall = plate_here[box] + light[box]
         under, left = image[box], region[box]
         if shot.torso is not None:
-            under, left = shot.torso.fill(image, region, wall, motions[t], box)
+            torso_here = replace(shot.torso, colour=footage.lit(shot.torso.colour, t))
+            under, left = torso_here.fill(image, region, wall, motions[t], box)
         landmarks = footage.landmarks[t] - (box[1].start, box[0].start)
         growing = neck(under, left, landmarks, smooth[t], unit)
         growing = rim(under, left, mask[box].astype(np.float32) / 255, growing, unit)

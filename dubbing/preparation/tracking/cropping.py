@@ -63,7 +63,7 @@ def interpolation(source: int, target: int) -> int:
 
 def paste(
     frame: np.ndarray, window: np.ndarray, crop_image: np.ndarray, mask: np.ndarray
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """A source frame (H, W, 3) with a crop image (S, S, 3) laid in where the mask is above 0.
 
     Args:
@@ -73,19 +73,20 @@ def paste(
         mask: (S, S) uint8, 255 for the crop image alone, values between mix.
 
     Returns:
-        uint8 (H, W, 3); pixels where the resampled mask is 0 equal the frame's.
+        uint8 (H, W, 3), and the mask on it (H, W): pixels where that is 0 equal the frame's.
     """
     x0, y0, side = (int(v) for v in window)
     if side != len(mask):
         method = interpolation(len(mask), side)
         crop_image = cv2.resize(crop_image, (side, side), interpolation=method)
         mask = cv2.resize(mask, (side, side), interpolation=cv2.INTER_LINEAR)
-    out = frame.copy()
+    out, laid = frame.copy(), np.zeros(frame.shape[:2], np.uint8)
+    laid[y0 : y0 + side, x0 : x0 + side] = mask
     part = out[y0 : y0 + side, x0 : x0 + side]
     share = mask[..., None].astype(np.float32) / 255
     mixed = part + share * (crop_image.astype(np.float32) - part)
     part[...] = np.where(mask[..., None] > 0, np.clip(mixed.round(), 0, 255), part)
-    return out
+    return out, laid
 
 
 def to_crop(points: np.ndarray, window: np.ndarray, size: int) -> np.ndarray:

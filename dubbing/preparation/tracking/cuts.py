@@ -1,7 +1,8 @@
 """Where the film was cut.
 
 A cut is a frame whose mean absolute difference from the one before is large and stands out from
-the differences around it.
+the differences around it, and whose structure is another: a lamp that is switched on changes every
+pixel, but leaves every edge where it was.
 """
 
 import cv2
@@ -14,6 +15,11 @@ CLOSE = 6  # frames to both sides, in which at most two others may be nearly as 
 PEAK_RATIO = 2.5  # hands that start to wave go on waving, a cut is over at once
 THUMBNAIL = 96  # px; noise and small motion vanish at this size
 REPEATED = 0.02  # grey levels: below this a frame repeats the one before
+# Correlation of two structures, above which they are of one scene. Measured: 0.84 to 0.98 where
+# the light changes, 0.44 at most at jump cuts of one person before one wall.
+SAME_STRUCTURE = 0.65
+FINE = 2.0  # px of a thumbnail, Gaussian: what is coarser than this is light
+GRAIN = 2.0  # grey levels: structure weaker than this is noise
 
 
 def thumbnail(image: np.ndarray) -> np.ndarray:
@@ -22,18 +28,34 @@ def thumbnail(image: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(small, cv2.COLOR_RGB2GRAY).astype(np.float32)
 
 
-def find_cuts(difference: np.ndarray) -> np.ndarray:
+def structure(small: np.ndarray) -> np.ndarray:
+    """Edges of a thumbnail (H, W), as strong in the dark as in the light."""
+    fine = small - cv2.GaussianBlur(small, (0, 0), FINE)
+    strength = np.sqrt(cv2.GaussianBlur(fine * fine, (0, 0), FINE))
+    return np.asarray(fine / (strength + GRAIN))
+
+
+def same_structure(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two thumbnails (H, W) show one scene, in whatever light."""
+    a, b = structure(one), structure(other)
+    norm = float(np.sqrt((a * a).sum() * (b * b).sum()))
+    return norm > 0 and float((a * b).sum()) > SAME_STRUCTURE * norm
+
+
+def find_cuts(difference: np.ndarray, lit: np.ndarray | None = None) -> np.ndarray:
     """Frames that begin a new shot.
 
     Args:
         difference: (T,) mean absolute difference to the frame before, in grey levels; [0] is 0.
+        lit: (T,) bool, the frame shows the scene of the one before in another light: no cut.
 
     Returns:
         Sorted indices of the first frames after a cut; never 0.
     """
     cuts = []
     half = NEIGHBOURHOOD // 2
-    for frame in map(int, np.flatnonzero(difference > LEAST_DIFFERENCE)):
+    large = difference > LEAST_DIFFERENCE
+    for frame in map(int, np.flatnonzero(large if lit is None else large & ~lit)):
         low, high = max(1, frame - half), frame + half + 1
         around = np.delete(difference[low:high], frame - low)
         median = float(np.median(around)) if len(around) else 0.0

@@ -13,7 +13,15 @@ import numpy as np
 from dubbing.errors import PreparationError
 from dubbing.face.landmarks import MOST_FACES, FaceMesh
 from dubbing.media import MediaInfo, probe, read_frames
-from dubbing.preparation.tracking.cuts import REPEATED, find_cuts, segments, thumbnail
+from dubbing.preparation.tracking.cuts import (
+    LEAST_DIFFERENCE,
+    REPEATED,
+    find_cuts,
+    same_structure,
+    segments,
+    thumbnail,
+)
+from dubbing.preparation.tracking.dissolves import detail, find_dissolves, miniature, shown
 from dubbing.preparation.tracking.following import (
     Person,
     Place,
@@ -35,13 +43,15 @@ PORTRAIT_FRAMES = 20  # of another clip that a person's looks are taken from
 class Survey:
     """Frames T: segment (T,) int, repeated (T,) bool, box (T, 4) of the followed face.
 
-    ``distance`` (shots,): of its looks from the person's, NaN where a shot does not show it; see
-    `following`. ``most_faces``: how many faces one frame showed at most; ``other``: frame, column
-    and row of the largest that was not followed, NaN without one.
+    ``shown`` (T,): how much of a frame is of its shot; less than 1 in a dissolve. ``distance``
+    (shots,): of its looks from the person's, NaN where a shot does not show it; see `following`.
+    ``most_faces``: how many faces one frame showed at most; ``other``: frame, column and row of the
+    largest that was not followed, NaN without one.
     """
 
     segment: np.ndarray
     repeated: np.ndarray
+    shown: np.ndarray
     box: np.ndarray
     distance: np.ndarray
     most_faces: int
@@ -60,14 +70,20 @@ def survey(
     Raises:
         PreparationError: no face in it, or none at a point, or none like that of a portrait.
     """
-    difference = np.zeros(info.frames)
+    difference, lit = np.zeros(info.frames), np.zeros(info.frames, bool)
+    miniatures: list[np.ndarray] = []
+    details: list[float] = []
     sightings: list[list[Sighting]] = []
     before: np.ndarray | None = None
     with FaceMesh(tracking=False, faces=MOST_FACES) as mesh:
         for frame, image in enumerate(read_frames(info.path)):
             small = thumbnail(image)
-            difference[frame] = 0 if before is None else np.abs(small - before).mean()
+            if before is not None:
+                difference[frame] = np.abs(small - before).mean()
+                lit[frame] = difference[frame] > LEAST_DIFFERENCE and same_structure(before, small)
             before = small
+            miniatures.append(miniature(small))
+            details.append(detail(small))
             if frame % STRIDE == 0:
                 sightings.append(sight(mesh, image, frame))
             progress((frame + 1) / info.frames)
@@ -79,7 +95,9 @@ def survey(
             str(info.path),
             "use a clip that shows one person's face from the front, at least 64 px high",
         )
-    segment = segments(info.frames, find_cuts(difference))
+    dissolves = find_dissolves(np.stack(miniatures), np.array(details))
+    cuts = find_cuts(difference, lit)
+    segment = segments(info.frames, np.union1d(cuts, [d.middle for d in dissolves]).astype(int))
     try:
         known = [person_of(portrait, info) for portrait in people]
         face = follow(sightings, segment, known)
@@ -92,7 +110,8 @@ def survey(
     repeated = difference < REPEATED
     repeated[0] = False
     most, other = max(map(len, sightings)), other_face(sightings, face.box)
-    return Survey(segment, repeated, face.box, face.distance, most, other)
+    share = shown(info.frames, dissolves)
+    return Survey(segment, repeated, share, face.box, face.distance, most, other)
 
 
 def other_face(sightings: list[list[Sighting]], box: np.ndarray) -> np.ndarray:

@@ -51,6 +51,7 @@ def survey_step(info: MediaInfo, people: Sequence[Portrait], progress: Progress)
     return {
         "segment": seen.segment,
         "repeated": seen.repeated,
+        "shown": seen.shown,
         "box": seen.box,
         "distance": seen.distance,
         "followed": np.isfinite(seen.distance)[seen.segment],

@@ -33,8 +33,15 @@ def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: 
     hidden = np.flatnonzero(found["covered"])
     if len(hidden):
         out.append(
-            f"the mouth is covered in {len(hidden)} frames, the first at "
+            f"the mouth is covered, or lit as nowhere else, in {len(hidden)} frames, the first at "
             f"{seconds(info, hidden[0])}; they are left as filmed"
+        )
+    over = np.flatnonzero(found["over"])
+    if len(over):
+        out.append(
+            f"something lies over the lower face in {len(over)} frames, the first at "
+            f"{seconds(info, over[0])}: captions, a microphone; it stays over the new mouth, "
+            "look at these frames"
         )
     unsure = np.flatnonzero(valid & (apart > 1) & (apart < HIDDEN))
     if len(unsure):
@@ -45,6 +52,12 @@ def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: 
     if int(seen["most_faces"]) > 1:
         out.append(several_faces(info, seen))
     out += matched_shots(seen)
+    dissolved = np.flatnonzero(seen["shown"] < 1)
+    if len(dissolved):
+        out.append(
+            f"shots dissolve into one another in {len(dissolved)} frames, the first at "
+            f"{seconds(info, dissolved[0])}; the new mouth fades with its shot"
+        )
     cuts = np.flatnonzero(np.diff(seen["segment"])) + 1
     if len(cuts):
         out.append(

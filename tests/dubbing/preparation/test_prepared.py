@@ -11,7 +11,7 @@ from dubbing.errors import PreparationError
 from dubbing.media import VideoWriter, read_frames
 from dubbing.preparation.alignment.rotations import rotation_from_vector
 from dubbing.preparation.matting.matting import inpaint_mask
-from dubbing.preparation.prepared import BACKGROUND, MATTE, VERSION, PreparedClip
+from dubbing.preparation.prepared import BACKGROUND, MATTE, OVERLAY, VERSION, PreparedClip
 
 FRAMES, SIZE = 6, 64
 
@@ -32,6 +32,9 @@ def prepared(tmp_path: Path) -> PreparedClip:
     with VideoWriter(tmp_path / BACKGROUND, SIZE, SIZE, rate, "ffv1") as writer:
         for k in range(FRAMES):
             writer.write(np.full((SIZE, SIZE, 3), 10 * k, np.uint8))
+    with VideoWriter(tmp_path / OVERLAY, SIZE, SIZE, rate, "ffv1-gray") as writer:
+        for k in range(FRAMES):
+            writer.write(np.full((SIZE, SIZE), 40 * k, np.uint8))
     return PreparedClip(
         folder=tmp_path,
         clip=clip,
@@ -50,6 +53,9 @@ def prepared(tmp_path: Path) -> PreparedClip:
         crop=np.tile([12.0, 5.0, 64.0], (FRAMES, 1)),
         valid=np.ones(FRAMES, bool),
         covered=np.zeros(FRAMES, bool),
+        over=np.arange(FRAMES) == 1,
+        shown=np.ones(FRAMES, np.float32),
+        haze=np.zeros((FRAMES, 3)),
         segment=np.zeros(FRAMES, int),
         landmarks=rng.uniform(0, SIZE, (FRAMES, 478, 2)).astype(np.float32),
         shape=rng.normal(size=(478, 3)),
@@ -95,6 +101,17 @@ def test_frames_stream_from_anywhere_and_keep_the_picture_outside_the_hole(
             assert (background[inside] == 10 * k).all()
 
 
+def test_an_overlay_is_read_where_something_lies_over_the_face(prepared: PreparedClip) -> None:
+    for start in (0, 1):
+        overlays = [frame.overlay for frame in prepared.film_frames(start)]
+        seen = [k for k, overlay in enumerate(overlays, start) if overlay is not None]
+        assert seen == [1]
+        over = overlays[1 - start]
+        assert over is not None
+        assert (over == 40).all()
+    assert next(prepared.film_frames(2)).overlay is None
+
+
 def test_camera_to_world_sees_the_points_where_the_pose_does(prepared: PreparedClip) -> None:
     points = np.random.default_rng(1).normal(0, 0.5, (20, 3))
     flip = np.diag([1.0, -1, -1])
@@ -109,8 +126,9 @@ def test_camera_to_world_sees_the_points_where_the_pose_does(prepared: PreparedC
 def test_pasting_a_crop_back_gives_the_frame(prepared: PreparedClip) -> None:
     frame = next(read_frames(prepared.clip))
     image, matte, _ = next(prepared.frames(0, 1))
-    assert np.array_equal(prepared.paste(frame, 0, image, matte), frame)
-    changed = prepared.paste(frame, 0, 255 - image, matte)
+    assert np.array_equal(prepared.paste(frame, 0, image, matte)[0], frame)
+    changed, laid = prepared.paste(frame, 0, 255 - image, matte)
     outside = np.ones(frame.shape[:2], bool)
     outside[5 + 20 : 5 + 40, 12 + 20 : 12 + 40] = False
     assert np.array_equal(changed[outside], frame[outside])
+    assert np.array_equal(laid == 0, outside)

@@ -179,6 +179,12 @@ def test_a_box_holds_a_region_and_its_surroundings_within_the_picture() -> None:
 
 
 def test_plates_are_of_frames_spread_over_each_shot() -> None:
-    short, long = plate_frames(np.repeat([0, 1], [3, 391]))
+    segment, lit = np.repeat([0, 1], [3, 391]), np.ones(394, bool)
+    short, long = plate_frames(segment, lit)
     assert short.tolist() == [0, 1, 2]
     assert np.array_equal(long, 3 + 10 * np.arange(PLATE_FRAMES))
+    lit[:], lit[[1, 5, 6]] = False, True
+    short, long = plate_frames(segment, lit)
+    assert short.tolist() == [1]
+    assert long.tolist() == [5, 6]
+    assert plate_frames(segment, lit & False)[0].tolist() == [0, 1, 2]  # all are dark: no choice

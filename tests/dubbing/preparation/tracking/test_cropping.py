@@ -51,7 +51,9 @@ def test_pasting_changes_nothing_where_the_mask_is_empty(side: int) -> None:
     mask[40:90, 30:100] = 255
     mask[38:40] = 90
     new = np.full((size, size, 3), 200, np.uint8)
-    out = paste(frame, window, new, mask)
+    out, laid = paste(frame, window, new, mask)
+    assert np.array_equal(out[laid == 0], frame[laid == 0])
+    assert laid.max() == 255
     allowed = np.zeros(frame.shape[:2], bool)
     scale = side / size
     top, bottom = int(10 + 37 * scale) - 1, int(10 + 91 * scale) + 2
@@ -66,5 +68,5 @@ def test_an_empty_mask_gives_the_frame_and_a_full_one_gives_the_crop_back() -> N
     window = np.array([40.0, 10.0, 128.0])
     part = crop(frame, window, 128)
     nothing = np.zeros((128, 128), np.uint8)
-    assert np.array_equal(paste(frame, window, 255 - part, nothing), frame)
-    assert np.array_equal(paste(frame, window, part, nothing + 255), frame)
+    assert np.array_equal(paste(frame, window, 255 - part, nothing)[0], frame)
+    assert np.array_equal(paste(frame, window, part, nothing + 255)[0], frame)

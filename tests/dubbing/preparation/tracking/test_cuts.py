@@ -2,9 +2,11 @@
 
 import itertools
 
+import cv2
 import numpy as np
+import pytest
 
-from dubbing.preparation.tracking.cuts import find_cuts, segments, thumbnail
+from dubbing.preparation.tracking.cuts import find_cuts, same_structure, segments, thumbnail
 
 
 def quiet(frames: int) -> np.ndarray:
@@ -64,3 +66,32 @@ def test_pictures_of_two_scenes() -> None:
     ]
     difference = np.array([0.0] + [np.abs(b - a).mean() for a, b in itertools.pairwise(small)])
     assert find_cuts(difference).tolist() == [30]
+
+
+def room(seed: int = 0, seat: int = 0) -> np.ndarray:
+    """A wall with shapes, and somebody before it who sits ``seat`` px aside."""
+    noise = np.random.default_rng(seed).normal(0, 1, (180, 320, 3)).astype(np.float32)
+    picture = 120 + 700 * cv2.GaussianBlur(noise, (0, 0), 6)
+    cv2.ellipse(picture, (160 + seat, 100), (60, 80), 0, 0, 360, (200.0, 150.0, 130.0), -1)
+    for side in (-25, 25):
+        cv2.circle(picture, (160 + seat + side, 80), 9, (60.0, 40.0, 30.0), -1)
+    return picture
+
+
+@pytest.mark.parametrize(
+    ("gain", "offset"), [(0.5, 0), (0.15, 0), (1.4, 0), (0.5, 120), ((1.3, 1.0, 0.6), 0)]
+)
+def test_a_sudden_change_of_light_is_no_cut(gain: object, offset: float) -> None:
+    lamp = np.linspace(0.8, 1.2, 320)[:, None]
+    lit = room(seat=1) * gain * lamp + offset
+    one, other = (thumbnail(np.clip(x, 0, 255).astype(np.uint8)) for x in (room(), lit))
+    assert same_structure(one, other)
+    difference = quiet(50)
+    difference[25] = 40
+    assert find_cuts(difference, np.arange(50) == 25).tolist() == []
+
+
+@pytest.mark.parametrize("after", [room(1), room(0, 40)[:, ::-1], room(2) * 0.5])
+def test_another_scene_is_a_cut_in_whatever_light(after: np.ndarray) -> None:
+    one, other = (thumbnail(np.clip(x, 0, 255).astype(np.uint8)) for x in (room(), after))
+    assert not same_structure(one, other)

@@ -15,7 +15,12 @@ if TYPE_CHECKING:
 FRAMES = 10
 
 
-def warnings_for(apart: dict[int, float], faces: int = 1) -> list[str]:
+def warnings_for(
+    apart: dict[int, float],
+    faces: int = 1,
+    over: tuple[int, ...] = (),
+    dissolved: tuple[int, ...] = (),
+) -> list[str]:
     """Warnings of a calm clip at 5 fps whose modes differ by so many px in some frames."""
     info = SimpleNamespace(frames=FRAMES, rate=Fraction(5), variable_rate=False)
     info.width, info.height = 640, 512
@@ -30,16 +35,25 @@ def warnings_for(apart: dict[int, float], faces: int = 1) -> list[str]:
         "segment": np.zeros(FRAMES, int),
         "distance": np.zeros(1),
         "repeated": np.zeros(FRAMES, bool),
+        "shown": np.where(np.isin(np.arange(FRAMES), dissolved), 0.7, 1.0),
         "window": np.tile([0.0, 0.0, 512.0], (FRAMES, 1)),
     }
     found = {"valid": np.ones(FRAMES, bool), "apart": gaps, "points": points}
     found["covered"] = np.zeros(FRAMES, bool)
+    found["over"] = np.isin(np.arange(FRAMES), over)
     poses = SimpleNamespace(rotation=np.tile(np.eye(3), (FRAMES, 1, 1)))
     return warnings_of(cast("MediaInfo", info), 512, seen, found, cast("Poses", poses))
 
 
 def test_a_calm_clip_has_no_warnings() -> None:
     assert warnings_for({3: 2.9}) == []
+
+
+def test_what_stays_over_the_new_mouth_and_what_fades_with_its_shot() -> None:
+    over, dissolve = warnings_for({}, over=(4, 5, 6), dissolved=(8,))
+    assert "over the lower face in 3 frames, the first at 0.8 s" in over
+    assert "stays over the new mouth" in over
+    assert "dissolve into one another in 1 frames, the first at 1.6 s" in dissolve
 
 
 def test_of_several_faces_the_chosen_one_and_the_way_to_another_are_said() -> None:

@@ -1,0 +1,250 @@
+"""What lies over the lower face in part, pixel by pixel: captions, graphics, a microphone.
+
+Within the outline of the face, colours that are far from usual ones are a find. Finds give the
+colours of what lies there, and the rows that it takes up; in frames around a find all pixels of
+such colours and rows count, on the neck, too. T frames, S side of the crop in px.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dubbing.face.mesh_points import FACE_OVAL, NOSE_BASE
+from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
+from dubbing.media import MediaInfo, VideoWriter
+from dubbing.preparation.footage.threads import in_order
+from dubbing.preparation.tracking.occlusion import regions
+from dubbing.preparation.tracking.tracking import Arrays, Progress
+from dubbing.preparation.tracking.usual_colours import (
+    EYES,
+    UsualColours,
+    eye_distance,
+    in_usual_light,
+    inside_face,
+    to_face,
+    upright,
+)
+
+FRAMES = 150  # that usual colours are taken from
+BEYOND = 25.0  # levels from usual colours
+LEAST_AREA = 0.002  # of the squared eye distance, in one piece; 0 on clips without graphics
+DARKEST = 0.25  # gain of the light: below, noise is as strong as colours
+LIPS = 0.08  # eye distances round the inner lips, where teeth and tongue have any colour
+NEAR = 40.0  # levels between colours of one graphic, at most this share
+SHARPER = 0.6  # of its distance from skin
+COLOURS = 3  # of a graphic
+MOST_PIXELS = 4000  # that these are sought in
+LEAST_SHARE = 0.2  # of a find's pixels that have no colour of skin
+ROUND = 100  # frames before and after a find in which it may be there
+LINE = 0.3  # eye distances that the rows of a graphic reach beyond its finds
+OUTLINE = 0.07  # eye distances round its colours: outlines and shadows of letters
+
+
+@dataclass(frozen=True)
+class Find:
+    """A frame with finds.
+
+    Their first and last row (px of the crop), colours (N, 3), and whether they touch the mouth.
+    """
+
+    frame: int
+    top: int
+    bottom: int
+    colours: np.ndarray
+    at_mouth: bool
+
+
+class Overlay:
+    """Looks for what lies over a face in the crops of a clip.
+
+    Args:
+        crops: (T, S, S, 3) RGB. points: (T, P, 2 or more) px. valid, segment: (T,).
+        shape: (P, 3) in the head frame. light: gain and offset (T, 3).
+    """
+
+    def __init__(
+        self,
+        crops: np.ndarray,
+        points: np.ndarray,
+        valid: np.ndarray,
+        segment: np.ndarray,
+        shape: np.ndarray,
+        light: Arrays,
+    ) -> None:
+        self.crops, self.points, self.segment = crops, points, segment
+        self.gain, self.offset = light["gain"], light["offset"]
+        self.usable = valid & (self.gain.min(1) > DARKEST)
+        self.skin = regions(shape)[1]
+        self.usual = self._usual() if self.usable.any() else None
+
+    def _colours(self, t: int, image: np.ndarray) -> np.ndarray:
+        return in_usual_light(image, self.gain[t], self.offset[t])
+
+    def _unlit(self, t: int, colours: np.ndarray) -> np.ndarray:
+        """Colours (N, 3) Y, Cr, Cb of a frame, in the usual light."""
+        rgb = cv2.cvtColor(colours[None].astype(np.float32) / 255, cv2.COLOR_YCrCb2RGB)[0] * 255
+        return self._colours(t, rgb)
+
+    def _usual(self) -> UsualColours:
+        """Usual colours, from frames all over the clip."""
+        index = np.flatnonzero(self.usable)
+        some = index[np.unique(np.linspace(0, len(index) - 1, FRAMES).round().astype(int))]
+
+        def look(t: int) -> tuple[np.ndarray, ...]:
+            at = self.points[t][:, :2].round().astype(int).clip(0, len(self.crops[t]) - 1)
+            parts = [self.crops[t][at[which, 1], at[which, 0]] for which in (self.skin, OUTER_LIP)]
+            images = (upright(self.crops[t], self.points[t]), *parts)
+            return tuple(self._colours(t, image) for image in images)
+
+        faces, skin, lips = zip(*in_order(look, ((int(t),) for t in some)), strict=True)
+        return UsualColours.of(faces, np.concatenate(skin), np.concatenate(lips))
+
+    def finds(self, progress: Progress) -> list[Find]:
+        """Frames in which something lies over the face."""
+
+        def look(t: int) -> Find | None:
+            return self._find(t, self.usual) if self.usual and self.usable[t] else None
+
+        found = []
+        for t, find in enumerate(in_order(look, ((t,) for t in range(len(self.crops))))):
+            found.append(find)
+            progress((t + 1) / len(self.crops))
+        return [find for find in found if find is not None]
+
+    def _find(self, t: int, usual: UsualColours) -> Find | None:
+        turn = to_face(self.points[t])
+        points = self.points[t][:, :2] @ turn[:, :2].T + turn[:, 2]
+        image = upright(self.crops[t], self.points[t])
+        inside, lips = inside_face(points), mouth(points, EYES, image.shape[:2])
+        beyond = usual.beyond(self._colours(t, image), inside) > BEYOND
+        beyond &= inside & ~lips
+        beyond[: max(0, round(float(points[NOSE_BASE, 1])))] = False
+        _, piece, stats, _ = cv2.connectedComponentsWithStats(beyond.astype(np.uint8))
+        large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= LEAST_AREA * EYES**2) + 1
+        found = np.isin(piece, large)
+        if not found.any():
+            return None
+        colours = ycc(image[found])
+        other = usual.from_skin(self._colours(t, image[found])) > 0
+        if other.mean() < LEAST_SHARE:
+            return None
+        place = np.argwhere(found)[:, ::-1] - turn[:, 2]
+        rows = place @ turn[:, 1] / float(turn[0, :2] @ turn[0, :2])  # the inverse similarity
+        touching = bool((cv2.dilate(lips.astype(np.uint8), np.ones((3, 3))) > 0)[found].any())
+        return Find(t, int(rows.min()), int(rows.max()) + 1, colours[other], touching)
+
+    def masks(self, finds: Sequence[Find]) -> Iterator[np.ndarray]:
+        """Of every frame: 255 (S, S) uint8 where something lies over the face, else 0."""
+
+        def look(t: int, near: list[Find], colours: np.ndarray) -> np.ndarray:
+            if self.usual is None or not near or not self.usable[t]:
+                return np.zeros(self.crops[t].shape[:2], np.uint8)
+            return self._mask(t, near, colours, self.usual)
+
+        def jobs() -> Iterator[tuple[int, list[Find], np.ndarray]]:
+            frames = np.array([find.frame for find in finds], int)
+            for t in range(len(self.crops)):
+                close = np.abs(frames - t) <= ROUND
+                near = [finds[k] for k in np.flatnonzero(close).tolist()]
+                near = [find for find in near if self.segment[find.frame] == self.segment[t]]
+                yield t, near, main_colours(near)
+
+        yield from in_order(look, jobs())
+
+    def _mask(
+        self, t: int, near: list[Find], colours: np.ndarray, usual: UsualColours
+    ) -> np.ndarray:
+        points, image = self.points[t], self.crops[t]
+        size, eyes = len(image), eye_distance(points)
+        line = round(LINE * eyes)
+        top = max(0, min(find.top for find in near) - line)
+        bottom = min(size, max(find.bottom for find in near) + line)
+        rows = ycc(image[top:bottom])
+        mask, exact = (np.zeros((size, size), np.uint8) for _ in range(2))
+        for colour in colours:
+            reach = min(NEAR, SHARPER * float(usual.from_skin(self._unlit(t, colour[None]))[0]))
+            away = np.linalg.norm(rows - colour, axis=-1)
+            mask[top:bottom] |= away < reach
+            exact[top:bottom] |= away < reach / 2
+        near_face, settled = self._places(t, usual)
+        mask[~near_face] = 0
+        mask[settled & ~_over_face(exact, points)] = 0
+        if not any(find.at_mouth for find in near if abs(find.frame - t) <= 1):
+            mask[mouth(points, eyes, (size, size))] = 0
+        reach = max(2, round(OUTLINE * eyes))
+        round_ = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+        return np.asarray(cv2.dilate(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, round_), round_) * 255)
+
+    def _places(self, t: int, usual: UsualColours) -> tuple[np.ndarray, np.ndarray]:
+        """Pixels (S, S) bool that usual colours are known of; and those that always look so."""
+        points, size = self.points[t], len(self.crops[t])
+        turn = to_face(points)
+        inside = inside_face(points[:, :2] @ turn[:, :2].T + turn[:, 2])
+        settled = usual.settled(self._colours(t, upright(self.crops[t], points)), inside)
+        back = cv2.invertAffineTransform(turn)
+        places = cv2.warpAffine(1 + settled.astype(np.uint8), back, (size, size))
+        return places > 0, places > 1
+
+
+def _over_face(mask: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Pixels (S, S) bool of the pieces of a mask that reach into the face."""
+    face = np.zeros_like(mask)
+    cv2.fillPoly(face, [points[list(FACE_OVAL), :2].round().astype(np.int32)], 1)
+    _, piece = cv2.connectedComponents(mask)
+    return np.isin(piece, np.setdiff1d(piece[(face > 0) & (mask > 0)], 0))
+
+
+def overlay_step(overlay: Overlay, out: Path, info: MediaInfo, progress: Progress) -> Arrays:
+    """Write OUT: a mask of every frame, or a single empty one if nothing lies over the face.
+
+    Returns:
+        over (T,) bool: frames whose mask is not empty.
+    """
+    finds, size = overlay.finds(progress), overlay.crops.shape[1]
+    over = np.zeros(len(overlay.crops), bool)
+    with VideoWriter(out, size, size, info.rate, "ffv1-gray") as video:
+        if not finds:
+            video.write(np.zeros((size, size), np.uint8))
+        for t, mask in enumerate(overlay.masks(finds) if finds else ()):
+            video.write(mask)
+            over[t] = mask.any()
+    return {"over": over}
+
+
+def main_colours(finds: Sequence[Find]) -> np.ndarray:
+    """The colours (K, 3) that most of the pixels of finds have."""
+    if not finds:
+        return np.zeros((0, 3), np.float32)
+    pixels = np.concatenate([find.colours for find in finds])
+    pixels = np.ascontiguousarray(pixels[:: len(pixels) // MOST_PIXELS + 1])
+    if len(pixels) <= COLOURS:
+        return pixels
+    criteria = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 20, 1.0)
+    cv2.setRNGSeed(0)
+    labels = np.zeros((len(pixels), 1), np.int32)
+    flags = cv2.KMEANS_PP_CENTERS
+    _, _, centres = cv2.kmeans(pixels, COLOURS, labels, criteria, 1, flags)
+    return np.asarray(centres)
+
+
+def mouth(points: np.ndarray, eyes: float, shape: tuple[int, ...]) -> np.ndarray:
+    """Pixels (H, W) bool between the lips and close to them, of a face with points (P, 2) px.
+
+    Args:
+        eyes: distance between the outer corners of the eyes, px. shape: (H, W).
+    """
+    inner = np.zeros(shape, np.uint8)
+    cv2.fillPoly(inner, [points[list(INNER_LIP), :2].round().astype(np.int32)], 1)
+    reach = max(1, round(LIPS * eyes))
+    return cv2.dilate(inner, np.ones((2 * reach + 1, 2 * reach + 1))) > 0
+
+
+def ycc(pixels: np.ndarray) -> np.ndarray:
+    """RGB (..., 3) uint8 as Y, Cr, Cb float32."""
+    flat = pixels.reshape(1, -1, 3)
+    return np.asarray(cv2.cvtColor(flat, cv2.COLOR_RGB2YCrCb).reshape(pixels.shape), np.float32)

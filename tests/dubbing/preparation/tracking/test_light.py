@@ -1,0 +1,54 @@
+"""The light of frames, from colours that are known."""
+
+import numpy as np
+import pytest
+
+from dubbing.face.mesh_points import LEFT_EYE_AND_BROW
+from dubbing.preparation.tracking.light import coarse_gain, light_of, noticed
+
+FRAMES, POINTS = 6, 478
+STILL = np.arange(100, 200)
+RNG = np.random.default_rng(0)
+USUAL = RNG.uniform(90, 220, (POINTS, 3))
+USUAL[list(LEFT_EYE_AND_BROW)] = RNG.uniform(20, 90, (len(LEFT_EYE_AND_BROW), 3))
+
+
+def seen(gain: float | list[float], offset: float = 0.0) -> np.ndarray:
+    """Colours (T, P, 3) in that light, with noise, and a tenth of the points covered."""
+    lit = np.multiply(USUAL, gain) + offset + RNG.normal(0, 2, (FRAMES, POINTS, 3))
+    lit[:, 100:110] = 10
+    return lit
+
+
+@pytest.mark.parametrize("gain", [0.1, 0.4, 1.0, 1.2, [1.1, 1.0, 0.7]])
+def test_a_lamp_or_a_fade_is_a_gain(gain: float | list[float]) -> None:
+    light = light_of(seen(gain), USUAL, STILL)
+    assert np.abs(light.gain - gain).max() < 0.03
+    assert not light.offset.any()
+    lit = light.lit(USUAL)
+    np.testing.assert_allclose(light.unlit(lit), np.tile(USUAL, (FRAMES, 1, 1)))
+
+
+@pytest.mark.parametrize("white", [0.25, 0.5, 0.8])
+def test_a_fade_to_white_is_haze(white: float) -> None:
+    light = light_of(seen(1 - white, 255 * white), USUAL, STILL)
+    assert np.abs(light.offset - 255 * white).max() < 6
+    assert np.abs(light.gain - (1 - white)).max() < 0.04
+
+
+def test_a_little_haze_is_a_head_that_turns() -> None:
+    assert not light_of(seen(0.95, 12.0), USUAL, STILL).offset.any()
+
+
+def test_only_what_one_notices_is_told_from_the_usual_light() -> None:
+    gain = np.array([[1.0, 1.05, 0.95], [0.8, 1, 1], [1, 1, 1]])
+    offset = np.array([[0.0, 0, 0], [0, 0, 0], [30, 30, 30]])
+    found, haze = noticed(gain, offset)
+    assert found.tolist() == [[1, 1, 1], [0.8, 1, 1], [1, 1, 1]]
+    assert np.array_equal(haze, offset)
+
+
+def test_frames_without_a_face_are_dark_or_as_usual() -> None:
+    usual = np.array([100.0, 100, 100])
+    level = np.array([[0.0, 0, 0], [20, 20, 20], [80, 85, 90]])
+    assert coarse_gain(level, usual).tolist() == [[0.02] * 3, [0.2] * 3, [1.0] * 3]
