@@ -172,9 +172,9 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     count = 7 * len(seen.pixels)
     note("a step of a pose", lambda: normal_equations(volume, seen, camera.c2w), count, "rays")
     (whole,) = heads.frames(*scene_arguments(scene, frame))
-    ((image, matte, background),) = scene.clip.frames(frame, 1)
+    (film,) = scene.clip.film_frames(frame, 1)
     head = heads.to_rgba(*whole)
-    note("composite", lambda: replacement(image, matte, background, head, landmarks))
+    note("composite", lambda: replacement(film, head))
     return rows
 
 

@@ -7,33 +7,37 @@ import cv2
 import numpy as np
 
 from dubbing.compositing.face_mask import face_mask
+from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import with_neck
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, inpaint_mask
+from dubbing.preparation.prepared import FilmFrame
 
 FLOOR = 6  # of 255: a lower opacity is haze, not head
 REACH = 30  # px beyond the inpaint mask where an open jaw may lie; over as much again it fades
+INPAINT = 3  # px round letters that the neck behind them is filled in from
 FEATHER = 5  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
-def replacement(
-    image: np.ndarray,
-    matte: np.ndarray,
-    background: np.ndarray,
-    head: np.ndarray,
-    landmarks: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
+def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What a dub puts in the place of a frame of the film, and how much of it; see `composite`.
 
+    What lies over the face in the film stays over it.
+
     Args:
-        image, matte, background: (S, S, 3), (S, S), (S, S, 3) uint8 of the prepared frame.
         head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity.
-        landmarks: (478, 2) px of the film's face.
     """
+    image, landmarks = film.image, film.landmarks
     size = len(image)
-    restored = inpaint_mask(matte)
+    restored = inpaint_mask(film.matte)
     clean = without_haze(head, restored, REACH * size / REFERENCE_SIZE)
-    under, stretched = with_neck(image, background, matte, clean[..., 3], landmarks)
-    return composite(under, restored | stretched, clean, face_mask(landmarks, size))
+    lit = follow_light(image, film.matte, clean, landmarks, film.haze, film.overlay)
+    if film.overlay is not None:
+        image = cv2.inpaint(image, film.overlay, INPAINT, cv2.INPAINT_TELEA)
+    under, stretched = with_neck(image, film.background, film.matte, lit[..., 3], landmarks)
+    share = face_mask(landmarks, size)
+    if film.overlay is not None:
+        share = np.minimum(share, 255 - film.overlay)
+    return composite(under, restored | stretched, lit, share)
 
 
 def composite(

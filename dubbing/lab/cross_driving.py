@@ -146,12 +146,11 @@ def dubbed(
         for start in range(first, first + count, AT_ONCE):
             stop = min(start + AT_ONCE, first + count)
             rendered = heads.frames(person, maps, posed, speech, index, start, stop)
-            sources = composer.read_source(clip, index[start:stop], "full")
-            for k, (colour, opacity), source in zip(
-                index[start:stop].tolist(), rendered, sources, strict=True
+            films = composer.read_frames(clip, index[start:stop])
+            for k, (colour, opacity), film in zip(
+                index[start:stop].tolist(), rendered, films, strict=True
             ):
-                *_, whole = source
-                assert whole is not None  # "full" reads it
                 head, seen = heads.to_rgba(colour, opacity), float(clip.valid[k])
-                frame = composer.with_faces(whole, [composer.Face(clip, source, head, seen)], k)
-                yield cropping.crop(frame, clip.crop[k], clip.size), source[0], k
+                face = composer.Face(clip, film, head, seen)
+                frame, _ = composer.with_faces(film.whole, [face], k)
+                yield cropping.crop(frame, clip.crop[k], clip.size), film.image, k

@@ -2,6 +2,7 @@ import numpy as np
 
 from dubbing.compositing.composite import REACH, blend, composite, replacement, without_haze
 from dubbing.compositing.face_mask import rendered_region
+from dubbing.preparation.prepared import FilmFrame
 from tests import fakes
 
 S = 512
@@ -21,6 +22,16 @@ def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     head[radius < 100] = (220, 20, 60, 255)
     head[(radius >= 100) & (radius < 102)] = (110, 10, 30, 128)  # premultiplied
     return image, background, inpaint_mask, head
+
+
+def film(
+    image: np.ndarray,
+    matte: np.ndarray,
+    background: np.ndarray,
+    overlay: np.ndarray | None = None,
+) -> FilmFrame:
+    """A frame of a film with the fake face, in the usual light."""
+    return FilmFrame(image, matte, background, overlay, np.zeros(3), fakes.face(S), image)
 
 
 def test_composite_is_colour_plus_the_rest_of_the_background() -> None:
@@ -93,7 +104,7 @@ def test_above_the_lower_face_every_pixel_is_the_films() -> None:
     image, background, _, head = scene()
     matte = np.where(np.hypot(*(np.mgrid[:S, :S] - S // 2)) < 100, 255, 0).astype(np.uint8)
     landmarks = fakes.face(S)
-    picture, mask = replacement(image, matte, background, head, landmarks)
+    picture, mask = replacement(film(image, matte, background), head)
     eyes, base = landmarks[33, 1], landmarks[2, 1]
     below_the_eyes = round(eyes + 0.4 * (base - eyes))
     shown = blend(image, picture, mask)
@@ -124,8 +135,22 @@ def test_what_lies_beyond_the_rendered_region_changes_nothing() -> None:
     landmarks = fakes.face(S)
     region = rendered_region(landmarks, S)
     assert (head[~region][:, 3] > 0).sum() > 1000
-    whole = replacement(image, matte, background, head, landmarks)
-    part = replacement(image, matte, background, head * region[..., None], landmarks)
+    frame = film(image, matte, background)
+    whole = replacement(frame, head)
+    part = replacement(frame, head * region[..., None])
     shown, again = (blend(image, *made) for made in (whole, part))
     assert (shown != blend(image, background, whole[1])).any()
     np.testing.assert_array_equal(again, shown)
+
+
+def test_what_lies_over_the_face_stays_and_the_rest_is_replaced() -> None:
+    image, background, _, head = scene()
+    matte = np.where(np.hypot(*(np.mgrid[:S, :S] - S // 2)) < 100, 255, 0).astype(np.uint8)
+    overlay = np.zeros((S, S), np.uint8)
+    overlay[S // 2 + 40 : S // 2 + 60, S // 2 - 30 : S // 2 + 30] = 255
+    overlay[S // 2 + 60, S // 2 - 30 : S // 2 + 30] = 100
+    picture, mask = replacement(film(image, matte, background, overlay), head)
+    shown = blend(image, picture, mask)
+    np.testing.assert_array_equal(shown[overlay == 255], image[overlay == 255])
+    assert mask[S // 2 + 60, S // 2] == 155
+    assert tuple(shown[S // 2 + 30, S // 2]) == (220, 20, 60)

@@ -128,11 +128,10 @@ def test_frames_go_through_the_compositor_of_a_dub(
     assert asked == [7, 8, 9, 10, 11, 0, 1]
     assert [index for _, _, index in found] == under.tolist()
     for k, (dub, film, index) in zip([7, 8, 9, 10, 11, 0, 1], found, strict=True):
-        (source,) = composer.read_source(clip, np.array([index]), "full")
-        assert source[3] is not None
-        face = composer.Face(clip, source, to_rgba(k, 0), 1.0)
-        whole = composer.with_faces(source[3], [face], index)
+        (frame,) = composer.read_frames(clip, np.array([index]))
+        face = composer.Face(clip, frame, to_rgba(k, 0), 1.0)
+        whole, _ = composer.with_faces(frame.whole, [face], index)
         x0, y0, side = (int(v) for v in clip.crop[index])
         assert np.array_equal(dub, whole[y0 : y0 + side, x0 : x0 + side])
-        assert np.array_equal(film, source[0])
+        assert np.array_equal(film, frame.image)
         assert not np.array_equal(dub, film)

@@ -1,0 +1,73 @@
+"""The light of the film's frame on a rendered head.
+
+A head is rendered in the light that it was learned in. Where film and render show the same skin,
+round what is replaced and on cheeks and chin, the ratio of their colours is measured; what of it
+varies slowly over the picture is light, and is put on the render. S side of the crop in px; lengths
+are for S = 512 and scale with it.
+"""
+
+import cv2
+import numpy as np
+
+from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
+
+STEP = 4  # px between places where the ratio is measured
+SMOOTH = 36.0  # px, Gaussian: what varies faster is skin, not light
+MOUTH = 14.0  # px round the film's lips: what is there moves with other words
+OPAQUE = 250  # of 255
+DARK = 4.0  # grey levels added before the ratio is taken: black has none
+ALONE = 0.02  # weight of the whole face's ratio beside that of the neighbourhood
+LEAST = 0.002  # of the crop's pixels that show the same skin; with fewer, nothing is known
+WILD = 0.35  # of a logarithm from the median: a place that far off counts half
+
+
+def follow_light(
+    image: np.ndarray,
+    matte: np.ndarray,
+    head: np.ndarray,
+    landmarks: np.ndarray,
+    haze: np.ndarray,
+    overlay: np.ndarray | None = None,
+) -> np.ndarray:
+    """The head in the light of the frame, (S, S, 4) uint8, colour premultiplied by opacity.
+
+    Args:
+        image: (S, S, 3), matte: (S, S) uint8 of the film.
+        head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity.
+        landmarks: (478, 2) px of the film's face.
+        haze: (3,) grey levels of light over the picture, which no ratio explains.
+        overlay: (S, S) uint8, above 0 where something lies over the face.
+    """
+    size = len(image)
+    unit = size / REFERENCE_SIZE
+    lips = np.zeros((size, size), np.uint8)
+    cv2.fillPoly(lips, [landmarks[list(OUTER_LIP)].round().astype(np.int32)], 1)
+    same = (head[..., 3] >= OPAQUE) & (matte >= OPAQUE) & ~dilate(lips > 0, MOUTH * unit)
+    if overlay is not None:
+        same &= overlay == 0
+    if same.mean() < LEAST:
+        return head
+    share = _small(same.astype(np.float32))[..., None]
+    seen, rendered = (
+        _small(same[..., None] * picture.astype(np.float32)) / np.maximum(share, 1e-6)
+        for picture in (image, head[..., :3])
+    )
+    ratio = np.log(np.maximum(seen - haze, 0) + DARK) - np.log(rendered + DARK)
+    middle = np.median(ratio[share[..., 0] > 0.5], 0) if (share > 0.5).any() else ratio.mean((0, 1))
+    weight = share / (1 + (np.abs(ratio - middle) / WILD) ** 2)
+    sigma = SMOOTH * unit / STEP
+    near, around = (cv2.GaussianBlur(x, (0, 0), sigma) for x in (weight, weight * (ratio - middle)))
+    slow = middle + around / (near + ALONE)
+    gain = cv2.resize(np.exp(slow).astype(np.float32), (size, size), interpolation=cv2.INTER_LINEAR)
+    opacity = head[..., 3:].astype(np.float32) / 255
+    lit = (head[..., :3] + DARK * opacity) * gain + (haze - DARK) * opacity
+    out = head.copy()
+    out[..., :3] = np.clip(lit.round(), 0, head[..., 3:])
+    return out
+
+
+def _small(picture: np.ndarray) -> np.ndarray:
+    """A picture (S, S[, C]) at every `STEP`-th pixel, each the mean of its neighbourhood."""
+    side = max(1, len(picture) // STEP)
+    return np.asarray(cv2.resize(picture, (side, side), interpolation=cv2.INTER_AREA))

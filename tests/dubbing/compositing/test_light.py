@@ -1,0 +1,101 @@
+"""The light of a film on a rendered head, on skin that is known."""
+
+import cv2
+import numpy as np
+import pytest
+
+from dubbing.compositing.light import follow_light
+from dubbing.face.mouth_shape import OUTER_LIP
+from tests import fakes
+
+S = 256
+CLEAR = np.zeros(3)
+
+
+def skin(mouth: float = 70.0) -> np.ndarray:
+    """A face (S, S, 3) float with soft shading, nostrils, and a mouth of that brightness."""
+    rows, columns = np.mgrid[0:S, 0:S] / S
+    shade = 150 + 30 * np.cos(3 * columns) * np.sin(2 * rows)
+    picture = np.stack([shade + 40, shade, shade - 20], -1)
+    for side in (-12, 12):
+        cv2.circle(picture, (S // 2 + side, 100), 4, (80.0, 50.0, 45.0), -1)
+    cv2.ellipse(picture, (S // 2, 150), (30, 10), 0, 0, 360, (mouth + 60, mouth, mouth), -1)
+    return picture
+
+
+def landmarks() -> np.ndarray:
+    points = fakes.face(S)
+    angle = np.linspace(0, 2 * np.pi, len(OUTER_LIP), endpoint=False)
+    points[list(OUTER_LIP)] = np.stack([S / 2 + 34 * np.sin(angle), 150 - 14 * np.cos(angle)], -1)
+    return points
+
+
+ROUND = np.hypot(*(np.mgrid[0:S, 0:S] - S / 2)) < 100
+OPAQUE = np.where(ROUND, 255, 0).astype(np.uint8)
+
+
+def head(picture: np.ndarray) -> np.ndarray:
+    colour = np.clip(picture, 0, 255).round() * ROUND[..., None]
+    return np.concatenate([colour, OPAQUE[..., None]], -1).astype(np.uint8)
+
+
+def follow(film: np.ndarray, render: np.ndarray, haze: np.ndarray = CLEAR) -> np.ndarray:
+    image = np.clip(film, 0, 255).round().astype(np.uint8)
+    return follow_light(image, OPAQUE, head(render), landmarks(), haze)
+
+
+INNER = cv2.erode(OPAQUE, np.ones((21, 21))) > 0
+
+
+@pytest.mark.parametrize(
+    "light",
+    [
+        np.array(1.0),
+        np.array(0.25),
+        np.array(0.02),
+        np.array([1.1, 0.9, 0.6]),
+        np.linspace(0.5, 1.1, S)[:, None] * np.ones(3),
+    ],
+    ids=["the same", "a fade", "nearly black", "a colour", "a lamp from the side"],
+)
+def test_a_head_has_the_light_of_the_film(light: np.ndarray) -> None:
+    """Its mouth is another than the film's, and is lit like the skin round it."""
+    made = follow(skin(mouth=30) * light, skin(mouth=90))
+    expected = np.clip(skin(mouth=90) * light, 0, 255)
+    away = np.abs(made[..., :3].astype(float) - expected)[INNER]
+    assert np.percentile(away, 95) < 4
+    assert away.mean() < 1.5
+
+
+def test_in_a_fade_to_white_the_mouth_pales_as_the_face_does() -> None:
+    white = 0.6
+    haze = np.full(3, 255 * white)
+    made = follow(skin(30) * (1 - white) + haze, skin(90), haze)
+    expected = skin(90) * (1 - white) + haze
+    assert np.abs(made[..., :3] - expected)[INNER].mean() < 2
+
+
+def test_what_lies_over_the_face_is_no_light() -> None:
+    film = skin()
+    film[160:190, 60:200] = 250
+    overlay = np.zeros((S, S), np.uint8)
+    overlay[158:192, 58:202] = 255
+    image = film.round().astype(np.uint8)
+    made = follow_light(image, OPAQUE, head(skin()), landmarks(), CLEAR, overlay)
+    assert np.abs(made[..., :3] - skin())[INNER].max() < 4
+
+
+def test_a_head_that_shows_no_skin_of_the_film_stays() -> None:
+    elsewhere = np.zeros((S, S), np.uint8)
+    render = head(skin())
+    image = np.full((S, S, 3), 10, np.uint8)
+    np.testing.assert_array_equal(
+        follow_light(image, elsewhere, render, landmarks(), CLEAR), render
+    )
+
+
+def test_light_is_steady_where_the_film_is() -> None:
+    rng = np.random.default_rng(0)
+    film = [skin() + rng.normal(0, 3, (S, S, 3)) for _ in range(6)]
+    made = np.stack([follow(picture, skin()) for picture in film]).astype(float)
+    assert made.std(0)[INNER].mean() < 0.3
