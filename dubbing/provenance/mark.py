@@ -1,29 +1,39 @@
-"""The invisible mark: 64 bits as a keyed pattern on the luma of what a dub replaces, and around.
+"""The invisible mark: 64 bits as a keyed pattern on the luma of the pixels that a dub replaces.
 
 Spread spectrum: a tile of cells, each light or dark by the key and by the one bit that it carries,
 repeats over the frame. A cell is a share of the frame's shorter side, so that a smaller copy holds
-the same cells. The pattern stands still in the frame, and is as strong in flat as in busy parts:
-what an encoder spares is worth more than what an eye overlooks. T cells a side of the tile, B bits.
+the same cells. The pattern is turned round several times a second: one frame shows next to
+nothing, and what stands still in the picture is no obstacle when it is looked for. It is
+as strong as the picture hides: a fraction of a grey level where it is smooth, which dither spreads
+over frames and pixels as grain does; more in what is rough, dark or very bright. No other pixel is
+changed. T cells a side of the tile, B bits.
 """
 
 from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 import cv2
 import numpy as np
 
 TILE = 64  # T
 BITS = 64  # B
-CELLS = 180  # along the shorter side of a frame
-PSNR = 44.2  # dB of a marked frame, at least; a marked part of it may be changed more, up to
-PART_PSNR = 42.0  # dB
-AROUND = 0.25  # of the head crop's side, on every side of it
-FADE = 0.06  # of the marked rectangle's shorter side, over which the mark sets in
-Place = tuple[float, float, float]  # column, row and side of a head crop, px of the frame
+CELLS = 128  # along the shorter side of a frame
+# What the pattern is multiplied with, a slot after the other: an m-sequence, which resembles no
+# shift of itself, and none of its negative, so that a part of a film shows where it begins.
+WAVE = (1, 1, 1, -1, -1, 1, -1)
+SLOT = Fraction(2, 25)  # seconds
+PERIOD = len(WAVE) * SLOT
+# What a picture hides, grey levels: in a smooth part of middle brightness, for each level of
+# roughness, and at most. Twice as much in black, half as much again in white.
+SMOOTH, ROUGH, MOST = 0.7, 0.08, 2.0
+SHADOW, LIGHT = 60.0, 180.0  # levels from which on darkness and brightness hide more
+FINE, WIDE = 1.2, 1.5  # cells: what is finer is roughness, and the neighbourhood that hides
+REACH = 4.0  # cells round a pixel: the smoothest place there decides, so that no edge hides
+DITHER = 256  # px a side of its tile
 
 
 @dataclass(frozen=True)
@@ -56,73 +66,66 @@ class Code:
 
 
 class Mark:
-    """Draws 64 bits onto frames of one size."""
+    """Draws 64 bits onto frames of one size and rate."""
 
-    def __init__(self, key: bytes, bits: np.ndarray, width: int, height: int) -> None:
-        cell = min(width, height) / CELLS
+    def __init__(
+        self, key: bytes, bits: np.ndarray, width: int, height: int, rate: Fraction
+    ) -> None:
+        self._cell, self._rate = min(width, height) / CELLS, rate
         border = cv2.copyMakeBorder(Code.of(key).tile(bits), 2, 2, 2, 2, cv2.BORDER_WRAP)
         down, across = (
-            ((np.arange(n, dtype=np.float32) + 0.5) / cell - 0.5) % TILE + 2
+            ((np.arange(n, dtype=np.float32) + 0.5) / self._cell - 0.5) % TILE + 2
             for n in (height, width)
         )
         grid = np.meshgrid(across, down)
         self._pattern = cv2.remap(border, grid[0], grid[1], cv2.INTER_CUBIC)
+        drawn = hashlib.shake_256(b"dfrf dither").digest(DITHER * DITHER)
+        levels = np.frombuffer(drawn, np.uint8).reshape(DITHER, DITHER)
+        self._dither = (levels.astype(np.float32) + 0.5) / 256
 
-    def draw(self, frame: np.ndarray, places: Sequence[Place]) -> np.ndarray:
-        """The frame (H, W, 3) uint8 with the mark on head crops and around them."""
-        share, rows, columns = _shares(frame.shape[:2], places)
-        delta = self._pattern[rows, columns] * share
-        if not delta.any():
+    def draw(self, frame: np.ndarray, replaced: np.ndarray, number: int) -> np.ndarray:
+        """The frame (H, W, 3) uint8 with the mark on what is replaced.
+
+        Args:
+            replaced: (H, W) uint8, how much of each pixel is; 0: the film's own, which stays.
+            number: of the frame in the dub.
+        """
+        sign = wave(number / self._rate)
+        rows, columns = (np.flatnonzero(replaced.any(axis)) for axis in (1, 0))
+        if not len(rows):
             return frame
-        energy = float(np.sum(np.square(delta)))
-        whole = _deviation_of(PSNR) * math.sqrt(frame.size / 3 / energy)
-        part = _deviation_of(PART_PSNR) * math.sqrt(np.count_nonzero(share) / energy)
-        levels = np.rint(min(whole, part) * delta).astype(np.int16)
+        place = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+        part, share = frame[place], replaced[place].astype(np.float32) / 255
+        wanted = sign * hidden_by(part, self._cell) * share * self._pattern[place]
+        turn = number * 97 % DITHER, number * 57 % DITHER  # another piece of it for every frame
+        row, column = (np.arange(n) for n in part.shape[:2])
+        dither = self._dither[(row[:, None] + turn[0]) % DITHER, (column + turn[1]) % DITHER]
+        levels = np.where(share > 0, np.floor(wanted + dither), 0).astype(np.int16)
         out = frame.copy()
-        out[rows, columns] = np.clip(frame[rows, columns] + levels[..., None], 0, 255)
+        out[place] = np.clip(part + levels[..., None], 0, 255)
         return out
 
 
-def _deviation_of(psnr: float) -> float:
-    """Root of the mean square difference, levels."""
-    return float(255 * 10 ** (-psnr / 20))
+def wave(seconds: Fraction) -> int:
+    """What the pattern is multiplied with at a time of the dub."""
+    return WAVE[math.floor(seconds / SLOT) % len(WAVE)]
 
 
-def _shares(size: tuple[int, int], places: Sequence[Place]) -> tuple[np.ndarray, slice, slice]:
-    """How much of the mark a pixel bears, 0..1 float32 (h, w), of which rows and columns.
+def hidden_by(picture: np.ndarray, cell: float) -> np.ndarray:
+    """Grey levels (H, W) float32 by which luma may differ unseen, of an RGB picture uint8.
+
+    A model of just noticeable differences as Chou and Li's (1995), far below it: masking by
+    luminance and by contrast.
 
     Args:
-        size: (H, W) of the frame. Outside of the rows and columns it bears none.
+        cell: px of a cell of the pattern.
     """
-    around = [
-        tuple(
-            slice(*np.clip([round(at - AROUND * side), round(at + (1 + AROUND) * side)], 0, most))
-            for at, most in ((top, size[0]), (left, size[1]))
-        )
-        for left, top, side in places
-    ]
-    rows, columns = (
-        slice(
-            min((s[k].start for s in around), default=0),
-            max((s[k].stop for s in around), default=0),
-        )
-        for k in (0, 1)
-    )
-    share = np.zeros((rows.stop - rows.start, columns.stop - columns.start), np.float32)
-    for down, across in around:
-        part = share[
-            down.start - rows.start : down.stop - rows.start,
-            across.start - columns.start : across.stop - columns.start,
-        ]
-        np.maximum(part, _fade(*part.shape), out=part)
-    return share, rows, columns
-
-
-def _fade(height: int, width: int) -> np.ndarray:
-    """0 at the border of a rectangle (h, w), 1 from `FADE` of its shorter side on."""
-    reach = max(1.0, FADE * min(height, width))
-    down, across = (
-        np.minimum((np.minimum(np.arange(n), np.arange(n)[::-1]) + 0.5) / reach, 1)
-        for n in (height, width)
-    )
-    return (down[:, None] * across).astype(np.float32)
+    luma = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    fine = luma - cv2.GaussianBlur(luma, (0, 0), FINE * cell)
+    rough = np.sqrt(cv2.GaussianBlur(fine * fine, (0, 0), WIDE * cell))
+    reach = max(1, round(REACH * cell))
+    rough = cv2.erode(rough, np.ones((2 * reach + 1, 2 * reach + 1)))
+    dark = np.clip((SHADOW - luma) / SHADOW, 0, 1)
+    bright = np.clip((luma - LIGHT) / (255 - LIGHT), 0, 1)
+    hidden = SMOOTH * (1 + dark + bright / 2) + ROUGH * rough
+    return np.asarray(np.minimum(hidden, MOST))

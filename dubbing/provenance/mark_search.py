@@ -1,38 +1,42 @@
 """Finding the invisible mark in a video that was encoded, made smaller or cropped.
 
-What of the luma stands out from its surroundings is added up over frames: the mark stands still, so
-every frame votes. The sum is folded onto one tile for every scale that is tried, and correlated
-with the cells of each bit at every shift. Each of the 64 correlations, divided by its own standard
-deviation over all keys, has mean 0 and at most the tail of a normal variable where there is no
-mark of this key, for the signs of the cells are fair coins. So the sum S of their squares has at
-most the tail of chi squared of 64 degrees, and Chernoff's bound times the number of places looked
-at bounds how often a mark is seen where none is.
+Sums of what changes in the luma (see `mark_sums`) are weighted by the wave for every beginning of
+its period, folded onto one tile for every scale that is tried, and correlated with the cells of
+each bit at every shift. Each of the 64 correlations, divided by its own standard deviation over all
+keys, has mean 0 and at most the tail of a normal variable where there is no mark of this key, for
+the signs of the cells are fair coins. So the sum S of their squares has at most the tail of chi
+squared of 64 degrees, and Chernoff's bound times the number of places looked at bounds how often a
+mark is seen where none is.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from fractions import Fraction
 
 import cv2
 import numpy as np
 from scipy import fft
 
 from dubbing.provenance.mark import BITS, CELLS, TILE, Code
+from dubbing.provenance.mark_sums import BINS, by_phase, pieces
 
 FALSE_ALARMS = 1e-6  # for a whole search
 STEP = 0.006  # between logarithms of scales, for the whole frame
 # Parts of a frame in which the mark may lie: size, and first rows and columns, shares of the frame.
 WINDOWS = {1.0: (0.0,), 0.5: (0.0, 0.25, 0.5), 0.34: (0.0, 0.165, 0.33, 0.495, 0.66)}
 SMALLEST, LARGEST = 0.85, 1.32  # cells of a copy, of what its size would have them
-FINEST = 720  # px of the shorter side; larger frames are made as small first
-LOUDEST = 3.0  # deviations; what a pixel counts at most
 SURE = 2.0  # times the threshold, beyond which the search ends
 REFINE = 12  # half steps of scale to either side, to see a mark that was found more sharply
 PHASES = 2  # samples a cell and direction
-
+OVERTONE = 3  # of the wave, which slow motion of the picture disturbs least
+SEVERAL = 4  # pieces of the sums that are looked at together: faces come and go
+SHIFTS = (PHASES * TILE) ** 2
 Window = tuple[float, float, float]  # row, column, size; shares of the frame
+WHOLE: Window = (0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -46,7 +50,7 @@ class Found:
         bits: (64,) of 0 or 1.
         sureness: (64,) standard deviations that speak for each bit.
         scale: cells of this video, of what its size would have them.
-        frames: how many were added up.
+        frames: how many were looked at.
     """
 
     present: bool
@@ -58,64 +62,83 @@ class Found:
     frames: int
 
 
-def summed(frames: Iterable[np.ndarray]) -> tuple[np.ndarray, int]:
-    """What stands out of luma frames (H, W) uint8, added up, and how many there were.
+def search(
+    frames: Iterable[np.ndarray], rate: Fraction, keys: Iterable[bytes], everywhere: bool = True
+) -> list[Found]:
+    """Look for the marks of keys in luma frames (H, W) uint8, which are read once.
 
-    (H, W) float32; larger frames are made smaller, see `FINEST`.
+    First where it was drawn, in all of the video and, lest seconds in which a face speaks drown in
+    the rest, in pieces of it; then, in all of the video, at every scale, shift and window.
+
+    Args:
+        everywhere: whether to do the latter.
     """
-    total: np.ndarray | None = None
-    count = 0
-    for frame in frames:
-        out = standing_out(frame)
-        total = out if total is None else total + out
-        count += 1
-    return (np.zeros((0, 0), np.float32) if total is None else total), count
+    codes = [Code.of(key) for key in keys]
+    searches = [Search(code) for code in codes]
+    count, looks, last, whole = 0, 0, deque[np.ndarray](maxlen=SEVERAL), None
+    for bins, added in pieces(frames, rate):
+        count, looks = count + added, looks + 1
+        whole = bins if whole is None else whole + bins
+        last.append(bins)
+        for part in [bins, np.sum(last, 0)][: len(last)]:
+            for one in searches:
+                one.glance(part)
+    limit = threshold(FALSE_ALARMS / (2 * len(tries()) + BINS * (2 * looks + 1)) / SHIFTS)
+    return [one.end(whole, limit, count, everywhere) for one in searches]
 
 
-def standing_out(frame: np.ndarray) -> np.ndarray:
-    """Luma (H, W) against its surroundings, in their deviations."""
-    side = min(frame.shape)
-    if side > FINEST:
-        size = (round(frame.shape[1] * FINEST / side), round(frame.shape[0] * FINEST / side))
-        frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
-    luma = frame.astype(np.float32)
-    cell = min(luma.shape) / CELLS
-    fine = cv2.GaussianBlur(luma, (0, 0), max(0.3, 0.35 * cell))
-    wide = cv2.GaussianBlur(luma, (0, 0), 1.2 * cell)
-    out = fine - wide
-    out /= np.maximum(deviation(out, 4 * cell), 0.35)
-    return np.clip(out, -LOUDEST, LOUDEST)
+class Search:
+    """The search for one key's mark, while sums come in."""
 
+    def __init__(self, code: Code) -> None:
+        self._code, self._spectra = code, templates(code)
+        self._best, self._bins = Sight(), np.zeros((BINS, 0, 0), np.float32)
 
-def deviation(picture: np.ndarray, radius: float) -> np.ndarray:
-    """Standard deviation of a picture (h, w) float32 in the square of ``radius`` round a pixel."""
-    side = 2 * max(1, round(radius)) + 1
-    mean = cv2.blur(picture, (side, side))
-    square = cv2.blur(picture * picture, (side, side))
-    return np.sqrt(np.maximum(square - mean * mean, 0))
+    def glance(self, bins: np.ndarray) -> None:
+        """Look at sums (BINS, H, W) where the mark was drawn, for each beginning of the wave."""
+        for total in by_phase(bins):
+            seen = self._look(total, 1.0, WHOLE)
+            if self._best < seen:
+                self._best, self._bins = seen, bins
 
+    def end(self, whole: np.ndarray | None, limit: float, frames: int, everywhere: bool) -> Found:
+        """What was found, after a look at the sums of the whole video."""
+        if whole is not None:
+            self.glance(whole)
+            if everywhere and self._best.value < limit:
+                self._everywhere(whole, limit)
+        best = self._sharpened() if self._best.value >= limit else self._best
+        return Found(
+            present=self._best.value >= limit,
+            statistic=self._best.value,
+            threshold=limit,
+            bits=(best.scores > 0).astype(np.uint8),
+            sureness=np.abs(best.scores),
+            scale=best.scale,
+            frames=frames,
+        )
 
-def search(total: np.ndarray, frames: int, key: bytes) -> Found:
-    """Look for the mark of a key at all scales, shifts and windows."""
-    code = Code.of(key)
-    spectra = templates(code)
-    tried = tries()
-    limit = threshold(FALSE_ALARMS / len(tried) / (PHASES * TILE) ** 2)
-    best = Sight()
-    for scale, window in tried:
-        best = max(best, look(total, spectra, code, scale, window))
-        if best.value > SURE * limit:
-            break  # no chance finds more
-    seen = nearer(total, spectra, code, best) if best.value >= limit else best
-    return Found(
-        present=best.value >= limit,
-        statistic=best.value,
-        threshold=limit,
-        bits=(seen.scores > 0).astype(np.uint8),
-        sureness=np.abs(seen.scores),
-        scale=seen.scale,
-        frames=frames,
-    )
+    def _look(self, total: np.ndarray, scale: float, window: Window) -> Sight:
+        return look(total, self._spectra, self._code, scale, window)
+
+    def _everywhere(self, whole: np.ndarray, limit: float) -> None:
+        """Look at all scales and windows, by one overtone of the wave wherever it begins."""
+        angle = np.arange(BINS) * (2 * np.pi * OVERTONE / BINS)
+        quarters = [np.tensordot(f(angle).astype(np.float32), whole, 1) for f in (np.cos, np.sin)]
+        places = Sight()
+        for scale, window in tries():
+            places = max(places, *(self._look(part, scale, window) for part in quarters))
+            if places.value > SURE * limit:
+                break  # no chance finds more
+        seen = [self._look(total, places.scale, places.window) for total in by_phase(whole)]
+        if self._best < max(seen):
+            self._best, self._bins = max(seen), whole
+
+    def _sharpened(self) -> Sight:
+        """The sight made sharper, for its bits."""
+        totals = by_phase(self._bins)
+        seen = [self._look(total, self._best.scale, self._best.window) for total in totals]
+        return nearer(totals[seen.index(max(seen))], self._spectra, self._code, max(seen))
 
 
 @dataclass(frozen=True)
@@ -124,7 +147,7 @@ class Sight:
 
     value: float = -1.0
     scale: float = 1.0
-    window: Window = (0.0, 0.0, 1.0)
+    window: Window = WHOLE
     scores: np.ndarray = field(default_factory=lambda: np.zeros(BITS))
 
     def __lt__(self, other: Sight) -> bool:
@@ -147,7 +170,7 @@ def look(
 def nearer(total: np.ndarray, spectra: np.ndarray, code: Code, best: Sight) -> Sight:
     """A sight made sharper: by scales between, other windows and shifts between. For the bits."""
     for k in range(-REFINE, REFINE + 1):
-        for window in {best.window, (0.0, 0.0, 1.0)}:
+        for window in {best.window, WHOLE}:
             scale = best.scale * math.exp(k * STEP / 2)
             best = max(best, look(total, spectra, code, scale, window))
     for window in {window for _, window in tries()}:

@@ -15,9 +15,6 @@ from dubbing.provenance import credentials, mark_search
 from dubbing.provenance.mark_key import fingerprint_of, id_of, read_key
 from dubbing.provenance.provenance import statements
 
-MOST_FRAMES = 100  # that are searched for the mark
-PIECES = 4  # places of the film that they are taken from
-
 
 @dataclass(frozen=True)
 class Verified:
@@ -86,25 +83,13 @@ def verify(video: Path, keys: Sequence[Path]) -> Verified:
     info = media.probe(video)
     if info.picture is None:
         raise MediaError("no picture in it", str(video), "name a video")
-    total, count = mark_search.summed(_pieces(video, info)) if secrets else (None, 0)
-    marks = {
-        fingerprint_of(key): mark_search.search(total, count, key)
-        for key in secrets
-        if total is not None
-    }
+    seen = []
+    if secrets:
+        frames = media.read_frames(video, pixels="gray")
+        seen = mark_search.search(frames, info.rate, secrets)
+    marks = {fingerprint_of(key): one for key, one in zip(secrets, seen, strict=True)}
     signed, note, broken = _credentials(video)
     return Verified(signed, note, broken, marks, _metadata(video))
-
-
-def _pieces(video: Path, info: media.MediaInfo) -> Any:
-    """Luma of frames from several places: faces may be anywhere in a film."""
-    each = MOST_FRAMES // PIECES
-    if info.frames <= MOST_FRAMES:
-        yield from media.read_frames(video, pixels="gray")
-        return
-    for k in range(PIECES):
-        start = k * (info.frames - each) // (PIECES - 1)
-        yield from media.read_frames(video, start=start, count=each, pixels="gray")
 
 
 def _credentials(video: Path) -> tuple[credentials.Found | None, str, bool]:

@@ -17,7 +17,7 @@ KEY = bytes(range(32))
 ID = "0123456789abcdef"
 SIZE = (640, 480)
 RATE = Fraction(25)
-HEAD = (180.0, 100.0, 240.0)  # column, row and side of the head crop
+FACE = (slice(180, 360), slice(200, 400))  # rows and columns that a dub replaces
 
 
 def frames(count: int, size: tuple[int, int] = SIZE, seed: int = 0) -> list[np.ndarray]:
@@ -42,9 +42,12 @@ def frames(count: int, size: tuple[int, int] = SIZE, seed: int = 0) -> list[np.n
 
 
 def marked(film: list[np.ndarray], key: bytes = KEY) -> list[np.ndarray]:
-    """The same frames with the mark on a head crop."""
-    mark = Mark(key, bits_of(ID), film[0].shape[1], film[0].shape[0])
-    return [mark.draw(frame, [HEAD]) for frame in film]
+    """The same frames with the mark on what a dub replaces."""
+    height, width, _ = film[0].shape
+    mark = Mark(key, bits_of(ID), width, height, RATE)
+    replaced = np.zeros((height, width), np.uint8)
+    replaced[FACE] = 255
+    return [mark.draw(frame, replaced, number) for number, frame in enumerate(film)]
 
 
 def write(path: Path, film: list[np.ndarray]) -> Path:

@@ -1,13 +1,7 @@
-import cv2
 import numpy as np
 import pytest
 
 from dubbing.provenance.card import GROUND, default_text, draw, undrawable
-from dubbing.provenance.mark import Mark
-from dubbing.provenance.mark_key import bits_of, id_of
-from dubbing.provenance.mark_search import search, summed
-
-KEY = b"thirty-two bytes that are a key."
 
 
 @pytest.mark.parametrize(("width", "height"), [(1920, 1080), (1080, 1920), (128, 96), (64, 64)])
@@ -35,11 +29,3 @@ def test_who_agreed_is_named_once() -> None:
 def test_letters_that_cannot_be_drawn() -> None:
     assert undrawable("") == undrawable("Zo\u00eb \u0411\u043e\u0440\u0438\u0441\n\u0391") == ""
     assert undrawable("a\u65e5b\u65e5\u05d0\t") == "\u65e5\u05d0\t"
-
-
-def test_a_card_bears_the_invisible_mark() -> None:
-    mark = Mark(KEY, bits_of("0123456789abcdef"), 512, 512)
-    card = mark.draw(draw(default_text(["Ann"]), 512, 512), [(0.0, 0.0, 512.0)])
-    found = search(*summed([cv2.cvtColor(card, cv2.COLOR_RGB2GRAY)] * 3), KEY)
-    assert found.present
-    assert id_of(found.bits) == "0123456789abcdef"

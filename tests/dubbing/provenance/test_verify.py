@@ -23,10 +23,10 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("verify")
     (folder / "own.key").write_bytes(b"a secret that nobody knows")
     key = read_key(folder / "own.key")
-    plain = film.frames(12)
+    plain = film.frames(75)
     silent = film.write(folder / "silent.mp4", film.marked(plain, key))
-    sound = clips.write_sound(folder / "sound.wav", 0.48)
-    media.mux(silent, sound, folder / "dub.mp4", audio_start=0, seconds=0.48, metadata=tags())
+    sound = clips.write_sound(folder / "sound.wav", 3)
+    media.mux(silent, sound, folder / "dub.mp4", audio_start=0, seconds=3, metadata=tags())
     film.write(folder / "film.mp4", plain)
     return folder
 

@@ -1,0 +1,98 @@
+"""What changes in a video from a quarter of a second to the next, added up by the mark's period.
+
+The mark comes and goes; what stands still in the picture is taken out, and what is left is measured
+in deviations of its surroundings, so that a cut or a hand weighs no more than skin. Frames are
+added up for each part of the period by itself: where the period begins in a part of a film is not
+known. BINS parts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterable, Iterator
+from fractions import Fraction
+
+import cv2
+import numpy as np
+
+from dubbing.provenance.mark import CELLS, PERIOD, WAVE
+
+FINEST = 540  # px of the shorter side; larger frames are made as small first
+LOUDEST = 3.0  # deviations; what a pixel counts at most
+FAINTEST = 0.1  # grey levels, deviation of a change below which it is nothing
+BINS = 2 * len(WAVE)  # parts of the period
+AROUND = 0.12  # seconds before and after a frame that it is compared with
+PIECE = 2.0  # seconds that are added up by themselves
+
+
+def changes(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[np.ndarray]:
+    """What each luma frame (H, W) uint8 has that the frames around it have not.
+
+    In deviations, float32; larger frames are made smaller, see `FINEST`.
+    """
+    half = max(1, round(AROUND * rate))
+    near: deque[np.ndarray] = deque()
+    total, given = np.zeros((0, 0), np.float32), 0
+
+    def out(index: int) -> np.ndarray:
+        return standing_out(near[index] - total / len(near))
+
+    for frame in frames:
+        small = _small(frame)
+        total = small if not near else total + small
+        near.append(small)
+        if len(near) > 2 * half:
+            total = total - near.popleft()
+        if len(near) > half:
+            yield out(len(near) - 1 - half)
+            given += 1
+    for k in range(max(0, len(near) - half), len(near)):
+        yield out(k)
+
+
+def _small(frame: np.ndarray) -> np.ndarray:
+    side = min(frame.shape)
+    if side > FINEST:
+        size = (round(frame.shape[1] * FINEST / side), round(frame.shape[0] * FINEST / side))
+        frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+    return frame.astype(np.float32)
+
+
+def standing_out(change: np.ndarray) -> np.ndarray:
+    """A picture (H, W) float32 against its surroundings, in their deviations."""
+    cell = min(change.shape) / CELLS
+    fine = cv2.GaussianBlur(change, (0, 0), max(0.3, 0.35 * cell))
+    out = fine - cv2.GaussianBlur(change, (0, 0), 1.2 * cell)
+    out /= np.maximum(deviation(out, 4 * cell), FAINTEST)
+    return np.clip(out, -LOUDEST, LOUDEST)
+
+
+def deviation(picture: np.ndarray, radius: float) -> np.ndarray:
+    """Standard deviation of a picture (h, w) float32 in the square of ``radius`` round a pixel."""
+    side = 2 * max(1, round(radius)) + 1
+    mean = cv2.blur(picture, (side, side))
+    square = cv2.blur(picture * picture, (side, side))
+    return np.sqrt(np.maximum(square - mean * mean, 0))
+
+
+def pieces(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[tuple[np.ndarray, int]]:
+    """Sums (BINS, H, W) over each piece, for every part of the period; and its frames."""
+    length = max(1, round(PIECE * rate))
+    bins, added = None, 0
+    for number, change in enumerate(changes(frames, rate)):
+        if bins is None:
+            bins = np.zeros((BINS, *change.shape), np.float32)
+        bins[math.floor(number / rate / PERIOD * BINS) % BINS] += change
+        added += 1
+        if added == length:
+            yield bins, added
+            bins, added = None, 0
+    if bins is not None:
+        yield bins, added
+
+
+def by_phase(bins: np.ndarray) -> list[np.ndarray]:
+    """Sums (BINS, H, W) weighted by the wave, (H, W) for each beginning of it."""
+    weights = np.repeat(np.array(WAVE, np.float32), BINS // len(WAVE))
+    return [np.tensordot(np.roll(weights, k), bins, 1) for k in range(BINS)]
