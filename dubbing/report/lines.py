@@ -12,7 +12,7 @@ from dubbing.errors import DubbingError
 from dubbing.manifest.entries import Dub
 from dubbing.manifest.manifest import Manifest
 from dubbing.script.edl import Marker, edl
-from dubbing.stages.kinds import SCENE_FILE, SYNC_FILE
+from dubbing.stages.kinds import PICTURE_FILE, SCENE_FILE, SYNC_FILE
 
 FORMULA = tuple("=+-@|%\uff1d\uff0b\uff0d\uff20")  # what a formula begins with, in wide signs, too
 COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unjudged": "blue"}
@@ -29,8 +29,7 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
     if scene is None or dub.lines is None or "check" not in job.stages:
         return []
     film = manifest.media[scene.clip]
-    made = scene_of(job)
-    sound, own_pixels = made.get("sound") or {}, made.get("own_pixels") or []
+    sound, picture = scene_of(job).get("sound") or {}, picture_of(job)
     heard = {figures["cue"]: figures for figures in sound.get("cues", [])}
     judged = {
         (round(part["start"] * film.rate), round(part["end"] * film.rate)): part
@@ -41,7 +40,10 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
         frames = (cue.first, cue.stop)
         sync, own = judged.get(frames, {}), heard.get(cue.name, {})
         offset = sync.get("offset_frames")
-        kept = [part for part in own_pixels if part["cue"] == cue.name]
+        kept, over = (
+            [part for part in picture.get(name) or [] if part["cue"] == cue.name]
+            for name in ("own_pixels", "overlaid")
+        )
         rows.append(
             {
                 "line": cue.number,
@@ -59,6 +61,7 @@ def lines_of(manifest: Manifest, dub: Dub, job: Job) -> list[dict[str, Any]]:
                 "own_pixels": "; ".join(
                     f"{part['reason']} {part['first']}-{part['stop']}" for part in kept
                 ),
+                "overlaid": "; ".join(f"{part['first']}-{part['stop']}" for part in over),
                 "words": cue.words,
             }
         )
@@ -83,6 +86,11 @@ def undubbed_of(manifest: Manifest, name: str) -> list[dict[str, Any]]:
         }
         for line in sorted(scene.undubbed, key=lambda line: line.first)
     ]
+
+
+def picture_of(job: Job) -> dict[str, Any]:
+    """What a composite recorded of its faces and of the invisible mark; else empty."""
+    return _read(job, "composite", PICTURE_FILE)
 
 
 def scene_of(job: Job) -> dict[str, Any]:

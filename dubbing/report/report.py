@@ -188,12 +188,20 @@ def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
         "lines": rows,
         "line_counts": {v: verdicts.count(v) for v in lines.COLOURS if v in verdicts},
         "untouched": lines.scene_of(job).get("untouched"),
+        "kept": [] if rows else in_frames(lines.picture_of(job).get("own_pixels")),
+        "overlaid": [] if rows else in_frames(lines.picture_of(job).get("overlaid")),
+        "mark_found": (lines.picture_of(job).get("mark") or {}).get("found"),
         "label": dub.label.mark,
         "signed": "sign" in job.stages,
         "film_credentials": _film_credentials(job, clip),
         "mark": mark.id if scene and (mark := dependencies.mark_of(dub, scene)) else None,
         "sync": _brief(sync),
     }
+
+
+def in_frames(parts: list[dict[str, Any]] | None) -> list[str]:
+    """Runs of frames with their reasons, in words."""
+    return [f"{part['reason']} {part['first']}-{part['stop']}" for part in parts or []]
 
 
 def _film_credentials(job: Job, film: Path) -> str:

@@ -5,6 +5,7 @@ F frames, S side of the crop in px.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
@@ -14,19 +15,17 @@ import numpy as np
 from dubbing import media
 from dubbing.compositing.composite import blend, replacement
 from dubbing.errors import RenderingError
-from dubbing.preparation.prepared import PreparedClip
+from dubbing.preparation.prepared import FilmFrame, PreparedClip
 from dubbing.provenance import card, provenance
 from dubbing.provenance.card import CreditsCard
 from dubbing.provenance.mark import Mark
 from dubbing.provenance.mark_key import Marking, bits_of
 from dubbing.script import timeline
-from dubbing.stages.own_pixels import OwnPixels, own_pixels
+from dubbing.stages.own_pixels import OVERLAID, OwnPixels, own_pixels
 
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
 
 Picture = TypeVar("Picture")
-# Image, matte, background of the crop, and the full frame if it is requested.
-Source = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]
 
 
 @dataclass(frozen=True)
@@ -59,10 +58,10 @@ class Heads:
 
 @dataclass(frozen=True)
 class Face:
-    """A face in a frame: its source, the rendered head, and the opacity of the head."""
+    """A face in a frame of the film, the rendered head, and how much of it is shown."""
 
     clip: PreparedClip
-    source: Source
+    film: FilmFrame
     head: np.ndarray
     share: float
 
@@ -82,11 +81,12 @@ class Composer:
         self.frames = settings.frame
         self.size = film.source_size if self.frames == "full" else (film.size, film.size)
         self.label = provenance.VisibleMark(*self.size) if settings.label else None
-        self.mark = invisible_mark(settings.mark, *self.size)
+        self.mark = invisible_mark(settings.mark, *self.size, film.rate)
         count = len(pose_index)  # a dub that was cut is shorter than its cue
         self.heads = [replace(h, stop=min(h.stop, count)) for h in heads if h.first < count]
         self.shares = {
-            h.clip.folder: timeline.shares(self._replaced(h.clip), pose_index, h.clip.segment)
+            h.clip.folder: h.clip.shown[pose_index]
+            * timeline.shares(self._replaced(h.clip), pose_index, h.clip.segment)
             for h in self.heads
         }
 
@@ -104,6 +104,24 @@ class Composer:
             for h in self.heads
             for run in own_pixels(h.name, h.first, h.kept[self.poses[h.first : h.stop]])
         ]
+
+    def overlaid(self) -> list[OwnPixels]:
+        """Where inside of cues something lies over a replaced face, and stays over it."""
+        found = []
+        for h in self.heads:
+            poses = self.poses[h.first : h.stop]
+            over = (h.clip.over[poses] & (h.kept[poses] == 0)).astype(int)
+            found += own_pixels(h.name, h.first, over, OVERLAID)
+        return found
+
+    def replaced(self) -> tuple[int, int]:
+        """First and stop of the longest run of frames in which a face is replaced."""
+        shown = np.max([share > 0 for share in self.shares.values()], 0, initial=False)
+        edges = np.flatnonzero(np.diff(shown, prepend=False, append=False)).reshape(-1, 2)
+        if not len(edges):
+            return 0, 0
+        first, stop = max(edges.tolist(), key=lambda run: run[1] - run[0])
+        return first, stop
 
     def untouched(self) -> np.ndarray:
         """Frames (F,) bool that are the film's own."""
@@ -127,70 +145,64 @@ class Composer:
         self, heads: list[Heads], low: int, high: int
     ) -> Iterator[tuple[np.ndarray, list[Face]]]:
         poses = self.poses[low:high]
-        sources = [read_source(h.clip, poses, self.frames) for h in heads]
+        films = [read_frames(h.clip, poses) for h in heads]
         rendered = [read_heads(h.folder, low - h.first, high - low) for h in heads]
         for k in range(low, high):
             faces = [
-                Face(h.clip, next(source), next(head), float(self.shares[h.clip.folder][k]))
-                for h, source, head in zip(heads, sources, rendered, strict=True)
+                Face(h.clip, next(film), next(head), float(self.shares[h.clip.folder][k]))
+                for h, film, head in zip(heads, films, rendered, strict=True)
             ]
-            crop, *_, whole = faces[0].source
-            yield crop if whole is None else whole, faces
+            film = faces[0].film
+            yield film.whole if self.frames == "full" else film.image, faces
 
     def card(self, text: str) -> np.ndarray:
-        """A card of credits in the size of the frames, with the invisible mark all over it."""
-        out = card.draw(text, *self.size)
-        everywhere = (0.0, 0.0, float(max(self.size)))
-        return out if self.mark is None else self.mark.draw(out, [everywhere])
+        """A card of credits in the size of the frames."""
+        return card.draw(text, *self.size)
 
-    def frame(self, image: np.ndarray, faces: Sequence[Face], index: int) -> np.ndarray:
-        """Frame of the dub over frame ``index`` of the film; uint8 RGB of ``size``.
+    def frame(
+        self, image: np.ndarray, faces: Sequence[Face], index: int, number: int
+    ) -> np.ndarray:
+        """Frame ``number`` of the dub, over frame ``index`` of the film; uint8 RGB of ``size``.
 
         A frame without new speech is returned unchanged, without the mark.
         """
-        out = with_faces(image, faces, index)
+        out, replaced = with_faces(image, faces, index)
         if self.mark is not None:
-            full = self.frames == "full"
-            places = [
-                tuple(f.clip.crop[index]) if full else (0.0, 0.0, float(f.clip.size))
-                for f in faces
-                if f.share > 0
-            ]
-            out = self.mark.draw(out, places) if places else out
+            out = self.mark.draw(out, replaced, number)
         return self.label.draw(out) if self.label and faces else out
 
 
-def with_faces(image: np.ndarray, faces: Sequence[Face], index: int) -> np.ndarray:
-    """Frame ``index`` of the film (or its crop) with faces replaced, one after the other."""
+def with_faces(
+    image: np.ndarray, faces: Sequence[Face], index: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frame ``index`` of the film (or its crop) with faces replaced, one after the other.
+
+    And how much of each pixel is replaced, (H, W) uint8.
+    """
+    replaced = np.zeros(image.shape[:2], np.uint8)
     for face in faces:
         if face.share > 0:
-            crop, matte, background, whole = face.source
-            landmarks = face.clip.landmarks[index]
-            picture, mask = replacement(crop, matte, background, face.head, landmarks)
+            picture, mask = replacement(face.film, face.head)
             if face.share < 1:
                 mask = (mask * face.share).round().astype(np.uint8)
-            if whole is None:
+            if len(image) == len(mask) == image.shape[1]:
                 image = blend(image, picture, mask)
             else:
-                image = face.clip.paste(image, index, picture, mask)
-    return image
+                image, mask = face.clip.paste(image, index, picture, mask)
+            np.maximum(replaced, mask, out=replaced)
+    return image, replaced
 
 
-def invisible_mark(marking: Marking | None, width: int, height: int) -> Mark | None:
-    """What draws the invisible mark on frames of one size, where there is to be one."""
+def invisible_mark(marking: Marking | None, width: int, height: int, rate: Fraction) -> Mark | None:
+    """What draws the invisible mark on frames of one size and rate, where there is to be one."""
     if marking is None:
         return None
-    return Mark(marking.key(), bits_of(marking.id), width, height)
+    return Mark(marking.key(), bits_of(marking.id), width, height, rate)
 
 
-def read_source(clip: PreparedClip, poses: np.ndarray, frame: str) -> Iterator[Source]:
-    """Crop, matte, background (and the full frame) for every pose, whichever way they run."""
-
-    def forward(first: int, count: int) -> Iterator[Source]:
-        for image, matte, background, whole in clip.whole_frames(first, count):
-            yield image, matte, background, whole if frame == "full" else None
-
-    return _in_order(forward, poses)
+def read_frames(clip: PreparedClip, poses: np.ndarray) -> Iterator[FilmFrame]:
+    """What is known of the film's frame for every pose, whichever way they run."""
+    return _in_order(clip.film_frames, poses)
 
 
 def read_film(clip: PreparedClip, poses: np.ndarray) -> Iterator[np.ndarray]:

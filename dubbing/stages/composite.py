@@ -21,14 +21,17 @@ from dubbing.media.colour import Colour
 from dubbing.media.overlap import ahead, behind
 from dubbing.mixing.mix import SOUND, mix
 from dubbing.provenance import provenance
+from dubbing.provenance.mark_key import Marking, id_of
+from dubbing.provenance.mark_search import search
 from dubbing.script import timeline
 from dubbing.stages.composer import Composer, Heads, VideoSettings
-from dubbing.stages.kinds import PROXY_FILE, SCENE_FILE
+from dubbing.stages.kinds import PICTURE_FILE, PROXY_FILE, SCENE_FILE
 from dubbing.stages.untouched import compare
 
 SEGMENT = 250  # frames a file
 SUFFIX = ".mov"  # a container with exact time stamps and colours, to be joined without decoding
 MIXED = "mixed.json"
+MARKED_SECONDS = 20  # of the finished file that are searched for its mark, at most
 TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
 
 
@@ -65,6 +68,8 @@ def make(
     Where there is to be a card of credits it follows the last frame, in silence.
 
     It has the colours of the film, and its timecode. What no browser plays gets OUT/proxy.mp4.
+    OUT/picture.json says where faces stay the film's own, where something lies over them, and
+    whether the invisible mark is found in the finished file.
 
     Frames without new speech are the film's own. Of a scene there is also
     OUT/voices.flac, and OUT/scene.json: how loud it is, and what proves that.
@@ -114,6 +119,14 @@ def make(
         )
     progress("decoding the result", 1.0)
     verify(result, frames, rate)
+    picture: dict[str, Any] = {
+        "own_pixels": composer.own_pixels(),
+        "overlaid": composer.overlaid(),
+    }
+    if settings.mark is not None:
+        progress("looking for the invisible mark", 1.0)
+        picture["mark"] = found_again(result, settings.mark, *composer.replaced(), rate)
+    atomic_write_json(out / PICTURE_FILE, picture)
     if settings.codec != "h264":
         progress("proxy", 1.0)
         media.proxy(result, out / PROXY_FILE, provenance.tags())
@@ -122,9 +135,7 @@ def make(
         own = composer.untouched()
         proof = compare(film.clip, result, own, rate) if own.any() else None
         figures = json_records.read(out / MIXED, dict[str, Any], "figures of the mix")
-        kept_faces = composer.own_pixels()
-        found = {"sound": figures, "untouched": proof, "own_pixels": kept_faces}
-        atomic_write_json(out / SCENE_FILE, found)
+        atomic_write_json(out / SCENE_FILE, {"sound": figures, "untouched": proof})
         (out / SOUND).unlink(missing_ok=True)
         (out / MIXED).unlink()
     shutil.rmtree(segments, ignore_errors=True)
@@ -155,7 +166,7 @@ def _pictures(
             read = composer.read(first, stop)
             with encoder, behind(encoder.write) as write, closing(ahead(read)) as ready:
                 for done, (image, faces) in enumerate(ready, first):
-                    write(composer.frame(image, faces, int(poses[done])))
+                    write(composer.frame(image, faces, int(poses[done]), done))
                     progress("compositing", done / frames)
     if settings.card is not None:
         part = folder / f"card{SUFFIX}"
@@ -165,6 +176,21 @@ def _pictures(
             for _ in range(settings.card.frames):
                 encoder.write(picture)
     return parts
+
+
+def found_again(
+    path: Path, marking: Marking, first: int, stop: int, rate: Fraction
+) -> dict[str, Any]:
+    """Whether the mark is found in frames first .. stop of the finished file, or some of them."""
+    stop = min(stop, first + round(MARKED_SECONDS * rate))
+    frames = media.read_frames(path, start=first, count=stop - first, pixels="gray")
+    (seen,) = search(frames if stop > first else (), rate, [marking.key()], everywhere=False)
+    return {
+        "found": seen.present and id_of(seen.bits) == marking.id,
+        "statistic": round(seen.statistic, 1),
+        "threshold": round(seen.threshold, 1),
+        "frames": seen.frames,
+    }
 
 
 def verify(path: Path, frames: int, rate: Fraction) -> None:

@@ -14,8 +14,9 @@ class StageKind:
     module: str
 
 
-# Beside the video of a composite: what proves a scene, and what browsers play.
-SCENE_FILE, PROXY_FILE = "scene.json", "proxy.mp4"
+# Beside the video of a composite: what became of the faces, what proves a scene, and what browsers
+# play.
+PICTURE_FILE, SCENE_FILE, PROXY_FILE = "picture.json", "scene.json", "proxy.mp4"
 SYNC_FILE = "sync.json"
 OF_IDENTITY = {
     "prepare": StageKind("prepared", "dubbing.preparation.prepare"),

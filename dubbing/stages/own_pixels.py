@@ -1,4 +1,4 @@
-"""Where the face of a line stays the film's own, and why.
+"""Where the face of a line stays the film's own, in all or in part, and why.
 
 T frames of a clip.
 """
@@ -14,10 +14,11 @@ from dubbing.preparation.prepared import PreparedClip
 # Degrees between a view of the head and the nearest that was learned: beyond, it is not rendered.
 FARTHEST_VIEW = 20.0
 REASONS = ("", "no face", "covered", "turned")  # by their numbers
+OVERLAID = ("", "something lies over it")
 
 
 class OwnPixels(TypedDict):
-    """Frames first .. stop of a dub in which a cue keeps the film's face, and the reason."""
+    """Frames first .. stop of a dub in which a cue keeps of the film's face, and the reason."""
 
     cue: str
     reason: str
@@ -50,12 +51,14 @@ def learned_views(clip: PreparedClip, seconds: Sequence[tuple[float, float]]) ->
     return views(clip)[learned & clip.valid]
 
 
-def own_pixels(name: str, first: int, found: np.ndarray) -> list[OwnPixels]:
-    """Runs of reasons (F,) of a cue's frames from ``first`` on."""
+def own_pixels(
+    name: str, first: int, found: np.ndarray, reasons: Sequence[str] = REASONS
+) -> list[OwnPixels]:
+    """Runs of numbers (F,) of reasons of a cue's frames from ``first`` on."""
     edges = np.flatnonzero(np.diff(found, prepend=-1, append=-1))
     return [
         OwnPixels(
-            cue=name, reason=REASONS[found[low]], first=first + int(low), stop=first + int(to)
+            cue=name, reason=reasons[found[low]], first=first + int(low), stop=first + int(to)
         )
         for low, to in pairwise(edges)
         if found[low]

@@ -50,6 +50,9 @@ def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) 
         "lines": [],
         "line_counts": {},
         "untouched": None,
+        "kept": ["turned 3-9"],
+        "overlaid": ["something lies over it 20-31"],
+        "mark_found": bool(place),
         "label": bool(place),
         "signed": not place,
         "film_credentials": "",
@@ -97,6 +100,7 @@ def line(number: int, verdict: str | None) -> dict[str, Any]:
         "reason": "",
         "loudness": -23.0,
         "own_pixels": "covered 40-44" if number == 1 else "",
+        "overlaid": "45-60" if number == 1 else "",
     }
 
 

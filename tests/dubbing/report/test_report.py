@@ -187,6 +187,7 @@ def test_the_lines_of_a_scene_are_listed_where_one_asks_for_them() -> None:
     assert "2 lines" in page
     assert "a &lt;b&gt;" in page
     assert page.count("the film's own face in frames: covered 40-44") == 1
+    assert page.count("lies over the mouth and stays there, in frames: 45-60") == 1
     assert "30 of 90 frames are" in page
     assert "SHA-256\nabababababababab" in page
 
@@ -215,6 +216,9 @@ def test_a_dub_without_mark_or_credentials_is_reported() -> None:
     assert page.count("without the invisible mark") == 1
     assert page.count("without signed credentials") == 1
     assert page.count("without the visible mark") == 1
+    assert page.count("not found again in this video") == 1
+    assert page.count("the film's own face in frames: turned 3-9") == 2
+    assert page.count("frames to look at: something lies over it 20-31") == 2
     data = found(("one", "pass", 0.2))
     data["dubs"]["one"]["film_credentials"] = "its credentials do not hold: hash"
     assert "of the film it was made of, its credentials do not hold: hash" in page_of(data)

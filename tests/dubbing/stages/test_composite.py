@@ -1,7 +1,9 @@
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -11,13 +13,13 @@ import pytest
 
 from dubbing import media
 from dubbing.errors import RenderingError
-from dubbing.preparation.prepared import PreparedClip
+from dubbing.preparation.prepared import OVERLAY, PreparedClip
 from dubbing.provenance.card import CreditsCard, default_text
 from dubbing.provenance.mark_key import marking
 from dubbing.script.timeline import Cue, frame_count
 from dubbing.stages import composer
 from dubbing.stages import composite as video
-from dubbing.stages.composer import Heads, VideoSettings, read_heads, read_source
+from dubbing.stages.composer import Heads, VideoSettings, read_frames, read_heads
 from dubbing.stages.composite import SceneSound, Sound, make, verify
 from dubbing.stages.own_pixels import reasons, views
 from tests import clips, fakes
@@ -97,10 +99,68 @@ def test_long_backward_runs_are_read_in_pieces(
     clip = PreparedClip.load(scene.prepared)
     poses = np.array([11, 10, 9, 8, 7, 6, 5, 4, 3, 2])
     seen = []
-    for *_, whole in read_source(clip, poses, "full"):
-        assert whole is not None
-        seen.append(clips.number(whole))
+    for film in read_frames(clip, poses):
+        seen.append(clips.number(film.whole))
     assert seen == poses.tolist()
+
+
+@pytest.mark.parametrize("codec", ["h264", "prores", "ffv1"])
+def test_every_pixel_that_is_not_replaced_is_handed_on_as_it_is(
+    scene: Scene, codec: str, tmp_path: Path
+) -> None:
+    """To the encoder of every codec; the lossless file shows it, with the mark in what is."""
+    (tmp_path / "own.key").write_bytes(b"a secret that nobody knows")
+    clip, mark = PreparedClip.load(scene.prepared), marking(tmp_path / "own.key", "a dub")
+    fakes.write_heads(scene.folder / "heads", 12, scene.rate)
+    heads = [Heads(scene.folder / "heads", clip, 0, 12, kept_of(clip))]
+    plain, marked = (
+        composer.Composer(heads, np.arange(12), VideoSettings(codec=codec, label=False, mark=m))
+        for m in (None, mark)
+    )
+    source = list(media.read_frames(scene.clip))
+    changes = 0
+    for k, ((image, faces), _) in enumerate(zip(plain.read(0, 12), range(12), strict=True)):
+        _, replaced = composer.with_faces(image, faces, k)
+        without, made = (c.frame(image, faces, k, k) for c in (plain, marked))
+        np.testing.assert_array_equal(made[replaced == 0], source[k][replaced == 0])
+        changes += int((made != without).any())
+    assert changes == 11  # in frame 3 there is no face
+    if codec == "ffv1":
+        out = scene.make(np.arange(12), codec=codec, label=False, mark=mark)
+        for k, frame in enumerate(media.read_frames(out)):
+            (image, faces) = next(marked.read(k, k + 1))
+            np.testing.assert_array_equal(frame, marked.frame(image, faces, k, k))
+
+
+def test_what_became_of_the_faces_is_written_down(scene: Scene, tmp_path: Path) -> None:
+    (tmp_path / "own.key").write_bytes(b"a secret that nobody knows")
+    out = scene.make(np.arange(12), mark=marking(tmp_path / "own.key", "a dub"))
+    picture = json.loads((out.parent / "picture.json").read_text())
+    assert [(p["reason"], p["first"], p["stop"]) for p in picture["own_pixels"]] == [
+        ("no face", 3, 4)
+    ]
+    assert picture["overlaid"] == []
+    assert not picture["mark"]["found"]  # a face of 10 px for half a second
+    assert picture["mark"]["frames"] == 8  # the longest run with a face
+
+
+def test_a_face_fades_with_its_shot_and_what_lies_over_it_is_listed(scene: Scene) -> None:
+    clip = PreparedClip.load(scene.prepared)
+    over, shown = np.zeros(12, bool), np.ones(12, np.float32)
+    over[[3, 6, 7]], shown[9:] = True, (0.75, 0.5, 0.0)
+    with media.VideoWriter(clip.folder / OVERLAY, 32, 32, clip.rate, "ffv1-gray") as writer:
+        for _ in range(12):
+            writer.write(np.full((32, 32), 255, np.uint8))
+    replace(clip, over=over, shown=shown).save()
+    out = scene.make(np.arange(12), codec="ffv1", label=False)
+    picture = json.loads((out.parent / "picture.json").read_text())
+    assert [(p["first"], p["stop"]) for p in picture["overlaid"]] == [(6, 8)]  # 3: no face
+    made, source = (list(media.read_frames(path)) for path in (out, scene.clip))
+    for k in (6, 7, 11):
+        np.testing.assert_array_equal(made[k], source[k])
+    for k, share in ((8, 1.0), (9, 0.75), (10, 0.5)):
+        expected = source[k][36, 56] + share * (np.array([*fakes.HEAD[:2], k]) - source[k][36, 56])
+        assert np.abs(made[k][36, 56] - expected).max() <= 2
 
 
 def test_crop_writes_the_crop(scene: Scene) -> None:
@@ -151,7 +211,7 @@ def test_codecs_and_rates(
         tags = {key.lower(): value for key, value in container.metadata.items()}
     assert "AI-generated" in tags["comment"]
     proxy = {"proxy.mp4"} - ({"proxy.mp4"} if codec == "h264" else set())  # browsers play H.264
-    assert {p.name for p in out.parent.iterdir()} == {out.name} | proxy
+    assert {p.name for p in out.parent.iterdir()} == {out.name, "picture.json"} | proxy
 
 
 @pytest.mark.parametrize("codec", ["h264", "ffv1", "prores"])
