@@ -21,7 +21,9 @@ import numpy as np
 
 TILE = 64  # T
 BITS = 64  # B
-CELLS = 128  # along the shorter side of a frame
+# Along the shorter side of a frame: coarse in a small one, where an encoder spares no finer cells,
+# fine in one from `LARGE` px on, where faces are a small part and need many.
+CELLS, FINE_CELLS, LARGE = 128, 192, 720
 # What the pattern is multiplied with, a slot after the other: an m-sequence, which resembles no
 # shift of itself, and none of its negative, so that a part of a film shows where it begins.
 WAVE = (1, 1, 1, -1, -1, 1, -1)
@@ -31,7 +33,7 @@ PERIOD = len(WAVE) * SLOT
 # roughness, and at most. Twice as much in black, half as much again in white.
 SMOOTH, ROUGH, MOST = 0.7, 0.08, 2.0
 SHADOW, LIGHT = 60.0, 180.0  # levels from which on darkness and brightness hide more
-FINE, WIDE = 1.2, 1.5  # cells: what is finer is roughness, and the neighbourhood that hides
+DETAIL, WIDE = 1.2, 1.5  # cells: what is finer is roughness, and the neighbourhood that hides
 REACH = 4.0  # cells round a pixel: the smoothest place there decides, so that no edge hides
 DITHER = 256  # px a side of its tile
 
@@ -71,7 +73,8 @@ class Mark:
     def __init__(
         self, key: bytes, bits: np.ndarray, width: int, height: int, rate: Fraction
     ) -> None:
-        self._cell, self._rate = min(width, height) / CELLS, rate
+        side = min(width, height)
+        self._cell, self._rate = side / (FINE_CELLS if side >= LARGE else CELLS), rate
         border = cv2.copyMakeBorder(Code.of(key).tile(bits), 2, 2, 2, 2, cv2.BORDER_WRAP)
         down, across = (
             ((np.arange(n, dtype=np.float32) + 0.5) / self._cell - 0.5) % TILE + 2
@@ -121,7 +124,7 @@ def hidden_by(picture: np.ndarray, cell: float) -> np.ndarray:
         cell: px of a cell of the pattern.
     """
     luma = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    fine = luma - cv2.GaussianBlur(luma, (0, 0), FINE * cell)
+    fine = luma - cv2.GaussianBlur(luma, (0, 0), DETAIL * cell)
     rough = np.sqrt(cv2.GaussianBlur(fine * fine, (0, 0), WIDE * cell))
     reach = max(1, round(REACH * cell))
     rough = cv2.erode(rough, np.ones((2 * reach + 1, 2 * reach + 1)))

@@ -21,7 +21,7 @@ import cv2
 import numpy as np
 from scipy import fft
 
-from dubbing.provenance.mark import BITS, CELLS, TILE, Code
+from dubbing.provenance.mark import BITS, CELLS, FINE_CELLS, TILE, Code
 from dubbing.provenance.mark_sums import BINS, by_phase, pieces
 
 FALSE_ALARMS = 1e-6  # for a whole search
@@ -37,6 +37,7 @@ SEVERAL = 4  # pieces of the sums that are looked at together: faces come and go
 SHIFTS = (PHASES * TILE) ** 2
 Window = tuple[float, float, float]  # row, column, size; shares of the frame
 WHOLE: Window = (0.0, 0.0, 1.0)
+GRIDS = (1.0, CELLS / FINE_CELLS)  # scales at which marks are drawn
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,9 @@ def search(
         for part in [bins, np.sum(last, 0)][: len(last)]:
             for one in searches:
                 one.glance(part)
-    limit = threshold(FALSE_ALARMS / (2 * len(tries()) + BINS * (2 * looks + 1)) / SHIFTS)
+    limit = threshold(
+        FALSE_ALARMS / (2 * len(tries()) + len(GRIDS) * BINS * (2 * looks + 1)) / SHIFTS
+    )
     return [one.end(whole, limit, count, everywhere) for one in searches]
 
 
@@ -97,9 +100,10 @@ class Search:
     def glance(self, bins: np.ndarray) -> None:
         """Look at sums (BINS, H, W) where the mark was drawn, for each beginning of the wave."""
         for total in by_phase(bins):
-            seen = self._look(total, 1.0, WHOLE)
-            if self._best < seen:
-                self._best, self._bins = seen, bins
+            for scale in GRIDS:
+                seen = self._look(total, scale, WHOLE)
+                if self._best < seen:
+                    self._best, self._bins = seen, bins
 
     def end(self, whole: np.ndarray | None, limit: float, frames: int, everywhere: bool) -> Found:
         """What was found, after a look at the sums of the whole video."""
@@ -189,7 +193,8 @@ def tries() -> list[tuple[float, Window]]:
         steps = range(math.floor(first / step), math.ceil(last / step) + 1)
         corners = [(row, column) for row in places for column in places]
         found += [(k * step, (row, column, size)) for k in steps for row, column in corners]
-    return [(math.exp(log), window) for log, window in sorted(found, key=lambda t: abs(t[0]))]
+    found.sort(key=lambda place: abs(place[0]))
+    return [(grid * math.exp(log), window) for log, window in found for grid in GRIDS]
 
 
 def fold(

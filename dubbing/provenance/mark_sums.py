@@ -18,37 +18,51 @@ import numpy as np
 
 from dubbing.provenance.mark import CELLS, PERIOD, WAVE
 
-FINEST = 540  # px of the shorter side; larger frames are made as small first
+FINEST = 720  # px of the shorter side; larger frames are made as small first
 LOUDEST = 3.0  # deviations; what a pixel counts at most
 FAINTEST = 0.1  # grey levels, deviation of a change below which it is nothing
 BINS = 2 * len(WAVE)  # parts of the period
-AROUND = 0.12  # seconds before and after a frame that it is compared with
+APART = 0.08  # seconds before and after a frame that it is compared with
+FLOW_SIDE, LEAST_FLOW = 360, 32  # px of the shorter side at which flow is found, and can be
 PIECE = 2.0  # seconds that are added up by themselves
 
 
 def changes(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[np.ndarray]:
     """What each luma frame (H, W) uint8 has that the frames around it have not.
 
-    In deviations, float32; larger frames are made smaller, see `FINEST`.
+    Those are moved by the optical flow first: skin and cloth follow it, the mark does not. In
+    deviations, float32; larger frames are made smaller, see `FINEST`.
     """
-    half = max(1, round(AROUND * rate))
-    near: deque[np.ndarray] = deque()
-    total, given = np.zeros((0, 0), np.float32), 0
+    apart = max(1, round(APART * rate))
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
+    near: deque[np.ndarray] = deque(maxlen=2 * apart + 1)
 
-    def out(index: int) -> np.ndarray:
-        return standing_out(near[index] - total / len(near))
+    def out(place: int) -> np.ndarray:
+        beside = [k for k in (place - apart, place + apart) if 0 <= k < len(near)]
+        moved = [_moved(near[k], near[place], flow) for k in beside]
+        return standing_out(near[place] - (np.mean(moved, 0) if moved else near[place]))
 
     for frame in frames:
-        small = _small(frame)
-        total = small if not near else total + small
-        near.append(small)
-        if len(near) > 2 * half:
-            total = total - near.popleft()
-        if len(near) > half:
-            yield out(len(near) - 1 - half)
-            given += 1
-    for k in range(max(0, len(near) - half), len(near)):
-        yield out(k)
+        near.append(_small(frame))
+        if len(near) > apart:
+            yield out(len(near) - 1 - apart)
+    for place in range(max(0, len(near) - apart), len(near)):
+        yield out(place)
+
+
+def _moved(frame: np.ndarray, to: np.ndarray, flow: cv2.DISOpticalFlow) -> np.ndarray:
+    """A frame (H, W) float32 laid over another by their optical flow."""
+    height, width = to.shape
+    if min(to.shape) < LEAST_FLOW:
+        return frame
+    share = min(1.0, FLOW_SIDE / min(to.shape))
+    size = (max(1, round(width * share)), max(1, round(height * share)))
+    small = [
+        cv2.resize(x, size, interpolation=cv2.INTER_AREA).astype(np.uint8) for x in (to, frame)
+    ]
+    motion = cv2.resize(flow.calc(small[0], small[1], None), (width, height)) / share
+    at = motion + np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1)
+    return cv2.remap(frame, at.astype(np.float32), None, cv2.INTER_CUBIC)
 
 
 def _small(frame: np.ndarray) -> np.ndarray:
