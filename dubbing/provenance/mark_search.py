@@ -34,7 +34,6 @@ REFINE = 12  # half steps of scale to either side, to see a mark that was found 
 PHASES = 2  # samples a cell and direction
 OVERTONE = 3  # of the wave, which slow motion of the picture disturbs least
 SEVERAL = 4  # pieces of the sums that are looked at together: faces come and go
-SHIFTS = (PHASES * TILE) ** 2
 Window = tuple[float, float, float]  # row, column, size; shares of the frame
 WHOLE: Window = (0.0, 0.0, 1.0)
 GRIDS = (1.0, CELLS / FINE_CELLS)  # scales at which marks are drawn
@@ -72,7 +71,7 @@ def search(
     the rest, in pieces of it; then, in all of the video, at every scale, shift and window.
 
     Args:
-        everywhere: whether to do the latter.
+        everywhere: whether to do the latter; if not, the search ends as soon as all are found.
     """
     codes = [Code.of(key) for key in keys]
     searches = [Search(code) for code in codes]
@@ -84,10 +83,15 @@ def search(
         for part in [bins, np.sum(last, 0)][: len(last)]:
             for one in searches:
                 one.glance(part)
-    limit = threshold(
-        FALSE_ALARMS / (2 * len(tries()) + len(GRIDS) * BINS * (2 * looks + 1)) / SHIFTS
-    )
-    return [one.end(whole, limit, count, everywhere) for one in searches]
+        if not everywhere and all(one.best.value > SURE * limit_of(looks) for one in searches):
+            break
+    return [one.end(whole, limit_of(looks), count, everywhere) for one in searches]
+
+
+def limit_of(looks: int) -> float:
+    """What S must reach in a search that looked so often at pieces of the video."""
+    places = 2 * len(tries()) + len(GRIDS) * BINS * (2 * looks + 1)
+    return threshold(FALSE_ALARMS / places / (PHASES * TILE) ** 2)
 
 
 class Search:
@@ -95,26 +99,26 @@ class Search:
 
     def __init__(self, code: Code) -> None:
         self._code, self._spectra = code, templates(code)
-        self._best, self._bins = Sight(), np.zeros((BINS, 0, 0), np.float32)
+        self.best, self._bins = Sight(), np.zeros((BINS, 0, 0), np.float32)
 
     def glance(self, bins: np.ndarray) -> None:
         """Look at sums (BINS, H, W) where the mark was drawn, for each beginning of the wave."""
         for total in by_phase(bins):
             for scale in GRIDS:
                 seen = self._look(total, scale, WHOLE)
-                if self._best < seen:
-                    self._best, self._bins = seen, bins
+                if self.best < seen:
+                    self.best, self._bins = seen, bins
 
     def end(self, whole: np.ndarray | None, limit: float, frames: int, everywhere: bool) -> Found:
         """What was found, after a look at the sums of the whole video."""
         if whole is not None:
             self.glance(whole)
-            if everywhere and self._best.value < limit:
+            if everywhere and self.best.value < limit:
                 self._everywhere(whole, limit)
-        best = self._sharpened() if self._best.value >= limit else self._best
+        best = self._sharpened() if self.best.value >= limit else self.best
         return Found(
-            present=self._best.value >= limit,
-            statistic=self._best.value,
+            present=self.best.value >= limit,
+            statistic=self.best.value,
             threshold=limit,
             bits=(best.scores > 0).astype(np.uint8),
             sureness=np.abs(best.scores),
@@ -135,13 +139,13 @@ class Search:
             if places.value > SURE * limit:
                 break  # no chance finds more
         seen = [self._look(total, places.scale, places.window) for total in by_phase(whole)]
-        if self._best < max(seen):
-            self._best, self._bins = max(seen), whole
+        if self.best < max(seen):
+            self.best, self._bins = max(seen), whole
 
     def _sharpened(self) -> Sight:
         """The sight made sharper, for its bits."""
         totals = by_phase(self._bins)
-        seen = [self._look(total, self._best.scale, self._best.window) for total in totals]
+        seen = [self._look(total, self.best.scale, self.best.window) for total in totals]
         return nearer(totals[seen.index(max(seen))], self._spectra, self._code, max(seen))
 
 

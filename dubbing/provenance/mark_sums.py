@@ -60,9 +60,16 @@ def _moved(frame: np.ndarray, to: np.ndarray, flow: cv2.DISOpticalFlow) -> np.nd
     small = [
         cv2.resize(x, size, interpolation=cv2.INTER_AREA).astype(np.uint8) for x in (to, frame)
     ]
-    motion = cv2.resize(flow.calc(small[0], small[1], None), (width, height)) / share
-    at = motion + np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1)
-    return cv2.remap(frame, at.astype(np.float32), None, cv2.INTER_CUBIC)
+    motion = (
+        cv2.resize(
+            flow.calc(small[0], small[1], np.zeros((*small[0].shape, 2), np.float32)),
+            (width, height),
+        )
+        / share
+    )
+    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    at = (x + motion[..., 0], y + motion[..., 1])
+    return np.asarray(cv2.remap(frame, *at, cv2.INTER_CUBIC))
 
 
 def _small(frame: np.ndarray) -> np.ndarray:
