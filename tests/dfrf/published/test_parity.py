@@ -6,7 +6,6 @@ Slots start without noise where nothing else is said. Positions there are (row, 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -22,15 +21,12 @@ from dfrf.published.conditioned_field import FrameConditions
 from dfrf.published.importing import import_checkpoint
 from dfrf.published.model import EncodedReferences, PaperModel, References
 from dfrf.published.references import clamp_to_image
+from tests import needs
 
-FOLDER = Path(__file__).resolve().parents[4] / "shared" / "parity"
 SIZE, FOCAL = 64, 162.5
 CLOSE: dict[str, Any] = {"atol": 1e-4, "rtol": 0}
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(not FOLDER.is_dir(), reason="shared/parity is not beside the repository"),
-]
+pytestmark = pytest.mark.slow
 
 
 @dataclass(frozen=True)
@@ -50,8 +46,8 @@ class Published:
 @pytest.fixture(scope="module")
 def published(tmp_path_factory: pytest.TempPathFactory) -> Published:
     out = tmp_path_factory.mktemp("parity") / "imported.safetensors"
-    import_checkpoint(FOLDER / "published_weights.safetensors", out)
-    numbers = load_file(FOLDER / "published_outputs.safetensors")
+    import_checkpoint(needs.shared("parity") / "published_weights.safetensors", out)
+    numbers = load_file(needs.shared("parity") / "published_outputs.safetensors")
     centre = torch.full((1, 2), SIZE / 2)
     images, poses = numbers["reference_images"], numbers["reference_poses"]
     imported, _ = load_model(out)
@@ -113,7 +109,7 @@ def test_aggregated_feature_and_raw_output(published: Published, maps: EncodedRe
 
 @torch.no_grad()
 def test_slot_attention_from_noise(published: Published, monkeypatch: pytest.MonkeyPatch) -> None:
-    slots = load_file(FOLDER / "published_slots.safetensors")
+    slots = load_file(needs.shared("parity") / "published_slots.safetensors")
     tokens = slots["slot_features"].transpose(0, 1)
     points = slots["slot_encoded_points"].transpose(0, 1)
     aggregation = published.model.field.aggregation

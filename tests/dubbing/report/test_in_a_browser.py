@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import json
 import re
-import shutil
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -13,11 +12,10 @@ from urllib.parse import unquote, urlsplit
 
 import pytest
 
+from tests import needs
 from tests.dubbing.report.pages import DUBS, SOURCE, write_everything
 
 pytestmark = pytest.mark.medium
-PROGRAMS = ("chromium", "chromium-browser", "google-chrome")
-CHROMIUM = next(filter(None, map(shutil.which, PROGRAMS)), "")
 WORST_FIRST = ["still", "gone", "shot10", "early", "quiet", "weak", "fine", "shot9"]
 VERDICTS = {"failed": WORST_FIRST[:2], "warned": WORST_FIRST[2:4], "unjudged": ["quiet"]}
 VERDICTS["passed"] = WORST_FIRST[5:]
@@ -115,10 +113,8 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def findings(page: Path, size: str) -> dict[str, Any]:
     """What the script of a page writes into its element ``findings``."""
-    if not CHROMIUM:
-        pytest.skip("no Chromium to open the page: apt-get install chromium")
     profile = page.parent.parent / f"profile_{page.stem}"
-    command = [CHROMIUM, *FLAGS, f"--user-data-dir={profile}", f"--window-size={size}"]
+    command = [needs.chromium(), *FLAGS, f"--user-data-dir={profile}", f"--window-size={size}"]
     shown = subprocess.run(
         [*command, page.as_uri()], capture_output=True, text=True, timeout=60, check=True
     ).stdout
