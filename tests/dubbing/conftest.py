@@ -1,9 +1,11 @@
 """Clips that many tests read: numbered frames, and the synthetic speaker in known sync."""
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,6 +37,36 @@ def footage(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
     """Stages that do no work: each leaves files as the true one would."""
     fakes.install(monkeypatch.setattr)
+
+
+@pytest.fixture
+def flushed(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, Path]]:
+    """In their order: what is flushed to the disk, and the new names that files are given."""
+    found: list[tuple[str, Path]] = []
+    opened: dict[int, Path] = {}
+    really = {name: getattr(os, name) for name in ("open", "fsync", "replace", "rename")}
+
+    def note_open(path: Path, *arguments: Any, **named: Any) -> int:
+        handle: int = really["open"](path, *arguments, **named)
+        opened[handle] = Path(path)
+        return handle
+
+    def fsync(handle: int) -> None:
+        found.append(("flushed", opened[handle]))
+        really["fsync"](handle)
+
+    def move(name: str) -> Callable[[Path, Path], None]:
+        def moved(old: Path, new: Path) -> None:
+            found.append(("named", Path(new)))
+            really[name](old, new)
+
+        return moved
+
+    monkeypatch.setattr(os, "open", note_open)
+    monkeypatch.setattr(os, "fsync", fsync)
+    for name in ("replace", "rename"):
+        monkeypatch.setattr(os, name, move(name))
+    return found
 
 
 @dataclass(frozen=True)

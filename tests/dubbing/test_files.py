@@ -138,3 +138,13 @@ def test_windows_flushes_files_that_may_be_written(
         sync_file(folder)
         sync_file(file)
     assert opened == [(file, os.O_RDWR)]
+
+
+def test_a_file_is_on_the_disk_before_its_name_and_the_name_before_anything_else(
+    tmp_path: Path, flushed: list[tuple[str, Path]]
+) -> None:
+    """A cut of the power leaves the old file or the new one, and no later file without it."""
+    (tmp_path / "a").write_text("old")
+    with atomic_path(tmp_path / "a") as temporary:
+        temporary.write_text("new")
+    assert flushed == [("flushed", temporary), ("named", tmp_path / "a"), ("flushed", tmp_path)]

@@ -17,7 +17,7 @@ from dfrf.field.conditioned_field import ConditionedField
 from dfrf.field.field import FieldOutput
 from dfrf.field.mouth_views import fit_reading, nearest
 from dfrf.field.reference_maps import ChosenMouths, ReferenceMaps
-from dfrf.field.reference_views import MouthViews
+from dfrf.field.reference_views import MouthViews, ReferenceViews
 from tests.dfrf.people import lip_shape, person, small_config
 
 FRAMES = 40
@@ -97,6 +97,50 @@ def test_weights_fade_before_another_mouth_takes_their_place(someone: Someone) -
         row[frames] = chosen.maps.log_view_weight.exp()
     assert rows.argmax(1).unique().numel() > 15
     assert rows.diff(dim=0).abs().max() < 0.15
+
+
+def first_views(mouths: MouthViews, count: int) -> ReferenceViews:
+    """Crops in number, all seen from where the first one is."""
+    views = mouths.views
+    many = {name: getattr(views, name)[:1] for name in ("images", "mattes", "c2w", "centres")}
+    return replace(views, **{k: t.repeat(count, *[1] * (t.dim() - 1)) for k, t in many.items()})
+
+
+def test_mouths_count_by_the_fourth_power_of_their_nearness(someone: Someone) -> None:
+    """(1 - r^2)^4 of the distance r from the lips wanted, 1 at the first mouth that is left out."""
+    mouths, steps = someone.mouths, torch.tensor([0.0, 1, 2, 3, 4, 8, 9, 10])
+    some = torch.arange(len(steps))
+    views = first_views(mouths, len(steps))
+    lips = steps[:, None, None] * torch.randn(1, mouths.lips.shape[1], 2)
+    row = replace(mouths, views=views, lips=lips, frames=some, reading=0 * mouths.reading)
+    assert someone.maps.mouths is not None
+    origin = views.c2w[0, :, 3]
+    chosen = nearest(row, someone.maps.mouths, torch.zeros(7), origin)
+    assert chosen.maps.number.tolist() == [0, 1, 2, 3]
+    by_hand = torch.tensor([1.0, (15 / 16) ** 4, (3 / 4) ** 4, (7 / 16) ** 4])
+    torch.testing.assert_close(chosen.maps.log_view_weight.exp(), by_hand, rtol=1e-3, atol=1e-3)
+
+
+def test_a_turn_counts_beside_lips_and_their_gap(someone: Someone) -> None:
+    """A frame's lips are 1 from the mean in the mean square, their gap 3 times; .15 rad are 1."""
+    mouths, angles = someone.mouths, torch.tensor([0.0, 0.1, 0.2, 0.3, 0.4, 0.5])
+    c2w = mouths.views.c2w[:1].repeat(len(angles), 1, 1)
+    c2w[:, :, 3] = 7 * torch.stack([angles.sin(), 0 * angles, angles.cos()], 1)
+    lips = 0.1 * torch.randn(len(angles), *mouths.lips.shape[1:])
+    views = replace(first_views(mouths, len(angles)), c2w=c2w)
+    row = replace(mouths, views=views, lips=lips, measured=lips, frames=20 * torch.arange(6))
+    assert someone.maps.mouths is not None
+    chosen = nearest(row, someone.maps.mouths, torch.zeros(7), c2w[1, :, 3], torch.tensor(1))
+    # Frame 1 of those learned; the crops are of frames 0, 20 .. 100: the first lies beside it.
+    spread = (lips - lips.mean(0)).square().sum((1, 2)).mean()
+    gaps = mouth_views.gap(lips)
+    squared = (lips - lips[1]).square().sum((1, 2)) / spread
+    squared += 3 * (gaps - gaps[1]) ** 2 / (gaps - gaps.mean()).square().mean()
+    squared += (2 * torch.sin((angles - angles[1]) / 2) / 0.15) ** 2
+    order = [k for k in squared.argsort().tolist() if k]
+    assert chosen.maps.number.tolist() == order[:4]
+    by_hand = (1 - squared[order[:4]] / squared[order[4]]) ** 4
+    torch.testing.assert_close(chosen.maps.log_view_weight.exp(), by_hand, rtol=1e-3, atol=1e-3)
 
 
 def test_lips_are_where_the_measures_say(someone: Someone) -> None:

@@ -325,3 +325,15 @@ def test_a_file_put_back_with_its_time_stamp_is_seen(stage: Stage, source: Path)
     source.write_text("xyz")
     os.utime(source, ns=(before.st_atime_ns, before.st_mtime_ns))
     assert stage.changes() == ["text changed"]
+
+
+def test_results_are_on_the_disk_before_their_folder_has_its_name(
+    stage: Stage, flushed: list[tuple[str, Path]]
+) -> None:
+    for _ in range(2):  # the second replaces the first
+        update.run_stage(stage, quiet, force=True)
+        whole = flushed.index(("named", stage.folder))
+        before = {path.name for what, path in flushed[:whole] if what == "flushed"}
+        assert {"0.txt", "1.txt", "2.txt"} <= before
+        assert flushed[whole + 1 :] == [("flushed", stage.folder.parent)]
+        flushed.clear()

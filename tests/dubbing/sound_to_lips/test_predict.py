@@ -2,6 +2,7 @@
 
 from functools import lru_cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ import torch
 from dfrf.field.speaker_adaptation import NUMBERS, PREDICTED
 from dubbing.errors import DubbingError
 from dubbing.sound_to_lips import encoder as encoding
+from dubbing.sound_to_lips import predict as predicting
 from dubbing.sound_to_lips.encoder import CHANNELS, STEP, SpeechEncoder, encode
 from dubbing.sound_to_lips.network import LipFilter
 from dubbing.sound_to_lips.predict import predict
@@ -75,6 +77,23 @@ def test_a_sound_has_lips_fifty_times_a_second() -> None:
     assert np.isfinite(found).all()
     assert np.abs(found).max() < 20
     assert predict(lambda: []).shape == (0, NUMBERS)
+
+
+def test_lips_are_those_of_the_middle_of_their_step(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A network that answers with the second that it hears: not half a step earlier or later."""
+
+    def heard(_network: object, blocks: list[np.ndarray], _gain: float) -> torch.Tensor:
+        steps = -(-sum(map(len, blocks)) // STEP)
+        seconds = (torch.arange(steps) + 0.5) * STEP / SAMPLE_RATE
+        return seconds[:, None].repeat(1, NUMBERS)
+
+    monkeypatch.setattr(predicting, "encode", heard)
+    monkeypatch.setattr(
+        predicting, "_network", lambda: SimpleNamespace(filter=lambda x: x, encoder=0)
+    )
+    found = predict(lambda: [sound(2)])
+    middle = (np.arange(100) + 0.5) / 50
+    np.testing.assert_allclose(found[1:, 0], middle[1:], atol=STEP / SAMPLE_RATE / 100)
 
 
 def test_silence_has_lips_that_do_not_move() -> None:
