@@ -1,5 +1,8 @@
 """The same random numbers in every run and in every order of the tests; and both arithmetics."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import pytest
 import torch
 
@@ -14,12 +17,19 @@ def seed() -> None:
     torch.manual_seed(0)
 
 
-@pytest.fixture(params=list(ROUNDING))
-def arithmetic(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> float:
-    """Matrix products in float32, then in bfloat16, whatever this machine does faster.
+@contextmanager
+def forced(kind: str) -> Iterator[float]:
+    """Matrix products and tables in `float32` or `bfloat16`, whatever this machine does faster.
 
     Gives the relative error of one rounding in it.
     """
-    kind: str = request.param
-    monkeypatch.setattr(device, "has_bfloat16", lambda _: kind == "bfloat16")
-    return ROUNDING[kind]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(device, "has_bfloat16", lambda _: kind == "bfloat16")
+        yield ROUNDING[kind]
+
+
+@pytest.fixture(params=list(ROUNDING))
+def arithmetic(request: pytest.FixtureRequest) -> Iterator[float]:
+    """A test in one arithmetic, then in the other; see `forced`."""
+    with forced(request.param) as rounding:
+        yield rounding

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import pytest
@@ -18,6 +19,7 @@ from dfrf.field.field import FieldOutput
 from dfrf.field.mouth_views import fit_reading, nearest
 from dfrf.field.reference_maps import ChosenMouths, ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews
+from tests.dfrf.conftest import ROUNDING, forced
 from tests.dfrf.people import lip_shape, person, small_config
 
 FRAMES = 40
@@ -57,8 +59,14 @@ class Someone:
             return field.seen_from(origin)(points, towards, torch.zeros(len(points)).long())
 
 
-@pytest.fixture(scope="module")
-def someone() -> Someone:
+@pytest.fixture(scope="module", params=list(ROUNDING))
+def someone(request: pytest.FixtureRequest) -> Iterator[Someone]:
+    """In one arithmetic, then in the other."""
+    with forced(request.param):
+        yield made()
+
+
+def made() -> Someone:
     below = -(lip_shape()[:, 1] - lip_shape()[:, 1].mean())
     opens = torch.linspace(0, 1, FRAMES)[:, None] * below
     measures = torch.linspace(-1.7, 1.7, FRAMES)[:, None].repeat(1, 7)

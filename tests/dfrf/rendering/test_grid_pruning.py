@@ -1,5 +1,6 @@
 """Cells that show nothing are closed, and the picture stays."""
 
+import pytest
 import torch
 
 from dfrf import presets
@@ -11,6 +12,7 @@ from dfrf.rendering.volume_rendering import render_rays
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 
 
+@pytest.mark.usefixtures("arithmetic")
 def test_pruning_closes_air_and_leaves_the_picture() -> None:
     someone = person()
     model = presets.build(small_config()).eval()

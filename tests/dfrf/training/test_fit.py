@@ -32,6 +32,7 @@ def made(seed: int = 1) -> FastModel:
 run = partial(run_fit, references=REFERENCES)
 
 
+@pytest.mark.usefixtures("arithmetic")
 @pytest.mark.parametrize("every", [0, 2])
 def test_four_steps_are_two_and_resume_and_two_bit_for_bit(tmp_path: Path, every: int) -> None:
     config = replace(CONFIG, learn_references_every=every)

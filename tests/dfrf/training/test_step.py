@@ -34,6 +34,7 @@ def test_shares_divide_the_rays_and_the_frames() -> None:
     assert [s.conditioning.shape for s in dealt] == [(1, 70)] * 4
 
 
+@pytest.mark.usefixtures("arithmetic")
 def test_gradients_are_those_of_the_mean_loss_and_reach_the_reference_network() -> None:
     model = presets.build(small_config())
     parameters: list[torch.Tensor] = [p for n, p in model.named_parameters() if "audio" not in n]

@@ -25,7 +25,9 @@ from tests.dubbing.provenance.chain import write_chain
 CONSENT = {"by": "Ann", "reference": "form 17", "date": "2026-01-01"}
 SRT = "1\n00:00:00,200 --> 00:00:00,600\nANN: Good.\n\n2\n00:00:00,700 --> 00:00:01,000\nBEN: No.\n"
 PERSON = {"clip": "ann.mp4", "seconds": 1, "consent": CONSENT}
-ALONE = {"name": "it", "identity": "ann", "audio": "it.wav", "language": "it"}
+ALONE = {
+    **{"name": "it", "identity": "ann", "audio": "it.wav", "audio_seconds": 0.5, "language": "it"},
+}
 LABEL = {"credits": {"seconds": 1, "text": "By machine"}}
 SIGNED = {**ALONE, "certificate": "signer.pem", "key": "signer.key"}
 SCENE = {
@@ -59,7 +61,7 @@ OF_ONE: list[tuple[str, Any, set[str]]] = [
     ("dubs.0.identity", "ben", {"composite"}),
     ("dubs.0.audio", "other.wav", {"listen", "composite"}),
     ("dubs.0.audio_start", 0.1, {"listen", "composite"}),
-    ("dubs.0.audio_seconds", 0.5, {"listen", "composite"}),
+    ("dubs.0.audio_seconds", 0.6, {"listen", "composite"}),
     ("dubs.0.video_start", 0.04, {"render", "composite"}),
     ("dubs.0.on_longer_audio", "loop", {"render", "composite"}),
     ("dubs.0.frame", "crop", {"composite"}),
