@@ -37,7 +37,7 @@ const hold = document.getElementById("hold").contentDocument.open();
 const find = (query) => [...document.querySelectorAll(query)];
 const part = (name, query) => find(`#dub-${name} ${query}`);
 const frame = () => new Promise((go) => requestAnimationFrame(() => setTimeout(go, 50)));
-const wait = async (until, most = 80) => { while (most-- && !until()) await frame(); };
+const wait = async (until, most = 400) => { while (most-- && !until()) await frame(); };
 const box = (tag) => tag.getBoundingClientRect();
 const shown = () => find(".dub").filter((card) => card.checkVisibility())
   .sort((a, b) => box(a).top - box(b).top).map((card) => card.dataset.name);
@@ -116,7 +116,7 @@ def findings(page: Path, size: str) -> dict[str, Any]:
     profile = page.parent.parent / f"profile_{page.stem}"
     command = [needs.chromium(), *FLAGS, f"--user-data-dir={profile}", f"--window-size={size}"]
     shown = subprocess.run(
-        [*command, page.as_uri()], capture_output=True, text=True, timeout=60, check=True
+        [*command, page.as_uri()], capture_output=True, text=True, timeout=300, check=True
     ).stdout
     text = re.search('<pre id="findings"[^>]*>({.*?})</pre>', shown)
     assert text, shown[-2000:]
