@@ -39,7 +39,9 @@ def test_sound_moved_by_frames_is_found_that_much_later(own: SyncResult, tmp_pat
 
 def test_their_words_of_another_moment_do_not_pass(own: SyncResult, tmp_path: Path) -> None:
     source, mixed = needs.shared("clips/menendez.mp4"), tmp_path / "mixed.mp4"
-    halves = "[0:a]asplit[x][y];[x]atrim=4[b];[y]atrim=0:4[a];[b][a]concat=v=0:a=1[s]"
+    halves = (
+        "[0:a]asplit[x][y];[x]atrim=4,asetpts=N/SR/TB[b];[y]atrim=0:4[a];[b][a]concat=v=0:a=1[s]"
+    )
     clips.ffmpeg("-i", source, "-filter_complex", halves, "-map", "0:v", "-map", "[s]", mixed)
     found = check(mixed, source=own)
     assert found.verdict in ("warn", "fail")
