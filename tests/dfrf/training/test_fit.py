@@ -14,7 +14,8 @@ from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
 from dfrf.fast.method import FastMethod
 from dfrf.fast.model import FastModel
-from dfrf.training.fit import FitOptions, TrainingDivergedError, fit, learning_rate
+from dfrf.method import StepOutcome
+from dfrf.training.fit import FitOptions, Run, TrainingDivergedError, fit, learning_rate
 from tests.dfrf.people import person, small_config
 from tests.dfrf.runs import run_fit
 
@@ -108,3 +109,15 @@ def test_the_learning_rate_rises_and_then_falls_to_its_end() -> None:
     assert max(rates) == rates[9] or max(rates) == rates[10]
     assert rates[100] == pytest.approx(1e-3)
     assert all(b <= a for a, b in pairwise(rates[10:]))
+
+
+def test_a_step_of_great_gradients_is_cut_to_length_one() -> None:
+    with Run(FastMethod(made()), [person()], CONFIG, REFERENCES, FitOptions(device="cpu")) as run:
+        for size, length in ((100.0, 1.0), (1e-6, None)):
+            gradients = [torch.full_like(p, size) for p in run.trained]
+            asked = torch.cat([g.flatten() for g in gradients]).norm()
+            loss = torch.tensor(1.0)
+            outcome = StepOutcome(loss, loss, gradients, torch.zeros(0, 3), torch.zeros(0), 1)
+            run.update(0, outcome)
+            taken = torch.cat([p.grad.flatten() for p in run.trained if p.grad is not None]).norm()
+            torch.testing.assert_close(taken, asked if length is None else torch.tensor(length))
