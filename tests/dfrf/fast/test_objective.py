@@ -30,7 +30,7 @@ class Drawn:
     maps: ReferenceMaps
     share: RayShare
 
-    def loss(self, warp: bool = True, **weights: float) -> tuple[float, float, RayColours]:
+    def loss(self, *, warp: bool = True, **weights: float) -> tuple[float, float, RayColours]:
         """Loss and squared error under some weights, and what the rays see."""
         config = replace(CONFIG, **weights)  # type: ignore[arg-type]
         loss, mse, seen = share_loss(self.model, self.share, self.maps, config, warp)
@@ -64,7 +64,7 @@ def drawn() -> Drawn:
 
 @pytest.mark.parametrize("name", WEIGHTS)
 def test_a_term_counts_with_its_weight(drawn: Drawn, name: str) -> None:
-    loss, mse, seen = drawn.loss(**{name: 0.7})
+    loss, mse, seen = drawn.loss(**{name: 0.7})  # type: ignore[arg-type]
     term = drawn.term(name, seen).item()
     assert 0.7 * term > 0.01 * mse
     assert loss - mse == pytest.approx(0.7 * term, rel=1e-3)

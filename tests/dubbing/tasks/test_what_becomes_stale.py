@@ -192,13 +192,14 @@ def test_of_another_of_the_clips(folder: Path) -> None:
 
 def fields(kind: type[BaseModel], place: str) -> Iterator[str]:
     """Places of the keys of an entry, those of the entries in it too."""
-    inner = {"consent": entries.Consent, "finetune": entries.Finetune, "credits": entries.Credits}
+    inner: dict[str, type[BaseModel]] = {
+        **{"consent": entries.Consent, "finetune": entries.Finetune},
+        **{"label": entries.Label, "credits": entries.Credits},
+    }
     for name in kind.model_fields:
         yield f"{place}.{name}"
         if name in inner:
             yield from fields(inner[name], f"{place}.{name}")
-        elif name == "label":
-            yield from fields(entries.Label, f"{place}.{name}")
 
 
 def test_no_key_is_forgotten_here() -> None:
