@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
 from dubbing.compositing.composite import FEATHER, composite
+from dubbing.compositing.neck import with_neck
+from tests.dubbing.compositing.test_neck import S, disc, scene
 
 
 @pytest.mark.parametrize("size", [512, 1024])
@@ -16,3 +19,18 @@ def test_the_seam_is_as_wide_a_share_of_the_crop(size: int) -> None:
     _, mask = composite(background, restored, np.zeros((size, size, 4), np.uint8), share)
     rising = int(((mask[0] > 0) & (mask[0] < 255)).sum())
     assert abs(rising - FEATHER * size / 512) <= 1
+
+
+def test_a_neck_is_stretched_alike_in_a_crop_of_twice_the_size() -> None:
+    image, background, matte, landmarks = scene()
+    made, where = with_neck(image, background, matte, disc(90), landmarks)
+
+    def twice(picture: np.ndarray) -> np.ndarray:
+        return cv2.resize(picture, (2 * S, 2 * S), interpolation=cv2.INTER_LINEAR)
+
+    pictures = [twice(picture) for picture in (image, background, matte, disc(90))]
+    large, where_there = with_neck(*pictures, 2 * landmarks)
+    # As far as a picture of half the size can tell.
+    large, where_there = large[::2, ::2].astype(int), where_there[::2, ::2]
+    assert (where != where_there).sum() < 0.02 * where.sum()
+    assert np.abs(large - made)[where].mean() < 2

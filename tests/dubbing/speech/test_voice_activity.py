@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ import torch
 
 from dubbing.speech import voice_activity as voice
 from dubbing.speech import voice_detector
+from dubbing.speech.weight_paths import of_package
 from dubbing.synthetic.voice import synthesise
 
 RNG = np.random.default_rng(0)
@@ -86,8 +86,8 @@ def test_music_is_no_speech(below: float) -> None:
 
 def test_the_network_is_that_of_the_package() -> None:
     """Its own weights give the same in both: those of the TorchScript file, which are others."""
-    data = Path(voice_detector.find_spec("silero_vad").origin).with_name("data")  # type: ignore
-    theirs = torch.jit.load(data / "silero_vad.jit").eval()
+    (file,) = of_package("silero_vad", "data/silero_vad.jit").values()
+    theirs = torch.jit.load(file).eval()
     state = {k.removeprefix("_model."): v for k, v in theirs.state_dict().items()}
     ours = voice_detector.VoiceDetector()
     weights = ours.state_dict()

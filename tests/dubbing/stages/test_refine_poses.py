@@ -93,6 +93,9 @@ def test_poses_go_to_where_the_head_was_filmed(tmp_path: Path) -> None:
     assert (after[:12] < 0.45 * before[:12]).all()
     # Those not asked for stay.
     np.testing.assert_allclose(after[12:], before[12:], rtol=1e-4)
+    some = off(refined(model, None, tracked, np.arange(5)).c2w())
+    assert (some[:5] < 0.45 * before[:5]).all()
+    np.testing.assert_allclose(some[5:], before[5:], rtol=1e-4)
     tracked.valid[:] = False
     np.testing.assert_allclose(
         refined(model, None, tracked, np.arange(12)).c2w(), tracked.c2w(), atol=1e-5
