@@ -28,8 +28,9 @@ def test_a_neck_is_stretched_alike_in_a_crop_of_twice_the_size() -> None:
     def twice(picture: np.ndarray) -> np.ndarray:
         return cv2.resize(picture, (2 * S, 2 * S), interpolation=cv2.INTER_LINEAR)
 
-    pictures = [twice(picture) for picture in (image, background, matte, disc(90))]
-    large, where_there = with_neck(*pictures, 2 * landmarks)
+    large, where_there = with_neck(
+        twice(image), twice(background), twice(matte), twice(disc(90)), 2 * landmarks
+    )
     # As far as a picture of half the size can tell.
     large, where_there = large[::2, ::2].astype(int), where_there[::2, ::2]
     assert (where != where_there).sum() < 0.02 * where.sum()
