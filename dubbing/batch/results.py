@@ -98,7 +98,7 @@ class Ledger:
         """Write it."""
         path = self.manifest.work / LEDGER
         remove_torn(path)
-        atomic_write_json(path, self.entries)
+        atomic_write_json(path, dict(sorted(self.entries.items())))  # the same from every run
 
     def _in_work(self, target: Path) -> bool:
         """Whether it is a file of a stage, too: then that stage sees what became of it."""

@@ -31,7 +31,7 @@ SLOT = Fraction(2, 25)  # seconds
 PERIOD = len(WAVE) * SLOT
 # What a picture hides, grey levels: in a smooth part of middle brightness, for each level of
 # roughness, and at most. Twice as much in black, half as much again in white.
-SMOOTH, ROUGH, MOST = 0.5, 0.08, 2.0
+SMOOTH, ROUGH, MOST = 0.7, 0.08, 2.0
 SHADOW, LIGHT = 60.0, 180.0  # levels from which on darkness and brightness hide more
 DETAIL, WIDE = 1.2, 1.5  # cells: what is finer is roughness, and the neighbourhood that hides
 REACH = 4.0  # cells round a pixel: the smoothest place there decides, so that no edge hides

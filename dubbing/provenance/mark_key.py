@@ -94,6 +94,7 @@ def make_installation_key() -> Path:
             except OSError:  # a file system without hard links
                 os.replace(temporary, file)
             temporary.unlink(missing_ok=True)
+            sync_file(file.parent)
     read_key(file)
     return file
 

@@ -58,7 +58,7 @@ def test_rough_and_dark_parts_hide_more_and_an_edge_does_not() -> None:
         name: float(hidden_by(picture, CELL)[middle].mean())
         for name, picture in (("smooth", smooth), ("rough", rough), ("dark", dark))
     }
-    assert levels["smooth"] == pytest.approx(0.5)
+    assert levels["smooth"] == pytest.approx(0.7)
     assert levels["rough"] > 1.3 * levels["smooth"]
     assert levels["dark"] > 1.5 * levels["smooth"]
     beside = np.concatenate([smooth, np.full_like(smooth, 170)], 1)
