@@ -105,7 +105,8 @@ def test_a_base_of_another_preset_is_a_mistake_in_the_manifest(folder: Path) -> 
         manifest_of(folder, ", base: fast.safetensors")
     with pytest.raises(ManifestError, match=r"base: is a base of preset 'paper'.* preset 'nerf'"):
         manifest_of(folder, ", preset: nerf, base: paper.safetensors")
-    assert len(manifest_of(folder, ", base: paper.safetensors").warnings) == 2  # the two times
+    warnings = manifest_of(folder, ", base: paper.safetensors").warnings
+    assert sum("processor cores" in warning for warning in warnings) == 2  # the two times
     for base, preset in ((fast, "paper"), (paper, "fast")):
         with pytest.raises(CheckpointError, match=f"wanted '{preset}'"):
             init_from_base(base, replace(PAPER, preset=preset))
