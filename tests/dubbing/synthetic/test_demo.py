@@ -62,11 +62,19 @@ def test_the_command_dubs_what_it_writes(tmp_path: Path, monkeypatch: pytest.Mon
     assert loaded.output == (tmp_path / "new").resolve()  # type: ignore[attr-defined]
 
 
+# What these manifests are there to show.
+MEANT = {
+    "long_speech.yaml": "longer than the film",
+    "scene.yaml": "nobody dubs 1 of 2 lines of scene.srt",
+}
+
+
 @pytest.mark.parametrize("name", sorted(path.name for path in demo.MANIFESTS.glob("*.yaml")))
 def test_the_clip_is_as_long_as_the_manifests_want_it(tmp_path: Path, name: str) -> None:
     write_stand_in(tmp_path / "source")
     demo.write_demo(tmp_path)
-    assert not load(tmp_path / name).warnings
+    meant = MEANT.get(name, "nothing")
+    assert not [warning for warning in load(tmp_path / name).warnings if meant not in warning]
 
 
 def test_many_identities(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
