@@ -9,12 +9,12 @@ from pathlib import Path
 from dubbing import pipeline
 from dubbing.batch import estimates, jobs, results
 from dubbing.batch.results import Ledger
+from dubbing.batch.time_left import TimeLeft
 from dubbing.engine import claims, planner, runner
 from dubbing.engine.executors import Executor
 from dubbing.engine.graph import Job, Jobs, kind_of
 from dubbing.engine.outcome import Outcome, Reporter, failure_of
 from dubbing.engine.runner import Options
-from dubbing.engine.time_left import TimeLeft
 from dubbing.errors import DubbingError
 from dubbing.files import make_folder
 from dubbing.manifest.manifest import Manifest

@@ -44,7 +44,7 @@ class Entry(TypedDict):
 
 
 class Report(TypedDict):
-    """What of a report tells whose results are there."""
+    """The part of a report that tells whose results are there."""
 
     manifest: str
     dubs: dict[str, Any]
@@ -109,7 +109,7 @@ class Ledger:
 
 
 def ledger_of(manifest: Manifest) -> Ledger:
-    """What is known of the results in the output folder of a manifest.
+    """The ledger of the output folder of a manifest.
 
     Raises:
         DubbingError: its ledger holds something else.
@@ -159,7 +159,7 @@ def check(manifest: Manifest, dubs: Iterable[str]) -> None:
 
 
 def warnings(manifest: Manifest, made_again: Iterable[str]) -> Iterator[str]:
-    """What a run replaces that was there before.
+    """Warnings of earlier results that a run replaces.
 
     Args:
         made_again: dubs whose video will be made.

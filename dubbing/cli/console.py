@@ -77,7 +77,7 @@ def plan(
     *,
     as_json: bool,
 ) -> None:
-    """What would run, and why; what that needs; which seconds people were learned from.
+    """Print the stages that would run, why, their cost, and the seconds people were learned from.
 
     And the lines of scripts that nobody dubs, by dub.
     """

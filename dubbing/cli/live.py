@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from tqdm import tqdm
 
+from dubbing.batch.time_left import TimeLeft
 from dubbing.cli.console import duration, line
 from dubbing.engine.graph import kind_of
-from dubbing.engine.time_left import TimeLeft
 from dubbing.printable import visible
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ class JsonLines:
         self._pulse.__exit__()
 
     def say(self) -> None:
-        """What goes on."""
+        """The stages that are running."""
         if self._running:
             _event("alive", stages=[*self._running], left=self._left.all())
 
@@ -213,7 +213,7 @@ class JsonLines:
 
 
 def _key(job: Job, stage: Stage) -> str:
-    """What the graph calls a stage."""
+    """The name of a stage in the graph."""
     return f"{job.label}/{job.name_of(stage)}"
 
 

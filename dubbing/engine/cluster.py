@@ -30,7 +30,7 @@ AGAIN = "start it again, then run again: what was made stays"
 
 
 class SchedulerFile(TypedDict):
-    """What of the file that a scheduler writes is used."""
+    """The part of a scheduler file that is used."""
 
     __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
 

@@ -26,7 +26,7 @@ def results_of(dub: Dub) -> dict[str, str]:
 
 
 def previous_of(dub: Dub, name: str) -> str:
-    """What the last one of a dub's results is called: `it.previous.mp4`."""
+    """Name of the last result of a dub, kept beside the new one: `it.previous.mp4`."""
     suffix = f".previous{name.removeprefix(dub.name)}"
     room = LONGEST_NAME - len(suffix.encode())
     return dub.name.encode()[:room].decode(errors="ignore") + suffix

@@ -38,7 +38,7 @@ def inspect_keys(findings: Findings, at: KeyPath, dub: Dub) -> None:
 
 
 def inspect_film(findings: Findings, at: KeyPath, dub: Dub, film: Path) -> None:
-    """What becomes of the credentials of the film under a dub that is signed."""
+    """Warn of or refuse a signed dub over a film whose own credentials do not hold."""
     if signer_of(dub) is None or missing_of("c2pa"):
         return
     problem, prevents = credentials.film_problem(film)

@@ -1,4 +1,4 @@
-"""What `plan` says of sounds: which tracks and channels are heard, what is silent, what is longer.
+"""Checks of sounds for `plan`: tracks and channels that are heard, silent and longer ones.
 
 It is quick: of a sound with one channel nothing is read but up to its first sound.
 """

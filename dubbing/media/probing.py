@@ -217,7 +217,7 @@ def _check_sound(path: Path, packet: av.Packet, kind: str) -> None:
 
 
 def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) -> Picture:
-    """What the first decoded frame shows, and whether any is interlaced."""
+    """Decode the first frame, and look for interlaced ones."""
     with opened(path) as container:
         frame = next(container.decode(container.streams[video.index]), None)
     if not isinstance(frame, av.VideoFrame):

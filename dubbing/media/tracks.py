@@ -46,5 +46,5 @@ def _is_other(track: Track) -> bool:
 
 
 def _alike(track: Track) -> tuple[object, ...]:
-    """What single channels of one sound have in common."""
+    """The properties that single channels of one sound share."""
     return (track.channels, track.rate, track.codec_context.name, track.language or "und")

@@ -34,7 +34,7 @@ Container = av.container.InputContainer
 
 @dataclass(frozen=True)
 class VoiceChannel:
-    """What is heard of a stretch of sound.
+    """The channels of a stretch of sound that are heard.
 
     Attributes:
         weights: of the channels.
@@ -51,7 +51,7 @@ class VoiceChannel:
 
 
 def voice_channel(info: MediaInfo, start: float, seconds: float | None) -> VoiceChannel:
-    """What is heard of ``seconds`` of a sound from ``start`` on.
+    """The channels that are heard in ``seconds`` of a sound from ``start`` on.
 
     Raises:
         MediaError: it cannot be decoded.
@@ -69,7 +69,7 @@ def voice_channel(info: MediaInfo, start: float, seconds: float | None) -> Voice
 
 
 def chosen(powers: np.ndarray) -> VoiceChannel:
-    """What is heard of pieces with the powers (P, C, C) of all pairs of channels."""
+    """The channels that are heard in pieces with the powers (P, C, C) of all pairs."""
     count = powers.shape[1]
     every = VoiceChannel((1 / count,) * count)
     own = powers.trace(axis1=1, axis2=2)
@@ -128,7 +128,7 @@ def _opened(info: MediaInfo) -> Iterator[Container]:
 
 @while_unchanged(1024)
 def _known(_path: Path) -> dict[tuple[float, float | None], VoiceChannel]:
-    """What was found of stretches of a file, to be filled."""
+    """A cache of the channels heard in stretches of a file."""
     return {}
 
 

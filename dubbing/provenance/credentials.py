@@ -221,7 +221,7 @@ def _of_ingredients(ingredients: list[dict[str, Any]]) -> list[str]:
 
 @while_unchanged(64)
 def film_problem(film: Path) -> tuple[str, bool]:
-    """What is wrong with the credentials of a film that is to be dubbed and signed; else ''.
+    """Problem of the credentials of a film that is to be dubbed and signed; '' without one.
 
     And whether it keeps the dub from being signed. One that reads but does not hold becomes an
     ingredient whose failure is recorded, as C2PA asks of those who sign; see `Found`.

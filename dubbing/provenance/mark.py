@@ -110,7 +110,7 @@ class Mark:
 
 
 def wave(seconds: Fraction) -> int:
-    """What the pattern is multiplied with at a time of the dub."""
+    """Sign of the pattern at a time of the dub."""
     return WAVE[math.floor(seconds / SLOT) % len(WAVE)]
 
 

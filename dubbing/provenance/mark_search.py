@@ -89,7 +89,7 @@ def search(
 
 
 def limit_of(looks: int) -> float:
-    """What S must reach in a search that looked so often at pieces of the video."""
+    """Threshold of S for a search that looked so often at pieces of the video."""
     places = 2 * len(tries()) + len(GRIDS) * BINS * (2 * looks + 1)
     return threshold(FALSE_ALARMS / places / (PHASES * TILE) ** 2)
 
@@ -110,7 +110,7 @@ class Search:
                     self.best, self._bins = seen, bins
 
     def end(self, whole: np.ndarray | None, limit: float, frames: int, everywhere: bool) -> Found:
-        """What was found, after a look at the sums of the whole video."""
+        """End the search with a look at the sums of the whole video."""
         if whole is not None:
             self.glance(whole)
             if everywhere and self.best.value < limit:

@@ -1,4 +1,4 @@
-"""What changes in a video from a quarter of a second to the next, added up by the mark's period.
+"""Changes between frames of a video, added up by the mark's period.
 
 The mark comes and goes; what stands still in the picture is taken out, and what is left is measured
 in deviations of its surroundings, so that a cut or a hand weighs no more than skin. Frames are
@@ -28,7 +28,7 @@ PIECE = 2.0  # seconds that are added up by themselves
 
 
 def changes(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[np.ndarray]:
-    """What each luma frame (H, W) uint8 has that the frames around it have not.
+    """Difference of each luma frame (H, W) uint8 from the frames around it.
 
     Those are moved by the optical flow first: skin and cloth follow it, the mark does not. In
     deviations, float32; larger frames are made smaller, see `FINEST`.

@@ -89,7 +89,7 @@ def undubbed_of(manifest: Manifest, name: str) -> list[dict[str, Any]]:
 
 
 def picture_of(job: Job) -> dict[str, Any]:
-    """What a composite recorded of its faces and of the invisible mark; else empty."""
+    """Record of a composite about its faces and its invisible mark; empty without one."""
     return _read(job, "composite", PICTURE_FILE)
 
 

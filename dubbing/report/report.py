@@ -205,7 +205,7 @@ def in_frames(parts: list[dict[str, Any]] | None) -> list[str]:
 
 
 def _film_credentials(job: Job, film: Path) -> str:
-    """What was wrong with the credentials of the film that a dub was signed over; else empty."""
+    """Problem of the credentials of the film that a dub was signed over; empty without one."""
     if "sign" not in job.stages or missing_of("c2pa") or not film.is_file():
         return ""
     return credentials.film_problem(film)[0]

@@ -1,4 +1,4 @@
-"""What the page shows of a dub's source: the film, or a still of one that no browser plays."""
+"""The source of a dub on the page: the film, or a still of one that no browser plays."""
 
 import os
 from pathlib import Path

@@ -49,7 +49,7 @@ class Names:
 
 @dataclass
 class Turn:
-    """What one speaker says. ``unsure``: somebody else than before, nobody knows who."""
+    """Words of one speaker. ``unsure``: somebody else than before, nobody knows who."""
 
     speaker: str
     rows: list[str] = field(default_factory=list)
@@ -151,7 +151,7 @@ def _may_name(row: str, names: Names, *, more: bool) -> bool:
 
 
 def _labels(text: str) -> Iterator[tuple[str, str, str]]:
-    """What may be a name at the beginning of a row, how it is set off, and the words behind."""
+    """Possible names at the beginning of a row, how they are set off, and the words behind."""
     head = f"{text[:LONGEST]} "
     closing = BRACKETS.get(head[0])
     if closing and (end := head.find(closing)) > 1:

@@ -19,7 +19,7 @@ TAG = re.compile(r"(<[\w/.][^<>]*>|\{[^{}]*\})")  # no tag holds what opens one:
 
 @dataclass
 class _Cue:
-    """What stands above the times, the two times, and the rows of words below."""
+    """A cue: the row above its times, the two times, and the rows of words below."""
 
     name: str
     times: tuple[str, str]

@@ -194,14 +194,14 @@ def with_faces(
 
 
 def invisible_mark(marking: Marking | None, width: int, height: int, rate: Fraction) -> Mark | None:
-    """What draws the invisible mark on frames of one size and rate, where there is to be one."""
+    """The invisible mark for frames of one size and rate, where there is to be one."""
     if marking is None:
         return None
     return Mark(marking.key(), bits_of(marking.id), width, height, rate)
 
 
 def read_frames(clip: PreparedClip, poses: np.ndarray) -> Iterator[FilmFrame]:
-    """What is known of the film's frame for every pose, whichever way they run."""
+    """The film's frame for every pose, whichever way they run."""
     return _in_order(clip.film_frames, poses)
 
 

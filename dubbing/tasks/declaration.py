@@ -49,7 +49,7 @@ class Stages:
 
 
 def clip_name(identity: Identity, clip: Path) -> str:
-    """What the stages of a clip are called after; '' for the one that is learned from.
+    """Name of a clip in the names of its stages; '' for the one that is learned from.
 
     Its own name, or where an earlier clip has it already, with the first number that is free. No
     two names are one on a disk that knows no capitals, or only one form of a letter with an accent.

@@ -1,4 +1,4 @@
-"""What lies over the lower face in part, pixel by pixel: captions, graphics, a microphone.
+"""Masks of captions, graphics or a microphone that lie over a part of the lower face.
 
 Within the outline of the face, colours that are far from usual ones are a find. Finds give the
 colours of what lies there, and the rows that it takes up; in frames around a find all pixels of

@@ -40,7 +40,7 @@ class UsualColours:
 
     @staticmethod
     def of(faces: Iterable[np.ndarray], skin: np.ndarray, lips: np.ndarray) -> UsualColours:
-        """What frames show.
+        """Gather them from frames.
 
         Args:
             faces: (H, W, 3) in the frame of the face, as of `upright`.

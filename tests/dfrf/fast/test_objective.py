@@ -37,7 +37,7 @@ class Drawn:
         return loss.item(), mse.item(), seen
 
     def term(self, name: str, seen: RayColours) -> Tensor:
-        """What a weight multiplies."""
+        """The term that a weight multiplies."""
         share, model = self.share, self.model
         if name == "opacity_weight":
             return matte_loss(seen.opacity, share.batch.matte)

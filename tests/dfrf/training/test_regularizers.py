@@ -1,4 +1,4 @@
-"""What keeps a density on a surface, beside slow sums and numbers by hand."""
+"""Regularizers of the density, beside slow sums and numbers by hand."""
 
 from __future__ import annotations
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from dubbing.batch.time_left import TimeLeft
 from dubbing.cli import live
 from dubbing.engine.graph import Job, kind_of
 from dubbing.engine.stage import Stage
-from dubbing.engine.time_left import TimeLeft
 
 STAGE = Stage("finetune", Path("model"), "1", {}, {}, lambda *_: None)
 JOB = Job("identity", "ann", {"finetune": STAGE})

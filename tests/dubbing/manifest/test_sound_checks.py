@@ -1,4 +1,4 @@
-"""What a manifest's warnings say of sounds."""
+"""Warnings of a manifest about sounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is heard at a frame is what sounds in its middle, to the sample."""
+"""The speech of a frame is the sound in its middle, to the sample."""
 
 from __future__ import annotations
 

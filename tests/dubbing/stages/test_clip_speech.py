@@ -1,4 +1,4 @@
-"""What a person is heard to say at each frame of their own clip, with its sound early or late."""
+"""Speech of a person at each frame of their own clip, with its sound early or late."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from dubbing.batch.time_left import TimeLeft
 from dubbing.engine.graph import kind_of
-from dubbing.engine.time_left import TimeLeft
 
 # A first dub of 10 s, as a machine of two cores takes: seconds by stage.
 EXPECTED = {
