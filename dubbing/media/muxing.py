@@ -107,14 +107,14 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
         "scale", w=width, h=-2, out_color_matrix=colour.matrix, out_range="tv"
     ).filter("setparams", **{**colour.tags(), "range": "tv"})
     encoder = {"vcodec": "libx264", "pix_fmt": "yuv420p", "crf": 23, "preset": "veryfast"}
+    heard = [_in_stereo(film.audio, info.audio_channels)] if info.audio_channels else []
+    sound = {"acodec": "aac", "ac": 2, "audio_bitrate": "128k"} if heard else {}
     with atomic_path(out) as temporary:
         graph = into(
             temporary,
             picture,
-            _in_stereo(film.audio, info.audio_channels or 0),
-            acodec="aac",
-            ac=2,
-            audio_bitrate="128k",
+            *heard,
+            **sound,
             map_metadata=-1,
             fflags="+bitexact",
             movflags="+faststart",

@@ -1,22 +1,19 @@
-"""The source of a dub on the page: the film, or a still of one that no browser plays."""
+"""The source of a dub on the page: the film, or a copy of one that no browser plays."""
 
 import os
 from pathlib import Path
 from typing import Any
 
 import av
-from PIL import Image
 
 from dubbing import media
 from dubbing.engine.stage import digest_of
 from dubbing.errors import DubbingError
-from dubbing.files import atomic_path, make_folder, writing
+from dubbing.files import make_folder
 from dubbing.manifest.manifest import Manifest
 from dubbing.media.opening import opened
-from dubbing.script.timeline import first_frame
 
-STILLS = "stills"  # folder of them, in that of the stages
-WIDEST = 640  # px of a still
+PROXIES = "sources"  # folder of copies, in that of the stages
 CONTAINERS = (".mp4", ".m4v", ".mov", ".webm")
 # What browsers show, by codec: formats of pixels.
 EIGHT_BITS = ("yuv420p", "yuvj420p")
@@ -40,33 +37,24 @@ def is_played(film: Path) -> bool:
         return False
 
 
-def still_of(film: Path, frame: int, work: Path) -> Path | None:
-    """A frame of a film as a JPEG below the folder of the stages; None where it cannot be read."""
-    path = work / STILLS / f"{digest_of(film)[:16]}-{frame}.jpg"
-    if path.is_file():
-        return path
-    try:
-        picture = Image.fromarray(next(iter(media.read_frames(film, start=frame, count=1))))
-        picture.thumbnail((WIDEST, WIDEST))
-        make_folder(path.parent)
-        with atomic_path(path) as temporary, writing(path):
-            picture.save(temporary, quality=85)
-    except (DubbingError, StopIteration):
-        return None
+def proxy_of(film: Path, work: Path) -> Path | None:
+    """A small H.264 copy of a film below the folder of the stages; None of one that is damaged."""
+    path = work / PROXIES / f"{digest_of(film)[:16]}.mp4"
+    if not path.is_file():
+        try:
+            make_folder(path.parent)
+            media.proxy(film, path, {})
+        except DubbingError:
+            return None
     return path
 
 
 def source_of(manifest: Manifest, film: Path, start: float) -> dict[str, Any]:
-    """The film under a dub, for the page; or a still of it, where no browser plays it."""
-    found: dict[str, Any] = {"source": None, "source_start": start, "still": None}
-    if not film.is_file():
-        return found
-    if is_played(film):
-        return {**found, "source": relative(manifest, film)}
-    info = manifest.media.get(film)
-    frame = first_frame(start, info.rate) if info and info.frames else 0
-    still = still_of(film, frame, manifest.work)
-    return {**found, "still": relative(manifest, still) if still else None}
+    """The film under a dub, for the page; or a copy of it, where no browser plays it."""
+    source: Path | None = film if film.is_file() else None
+    if source is not None and not is_played(film):
+        source = proxy_of(film, manifest.work)
+    return {"source": relative(manifest, source) if source else None, "source_start": start}
 
 
 def shown(manifest: Manifest, path: Path) -> str:

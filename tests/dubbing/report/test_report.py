@@ -6,13 +6,12 @@ import re
 from html.parser import HTMLParser
 from pathlib import Path
 
-import numpy as np
 import pytest
-from PIL import Image
 
+from dubbing import media
 from dubbing.report.page import VERDICTS, page_of
 from dubbing.report.report import verdict_of
-from dubbing.report.sources import is_played, still_of
+from dubbing.report.sources import is_played, proxy_of
 from tests import clips
 from tests.dubbing.report.pages import MIXED, found, line
 
@@ -105,14 +104,6 @@ def test_the_sync_is_said_once_and_for_a_director() -> None:
     assert "in sync" not in page
 
 
-def test_a_film_that_no_browser_plays_is_shown_as_a_still() -> None:
-    data = found(("fine", "pass", 0.3))
-    data["dubs"]["fine"] |= {"source": None, "still": "work/stills/a.jpg"}
-    tags = Tags(page_of(data))
-    assert [v["src"] for v in tags.of("video")] == ["fine.mp4"]
-    assert "work/stills/a.jpg" in [i["src"] for i in tags.of("img")]
-
-
 def test_what_is_shown_of_a_film(tmp_path: Path) -> None:
     plain = clips.write_clip(tmp_path / "a.mp4", 5)
     prores = tmp_path / "a.mov"
@@ -124,13 +115,16 @@ def test_what_is_shown_of_a_film(tmp_path: Path) -> None:
     (tmp_path / "junk.mp4").write_bytes(b"junk")
     played = [is_played(f) for f in (plain, prores, deep, matroska, tmp_path / "junk.mp4")]
     assert played == [True, False, False, False, False]
-    still = still_of(prores, 2, tmp_path / "work")
-    assert still is not None
-    assert np.asarray(Image.open(still)).mean() > 10
-    made = still.stat().st_mtime_ns
-    assert still_of(prores, 2, tmp_path / "work") == still
-    assert still.stat().st_mtime_ns == made
-    assert still_of(tmp_path / "junk.mp4", 0, tmp_path / "work") is None
+    work = tmp_path / "work"
+    copies = [proxy_of(film, work) for film in (prores, deep, matroska)]
+    for copy in copies:
+        assert copy is not None
+        assert is_played(copy)
+        seen = media.read_frames(copy)
+        assert [clips.number(frame) for frame in seen] == list(range(5))
+    assert proxy_of(prores, work) == copies[0]
+    assert len(list((work / "sources").iterdir())) == 3
+    assert proxy_of(tmp_path / "junk.mp4", work) is None
 
 
 def test_lines_that_nobody_dubs_are_listed() -> None:
