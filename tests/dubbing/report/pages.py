@@ -43,7 +43,6 @@ def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) 
         "video": f"{name}.mp4",
         "source": "../clips/ann.mp4",
         "source_start": 1.5,
-        "still": None,
         "undubbed": [],
         "sync": sync,
         "place": place,
