@@ -46,7 +46,7 @@ attack: .venv/installed-dev
 # Times a person that was dubbed before; the demo's by default.
 BENCH ?= out/demo/demo.yaml alba
 bench: .venv/installed
-	$(BIN)/python -m dubbing.bench.benchmark $(BENCH) out/bench.json
+	$(BIN)/python -m dubbing.workshop.bench.benchmark $(BENCH) out/bench.json
 
 # The tables of docs/results.md: people of manifests, learned with several seeds. Takes hours; goes on
 # where it stopped. The real clips lie beside the clone, if at all.
@@ -57,7 +57,7 @@ EVERY ?= 1
 SECONDS ?=
 LPIPS ?=
 results: .venv/installed
-	$(BIN)/python -m dubbing.lab.results $(RESULTS) --seeds $(SEEDS) --every $(EVERY) \
+	$(BIN)/python -m dubbing.workshop.lab.results $(RESULTS) --seeds $(SEEDS) --every $(EVERY) \
 		$(METHODS:%=--method %) $(SECONDS:%=--seconds %) $(LPIPS:%=--lpips-weights %) \
 		--commit "$$(git describe --always --dirty)"
 
@@ -69,7 +69,7 @@ check: .venv/installed-dev
 
 # The tables of docs/speech.md: CLIPS of one talking person each, TEST clips never trained on.
 speech-table: .venv/installed-synthetic
-	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.training.speech.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
+	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.workshop.training.speech.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
 
 clean:
 	rm -rf .venv out

@@ -29,7 +29,7 @@ MEDIUM = (
     "dfrf/training/test_lip_supervision.py",
     "dfrf/training/test_step.py",
     "dfrf/training/test_validation.py",
-    "dubbing/bench/",
+    "dubbing/workshop/bench/",
     "dubbing/cli/test_doctor.py",
     "dubbing/cli/test_dub.py",
     "dubbing/cli/test_main.py",
@@ -37,7 +37,7 @@ MEDIUM = (
     "dubbing/engine/test_cluster.py",
     "dubbing/engine/test_part.py",
     "dubbing/engine/test_runner.py",
-    "dubbing/lab/",
+    "dubbing/workshop/lab/",
     "dubbing/manifest/test_scenes.py",
     "dubbing/manifest/test_yaml_lines.py",
     "dubbing/media/test_colour.py",
@@ -63,11 +63,11 @@ MEDIUM = (
     "dubbing/sync/syncnet/",
     "dubbing/sync/test_check.py",
     "dubbing/sync/test_hearing.py",
-    "dubbing/synthetic/",
+    "dubbing/workshop/synthetic/",
     "dubbing/batch/",
     "dubbing/test_packages.py",
     "dubbing/test_researchers.py",
-    "dubbing/training/",
+    "dubbing/workshop/training/",
 )
 
 

@@ -19,8 +19,8 @@ from typer.testing import CliRunner
 
 from dubbing.cli.arguments import STAGES
 from dubbing.cli.main import app
-from dubbing.lab.evaluation import PRESET_OF_METHOD
 from dubbing.manifest import yaml_lines
+from dubbing.workshop.lab.evaluation import PRESET_OF_METHOD
 from tests import clips
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -116,9 +116,38 @@ def test_no_package_imports_its_tests(path: Path) -> None:
         assert not name.startswith("tests"), f"{path.name}:{line} imports {name}"
 
 
+WORKSHOP = "dubbing.workshop"
+
+
+@pytest.mark.parametrize("path", modules("dubbing"), ids=lambda p: p.stem)
+def test_no_dub_needs_the_workshop(path: Path) -> None:
+    """Nothing outside imports it; its commands load it when they are called."""
+    own = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    if own.startswith(WORKSHOP):
+        return
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    in_functions = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef)
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names = [getattr(node, "module", None) or "", *(alias.name for alias in node.names)]
+            if any(name.startswith(WORKSHOP) for name in names):
+                lazily = own.startswith("dubbing.cli") and node in in_functions
+                assert lazily, f"{path.name}:{node.lineno}: no dub needs {names}"
+
+
 def test_only_some_rooms_run_programs() -> None:
     # flite and festival speak; a task is a process of our own
-    allowed = {"dubbing.media", "dubbing.synthetic", "dubbing.training.speech", "dubbing.engine"}
+    allowed = {
+        "dubbing.media",
+        "dubbing.engine",
+        "dubbing.workshop.synthetic",
+        "dubbing.workshop.training.speech",
+    }
     for path in modules("dubbing"):
         own = room(".".join(path.relative_to(ROOT).with_suffix("").parts))
         if own not in allowed:

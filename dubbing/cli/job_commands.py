@@ -139,6 +139,6 @@ def demo(
 ) -> None:
     """Make a synthetic speaker in a folder, and dub it into Italian and German."""
     packages.require("synthetic")
-    from dubbing.synthetic.demo import write_demo
+    from dubbing.workshop.synthetic.demo import write_demo
 
     dub(write_demo(checked_path(folder)))

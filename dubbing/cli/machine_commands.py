@@ -20,8 +20,8 @@ def doctor(
     if calibrate:
         packages.require("synthetic")
         from dubbing.batch import estimates
-        from dubbing.bench.calibration import calibrate as work
         from dubbing.cli import live
+        from dubbing.workshop.bench.calibration import calibrate as work
 
         if (file := estimates.rates_file()) is None:
             raise CallError("this user has no home folder", remedy="set XDG_CACHE_HOME to one")

@@ -61,15 +61,24 @@ def options(
     """Options of no command."""
 
 
-for command in (
-    *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.demo),
-    *(clip_commands.prepare, clip_commands.sync),
-    *(research_commands.evaluate, research_commands.import_checkpoint),
-    machine_commands.doctor,
-    *(provenance_commands.verify, provenance_commands.consent),
-    *(training_commands.train_base, training_commands.train_speech, training_commands.train_sync),
-):
-    app.command()(command)
+COMMANDS = {
+    "Dubbing": (
+        *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.demo),
+        clip_commands.prepare,
+    ),
+    "Checking": (
+        *(clip_commands.sync, provenance_commands.verify, provenance_commands.consent),
+        machine_commands.doctor,
+    ),
+    "Research": (research_commands.evaluate, research_commands.import_checkpoint),
+    "Training": (
+        *(training_commands.train_base, training_commands.train_speech),
+        training_commands.train_sync,
+    ),
+}
+for group, commands in COMMANDS.items():
+    for command in commands:
+        app.command(rich_help_panel=group)(command)
 
 
 def main() -> None:

@@ -61,8 +61,8 @@ def evaluate(
     """Held-out metrics of every identity, into OUTPUT/evaluate.json."""
     packages.require()
     from dubbing.cli import console, live
-    from dubbing.lab.evaluation import evaluate as work
     from dubbing.manifest.manifest import load
+    from dubbing.workshop.lab.evaluation import evaluate as work
 
     loaded = load(manifest)
     with live.progress_bar("evaluate") as progress:

@@ -22,7 +22,7 @@ def train_sync(
 ) -> None:
     """Train the network of the sync check on clips of people who talk."""
     packages.require("synthetic")
-    from dubbing.training.sync.training import train_sync as work
+    from dubbing.workshop.training.sync.training import train_sync as work
 
     about = work(clips, checked_output(out, *clips), progress=typer.echo)
     typer.echo(f"wrote {out}, from {len(about['clips'])} clips")
@@ -43,8 +43,8 @@ def train_speech(
     """Train the network of the speech features from nothing; resumes by itself."""
     packages.require("train")
     from dubbing.cli import live
-    from dubbing.training.speech.training import SpeechTraining
-    from dubbing.training.speech.training import train_speech as work
+    from dubbing.workshop.training.speech.training import SpeechTraining
+    from dubbing.workshop.training.speech.training import train_speech as work
 
     settings = SpeechTraining(seed=seed, steps=steps or SpeechTraining.steps)
     out = checked_output(out, *(recordings or ()))
@@ -71,7 +71,7 @@ def train_base(
     packages.require()
     from dubbing.cli import live
     from dubbing.manifest.manifest import load
-    from dubbing.training.base import train_base as work
+    from dubbing.workshop.training.base import train_base as work
 
     loaded, chosen = load(manifest), checked_device(device)
     clips = (identity.clip for identity in loaded.identities.values())

@@ -46,7 +46,8 @@ def load_encoder() -> SpeechEncoder:
 
 def load(path: Path = FILTER_WEIGHTS) -> LipNetwork:
     """The shipped encoder with the filter of a file; errors as `loaded`."""
-    remedy = "make one with 'python -m dubbing.training.lips.training', or reinstall the package"
+    training = "python -m dubbing.workshop.training.lips.training"
+    remedy = f"make one with '{training}', or reinstall the package"
     network = LipNetwork()
     network.encoder = load_encoder()
     network.filter = loaded(LipFilter(), path, FILTER_FORMAT, "lip", remedy)

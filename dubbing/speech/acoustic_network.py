@@ -13,8 +13,8 @@ from torch.nn import functional as F
 
 from dubbing.speech.acoustic_input import BANDS, SPECTRA
 
-# The teacher's context-independent states, the classes of `dubbing.training.speech.phones`, and
-# the channels of `dubbing.synthetic.visemes`.
+# The teacher's context-independent states, the classes of `workshop.training.speech.phones`, and
+# the channels of `workshop.synthetic.visemes`.
 SENONES, PHONES, LIPS = 126, 41, 7
 CHANNELS, WIDTH, DROPOUT = 192, 144, 0.1
 

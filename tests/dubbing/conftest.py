@@ -13,7 +13,7 @@ import soundfile
 
 from dubbing import media
 from dubbing.media import VideoWriter
-from dubbing.synthetic.speaker import make_speaker
+from dubbing.workshop.synthetic.speaker import make_speaker
 from tests import clips, fakes
 
 TEXT = "The quick brown fox jumps over the lazy dog, and then we walked back home."

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from dubbing import media
-from dubbing.synthetic.speaker import make_speaker
+from dubbing.workshop.synthetic.speaker import make_speaker
 
 # As long as the sync check needs, and learned well enough to pass it.
 SIZE, LEARNED, SECONDS = 192, 6.0, 3.2

@@ -104,7 +104,7 @@ def test_the_packages_of_an_extra_are_looked_for_by_who_needs_them(
 def test_the_synthetic_speaker_names_what_to_install(tmp_path: Path) -> None:
     code = (
         "import runpy, sys; sys.modules['embreex'] = None; sys.argv[0] = 'speaker'\n"
-        "runpy.run_module('dubbing.synthetic', run_name='__main__')"
+        "runpy.run_module('dubbing.workshop.synthetic', run_name='__main__')"
     )
     call = [sys.executable, "-c", code, str(tmp_path), "--identities", "1"]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
@@ -119,10 +119,10 @@ def test_a_dub_imports_no_package_of_an_extra() -> None:
         "import sys\n"
         "for name in ('embreex', 'espeakng_loader', 'pocketsphinx', 'distributed'):\n"
         "    sys.modules[name] = None\n"
-        "import dubbing.batch.batch, dubbing.lab.evaluation, dubbing.preparation.prepare\n"
+        "import dubbing.batch.batch, dubbing.workshop.lab.evaluation, dubbing.preparation.prepare\n"
         "import dubbing.stages.composite, dubbing.stages.finetune, dubbing.stages.listen\n"
         "import dubbing.stages.refine_poses, dubbing.stages.render, dubbing.sync.check\n"
-        "import dubbing.speech.rnn_features, dubbing.training.base"
+        "import dubbing.speech.rnn_features, dubbing.workshop.training.base"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
 

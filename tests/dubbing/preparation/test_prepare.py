@@ -12,7 +12,7 @@ from dubbing.media import VideoWriter
 from dubbing.preparation.prepare import prepare
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import tracking
-from dubbing.synthetic.speaker import SpeakerTruth, make_speaker
+from dubbing.workshop.synthetic.speaker import SpeakerTruth, make_speaker
 from tests import clips
 
 SIZE, SECONDS = 256, 0.8

@@ -13,8 +13,8 @@ from scipy.signal import resample_poly
 from dfrf.field.speaker_adaptation import OPENING, TOUCHING
 from dubbing.sound_to_lips.predict import predict
 from dubbing.speech.voice_activity import SAMPLE_RATE, STEP_RATE
-from dubbing.synthetic.visemes import CHANNELS, mouth_curves
-from dubbing.synthetic.voice import synthesise
+from dubbing.workshop.synthetic.visemes import CHANNELS, mouth_curves
+from dubbing.workshop.synthetic.voice import synthesise
 
 TEXTS = {
     "en-us": "My brother bought a map of the moon, and papa put it above the warm bed by the pond.",

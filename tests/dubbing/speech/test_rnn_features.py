@@ -12,9 +12,9 @@ from dubbing.speech import voice_activity as voice
 from dubbing.speech.features import features_by_name, features_of_file, windows
 from dubbing.speech.rnn_features import RnnFeatures, voice_gate
 from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
-from dubbing.training.speech.evaluation import cosine
+from dubbing.workshop.training.speech.evaluation import cosine
 from tests.dubbing.speech.test_voice_activity import pieces, silence
-from tests.dubbing.training.speech.made import spoken
+from tests.dubbing.workshop.training.speech.made import spoken
 
 LINE = "my father bought five yellow maps, and we move them away"
 

@@ -10,7 +10,7 @@ from dubbing.errors import DubbingError
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.features import features_by_name, fingerprint, weights_file
 from tests.dubbing.speech.test_voice_activity import pieces, silence
-from tests.dubbing.training.speech.made import spoken
+from tests.dubbing.workshop.training.speech.made import spoken
 
 
 def tiny(name: str, made: Path) -> Path:

@@ -10,7 +10,7 @@ import torch
 from dubbing.speech import voice_activity as voice
 from dubbing.speech import voice_detector
 from dubbing.speech.weight_paths import of_package
-from dubbing.synthetic.voice import synthesise
+from dubbing.workshop.synthetic.voice import synthesise
 
 RNG = np.random.default_rng(0)
 

@@ -15,13 +15,13 @@ from dubbing.face.landmarks import FaceMesh
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.identity.dataset import load_identity
 from dubbing.identity.footage import Footage
-from dubbing.lab.measuring import over
 from dubbing.preparation.prepare import prepare
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.shipped.base import BASE
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import finetune, initial_model, render
-from dubbing.synthetic.speaker import make_speaker
+from dubbing.workshop.lab.measuring import over
+from dubbing.workshop.synthetic.speaker import make_speaker
 
 pytestmark = pytest.mark.slow
 

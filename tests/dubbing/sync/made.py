@@ -5,7 +5,7 @@ import numpy as np
 from dubbing.face.mouth_crop import COLUMNS, ROWS
 from dubbing.face.mouth_shape import mouth_shape
 from dubbing.sync.hearing import CHANNELS
-from dubbing.training.sync.clips import TalkingClip
+from dubbing.workshop.training.sync.clips import TalkingClip
 from tests.dubbing.sync.meshes import canonical, talk
 
 

@@ -6,7 +6,7 @@ import torch
 from dubbing.face.mouth_crop import COLUMNS, ROWS
 from dubbing.face.mouth_shape import MOUTH
 from dubbing.sync.sight import DARK, SIGHTS, look, relative, running_mean
-from dubbing.training.sync.pixel_augmentation import vary_pixels
+from dubbing.workshop.training.sync.pixel_augmentation import vary_pixels
 from tests.dubbing.sync.made import made_crops
 
 TIMES = (np.arange(100) + 0.5) / 25

@@ -1,0 +1,214 @@
+"""The tables of docs/results.md: held-out figures of people over several seeds, by one command.
+
+`dubbing.workshop.lab.evaluation` measures each seed in a folder of its own, OUTPUT/seeds/N. Figures
+of the same code and settings are not measured again, so a run that was killed goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import os
+import platform
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+
+from dfrf import device as devices
+from dubbing import json_records as kept
+from dubbing import pipeline
+from dubbing.engine import claims
+from dubbing.engine.code_version import code_version
+from dubbing.errors import DubbingError
+from dubbing.files import atomic_write_json, atomic_write_text, digest_data
+from dubbing.manifest.manifest import Manifest, load
+from dubbing.workshop.lab.evaluation import EVALUATION, RESULT_FILE, Figures, Progress, evaluate
+from dubbing.workshop.lab.result_tables import P15, P15X, table
+
+BEGIN, END = "<!-- made by `make results` -->", "<!-- end of what `make results` made -->"
+DONE_FILE = "measured.json"
+CODE = "dubbing.workshop.lab.evaluation"
+
+
+@dataclass(frozen=True)
+class Request:
+    """What is measured, and by which commit, which the document names."""
+
+    seeds: tuple[int, ...]
+    methods: tuple[str, ...]
+    every: int
+    seconds: float | None
+    lpips_weights: Path | None
+    device: str
+    commit: str
+
+
+def with_seed(manifest: Manifest, seed: int) -> Manifest:
+    """The same people, learned with another seed into a folder of their own."""
+    people = {n: i.model_copy(update={"seed": seed}) for n, i in manifest.identities.items()}
+    output = manifest.output / "seeds" / str(seed)
+    return manifest.model_copy(update={"output": output, "identities": people})
+
+
+def measure_seeds(manifest: Manifest, request: Request, progress: Progress) -> list[Figures]:
+    """The figures of each seed: identity -> method -> figure -> value.
+
+    Raises:
+        DubbingError: as `evaluate` does.
+    """
+    with claims.hold(manifest.work / EVALUATION):
+        first = with_seed(manifest, request.seeds[0])
+        return [
+            _measure(with_seed(manifest, seed), first, request, progress) for seed in request.seeds
+        ]
+
+
+def _measure(manifest: Manifest, first: Manifest, request: Request, progress: Progress) -> Figures:
+    path = manifest.output / DONE_FILE
+    done = kept.read(path, dict[str, str], "list of what was measured") if path.exists() else {}
+    for name, person in manifest.identities.items():
+        finetune = pipeline.identity_job(manifest, name, person, request.device).stages["finetune"]
+        read = sorted(finetune.sources().values())
+        settings = person.model_dump(mode="json")
+        how = [request.every, request.seconds, request.lpips_weights is not None]
+        way = digest_data([code_version(CODE), how, settings, read])
+        for method in request.methods:
+            key = f"{name}/{method}"
+            if done.get(key) == way:
+                continue
+            _share_prepared(first, manifest, name, request.device)
+            evaluate(
+                manifest,
+                methods=(method,),
+                only=(name,),
+                every=request.every,
+                seconds=request.seconds,
+                lpips_weights=request.lpips_weights,
+                device=request.device,
+                progress=progress,
+            )
+            done[key] = way
+            atomic_write_json(path, done)
+    found = kept.read(manifest.output / RESULT_FILE, Figures, "figures")
+    return {n: {m: found[n][m] for m in request.methods} for n in manifest.identities}
+
+
+def _share_prepared(first: Manifest, manifest: Manifest, name: str, device: str) -> None:
+    """Preparing a clip knows no seed: its results are linked from the first one's folder."""
+    there, here = (
+        pipeline.identity_job(m, name, m.identities[name], device).stages["prepare"]
+        for m in (first, manifest)
+    )
+    if there.record() not in (None, here.record()):
+        shutil.rmtree(here.folder, ignore_errors=True)
+        shutil.copytree(there.folder, here.folder, copy_function=os.link)
+
+
+def document(text: str, request: Request, runs: Sequence[Figures], today: datetime.date) -> str:
+    """A document whose part between the markers holds the tables, and how they were made.
+
+    Raises:
+        DubbingError: it has no such part.
+    """
+    head, begin, rest = text.partition(BEGIN)
+    _, end, tail = rest.partition(END)
+    if not (begin and end):
+        raise DubbingError("the document has no place for tables", remedy=f"add {BEGIN} and {END}")
+    seeds = ", ".join(map(str, request.seeds))
+    frames = "every frame" if request.every == 1 else f"one frame of {request.every} (P15)"
+    if request.seconds is not None:
+        frames += f", {request.seconds:g} s of each protocol at most"
+    dubs = [
+        {n: {m: f.get("p15x", {}) for m, f in found.items()} for n, found in run.items()}
+        for run in runs
+    ]
+    lines = [
+        begin,
+        "",
+        f"Commit {request.commit}, seeds {seeds}, {frames}, {today:%d %B %Y}.",
+        f"Machine: {machine(request.device)}.",
+        "Each figure: mean ± standard deviation over the seeds.",
+        "",
+        "**P15**, beside the true pictures:",
+        "",
+        *table(P15, runs),
+        "",
+        "**P15x**, the case of a dub:",
+        "",
+        *table(P15X, dubs),
+        "",
+        end,
+    ]
+    return head + "\n".join(lines) + tail
+
+
+def machine(device: str) -> str:
+    """The machine in words: processor, threads, GPU."""
+    info = Path("/proc/cpuinfo")
+    lines = info.read_text(errors="replace").splitlines() if info.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    processor = names[0] if names else platform.processor() or platform.machine()
+    chosen = devices.choose(device)
+    gpu = torch.cuda.get_device_name(chosen) if chosen.type == "cuda" else "no GPU"
+    return f"{os.cpu_count()} cores of {processor}, torch threads: {torch.get_num_threads()}, {gpu}"
+
+
+class Lines:
+    """Prints what is being done, once each: the same message comes again with its share."""
+
+    def __init__(self) -> None:
+        self._last = ""
+
+    def __call__(self, message: str, _: float) -> None:
+        if message != self._last:
+            print(message, flush=True)
+            self._last = message
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measures every seed, then writes the tables."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("manifests", nargs="+", type=Path, metavar="MANIFEST")
+    parser.add_argument("--seeds", default="0,1,2", help="two or more, with commas between them")
+    parser.add_argument("--method", action="append", help="as of `dfrf evaluate`; dfrf by default")
+    parser.add_argument("--every", type=int, default=1, help="P15 takes one frame of so many")
+    parser.add_argument("--seconds", type=float, help="as of `dfrf evaluate`; all by default")
+    parser.add_argument("--lpips-weights", type=Path, help="as of `dfrf evaluate`")
+    parser.add_argument("--device", default="auto")
+    parser.add_argument(
+        "--commit", default="unknown", help="of this code, as the document names it"
+    )
+    parser.add_argument("--document", type=Path, default=Path("docs/results.md"))
+    given = parser.parse_args(arguments)
+    try:
+        seeds = tuple(sorted({int(seed) for seed in given.seeds.split(",")}))
+    except ValueError:
+        parser.error(f"--seeds: numbers with commas between them, not {given.seeds!r}")
+    if len(seeds) < 2 or min(seeds) < 0 or given.every < 1:
+        parser.error("--seeds: two or more from 0 on, for a spread; --every: 1 or more")
+    if given.seconds is not None and not 0 < given.seconds < float("inf"):
+        parser.error("--seconds: more than 0")
+    methods = tuple(given.method or ["dfrf"])
+    how = (given.every, given.seconds, given.lpips_weights, given.device, given.commit)
+    request = Request(seeds, methods, *how)
+    try:
+        text = given.document.read_text(encoding="utf-8")
+        document(text, request, [{} for _ in seeds], datetime.date.min)  # before hours of work
+        manifests = [load(path) for path in given.manifests]
+        names = [name for manifest in manifests for name in manifest.identities]
+        if twice := [name for name in names if names.count(name) > 1]:
+            parser.error(f"{twice[0]!r} is in two manifests: give it another name")
+        runs: list[Figures] = [{} for _ in seeds]
+        for manifest in manifests:
+            found = measure_seeds(manifest, request, Lines())
+            runs = [{**run, **more} for run, more in zip(runs, found, strict=True)]
+    except (OSError, ValueError, DubbingError) as error:
+        parser.error(str(error))
+    atomic_write_text(given.document, document(text, request, runs, datetime.date.today()))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,213 @@
+"""Hair as overlapping locks: tapered strips that follow a combed direction over the skull.
+
+Locks are rigid with the head, so they are built once. Each starts on the scalp and is carried
+along the combing direction of its style at a small height above the skin.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dubbing.workshop.synthetic.anatomy.face import Face
+from dubbing.workshop.synthetic.anatomy.head_shape import head_distance
+from dubbing.workshop.synthetic.anatomy.mesh import smoothstep
+from dubbing.workshop.synthetic.anatomy.skin_grid import skin_grid
+
+ACROSS = 4  # vertices across a lock
+ALONG = 10  # vertices along a lock
+
+HANG = np.array([0.0, -1.0, -0.06])
+
+# The hairline: hair grows where z is below this function of y (cm).
+_LINE_Y = (-6.0, -4.5, -3.0, -1.0, 0.5, 1.5, 3.0, 4.5, 6.0, 7.2, 8.2, 8.9, 9.3)
+_LINE_Z = (-12.0, -7.5, -6.0, -4.2, -2.5, 1.2, 2.0, 2.5, 3.3, 4.6, 5.6, 6.6, 20.0)
+
+
+@dataclass(frozen=True)
+class Hair:
+    """Vertices (V, 3), normals, tangents (V, 3), strand coordinate (V, 2) and shade (V,).
+
+    The strand coordinate is across a lock (with a random start) and along it (0 root, 1 tip).
+    """
+
+    vertices: np.ndarray
+    normals: np.ndarray
+    tangents: np.ndarray
+    strand: np.ndarray
+    shade: np.ndarray
+    triangles: np.ndarray
+
+
+@dataclass(frozen=True)
+class Style:
+    """How many locks, how long (cm), how wide, how high above the skin, and combed which way."""
+
+    locks: int
+    length: float
+    width: float
+    lift: float
+    part_x: float = 0.0
+    gravity: float = 0.3
+
+
+STYLES = {
+    "short": Style(1500, 2.6, 0.42, 0.45),
+    "parted": Style(1150, 7.5, 0.60, 1.0, part_x=2.6),
+    "swept": Style(950, 7.5, 0.60, 0.95),
+    "bob": Style(760, 16.0, 0.85, 1.15, part_x=-1.6, gravity=0.8),
+    "bald": Style(0, 0.0, 0.0, 0.0),
+}
+
+
+def hair_cover(p: np.ndarray) -> np.ndarray:
+    """Signed depth (cm, positive inside) of skin points (..., 3) behind the hairline."""
+    x, y, z = np.abs(p[..., 0]), p[..., 1], p[..., 2]
+    temple = 0.55 * np.exp(-(((x - 5.0) / 1.4) ** 2)) * smoothstep(5.0, 8.0, y)
+    return np.interp(y, _LINE_Y, _LINE_Z) - temple - z
+
+
+def grow(face: Face) -> Hair:
+    """The hair of a face; empty arrays for a bald one."""
+    style = STYLES[face.hair_style]
+    rng = np.random.default_rng(face.seed + 77)
+    roots = _roots(face, style.locks, rng)
+    if len(roots) == 0:
+        none = np.zeros((0, 3))
+        return Hair(none, none, none, none[:, :2], none[:, 0], np.zeros((0, 3), np.int32))
+    path, normal = _paths(face, style, roots, rng)
+    return _strips(path, normal, style, face, rng)
+
+
+def _roots(face: Face, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Points on the scalp, about evenly spread by area, (count, 3)."""
+    if count == 0:
+        return np.zeros((0, 3))
+    p = skin_grid(face).points
+    area = np.linalg.norm(np.cross(np.gradient(p, axis=0), np.gradient(p, axis=1)), axis=-1) * (
+        hair_cover(p) > 0.05
+    )
+    chosen = rng.choice(area.size, size=count, p=(area / area.sum()).ravel())
+    jitter = rng.normal(0, 0.12, (count, 3))
+    return p.reshape(-1, 3)[chosen] + jitter
+
+
+def _gradient(p: np.ndarray, face: Face) -> np.ndarray:
+    e = 0.05
+    d = [
+        head_distance(p + e * np.eye(3)[k], face) - head_distance(p - e * np.eye(3)[k], face)
+        for k in range(3)
+    ]
+    g = np.stack(d, axis=-1)
+    return g / np.maximum(np.linalg.norm(g, axis=-1, keepdims=True), 1e-9)
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9)
+
+
+def _comb(p: np.ndarray, face: Face, style: Style) -> np.ndarray:
+    """Combing direction (N, 3) at points p before it is made tangent to the head."""
+    x, y, z = p[:, 0], p[:, 1], p[:, 2]
+    down = smoothstep(9.5, 4.0, y)[:, None]
+    if face.hair_style == "short":
+        top = np.stack([0.25 * x / 5.0 + 0.25, 0.0 * x, np.ones_like(x)], 1)
+        side = np.stack([0.0 * x, -np.ones_like(x), -0.35 + 0.0 * x], 1)
+    elif face.hair_style == "swept":
+        top = np.stack([0.06 * x + 0.1, 0.3 + 0.0 * x, -np.ones_like(x)], 1)
+        side = np.stack([0.0 * x, -0.45 + 0.0 * x, -np.ones_like(x)], 1)
+    elif face.hair_style == "bob":
+        away = np.tanh((x - style.part_x) / 1.0)
+        top = np.stack([1.3 * away, -0.1 + 0.0 * x, 0.18 * np.sign(z) + 0.1], 1)
+        side = np.stack([0.12 * np.sign(x), -np.ones_like(x), -0.12 * np.ones_like(x)], 1)
+    else:
+        away = np.tanh((x - style.part_x) / 1.2)
+        top = np.stack([1.2 * away, 0.0 * x, 0.25 - 0.06 * z], 1)
+        side = np.stack([0.0 * x, -np.ones_like(x), -0.55 + 0.0 * x], 1)
+    return top + down * (side - top)
+
+
+def _paths(
+    face: Face, style: Style, roots: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Centre lines (N, ALONG, 3) and outward normals of the locks."""
+    count = len(roots)
+    # Hair at the sides and the neck is cut shorter, except for a bob.
+    low = smoothstep(6.5, 2.0, roots[:, 1]) if face.hair_style != "bob" else np.zeros(count)
+    length = style.length * (1.0 - 0.62 * low) * rng.uniform(0.8, 1.15, count)
+    depth = np.clip(hair_cover(roots), 0.0, 3.0) / 3.0
+    lift = style.lift * face.hair_volume * (1.0 - 0.55 * low) * (0.55 + 0.45 * depth)
+    lift = lift * rng.uniform(0.6, 1.25, count)
+    wander = rng.normal(0, 0.16, (count, 3))
+    # Locks begin a little before their root, so that a parting is a line and not a bare strip.
+    ahead = 0.0 if face.hair_style == "bob" else 0.7  # long locks would fall over the face
+    p = roots - ahead * _unit(_comb(roots, face, style))
+    heading = np.zeros((count, 3))
+    lines, normals = [], []
+    for k in range(ALONG):
+        t = k / (ALONG - 1)
+        n = _gradient(p, face)
+        height = 0.05 + lift * np.sin(np.pi * min(0.5, 0.12 + 0.75 * t)) * (1.0 - 0.35 * t**2)
+        # Below the ears long hair hangs: it is pushed out of the head, never drawn to it.
+        hangs = (p[:, 1] < 1.0) & (face.hair_style == "bob")
+        off = height - head_distance(p, face)
+        off = np.where(hangs, np.maximum(off, 0.0), off)
+        p = p + np.clip(off, -0.6, 0.9)[:, None] * n
+        lines.append(p)
+        normals.append(n)
+        flow = _comb(p, face, style) + wander
+        flow[:, 1] -= style.gravity * t
+        flow[hangs] = HANG + 0.5 * wander[hangs]
+        n = np.where(hangs[:, None], 0.0, n)
+        flow -= np.einsum("ij,ij->i", flow, n)[:, None] * n
+        flow = _unit(flow)
+        heading = flow if k == 0 else 0.5 * heading + 0.5 * flow
+        p = p + heading * (length / (ALONG - 1))[:, None]
+    return np.stack(lines, 1), np.stack(normals, 1)
+
+
+def _strips(
+    path: np.ndarray, normal: np.ndarray, style: Style, face: Face, rng: np.random.Generator
+) -> Hair:
+    count = len(path)
+    tangent = _unit(np.gradient(path, axis=1))
+    across = _unit(np.cross(tangent, normal))
+    out = np.cross(across, tangent)
+    t = np.linspace(0.0, 1.0, ALONG)
+    width = (
+        style.width
+        * rng.uniform(0.7, 1.3, count)[:, None]
+        * ((0.35 + 0.65 * np.sin(np.pi * np.clip(t * 0.85 + 0.1, 0, 1))) * (1 - 0.85 * t**4))
+    )
+    phi = np.linspace(np.pi, 0.0, ACROSS)
+    bend, rise = np.cos(phi), np.sin(phi)
+    w = width[:, :, None, None]
+    vertices = (
+        path[:, :, None]
+        + across[:, :, None] * w * bend[:, None]
+        + out[:, :, None] * w * (0.42 * rise - 0.20)[:, None]
+    )
+    normals = out[:, :, None] * (0.35 + rise)[:, None] + across[:, :, None] * 0.8 * bend[:, None]
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    shape = (count, ALONG, ACROSS)
+    start = rng.uniform(0, 50, count)[:, None, None]
+    strand = np.stack(
+        [
+            np.broadcast_to(start + width[:, :, None] * bend * 1.0, shape),
+            np.broadcast_to(t[None, :, None], shape),
+        ],
+        axis=-1,
+    )
+    shade = rng.uniform(0.72, 1.28, count)[:, None, None] * (0.45 + 0.55 * t[None, :, None] ** 0.5)
+    shade = shade * (0.62 + 0.38 * rise)
+    index = np.arange(count * ALONG * ACROSS).reshape(shape)
+    a, b = index[:, :-1, :-1].ravel(), index[:, :-1, 1:].ravel()
+    c, d = index[:, 1:, 1:].ravel(), index[:, 1:, :-1].ravel()
+    triangles = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
+    return Hair(
+        vertices.reshape(-1, 3),
+        normals.reshape(-1, 3),
+        np.broadcast_to(tangent[:, :, None], vertices.shape).reshape(-1, 3).copy(),
+        strand.reshape(-1, 2),
+        shade.reshape(-1),
+        triangles.astype(np.int32),
+    )

@@ -1,0 +1,63 @@
+"""The demo: a clip of a synthetic speaker, new speech for it, and the manifests that dub it."""
+
+import shutil
+import sysconfig
+from pathlib import Path
+
+from tqdm import tqdm
+
+from dubbing.files import atomic_path
+
+CLONED = Path(__file__).parents[3] / "manifests"
+INSTALLED = Path(sysconfig.get_path("data"), "share", "dfrf", "manifests")
+MANIFESTS = CLONED if (CLONED / "demo.yaml").is_file() else INSTALLED
+SCRIPT = (
+    "Hello. My name is Alba, and nobody filmed me: every pixel of this clip was computed. "
+    "I move my lips and blink, so that a program can learn how I speak. "
+    "Most people pause before a big promise. "
+)
+VOICE = "en-us+f3"
+DUBS = {
+    "italian": ("it+f3", "Buongiorno! Adesso parlo italiano, e la mia bocca segue le parole."),
+    "german": ("de+f2", "Guten Abend! Jetzt spreche ich Deutsch, und mein Mund bewegt sich mit."),
+}
+
+
+def write_demo(folder: Path, size: int = 320) -> Path:
+    """Write the manifests into a folder, and what they name into FOLDER/source.
+
+    Nothing is made again that is already there.
+
+    Args:
+        size: side of the picture, px.
+
+    Returns:
+        The manifest to dub.
+
+    Raises:
+        DubbingError: the speaker cannot be made, or the folder cannot be written.
+    """
+    from dubbing.workshop.synthetic.speaker import make_speaker
+    from dubbing.workshop.synthetic.voice import speak
+
+    source = folder / "source"
+    source.mkdir(parents=True, exist_ok=True)
+    for template in sorted(MANIFESTS.iterdir()):
+        if not (folder / template.name).exists():
+            with atomic_path(folder / template.name) as temporary:
+                shutil.copyfile(template, temporary)
+    for name, (voice, text) in DUBS.items():
+        if not (source / f"{name}.wav").exists():
+            speak(text, voice, source / f"{name}.wav")
+    # The truth is written last, so a clip beside it is whole.
+    if not (source / "truth.npz").exists():
+        with tqdm(total=100, desc="synthetic speaker", unit="%") as bar:
+            make_speaker(
+                source,
+                text=SCRIPT,
+                size=size,
+                face="alba",
+                voice=VOICE,
+                progress=lambda _, done: bar.update(round(100 * done) - bar.n),
+            )
+    return folder / "demo.yaml"

@@ -1,0 +1,241 @@
+"""How well the sync check finds known shifts, and separates a mouth's own speech from other speech.
+
+    python -m dubbing.workshop.training.sync.evaluation CLIP...  the shipped weights on unseen clips
+    python -m dubbing.workshop.training.sync.evaluation --folds 3 CLIP...  trained on some only
+
+A window is a stretch of a longer video. The clip's own offset is first estimated over its whole
+length and counted from there; then the sound is shifted by -10..10 frames and must be found, sign
+included, within one frame. Other speech is that of other clips, or of another moment. Synthetic
+speakers the network never saw follow in a table of their own, counted from their true offset, 0.
+
+Letters: F frames of a clip, E embedding size, K = 51 offsets (15 searched, 10 shifted each way).
+"""
+
+import argparse
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dubbing.face.mouth_shape import canonical_face
+from dubbing.speech.voice_activity import STEP_RATE, at_times
+from dubbing.sync.check import SILENT_WEIGHT
+from dubbing.sync.curves import OFFSETS, REACH, CurveSum, distances
+from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
+from dubbing.sync.network import SyncNetwork, load_network
+from dubbing.workshop.training.sync.clips import TalkingClip, laid_on, recorded
+from dubbing.workshop.training.sync.speakers import UNSEEN, speaker_clips
+from dubbing.workshop.training.sync.training import SyncTraining, train_network, usable_clips
+
+LENGTHS = (5.0, 3.0, 2.0)
+SHIFTS = range(-10, 11)
+WIDE = REACH + max(SHIFTS)
+NEAR = slice(WIDE - REACH, WIDE + REACH + 1)
+# Speech of the same clip counts as another moment from this many seconds on.
+APART = 2.0
+
+
+@dataclass(frozen=True)
+class Embedded:
+    """A clip through the network: mouths (F, E), distances (F, K), weights (F,), own offset.
+
+    `offset` is measured on the whole length; windows are counted from `truth`.
+    """
+
+    clip: TalkingClip
+    rate: float
+    mouth: np.ndarray
+    rows: np.ndarray
+    weights: np.ndarray
+    offset: int
+
+    @property
+    def truth(self) -> int:
+        return 0 if self.clip.exact else self.offset
+
+
+def embed(network: SyncNetwork, clip: TalkingClip) -> Embedded:
+    rate = 1 / float(np.median(np.diff(clip.times)))
+    mouth = mouth_embeddings(network, clip.shapes, clip.crops, clip.times)
+    rows = distances(mouth, sound_around(network, clip, clip.times, rate), WIDE)
+    weights = SILENT_WEIGHT + at_times(clip.voice, clip.times)
+    best = OFFSETS[int(np.nanargmin(mean_curve(rows, weights)[NEAR]))]
+    return Embedded(clip, rate, mouth, rows, weights, best)
+
+
+def sound_around(
+    network: SyncNetwork, clip: TalkingClip, times: np.ndarray, rate: float
+) -> np.ndarray:
+    """The clip's sound at `times` (F,) and WIDE frames more each way, (F + 2 WIDE, E)."""
+    early = times[0] - np.arange(WIDE, 0, -1) / rate
+    late = times[-1] + np.arange(1, WIDE + 1) / rate
+    moments = np.concatenate([early, times, late])
+    sound = sound_embeddings(network, clip.sound, moments)
+    sound[(moments < 0) | (moments > len(clip.sound) / STEP_RATE)] = np.nan
+    return sound
+
+
+def mean_curve(rows: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    total = CurveSum(np.zeros(rows.shape[1]), np.zeros(rows.shape[1]))
+    total.add(rows, weights)
+    return total.curve()
+
+
+def confidence(curve: np.ndarray) -> float:
+    return float(np.nanmedian(curve) - np.nanmin(curve))
+
+
+def windows(seen: Embedded, seconds: float) -> list[slice]:
+    """Half-overlapping windows of a clip."""
+    count = round(seconds * seen.rate)
+    return [slice(s, s + count) for s in range(0, len(seen.rows) - count + 1, count // 2)]
+
+
+def shifts_found(seen: Embedded, seconds: float) -> list[bool]:
+    """For every window and shift whether the shift is found within one frame."""
+    hits = []
+    for part in windows(seen, seconds):
+        curve = mean_curve(seen.rows[part], seen.weights[part])
+        for shift in SHIFTS:
+            # Sound that comes `shift` frames earlier has its curve that much further up.
+            moved = curve[np.array(OFFSETS) - shift + WIDE]
+            if np.isfinite(moved).any():
+                best = OFFSETS[int(np.nanargmin(moved))]
+                hits.append(abs(best - (seen.truth + shift)) <= 1)
+    return hits
+
+
+def own_confidences(seen: Embedded, seconds: float) -> list[float]:
+    parts = windows(seen, seconds)
+    return [confidence(mean_curve(seen.rows[p][:, NEAR], seen.weights[p])) for p in parts]
+
+
+def other_confidences(
+    network: SyncNetwork, seen: Embedded, others: Sequence[TalkingClip], seconds: float
+) -> list[float]:
+    """Confidences of the clip's mouths with speech that is not theirs: each window once a clip."""
+    found = []
+    rng = np.random.default_rng(0)
+    for other in others:
+        length = len(other.sound) / STEP_RATE
+        for part in windows(seen, seconds):
+            times = seen.clip.times[part]
+            room = length - seconds - 2 * WIDE / seen.rate
+            if room <= 0:
+                continue
+            begin = rng.uniform(0, room) + WIDE / seen.rate
+            if other is seen.clip and abs(begin - times[0]) < seconds + APART:
+                continue
+            sound = sound_around(network, other, begin + times - times[0], seen.rate)
+            rows = distances(seen.mouth[part], sound, WIDE)[:, NEAR]
+            voice = at_times(other.voice, begin + times - times[0])
+            found.append(confidence(mean_curve(rows, SILENT_WEIGHT + voice)))
+    return found
+
+
+def area_under_roc(positive: Sequence[float], negative: Sequence[float]) -> float:
+    """Chance that a positive scores above a negative, ties halved."""
+    p, n = np.asarray(positive)[:, None], np.asarray(negative)[None]
+    return float(((p > n) + 0.5 * (p == n)).mean())
+
+
+def table(measured: Sequence[tuple[SyncNetwork, TalkingClip]]) -> str:
+    """Markdown: a line a clip, then all together; every clip weighs the same in the shares."""
+    clips = [clip for _, clip in measured]
+    lines = ["| clip | own offset, frames | 5 s | 3 s | 2 s | confidence | AUC 5 s | 3 s | 2 s |"]
+    lines.append("|---|---|---|---|---|---|---|---|---|")
+    shares: dict[float, list[float]] = {s: [] for s in LENGTHS}
+    own: dict[float, list[float]] = {s: [] for s in LENGTHS}
+    other: dict[float, list[float]] = {s: [] for s in LENGTHS}
+    for network, clip in measured:
+        seen = embed(network, clip)
+        cells = [clip.name, f"{seen.offset:+d}"]
+        areas = []
+        for seconds in LENGTHS:
+            hits = shifts_found(seen, seconds)
+            cells.append(f"{np.mean(hits):.3f} ({len(hits)})" if hits else "")
+            mine = own_confidences(seen, seconds)
+            theirs = other_confidences(network, seen, clips, seconds)
+            areas.append(f"{area_under_roc(mine, theirs):.3f}" if mine and theirs else "")
+            own[seconds] += mine
+            other[seconds] += theirs
+            shares[seconds] += [float(np.mean(hits))] if hits else []
+        whole = confidence(mean_curve(seen.rows[:, NEAR], seen.weights))
+        lines.append(f"| {' | '.join([*cells, f'{whole:.3f}', *areas])} |")
+    means = [f"{np.mean(shares[s]):.3f}" for s in LENGTHS]
+    areas = [f"{area_under_roc(own[s], other[s]):.3f}" for s in LENGTHS]
+    lines.append(f"| **all** | | {' | '.join(means)} | | {' | '.join(areas)} |")
+    quartiles = np.quantile(own[5.0], [0.1, 0.25, 0.5]) if own[5.0] else [np.nan] * 3
+    wrong = np.quantile(other[5.0], 0.95) if other[5.0] else np.nan
+    lines.append("")
+    lines.append(
+        "Confidence of 5 s windows: 10th percentile {:.3f}, quartile {:.3f}, median {:.3f}; "
+        "of other speech, 95th percentile {:.3f}".format(*quartiles, wrong)
+    )
+    return "\n".join(lines)
+
+
+def left_out(
+    clips: Sequence[TalkingClip],
+    face: np.ndarray,
+    folds: int,
+    settings: SyncTraining,
+    unseen: Sequence[TalkingClip],
+) -> tuple[list[tuple[SyncNetwork, TalkingClip]], list[tuple[SyncNetwork, TalkingClip]]]:
+    """Every person with a network trained on the other folds' people, and `unseen` in turn.
+
+    Synthetic speakers among `clips` are learned from in all folds.
+    """
+    usable = usable_clips(clips)
+    people = [c for c in usable if not c.exact]
+    made = [c for c in usable if c.exact]
+    pairs, speakers = [], []
+    for fold in range(folds):
+        others = [c for i, c in enumerate(people) if i % folds != fold]
+        network = train_network([*others, *made], face, settings)
+        pairs += [(network, c) for i, c in enumerate(people) if i % folds == fold]
+        speakers += [(network, c) for i, c in enumerate(unseen) if i % folds == fold]
+    return pairs, speakers
+
+
+def measured_clips(
+    paths: Sequence[Path], cache: Path, face: np.ndarray | None, settings: SyncTraining | None
+) -> tuple[list[TalkingClip], list[TalkingClip], np.ndarray]:
+    """The clips at `paths`, unseen synthetic speakers, and the face (K, 3) both are laid on.
+
+    With `settings`, as training takes them: other takes, and the speakers to learn from as well.
+    """
+    recordings = [recorded(path, cache) for path in paths]
+    face = canonical_face(r.meshes for r in recordings) if face is None else face
+    clips = laid_on(recordings, face, takes=settings.takes if settings else 0)
+    if settings:
+        made = [recorded(path, cache) for path in speaker_clips(cache, settings.speakers)]
+        clips += laid_on(made, face, takes=settings.takes, seed=1, exact=True)
+    unseen = [recorded(path, cache) for path in speaker_clips(cache, UNSEEN)]
+    return clips, laid_on(unseen, face, exact=True), face
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("clips", nargs="+", type=Path)
+    parser.add_argument("--folds", type=int, default=0, help="train and leave out, so many folds")
+    parser.add_argument("--steps", type=int, default=SyncTraining.steps)
+    parser.add_argument("--cache", type=Path, help="folder to keep the measured clips in")
+    chosen = parser.parse_args(arguments)
+    with tempfile.TemporaryDirectory() as folder:
+        cache = chosen.cache or Path(folder)
+        if chosen.folds:
+            settings = SyncTraining(steps=chosen.steps)
+            clips, unseen, face = measured_clips(chosen.clips, cache, None, settings)
+            people, speakers = left_out(clips, face, chosen.folds, settings, unseen)
+        else:
+            network = load_network()
+            clips, unseen, _ = measured_clips(chosen.clips, cache, network.face.numpy(), None)
+            people, speakers = ([(network, c) for c in some] for some in (clips, unseen))
+    print(table(people), table(speakers), sep="\n\n")
+
+
+if __name__ == "__main__":
+    main()

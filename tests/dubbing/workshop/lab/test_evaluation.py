@@ -1,0 +1,176 @@
+"""What `evaluate` asks for before it learns anybody, and what it leaves behind."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+import av
+import pytest
+
+from dubbing import pipeline, tasks
+from dubbing.errors import DubbingError, MediaError
+from dubbing.manifest.manifest import Manifest, load
+from dubbing.workshop.lab import evaluation, sync_figures, tiles
+from dubbing.workshop.lab.held_out import frames_to_test
+from tests import clips, fakes
+
+FRAMES, LEARNED = 30, 20  # 0.8 s at 25 a second
+
+
+@pytest.fixture
+def manifest(tmp_path: Path) -> Manifest:
+    clips.write_clip(tmp_path / "ann.mp4", FRAMES)
+    path = tmp_path / "m.yaml"
+    path.write_text(
+        "version: 1\noutput: out\nidentities:\n"
+        f"  ann: {{clip: ann.mp4, seconds: 0.8, consent: {clips.CONSENT}}}\n"
+    )
+    return load(path)
+
+
+@pytest.fixture(autouse=True)
+def _stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are numbered frames; there is no face to listen to or to look at."""
+
+    def measure(*arguments: object, **_: object) -> dict[str, float]:
+        first, count, out = arguments[3:6]
+        assert isinstance(out, Path)
+        assert (first, count) == (LEARNED, FRAMES - LEARNED)
+        for kind in ("render", "source"):
+            clips.write_video(out / f"{kind}_picture.mp4", FRAMES - LEARNED)
+        return {"psnr": 30.0}
+
+    def measure_dub(*arguments: object, **_: object) -> dict[str, float]:
+        parts, learned, out = arguments[3:6]
+        assert isinstance(out, Path)
+        assert (parts, learned) == ([(LEARNED, FRAMES - LEARNED)], [(0, LEARNED)])
+        out.mkdir(parents=True)
+        for kind in ("render", "source"):
+            clips.write_video(out / f"{kind}_picture.mp4", FRAMES - LEARNED)
+        return {"opening_r": 0.5}
+
+    checked = SimpleNamespace(offset_frames=1, confidence=0.5)
+    fakes.install(monkeypatch.setattr)
+    monkeypatch.setattr(evaluation, "measure", measure)
+    monkeypatch.setattr(evaluation, "measure_dub", measure_dub)
+    monkeypatch.setattr(evaluation, "clip_speech", lambda *_: None)
+    monkeypatch.setattr(tasks, "offset_of", lambda _: 0)
+    monkeypatch.setattr(sync_figures, "check", lambda _: checked)
+    monkeypatch.setattr(tiles, "write_methods", lambda *_: None)
+
+
+def quiet(_message: str, _share: float) -> None:
+    pass
+
+
+def test_figures_are_kept_and_the_render_says_that_it_is_generated(manifest: Manifest) -> None:
+    found = evaluation.evaluate(manifest, device="cpu", progress=quiet)
+    assert found["ann"]["dfrf"]["psnr"] == 30
+    assert json.loads((manifest.output / evaluation.RESULT_FILE).read_text()) == found
+    comments = {}
+    for kind in ("render", "source"):
+        with av.open(str(manifest.work / "evaluation" / "ann" / "dfrf" / f"{kind}.mp4")) as file:
+            comments[kind] = file.metadata.get("comment", "")
+    assert "AI-generated" in comments["render"]
+    assert comments["source"] == ""
+
+
+def test_the_figures_of_a_dub_stand_by_themselves(manifest: Manifest) -> None:
+    found = evaluation.evaluate(manifest, device="cpu", progress=quiet)["ann"]["dfrf"]
+    assert found["p15x"] == {
+        "opening_r": 0.5,
+        "offset_frames": 1,
+        "confidence": 0.5,
+        "source_offset_frames": 1,
+        "source_confidence": 0.5,
+        "suspicious": False,
+    }
+    dub = manifest.work / "evaluation" / "ann" / "dfrf" / "p15x" / "render.mp4"
+    with av.open(str(dub)) as file:
+        assert "AI-generated" in file.metadata["comment"]
+
+
+def test_a_protocol_is_measured_alone(manifest: Manifest) -> None:
+    def figures(protocol: str) -> set[str]:
+        found = evaluation.evaluate(manifest, protocol=protocol, device="cpu", progress=quiet)
+        return set(found["ann"]["dfrf"])
+
+    assert figures("p15x") == {"p15x", "steps", "seconds"}
+    # Of the same model, so the dub's figures stay.
+    assert {"psnr", "confidence", "p15x"} <= figures("p15")
+    with pytest.raises(DubbingError, match=r"no protocol is called p16 \(--protocol\)"):
+        figures("p16")
+
+
+def test_of_another_model_no_figures_stay() -> None:
+    before = {"psnr": 30.0, "flicker": 1.0, "frames": 9, "steps": 5, "seconds": 1.25, "p15x": {}}
+    dub = {"p15x": {"opening_r": 0.5}, "steps": 5, "seconds": 1.25}
+    pictures = {"psnr": 31.0, "frames": 3, "every": 3, "steps": 5, "seconds": 1.25}
+    assert evaluation.merged(before, dub) == {**before, **dub}
+    # What the pictures comments before is gone, flicker too.
+    assert evaluation.merged(before, pictures) == {**pictures, "p15x": {}}
+    learned_again = {**dub, "seconds": 1.5}
+    assert evaluation.merged(before, learned_again) == learned_again
+
+
+def test_frames_that_do_not_follow_one_another_have_no_sync_check(manifest: Manifest) -> None:
+    found = evaluation.evaluate(manifest, protocol="p15", every=5, device="cpu", progress=quiet)[
+        "ann"
+    ]["dfrf"]
+    assert found["every"] == 5
+    assert "confidence" not in found
+
+
+def test_before_anybody_is_learned_everybody_must_have_something_held_out(
+    manifest: Manifest,
+) -> None:
+    ann = manifest.identities["ann"]
+    people = {"ann": ann, "all": ann.model_copy(update={"seconds": 1.2})}
+    both = manifest.model_copy(update={"identities": people})
+    with pytest.raises(
+        DubbingError, match=r"nothing of the clip is held out beside 1\.2 s \(all\)"
+    ):
+        evaluation.evaluate(both, device="cpu", progress=quiet)
+    assert not manifest.output.exists()
+    evaluation.evaluate(both, only=("ann",), device="cpu", progress=quiet)
+
+
+def test_of_the_best_seconds_none_is_measured(manifest: Manifest) -> None:
+    parts = [(0.2, 0.4), (0.8, 1.2)]  # frames 5 to 10 and 20 to 30
+    tested = frames_to_test(manifest, "ann", parts, None, ("p15", "p15x"))
+    assert tested.learned == [(5, 5), (20, 10)]
+    assert tested.p15 == (10, 10)
+    assert tested.p15x == [(10, 10), (0, 5)]
+    best = manifest.identities["ann"].model_copy(update={"seconds": "best"})
+    long = manifest.model_copy(update={"identities": {"ann": best}})
+    with pytest.raises(DubbingError, match="held out beside 15 s"):  # known before it is learned
+        evaluation.evaluate(long, device="cpu", progress=quiet)
+
+
+def test_a_damaged_clip_is_said(manifest: Manifest) -> None:
+    clip = manifest.identities["ann"].clip
+    damaged = manifest.model_copy(update={"media": {}, "damaged": {clip: MediaError("torn")}})
+    with pytest.raises(MediaError, match="torn"):
+        evaluation.evaluate(damaged, device="cpu", progress=quiet)
+
+
+def test_another_number_of_references_is_another_fine_tune(manifest: Manifest) -> None:
+    own = manifest.identities["ann"]
+    plain, two = (
+        pipeline.identity_job(manifest, "ann", person, "cpu").stages["finetune"]
+        for person in (own, evaluation.learned_by("dfrf-2", own))
+    )
+    assert two.key() != plain.key()
+    assert isinstance(two.produce, tasks.Finetune)
+    assert two.produce.identity.finetune.references == 2
+    assert two.produce.identity.preset == "fast"
+
+
+def test_references_of_the_manifest_are_those_of_dfrf_alone(manifest: Manifest) -> None:
+    own = manifest.identities["ann"]
+    three = own.model_copy(update={"finetune": own.finetune.model_copy(update={"references": 3})})
+    assert evaluation.learned_by("dfrf", three).finetune.references == 3
+    assert evaluation.learned_by("dfrf-1", three).finetune.references == 1
+    assert evaluation.learned_by("nerf", three).finetune.references is None
