@@ -1,4 +1,4 @@
-"""Commands of a job: `dub`, `plan`, `init`, `demo`."""
+"""Commands of a job: `dub`, `plan`, `init`, `schema`, `demo`."""
 
 from __future__ import annotations
 
@@ -130,6 +130,13 @@ def init(
 
     written = write_manifest(folder, print_line)
     print_line(f"wrote {written}; fill in who gave consent, then run: dfrf plan {written}")
+
+
+def schema() -> None:
+    """Print the JSON Schema of a manifest, by which an editor completes and checks its keys."""
+    from dubbing.manifest import schema as work
+
+    typer.echo(work.text(), nl=False)
 
 
 def demo(

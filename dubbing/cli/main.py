@@ -63,8 +63,8 @@ def options(
 
 COMMANDS = {
     "Dubbing": (
-        *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.demo),
-        clip_commands.prepare,
+        *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.schema),
+        *(job_commands.demo, clip_commands.prepare),
     ),
     "Checking": (
         *(clip_commands.sync, provenance_commands.verify, provenance_commands.consent),

@@ -12,6 +12,7 @@ from pydantic import (
     PrivateAttr,
     ValidationInfo,
 )
+from pydantic.json_schema import SkipJsonSchema
 
 from dubbing.errors import DubbingError
 from dubbing.files import read_bounded
@@ -28,6 +29,7 @@ from dubbing.manifest.values import (
     Language,
     LearnedSeconds,
     Name,
+    PathText,
     ReelTime,
     Seconds,
     Sha256,
@@ -40,31 +42,37 @@ MOST_BYTES_OF_FORM = 10**5
 
 
 class Entry(BaseModel):
-    """Frozen, of exact types, without unknown keys."""
+    """Frozen, of exact types, without unknown keys.
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+    The text below a field is its description, in the schema and in the reference.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True
+    )
 
 
 class Consent(Entry):
-    """Who agreed to the dubbing of this face, when, for what, and where that is written down.
-
-    Attributes:
-        languages: codes as ``it`` or ``pt-BR``; any by default.
-        until: the last day.
-        films: files, or SHA-256 of files; any by default.
-        file: what was signed, as a file. sha256: of that file.
-        form: the form that these terms were read from.
-    """
+    """Who agreed to be dubbed, when, to what, and where that is written down."""
 
     by: Filled
+    """First and last name of who agreed."""
     date: Day | None = None
+    """The day on which they agreed; no day to come."""
     reference: Filled
+    """Where the signed copy is kept."""
     languages: Annotated[tuple[Language, ...], Field(min_length=1, strict=False)] | None = None
+    """Languages that they agreed to, as `it` or `pt-BR`; any if left out."""
     until: Day | None = None
+    """The last day on which a dub may be made; no end if left out."""
     films: Annotated[tuple[Film, ...], Field(min_length=1, strict=False)] | None = None
+    """Films that they agreed to: files, or SHA-256 of files; any if left out."""
     file: FilePath | None = None
+    """The signed copy, as a file."""
     sha256: Sha256 | None = None
-    form: FilePath | None = None
+    """SHA-256 of `file`; a file with another one is refused."""
+    form: SkipJsonSchema[FilePath | None] = None
+    """The form that these terms were read from; no key of a manifest."""
 
     def terms(self) -> dict[str, Any]:
         """Everything but where files lie, as plain data; what was left open is left out."""
@@ -97,9 +105,10 @@ def _consent(value: Any, info: ValidationInfo) -> Any:
 
 
 class Mark(Entry):
-    """The invisible mark; ``key``: a file of one's own instead of the installation's key."""
+    """The invisible mark: how it is drawn."""
 
     key: FilePath | None = None
+    """A file of 16 to 4096 random bytes; the key of this installation if left out."""
 
 
 def _mark(value: Any) -> Any:
@@ -109,17 +118,21 @@ def _mark(value: Any) -> Any:
 
 
 class Credits(Entry):
-    """A card after the last frame; its default text names what is AI-made, and who agreed."""
+    """A card of credits after the last frame, in silence."""
 
     seconds: Seconds = Field(default=3.0, gt=0, le=60, allow_inf_nan=False)
+    """How long the card stays, at most 60 s."""
     text: Annotated[str, Field(max_length=500), AfterValidator(check_words)] | None = None
+    """Words of the card; if left out: what is AI-generated, and who agreed to it."""
 
 
 class Label(Entry):
-    """What viewers read: the visible mark over the picture, a card of credits."""
+    """What viewers can read."""
 
     mark: bool = True
+    """Write `AI-dubbed` over the image."""
     credits: Credits | None = None
+    """Add a card of credits."""
 
 
 def _label(value: Any) -> Any:
@@ -129,59 +142,73 @@ def _label(value: Any) -> Any:
 
 
 class Finetune(Entry):
-    """How a person is learned; what is left out is as the preset has it.
-
-    Attributes:
-        iterations: steps.
-        learning_rate: Adam's first.
-        rays: of a step.
-        references: so many in every frame, always the same ones; of preset `fast` alone.
-    """
+    """Settings of the fine-tune; the preset's if left out."""
 
     iterations: int | None = Field(default=None, ge=1, le=10**9)
+    """Training steps."""
     learning_rate: float | None = Field(default=None, gt=0, le=0.1, allow_inf_nan=False)
+    """Learning rate of Adam in the first step."""
     rays: int | None = Field(default=None, ge=64, le=10**6)
+    """Rays in a step."""
     references: int | None = Field(default=None, ge=1, le=64)
+    """References, the same in every frame; preset `fast` only."""
 
 
 class FacePoint(Entry):
-    """A point inside a face: seconds of the clip, and shares of the frame's width and height."""
+    """A point inside a face."""
 
     at: Seconds = Field(ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    """When, in the first clip."""
     x: float = Field(ge=0, le=1)
+    """Share of the frame's width, from the left."""
     y: float = Field(ge=0, le=1)
+    """Share of the frame's height, from the top."""
 
 
 FacePoints = Annotated[
     tuple[FacePoint, ...],
-    BeforeValidator(lambda value: tuple(value) if isinstance(value, list) else (value,)),
+    BeforeValidator(
+        lambda value: tuple(value) if isinstance(value, list) else (value,),
+        json_schema_input_type=FacePoint | list[FacePoint],
+    ),
 ]
 
 
 class Identity(Entry):
-    """A filmed person: clips, which seconds of which one to learn from, and how.
-
-    ``face`` points at the person where a shot of the first clip shows several faces. In other shots
-    and clips the face is recognised by its looks.
-
-    ``clip`` is the one that is learned from; where only ``clips`` are named, the first of them that
-    has so many seconds. Where none has, or for the best seconds, it is the longest, and the others
-    are learned from with it.
-    """
+    """A person: clips, what to learn from them, and who agreed to it."""
 
     clip: FilePath
+    """A video of this person, with sound. Give `clip` or `clips`."""
     clips: tuple[FilePath, ...] = Field(default=(), strict=False, min_length=1)
+    """Several videos of this person, for one model. It is learned from the first clip with enough
+    `seconds`; where none has enough, from all clips together.
+    """
     face: FacePoints = ()
+    """A point in this person's face, where the first clip shows several faces; one, or a list.
+    Other shots and clips follow by looks.
+    """
     start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    """Where in the clip to begin to learn."""
     seconds: LearnedSeconds = LEARNED_SECONDS
-    consent: Annotated[Consent, BeforeValidator(_consent)]
+    """How many seconds to learn from, or `best`: the 15 s of all clips that vary most."""
+    consent: Annotated[
+        Consent, BeforeValidator(_consent, json_schema_input_type=PathText | Consent)
+    ]
+    """Who agreed to be dubbed, or the path of a form that `dfrf consent` wrote."""
     preset: Literal["fast", "paper", "ad-nerf", "nerf"] = "fast"
+    """Kind of model: `fast`; `paper`, the published sizes; two baselines."""
     seed: int = Field(default=0, ge=0, lt=2**31)
+    """Seed of the fine-tune."""
     speech: Literal["mel", "rnn", "hubert", "wav2vec2", "deepspeech"] = "rnn"
+    """Speech features that the model hears; its base must know the same ones."""
     speech_weights: FilePath | None = None
+    """Weights of the speech features, where they are yours: a folder, or a file."""
     size: int = Field(default=512, ge=SIZES.start, le=SIZES[-1], multiple_of=SIZES.step)
+    """Side of the head crop in pixels. A smaller one is faster."""
     base: FilePath | None = None
+    """Base checkpoint to start from; the one that comes with the preset if left out."""
     finetune: Finetune = Finetune()
+    """Settings of the fine-tune."""
     _beside: tuple[Path, ...] = PrivateAttr(())
 
     @property
@@ -212,35 +239,58 @@ class Identity(Entry):
 
 
 class Dub(Entry):
-    """One result: a person and new speech, or a film and the new lines of its people.
-
-    ``lines`` makes it a scene: see `dubbing.manifest.scenes`. Without, it is a scene of one
-    speaker, whose one cue is the whole audio.
-    """
+    """One result: a person and new speech, or a film and the new lines of its people."""
 
     name: Name
+    """Name of the result's files; IDENTITY_AUDIO or the name of `lines` if left out."""
     identity: str | None = None
+    """The person who speaks."""
     clip: FilePath | None = None
+    """The film to dub, one of the person's clips; the first one if left out."""
     lines: FilePath | None = None
+    """A script with times (SRT, VTT, ASS, TTML, CSV): makes this dub a scene."""
     speakers: dict[str, str] | None = None
+    """Names in `lines` -> identities. The lines of other names are left alone."""
     reel_start: ReelTime | None = None
+    """Where the film begins on the script's clock; for the script of a whole reel."""
     audio: Sounds
+    """The new speech: a recording, or in a scene one for each speaker. With `{cue}` or `{cue:03}`
+    in its name, one for each line.
+    """
     music_effects: FilePath | None = None
+    """Music and effects, which the voices are mixed over."""
     loudness: Literal["r128", "streaming", "none"] = "none"
+    """Loudness of each line: `r128` -23 LUFS, `streaming` -27 LUFS, `none` as recorded."""
     language: Language | None = None
+    """Language of the new speech; required if a consent is limited to languages."""
     audio_start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    """Where in the recording to begin."""
     audio_seconds: Seconds | None = Field(
         default=None, gt=0, le=LONGEST_SECONDS, allow_inf_nan=False
     )
+    """How much of the recording to use; to its end if left out."""
     video_start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
+    """Where in the film to begin."""
     on_longer_audio: Literal["bounce", "loop", "hold", "cut", "fail"] = "bounce"
+    """If speech is longer than the film: run its last shot backwards and forwards, repeat it, hold
+    its last frame, cut the speech, or refuse.
+    """
     frame: Literal["full", "crop"] = "full"
-    label: Annotated[Label, BeforeValidator(_label)] = Label()
-    mark: Annotated[Mark | None, BeforeValidator(_mark)] = Mark()
+    """`full`: paste the face back into the film. `crop`: the head crop alone."""
+    label: Annotated[Label, BeforeValidator(_label, json_schema_input_type=bool | Label)] = Label()
+    """The visible mark `AI-dubbed`, and a card of credits. `false`: neither."""
+    mark: Annotated[Mark | None, BeforeValidator(_mark, json_schema_input_type=bool | Mark)] = (
+        Mark()
+    )
+    """The invisible mark. `false`: none."""
     certificate: FilePath | None = None
+    """Certificate chain (PEM) for signed content credentials; needs `key`."""
     key: FilePath | None = None
+    """Private key of `certificate` (PEM)."""
     codec: Literal["h264", "prores", "ffv1"] = "h264"
+    """Video codec: `h264` in mp4, `prores` in mov, lossless `ffv1` in mkv."""
     audio_rate: Literal[48000, "source"] = 48000
+    """Sampling rate of the result in Hz; `source`: that of the recording."""
 
     @property
     def people(self) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from dubbing.errors import DubbingError, ManifestError, MediaError, Problem
 from dubbing.files import atomic_write_text, make_folder
+from dubbing.manifest.schema import shipped_uri
 from dubbing.media import MediaInfo, probe
 from dubbing.script.reading import READERS, read_lines
 
@@ -18,11 +19,12 @@ MOST_SAID = 20  # sentences of what was paired
 NAMED = "its name begins with the clip's"
 ONLY = "there is no other clip, and no other recording"
 HEADER = """\
+# yaml-language-server: $schema={schema}
 # Written by `dfrf init`. Fill in who agreed to be dubbed and where that is written down, delete
 # what you do not want, then run `dfrf plan` on this file. Every path is relative to it.
 version: 1
 output: out
-defaults: {preset: fast, seed: 0}
+defaults: {{preset: fast, seed: 0}}
 """
 
 
@@ -47,7 +49,8 @@ def write_manifest(folder: Path, say: Callable[[str], None] = lambda _: None) ->
     found = _sort(folder)
     if not found.clips:
         raise ManifestError(str(target), [Problem(0, "", f"no clip with sound in {folder}")])
-    lines = [HEADER + "identities:", *_identities(found), *_dubs(found)]
+    header = HEADER.format(schema=shipped_uri())
+    lines = [header + "identities:", *_identities(found), *_dubs(found)]
     atomic_write_text(target, "\n".join(lines) + "\n")
     for pair in found.paired[:MOST_SAID]:
         say(pair)

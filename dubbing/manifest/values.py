@@ -6,7 +6,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, WithJsonSchema
 
 from dubbing import files
 from dubbing.printable import is_blank
@@ -154,15 +154,32 @@ def _film(value: Any, info: ValidationInfo) -> Any:
 
 
 SHA256 = "[0-9a-fA-F]{64}"
-FilePath = Annotated[Path, BeforeValidator(resolve)]
+# What may be written in a manifest, for its schema.
+PathText = Annotated[str, WithJsonSchema({"type": "string", "format": "path", "pattern": r"\S"})]
+CLOCK_PATTERN = rf"^\s*(?:{CLOCK.pattern})\s*$"
+ClockText = Annotated[
+    str, WithJsonSchema({"type": "string", "format": "clock", "pattern": CLOCK_PATTERN})
+]
+NAME_PATTERN = r"^[^\s./\\:]([^/\\:]*[^\s/\\:])?$"
+NameText = Annotated[
+    str, WithJsonSchema({"type": "string", "pattern": NAME_PATTERN, "maxLength": LONGEST_NAME})
+]
+Number = Annotated[float, Field(ge=0, le=LONGEST_SECONDS)]
+FilePath = Annotated[Path, BeforeValidator(resolve, json_schema_input_type=PathText)]
 # One sound, or one a speaker; a name with {cue} or {cue:03} is a file a line.
-Sounds = Annotated[Path | dict[str, Path], BeforeValidator(_resolve_sounds)]
-Seconds = Annotated[float, BeforeValidator(_seconds)]
-ReelTime = Annotated[str, BeforeValidator(_reel_time)]
-LearnedSeconds = Annotated[float | Literal["best"], BeforeValidator(_learned_seconds)]
-Name = Annotated[str, BeforeValidator(check_name)]
+Sounds = Annotated[
+    Path | dict[str, Path],
+    BeforeValidator(_resolve_sounds, json_schema_input_type=PathText | dict[str, PathText]),
+]
+Seconds = Annotated[float, BeforeValidator(_seconds, json_schema_input_type=Number | ClockText)]
+ReelTime = Annotated[str, BeforeValidator(_reel_time, json_schema_input_type=float | str)]
+LearnedSeconds = Annotated[
+    float | Literal["best"],
+    BeforeValidator(_learned_seconds, json_schema_input_type=Number | Literal["best"] | ClockText),
+]
+Name = Annotated[str, BeforeValidator(check_name, json_schema_input_type=NameText)]
 Filled = Annotated[str, Field(min_length=1), AfterValidator(_check_filled)]
 Day = Annotated[datetime.date, Field(strict=False)]
 Language = Annotated[str, Field(pattern="^[a-zA-Z]{2,3}(-[a-zA-Z0-9]{2,8})*$")]
-Film = Annotated[Path | str, BeforeValidator(_film)]
+Film = Annotated[Path | str, BeforeValidator(_film, json_schema_input_type=PathText)]
 Sha256 = Annotated[str, Field(pattern=f"^{SHA256}$"), AfterValidator(str.lower)]

@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from dubbing.errors import ManifestError
+from dubbing.manifest import schema, yaml_lines
 from dubbing.manifest.manifest import Manifest, load
 from tests import clips
+from tests.dubbing.manifest.json_schema import errors
 
 GOOD = f"""
 version: 1
@@ -24,7 +26,9 @@ dubs:
 def read(folder: Path, text: str) -> Manifest:
     path = folder / "m.yaml"
     path.write_text(textwrap.dedent(text).lstrip("\n"))
-    return load(path)
+    manifest = load(path)
+    assert not list(errors(schema.build(), yaml_lines.read(path.read_text()).data))
+    return manifest
 
 
 def problems(folder: Path, text: str) -> list[str]:
