@@ -4,7 +4,7 @@ BIN := .venv/bin
 # Two threads that spin on one busy core are ten times slower than two that wait.
 export OMP_WAIT_POLICY ?= PASSIVE
 
-.PHONY: install demo test test-fast attack check bench results speech-table clean
+.PHONY: install demo docs test test-fast attack check bench results speech-table clean
 
 # requirements.txt is the lock: plain pins of the whole closure, so nothing is resolved at
 # install time. mediapipe declares packages it does not need (and a second OpenCV), hence --no-deps.
@@ -48,7 +48,7 @@ BENCH ?= out/demo/demo.yaml alba
 bench: .venv/installed
 	$(BIN)/python -m dubbing.workshop.bench.benchmark $(BENCH) out/bench.json
 
-# The tables of docs/results.md: people of manifests, learned with several seeds. Takes hours; goes on
+# The tables of docs/development/results.md: people of manifests, learned with several seeds. Takes hours; goes on
 # where it stopped. The real clips lie beside the clone, if at all.
 RESULTS ?= ../shared/manifests/p15.yaml ../shared/manifests/real.yaml
 SEEDS ?= 0,1,2
@@ -67,7 +67,11 @@ check: .venv/installed-dev
 	$(BIN)/mypy
 	$(BIN)/python -m pytest -q tests/test_imports.py
 
-# The tables of docs/speech.md: CLIPS of one talking person each, TEST clips never trained on.
+# The schema that ships, and the tables of docs/reference, from the code.
+docs: .venv/installed
+	$(BIN)/python -m dubbing.cli.reference
+
+# The tables of docs/development/speech.md: CLIPS of one talking person each, TEST clips never trained on.
 speech-table: .venv/installed-synthetic
 	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.workshop.training.speech.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
 

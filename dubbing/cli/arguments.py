@@ -15,7 +15,7 @@ def file_argument(metavar: str, text: str) -> Any:
     return typer.Argument(metavar=metavar, exists=True, dir_okay=False, help=text)
 
 
-def file_option(name: str, text: str, metavar: str | None = None) -> Any:
+def file_option(name: str, text: str, metavar: str = "FILE") -> Any:
     """An option that names a file to read."""
     return typer.Option(name, metavar=metavar, exists=True, dir_okay=False, help=text)
 

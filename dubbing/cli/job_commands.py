@@ -33,13 +33,13 @@ def dub(
     only: Only = None,
     force: Force = None,
     device: Device = "auto",
-    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes side by side.")] = 1,
+    jobs: Annotated[int, typer.Option("--jobs", min=1, help="Processes at a time.")] = 1,
     scheduler: Annotated[
         str | None,
         typer.Option(
             "--scheduler",
             metavar="ADDRESS|FILE",
-            help="Of Dask, whose workers do the work: its address, or its scheduler file.",
+            help="Address or scheduler file of Dask, whose workers do the work.",
         ),
     ] = None,
     keep_going: Annotated[
@@ -121,7 +121,7 @@ def init(
     folder: Annotated[
         Path,
         typer.Argument(
-            metavar="FOLDER", exists=True, file_okay=False, help="With clips and recordings."
+            metavar="FOLDER", exists=True, file_okay=False, help="Folder of clips and recordings."
         ),
     ],
 ) -> None:
@@ -141,7 +141,7 @@ def schema() -> None:
 
 def demo(
     folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", file_okay=False, help="To work in.")
+        Path, typer.Argument(metavar="FOLDER", file_okay=False, help="Folder to work in.")
     ] = Path("out/demo"),
 ) -> None:
     """Make a synthetic speaker in a folder, and dub it into Italian and German."""

@@ -26,6 +26,7 @@ def evaluate(
         list[str] | None,
         typer.Option(
             "--method",
+            metavar="NAME",
             help="dfrf, dfrf-nowarp, dfrf-alone (no base), dfrf-1, -2, -4 or -6 (so many "
             "references, always the same), paper, ad-nerf, ad-nerf-nolips (its speech learned "
             "from pictures alone) or nerf; may be repeated.",

@@ -17,8 +17,8 @@ from dubbing.cli.arguments import (
 
 
 def train_sync(
-    clips: Annotated[list[Path], file_argument("CLIP...", "One person each.")],
-    out: Annotated[Path, typer.Option("--out", help="The weights to write.")],
+    clips: Annotated[list[Path], file_argument("CLIP...", "Videos of one person each.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The weights to write.")],
 ) -> None:
     """Train the network of the sync check on clips of people who talk."""
     packages.require("synthetic")
@@ -31,14 +31,16 @@ def train_sync(
 def train_speech(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The weights to write.")],
     recordings: Annotated[
-        list[Path] | None, file_option("--recording", "Of a person; repeatable.")
+        list[Path] | None, file_option("--recording", "Speech of a person; repeatable.")
     ] = None,
     corpus: Annotated[
         Path | None,
-        typer.Option("--corpus", help="Folder of what is taught; OUT.corpus by default."),
+        typer.Option(
+            "--corpus", metavar="FOLDER", help="Folder of what is taught; OUT.corpus by default."
+        ),
     ] = None,
-    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Of the optimiser.")] = None,
-    seed: Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1)] = 0,
+    steps: Annotated[int | None, typer.Option("--steps", min=1, help="Training steps.")] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Random seed.")] = 0,
 ) -> None:
     """Train the network of the speech features from nothing; resumes by itself."""
     packages.require("train")
@@ -56,14 +58,16 @@ def train_speech(
 
 def train_base(
     manifest: ManifestPath,
-    out: Annotated[Path, typer.Option("--out", help="The checkpoint to write.")],
+    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The checkpoint to write.")],
     iterations: Annotated[
-        int | None, typer.Option("--iterations", min=1, max=10**9, help="Steps in all.")
+        int | None, typer.Option("--iterations", min=1, max=10**9, help="Training steps in all.")
     ] = None,
     init: Annotated[Path | None, file_option("--init", "A checkpoint to start from.")] = None,
     hold_out: Annotated[
         list[str] | None,
-        typer.Option("--hold-out", help="Measured on instead of learned from; repeatable."),
+        typer.Option(
+            "--hold-out", metavar="NAME", help="Measured on instead of learned from; repeatable."
+        ),
     ] = None,
     device: Device = "auto",
 ) -> None:

@@ -65,7 +65,7 @@ def test_the_shipped_schema_is_that_of_the_models() -> None:
     shipped = (ROOT / "dubbing/manifest" / schema.FILE).read_text(encoding="utf-8")
     result = CliRunner().invoke(app, ["schema"])
     assert (result.exit_code, result.output) == (0, schema.text())
-    assert shipped == schema.text(), f"run `dfrf schema > dubbing/manifest/{schema.FILE}`"
+    assert shipped == schema.text(), "run `make docs`"
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "manifests").glob("*.yaml")), ids=lambda p: p.stem)
