@@ -1,7 +1,7 @@
 """Dynamic facial radiance fields: tensors in, tensors out.
 
-The door for researchers; `docs/researchers.md` shows it in a few lines. What a name needs (torch
-above all) is loaded when the name is first used.
+The door for researchers; `docs/development/researchers.md` shows it in a few lines. What a name
+needs (torch above all) is loaded when the name is first used.
 """
 
 from __future__ import annotations

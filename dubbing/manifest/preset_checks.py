@@ -18,8 +18,8 @@ from dubbing.shipped.base import shipped_base
 from dubbing.speech import features
 
 PRESET = "paper"
-# On two processor cores at 512 pixels (docs/performance.md): a frame as measured without the noise
-# of its slots, 744 s, times 1.55, what that costs on 256 rays; a step as half of
+# On two processor cores at 512 pixels (docs/development/performance.md): a frame as measured
+# without the noise of its slots, 744 s, times 1.55, what that costs on 256 rays; a step as half of
 # what one core took, for its rays and for the references' features.
 SIZE = 512
 FRAME_SECONDS, RAYS_SECONDS, FEATURES_SECONDS = 1150.0, 12.0, 22.0

@@ -14,11 +14,11 @@ FAIL_MS = 125.0
 PASS_SHARE = 0.6
 FAIL_SHARE = 0.3
 # Stands in for the source's confidence where there is no source: 60 % of it is the 95th percentile
-# of speech that does not belong, on people left out of training (docs/sync.md).
+# of speech that does not belong, on people left out of training (docs/development/sync.md).
 TYPICAL_CONFIDENCE = 0.15
-# The most that a person has whom the network did not learn from (docs/sync.md). One whom it did
-# learn from can have .4, and so has the synthetic speaker: 60 % of that is more than most people's
-# own mouths have, so a dub needs 60 % of this at most.
+# The most that a person has whom the network did not learn from (docs/development/sync.md). One
+# whom it did learn from can have .4, and so has the synthetic speaker: 60 % of that is more than
+# most people's own mouths have, so a dub needs 60 % of this at most.
 CLEAREST_CONFIDENCE = 0.28
 MIN_SECONDS = 3.0
 MIN_SPEECH_SECONDS = 1.0

@@ -11,7 +11,7 @@ from dubbing.face.mouth_shape import opening
 from dubbing.sync.result import Motion
 
 # Opening range of a mouth that moves, in distances between the outer corners of the eyes; a
-# still one measures below a quarter of this (docs/sync.md).
+# still one measures below a quarter of this (docs/development/sync.md).
 MOVING_RANGE = 0.03
 # The mouth moves in silence if it is this fast there, as a share of its speed in speech.
 SILENT_SHARE = 0.6

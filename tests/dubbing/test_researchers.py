@@ -1,4 +1,4 @@
-"""The blocks of docs/researchers.md run, with a tiny person in place of the demo's."""
+"""The blocks of docs/development/researchers.md run, with a tiny person in place of the demo's."""
 
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from dfrf.head_checkpoint import save_person
 from tests import clips, fakes
 from tests.dfrf.people import person, small_config
 
-PAGE = Path(__file__).parents[2] / "docs" / "researchers.md"
+PAGE = Path(__file__).parents[2] / "docs" / "development" / "researchers.md"
 BLOCKS = [
     part.split("```")[0] for part in PAGE.read_text(encoding="utf-8").split("```python\n")[1:]
 ]
@@ -32,15 +32,15 @@ def lines_of(block: str) -> list[str]:
 def test_the_blocks_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     demo = tmp_path / "out" / "demo"
     folder = demo / "work" / "identities" / "alba"
-    for made in (demo / "source", folder / "model", folder / "prepared"):
+    for made in (demo / "source", folder / "finetune", folder / "prepare"):
         made.mkdir(parents=True)
     clips.write_sound(demo / "source" / "italian.wav", 1.2)
     clip = clips.write_clip(demo / "source" / "clip.mp4", 25)
-    prepared = fakes.write_prepared(clip, folder / "prepared", size=48)
+    prepared = fakes.write_prepared(clip, folder / "prepare", size=48)
     sizes = small_config(speech_dim=SPEECH)
     views = cut_references(person(), torch.tensor([0, 5]))
     save_person(
-        folder / "model" / "model.safetensors", presets.build(sizes), views, {"speech": "mel"}
+        folder / "finetune" / "model.safetensors", presets.build(sizes), views, {"speech": "mel"}
     )
     small = presets.Preset(sizes.field, presets.FAST_TRAININGS)
     monkeypatch.setitem(presets.PRESETS, "fast", small)

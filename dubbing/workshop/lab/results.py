@@ -1,4 +1,4 @@
-"""The tables of docs/results.md: held-out figures of people over several seeds, by one command.
+"""The tables of docs/development/results.md: held-out figures of people over several seeds.
 
 `dubbing.workshop.lab.evaluation` measures each seed in a folder of its own, OUTPUT/seeds/N. Figures
 of the same code and settings are not measured again, so a run that was killed goes on.
@@ -181,7 +181,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--commit", default="unknown", help="of this code, as the document names it"
     )
-    parser.add_argument("--document", type=Path, default=Path("docs/results.md"))
+    parser.add_argument("--document", type=Path, default=Path("docs/development/results.md"))
     given = parser.parse_args(arguments)
     try:
         seeds = tuple(sorted({int(seed) for seed in given.seeds.split(",")}))

@@ -1,4 +1,4 @@
-"""What the speech features know of the lips, and what spoils them: the tables of docs/speech.md.
+"""How well speech features predict lips: the tables of docs/development/speech.md.
 
     python -m dubbing.workshop.training.speech.evaluation CLIP... [--test CLIP...]
 

@@ -195,6 +195,6 @@ def test_one_name_in_two_manifests_is_refused(
 
 
 def test_the_document_of_the_project_has_a_place() -> None:
-    text = (Path(__file__).parents[4] / "docs" / "results.md").read_text()
+    text = (Path(__file__).parents[4] / "docs" / "development" / "results.md").read_text()
     request = results.Request((0, 1), ("dfrf",), 1, None, None, "cpu", "abc")
     assert results.BEGIN in results.document(text, request, [{}, {}], datetime.date.today())
