@@ -10,10 +10,10 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dfrf.api import Head, fit_head, load_head, render_frame, save_head
     from dfrf.cameras import Camera
     from dfrf.config import TrainConfig
     from dfrf.data.dataset import HeadDataset
-    from dfrf.head import Head, fit_head, load_head, render_frame, save_head
     from dfrf.method import FrameInputs
     from dfrf.training.fit import FitOptions, fit
 
@@ -34,7 +34,7 @@ _HOMES = {
     "dfrf.cameras": ["Camera"],
     "dfrf.config": ["TrainConfig"],
     "dfrf.data.dataset": ["HeadDataset"],
-    "dfrf.head": ["Head", "fit_head", "load_head", "render_frame", "save_head"],
+    "dfrf.api": ["Head", "fit_head", "load_head", "render_frame", "save_head"],
     "dfrf.method": ["FrameInputs"],
     "dfrf.training.fit": ["FitOptions", "fit"],
 }
