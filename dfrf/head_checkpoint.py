@@ -17,7 +17,7 @@ from dfrf.fast.model import FastModel
 from dfrf.field.mouth_views import LIP_POINTS
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 from dfrf.field.speaker_adaptation import LIP_MEASURES
-from dfrf.head_model import HeadModel
+from dfrf.model_interface import HeadModel
 from dfrf.published.model import PaperModel
 
 KINDS: dict[str, type[HeadModel]] = {FORMATS[k.FAMILY]: k for k in (FastModel, PaperModel)}

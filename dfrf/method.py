@@ -19,7 +19,7 @@ from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
 from dfrf.data.ray_batch import RayBatch
 from dfrf.field.reference_views import ReferenceViews
-from dfrf.head_model import HeadModel
+from dfrf.model_interface import HeadModel
 
 
 class Share(Protocol):

@@ -15,8 +15,8 @@ from dfrf.config import (
 )
 from dfrf.fast.method import FastMethod
 from dfrf.fast.model import FastModel
-from dfrf.head_model import HeadModel
 from dfrf.method import Method
+from dfrf.model_interface import HeadModel
 from dfrf.published.conditioned_field import PaperConfig
 from dfrf.published.method import PaperMethod
 from dfrf.published.model import PaperModel

@@ -16,7 +16,7 @@ from dfrf.config import ModelConfig
 from dfrf.field.conditioned_field import ConditionedField
 from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII, Field
 from dfrf.field.reference_maps import ReferenceMaps
-from dfrf.head_model import HeadModel
+from dfrf.model_interface import HeadModel
 from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.volume_rendering import Volume
 

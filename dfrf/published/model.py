@@ -19,7 +19,7 @@ from torch.utils.checkpoint import checkpoint
 
 from dfrf.config import from_plain
 from dfrf.field.audio import AudioAttNet, AudioNet
-from dfrf.head_model import HeadModel
+from dfrf.model_interface import HeadModel
 from dfrf.published import radiance_field as field
 from dfrf.published import sampling
 from dfrf.published import volume_rendering as volrend

@@ -13,7 +13,7 @@ import torch
 
 from dfrf.checkpoint import ODD, STATE_FILE, CheckpointError, load_state, save_state
 from dfrf.config import FORMATS, TrainConfig
-from dfrf.head_model import HeadModel
+from dfrf.model_interface import HeadModel
 from dfrf.training.progress import Curve
 from dfrf.training.validation import Validation
 

@@ -10,7 +10,7 @@ import torch
 
 from dfrf import checkpoint, head_checkpoint, presets
 from dfrf.config import PUBLISHED_SPEECH, TrainConfig, family
-from dfrf.head_model import HeadModel
+from dfrf.model_interface import HeadModel
 from dubbing.errors import CheckpointError
 from dubbing.speech import features
 

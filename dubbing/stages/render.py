@@ -11,8 +11,8 @@ from dfrf import checkpoint, head_checkpoint
 from dfrf import device as devices
 from dfrf.data.dataset import neighbour_windows
 from dfrf.field.audio import NEIGHBOURS
-from dfrf.head_model import HeadModel
 from dfrf.method import FrameInputs, Maps
+from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dubbing.compositing.face_mask import rendered_region
 from dubbing.errors import CheckpointError
