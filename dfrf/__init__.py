@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dfrf.cameras import Camera
     from dfrf.config import TrainConfig
     from dfrf.data.dataset import HeadDataset
-    from dfrf.method import FrameInputs
+    from dfrf.method_interface import FrameInputs
     from dfrf.training.fit import FitOptions, fit
 
 __all__ = [
@@ -35,7 +35,7 @@ _HOMES = {
     "dfrf.config": ["TrainConfig"],
     "dfrf.data.dataset": ["HeadDataset"],
     "dfrf.api": ["Head", "fit_head", "load_head", "render_frame", "save_head"],
-    "dfrf.method": ["FrameInputs"],
+    "dfrf.method_interface": ["FrameInputs"],
     "dfrf.training.fit": ["FitOptions", "fit"],
 }
 

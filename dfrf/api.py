@@ -22,7 +22,7 @@ from dfrf.field.audio import NEIGHBOURS, WINDOW
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.speaker_adaptation import NUMBERS
 from dfrf.head_checkpoint import load_model, load_person, save_person
-from dfrf.method import FrameInputs, Maps, Method
+from dfrf.method_interface import FrameInputs, Maps, Method
 from dfrf.model_interface import HeadModel
 from dfrf.presets import adapt, build, method_of, model_config, trainings
 from dfrf.training.fit import FitOptions, fit

@@ -15,7 +15,7 @@ from dfrf.config import (
 )
 from dfrf.fast.method import FastMethod
 from dfrf.fast.model import FastModel
-from dfrf.method import Method
+from dfrf.method_interface import Method
 from dfrf.model_interface import HeadModel
 from dfrf.published.conditioned_field import PaperConfig
 from dfrf.published.method import PaperMethod

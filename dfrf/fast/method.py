@@ -27,7 +27,7 @@ from dfrf.field.mouth_views import MOUTHS, TURN, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 from dfrf.field.speaker_adaptation import REACH
-from dfrf.method import FrameInputs, Method, StepOutcome
+from dfrf.method_interface import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.grid_pruning import prune_grid
 from dfrf.rendering.volume_rendering import render_rays

@@ -11,7 +11,7 @@ from torch import Tensor
 from dfrf.config import TrainConfig
 from dfrf.fast.model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
-from dfrf.method import StepOutcome
+from dfrf.method_interface import StepOutcome
 from dfrf.rendering.ray_marching import Search
 from dfrf.rendering.volume_rendering import RayColours, render_rays
 from dfrf.training.losses import weighted_warp_penalty

@@ -19,7 +19,7 @@ from torch import Tensor
 from dfrf import device as devices
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
-from dfrf.method import Maps, Method, Share, StepOutcome
+from dfrf.method_interface import Maps, Method, Share, StepOutcome
 from dfrf.training.augmentation import draw_augmentation
 from dfrf.training.progress import Curve, Progress
 from dfrf.training.reference_source import ReferenceSource

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
-from dfrf.method import Maps, Method
+from dfrf.method_interface import Maps, Method
 from dfrf.training.augmentation import Augmentation
 
 

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.method import Maps, Method, Share, StepOutcome
+from dfrf.method_interface import Maps, Method, Share, StepOutcome
 from dfrf.workers import Workers
 
 ShareT = TypeVar("ShareT", bound=Share)

@@ -18,7 +18,7 @@ from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
 from dfrf.data.ray_batch import RayBatch, draw_rays
 from dfrf.field.reference_views import ReferenceViews
-from dfrf.method import Method
+from dfrf.method_interface import Method
 from dfrf.workers import Workers
 
 SEED = 0

@@ -14,7 +14,7 @@ import torch
 from dfrf import checkpoint, head_checkpoint, presets
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
-from dfrf.method import Method
+from dfrf.method_interface import Method
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit

@@ -18,7 +18,7 @@ from dfrf.fast.model import FastModel
 from dfrf.field.audio import NEIGHBOURS
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.speaker_adaptation import NUMBERS, REACH
-from dfrf.method import Maps
+from dfrf.method_interface import Maps
 from dfrf.model_interface import HeadModel
 from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equations
 from dfrf.workers import Workers

@@ -11,7 +11,7 @@ from dfrf import checkpoint, head_checkpoint
 from dfrf import device as devices
 from dfrf.data.dataset import neighbour_windows
 from dfrf.field.audio import NEIGHBOURS
-from dfrf.method import FrameInputs, Maps
+from dfrf.method_interface import FrameInputs, Maps
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dubbing.compositing.face_mask import rendered_region
@@ -57,7 +57,7 @@ def render(
     Of each head there is what the dub shows of it; see `dubbing.compositing.face_mask`.
 
     A file appears only when it is whole, and one that is there is not rendered again. It holds
-    `dfrf.method.Method.segment` frames: of a slow preset every single one is kept.
+    `dfrf.method_interface.Method.segment` frames: of a slow preset every single one is kept.
 
     Args:
         model: of the person, written by `finetune`.

@@ -18,7 +18,7 @@ from dfrf.config import TrainConfig
 from dfrf.data.dataset import neighbour_windows
 from dfrf.fast.method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS
-from dfrf.method import FrameInputs
+from dfrf.method_interface import FrameInputs
 from dfrf.training.fit import FitOptions, fit
 from dfrf.training.validation import Validation
 from tests.dfrf.people import FOCAL, SIZE, person, small_config

@@ -13,7 +13,7 @@ from dfrf.checkpoint import CheckpointError
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import OUTSIDE, HeadDataset, neighbour_windows
 from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
-from dfrf.method import FrameInputs
+from dfrf.method_interface import FrameInputs
 from dfrf.presets import method_of
 from dfrf.published import method as paper_method
 from dfrf.published.method import PaperMethod, bounds

@@ -13,7 +13,7 @@ from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.method import FastMethod
 from dfrf.field.field import FieldOutput
 from dfrf.field.speaker_adaptation import REACH
-from dfrf.method import FrameInputs
+from dfrf.method_interface import FrameInputs
 from dfrf.rendering import volume_rendering as rendering
 from dfrf.rendering.frame_renderer import BLOCK, head_blocks, render_frame
 from dfrf.rendering.ray_marching import PackedSamples

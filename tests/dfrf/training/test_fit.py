@@ -14,7 +14,7 @@ from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
 from dfrf.fast.method import FastMethod
 from dfrf.fast.model import FastModel
-from dfrf.method import StepOutcome
+from dfrf.method_interface import StepOutcome
 from dfrf.training.fit import FitOptions, Run, TrainingDivergedError, fit, learning_rate
 from tests.dfrf.people import person, small_config
 from tests.dfrf.runs import run_fit

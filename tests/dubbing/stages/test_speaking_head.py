@@ -9,7 +9,7 @@ import pytest
 
 from dfrf import presets
 from dfrf.fast.model import FastModel
-from dfrf.method import Maps
+from dfrf.method_interface import Maps
 from dfrf.training.fit import fit
 from dubbing.face.landmarks import FaceMesh
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
