@@ -21,10 +21,10 @@ from dfrf.data.dataset import HeadDataset
 from dfrf.field.audio import NEIGHBOURS, WINDOW
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.speaker_adaptation import NUMBERS
-from dfrf.head_checkpoint import load_model, load_person, save_person
 from dfrf.method_interface import FrameInputs, Maps, Method
 from dfrf.model_interface import HeadModel
 from dfrf.presets import adapt, build, method_of, model_config, trainings
+from dfrf.saved_models import load_model, load_person, save_person
 from dfrf.training.fit import FitOptions, fit
 
 EXPRESSION = 6  # measures of the upper face

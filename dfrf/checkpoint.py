@@ -1,6 +1,6 @@
 """The format of checkpoints: safetensors with a JSON header, never pickles.
 
-`head_checkpoint` keeps finished models in it, `training.run_state` runs that are not finished.
+`saved_models` keeps finished models in it, `training.run_state` runs that are not finished.
 """
 
 from __future__ import annotations

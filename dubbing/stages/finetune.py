@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from dfrf import checkpoint, head_checkpoint, presets
+from dfrf import checkpoint, presets, saved_models
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
 from dfrf.method_interface import Method
@@ -107,7 +107,7 @@ def finetune(
         "settings": asdict(settings),
         "clip": clips[0].clip.name,
     }
-    head_checkpoint.save_person(out / MODEL_FILE, model.cpu(), views, header)
+    saved_models.save_person(out / MODEL_FILE, model.cpu(), views, header)
     write_curve(out / CURVE_FILE, curve)
     write_events(out, curve)
     learned, *beside = [learned_parts(one) for one in footage]

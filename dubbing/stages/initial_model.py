@@ -8,7 +8,7 @@ from typing import Any
 
 import torch
 
-from dfrf import checkpoint, head_checkpoint, presets
+from dfrf import checkpoint, presets, saved_models
 from dfrf.config import PUBLISHED_SPEECH, TrainConfig, family
 from dfrf.model_interface import HeadModel
 from dubbing.errors import CheckpointError
@@ -69,7 +69,7 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
     if base is None:
         return presets.build(config)
     try:
-        model, header = head_checkpoint.load_model(base)
+        model, header = saved_models.load_model(base)
     except checkpoint.CheckpointError as error:
         raise CheckpointError(str(error), remedy="name another base checkpoint") from error
     if family(settings.preset) != model.FAMILY:

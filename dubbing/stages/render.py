@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dfrf import checkpoint, head_checkpoint
+from dfrf import checkpoint, saved_models
 from dfrf import device as devices
 from dfrf.data.dataset import neighbour_windows
 from dfrf.field.audio import NEIGHBOURS
@@ -32,7 +32,7 @@ def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dic
         CheckpointError: the file cannot be used.
     """
     try:
-        person, views, header = head_checkpoint.load_person(model)
+        person, views, header = saved_models.load_person(model)
     except checkpoint.CheckpointError as error:
         raise CheckpointError(str(error), remedy="run with --force finetune") from error
     target = devices.choose(device)

@@ -18,7 +18,7 @@ from dfrf.checkpoint import (
 )
 from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.method import FastMethod
-from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
+from dfrf.saved_models import load_model, load_person, save_model, save_person
 from tests.dfrf.people import person, small_config
 
 

@@ -13,7 +13,7 @@ from dfrf import presets
 from dfrf.config import MarchConfig
 from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.model import FastModel
-from dfrf.head_checkpoint import save_person
+from dfrf.saved_models import save_person
 from tests import clips, fakes
 from tests.dfrf.people import person, small_config
 

@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from dfrf import checkpoint, head_checkpoint, presets
+from dfrf import checkpoint, presets, saved_models
 from dfrf.data.dataset import HeadDataset
 from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
@@ -119,7 +119,7 @@ def train_base(
         model.load_state_dict(validation.best)
         header |= {"steps": int(step), "held_out": dict(zip(validation.names, psnr, strict=True))}
         write_validation(out.with_suffix(".held_out.csv"), validation)
-    head_checkpoint.save_model(out, model.cpu(), header)
+    saved_models.save_model(out, model.cpu(), header)
     write_curve(out.with_suffix(".csv"), curve)
     atomic_write_json(out.with_suffix(".json"), {**header, "train": asdict(config)})
     shutil.rmtree(resume)

@@ -12,12 +12,12 @@ from dfrf.cameras import Camera, pixel_grid, pixel_rays
 from dfrf.checkpoint import CheckpointError
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import OUTSIDE, HeadDataset, neighbour_windows
-from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
 from dfrf.method_interface import FrameInputs
 from dfrf.presets import method_of
 from dfrf.published import method as paper_method
 from dfrf.published.method import PaperMethod, bounds
 from dfrf.published.model import EncodedReferences, PaperConfig, PaperModel, paper_loss
+from dfrf.saved_models import load_model, load_person, save_model, save_person
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.step import step_outcome
 from dfrf.training.validation import Validation, draw_held_out_rays

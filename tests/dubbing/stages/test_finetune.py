@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from dfrf import head_checkpoint, presets
+from dfrf import presets, saved_models
 from dfrf.config import TrainConfig
 from dfrf.fast.model import FastModel
 from dfrf.training.progress import Progress
@@ -28,7 +28,7 @@ RNN = FinetuneSettings(speech="rnn")
 def base(tmp_path: Path) -> Path:
     dim = features.features_by_name("rnn").dim
     model = presets.build(presets.model_config("fast", dim))
-    head_checkpoint.save_model(tmp_path / "base.safetensors", model, RNN.speech_header())
+    saved_models.save_model(tmp_path / "base.safetensors", model, RNN.speech_header())
     return tmp_path / "base.safetensors"
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfrf import head_checkpoint, presets
+from dfrf import presets, saved_models
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.media import read_frames
 from dubbing.preparation.prepared import PreparedClip
@@ -51,7 +51,7 @@ def person(tmp_path: Path) -> Path:
     shape = np.concatenate([random.uniform(-0.8, 0.8, (478, 2)), np.zeros((478, 1))], 1)
     replace(clip, shape=shape).save()
     model = presets.build(small_config(references=0, use_warp=False))
-    head_checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
+    saved_models.save_person(tmp_path / "model.safetensors", model, None, {})
     return tmp_path
 
 
