@@ -13,7 +13,7 @@ from dfrf.config import (
     ModelConfig,
     TrainConfig,
 )
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.fast.model import FastModel
 from dfrf.method_interface import Method
 from dfrf.model_interface import HeadModel

@@ -17,7 +17,7 @@ from dfrf.checkpoint import (
     write_tensors,
 )
 from dfrf.data.reference_cuts import cut_references
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.saved_models import load_model, load_person, save_model, save_person
 from tests.dfrf.people import person, small_config
 

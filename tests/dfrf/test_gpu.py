@@ -16,7 +16,7 @@ from dfrf.api import Head, load_head, render_frame, save_head
 from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import neighbour_windows
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS
 from dfrf.method_interface import FrameInputs
 from dfrf.training.fit import FitOptions, fit

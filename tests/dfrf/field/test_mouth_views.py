@@ -12,7 +12,7 @@ from torch import Tensor
 from dfrf import device as devices
 from dfrf import presets
 from dfrf.data.dataset import HeadDataset
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.field import mouth_views
 from dfrf.field.conditioned_field import ConditionedField
 from dfrf.field.field import FieldOutput
@@ -233,5 +233,5 @@ def test_beside_the_mouth_no_colour_is_the_fields_own(someone: Someone) -> None:
 def test_of_many_frames_some_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     someone, method = person(), FastMethod(presets.build(small_config()))
     assert method.mouth_views(someone).frames.tolist() == [0, 1, 2, 3, 4, 5]
-    monkeypatch.setattr("dfrf.fast.method.MOST_COMPARED", 3)
+    monkeypatch.setattr("dfrf.fast.fast_method.MOST_COMPARED", 3)
     assert method.mouth_views(someone).frames.tolist() == [0, 2, 5]

@@ -10,7 +10,7 @@ from dfrf import device
 from dfrf.cameras import Camera
 from dfrf.data.dataset import neighbour_windows
 from dfrf.data.reference_cuts import cut_references
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.field.field import FieldOutput
 from dfrf.field.speaker_adaptation import REACH
 from dfrf.method_interface import FrameInputs

@@ -3,7 +3,7 @@
 import torch
 
 from dfrf import device
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.field import mouth_views
 from dfrf.field.conditioned_field import ConditionedField
 from dfrf.rendering.surface_details import SurfaceDetails

@@ -8,7 +8,7 @@ import torch
 from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset, neighbour_windows
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS, REACH
 from dfrf.training.fit import fit
 from dfrf.training.lip_supervision import (

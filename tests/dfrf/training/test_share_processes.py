@@ -10,7 +10,7 @@ import torch
 
 from dfrf import presets
 from dfrf.config import TrainConfig
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.training.fit import FitOptions, fit
 from dfrf.training.progress import Progress
 from dfrf.training.share_processes import ShareProcesses, can_fork, share_state

@@ -10,7 +10,7 @@ import torch
 from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.fast.model import FastModel
 from dfrf.training.progress import Curve
 from dfrf.training.validation import HeldOutRays, Validation, draw_held_out_rays

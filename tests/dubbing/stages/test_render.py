@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dfrf import presets, saved_models
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.media import VideoWriter, read_frames
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
