@@ -22,7 +22,7 @@ MEDIUM = (
     "attack/",
     "dfrf/rendering/test_frame_renderer.py",
     "dfrf/rendering/test_pose_refinement.py",
-    "dfrf/published/test_method.py",
+    "dfrf/published/test_paper_method.py",
     "dfrf/test_gpu.py",
     "dfrf/training/test_augmentation.py",
     "dfrf/training/test_fit.py",
