@@ -14,7 +14,7 @@ from dfrf.config import (
     TrainConfig,
 )
 from dfrf.fast.fast_method import FastMethod
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.method_interface import Method
 from dfrf.model_interface import HeadModel
 from dfrf.published.conditioned_field import PaperConfig

@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from dfrf.data.dataset import HEAD_MATTE
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.field.audio import NEIGHBOURS
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.speaker_adaptation import NUMBERS, REACH

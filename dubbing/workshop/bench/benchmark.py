@@ -20,7 +20,7 @@ import torch
 from torch import nn
 
 from dfrf import device as devices
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dubbing import tasks
 from dubbing.batch import jobs

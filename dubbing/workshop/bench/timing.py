@@ -19,7 +19,7 @@ from dfrf import device as devices
 from dfrf import presets
 from dfrf.cameras import Camera, Rays
 from dfrf.data.dataset import neighbour_windows
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.speaker_adaptation import REACH

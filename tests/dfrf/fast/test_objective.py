@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.fast.objective import share_loss
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.volume_rendering import RayColours, render_rays

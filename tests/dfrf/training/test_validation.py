@@ -11,7 +11,7 @@ from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
 from dfrf.fast.fast_method import FastMethod
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.training.progress import Curve
 from dfrf.training.validation import HeldOutRays, Validation, draw_held_out_rays
 from tests.dfrf.people import person, small_config

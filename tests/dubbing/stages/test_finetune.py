@@ -11,7 +11,7 @@ import torch
 
 from dfrf import presets, saved_models
 from dfrf.config import TrainConfig
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.training.progress import Progress
 from dubbing.errors import CheckpointError, TrainingError
 from dubbing.speech import features

@@ -9,7 +9,7 @@ import torch
 
 from dfrf import presets
 from dfrf.cameras import Camera
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.published.conditioned_field import PaperConfig
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.pose_refinement import moved

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dfrf import presets
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.method_interface import Maps
 from dfrf.training.fit import fit
 from dubbing.face.landmarks import FaceMesh
