@@ -18,8 +18,8 @@ from dfrf.fast.fast_model import FastModel
 from dfrf.method_interface import Method
 from dfrf.model_interface import HeadModel
 from dfrf.published.conditioned_field import PaperConfig
-from dfrf.published.model import PaperModel
 from dfrf.published.paper_method import PaperMethod
+from dfrf.published.paper_model import PaperModel
 
 # The one layer of the published model whose size is that of the speech features: where a base was
 # trained with others (DeepSpeech, in a published checkpoint), a person who hears something else

@@ -18,7 +18,7 @@ from dfrf.field.mouth_views import LIP_POINTS
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 from dfrf.field.speaker_adaptation import LIP_MEASURES
 from dfrf.model_interface import HeadModel
-from dfrf.published.model import PaperModel
+from dfrf.published.paper_model import PaperModel
 
 KINDS: dict[str, type[HeadModel]] = {FORMATS[k.FAMILY]: k for k in (FastModel, PaperModel)}
 # Of a person's references, N of H x W pixels; a letter stands for one number wherever it is.

@@ -18,7 +18,7 @@ from torch import Tensor
 
 from dfrf.checkpoint import ODD, CheckpointError, write_tensors
 from dfrf.config import FORMATS, PUBLISHED_SPEECH
-from dfrf.published.model import PaperConfig, PaperModel
+from dfrf.published.paper_model import PaperConfig, PaperModel
 
 COARSE = "network_fn_state_dict"
 FINE = "network_fine_state_dict"

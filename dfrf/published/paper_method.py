@@ -21,7 +21,7 @@ from dfrf.data.ray_batch import RayBatch, draw_rays
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
 from dfrf.published.conditioned_field import EncodedReferences, References
-from dfrf.published.model import PaperModel, paper_loss
+from dfrf.published.paper_model import PaperModel, paper_loss
 from dfrf.training.losses import PAPER_SIZE, mse
 from dfrf.workers import Workers
 

@@ -24,7 +24,7 @@ from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.speaker_adaptation import REACH
 from dfrf.presets import method_of
-from dfrf.published.model import PaperModel, References
+from dfrf.published.paper_model import PaperModel, References
 from dfrf.rendering.frame_renderer import BLOCK, head_blocks, render_frame
 from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.pose_refinement import normal_equations

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from dfrf.checkpoint import CheckpointError
 from dfrf.published.importing import import_checkpoint
-from dfrf.published.model import PaperModel
+from dfrf.published.paper_model import PaperModel
 from dfrf.saved_models import load_model
 
 LINEAR: dict[str, dict[str, tuple[int, ...]]] = {

@@ -12,7 +12,7 @@ from dfrf import presets, saved_models
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
 from dfrf.field.speaker_adaptation import NUMBERS
 from dfrf.published import paper_method as paper_method
-from dfrf.published.model import PaperConfig, PaperModel
+from dfrf.published.paper_model import PaperConfig, PaperModel
 from dubbing import tasks
 from dubbing.batch import jobs
 from dubbing.errors import CheckpointError, ManifestError
