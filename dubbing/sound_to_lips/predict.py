@@ -10,7 +10,7 @@ import torch
 
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.sound_to_lips.encoder import STEP, encode
-from dubbing.sound_to_lips.network import LipNetwork
+from dubbing.sound_to_lips.lip_network import LipNetwork
 from dubbing.sound_to_lips.weights import load
 from dubbing.speech import voice_activity as voice
 

@@ -9,7 +9,7 @@ from torch import nn
 from dubbing.errors import DubbingError
 from dubbing.shipped.weights import load_float, save_half
 from dubbing.sound_to_lips.encoder import SpeechEncoder
-from dubbing.sound_to_lips.network import LipFilter, LipNetwork
+from dubbing.sound_to_lips.lip_network import LipFilter, LipNetwork
 from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 
 ENCODER_FORMAT, FILTER_FORMAT = "dfrf-speech-encoder-1", "dfrf-lips-3"

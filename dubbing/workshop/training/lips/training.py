@@ -17,7 +17,7 @@ import torch
 import typer
 from torch import Tensor
 
-from dubbing.sound_to_lips.network import TAPS, LipFilter
+from dubbing.sound_to_lips.lip_network import TAPS, LipFilter
 from dubbing.sound_to_lips.weights import FILTER_FORMAT, load_encoder, save
 from dubbing.workshop.training.lips.lessons import Lesson, lessons
 

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from dfrf.field.speaker_adaptation import TOUCHING
-from dubbing.sound_to_lips.network import LipFilter
+from dubbing.sound_to_lips.lip_network import LipFilter
 from dubbing.speech.voice_activity import SAMPLE_RATE
 from dubbing.workshop.training.lips.lessons import Lesson, at_speed, spoilt
 from dubbing.workshop.training.lips.training import at_moments, fit, principal_components
