@@ -11,7 +11,7 @@ import torch
 
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.deepspeech import cepstra as front
-from dubbing.speech.deepspeech.network import OUTPUTS, load
+from dubbing.speech.deepspeech.deepspeech_network import OUTPUTS, load
 
 # Steps worked on at once, and how many more are heard on each side: a minute and 10 s.
 PIECE, AROUND = 3000, 500

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from dubbing.errors import DubbingError
-from dubbing.speech.deepspeech.network import load
+from dubbing.speech.deepspeech.deepspeech_network import load
 from tests.dubbing.speech.deepspeech import graphs
 
 
