@@ -14,8 +14,8 @@ from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
 from dubbing.sync.judgement import Found, conclude, judge_part, reference_confidence
 from dubbing.sync.measure import Block, measure
 from dubbing.sync.motion import MotionSum
-from dubbing.sync.network import SyncNetwork, load_network
 from dubbing.sync.result import FaceResult, Media, Segment, SyncResult
+from dubbing.sync.sync_network import SyncNetwork, load_network
 
 METHOD = "lip geometry and mouth pixels against log-mel and speech features, two streams"
 SEGMENT_SECONDS = 5.0

@@ -6,8 +6,8 @@ Letters: F frames, W moments, E embedding size, M mouth points, R x C pixels, T 
 import numpy as np
 import torch
 
-from dubbing.sync.network import SyncNetwork
 from dubbing.sync.sight import look
+from dubbing.sync.sync_network import SyncNetwork
 from dubbing.sync.windows import mouth_windows, sound_windows
 
 TOGETHER = 256  # moments that go through the network at once

@@ -24,7 +24,7 @@ from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import composer
 from dubbing.stages import render as heads
 from dubbing.stages.refine_poses import refined
-from dubbing.sync.network import load_network
+from dubbing.sync.sync_network import load_network
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.chin import ChinFigures, chin_figures, chin_ratios
 from dubbing.workshop.lab.measuring import first_of, write_csv

@@ -27,7 +27,7 @@ from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
 from dubbing.stages.refine_poses import refined
-from dubbing.sync.network import load_network
+from dubbing.sync.sync_network import load_network
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.flicker import Flicker, brow_skin
 from dubbing.workshop.lab.mouth import MouthSeries

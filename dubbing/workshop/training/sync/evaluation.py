@@ -24,7 +24,7 @@ from dubbing.speech.voice_activity import STEP_RATE, at_times
 from dubbing.sync.check import SILENT_WEIGHT
 from dubbing.sync.curves import OFFSETS, REACH, CurveSum, distances
 from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
-from dubbing.sync.network import SyncNetwork, load_network
+from dubbing.sync.sync_network import SyncNetwork, load_network
 from dubbing.workshop.training.sync.clips import TalkingClip, laid_on, recorded
 from dubbing.workshop.training.sync.speakers import UNSEEN, speaker_clips
 from dubbing.workshop.training.sync.training import SyncTraining, train_network, usable_clips

@@ -10,9 +10,9 @@ import torch
 from dubbing.errors import SyncError
 from dubbing.face.mouth_shape import CORNERS, MOUTH
 from dubbing.sync.hearing import CHANNELS, WIDTH
-from dubbing.sync.network import Senses, SyncNetwork, TwoStream, load_network, save_network
 from dubbing.sync.sight import SIGHTS, look
 from dubbing.sync.streams import LipStream
+from dubbing.sync.sync_network import Senses, SyncNetwork, TwoStream, load_network, save_network
 from dubbing.sync.windows import mouth_windows
 from dubbing.workshop.training.sync import clips
 from dubbing.workshop.training.sync.augmentation import MIRROR, mouth_sides, vary_mouth, vary_sound
@@ -189,7 +189,7 @@ def test_weights_of_another_acoustic_network_is_reported(
 ) -> None:
     path = tmp_path / "weights.safetensors"
     save_network(SyncNetwork(SENSES[1:2]), path, {})
-    monkeypatch.setattr("dubbing.sync.network.fingerprint", lambda _: "another")
+    monkeypatch.setattr("dubbing.sync.sync_network.fingerprint", lambda _: "another")
     with pytest.raises(SyncError, match="acoustic network"):
         load_network(path)
 
