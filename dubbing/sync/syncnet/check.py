@@ -26,7 +26,7 @@ from dubbing.sync.curves import REACH, Estimate
 from dubbing.sync.judgement import Found, conclude
 from dubbing.sync.result import Media, SyncResult
 from dubbing.sync.syncnet.mfcc import HOP, SAMPLE_RATE, WINDOW, mfcc
-from dubbing.sync.syncnet.network import (
+from dubbing.sync.syncnet.syncnet_network import (
     EMBEDDING,
     FRAMES,
     SIDE,
