@@ -1,7 +1,7 @@
 """The network of the published SyncNet (Chung & Zisserman 2016), for weights a user has.
 
 Modules are laid out so that the tensor names of `syncnet_v2.model` fit, in its order. Ours is in
-network.py.
+sync_network.py.
 
 Letters: B windows, E = 1024 embedding size.
 """

@@ -14,7 +14,7 @@ from dfrf.config import TrainConfig
 from dfrf.data.dataset import OUTSIDE, HeadDataset, neighbour_windows
 from dfrf.method_interface import FrameInputs
 from dfrf.presets import method_of
-from dfrf.published import paper_method as paper_method
+from dfrf.published import paper_method
 from dfrf.published.paper_method import PaperMethod, bounds
 from dfrf.published.paper_model import EncodedReferences, PaperConfig, PaperModel, paper_loss
 from dfrf.saved_models import load_model, load_person, save_model, save_person

@@ -11,7 +11,7 @@ import torch
 from dfrf import presets, saved_models
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
 from dfrf.field.speaker_adaptation import NUMBERS
-from dfrf.published import paper_method as paper_method
+from dfrf.published import paper_method
 from dfrf.published.paper_model import PaperConfig, PaperModel
 from dubbing import tasks
 from dubbing.batch import jobs
