@@ -19,9 +19,9 @@ from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset, neighbour_windows
 from dfrf.data.ray_batch import RayBatch
 from dfrf.data.reference_cuts import cut_mouths, cut_references
+from dfrf.fast.fast_loss import share_outcome
 from dfrf.fast.fast_model import FastModel
 from dfrf.fast.medoids import medoids
-from dfrf.fast.objective import share_outcome
 from dfrf.field.conditioned_field import ConditionedField
 from dfrf.field.mouth_views import MOUTHS, TURN, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps

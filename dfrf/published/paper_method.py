@@ -21,8 +21,9 @@ from dfrf.data.ray_batch import RayBatch, draw_rays
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
 from dfrf.published.conditioned_field import EncodedReferences, References
-from dfrf.published.paper_model import PaperModel, paper_loss
-from dfrf.training.losses import PAPER_SIZE, mse
+from dfrf.published.paper_loss import mse, paper_loss
+from dfrf.published.paper_model import PaperModel
+from dfrf.training.warp_penalty import PAPER_SIZE
 from dfrf.workers import Workers
 
 METRES = 0.1  # in a head unit

@@ -30,7 +30,6 @@ from dfrf.published.conditioned_field import (
     PaperField,
     References,
 )
-from dfrf.training import losses
 
 __all__ = [
     "EncodedReferences",
@@ -38,7 +37,6 @@ __all__ = [
     "PaperField",
     "PaperModel",
     "References",
-    "paper_loss",
 ]
 
 
@@ -191,24 +189,3 @@ class PaperModel(HeadModel):
         weights = F.pad(coarse["weights"].detach(), (0, 1))
         fine = render(self.field.fine, sampling.importance(depths, weights, u))
         return fine | {f"coarse_{name}": value for name, value in coarse.items()}
-
-
-def paper_loss(
-    rendered: dict[str, Tensor],
-    target: Float[Tensor, "R 3"],
-    size: int,
-    warp_weight: float,
-) -> Float[Tensor, ""]:
-    """Equation (9) over both passes, L_r' over the fine samples as published.
-
-    Args:
-        rendered: what `PaperModel` returns.
-        target: colours of the frame.
-        size: side of the references in pixels, which offsets are brought to 512 from.
-        warp_weight: lambda.
-    """
-    loss = losses.mse(rendered["colour"], target) + losses.mse(rendered["coarse_colour"], target)
-    if rendered["offset"].numel():
-        offset = rendered["offset"] * (losses.PAPER_SIZE / size)
-        loss = loss + warp_weight * losses.weighted_warp_penalty(offset, rendered["alpha"])
-    return loss

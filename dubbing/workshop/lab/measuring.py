@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dfrf.metrics import image as metrics
 from dfrf.metrics.lpips import Lpips
-from dfrf.training.losses import PAPER_SIZE
+from dfrf.training.warp_penalty import PAPER_SIZE
 from dubbing.face.landmarks import FaceMesh
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
 from dubbing.face.mouth_shape import OUTER_LIP

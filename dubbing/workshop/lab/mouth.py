@@ -16,7 +16,7 @@ import torch
 
 from dfrf.metrics import image as metrics
 from dfrf.metrics import lips
-from dfrf.training.losses import PAPER_SIZE
+from dfrf.training.warp_penalty import PAPER_SIZE
 from dubbing.face.mouth_shape import (
     INNER_LIP,
     OUTER_LIP,

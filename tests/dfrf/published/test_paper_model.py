@@ -9,12 +9,12 @@ from dfrf.cameras import pixel_rays
 from dfrf.config import TrainConfig
 from dfrf.field.encodings import frequency_encoding
 from dfrf.published import radiance_field as field
+from dfrf.published.paper_loss import paper_loss
 from dfrf.published.paper_model import (
     EncodedReferences,
     PaperConfig,
     PaperModel,
     References,
-    paper_loss,
 )
 
 NEAR, FAR = 0.5, 1.1

@@ -3,7 +3,7 @@ import math
 import torch
 from torch.autograd import gradcheck
 
-from dfrf.training.losses import mse, warp_length, weighted_warp_penalty
+from dfrf.training.warp_penalty import warp_length, weighted_warp_penalty
 
 # Two references, three points: lengths 5, 0, 1 and 13, 2, 0.
 OFFSETS = torch.tensor(
@@ -49,7 +49,3 @@ def test_opacity_is_a_weight_and_is_not_taught() -> None:
     loss = weighted_warp_penalty(OFFSETS.clone().requires_grad_(), opacity)
     loss.backward()
     assert opacity.grad is None
-
-
-def test_mse() -> None:
-    assert mse(torch.full((2, 3), 0.5), torch.zeros(2, 3)).item() == 0.25

@@ -1,7 +1,9 @@
-"""The loss of equation (9): L = MSE + lambda * L_r'.
+"""The warp penalty of the loss: equations (5) and (6).
 
-Offsets are in pixels of a 512 pixel picture, the paper's unit, which lambda is given for
-(`TrainConfig.warp_weight`).
+Offsets are in pixels of a 512 pixel image, the paper's unit, which lambda is given for
+(`TrainConfig.warp_weight`). `dfrf.fast.fast_loss` and `dfrf.published.paper_loss` hold the whole
+loss, equation (9).
+
 N references, P points.
 """
 
@@ -12,11 +14,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 PAPER_SIZE = 512
-
-
-def mse(colour: Float[Tensor, "*B 3"], target: Float[Tensor, "*B 3"]) -> Float[Tensor, ""]:
-    """Mean squared difference of colours in 0..1."""
-    return (colour - target).square().mean()
 
 
 def warp_length(offsets: Float[Tensor, "N *P 2"]) -> Float[Tensor, "*P"]:

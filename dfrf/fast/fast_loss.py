@@ -1,4 +1,4 @@
-"""What the `fast` model learns by: equation (9), and what keeps its density compact."""
+"""The loss of the `fast` model: equation (9), and terms that keep its density compact."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.method_interface import StepOutcome
 from dfrf.rendering.ray_marching import Search
 from dfrf.rendering.volume_rendering import RayColours, render_rays
-from dfrf.training.losses import weighted_warp_penalty
 from dfrf.training.ray_share import RayShare
 from dfrf.training.regularizers import distortion_loss, matte_loss, surface_loss
+from dfrf.training.warp_penalty import weighted_warp_penalty
 
 
 def share_loss(
