@@ -14,7 +14,7 @@ from torch import Tensor
 from dfrf.checkpoint import ODD, CheckpointError, read_tensors, write_tensors
 from dfrf.config import FORMATS
 from dfrf.fast.fast_model import FastModel
-from dfrf.field.mouth_views import LIP_POINTS
+from dfrf.field.mouth_pixels import LIP_POINTS
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 from dfrf.field.speaker_adaptation import LIP_MEASURES
 from dfrf.model_interface import HeadModel

@@ -43,7 +43,7 @@ class HeadDataset:
         segment: which uncut run of the clip a frame belongs to.
         surface: rigid points of the mean face, head frame (y up).
         lip_shape: points of the lips of the mean face, head frame.
-        lip_points: how far the lips of each picture lie beside these, see `mouth_views`.
+        lip_points: how far the lips of each picture lie beside these, see `mouth_pixels`.
     """
 
     name: str

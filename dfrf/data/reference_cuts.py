@@ -8,7 +8,7 @@ from torch import Tensor
 
 from dfrf.cameras import project
 from dfrf.data.dataset import HEAD_MATTE, HeadDataset
-from dfrf.field.mouth_views import fit_reading, region
+from dfrf.field.mouth_pixels import fit_reading, region
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 
 MARGIN = 0.03  # of the crop's side, round the heads of reference views

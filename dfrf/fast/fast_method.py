@@ -23,7 +23,7 @@ from dfrf.fast.fast_loss import share_outcome
 from dfrf.fast.fast_model import FastModel
 from dfrf.fast.medoids import medoids
 from dfrf.field.conditioned_field import ConditionedField
-from dfrf.field.mouth_views import MOUTHS, TURN, lip_traits
+from dfrf.field.mouth_pixels import MOUTHS, TURN, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 from dfrf.field.speaker_adaptation import REACH

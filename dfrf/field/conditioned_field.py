@@ -8,7 +8,7 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from dfrf.field import mouth_views
+from dfrf.field import mouth_pixels
 from dfrf.field.field import Field, FieldOutput
 from dfrf.field.reference_maps import ChosenMouths, ReferenceMaps
 
@@ -51,7 +51,7 @@ class ConditionedField:
             lips = self.field.conditioning.lips(codes)
         learned = [None] * len(lips) if self.learned is None else self.learned
         return tuple(
-            mouth_views.nearest(mouths, of_all, wanted, origin, frame)
+            mouth_pixels.nearest(mouths, of_all, wanted, origin, frame)
             for wanted, frame in zip(lips, learned, strict=True)
         )
 

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from dfrf import device as devices
 from dfrf.config import FieldConfig
-from dfrf.field import mouth_views
+from dfrf.field import mouth_pixels
 from dfrf.field.aggregation import Aggregation
 from dfrf.field.conditioning import Conditioning
 from dfrf.field.encodings import encoded_size, frequency_encoding
@@ -144,7 +144,7 @@ class Field(nn.Module):
         Their motion is measured and stands in for what D_eta has to guess.
         """
         points = query.points
-        positions = mouths.maps.views.project(points) + mouth_views.moved(mouths, points)
+        positions = mouths.maps.views.project(points) + mouth_pixels.moved(mouths, points)
         return self.aggregate(query, mouths.maps, conditioning, positions)
 
     def fuse_references(
@@ -204,7 +204,7 @@ class Field(nn.Module):
         query = self.query(points, directions, frame, conditioning)
         parts, offset = [query.encoded], points.new_zeros(0, points.shape[0], 2)
         if maps is not None:
-            share = mouth_views.share(maps, points)
+            share = mouth_pixels.share(maps, points)
             fused, blended, offset = self.fuse_references(query, maps, conditioning, warp, share)
             parts.append(fused.to(query.encoded.dtype))
         # Equation (7): colour and density = F_theta(p, d, A, F~).
@@ -224,6 +224,6 @@ class Field(nn.Module):
             return FieldOutput(density, own, offset)
         # A colour of the field's own is soft, which costs less than teeth in a wrong place. Where
         # lips are moved further than any that were learned, it is white beside them.
-        near = mouth_views.nearness(maps, points)[:, None]
+        near = mouth_pixels.nearness(maps, points)[:, None]
         gate = torch.lerp((raw[..., 3:] + 2).sigmoid(), raw.new_ones(()), near)
         return FieldOutput(density, gate * blended + (1 - gate) * own, offset)

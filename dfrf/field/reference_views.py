@@ -27,7 +27,7 @@ class ReferenceViews:
         focal: pixels.
         centres: principal points of the cut, (column, row).
         scale: pixels of the reference for one pixel at a 512 crop (the unit of the warp).
-        mouths: crops round many mouths, see `mouth_views`; None without.
+        mouths: crops round many mouths, see `mouth_pixels`; None without.
     """
 
     images: UInt8[Tensor, "P H W 3"]

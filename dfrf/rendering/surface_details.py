@@ -19,7 +19,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dfrf import device as devices
-from dfrf.field import mouth_views
+from dfrf.field import mouth_pixels
 from dfrf.field.conditioned_field import ConditionedField
 from dfrf.field.reference_encoder import COLOUR
 from dfrf.field.reference_maps import ReferenceMaps
@@ -88,7 +88,7 @@ class SurfaceDetails:
         _, _, weights = field.aggregate(query, maps, known, positions)
         moved = (positions - maps.views.project(points)).movedim(0, 1).flatten(1)
         of_mouths = points.new_zeros(len(points), self.counts[1])
-        near = mouth_views.share(self.maps, points).nonzero()[:, 0]
+        near = mouth_pixels.share(self.maps, points).nonzero()[:, 0]
         if len(near):
             _, _, theirs = field.sample_mouths(query.only(near), maps.chosen[0], known)
             of_mouths[near] = theirs.T.float()
@@ -102,11 +102,11 @@ class SurfaceDetails:
         moved, weights, of_mouths = anchors.split([2 * n, n, m], 1)
         moved = moved.view(-1, n, 2).movedim(1, 0)
         seen = blend(self.maps, self.maps.views.project(points) + moved, weights)
-        share = mouth_views.share(self.maps, points)
+        share = mouth_pixels.share(self.maps, points)
         near = share.nonzero()[:, 0]
         if len(near):
             mouths, some = self.maps.chosen[0], points[near]
-            positions = mouths.maps.views.project(some) + mouth_views.moved(mouths, some)
+            positions = mouths.maps.views.project(some) + mouth_pixels.moved(mouths, some)
             mouth = blend(mouths.maps, positions, of_mouths[near])
             seen = seen.index_add(0, near, share[near, None] * (mouth - seen[near]))
         return seen

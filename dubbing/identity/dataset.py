@@ -12,7 +12,7 @@ from torch import Tensor
 
 from dfrf.cameras import project
 from dfrf.data.dataset import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, HeadDataset
-from dfrf.field.mouth_views import region
+from dfrf.field.mouth_pixels import region
 from dubbing.errors import TrainingError
 from dubbing.face.lip_measures import lip_measures, lips_touch
 from dubbing.face.mesh_points import EYE_CORNERS, RIGID

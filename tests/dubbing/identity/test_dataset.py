@@ -10,7 +10,7 @@ import torch
 
 from dfrf.cameras import project
 from dfrf.data.dataset import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
-from dfrf.field.mouth_views import LOWER_RIM, UPPER_RIM
+from dfrf.field.mouth_pixels import LOWER_RIM, UPPER_RIM
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.errors import DubbingError, TrainingError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER

@@ -1,12 +1,11 @@
-"""Views of a person's mouth: of many learned frames, those with the lips that are wanted.
+"""Where the pixels of a rendered mouth come from: crops of the clip with similar lips and pose.
 
-A few whole references show few mouths. So crops round the mouths of frames that stand for all lips
-are kept beside them, and points near the lips look at those of a like mouth in a like pose. Each is
-moved to where the lips are wanted: mouths that lie on one another keep their texture when mixed.
+The few whole references show few mouths. So a person also keeps crops round the mouths of many
+frames. Points near the lips read the crops whose lips and pose are most similar to the wanted ones.
+Each crop is warped to the wanted lips first: mouths that coincide keep their texture when blended.
 
-P crops, n of them looked at, L lip measures, Q = `LIP_POINTS` points of the lips, M points. Where
-lips are is how far they lie beside those of the mean face, right and down in the picture, head
-units.
+P crops, n of them read, L lip measures, Q = `LIP_POINTS` points of the lips, M points. Positions of
+lips are relative to those of the mean face, right and down in the image, head units.
 """
 
 from __future__ import annotations

@@ -13,10 +13,10 @@ from dfrf import device as devices
 from dfrf import presets
 from dfrf.data.dataset import HeadDataset
 from dfrf.fast.fast_method import FastMethod
-from dfrf.field import mouth_views
+from dfrf.field import mouth_pixels
 from dfrf.field.conditioned_field import ConditionedField
 from dfrf.field.field import FieldOutput
-from dfrf.field.mouth_views import fit_reading, nearest
+from dfrf.field.mouth_pixels import fit_reading, nearest
 from dfrf.field.reference_maps import ChosenMouths, ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 from tests.dfrf.conftest import ROUNDING, forced
@@ -95,7 +95,7 @@ def test_a_frame_looks_at_the_mouths_most_like_the_one_wanted(someone: Someone) 
 
 def test_a_frame_that_is_learned_sees_no_mouth_of_its_own_moment(someone: Someone) -> None:
     frames, _ = someone.looked_at(0.0, learned=20)
-    assert all(abs(frame - 20) > mouth_views.NEIGHBOURS for frame in frames)
+    assert all(abs(frame - 20) > mouth_pixels.NEIGHBOURS for frame in frames)
 
 
 def test_weights_fade_before_another_mouth_takes_their_place(someone: Someone) -> None:
@@ -141,7 +141,7 @@ def test_a_turn_counts_beside_lips_and_their_gap(someone: Someone) -> None:
     chosen = nearest(row, someone.maps.mouths, torch.zeros(7), c2w[1, :, 3], torch.tensor(1))
     # Frame 1 of those learned; the crops are of frames 0, 20 .. 100: the first lies beside it.
     spread = (lips - lips.mean(0)).square().sum((1, 2)).mean()
-    gaps = mouth_views.gap(lips)
+    gaps = mouth_pixels.gap(lips)
     squared = (lips - lips[1]).square().sum((1, 2)) / spread
     squared += 3 * (gaps - gaps[1]) ** 2 / (gaps - gaps.mean()).square().mean()
     squared += (2 * torch.sin((angles - angles[1]) / 2) / 0.15) ** 2
@@ -152,7 +152,7 @@ def test_a_turn_counts_beside_lips_and_their_gap(someone: Someone) -> None:
 
 
 def test_lips_are_where_the_measures_say(someone: Someone) -> None:
-    wanted = mouth_views.wanted_lips(
+    wanted = mouth_pixels.wanted_lips(
         someone.mouths, someone.dataset.lips[30], someone.dataset.c2w[0, :, 3]
     )
     torch.testing.assert_close(wanted, someone.dataset.lip_points[30], atol=2e-3, rtol=0)
@@ -163,8 +163,8 @@ def test_lips_that_touch_are_unlike_lips_that_hardly_do_not() -> None:
     lips = 0.05 * torch.randn(30, 40, 2, generator=torch.Generator().manual_seed(0))
     closed, wide, ajar = lips[:1].clone(), lips[:1].clone(), lips[:1].clone()
     wide[..., 0] *= 1.3
-    ajar[:, mouth_views.LOWER_RIM, 1] += 0.03
-    traits = mouth_views.lip_traits(torch.cat([closed, wide, ajar]), lips)
+    ajar[:, mouth_pixels.LOWER_RIM, 1] += 0.03
+    traits = mouth_pixels.lip_traits(torch.cat([closed, wide, ajar]), lips)
     apart = (traits[1:] - traits[0]).norm(dim=1)
     assert (ajar - closed).norm() < (wide - closed).norm()
     assert apart[1] > 1.5 * apart[0]
@@ -173,11 +173,11 @@ def test_lips_that_touch_are_unlike_lips_that_hardly_do_not() -> None:
 def test_lips_close_together_are_moved_apart() -> None:
     at = torch.tensor([[0.0, 0.0], [0.0, -0.02], [0.2, 0.0]])
     motion = torch.tensor([[[0.0, 3.0], [0.0, -3.0], [1.0, 0.0]]])
-    weights = mouth_views.motion_weights(at, motion)
-    made = mouth_views.gaussians(at, at) @ weights
+    weights = mouth_pixels.motion_weights(at, motion)
+    made = mouth_pixels.gaussians(at, at) @ weights
     assert (made - motion).abs().max() < 0.6 * 3  # a mean of both would leave them where they are
     assert (made[0, 0, 1] - made[0, 1, 1]) > 0.4 * 6
-    far = mouth_views.gaussians(at[:1] + 1.0, at) @ weights
+    far = mouth_pixels.gaussians(at[:1] + 1.0, at) @ weights
     assert far.abs().max() < 1e-3
 
 
@@ -188,16 +188,16 @@ def test_a_lip_is_read_where_the_crop_shows_it(someone: Someone) -> None:
     lips = someone.mouths.lips[chosen.maps.number]
     views = chosen.maps.views
     still = views.project(shape)
-    middle, _ = mouth_views.region(shape)
+    middle, _ = mouth_pixels.region(shape)
     scale = views.focal / (views.c2w[:, :, 3] - middle).norm(dim=-1)
-    seen = views.project(at) + mouth_views.moved(chosen, at)
+    seen = views.project(at) + mouth_pixels.moved(chosen, at)
     shown = still + lips * scale[:, None, None]
-    before = (seen - mouth_views.moved(chosen, at) - shown).norm(dim=-1).mean()
+    before = (seen - mouth_pixels.moved(chosen, at) - shown).norm(dim=-1).mean()
     assert (seen - shown).norm(dim=-1).mean() < 0.4 * before
 
 
 def test_the_choice_changes_the_mouth_and_nothing_else(someone: Someone) -> None:
-    middle, reach = mouth_views.region(someone.mouths.shape)
+    middle, reach = mouth_pixels.region(someone.mouths.shape)
     conditioning = torch.randn(1, 70, generator=torch.Generator().manual_seed(1))
     beside = (middle + 1.05 * reach * torch.tensor([0.0, 1.0, 0.0]))[None]
     points = torch.cat([someone.mouths.shape, beside])
@@ -208,17 +208,17 @@ def test_the_choice_changes_the_mouth_and_nothing_else(someone: Someone) -> None
 
 
 def test_what_a_mouth_is_read_off_fades_to_nothing(someone: Someone) -> None:
-    middle, reach = mouth_views.region(someone.mouths.shape)
+    middle, reach = mouth_pixels.region(someone.mouths.shape)
     line = middle + torch.linspace(0, 1.2, 200)[:, None] * reach * torch.tensor([1.0, 0.0, 0.0])
     maps = replace(someone.maps, chosen=(someone.looked_at(0.0)[1],))
-    share = mouth_views.share(maps, line)
+    share = mouth_pixels.share(maps, line)
     assert (share[0], share[-1]) == (1, 0)
     assert share.diff().abs().max() < 0.04
-    assert not mouth_views.share(someone.maps, line).any()  # none is looked at yet
+    assert not mouth_pixels.share(someone.maps, line).any()  # none is looked at yet
 
 
 def test_beside_the_mouth_no_colour_is_the_fields_own(someone: Someone) -> None:
-    middle, reach = mouth_views.region(someone.mouths.shape)
+    middle, reach = mouth_pixels.region(someone.mouths.shape)
     line = middle + torch.tensor([[0.0], [0.8], [1.0], [2.5]]) * reach * torch.tensor([1.0, 0, 0])
     conditioning = torch.zeros(1, 70)
     before = someone.seen(line, conditioning).colour
