@@ -1,7 +1,7 @@
-"""A person's head: loaded, fitted, rendered. What a researcher begins with.
+"""A person's head: load, fit, save and render it. The starting point for researchers.
 
 N references, W steps of a speech window, D speech features, U measures of the upper face, S the
-picture's side in pixels.
+image's side in pixels.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ EXPRESSION = 6  # measures of the upper face
 
 @dataclass(frozen=True)
 class Head:
-    """A person's model with the references it looks at.
+    """A person's model with its references.
 
     Attributes:
-        method: how the model learns and renders.
+        method: trains and renders the model.
         views: None for a model without references.
         maps: features of the references.
         header: of the checkpoint.
@@ -57,7 +57,7 @@ class Head:
 
 
 def load_head(path: str | Path, device: str = "auto") -> Head:
-    """A person that `dfrf dub` or `save_head` kept.
+    """A person saved by `dfrf dub` or `save_head`.
 
     Args:
         path: of `model.safetensors`.
@@ -71,7 +71,7 @@ def load_head(path: str | Path, device: str = "auto") -> Head:
 
 
 def save_head(path: str | Path, head: Head) -> None:
-    """Keeps a person as one file."""
+    """Saves a person as one file."""
     header = {k: v for k, v in head.header.items() if k not in ("format", "config")}
     save_person(path, head.method.model, head.views, header)
 
@@ -84,24 +84,24 @@ def fit_head(
     config: TrainConfig | None = None,
     device: str = "auto",
 ) -> Head:
-    """Learns a person.
+    """Fits a head to a person's frames.
 
     Args:
         dataset: of the person.
-        references: frames of it that become references; not looked at by presets without.
+        references: frames of it that become references; unused by presets without.
         preset: of the model, see `dfrf.presets`.
         base: checkpoint to start from; None starts from random weights.
         config: settings; the preset's by default.
         device: auto, cpu or cuda.
 
     Raises:
-        TrainingDivergedError: the loss was not finite for several steps on end.
+        TrainingDivergedError: the loss was not finite for several steps in a row.
         dfrf.checkpoint.CheckpointError: the base cannot be read.
     """
     sizes = model_config(preset, dataset.windows.shape[-1])
     model = build(sizes) if base is None else adapt(load_model(base)[0], sizes)
     default = trainings(preset)
-    config = config or (default.alone if base is None else default.finetune)
+    config = config or (default.from_scratch if base is None else default.finetune)
     method = method_of(model)
     chosen = {dataset.name: references} if method.references else None
     fit(method, [dataset], config, chosen, FitOptions(device=device))
@@ -120,16 +120,16 @@ def render_frame(
     """One frame of a head.
 
     Args:
-        head: whose.
-        camera: where it is seen from, head frame.
+        head: to render.
+        camera: head frame.
         windows: speech windows of the frame and of its neighbours; silence when None.
         predicted_lips: of the frame and of `reach` frames to each side, see
-            `dfrf.field.speaker_adaptation`; those of nobody in particular when None.
-        expression: measures of the upper face; at rest when None.
+            `dfrf.field.speaker_adaptation`; zeros when None.
+        expression: measures of the upper face; a face at rest when None.
 
     Returns:
         Premultiplied colour in 0..1, and opacity: `colour + (1 - opacity[..., None]) * background`
-        is the picture.
+        is the image.
     """
     method = head.method
     device = method.model.device

@@ -1,6 +1,6 @@
-"""What training and rendering ask of a model: the same questions, whatever its preset.
+"""Base class of methods: how training and rendering call a model of any preset.
 
-T frames, F frames in a batch, B rays, M samples, U measures of the upper face, S the picture's side
+T frames, F frames in a batch, B rays, M samples, U measures of the upper face, S the image's side
 in pixels, D speech features.
 """
 
@@ -23,7 +23,7 @@ from dfrf.model_interface import HeadModel
 
 
 class Share(Protocol):
-    """What is drawn for a part of a step's rays."""
+    """A share of a training step's rays."""
 
     @property
     def batch(self) -> RayBatch:
@@ -35,7 +35,7 @@ class Maps(Protocol):
 
     @property
     def features(self) -> Tensor:
-        """The features themselves, through which the reference network learns."""
+        """The features themselves, through which gradients reach the reference network."""
 
     def with_features(self, features: Tensor) -> Self:
         """The same references with these features."""
@@ -43,7 +43,7 @@ class Maps(Protocol):
 
 @dataclass(frozen=True)
 class StepOutcome:
-    """What a step, or a share of one, came to.
+    """Loss and gradients of a training step, or of a share of one.
 
     Attributes:
         loss, mse: scalars.
@@ -62,15 +62,16 @@ class StepOutcome:
 
 @dataclass(frozen=True)
 class FrameInputs:
-    """What the heads of T frames in a row are rendered from.
+    """Inputs for rendering the head in T frames in a row.
 
     Attributes:
         c2w: cameras.
         focal: pixels.
         centres: principal points, (column, row).
         windows: speech windows of each frame's neighbours.
-        predicted_lips: P numbers, the lips of people in general as predicted from the sound, and
-            what is heard, of N = T + 2 reach frames; see `dfrf.field.speaker_adaptation`.
+        predicted_lips: P numbers for each of N = T + 2 reach frames: lips predicted from the sound
+            without knowing the speaker, and features of the sound; see
+            `dfrf.field.speaker_adaptation`.
         expression: measures of the upper face.
         size: S.
         regions: the pixels that are needed; others may be left blank. None is all.
@@ -91,12 +92,12 @@ MapsT = TypeVar("MapsT", bound=Maps)
 
 
 class Method(ABC, Generic[ShareT, MapsT]):
-    """How a model of one kind looks at references, learns, and renders.
+    """How a model of one kind reads references, is trained, and renders.
 
     Attributes:
-        parallel_shares: shares of a step that are worked on at once, at most.
-        segment: frames that are rendered before they are kept: what a kill costs at most.
-        reach: frames before and after those to render whose speech is needed too.
+        parallel_shares: largest number of shares of a step that are computed in parallel.
+        segment: frames rendered between two saves; a killed run loses no more than these.
+        reach: frames before and after the rendered ones whose speech is needed too.
     """
 
     parallel_shares: int
@@ -106,7 +107,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
     @property
     @abstractmethod
     def model(self) -> HeadModel:
-        """The model that learns and renders."""
+        """The model that is trained and rendered."""
 
     @property
     @abstractmethod
@@ -120,7 +121,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
 
     @property
     def reference_pool_size(self) -> int:
-        """Number of reference views of a person, to choose N from for every view."""
+        """Number of reference views of a person; every view uses N of them."""
         return self.references
 
     @abstractmethod
@@ -140,16 +141,16 @@ class Method(ABC, Generic[ShareT, MapsT]):
         """Features of references on the model's device, with a gradient to their network."""
 
     def stored(self, maps: MapsT) -> MapsT:
-        """Features that are read again and again, as they are kept."""
+        """Features in the type they are stored in, where they are read many times."""
         return maps
 
     @torch.no_grad()
     def maps(self, views: ReferenceViews) -> MapsT:
-        """Features of references while their network rests."""
+        """Features of references without a gradient."""
         return self.stored(self.encode(views.to(self.model.device)))
 
     def learns(self, name: str, config: TrainConfig) -> bool:
-        """Whether pictures teach the parameter of that name: all of them do."""
+        """Whether the parameter of that name is trained on images; by default all are."""
         return True
 
     def begin(
@@ -160,21 +161,21 @@ class Method(ABC, Generic[ShareT, MapsT]):
         generator: torch.Generator,
         resumed: bool,
     ) -> None:
-        """What precedes the first step of a run: nothing; less of it where a run is resumed.
+        """Called before the first step of a run; does nothing by default.
 
         Args:
-            datasets: of the people who are learned from.
-            held: of those held out.
+            datasets: of the people to train on.
+            held: of the people held out.
             config: settings.
-            generator: of everything drawn.
-            resumed: whether the run goes on from a state.
+            generator: of all random numbers.
+            resumed: whether the run continues from a saved state.
         """
 
     @abstractmethod
     def draw_shares(
         self, dataset: HeadDataset, config: TrainConfig, generator: torch.Generator
     ) -> list[ShareT]:
-        """Shares of a step's rays, alike in size, on the model's device."""
+        """Shares of equal size of a step's rays, on the model's device."""
 
     @abstractmethod
     def share_outcome(
@@ -187,7 +188,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
     ) -> StepOutcome:
         """Loss of equation (9) over a share, and its gradients for the tensors wanted.
 
-        Called by threads at once: everything random has been drawn before.
+        Several threads call it at a time: all random numbers have been drawn before.
         """
 
     @abstractmethod
@@ -197,13 +198,13 @@ class Method(ABC, Generic[ShareT, MapsT]):
         """Colours of rays of a person over the background, as the model is; no gradient."""
 
     def after_update(self, outcome: StepOutcome) -> None:
-        """What follows a step whose loss was finite: nothing."""
+        """Called after a step whose loss was finite; does nothing by default."""
 
     def after_step(self, step: int, config: TrainConfig) -> None:
-        """What follows every step: nothing."""
+        """Called after every step; does nothing by default."""
 
     def finish(self, dataset: HeadDataset, views: ReferenceViews | None, seed: int) -> None:
-        """What follows the last step of a fine-tune: nothing."""
+        """Called after the last step of a fine-tune; does nothing by default."""
 
     @abstractmethod
     def render_frames(

@@ -1,4 +1,4 @@
-"""What checkpoints ask of a model of a head, whatever its preset."""
+"""Base class of the models of a head: a checkpoint stores them, whatever their preset."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Config(Protocol):
 
 
 class HeadModel(nn.Module, ABC):
-    """A model that can be kept and made anew from its sizes.
+    """A model of a head that can be saved, and built again from its sizes.
 
     Attributes:
         FAMILY: the preset whose bases it can start from, see `config.family`.

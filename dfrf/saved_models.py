@@ -1,4 +1,4 @@
-"""Checkpoints of finished models: a base, or a person with the references of their head."""
+"""Reads and writes finished models: a base, or a person with the references of their head."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from dfrf.checkpoint import ODD, CheckpointError, read_tensors, write_tensors
+from dfrf.checkpoint import MALFORMED_ERRORS, CheckpointError, read_tensors, write_tensors
 from dfrf.config import FORMATS
 from dfrf.fast.fast_model import FastModel
 from dfrf.field.mouth_pixels import LIP_POINTS
@@ -41,7 +41,7 @@ MOUTH_SHAPES = {
 
 
 def save_model(path: str | Path, model: HeadModel, header: dict[str, Any] | None = None) -> None:
-    """Keeps a model: weights, grid, sizes, and what the caller adds to the header."""
+    """Saves a model: weights, grid, sizes, and the caller's entries for the header."""
     write_tensors(
         path,
         model.state_dict(),
@@ -50,26 +50,27 @@ def save_model(path: str | Path, model: HeadModel, header: dict[str, Any] | None
 
 
 def load_model(path: str | Path) -> tuple[HeadModel, dict[str, Any]]:
-    """A model and the header it was kept with.
+    """A model and the header it was saved with.
 
     Raises:
         CheckpointError: unreadable, of another format, of sizes that no model has, its tensors do
-            not fit its sizes, or hold what is no number.
+            not fit its sizes, or hold NaN.
     """
     tensors, header = read_tensors(path)
     return _build(path, tensors, header), header
 
 
 def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> HeadModel:
-    found, known = header.get("format"), " and ".join(map(repr, KINDS))
-    kind = KINDS.get(found) if isinstance(found, str) else None
+    written, known = header.get("format"), " and ".join(map(repr, KINDS))
+    kind = KINDS.get(written) if isinstance(written, str) else None
     if kind is None:
         raise CheckpointError(
-            f"{path}: format {found!r:.60}, this version reads {known}; learn the person again"
+            f"{path}: format {written!r:.60}, this version reads {known}; "
+            "fine-tune the person again"
         )
     try:
         model = kind.from_dict(header.get("config", {}))
-    except ODD as error:
+    except MALFORMED_ERRORS as error:
         raise CheckpointError(f"{path}: no model has the sizes in its header: {error}") from error
     for name, value in model.state_dict().items():
         if name in tensors and tensors[name].is_floating_point() != value.is_floating_point():
@@ -89,7 +90,7 @@ def _build(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any])
 def save_person(
     path: str | Path, model: HeadModel, views: ReferenceViews | None, header: dict[str, Any]
 ) -> None:
-    """Keeps a person's model together with the references it looks at."""
+    """Saves a person's model together with its references."""
     tensors = model.state_dict()
     if views is not None:
         tensors |= {
@@ -122,34 +123,34 @@ def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dic
             views = _views(part, header)
             if mouth:
                 views = replace(views, mouths=_mouths(mouth, views))
-        except ODD as error:
+        except MALFORMED_ERRORS as error:
             raise CheckpointError(
-                f"{path}: keeps other things of its references than this version reads; learn the "
-                "person again"
+                f"{path}: its references are in another format than this version reads; fine-tune "
+                "the person again"
             ) from error
     weights = {k: v for k, v in tensors.items() if not k.startswith(("reference.", "mouth."))}
     return _build(path, weights, header), views, header
 
 
 def _mouth_tensors(mouths: MouthViews) -> Iterator[tuple[str, Tensor]]:
-    """What is kept of views of a mouth, by its name in `MOUTH_SHAPES`."""
+    """Tensors of mouth views that are saved, by their name in `MOUTH_SHAPES`."""
     for name in MOUTH_SHAPES:
         yield name, getattr(mouths if hasattr(mouths, name) else mouths.views, name)
 
 
 def _check(part: dict[str, Tensor], shapes: Mapping[str, Sequence[str | int]]) -> dict[str, int]:
-    """The numbers that letters stand for, where all tensors have their shapes and types.
+    """Checks shapes and types of tensors, and returns the length that each letter stands for.
 
     Raises:
-        ValueError, LookupError: they have others.
+        ValueError, LookupError: a tensor has another shape, type or name.
     """
     if part.keys() != shapes.keys():
         raise LookupError("other tensors")
     lengths: dict[str, int] = {}
     for name, shape in shapes.items():
         value = part[name]
-        picture = name in ("images", "mattes")
-        if value.dtype != (torch.uint8 if picture else torch.float32) or value.isnan().any():
+        is_image = name in ("images", "mattes")
+        if value.dtype != (torch.uint8 if is_image else torch.float32) or value.isnan().any():
             raise ValueError(name)
         for letter, length in zip(shape, value.shape, strict=True):
             if length != (
@@ -180,10 +181,10 @@ def _mouths(part: dict[str, Tensor], whole: ReferenceViews) -> MouthViews:
 
 
 def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
-    """References of the shapes and types that they are kept with.
+    """References of the shapes and types that they are saved with.
 
     Raises:
-        ValueError, LookupError, TypeError: they are of others.
+        ValueError, LookupError, TypeError: they have others.
     """
     focal, scale = (header[name] for name in ("focal", "scale"))
     if not (_check(part, REFERENCE_SHAPES)["N"] and 0 < focal < math.inf and 0 < scale < math.inf):

@@ -26,11 +26,11 @@ def share_loss(
     config: TrainConfig,
     warp: bool,
 ) -> tuple[Tensor, Tensor, RayColours]:
-    """Loss and mean squared error over a share of a step's rays, and what these see.
+    """Loss and mean squared error over a share of a step's rays, and the rendered rays.
 
     Args:
-        model: as it is.
-        share: what is drawn.
+        model: in training.
+        share: rays and their conditioning.
         maps: references.
         config: weights of the loss.
         warp: False in the coarse stage.
@@ -40,8 +40,8 @@ def share_loss(
     if share.windows is not None:
         codes = model.field.conditioning.speech_codes(share.windows)
         conditioning = torch.cat([codes, conditioning[:, codes.shape[1] :]], 1)
-    learned = batch.frames.to(conditioning.device)
-    volume = model.volume(conditioning, maps, warp, learned)
+    training_frames = batch.frames.to(conditioning.device)
+    volume = model.volume(conditioning, maps, warp, training_frames)
     rendered = render_rays(volume, batch.rays, Search(jitter=share.jitter))
     # Equation (9): L = MSE + lambda L_r'.
     mse = F.mse_loss(rendered.over(batch.background), batch.colour)
@@ -67,7 +67,7 @@ def share_outcome(
     warp: bool,
     wanted: Sequence[Tensor],
 ) -> StepOutcome:
-    """The loss of `share_loss` with its gradients for the tensors wanted."""
+    """The loss of `share_loss`, and its gradients for the tensors wanted."""
     loss, mse, rendered = share_loss(model, share, maps, config, warp)
     gradients = torch.autograd.grad(loss, list(wanted), allow_unused=True)
     samples = rendered.samples

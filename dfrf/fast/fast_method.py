@@ -1,6 +1,6 @@
-"""How the `fast` model and its ablations learn and render: rays through occupied cells.
+"""The method of the `fast` model and its ablations: rays through occupied cells.
 
-T frames, S the picture's side in pixels, K numbers of conditioning.
+T frames, S the image's side in pixels, K numbers of conditioning.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from dfrf.field.conditioned_field import ConditionedField
 from dfrf.field.mouth_pixels import MOUTHS, TURN, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews
-from dfrf.field.speaker_adaptation import REACH
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.grid_pruning import prune_grid
@@ -50,9 +50,9 @@ MOST_COMPARED = 1000  # frames of a person, each with all others: 8 MB of distan
 def training_conditioning(
     model: FastModel, datasets: Sequence[HeadDataset]
 ) -> dict[str, Float[Tensor, "T K"]]:
-    """Conditioning of every picture of each person, by name.
+    """Conditioning of every image of each person, by name.
 
-    Codes hold the measured lips, or what is heard where no network learns from lips.
+    Codes decode to the measured lips; where no network learns from lips, they follow the sound.
     """
     device, config, own = model.device, model.config.field, model.field.conditioning
     if config.learns_lips:
@@ -73,7 +73,7 @@ def prune(
     maps: ReferenceMaps | None,
     generator: torch.Generator,
 ) -> None:
-    """Closes the cells in which the model shows nothing, in any of these frames."""
+    """Closes the cells that are empty in all of these frames."""
 
     def field_of(frame: int) -> ConditionedField:
         return ConditionedField(model.field, conditioning[frame : frame + 1], maps)
@@ -85,12 +85,12 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     """A field with an occupancy grid, whose speech networks learn from lip measures.
 
     Attributes:
-        conditioning: of every frame of each person of a run, by name.
+        conditioning: of every image of each person of a run, by name.
     """
 
     parallel_shares = SHARES
     segment = 50
-    reach = REACH
+    reach = CONTEXT_FRAMES
 
     def __init__(self, model: FastModel) -> None:
         self._model = model
@@ -122,18 +122,18 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
 
     @torch.no_grad()
     def mouth_views(self, dataset: HeadDataset) -> MouthViews:
-        """Crops round the mouths of frames that stand for all lips and poses of a person."""
+        """Crops round the mouths of frames that represent all lips and poses of a person."""
         conditioning = self.model.field.conditioning
         codes = dataset_codes(conditioning, dataset)
         measures = target_lips(conditioning, dataset, codes).cpu()[dataset.number]
-        seen_from = F.normalize(dataset.c2w[:, :, 3], dim=-1)
+        viewpoint = F.normalize(dataset.c2w[:, :, 3], dim=-1)
         lips = dataset.lip_points
-        traits = torch.cat([lip_traits(lips, lips), seen_from / TURN], 1).double()
+        traits = torch.cat([lip_traits(lips, lips), viewpoint / TURN], 1).double()
         compared = min(dataset.frames, MOST_COMPARED)
         some = torch.linspace(0, dataset.frames - 1, compared).round().long()
-        apart = torch.cdist(traits[some], traits[some]).square().numpy()
-        stand_for_all = sorted(medoids(apart, min(MOUTHS, compared)))
-        return cut_mouths(dataset, some[stand_for_all], measures)
+        distance = torch.cdist(traits[some], traits[some]).square().numpy()
+        chosen = sorted(medoids(distance, min(MOUTHS, compared)))
+        return cut_mouths(dataset, some[chosen], measures)
 
     def encode(self, views: ReferenceViews) -> ReferenceMaps:
         maps: ReferenceMaps = self.model.field.encoder(views)
@@ -143,7 +143,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         return maps.as_type(devices.table_type(maps.table.device))
 
     def learns(self, name: str, config: TrainConfig) -> bool:
-        """Not speech networks that learn from lips; the CNN where `config` asks for it."""
+        """All but speech networks that learn from lips; the CNN only where `config` says so."""
         if name.startswith("field.conditioning."):
             return not self.model.config.field.lip_supervision
         return config.learn_references_every > 0 or not name.startswith("field.encoder.")
@@ -165,13 +165,14 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     def draw_shares(
         self, dataset: HeadDataset, config: TrainConfig, generator: torch.Generator
     ) -> list[RayShare]:
-        known = self.conditioning[dataset.name]
-        shares = draw_shares(dataset, known, config, generator, SHARES)
+        conditioning = self.conditioning[dataset.name]
+        shares = draw_shares(dataset, conditioning, config, generator, SHARES)
         if self.model.config.field.lip_supervision:
             return shares
         frames = [dataset.number[share.batch.frames.cpu()] for share in shares]
-        near = [neighbour_windows(dataset.windows, dataset.segment, f) for f in frames]
-        return [replace(s, windows=w.to(known.device)) for s, w in zip(shares, near, strict=True)]
+        windows = [neighbour_windows(dataset.windows, dataset.segment, f) for f in frames]
+        pairs = zip(shares, windows, strict=True)
+        return [replace(share, windows=w.to(conditioning.device)) for share, w in pairs]
 
     def share_outcome(
         self,
@@ -188,8 +189,8 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     def render_batch(
         self, dataset: HeadDataset, batch: RayBatch, maps: ReferenceMaps | None
     ) -> Float[Tensor, "B 3"]:
-        known = self.conditioning[dataset.name]
-        volume = self.model.volume(known[batch.frames.to(known.device)], maps)
+        conditioning = self.conditioning[dataset.name]
+        volume = self.model.volume(conditioning[batch.frames.to(conditioning.device)], maps)
         return render_rays(volume, batch.rays).over(batch.background)
 
     def after_update(self, outcome: StepOutcome) -> None:
@@ -200,7 +201,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
             self.model.grid.refresh()
 
     def finish(self, dataset: HeadDataset, views: ReferenceViews | None, seed: int) -> None:
-        """Sets what is the person's own in the conditioning; closes cells that show nothing."""
+        """Fits the person's part of the conditioning, and closes empty cells."""
         model, own = self.model, self.model.field.conditioning
         if model.config.field.learns_lips:
             fit_speaker_adaptation(own, dataset)
@@ -213,7 +214,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     def render_frames(
         self, inputs: FrameInputs, maps: ReferenceMaps | None
     ) -> Iterator[tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]]:
-        """On a CPU as many at once as there are cores."""
+        """Renders one frame a core at a time on a CPU."""
         with torch.no_grad():
             field = self.model.eval().field
             conditioning = field.conditioning(

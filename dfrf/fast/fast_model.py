@@ -20,7 +20,7 @@ from dfrf.model_interface import HeadModel
 from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.volume_rendering import Volume
 
-SKIN = (0.7, 1.25)  # of the prior's radii: between these skin can be
+SKIN = (0.7, 1.25)  # of the prior's radii: skin can lie between these
 
 
 class FastModel(HeadModel):
@@ -44,17 +44,17 @@ class FastModel(HeadModel):
         conditioning: Float[Tensor, "F K"],
         maps: ReferenceMaps | None,
         warp: bool = True,
-        learned: Int[Tensor, " F"] | None = None,
+        training_frames: Int[Tensor, " F"] | None = None,
     ) -> Volume:
-        """What rays of these frames go through.
+        """The volume that rays of these frames are sent through.
 
         Args:
             conditioning: of each frame, see `Conditioning`.
             maps: references; None for a field without them.
             warp: False in the coarse stage.
-            learned: numbers of the frames, where they are learned.
+            training_frames: numbers of the frames in training; None in rendering.
         """
-        field = ConditionedField(self.field, conditioning, maps, warp, learned)
+        field = ConditionedField(self.field, conditioning, maps, warp, training_frames)
         return Volume(field, self.grid, self.config.march)
 
     def open_where_skin_can_be(self) -> None:
@@ -64,9 +64,9 @@ class FastModel(HeadModel):
         self.grid.start_from((reach > SKIN[0]) & (reach < SKIN[1]))
 
     def rounded(self) -> Self:
-        """A copy to render with: weights of the field as `device.arithmetic` takes them anyway.
+        """A copy for rendering, with the field's weights in the type of `device.arithmetic`.
 
-        Otherwise every chunk of points would have them rounded anew.
+        Otherwise they would be rounded again for every chunk of points.
         """
         copied = copy.deepcopy(self)
         copied.field.to(devices.table_type(self.device))

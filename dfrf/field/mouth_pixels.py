@@ -15,22 +15,22 @@ import torch.nn.functional as F
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from dfrf.field.reference_maps import LEAST_WEIGHT, ChosenMouths, ReferenceMaps
+from dfrf.field.reference_maps import MIN_WEIGHT, ChosenMouths, ReferenceMaps
 from dfrf.field.reference_views import MouthViews
 
 LIP_POINTS = 40
 UPPER_RIM, LOWER_RIM = [36, 35, 34], [24, 25, 26]  # of these, the middle of the inner lips
 MOUTHS = 64  # crops of a person; 24 lost texture where a head turns
-VIEWS = 4  # that a point looks at
-TURN = 0.15  # rad that count as much as lips that are as unlike as two frames in the mean
-GAP = 3.0  # how much the gap counts: of all that lips do it is little, and what is looked at
+VIEWS = 4  # crops that a point reads
+TURN = 0.15  # rad that count as much as the mean difference of the lips of two frames
+GAP = 3.0  # weight of the gap: a small part of lip motion, but the most visible
 FADE = 2  # power by which a view's weight falls with its distance
 NEAREST = 4  # power of the weight: a mean of four kinds of teeth shows none
-EDGE = 0.7  # of the region's radii, from where its weight falls to nothing
-BESIDE = 2.0  # of the region's radii: nearer than this, colours are read off pictures
-REACH = (1.5, 1.3, 1.5)  # half axes of the region to the side, up and forwards, half mouth widths
-NEIGHBOURS = 10  # frames to each side of one that is learned, which show nearly the same
-KERNEL = 0.1  # head units, how far the motion of a point of the lips carries
+EDGE = 0.7  # of the region's radii, from where its weight falls to 0
+BESIDE = 2.0  # of the region's radii: nearer than this, colours come from references alone
+HALF_AXES = (1.5, 1.3, 1.5)  # of the region to the side, up and forwards, half mouth widths
+NEIGHBOURS = 10  # frames to each side of a training frame, which show nearly the same mouth
+KERNEL = 0.1  # head units, range of the motion of a point of the lips
 STIFF = 0.02  # added to the diagonal, so that points close together get no large weights
 RIDGE = 3.0  # frames' worth
 
@@ -44,30 +44,30 @@ def ramp(values: Float[Tensor, "*B"], start: float, end: float) -> Float[Tensor,
 def region(shape: Float[Tensor, "Q 3"]) -> tuple[Float[Tensor, 3], Float[Tensor, 3]]:
     """Middle of the mouth region and its half axes, head units."""
     low, high = shape.amin(0), shape.amax(0)
-    return (low + high) / 2, (high - low)[0] / 2 * shape.new_tensor(REACH)
+    return (low + high) / 2, (high - low)[0] / 2 * shape.new_tensor(HALF_AXES)
 
 
 def gap(lips: Float[Tensor, "T Q 2"]) -> Float[Tensor, " T"]:
-    """How much further the inner lips are apart than those of the mean face, head units."""
+    """Gap of the inner lips beyond that of the mean face, head units."""
     return (lips[:, LOWER_RIM, 1] - lips[:, UPPER_RIM, 1]).mean(1)
 
 
 def lip_traits(lips: Float[Tensor, "T Q 2"], among: Float[Tensor, "C Q 2"]) -> Float[Tensor, "T K"]:
-    """Numbers whose squared distance tells how unlike lips are: where they are, and their gap.
+    """Numbers whose squared distance is the difference of lips: their positions and their gap.
 
     Args:
-        lips: to be compared.
-        among: lips of the person; their squared distance from the mean is 1 + GAP in the mean.
+        lips: to compare.
+        among: lips of the person; their mean squared distance from their mean is 1 + GAP.
     """
-    spread = among.var(0, correction=0).sum().sqrt().clamp_min(LEAST_WEIGHT)
-    of_gap = gap(among).std(correction=0).clamp_min(LEAST_WEIGHT)
+    spread = among.var(0, correction=0).sum().sqrt().clamp_min(MIN_WEIGHT)
+    of_gap = gap(among).std(correction=0).clamp_min(MIN_WEIGHT)
     return torch.cat([lips.flatten(1) / spread, GAP**0.5 * gap(lips)[:, None] / of_gap], 1)
 
 
 def distance(maps: ReferenceMaps, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
-    """How far points lie from the middle of the mouth, 1 on the edge of its region.
+    """Distance of points from the middle of the mouth, 1 on the edge of its region.
 
-    Infinitely far where no mouths are looked at.
+    Infinite where no mouth crops are read.
     """
     mouths = maps.views.mouths
     if mouths is None or not maps.chosen:
@@ -77,7 +77,7 @@ def distance(maps: ReferenceMaps, points: Float[Tensor, "M 3"]) -> Float[Tensor,
 
 
 def share(maps: ReferenceMaps, points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
-    """How much of what is seen of points is read off mouths, 0..1; 0 where none is looked at."""
+    """Share of points' colour and features that mouth crops give, 0..1; 0 where none are read."""
     return ramp(distance(maps, points), 1, EDGE)
 
 
@@ -89,15 +89,15 @@ def nearness(maps: ReferenceMaps, points: Float[Tensor, "M 3"]) -> Float[Tensor,
 def wanted_lips(
     mouths: MouthViews, measures: Float[Tensor, " L"], origin: Float[Tensor, 3]
 ) -> Float[Tensor, "Q 2"]:
-    """Where lips with these measures are, seen from a place."""
-    seen = torch.cat([measures, F.normalize(origin, dim=0)])
-    return (seen @ mouths.reading[:-1] + mouths.reading[-1]).view(-1, 2)
+    """Positions of lips with these measures, seen from a viewpoint."""
+    inputs = torch.cat([measures, F.normalize(origin, dim=0)])
+    return (inputs @ mouths.reading[:-1] + mouths.reading[-1]).view(-1, 2)
 
 
 def fit_reading(
     measures: Float[Tensor, "T L"], c2w: Float[Tensor, "T 3 4"], lips: Float[Tensor, "T Q 2"]
 ) -> Float[Tensor, "I Q2"]:
-    """Ridge regression from lip measures and viewpoints to where lips are."""
+    """Ridge regression from lip measures and viewpoints to positions of lips."""
     inputs = torch.cat([measures, F.normalize(c2w[:, :, 3], dim=-1)], 1).double()
     target = lips.flatten(1).double()
     x = inputs - inputs.mean(0)
@@ -107,7 +107,7 @@ def fit_reading(
 
 
 def gaussians(points: Float[Tensor, "M 2"], at: Float[Tensor, "Q 2"]) -> Float[Tensor, "M Q"]:
-    """Gaussians round some points, at others."""
+    """Gaussians round the points `at`, evaluated at `points`."""
     return torch.exp(-0.5 * (torch.cdist(points, at) / KERNEL) ** 2)
 
 
@@ -120,7 +120,7 @@ def motion_weights(
 
 
 def moved(chosen: ChosenMouths, points: Float[Tensor, "M 3"]) -> Float[Tensor, "n M 2"]:
-    """How far beside their projection the chosen crops show points, pixels."""
+    """Offsets from the projection of points to where the chosen crops show them, pixels."""
     return gaussians(points[:, :2], chosen.at) @ chosen.motion
 
 
@@ -129,36 +129,40 @@ def nearest(
     maps: ReferenceMaps,
     measures: Float[Tensor, " L"],
     origin: Float[Tensor, 3],
-    learned: Int[Tensor, ""] | None = None,
+    training_frame: Int[Tensor, ""] | None = None,
 ) -> ChosenMouths:
     """The few crops with the most similar lips and pose; weights fade before another takes over.
 
     Args:
         mouths: to choose from.
         maps: of all of them.
-        measures: of the lips that are wanted, as they are read off codes.
+        measures: of the wanted lips, as decoded from codes.
         origin: of the camera, head frame.
-        learned: number of the frame, where it is learned: then neither it nor what is beside it is
-            looked at.
+        training_frame: number of the frame in training, which reads neither itself nor its
+            neighbours; None in rendering.
     """
     views = mouths.views
-    wanted = wanted_lips(mouths, measures, origin) if learned is None else mouths.measured[learned]
+    if training_frame is None:
+        wanted = wanted_lips(mouths, measures, origin)
+    else:
+        wanted = mouths.measured[training_frame]
     traits = lip_traits(torch.cat([mouths.lips, wanted[None]]), mouths.lips)
     of_lips = (traits[:-1] - traits[-1]).square().sum(-1)
-    seen_from = F.normalize(views.c2w[:, :, 3], dim=-1)
-    turned = (seen_from - F.normalize(origin, dim=0)).square().sum(-1) / TURN**2
+    viewpoints = F.normalize(views.c2w[:, :, 3], dim=-1)
+    turned = (viewpoints - F.normalize(origin, dim=0)).square().sum(-1) / TURN**2
     apart = (of_lips + turned).sqrt()
-    if learned is not None:
-        apart = apart.masked_fill((mouths.frames - learned).abs() <= NEIGHBOURS, torch.inf)
+    if training_frame is not None:
+        beside = (mouths.frames - training_frame).abs() <= NEIGHBOURS
+        apart = apart.masked_fill(beside, torch.inf)
     apart, chosen = apart.topk(min(VIEWS + 1, len(apart)), largest=False)
-    weight = 1 - (apart[:-1] / apart[-1].clamp_min(LEAST_WEIGHT)).nan_to_num(1.0) ** FADE
+    weight = 1 - (apart[:-1] / apart[-1].clamp_min(MIN_WEIGHT)).nan_to_num(1.0) ** FADE
     chosen = chosen[:-1]
     down = wanted.new_tensor([1, -1])
     scale = views.focal / (views.c2w[chosen, :, 3] - region(mouths.shape)[0]).norm(dim=-1)
     at = mouths.shape[:, :2] + wanted * down
     motion = (mouths.lips[chosen] - wanted) * scale[:, None, None]
     return ChosenMouths(
-        maps.only(chosen, NEAREST * weight.clamp_min(LEAST_WEIGHT).log()),
+        maps.only(chosen, NEAREST * weight.clamp_min(MIN_WEIGHT).log()),
         at,
         motion_weights(at, motion),
     )

@@ -1,9 +1,9 @@
-"""How the `paper` preset learns and renders: every ray of a picture, all parts end to end.
+"""The method of the `paper` preset: every ray of an image, all parts trained end to end.
 
 The published code counts in metres; everything else here counts in head units of 10 cm. The change
 of units happens in this file alone.
 
-B rays of one frame, N references, T frames, S the picture's side in pixels.
+B rays of one frame, N references, T frames, S the image's side in pixels.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ METRES = 0.1  # in a head unit
 BEFORE, BEHIND = 0.2, 0.4
 NEAREST = 0.01
 REFERENCES = 4
-RAYS_AT_ONCE = 16  # of a rendered frame: what their samples need stays near a core's cache
+RAYS_AT_ONCE = 16  # of a rendered frame: the activations of their samples fit a core's cache
 PARTS_AT_ONCE = 8
-UNSMOOTHED = 3  # speech codes stand alone in the first of so many parts of the coarse stage
+UNSMOOTHED = 3  # codes are not smoothed in the first of so many parts of the coarse stage
 
 
 def in_metres(c2w: Tensor) -> Tensor:
@@ -42,30 +42,30 @@ def in_metres(c2w: Tensor) -> Tensor:
 
 
 def bounds(c2w: Tensor) -> tuple[float, float]:
-    """Depths between which a camera (3, 4), head units, sees a head, metres.
+    """Near and far depth of the head from a camera (3, 4), head units, in metres.
 
     The published code takes one pair for a whole clip, from the mean of its depths: a head that
-    leans towards the camera is cut off there. Here the pair goes with the head.
+    leans towards the camera is cut off there. Here the pair follows the head.
     """
     depth = METRES * float((c2w[:, 3] * c2w[:, 2]).sum())
     return max(depth - BEFORE, NEAREST), depth + BEHIND
 
 
 def along_axis(directions: Tensor, c2w: Tensor) -> Tensor:
-    """Directions (B, 3) made so long that their component along a camera's axis is 1."""
+    """Directions (B, 3) scaled so that their component along a camera's axis is 1."""
     return directions / -(directions * c2w[:, 2].to(directions)).sum(-1, keepdim=True)
 
 
 @dataclass(frozen=True)
 class PaperShare:
-    """What is drawn for a part of a step's rays: those of one frame.
+    """A share of a step's rays: those of one frame.
 
     Attributes:
         batch: the rays, head units.
-        directions: (B, 3), their component along the viewing axis 1.
+        directions: (B, 3), their component along the viewing axis is 1.
         bounds: near and far, metres.
         windows: (8, 16, D) speech of the frame and its neighbours.
-        seed: of all that is random in the share.
+        seed: of all random numbers of the share.
         size: S.
     """
 
@@ -78,10 +78,10 @@ class PaperShare:
 
 
 class PaperMethod(Method[PaperShare, EncodedReferences]):
-    """The published model: pictures teach all of it, AudioNet and the reference network too.
+    """The published model: all of it is trained on images, AudioNet and the reference CNN too.
 
-    Shares are worked on one after the other, each operation on all cores: the samples of one share
-    and one gradient of the references' features are all that is in memory beside the model.
+    Shares are computed one after the other, each operation on all cores: beside the model, memory
+    holds the samples of one share and one gradient of the references' features.
     """
 
     parallel_shares = 1
@@ -106,7 +106,7 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
     def reference_views(
         self, dataset: HeadDataset, frames: Tensor, mouths: bool = True
     ) -> ReferenceViews:
-        """Whole pictures: the published aggregation takes the pixel that it reads."""
+        """Whole images: the published aggregation takes the position of the pixel as an input."""
         return ReferenceViews(
             images=dataset.images[frames],
             mattes=dataset.mattes[frames],
@@ -144,7 +144,7 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
         )
 
     def _windows(self, dataset: HeadDataset, frame: int) -> Tensor:
-        """Speech windows (8, 16, D) of a frame with a picture and of its neighbours."""
+        """Speech windows (8, 16, D) of a frame with an image and of its neighbours."""
         number = dataset.number[frame : frame + 1]
         (windows,) = neighbour_windows(dataset.windows, dataset.segment, number)
         return windows.to(self.model.device)
@@ -174,7 +174,7 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
         step: int,
         wanted: Sequence[Tensor],
     ) -> StepOutcome:
-        """Both passes; without the warp in the coarse stage, and unsmoothed in its beginning.
+        """Both passes; without the warp in the coarse stage, and unsmoothed at its beginning.
 
         Published training leaves the attention over neighbouring frames out for its first 100,000
         steps, of 300,000 that the paper gives the coarse stage.
@@ -208,7 +208,7 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
     def render_frames(
         self, inputs: FrameInputs, maps: EncodedReferences | None
     ) -> Iterator[tuple[Tensor, Tensor]]:
-        """The pixels that are needed; the published model has no lips or expressions."""
+        """Renders the pixels that are needed; the published model uses no lips or expressions."""
         self.model.eval()
         for t, windows in enumerate(inputs.windows):
             camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)
@@ -229,7 +229,7 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
         pixels = pixel_grid(size, size, c2w.device)
 
         @torch.no_grad()
-        def seen(at: Tensor) -> Tensor:
+        def render_pixels(at: Tensor) -> Tensor:
             row, column = at.T
             rays = pixel_rays(c2w, camera.focal, camera.centre, pixels[row, column])
             behind = torch.zeros_like(rays[0])
@@ -238,6 +238,6 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
 
         parts = needed.nonzero().split(RAYS_AT_ONCE)
         with Workers(c2w.device, PARTS_AT_ONCE) as workers:
-            for at, colours in zip(parts, workers.map(seen, parts), strict=True):
+            for at, colours in zip(parts, workers.map(render_pixels, parts), strict=True):
                 head[at[:, 0], at[:, 1]] = colours
         return head[..., :3], head[..., 3]

@@ -1,7 +1,7 @@
-"""The `paper` preset: the parts assembled as the published code has them, one frame at a time.
+"""The model of the `paper` preset: parts assembled as in the published code, a frame at a time.
 
-Its checkpoints load (see `importing`) and its pictures come out. References, warp and speech can be
-left out.
+Published checkpoints load (see `importing`) and give the same images. References, warp and speech
+can be left out.
 
 R rays of one frame, S samples a ray, N references of H x W pixels, D speech features.
 """
@@ -72,7 +72,7 @@ class PaperModel(HeadModel):
             smooth: False takes the frame's own code, as published training does for 100,000 steps.
 
         Raises:
-            ValueError: the model listens, but there are no windows.
+            ValueError: the model uses speech, but there are no windows.
         """
         if not self.config.use_speech:
             return next(self.parameters()).new_zeros(0)
@@ -104,7 +104,7 @@ class PaperModel(HeadModel):
         network: field.RadianceMLP,
         depths: Float[Tensor, "R S"],
     ) -> dict[str, Tensor]:
-        """What rays see in one pass, see `forward`; the last depth is the background's."""
+        """Rendered rays of one pass, see `forward`; the last depth is the background's."""
         points = rays_o[:, None] + depths[:, :-1, None] * rays_d[:, None]
         length = rays_d.norm(dim=-1, keepdim=True)
         out = self.field(network, points, rays_d / length, conditions)
@@ -137,7 +137,7 @@ class PaperModel(HeadModel):
         warp: bool = True,
         generator: torch.Generator | None = None,
     ) -> dict[str, Tensor]:
-        """Renders rays of one frame twice: even samples, then more where those found something.
+        """Renders rays of one frame twice: even samples, then more where those hit something.
 
         The last sample of a ray is the background, behind everything; no network computes it.
 
@@ -146,8 +146,8 @@ class PaperModel(HeadModel):
             rays_d: directions whose component along the viewing axis is 1 (see `pixel_rays`).
             near: depth of the first sample.
             far: depth of the background.
-            windows: speech of the frame and its neighbours; not looked at without speech.
-            references: images, or features made before; not looked at without references.
+            windows: speech of the frame and its neighbours; unused without speech.
+            references: images, or features computed before; unused without references.
             background: colour behind the head, 0..1.
             jitter: True moves samples at random within their strata, for training.
             smooth: see `speech_code`.

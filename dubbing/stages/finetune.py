@@ -18,7 +18,7 @@ from dfrf.method_interface import Method
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
-from dfrf.training.progress import Curve, Progress
+from dfrf.training.progress import Curve, TrainingProgress
 from dubbing import media
 from dubbing.errors import TrainingError
 from dubbing.files import atomic_write_json
@@ -50,7 +50,7 @@ def finetune(
     settings: FinetuneSettings,
     base: Path | None,
     device: str = "auto",
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[TrainingProgress], None] | None = None,
 ) -> None:
     """Writes OUT/model.safetensors, OUT/finetune.json and the curve, see `dubbing.stages.curve`.
 
@@ -80,7 +80,7 @@ def finetune(
     person = load_identity(clips[0].clip.stem, footage, folder=pictures)
     model = init_from_base(base, settings)
     trainings = presets.trainings(settings.preset)
-    config = settings.training(trainings.alone if base is None else trainings.finetune)
+    config = settings.training(trainings.from_scratch if base is None else trainings.finetune)
     method = method_of(model)
     landmarks = np.concatenate([one.landmarks(person.focal) for one in footage])
     references = reference_frames(person, landmarks, method)
@@ -130,7 +130,7 @@ def learn(
     references: torch.Tensor | None,
     resume: Path,
     device: str,
-    progress: Callable[[Progress], None] | None,
+    progress: Callable[[TrainingProgress], None] | None,
 ) -> tuple[HeadDataset, Curve]:
     """Trains a person's model in place: some steps, then the poses they refine, then the rest.
 
@@ -153,7 +153,7 @@ def learn(
         if checkpoint.state_is_damaged(folder):
             shutil.rmtree(folder)
 
-        def notify(state: Progress) -> None:
+        def notify(state: TrainingProgress) -> None:
             if progress is not None:
                 progress(state.within(done, config.iterations))
 
@@ -169,7 +169,7 @@ def learn(
 
     first = round(POSING * config.iterations) if refines(model) else 0
     if first:
-        part(resume / "posing", presets.lasting(config, first))
+        part(resume / "posing", presets.with_iterations(config, first))
         method = method_of(model)
         maps = (
             None if references is None else method.maps(method.reference_views(person, references))
@@ -178,7 +178,7 @@ def learn(
             [refined(model, maps, one.clip, one.with_face).c2w()[one.with_face] for one in footage]
         )
         person = replace(person, c2w=torch.from_numpy(posed).float())
-    rest = presets.lasting(config, config.iterations - first)
+    rest = presets.with_iterations(config, config.iterations - first)
     # Speech is learned once, and coarse steps come first.
     part(resume, rest if not first else replace(rest, coarse_iterations=0, lip_iterations=0))
     return person, curve

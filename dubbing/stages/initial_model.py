@@ -46,7 +46,7 @@ class FinetuneSettings:
         """Settings of `fit`: the preset's with these in their place."""
         own = {"learning_rate": self.learning_rate, "rays": self.rays}
         changed: dict[str, Any] = {k: v for k, v in own.items() if v is not None}
-        return replace(presets.lasting(preset, self.iterations), seed=self.seed, **changed)
+        return replace(presets.with_iterations(preset, self.iterations), seed=self.seed, **changed)
 
     def speech_header(self) -> dict[str, str]:
         """What a checkpoint's header holds of its speech features: their name and weights."""

@@ -17,7 +17,7 @@ from dfrf.data.dataset import HEAD_MATTE
 from dfrf.fast.fast_model import FastModel
 from dfrf.field.audio import NEIGHBOURS
 from dfrf.field.reference_maps import ReferenceMaps
-from dfrf.field.speaker_adaptation import NUMBERS, REACH
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
 from dfrf.method_interface import Maps
 from dfrf.model_interface import HeadModel
 from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equations
@@ -199,7 +199,7 @@ def smoothest(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 def silent(model: FastModel, expression: Tensor) -> Tensor:
     """Conditioning of frames (K, U) while nobody speaks, (K, cond_dim)."""
     windows = torch.zeros(len(expression), NEIGHBOURS, 16, model.config.field.speech_dim)
-    parts = windows, torch.zeros(len(expression) + 2 * REACH, NUMBERS), expression
+    parts = windows, torch.zeros(len(expression) + 2 * CONTEXT_FRAMES, NUMBERS), expression
     conditioning: Tensor = model.field.conditioning(*(part.to(model.device) for part in parts))
     return conditioning
 

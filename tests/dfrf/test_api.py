@@ -1,4 +1,4 @@
-"""The door for researchers opens without torch, and a frame takes what it is given."""
+"""The interface for researchers loads without torch, and a frame takes its inputs."""
 
 import subprocess
 import sys
@@ -24,7 +24,7 @@ def test_a_frame_follows_the_expression() -> None:
     assert (moved - calm).abs().max() > 0.01
 
 
-def test_the_door_opens_without_torch() -> None:
+def test_the_interface_loads_without_torch() -> None:
     code = "import sys, dfrf; dir(dfrf); sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
     with pytest.raises(AttributeError, match="nothing"):

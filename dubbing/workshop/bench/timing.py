@@ -22,7 +22,7 @@ from dfrf.data.dataset import neighbour_windows
 from dfrf.fast.fast_model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import ReferenceViews
-from dfrf.field.speaker_adaptation import REACH
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
 from dfrf.presets import method_of
 from dfrf.published.paper_model import PaperModel, References
 from dfrf.rendering.frame_renderer import BLOCK, head_blocks, render_frame
@@ -61,10 +61,10 @@ class Row:
 def timed(work: Callable[[], object], device: torch.device) -> float:
     """Seconds of the second of two calls."""
     work()
-    devices.finish(device)
+    devices.synchronize(device)
     began = time.perf_counter()
     work()
-    devices.finish(device)
+    devices.synchronize(device)
     return time.perf_counter() - began
 
 
@@ -121,8 +121,10 @@ class Scene:
         return near.to(self.device)
 
     def predicted_lips(self, frame: int) -> Tensor:
-        """Of a frame and of those beside it, (2 REACH + 1, P)."""
-        number = np.arange(frame - REACH, frame + REACH + 1).clip(0, len(self.speech) - 1)
+        """Of a frame and of those beside it, (2 CONTEXT_FRAMES + 1, P)."""
+        number = np.arange(frame - CONTEXT_FRAMES, frame + CONTEXT_FRAMES + 1).clip(
+            0, len(self.speech) - 1
+        )
         return torch.from_numpy(self.speech.lips[number]).float().to(self.device)
 
     def upper(self, frame: int) -> Tensor:

@@ -132,7 +132,7 @@ class MouthSeries:
                 "opening_r": lips.correlation(gap, true_gap),
                 "width_r": lips.correlation(wide, true_wide),
                 "closure_f1": lips.closure_f1(gap, true_gap),
-                "closure_f1_near": lips.closure_f1(gap, true_gap, near=1),
+                "closure_f1_near": lips.closure_f1(gap, true_gap, tolerance=1),
                 "opening_ratio": lips.spread_ratio(gap, true_gap),
                 "lag_ms": lips.lag_ms(gap, true_gap, self._rate),
             }

@@ -13,7 +13,7 @@ from dfrf import checkpoint, presets, saved_models
 from dfrf.data.dataset import HeadDataset
 from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
-from dfrf.training.progress import Progress
+from dfrf.training.progress import TrainingProgress
 from dfrf.training.validation import Validation
 from dubbing import pipeline, tasks
 from dubbing.engine.update import run_stage
@@ -77,7 +77,7 @@ def train_base(
             config, iterations=iterations, coarse_iterations=math.ceil(iterations * 3 / 4)
         )
 
-    def notify(state: Progress) -> None:
+    def notify(state: TrainingProgress) -> None:
         progress(str(state), state.step / state.iterations)
 
     resume = out.with_name(out.name + ".resume")

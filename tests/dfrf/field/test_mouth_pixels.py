@@ -35,7 +35,7 @@ class Someone:
     mouths: MouthViews
 
     def looked_at(
-        self, measure: float, learned: int | None = None
+        self, measure: float, training_frame: int | None = None
     ) -> tuple[list[int], ChosenMouths]:
         """Which frames' mouths are looked at where lips have that measure."""
         assert self.maps.mouths is not None
@@ -44,7 +44,7 @@ class Someone:
             self.maps.mouths,
             torch.full((7,), measure),
             self.dataset.c2w[0, :, 3],
-            None if learned is None else torch.tensor(learned),
+            None if training_frame is None else torch.tensor(training_frame),
         )
         return self.mouths.frames[chosen.maps.number].tolist(), chosen
 
@@ -94,7 +94,7 @@ def test_a_frame_looks_at_the_mouths_most_like_the_one_wanted(someone: Someone) 
 
 
 def test_a_frame_that_is_learned_sees_no_mouth_of_its_own_moment(someone: Someone) -> None:
-    frames, _ = someone.looked_at(0.0, learned=20)
+    frames, _ = someone.looked_at(0.0, training_frame=20)
     assert all(abs(frame - 20) > mouth_pixels.NEIGHBOURS for frame in frames)
 
 

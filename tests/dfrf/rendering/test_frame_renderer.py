@@ -12,7 +12,7 @@ from dfrf.data.dataset import neighbour_windows
 from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.fast_method import FastMethod
 from dfrf.field.field import FieldOutput
-from dfrf.field.speaker_adaptation import REACH
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
 from dfrf.method_interface import FrameInputs
 from dfrf.rendering import volume_rendering as rendering
 from dfrf.rendering.frame_renderer import BLOCK, head_blocks, render_frame
@@ -50,7 +50,7 @@ def test_blocks_hold_every_pixel_that_sees_an_open_cell(size: int) -> None:
 def test_a_frame_does_not_depend_on_the_frames_beside_it(arithmetic: float) -> None:
     model, maps = random_model()
     someone = person()
-    reached = torch.arange(-REACH, 3 + REACH).clamp(0, len(someone.windows) - 1)
+    reached = torch.arange(-CONTEXT_FRAMES, 3 + CONTEXT_FRAMES).clamp(0, len(someone.windows) - 1)
     near = neighbour_windows(someone.windows, someone.segment, torch.arange(3))
     predicted = someone.predicted_lips[reached]
     method = FastMethod(model)
@@ -61,7 +61,7 @@ def test_a_frame_does_not_depend_on_the_frames_beside_it(arithmetic: float) -> N
             FOCAL,
             someone.centres[first:stop],
             near[first:stop],
-            predicted[first : stop + 2 * REACH],
+            predicted[first : stop + 2 * CONTEXT_FRAMES],
             someone.expression[first:stop],
             SIZE,
         )
@@ -112,7 +112,7 @@ def test_a_region_shows_what_the_whole_frame_shows(
     model, maps = random_model()
     someone = person()
     size = scale * SIZE
-    around = torch.arange(1 - REACH, 2 + REACH).clamp(0, len(someone.windows) - 1)
+    around = torch.arange(1 - CONTEXT_FRAMES, 2 + CONTEXT_FRAMES).clamp(0, len(someone.windows) - 1)
     speech = (
         neighbour_windows(someone.windows, someone.segment, torch.tensor([1])),
         someone.predicted_lips[around],

@@ -69,9 +69,9 @@ def test_the_mean_over_people_decides() -> None:
     held = Validation([stranger(), stranger()])
     held.rows = [(2, 20.0, 30.0), (4, 26.0, 26.0), (6, 31.0, 20.0)]
     assert held.best_row() == 1
-    assert held.over(1)
-    assert not held.over(2)
-    assert not Validation(held.datasets).over(1)
+    assert held.should_stop(1)
+    assert not held.should_stop(2)
+    assert not Validation(held.datasets).should_stop(1)
 
 
 def test_measuring_teaches_nothing() -> None:

@@ -12,7 +12,7 @@ import torch
 from dfrf import presets, saved_models
 from dfrf.config import TrainConfig
 from dfrf.fast.fast_model import FastModel
-from dfrf.training.progress import Progress
+from dfrf.training.progress import TrainingProgress
 from dubbing.errors import CheckpointError, TrainingError
 from dubbing.speech import features
 from dubbing.stages import finetune as finetuning
@@ -70,7 +70,7 @@ def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
     moved = someone.c2w.clone()
     moved[:, 0, 3] += 0.05
     seen: list[tuple[int, torch.Tensor, TrainConfig]] = []
-    reports: list[Progress] = []
+    reports: list[TrainingProgress] = []
     fit = finetuning.fit
 
     def noted(model: Any, people: Any, config: TrainConfig, **named: Any) -> Any:

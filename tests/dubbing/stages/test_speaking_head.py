@@ -84,7 +84,7 @@ def head(tmp_path_factory: pytest.TempPathFactory) -> Head:
     method = presets.method_of(model)
     references = finetune.reference_frames(person, clip.landmarks[: TESTED.start], method)
     assert references is not None
-    config = replace(presets.lasting(presets.FINETUNE, STEPS), rays=RAYS)
+    config = replace(presets.with_iterations(presets.FINETUNE, STEPS), rays=RAYS)
     fit(method, [person], config, references={person.name: references})
     views = method.reference_views(person, references)
     method.finish(person, views, config.seed)
