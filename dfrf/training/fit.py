@@ -215,7 +215,7 @@ class Run(ExitStack):
             self.bad_steps += 1
             if self.bad_steps >= BAD_STEPS:
                 raise TrainingDivergedError(
-                    f"the loss was not finite for {self.bad_steps} steps in a row, up to step {step}"
+                    f"the loss was not finite for {self.bad_steps} steps in a row, to step {step}"
                 )
         self.method.after_step(step, self.config)
 
