@@ -1,4 +1,4 @@
-"""What of one clip a person is learned from."""
+"""The frames of one clip that a person is fine-tuned on."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from dubbing.sound_to_lips.speech_frames import SpeechFrames
 
 
 @dataclass(frozen=True)
-class Footage:
-    """Frames of one clip of a person.
+class ClipFrames:
+    """Chosen frames of one clip of a person.
 
     Attributes:
-        clip: what `prepare` made of the film.
+        clip: the prepared clip.
         speech: of every frame of the clip.
-        frames: which of them, in their order, those without a face among them, (F,). What is heard
-            at one is not joined to another that does not follow it without a gap.
+        frames: numbers of the chosen frames, rising, including those without a face, (F,). Speech
+            windows do not reach across a gap between them.
     """
 
     clip: PreparedClip
@@ -27,7 +27,7 @@ class Footage:
 
     @property
     def with_face(self) -> np.ndarray:
-        """Those of the frames that show the face."""
+        """The chosen frames that show the face."""
         return self.frames[self.clip.valid[self.frames]]
 
     def c2w(self) -> np.ndarray:
@@ -35,6 +35,6 @@ class Footage:
         return self.clip.c2w()[self.with_face]
 
     def landmarks(self, focal: float) -> np.ndarray:
-        """Landmarks (F', 478, 2) of these as a camera of `focal` px in the same place has them."""
+        """Landmarks (F', 478, 2) of these in a camera of `focal` px at the same place."""
         centre = self.clip.centre[self.with_face][:, None]
         return centre + (self.clip.landmarks[self.with_face] - centre) * (focal / self.clip.focal)

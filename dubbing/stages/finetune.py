@@ -22,9 +22,9 @@ from dfrf.training.progress import Curve, TrainingProgress
 from dubbing import media
 from dubbing.errors import TrainingError
 from dubbing.files import atomic_write_json
-from dubbing.identity.best_seconds import learned_footage, parts_of
+from dubbing.identity.best_seconds import choose_frames, parts_of
+from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import load_identity
-from dubbing.identity.footage import Footage
 from dubbing.identity.learned import SUMMARY_FILE
 from dubbing.identity.reference_choice import choose_references, turns_far
 from dubbing.media.voice_channel import is_silent
@@ -61,7 +61,7 @@ def finetune(
             which its sound comes early; see `clip_speech`. Camera and face shape of the model are
             those of the first.
         out: folder; what an interrupted run left there is continued.
-        start, seconds: see `learned_footage`.
+        start, seconds: see `choose_frames`.
         settings: see `FinetuneSettings`.
         base: checkpoint to start from; None starts from random weights.
         device: auto, cpu or cuda.
@@ -75,7 +75,7 @@ def finetune(
     speeches = [
         clip_speech(clip, settings.speech, settings.weights, offset) for clip, offset in films
     ]
-    footage = learned_footage(clips, speeches, start, seconds)
+    footage = choose_frames(clips, speeches, start, seconds)
     pictures = out / RESUME_FOLDER / PICTURES_FOLDER
     person = load_identity(clips[0].clip.stem, footage, folder=pictures)
     model = init_from_base(base, settings)
@@ -125,7 +125,7 @@ def finetune(
 def learn(
     model: HeadModel,
     person: HeadDataset,
-    footage: Sequence[Footage],
+    footage: Sequence[ClipFrames],
     config: TrainConfig,
     references: torch.Tensor | None,
     resume: Path,
@@ -184,7 +184,7 @@ def learn(
     return person, curve
 
 
-def learned_parts(footage: Footage) -> list[tuple[float, float]]:
+def learned_parts(footage: ClipFrames) -> list[tuple[float, float]]:
     """From which second to which of its clip it is."""
     rate = float(footage.clip.rate)
     return [(first / rate, (first + n) / rate) for first, n in parts_of(footage.frames)]

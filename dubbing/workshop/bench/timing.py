@@ -33,8 +33,8 @@ from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import FitOptions, fit
 from dubbing.compositing.composite import replacement
 from dubbing.compositing.face_mask import rendered_region
+from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import load_identity, upper_face_expression
-from dubbing.identity.footage import Footage
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
@@ -256,7 +256,7 @@ def whole_faces(views: ReferenceViews, count: int) -> References:
 def training_row(scene: Scene) -> Row:
     """Steps of fine-tuning with the default settings."""
     frames = np.flatnonzero(scene.clip.valid)[:TRAINING_FRAMES]
-    person = load_identity("timed", [Footage(scene.clip, scene.speech, frames)])
+    person = load_identity("timed", [ClipFrames(scene.clip, scene.speech, frames)])
     model = presets.adapt(scene.model, scene.model.config)
     config = replace(presets.FINETUNE, iterations=TRAINING_STEPS)
     references = reference_frames(person, scene.clip.landmarks[frames], method_of(model))

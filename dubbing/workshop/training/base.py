@@ -19,7 +19,7 @@ from dubbing import pipeline, tasks
 from dubbing.engine.update import run_stage
 from dubbing.errors import CheckpointError, DubbingError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text, digest_file
-from dubbing.identity.best_seconds import learned_footage
+from dubbing.identity.best_seconds import choose_frames
 from dubbing.identity.dataset import load_identity
 from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
@@ -196,6 +196,6 @@ def load_person(
     clip = PreparedClip.load(prepare.folder, identity.clip)
     offset = tasks.offset_of(source.folder)
     speech = clip_speech(clip, settings.speech, settings.weights, offset)
-    footage = learned_footage([clip], [speech], identity.learned_start, identity.learned_seconds)
+    footage = choose_frames([clip], [speech], identity.learned_start, identity.learned_seconds)
     every = max(1, math.ceil(len(footage[0].frames) / MOST_FRAMES))
     return load_identity(name, footage, every=every)
