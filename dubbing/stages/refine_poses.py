@@ -88,7 +88,7 @@ def refined(
         report(0.0)
         found = shot_corrections(model, maps, clip, c2w, expression, index, report)
         corrections[index] = torch.from_numpy(found)
-    return clip.seen_by(moved(c2w, corrections).double().numpy())
+    return clip.with_poses(moved(c2w, corrections).double().numpy())
 
 
 def refine_clip(
@@ -115,7 +115,7 @@ def with_refined_poses(clip: PreparedClip, folder: Path) -> PreparedClip:
     if c2w.shape != (len(clip), 3, 4):
         what = f"poses of {len(c2w)} frames for a clip of {len(clip)}"
         raise PreparationError(what, str(folder), "run with --force refine_poses")
-    return clip.seen_by(c2w)
+    return clip.with_poses(c2w)
 
 
 def shot_corrections(
