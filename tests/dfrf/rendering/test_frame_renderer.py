@@ -37,10 +37,10 @@ def test_blocks_hold_every_pixel_that_sees_an_open_cell(size: int) -> None:
     model, maps = random_model()
     cells = model.grid.centres()
     model.grid.start_from((cells.norm(dim=-1) < 1.2) & (cells[:, 0] > 0.3))
-    with_poses = replace(camera(), size=size)
-    found = pixels_of(head_blocks(model.grid, with_poses), size)
+    view = replace(camera(), size=size)
+    found = pixels_of(head_blocks(model.grid, view), size)
     assert 0.1 < found.float().mean() < 0.9
-    rays = with_poses.rays(torch.arange(size * size))
+    rays = view.rays(torch.arange(size * size))
     with torch.no_grad():
         seen = render_rays(model.volume(torch.randn(1, 70), maps), rays)
     assert seen.opacity.max() > 0.5
