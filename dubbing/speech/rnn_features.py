@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from scipy.ndimage import convolve1d, maximum_filter1d
 
-from dubbing.speech import listening
+from dubbing.speech import acoustic_inference
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.acoustic_weights import load_model
 from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
@@ -30,10 +30,10 @@ class RnnFeatures:
         return self.extract_blocks(lambda: [samples])
 
     def extract_blocks(self, blocks: voice.Blocks) -> np.ndarray:
-        spectra = listening.spectra_of(blocks())
+        spectra = acoustic_inference.spectra_of(blocks())
         if not len(spectra):
             return np.zeros((0, self.dim), np.float32)
-        features = listening.hear(self._model.network, spectra, self._model.features)
+        features = acoustic_inference.run_network(self._model.network, spectra, self._model.features)
         features *= voice_gate(voice.voice_activity_of_blocks(blocks))[:, None]
         return features
 

@@ -18,8 +18,8 @@ import numpy as np
 import torch
 
 from dubbing import media
+from dubbing.speech import acoustic_inference
 from dubbing.speech import features as kinds
-from dubbing.speech import listening
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.acoustic_weights import load_model
 from dubbing.speech.features import SpeechFeatures
@@ -132,8 +132,8 @@ def phone_errors(weights: Path | None = None) -> str:
         wrong = total = 0
         for _ in range(SENTENCES):
             spoken = synthesis.speak(speaker, sentence(speaker.language, rng, 10), rng)
-            spectra = listening.spectra_of([spoken.samples])
-            found = listening.hear(model.network, spectra, lambda outputs: outputs.phones).argmax(1)
+            spectra = acoustic_inference.spectra_of([spoken.samples])
+            found = acoustic_inference.run_network(model.network, spectra, lambda outputs: outputs.phones).argmax(1)
             truth = classes_at_steps(spoken.phones or [], len(found))
             wrong += int((found != truth)[truth >= 0].sum())
             total += int((truth >= 0).sum())

@@ -8,7 +8,7 @@ import torch
 
 from dubbing.cli import main as cli
 from dubbing.errors import DubbingError, TrainingError
-from dubbing.speech import listening
+from dubbing.speech import acoustic_inference
 from dubbing.speech.acoustic_network import AcousticNetwork
 from dubbing.speech.acoustic_weights import load_model, save_model
 from dubbing.speech.features import features_by_name, fingerprint
@@ -112,8 +112,8 @@ def test_features_are_scaled_in_speech() -> None:
     torch.manual_seed(0)
     model = project(AcousticNetwork(), parts()[:1], every=1, dim=12)
     made = parts()[0].utterances[0]
-    spectra = listening.spectra_of([made.samples.astype(np.float32) / 32768])
-    found = listening.hear(model.network, spectra, model.features)
+    spectra = acoustic_inference.spectra_of([made.samples.astype(np.float32) / 32768])
+    found = acoustic_inference.run_network(model.network, spectra, model.features)
     assert np.sqrt((found[made.classes != 0] ** 2).mean()) == pytest.approx(0.7, rel=0.1)
 
 
