@@ -1,4 +1,4 @@
-"""A whole sound through the acoustic network, in pieces, so that hours of it take little memory.
+"""Runs the acoustic network on a sound in pieces, so that hours of it take little memory.
 
 Letters: N samples at 16 kHz, T steps of 20 ms, W samples of a window, R = 2 spectra a step,
 M = 64 mel bands, H hidden values.
@@ -13,20 +13,20 @@ from torch import Tensor
 
 from dubbing.speech import acoustic_input as front
 from dubbing.speech import voice_activity as voice
-from dubbing.speech.acoustic_network import AcousticNetwork, Heard
+from dubbing.speech.acoustic_network import AcousticNetwork, AcousticOutput
 
-# Steps worked on at once, and how many more are heard on each side: 40 s and 3 s.
+# Steps processed at once, and steps of context on each side: 40 s and 3 s.
 PIECE, AROUND = 2000, 150
 
 
 def spectra_of(blocks: Iterable[np.ndarray]) -> Tensor:
-    """Log-mel spectra of a sound that comes in pieces, (T, R, M) float16: 46 MB an hour."""
+    """Log-mel spectra of a sound in blocks, (T, R, M) float16: 46 MB an hour."""
     filters = front.filters()
-    found = [
+    spectra = [
         front.log_mel(torch.from_numpy(np.ascontiguousarray(w))[None], filters)[0].half()
         for w in voice.step_windows(blocks, front.STEP_WIDTH)
     ]
-    return torch.cat(found) if found else torch.zeros(0, front.SPECTRA, front.BANDS).half()
+    return torch.cat(spectra) if spectra else torch.zeros(0, front.SPECTRA, front.BANDS).half()
 
 
 def average_of(spectra: Float[Tensor, "T R M"]) -> Float[Tensor, "1 M"]:
@@ -41,18 +41,20 @@ def average_of(spectra: Float[Tensor, "T R M"]) -> Float[Tensor, "1 M"]:
 
 
 @torch.no_grad()
-def hear(network: AcousticNetwork, spectra: Tensor, taken: Callable[[Heard], Tensor]) -> np.ndarray:
-    """What `taken` makes of the network's outputs (1, T, ...), for all steps, (T, D) float32.
+def run_network(
+    network: AcousticNetwork, spectra: Tensor, select: Callable[[AcousticOutput], Tensor]
+) -> np.ndarray:
+    """`select` of the network's outputs (1, T, ...), for all steps, (T, D) float32.
 
     The level that is subtracted is that of the whole sound, so pieces fit together. T > 0.
     """
     if not len(spectra):
-        raise ValueError("there is nothing to hear")
-    found = []
+        raise ValueError("the sound is empty")
+    parts = []
     levels = average_of(spectra)
     for begin in range(0, len(spectra), PIECE):
         low, high = max(0, begin - AROUND), min(len(spectra), begin + PIECE + AROUND)
         part = front.levelled(spectra[None, low:high].float(), levels)
-        made = taken(network(part))[0]
-        found.append(made[begin - low :][:PIECE].numpy())
-    return np.concatenate(found)
+        selected = select(network(part))[0]
+        parts.append(selected[begin - low :][:PIECE].numpy())
+    return np.concatenate(parts)

@@ -1,4 +1,4 @@
-"""What our recurrent network hears, as speech features: what is spoken, hardly who speaks."""
+"""Speech features of our recurrent network: the words spoken, with little of the speaker."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ _LEAST_VOICE = 0.1
 
 
 class RnnFeatures:
-    """Outputs of the acoustic network less those of silence; exactly 0 where nobody speaks."""
+    """Outputs of the acoustic network minus those of silence; exactly 0 where nobody speaks."""
 
     name = "rnn"
     rate = voice.STEP_RATE
@@ -33,7 +33,9 @@ class RnnFeatures:
         spectra = acoustic_inference.spectra_of(blocks())
         if not len(spectra):
             return np.zeros((0, self.dim), np.float32)
-        features = acoustic_inference.run_network(self._model.network, spectra, self._model.features)
+        features = acoustic_inference.run_network(
+            self._model.network, spectra, self._model.features
+        )
         features *= voice_gate(voice.voice_activity_of_blocks(blocks))[:, None]
         return features
 

@@ -65,11 +65,11 @@ def load(path: Path) -> DeepSpeech:
     Raises:
         DubbingError: the file cannot be read, or is no such graph.
     """
-    found = constants(path, NAMES)
+    weights = constants(path, NAMES)
     try:
-        first, second, third, fifth = (len(found[f"b{number}"]) for number in (1, 2, 3, 5))
-        cells = len(found[f"{DIRECTIONS['']}/bias"]) // 4
-        state = _state(found, cells)
+        first, second, third, fifth = (len(weights[f"b{number}"]) for number in (1, 2, 3, 5))
+        cells = len(weights[f"{DIRECTIONS['']}/bias"]) // 4
+        state = _state(weights, cells)
     except (KeyError, IndexError, TypeError, ValueError) as error:
         missing = f"no {error}" if isinstance(error, KeyError) else "tensors of other shapes"
         raise DubbingError(f"holds {missing}", str(path), WANTED) from error
@@ -85,18 +85,18 @@ def load(path: Path) -> DeepSpeech:
     return network.eval()
 
 
-def _state(found: dict[str, np.ndarray], cells: int) -> dict[str, np.ndarray]:
-    """Our names -> the weights of the graph, which keeps them transposed.
+def _state(weights: dict[str, np.ndarray], cells: int) -> dict[str, np.ndarray]:
+    """Our names -> the weights of the graph, which are transposed there.
 
     It has the gates of the LSTM in another order (input, cell, forget, output; ours input, forget,
     cell, output), adds 1 to the forget gate, and has one bias where ours has two.
     """
     state = {}
     for name, number in DENSE.items():
-        state[f"{name}.weight"] = found[f"h{number}"].T
-        state[f"{name}.bias"] = found[f"b{number}"]
+        state[f"{name}.weight"] = weights[f"h{number}"].T
+        state[f"{name}.bias"] = weights[f"b{number}"]
     for direction, cell in DIRECTIONS.items():
-        kernel, bias = found[f"{cell}/kernel"], found[f"{cell}/bias"]
+        kernel, bias = weights[f"{cell}/kernel"], weights[f"{cell}/bias"]
         gates = np.concatenate([np.arange(cells) + k * cells for k in (0, 2, 1, 3)])
         forget = np.repeat([0, 1, 0, 0], cells)
         state[f"lstm.weight_ih_l0{direction}"] = kernel[:-cells, gates].T

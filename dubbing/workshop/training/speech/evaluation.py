@@ -133,7 +133,9 @@ def phone_errors(weights: Path | None = None) -> str:
         for _ in range(SENTENCES):
             spoken = synthesis.speak(speaker, sentence(speaker.language, rng, 10), rng)
             spectra = acoustic_inference.spectra_of([spoken.samples])
-            found = acoustic_inference.run_network(model.network, spectra, lambda outputs: outputs.phones).argmax(1)
+            found = acoustic_inference.run_network(
+                model.network, spectra, lambda outputs: outputs.phones
+            ).argmax(1)
             truth = classes_at_steps(spoken.phones or [], len(found))
             wrong += int((found != truth)[truth >= 0].sum())
             total += int((truth >= 0).sum())
