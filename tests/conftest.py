@@ -62,7 +62,7 @@ MEDIUM = (
     "dubbing/stages/test_render.py",
     "dubbing/sync/syncnet/",
     "dubbing/sync/test_check.py",
-    "dubbing/sync/test_hearing.py",
+    "dubbing/sync/test_sound_channels.py",
     "dubbing/workshop/synthetic/",
     "dubbing/batch/",
     "dubbing/test_packages.py",

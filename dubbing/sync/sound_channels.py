@@ -1,4 +1,4 @@
-"""The sound input of the network: log-mel, and the features of a recurrent speech network.
+"""Sound channels, an input of the sync network: log-mel, and features of a recurrent network.
 
 Letters: N samples at 16 kHz, T steps of 20 ms, D = 144 channels.
 """
@@ -11,35 +11,36 @@ from dubbing.speech.mel_features import MelFeatures
 from dubbing.speech.rnn_features import RnnFeatures
 from dubbing.speech.voice_activity import SAMPLE_RATE
 
-# Where each kind of feature stands among the channels. A member hears one of them.
-CHANNELS = {"mel": slice(0, 80), "rnn": slice(80, 144)}
+# Position of each kind of feature among the channels. A member takes one of them.
+SOUND_CHANNELS = {"mel": slice(0, 80), "rnn": slice(80, 144)}
 WIDTH = 144
-# Another take is at most this much faster or slower than the clip, pitch and formants alike.
+# Largest change of the speed of another take, in logarithms; pitch and formants change with it.
 _FASTEST = 0.12
-# Loudness of its noise under the speech, in dB.
+# Level of the speech over the noise of another take, dB.
 _SNR = (5.0, 40.0)
 _NODES = 8  # of a microphone's response
 
 
-class Hearing:
-    """Sounds as channels: (N,) to (T, D) float32. Loads the acoustic network once."""
+class SoundChannels:
+    """Extracts the channels of sounds. Loads the acoustic network once."""
 
     def __init__(self) -> None:
         self._parts = (MelFeatures(), RnnFeatures())
 
-    def __call__(self, samples: np.ndarray) -> np.ndarray:
+    def extract(self, samples: np.ndarray) -> np.ndarray:
+        """Channels (T, D) float32 of samples (N,)."""
         return np.concatenate([part.extract(samples) for part in self._parts], axis=1)
 
 
 @dataclass(frozen=True)
 class Take:
-    """A clip's sound (T, D) as if recorded otherwise; second t of the clip is t / speed here."""
+    """Channels (T, D) of another recording of a clip; second t of the clip is t / speed here."""
 
     speed: float
     sound: np.ndarray
 
 
-def another_take(samples: np.ndarray, hearing: Hearing, rng: np.random.Generator) -> Take:
+def another_take(samples: np.ndarray, channels: SoundChannels, rng: np.random.Generator) -> Take:
     """The same words in another voice, through another microphone and with noise.
 
     Both kinds of channels come from the same changed samples, as they do in a recording.
@@ -55,4 +56,4 @@ def another_take(samples: np.ndarray, hearing: Hearing, rng: np.random.Generator
     noise = np.fft.irfft(white * np.maximum(hertz, 30) ** -rng.uniform(0, 1), count)
     level = float(np.sqrt(np.mean(sound**2) / np.mean(noise**2)))
     sound = sound + noise * level * 10 ** (-rng.uniform(*_SNR) / 20)
-    return Take(speed, hearing(sound.astype(np.float32)))
+    return Take(speed, channels.extract(sound.astype(np.float32)))

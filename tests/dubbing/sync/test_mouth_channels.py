@@ -1,11 +1,11 @@
-"""What members look at: differences from the mean mouth, freed from the light."""
+"""Mouth channels: differences from the mean mouth, without the light."""
 
 import numpy as np
 import torch
 
 from dubbing.face.mouth_crop import COLUMNS, ROWS
 from dubbing.face.mouth_shape import MOUTH
-from dubbing.sync.sight import DARK, SIGHTS, look, relative, running_mean
+from dubbing.sync.mouth_channels import DARK, MOUTH_CHANNELS, mouth_channels, relative, running_mean
 from dubbing.workshop.training.sync.pixel_augmentation import vary_pixels
 from tests.dubbing.sync.made import made_crops
 
@@ -40,14 +40,16 @@ def test_a_look_has_everything_and_gaps_where_no_face_is() -> None:
     shapes[40:50] = np.nan
     crops = TALKING.copy()
     crops[40:50] = 0
-    seen = look(shapes, crops, TIMES)
+    seen = mouth_channels(shapes, crops, TIMES)
     assert seen.shape == (100, 2 * len(MOUTH) + ROWS * COLUMNS)
     assert np.isnan(seen[40:50]).all()
     assert np.isfinite(np.delete(seen, np.s_[40:50], 0)).all()
     # The empty crops are no part of the mean.
     there = np.delete(np.arange(100), np.s_[40:50])
-    assert np.array_equal(seen[there, SIGHTS["pixels"]], relative(crops[there], TIMES[there]))
-    places = [k for part in SIGHTS.values() for k in range(part.start, part.stop)]
+    assert np.array_equal(
+        seen[there, MOUTH_CHANNELS["pixels"]], relative(crops[there], TIMES[there])
+    )
+    places = [k for part in MOUTH_CHANNELS.values() for k in range(part.start, part.stop)]
     assert places == list(range(seen.shape[1]))
 
 

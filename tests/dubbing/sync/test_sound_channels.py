@@ -6,30 +6,30 @@ import pytest
 from dubbing.speech.features import features_by_name
 from dubbing.speech.mel_features import MelFeatures
 from dubbing.speech.voice_activity import STEP_RATE
-from dubbing.sync.hearing import CHANNELS, WIDTH, Hearing, Take, another_take
+from dubbing.sync.sound_channels import SOUND_CHANNELS, WIDTH, SoundChannels, Take, another_take
 from dubbing.sync.windows import take_windows
 from tests.dubbing.conftest import Speaker
 
-HEARING = Hearing()
+CHANNELS = SoundChannels()
 
 
 def test_both_kinds_of_channels_stand_where_they_belong(speaker: Speaker) -> None:
-    channels = HEARING(speaker.sound)
+    channels = CHANNELS.extract(speaker.sound)
     assert channels.shape == (200, WIDTH)
-    assert np.array_equal(channels[:, CHANNELS["mel"]], MelFeatures().extract(speaker.sound))
+    assert np.array_equal(channels[:, SOUND_CHANNELS["mel"]], MelFeatures().extract(speaker.sound))
     rnn = features_by_name("rnn").extract(speaker.sound)
-    assert np.array_equal(channels[:, CHANNELS["rnn"]], rnn)
+    assert np.array_equal(channels[:, SOUND_CHANNELS["rnn"]], rnn)
 
 
 def test_another_take_sounds_the_same_at_its_own_speed(speaker: Speaker) -> None:
     """What is spoken at second t of the clip is heard at t / speed, in both kinds of channels."""
-    clean = HEARING(speaker.sound)
+    clean = CHANNELS.extract(speaker.sound)
     for seed in (2, 3, 4):
-        take = another_take(speaker.sound, HEARING, np.random.default_rng(seed))
+        take = another_take(speaker.sound, CHANNELS, np.random.default_rng(seed))
         assert abs(take.speed - 1) > 0.01
         assert len(take.sound) == pytest.approx(len(clean) / take.speed, abs=2)
         places = np.arange(20, 160)
-        for part in CHANNELS.values():
+        for part in SOUND_CHANNELS.values():
             own = clean[places, part]
             right, wrong = (
                 take.sound[np.round(places / take.speed + shift).astype(int), part]

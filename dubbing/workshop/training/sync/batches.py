@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dubbing.sync.hearing import Take
-from dubbing.sync.sight import centred, running_mean
+from dubbing.sync.mouth_channels import centred, running_mean
+from dubbing.sync.sound_channels import Take
 from dubbing.sync.streams import MOUTH_STEP
 from dubbing.sync.windows import mouth_windows, take_windows
 from dubbing.workshop.training.sync.augmentation import mouth_sides, vary_mouth, vary_sound
@@ -74,15 +74,17 @@ class Pixels:
 
 
 class Batches:
-    """Batches of matching mouths and sounds, for a member that sees `sees`, a key of SIGHTS.
+    """Batches of matching mouths and sounds, for a member that takes `mouth_kind` channels.
 
     Items of one stretch are the hard negatives of one another, those of other clips the easy ones.
     """
 
-    def __init__(self, clips: Sequence[TalkingClip], sees: str, rng: np.random.Generator) -> None:
+    def __init__(
+        self, clips: Sequence[TalkingClip], mouth_kind: str, rng: np.random.Generator
+    ) -> None:
         self._clips = clips
         self._rng = rng
-        self._mouths = Pixels(clips) if sees == "pixels" else Lips(clips)
+        self._mouths = Pixels(clips) if mouth_kind == "pixels" else Lips(clips)
         # A person with 10 s counts in full; more of the same person helps little.
         weights = np.array([min(1.0, c.times[-1] / 10) ** 0.5 for c in clips])
         self._weights = weights / weights.sum()

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from dubbing.sync.hearing import CHANNELS
-from dubbing.sync.sight import centred
+from dubbing.sync.mouth_channels import centred
+from dubbing.sync.sound_channels import SOUND_CHANNELS
 from dubbing.sync.windows import mouth_windows, sound_windows
 from dubbing.workshop.training.sync.clips import TalkingClip
 
@@ -83,7 +83,7 @@ def fit(clips: Sequence[TalkingClip], basis: np.ndarray) -> Correlator:
     xs, ys = [], []
     for clip in clips:
         x = _mouth_side(clip, basis)
-        y = _sound_side(clip, _cepstra(clip.sound[:, CHANNELS["mel"]]), clip.offset)
+        y = _sound_side(clip, _cepstra(clip.sound[:, SOUND_CHANNELS["mel"]]), clip.offset)
         # Long clips count more, but not in proportion.
         weight = min(1.0, (400 / len(x)) ** 0.5)
         xs.append(x * weight)
@@ -103,7 +103,7 @@ def fit(clips: Sequence[TalkingClip], basis: np.ndarray) -> Correlator:
 def correlation_curve(clip: TalkingClip, basis: np.ndarray, correlator: Correlator) -> np.ndarray:
     """Correlation of mouth and sound at every lag of LAGS, (L,)."""
     curve = []
-    cepstra = _cepstra(clip.sound[:, CHANNELS["mel"]])
+    cepstra = _cepstra(clip.sound[:, SOUND_CHANNELS["mel"]])
     a = _mouth_side(clip, basis) @ correlator.mouth
     for lag in LAGS:
         b = _sound_side(clip, cepstra, float(lag)) @ correlator.sound

@@ -22,7 +22,7 @@ import numpy as np
 from dubbing.face.mouth_shape import canonical_face
 from dubbing.speech.voice_activity import STEP_RATE, at_times
 from dubbing.sync.check import SILENT_WEIGHT
-from dubbing.sync.curves import OFFSETS, REACH, CurveSum, distances
+from dubbing.sync.curves import MAX_OFFSET, OFFSETS, CurveSum, distances
 from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
 from dubbing.sync.sync_network import SyncNetwork, load_network
 from dubbing.workshop.training.sync.clips import TalkingClip, laid_on, recorded
@@ -31,8 +31,8 @@ from dubbing.workshop.training.sync.training import SyncTraining, train_network,
 
 LENGTHS = (5.0, 3.0, 2.0)
 SHIFTS = range(-10, 11)
-WIDE = REACH + max(SHIFTS)
-NEAR = slice(WIDE - REACH, WIDE + REACH + 1)
+WIDE = MAX_OFFSET + max(SHIFTS)
+NEAR = slice(WIDE - MAX_OFFSET, WIDE + MAX_OFFSET + 1)
 # Speech of the same clip counts as another moment from this many seconds on.
 APART = 2.0
 
