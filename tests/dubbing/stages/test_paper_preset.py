@@ -27,7 +27,7 @@ from dubbing.stages.finetune import MODEL_FILE, SUMMARY_FILE, finetune
 from dubbing.stages.initial_model import FinetuneSettings, init_from_base
 from tests import clips, fakes
 from tests.dfrf.people import small_config
-from tests.dfrf.published.test_method import TINY
+from tests.dfrf.published.test_paper_method import TINY
 from tests.dubbing.speech.deepspeech import graphs
 
 PAPER = FinetuneSettings(preset="paper", iterations=4, speech="mel")
