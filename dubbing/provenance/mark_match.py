@@ -18,8 +18,8 @@ from dubbing.provenance.mark import BITS, CELLS, FINE_CELLS, TILE, Code
 STEP = 0.006  # between logarithms of scales, for the whole frame
 # Parts of a frame in which the mark may lie: size, and first rows and columns, shares of the frame.
 WINDOWS = {1.0: (0.0,), 0.5: (0.0, 0.25, 0.5), 0.34: (0.0, 0.165, 0.33, 0.495, 0.66)}
-SMALLEST, LARGEST = 0.85, 1.32  # cells of a copy, of what its size would have them
-REFINE = 12  # half steps of scale to either side, to see a mark that was found more sharply
+MIN_SCALE, MAX_SCALE = 0.85, 1.32  # size of a copy's cells, over that of an unscaled copy
+REFINE = 12  # half steps of scale to either side, by which a match is refined
 PHASES = 2  # samples a cell and direction
 Window = tuple[float, float, float]  # row, column, size; shares of the frame
 WHOLE: Window = (0.0, 0.0, 1.0)
@@ -27,7 +27,7 @@ GRIDS = (1.0, CELLS / FINE_CELLS)  # scales at which marks are drawn
 
 
 @dataclass(frozen=True)
-class Sight:
+class Match:
     """S at one scale and window, at its best shift, with the 64 correlations there."""
 
     value: float = -1.0
@@ -35,47 +35,50 @@ class Sight:
     window: Window = WHOLE
     scores: np.ndarray = field(default_factory=lambda: np.zeros(BITS))
 
-    def __lt__(self, other: Sight) -> bool:
+    def __lt__(self, other: Match) -> bool:
         return self.value < other.value
 
 
-def look(
+def match_at(
     total: np.ndarray,
     spectra: np.ndarray,
     code: Code,
     scale: float,
     window: Window,
     shift: tuple[float, float] = (0.0, 0.0),
-) -> Sight:
-    """What is seen at a scale, in a window; ``shift``: of the samples, of their distance."""
-    value, found = strongest(fold(total, scale, window, shift), spectra, code)
-    return Sight(value, scale, window, found)
+) -> Match:
+    """The match at a scale, in a window; ``shift``: of the samples, a share of their distance."""
+    value, correlations = strongest(fold(total, scale, window, shift), spectra, code)
+    return Match(value, scale, window, correlations)
 
 
-def nearer(total: np.ndarray, spectra: np.ndarray, code: Code, best: Sight) -> Sight:
-    """A sight made sharper: by scales between, other windows and shifts between. For the bits."""
+def refine_match(total: np.ndarray, spectra: np.ndarray, code: Code, best: Match) -> Match:
+    """The best match with scales and shifts between the searched ones and with other windows.
+
+    It decides no more whether there is a mark, it only makes the bits surer.
+    """
     for k in range(-REFINE, REFINE + 1):
         for window in {best.window, WHOLE}:
             scale = best.scale * math.exp(k * STEP / 2)
-            best = max(best, look(total, spectra, code, scale, window))
-    for window in {window for _, window in tries()}:
-        best = max(best, look(total, spectra, code, best.scale, window))
+            best = max(best, match_at(total, spectra, code, scale, window))
+    for window in {window for _, window in candidates()}:
+        best = max(best, match_at(total, spectra, code, best.scale, window))
     for shift in ((0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):
-        best = max(best, look(total, spectra, code, best.scale, best.window, shift))
+        best = max(best, match_at(total, spectra, code, best.scale, best.window, shift))
     return best
 
 
-def tries() -> list[tuple[float, Window]]:
+def candidates() -> list[tuple[float, Window]]:
     """Scales and windows, the likeliest scales first; small windows need fewer scales."""
-    first, last = math.log(SMALLEST), math.log(LARGEST)
-    found = []
+    first, last = math.log(MIN_SCALE), math.log(MAX_SCALE)
+    logs = []
     for size, places in WINDOWS.items():
         step = STEP / size
         steps = range(math.floor(first / step), math.ceil(last / step) + 1)
         corners = [(row, column) for row in places for column in places]
-        found += [(k * step, (row, column, size)) for k in steps for row, column in corners]
-    found.sort(key=lambda place: abs(place[0]))
-    return [(grid * math.exp(log), window) for log, window in found for grid in GRIDS]
+        logs += [(k * step, (row, column, size)) for k in steps for row, column in corners]
+    logs.sort(key=lambda candidate: abs(candidate[0]))
+    return [(grid * math.exp(log), window) for log, window in logs for grid in GRIDS]
 
 
 def fold(
