@@ -105,7 +105,7 @@ class Scene:
         return self.model.grid.low.device
 
     def camera(self, frame: int) -> Camera:
-        """What a frame is seen with."""
+        """The camera of a frame."""
         c2w = torch.from_numpy(self.clip.c2w()[frame]).float().to(self.device)
         centre = torch.from_numpy(self.clip.centre[frame]).float().to(self.device)
         return Camera(c2w, float(self.clip.focal), centre, self.clip.size)
@@ -134,7 +134,7 @@ class Scene:
 
 @torch.no_grad()
 def frame_rows(scene: Scene) -> list[Row]:
-    """What a frame of `fast` is made of, means over the frames."""
+    """Times of the stages of a frame of `fast`, means over the frames."""
     frames = [parts_of(scene, frame) for frame in scene.frames]
     return [mean_row(list(rows)) for rows in zip(*frames, strict=True)]
 

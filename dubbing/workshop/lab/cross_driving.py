@@ -105,12 +105,12 @@ def measure_dub(
                     if clip.segment[k] != shot:
                         true_mesh.restart()
                         shot = clip.segment[k]
-                    found = first_of(dub_mesh(dub))
-                    truth = first_of(true_mesh(image)) if clip.valid[k] else None
-                    mouth = mouths.add(k, dub, image, found, truth)
+                    dubbed_face = first_of(dub_mesh(dub))
+                    true_face = first_of(true_mesh(image)) if clip.valid[k] else None
+                    mouth = mouths.add(k, dub, image, dubbed_face, true_face)
                     chin = ChinFigures()
-                    if found is not None:
-                        chin = chin_figures(dub, film, found[:, :2], clip.landmarks[index])
+                    if dubbed_face is not None:
+                        chin = chin_figures(dub, film, dubbed_face[:, :2], clip.landmarks[index])
                     chins.append(chin)
                     rows.append({"frame": k, "under": index, **asdict(mouth), **asdict(chin)})
                     if done in tiles.tile_frames(0, total):

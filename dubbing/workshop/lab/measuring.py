@@ -130,9 +130,15 @@ def measure(
             if k in tiles.tile_frames(first, count, every):
                 tile_rows.append(np.concatenate([image, composed]))
             if clip.valid[k]:
-                found, truth = render_mesh(composed), source_mesh(image)
-                figures.append(compare(k, composed, image, clip.landmarks[k], found, truth, lpips))
-                mouth = mouths.add(k, composed, image, first_of(found), first_of(truth))
+                rendered_meshes, true_meshes = render_mesh(composed), source_mesh(image)
+                figures.append(
+                    compare(
+                        k, composed, image, clip.landmarks[k], rendered_meshes, true_meshes, lpips
+                    )
+                )
+                mouth = mouths.add(
+                    k, composed, image, first_of(rendered_meshes), first_of(true_meshes)
+                )
                 rows.append({**asdict(figures[-1]), **asdict(mouth)})
             progress(f"frame {k - first + 1} of {count}", (k - first + 1) / count)
     write_csv(out / "frames.csv", rows)
@@ -157,8 +163,8 @@ def compare(
     composed: np.ndarray,
     image: np.ndarray,
     landmarks: np.ndarray,
-    found: list[np.ndarray],
-    truth: list[np.ndarray],
+    rendered_meshes: list[np.ndarray],
+    true_meshes: list[np.ndarray],
     lpips: Lpips | None = None,
 ) -> FrameFigures:
     """Figures of one frame; LMD is not known where a face is missed, LPIPS without its network."""
@@ -168,10 +174,11 @@ def compare(
     face = box_of(landmarks[list(FACE_OVAL)], size)
     eyes = box_of(landmarks[[*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW]], size)
     lmd = NOT_KNOWN
-    if found and truth:
+    if rendered_meshes and true_meshes:
         lips = list(OUTER_LIP)
         lmd = metrics.landmark_distance(
-            torch.from_numpy(found[0][lips, :2]), torch.from_numpy(truth[0][lips, :2])
+            torch.from_numpy(rendered_meshes[0][lips, :2]),
+            torch.from_numpy(true_meshes[0][lips, :2]),
         )
 
     def sharpness(box: Tensor) -> float:

@@ -34,7 +34,7 @@ TAIL = 0.4  # seconds of silence after the last word without a requested length
 
 @dataclass(frozen=True)
 class SpeakerTruth:
-    """What is true in each of the T frames of a clip of side S.
+    """Ground truth of each of the T frames of a clip of side S.
 
     rotation (T, 3, 3), translation (T, 3): OpenCV head pose, X_cam = R X + t, units of 10 cm,
     origin between the ears, outer eye corners 0.9 apart. A point is seen at pixel

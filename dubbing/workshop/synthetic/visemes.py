@@ -1,4 +1,4 @@
-"""What the mouth does for each phone: a table of visemes and the curves through them.
+"""Mouth shapes of phones: a table of visemes and the curves through them.
 
 Phones are IPA symbols as espeak-ng writes them. Targets lead the sound and are smoothed, as
 articulators move before the sound they make; closures (p, b, m) and the lip to tooth contact of

@@ -1,4 +1,4 @@
-"""One picture of the speaker: rays at the head, deferred shading, composition before the plate.
+"""One image of the speaker: rays at the head, deferred shading, composition before the plate.
 
 Embree finds what each pixel sees (two scenes: what never moves in the head frame, and what does).
 Skin light is blurred per colour under the skin, the key light's shadow is found on a third of the
@@ -153,7 +153,7 @@ class _Frame:
         return int(top), int(left), int(bottom), int(right)
 
     def cast(self, directions: np.ndarray) -> Hits:
-        """What rays (N, 3) in the head frame from the camera meet first."""
+        """First hits of rays (N, 3) in the head frame from the camera."""
         rays = np.ascontiguousarray(directions, np.float32)
         start = np.broadcast_to(self.pose.eye.astype(np.float32), rays.shape).copy()
         still = self.owner.still.run(start, rays, output=1)

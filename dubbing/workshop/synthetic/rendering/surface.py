@@ -1,4 +1,4 @@
-"""From what rays hit to what they see: materials of skin, hair, eyes, teeth, tongue and cavity."""
+"""Surface colour at ray hits: materials of skin, hair, eyes, teeth, tongue and cavity."""
 
 from dataclasses import dataclass
 
@@ -66,7 +66,7 @@ class Geometry:
 
 @dataclass(frozen=True)
 class View:
-    """Who looks and where to, in the head frame: camera centre (3,), gaze (2, 3), blink, lights.
+    """Viewpoint, eyes and light, in the head frame: camera centre (3,), gaze (2, 3), blink, lights.
 
     `inside` (0..1) is the light that the lips let into the mouth.
     """
@@ -114,7 +114,7 @@ class Layers:
 class Shaded:
     """albedo, light and shine (N, 3): colour = albedo * light + shine. part and label (N,).
 
-    `solid` marks what light does not scatter under (eyes, lashes, the inside of the mouth).
+    `solid` marks surfaces without subsurface scattering (eyes, lashes, the inside of the mouth).
     `label` separates materials when edges are detected.
     """
 

@@ -22,7 +22,7 @@ from dubbing.workshop.training.sync.pixel_augmentation import vary_pixels
 STRETCHES = 24
 ITEMS = 12
 # A mouth is compared with its mean over +- one of these, so that short videos work as well.
-REACHES = (1.5, 2.5, 4.0, 8.0)
+MEAN_RADII_S = (1.5, 2.5, 4.0, 8.0)
 
 
 class Stretch(NamedTuple):
@@ -38,14 +38,16 @@ class Lips:
 
     def __init__(self, clips: Sequence[TalkingClip]) -> None:
         self._clips = clips
-        self._shapes = [[centred(c.shapes, c.times, reach) for reach in REACHES] for c in clips]
+        self._shapes = [
+            [centred(c.shapes, c.times, radius) for radius in MEAN_RADII_S] for c in clips
+        ]
         self._sides = mouth_sides(clips)
 
     def draw(self, stretches: Sequence[Stretch], rng: np.random.Generator) -> Tensor:
         """Varied mouths (B, V, 2 M)."""
         mouths = []
         for index, moments, tempo in stretches:
-            shapes = self._shapes[index][rng.integers(len(REACHES))]
+            shapes = self._shapes[index][rng.integers(len(MEAN_RADII_S))]
             mouth = mouth_windows(shapes, self._clips[index].times, moments, tempo)
             mouths.append(vary_mouth(mouth, self._sides, rng))
         return torch.from_numpy(np.concatenate(mouths))
@@ -58,7 +60,7 @@ class Pixels:
         self._clips = clips
         self._crops = [c.crops.reshape(len(c.crops), -1).astype(np.float32) for c in clips]
         self._means = [
-            [running_mean(flat, clip.times, reach) for reach in REACHES]
+            [running_mean(flat, clip.times, radius) for radius in MEAN_RADII_S]
             for flat, clip in zip(self._crops, clips, strict=True)
         ]
 
@@ -69,7 +71,7 @@ class Pixels:
             times = self._clips[index].times
             mouths.append(mouth_windows(self._crops[index], times, moments, tempo))
             middle = int(np.searchsorted(times, moments[len(moments) // 2], side="right")) - 1
-            means.append(self._means[index][rng.integers(len(REACHES))][max(middle, 0)])
+            means.append(self._means[index][rng.integers(len(MEAN_RADII_S))][max(middle, 0)])
         return vary_pixels(np.stack(mouths), np.stack(means), rng)
 
 

@@ -1,4 +1,4 @@
-"""Talking heads to learn lip sync from: mouths and sounds of whole clips.
+"""Training data of the sync network: mouths and sounds of whole clips of talking people.
 
 Letters: F frames, M mouth points, R rows and C columns of a crop, N samples at 16 kHz, T sound
 steps of 20 ms, D = 144 channels.
@@ -109,12 +109,12 @@ def laid_on(
     clips = []
     for r in recordings:
         shapes = mouth_shape(r.meshes, face)
-        seen = np.isfinite(shapes).all((1, 2))
+        visible = np.isfinite(shapes).all((1, 2))
         others = tuple(another_take(r.samples, channels, rng) for _ in range(takes))
         name, sound = r.path.stem, channels.extract(r.samples)
-        clip = TalkingClip(name, shapes[seen], r.times[seen], sound, r.voice, exact=exact)
+        clip = TalkingClip(name, shapes[visible], r.times[visible], sound, r.voice, exact=exact)
         if pixels:
             crops = mouth_crops(media.read_frames(r.path), r.meshes, face)
-            clip = replace(clip, crops=crops[seen])
+            clip = replace(clip, crops=crops[visible])
         clips.append(replace(clip, takes=others))
     return clips

@@ -85,11 +85,11 @@ def changed(clip: Path, count: int, rate: float, change: Change) -> Iterator[np.
 
 def changes() -> dict[str, Change]:
     """Names of the pictures, best first, and a fresh function for each."""
-    made: dict[str, Change] = {"source": lambda frame, _: frame}
+    by_name: dict[str, Change] = {"source": lambda frame, _: frame}
     for amount in BLURS:
-        made[f"mouth blurred, {amount} widths"] = partial(blurred, amount=amount)
-    made["mouth frozen"] = Freezer()
-    return made
+        by_name[f"mouth blurred, {amount} widths"] = partial(blurred, amount=amount)
+    by_name["mouth frozen"] = Freezer()
+    return by_name
 
 
 def table(clips: Sequence[Path], seconds: float) -> str:

@@ -126,7 +126,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     from safetensors.torch import save_file
 
     save_file({"x": torch.zeros(1)}, tmp_path / "other")
-    with pytest.raises(DubbingError, match="no weights of our speech network"):
+    with pytest.raises(DubbingError, match="not weights of our speech network"):
         load_model(tmp_path / "other")
 
 
@@ -135,7 +135,7 @@ def test_weights_are_made_from_nothing(
 ) -> None:
     """The command: corpus, training and weights that the features can be made with."""
     voice = synthesis.espeak_voice("en-us")
-    monkeypatch.setattr(corpus, "teaching_voices", lambda amounts: [(voice, 6.0)])
+    monkeypatch.setattr(corpus, "training_voices", lambda amounts: [(voice, 6.0)])
     monkeypatch.setattr(corpus, "senone_posteriors", posteriors)
     clips.write_sound(tmp_path / "someone.wav", 2)
     out = tmp_path / "speech.safetensors"

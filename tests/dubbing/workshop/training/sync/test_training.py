@@ -26,7 +26,7 @@ from dubbing.workshop.training.sync.batches import Batches
 from dubbing.workshop.training.sync.clips import Recording, TalkingClip
 from dubbing.workshop.training.sync.correlation import align
 from dubbing.workshop.training.sync.evaluation import area_under_roc, embed, shifts_found
-from dubbing.workshop.training.sync.speakers import LEARNED, UNSEEN
+from dubbing.workshop.training.sync.speakers import TRAINING_SPEAKERS, UNSEEN
 from dubbing.workshop.training.sync.training import (
     SyncTraining,
     train_network,
@@ -218,7 +218,9 @@ def test_too_few_clips(tmp_path: Path) -> None:
 
 def test_the_unseen_speakers_are_others() -> None:
     for field in ("seed", "voice", "text"):
-        learned, unseen = ({getattr(p, field) for p in parts} for parts in (LEARNED, UNSEEN))
+        learned, unseen = (
+            {getattr(p, field) for p in parts} for parts in (TRAINING_SPEAKERS, UNSEEN)
+        )
         assert len(unseen) == len(UNSEEN)
         assert not learned & unseen
 

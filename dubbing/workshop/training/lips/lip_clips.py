@@ -1,4 +1,4 @@
-"""Clips of people who talk, as what is heard and what their lips do meanwhile.
+"""Training data of the lip filter: clips of talking people, as encoded sound and lip measures.
 
 Letters: F frames, T steps of 24 ms, C channels of the encoder, N samples at 16 kHz.
 """
@@ -23,7 +23,7 @@ from dubbing.workshop.training.sync.correlation import TRUSTED_PEAK, align
 
 TAKES = 3  # beside the sound as it is
 SPEEDS = (-0.12, 0.12)  # logarithm
-JUDGED = 12  # clips whose offset the sync network measures, too
+CHECKED = 12  # clips whose offset the sync network measures, too
 
 
 @dataclass(frozen=True)
@@ -39,8 +39,8 @@ class Take:
 
 
 @dataclass(frozen=True)
-class Lesson:
-    """A clip: its lips at `times` (F,), and its sound as it is, then spoilt in several ways.
+class LipClip:
+    """A clip: its lips at `times` (F,), its sound unchanged and degraded in several ways.
 
     `lips` (F, 7) of mean 0 and variance 1, `closed` (F,) 1 where lips touch.
     """
@@ -56,32 +56,34 @@ class Lesson:
         return torch.from_numpy(np.concatenate([self.lips, self.closed[:, None]], 1)).float()
 
 
-def lessons(paths: Sequence[Path], cache: Path, encoder: SpeechEncoder, seed: int) -> list[Lesson]:
-    """Measures clips of one talking person each; offsets of their sound are taken out.
+def lip_clips(
+    paths: Sequence[Path], cache: Path, encoder: SpeechEncoder, seed: int
+) -> list[LipClip]:
+    """Measures clips of one talking person each; offsets of their sound are removed.
 
     Args:
-        cache: folder; what an earlier call measured is taken from there.
+        cache: folder that keeps measured clips for later calls.
 
     Raises:
         SyncError: a clip shows no face.
         ValueError: fewer than three clips (own offsets are found by comparison).
     """
     cache.mkdir(parents=True, exist_ok=True)
-    found = [recorded(path, cache) for path in tqdm(paths, "faces")]
-    face = canonical_face(r.meshes for r in found)
-    aligned, peaks = align(laid_on(found, face, pixels=False))
+    recordings = [recorded(path, cache) for path in tqdm(paths, "faces")]
+    face = canonical_face(r.meshes for r in recordings)
+    aligned, peaks = align(laid_on(recordings, face, pixels=False))
     offsets = np.array([clip.offset for clip in aligned])
     offsets -= common_offset(paths, offsets, np.array(peaks))
     rng = np.random.default_rng(seed)
-    made = []
-    for recording, offset in zip(tqdm(found, "sounds"), offsets, strict=True):
-        made.append(lesson(recording, float(offset), encoder, rng, TAKES))
-    return made
+    return [
+        lip_clip(recording, float(offset), encoder, rng, TAKES)
+        for recording, offset in zip(tqdm(recordings, "sounds"), offsets, strict=True)
+    ]
 
 
 def common_offset(paths: Sequence[Path], offsets: np.ndarray, peaks: np.ndarray) -> float:
-    """What all offsets (C,) share, seconds, by the sync network, whose zero is known."""
-    chosen = np.argsort(-peaks)[:JUDGED]
+    """The error common to all offsets (C,), seconds, by the sync network, whose zero is known."""
+    chosen = np.argsort(-peaks)[:CHECKED]
     apart = []
     for k in tqdm(chosen.tolist(), "zero"):
         result = check(paths[k])
@@ -91,26 +93,26 @@ def common_offset(paths: Sequence[Path], offsets: np.ndarray, peaks: np.ndarray)
     return float(np.median(apart)) if apart else float(np.median(offsets))
 
 
-def lesson(
+def lip_clip(
     recording: Recording,
     offset: float,
     encoder: SpeechEncoder,
     rng: np.random.Generator,
     takes: int,
-) -> Lesson:
-    """One clip."""
-    seen = np.isfinite(recording.meshes[:, 0, 0])
-    points = recording.meshes[seen, :, :2].astype(np.float64)
-    made = [take(encoder, recording.samples)]
+) -> LipClip:
+    """A recording, measured, with so many degraded takes of its sound."""
+    visible = np.isfinite(recording.meshes[:, 0, 0])
+    points = recording.meshes[visible, :, :2].astype(np.float64)
+    encoded = [take(encoder, recording.samples)]
     for _ in range(takes):
         speed = float(np.exp(rng.uniform(*SPEEDS)))
-        made.append(take(encoder, spoilt(at_speed(recording.samples, speed), rng), speed))
-    return Lesson(
+        encoded.append(take(encoder, degraded(at_speed(recording.samples, speed), rng), speed))
+    return LipClip(
         recording.path.stem,
-        recording.times[seen] + offset,
+        recording.times[visible] + offset,
         standardised(lip_lengths(points)),
         lips_touch(points).astype(np.float64),
-        tuple(made),
+        tuple(encoded),
     )
 
 
@@ -125,7 +127,7 @@ def at_speed(samples: np.ndarray, speed: float) -> np.ndarray:
     return np.interp(np.arange(count) * speed, np.arange(len(samples)), samples).astype(np.float32)
 
 
-def spoilt(samples: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def degraded(samples: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Another microphone's tilt and, more often than not, noise 12 to 35 dB below."""
     count = len(samples)
     spectrum = np.fft.rfft(samples)
@@ -136,7 +138,7 @@ def spoilt(samples: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     if rng.random() < 0.6:
         noise = np.fft.rfft(rng.standard_normal(count))
         noise /= np.maximum(np.arange(len(noise)), 30) ** rng.uniform(0, 0.6)
-        made = np.fft.irfft(noise, count)
+        added = np.fft.irfft(noise, count)
         level = tilted.std() * 10 ** (-rng.uniform(12, 35) / 20)
-        tilted = tilted + made / made.std() * level
+        tilted = tilted + added / added.std() * level
     return tilted.astype(np.float32)
