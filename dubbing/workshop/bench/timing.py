@@ -159,20 +159,25 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     pixels = head_pixels(grid, camera)
     rays = scene.rays(frame, pixels)
     samples = march(rays, grid, settings)
-    found = samples.points.shape[0]
+    count_samples = samples.points.shape[0]
     field = volume.field.seen_from(camera.c2w[:, 3])
     note("speech code", lambda: model.field.conditioning.speech_codes(windows))
     note("project the grid", lambda: head_blocks(grid, camera), pixels.numel(), "rays")
-    note("march", lambda: march(rays, grid, settings), found, "samples")
-    note("field, every sample", lambda: evaluate(field, samples, rays), found, "samples")
+    note("march", lambda: march(rays, grid, settings), count_samples, "samples")
+    note("field, every sample", lambda: evaluate(field, samples, rays), count_samples, "samples")
     note("head, what is seen", lambda: render_frame(volume, camera), pixels.numel(), "rays")
     landmarks = scene.clip.landmarks[frame]
     region = torch.from_numpy(rendered_region(landmarks, scene.clip.size)).to(device)
     replaced = int(region.sum())
     note("head, what a dub shows", lambda: render_frame(volume, camera, region), replaced, "px")
-    seen = observations_of(scene.clip, np.array([frame]))[frame].to(device)
-    count = 7 * len(seen.pixels)
-    note("a step of a pose", lambda: normal_equations(volume, seen, camera.c2w), count, "rays")
+    observations = observations_of(scene.clip, np.array([frame]))[frame].to(device)
+    count = 7 * len(observations.pixels)
+    note(
+        "a step of a pose",
+        lambda: normal_equations(volume, observations, camera.c2w),
+        count,
+        "rays",
+    )
     (whole,) = heads.frames(*scene_arguments(scene, frame))
     (film,) = scene.clip.film_frames(frame, 1)
     head = heads.to_rgba(*whole)

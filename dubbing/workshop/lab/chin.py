@@ -80,9 +80,9 @@ def distance_to_line(points: np.ndarray, size: int) -> np.ndarray:
     return cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
 
 
-def gradient_energies(picture: np.ndarray) -> np.ndarray:
+def gradient_energies(image: np.ndarray) -> np.ndarray:
     """Squared gradient (S, S) of the luminance, 0..1, of (S, S, 3) uint8; 0 at the far edges."""
-    grey = picture.astype(np.float64) @ np.array([0.299, 0.587, 0.114]) / 255
+    grey = image.astype(np.float64) @ np.array([0.299, 0.587, 0.114]) / 255
     energy = np.zeros_like(grey)
     energy[:, :-1] += np.diff(grey, axis=1) ** 2
     energy[:-1] += np.diff(grey, axis=0) ** 2

@@ -38,7 +38,7 @@ NOT_KNOWN = float("nan")
 @dataclass(frozen=True)
 class FrameFigures:
     """One frame: PSNR in dB of the frame, the face and the mouth box, SSIM, HaarPSI, LPIPS, LMD of
-    the outer lips where they are in the picture in px at 512, and the gradient energy in the mouth
+    the outer lips where they are in the image in px at 512, and the gradient energy in the mouth
     and eye boxes as a share of the source's. What could not be measured is not a number."""
 
     frame: int
@@ -80,7 +80,7 @@ def measure(
 
     Args:
         model: a person's model.
-        clip: of the person; speech: what is heard at its frames.
+        clip: of the person; speech: the audio at its frames.
         first, count: frames to test.
         out: folder.
         every: one frame of so many is rendered and compared, its pose and speech what they are when
@@ -124,8 +124,8 @@ def measure(
             if k not in tested:
                 continue
             composed = over(*next(rendered), background)
-            for video, picture in zip(videos, (composed, image), strict=False):
-                video.write(picture)
+            for video, pixels in zip(videos, (composed, image), strict=False):
+                video.write(pixels)
             flicker.add(k, composed, image)
             if k in tiles.tile_frames(first, count, every):
                 tile_rows.append(np.concatenate([image, composed]))
@@ -154,8 +154,8 @@ def measure(
 def over(colour: Tensor, opacity: Tensor, background: np.ndarray) -> np.ndarray:
     """A rendered head, premultiplied, over a background: (S, S, 3) uint8."""
     behind = torch.from_numpy(background).float() / 255
-    picture = colour.cpu() + (1 - opacity.cpu()[..., None]) * behind
-    return (picture.clamp(0, 1) * 255).round().to(torch.uint8).numpy()
+    blended = colour.cpu() + (1 - opacity.cpu()[..., None]) * behind
+    return (blended.clamp(0, 1) * 255).round().to(torch.uint8).numpy()
 
 
 def compare(

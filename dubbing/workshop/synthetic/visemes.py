@@ -63,14 +63,14 @@ ROUNDED_FRONT = "øœyʏ"
 
 def targets(symbol: str) -> list[tuple[float, ...]]:
     """The mouth targets within one phone: one each for the parts of a diphthong or an affricate."""
-    found = []
+    shapes = []
     for letter in symbol:
         if letter in VISEMES:
             target = list(VISEMES[letter])
             if letter in ROUNDED_FRONT:
                 target[2], target[3] = -0.7, 0.8
-            found.append(tuple(target))
-    return found or [REST]
+            shapes.append(tuple(target))
+    return shapes or [REST]
 
 
 def mouth_curves(phones: list[Phone], frames: int, rate: Fraction) -> np.ndarray:

@@ -89,12 +89,12 @@ def probe_table(
         fitted = probe.fit(people, features)
         clean = fitted.left_out
         plain = clean if plain is None else plain
-        spoilt = probe.fit(people, [extract(noisy(s)) for s in sounds]).left_out
+        degraded = probe.fit(people, [extract(noisy(s)) for s in sounds]).left_out
         ahead = (clean > plain).sum(0)
         cells = [name, str(features[0].shape[1]), *(f"{v:.3f}" for v in clean.mean(0))]
         cells.append(pair((clean - plain).mean(0), "+.3f") if name != "log-mel" else "")
         cells.append(f"{ahead[0]} / {ahead[1]}" if name != "log-mel" else "")
-        cells.append(pair(spoilt.mean(0)))
+        cells.append(pair(degraded.mean(0)))
         if tests:
             series = [extract(media.read_audio(t.path)) for t in tests]
             tested = probe.unseen(fitted, tests, series)
