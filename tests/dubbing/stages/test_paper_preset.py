@@ -42,7 +42,7 @@ def _tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     trainings = presets.Trainings(
         **{
             name: replace(getattr(real.trainings, name), rays=40, frames=2)
-            for name in ("base", "finetune", "alone")
+            for name in ("base", "finetune", "from_scratch")
         }
     )
     monkeypatch.setitem(presets.PRESETS, "paper", presets.Preset(sizes, trainings))
