@@ -1,7 +1,7 @@
 """Dynamic facial radiance fields: tensors in, tensors out.
 
-The door for researchers; `docs/development/researchers.md` shows it in a few lines. What a name
-needs (torch above all) is loaded when the name is first used.
+The interface for researchers; `docs/researchers.md` shows it in a few lines. A name's modules
+(torch above all) are loaded when the name is first used.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dfrf.api import Head, fit_head, load_head, render_frame, save_head
     from dfrf.cameras import Camera
     from dfrf.config import TrainConfig
     from dfrf.data.dataset import HeadDataset
-    from dfrf.head import Head, fit_head, load_head, render_frame, save_head
-    from dfrf.method import FrameInputs
+    from dfrf.method_interface import FrameInputs
     from dfrf.training.fit import FitOptions, fit
 
 __all__ = [
@@ -34,8 +34,8 @@ _HOMES = {
     "dfrf.cameras": ["Camera"],
     "dfrf.config": ["TrainConfig"],
     "dfrf.data.dataset": ["HeadDataset"],
-    "dfrf.head": ["Head", "fit_head", "load_head", "render_frame", "save_head"],
-    "dfrf.method": ["FrameInputs"],
+    "dfrf.api": ["Head", "fit_head", "load_head", "render_frame", "save_head"],
+    "dfrf.method_interface": ["FrameInputs"],
     "dfrf.training.fit": ["FitOptions", "fit"],
 }
 

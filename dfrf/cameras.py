@@ -35,13 +35,13 @@ class Rays:
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera that takes square pictures.
+    """A camera that takes square images.
 
     Attributes:
         c2w: camera to head frame.
         focal: pixels.
         centre: principal point, (column, row).
-        size: side of the picture, pixels.
+        size: side of the image, pixels.
     """
 
     c2w: Float[Tensor, "3 4"]
@@ -65,7 +65,7 @@ def pixel_rays(
     centre: Float[Tensor, "*#B 2"],
     pixels: Float[Tensor, "*#B 2"],
 ) -> tuple[Float[Tensor, "*B 3"], Float[Tensor, "*B 3"]]:
-    """Rays through pixels; all leading dimensions are broadcast against one another.
+    """Rays through pixels; all leading dimensions are broadcast.
 
     Args:
         c2w: camera to world, one for all rays or one a ray.

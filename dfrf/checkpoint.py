@@ -1,6 +1,6 @@
 """The format of checkpoints: safetensors with a JSON header, never pickles.
 
-`head_checkpoint` keeps finished models in it, `training.run_state` runs that are not finished.
+`saved_models` writes finished models in it, `training.run_state` unfinished runs.
 """
 
 from __future__ import annotations
@@ -19,17 +19,16 @@ from safetensors.torch import save as to_bytes
 from torch import Tensor
 
 STATE_FILE = "state.safetensors"
-DIGEST = "digest"  # in its header: of all else
-# Of the settings that a kept state is compared by.
-WORDS = {"train": "training", "config": "sizes of the model", "held": "people held out"}
+DIGEST = "digest"  # header key: digest of everything else
+# Names in messages for the settings that a saved state must agree in.
+SETTING_NAMES = {"train": "training", "config": "sizes of the model", "held": "people held out"}
 
-
-# What is raised where values of a header or tensors are of another kind than they should be.
-ODD = (AttributeError, LookupError, OverflowError, RuntimeError, TypeError, ValueError)
+# Raised where a header or tensors hold other values than they should.
+MALFORMED_ERRORS = (AttributeError, LookupError, OverflowError, RuntimeError, TypeError, ValueError)
 
 
 class CheckpointError(RuntimeError):
-    """A checkpoint that cannot be used: unreadable, of another kind, or of another run."""
+    """A checkpoint that is unreadable, of another kind, or of another run."""
 
 
 def write_tensors(path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> None:
@@ -63,26 +62,26 @@ def read_tensors(path: str | Path) -> tuple[dict[str, Tensor], dict[str, Any]]:
         with safe_open(str(path), framework="pt") as file:
             metadata = file.metadata() or {}
             tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118
-    except (OSError, SafetensorError, *ODD) as error:
+    except (OSError, SafetensorError, *MALFORMED_ERRORS) as error:
         raise CheckpointError(f"{path}: cannot be read as safetensors: {error}") from error
     if "dfrf" not in metadata:
         raise CheckpointError(f"{path}: is not a checkpoint of this tool")
     try:
         header = json.loads(metadata["dfrf"])
     except (ValueError, RecursionError) as error:
-        raise CheckpointError(f"{path}: its header is no JSON: {error}") from error
+        raise CheckpointError(f"{path}: its header is not JSON: {error}") from error
     if not isinstance(header, dict):
-        raise CheckpointError(f"{path}: its header holds no keys")
+        raise CheckpointError(f"{path}: its header is not a JSON object")
     return tensors, header
 
 
 def save_state(folder: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]) -> None:
-    """Keeps the state of a run that is not finished."""
+    """Writes the state of an unfinished run."""
     write_tensors(Path(folder) / STATE_FILE, tensors, {**header, DIGEST: _digest(tensors, header)})
 
 
 def state_is_damaged(folder: str | Path) -> bool:
-    """Whether a kept state is not what was written; not where there is none."""
+    """Whether a saved state differs from what was written; False where there is none."""
     path = Path(folder) / STATE_FILE
     if not path.exists():
         return False
@@ -105,11 +104,11 @@ def _digest(tensors: Mapping[str, Tensor], header: Mapping[str, Any]) -> str:
 def load_state(
     folder: str | Path, settings: Mapping[str, Any]
 ) -> tuple[dict[str, Tensor], dict[str, Any]] | None:
-    """Tensors and header of a kept state; None where there is none.
+    """Tensors and header of a saved state; None where there is none.
 
     Args:
-        folder: where it is kept.
-        settings: what its header must hold.
+        folder: where it was saved.
+        settings: entries that its header must hold.
 
     Raises:
         CheckpointError: unreadable, damaged, or the state is of a run with other settings, which
@@ -122,6 +121,6 @@ def load_state(
     if header.pop(DIGEST, "") != _digest(tensors, header):
         raise CheckpointError(f"{path}: the state in it is damaged; remove it")
     if others := [key for key, value in settings.items() if header.get(key) != value]:
-        named = ", ".join(WORDS.get(key, key) for key in others)
+        named = ", ".join(SETTING_NAMES.get(key, key) for key in others)
         raise CheckpointError(f"{path}: holds the state of a run with other settings ({named})")
     return tensors, header

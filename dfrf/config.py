@@ -1,4 +1,4 @@
-"""Sizes and settings of the method, frozen: what a checkpoint was built with is stored beside it.
+"""Sizes and settings of the method, frozen. A checkpoint's header holds those it was built with.
 
 Lengths are in head units: 1 unit is about 10 cm (the outer eye corners lie 0.9 apart).
 """
@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 # number of steps of a fine-tune.
 FORMATS = {"fast": "dfrf-4", "paper": "dfrf-paper-1"}
 STEPS = {"fast": 1000, "paper": 40_000}
-FROM_BASE = ("fast", "fast-nowarp")  # what starts from the base of `fast`
+FROM_BASE = ("fast", "fast-nowarp")  # presets that start from the base of `fast`
 PUBLISHED_SPEECH = "deepspeech"  # the speech features of published checkpoints
 
 # Half sizes of the box round the head, head frame, y up, face towards +z. Hair reaches higher than
@@ -28,11 +28,11 @@ def family(preset: str) -> str:
     return "paper" if preset == "paper" else "fast"
 
 
-# Bounds of what a header may ask for: larger models fill the memory when they are built.
-LARGEST = 2048
-MOST = {"depth": 32, "resolution": 256, "point_octaves": 32, "direction_octaves": 32}
-LEAST = {"references": 0}
-SMALLEST, GREATEST = 1e-3, 1e6  # of what is no count
+# Bounds of the sizes in a header: larger models would fill the memory when they are built.
+MAX_SIZE = 2048
+MAX_SIZES = {"depth": 32, "resolution": 256, "point_octaves": 32, "direction_octaves": 32}
+MIN_SIZES = {"references": 0}
+MIN_FLOAT, MAX_FLOAT = 1e-3, 1e6
 
 Sizes = TypeVar("Sizes")
 
@@ -51,9 +51,9 @@ def from_plain(kind: type[Sizes], values: Any) -> Sizes:
             raise ValueError(f"{name!r:.40} is unknown")
         wanted = type(known[name])
         if wanted is float and type(value) in (int, float):
-            fits = math.isfinite(value) and SMALLEST <= value <= GREATEST
+            fits = math.isfinite(value) and MIN_FLOAT <= value <= MAX_FLOAT
         elif wanted is int and type(value) is int:
-            fits = LEAST.get(name, 1) <= value <= MOST.get(name, LARGEST)
+            fits = MIN_SIZES.get(name, 1) <= value <= MAX_SIZES.get(name, MAX_SIZE)
         else:
             fits = type(value) is wanted
         if not fits:
@@ -70,10 +70,9 @@ class FieldConfig:
         code_dim: width of the speech code A.
         expression_dim: measures of the upper face that stand beside the code.
         references: number N of references that a point is looked up in; 0 for a field without.
-        reference_pool_size: reference views that a person can have; of more than N the nearest to
-            a view are its references.
+        reference_pool_size: reference views that a person can have; a view uses the N nearest.
         use_speech: False leaves A out (a plain NeRF).
-        lip_supervision: False lets the speech networks learn from pictures, as in AD-NeRF, not
+        lip_supervision: False lets the speech networks learn from images, as in AD-NeRF, not
             from lip measures.
         use_warp: False looks references up where they project, equation (1), without (3) and (4).
         feature_dim: channels of the reference features, colour and matte (4) included.
@@ -136,17 +135,17 @@ class TrainConfig:
         learning_rate: Adam's first rate; it falls to `final_rate` times itself, along a cosine.
         warp_weight: lambda of equation (9), in the paper's units (pixels at 512).
         opacity_weight, depth_weight, distortion_weight: what keeps the density compact.
-        lip_iterations: steps of teaching the speech networks on lip measures, first of all.
+        lip_iterations: steps that train the speech networks on lip measures, before all others.
         mouth_share, eyes_share, rim_share: shares of the rays drawn round the mouth, round the eyes
             and at the head's rim.
-        outside_share: share of the rays drawn further out; what is left falls on the head.
+        outside_share: share of the rays drawn further out; the rest falls on the head.
         augment: whether each step changes how its person looks (`augmentation`).
         learn_references_every: steps between those in which the reference CNN learns; 0 never.
-        occupancy_every: steps between two looks at which cells are open.
+        occupancy_every: steps between two updates of the occupancy grid.
         checkpoint_every: steps between two saves of the state, and between two measurements on
             people held out.
-        patience: measurements on people held out without a better one that end the run.
-        seed: of everything that is drawn while training.
+        patience: number of measurements on people held out without improvement that ends the run.
+        seed: of all random numbers in training.
     """
 
     iterations: int = 1000
@@ -172,14 +171,14 @@ class TrainConfig:
     patience: int = 10
     seed: int = 0
 
-    def pauses(self, done: int) -> bool:
-        """Whether, after so many steps, the state is saved and the model is measured."""
+    def checkpoint_due(self, done: int) -> bool:
+        """Whether the state is saved and the model is measured after `done` steps."""
         return done % self.checkpoint_every == 0 or done == self.iterations
 
 
 @dataclass(frozen=True)
 class ModelConfig:
-    """A whole model: what the presets name."""
+    """Sizes of a whole `fast` model."""
 
     preset: str = "fast"
     march: MarchConfig = dataclasses.field(default_factory=MarchConfig)

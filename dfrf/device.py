@@ -6,7 +6,7 @@ from contextlib import AbstractContextManager
 
 import torch
 
-ROUND = 512
+PADDED_MULTIPLE = 512  # points
 
 
 def choose(name: str = "auto") -> torch.device:
@@ -25,10 +25,10 @@ def choose(name: str = "auto") -> torch.device:
 
 
 def has_bfloat16(device: torch.device) -> bool:
-    """Whether bfloat16 arithmetic is the faster one there, for what is done now.
+    """Whether bfloat16 arithmetic is faster on a device, with gradients on or off as they are now.
 
-    On a GPU from Ampere on, on a CPU with AMX. AVX512-BF16 alone takes longer for a product than
-    float32; learning, which moves more memory, still gains by it.
+    It is on GPUs from Ampere on and on CPUs with AMX. With AVX512-BF16 alone a product takes longer
+    than in float32; training, which moves more memory, is still faster.
     """
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported()
@@ -38,10 +38,10 @@ def has_bfloat16(device: torch.device) -> bool:
 
 
 def arithmetic(device: torch.device) -> AbstractContextManager[object]:
-    """Autocast for matrix products, where it pays.
+    """Autocast for matrix products, where it is faster.
 
-    Without the cache of rounded weights, which threads would share: gradients of the chunks are
-    added up in float32 instead of bfloat16, too.
+    Threads would share autocast's cache of rounded weights, so it is off. Gradients of the chunks
+    are therefore summed in float32 instead of bfloat16.
     """
     return torch.autocast(
         device.type, dtype=torch.bfloat16, enabled=has_bfloat16(device), cache_enabled=False
@@ -65,15 +65,15 @@ def chunk_size(device: torch.device) -> int:
     return 8192 if device.type == "cpu" else 1 << 18
 
 
-def fill(count: int) -> int:
-    """Points to add to `count` of them for a round number.
+def padding(count: int) -> int:
+    """Number of points that pads `count` to a multiple of `PADDED_MULTIPLE`.
 
     The matrix library makes a kernel for every new shape, and keeps a thousand of them.
     """
-    return -count % ROUND
+    return -count % PADDED_MULTIPLE
 
 
-def finish(device: torch.device) -> None:
-    """Waits for work that a GPU still has before it, for honest timings."""
+def synchronize(device: torch.device) -> None:
+    """Waits for a GPU's queued work, so that timings include it."""
     if device.type == "cuda":
         torch.cuda.synchronize(device)

@@ -1,4 +1,4 @@
-"""Results of threads in the order of what they were given, few of them in flight."""
+"""Results of threads in the order of their inputs, with few in flight."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Result = TypeVar("Result")
 def ordered(
     pool: Executor, work: Callable[[Item], Result], items: Iterable[Item], ahead: int
 ) -> Iterator[Result]:
-    """work(item) of each item in turn, at most `ahead` begun beyond the one that is waited for."""
+    """work(item) of each item in turn, with at most `ahead` started beyond the next result."""
     begun: deque[Future[Result]] = deque()
     for item in items:
         begun.append(pool.submit(work, item))

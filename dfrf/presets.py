@@ -13,17 +13,16 @@ from dfrf.config import (
     ModelConfig,
     TrainConfig,
 )
-from dfrf.fast.method import FastMethod
-from dfrf.fast.model import FastModel
-from dfrf.head_model import HeadModel
-from dfrf.method import Method
+from dfrf.fast.fast_method import FastMethod
+from dfrf.fast.fast_model import FastModel
+from dfrf.method_interface import Method
+from dfrf.model_interface import HeadModel
 from dfrf.published.conditioned_field import PaperConfig
-from dfrf.published.method import PaperMethod
-from dfrf.published.model import PaperModel
+from dfrf.published.paper_method import PaperMethod
+from dfrf.published.paper_model import PaperModel
 
-# The one layer of the published model whose size is that of the speech features: where a base was
-# trained with others (DeepSpeech, in a published checkpoint), a person who hears something else
-# begins with a new one.
+# The one layer of the published model whose size depends on the speech features. Where a base was
+# trained with others (DeepSpeech, in a published checkpoint), a fine-tune starts with a new layer.
 SPEECH_LAYERS = ("audio.convolutions.0.weight",)
 LIP_ITERATIONS = 400  # where the speech networks do not come from a base
 BASE_TRAINING = TrainConfig(
@@ -35,9 +34,9 @@ BASE_TRAINING = TrainConfig(
     lip_iterations=LIP_ITERATIONS,
 )
 FINETUNE = TrainConfig(iterations=STEPS["fast"], warmup=20)
-# The paper's 300,000 + 100,000 steps of 850 rays, dealt out to 17 frames so that the samples of 50
+# The paper's 300,000 + 100,000 steps of 850 rays, split over 17 frames so that the samples of 50
 # rays are all that is in memory at once. Rates as published: 5e-4 falls to .29 times that in
-# 400,000 steps, from where a person goes on.
+# 400,000 steps; a fine-tune continues from there.
 PAPER_BASE_TRAINING = TrainConfig(
     iterations=400_000,
     coarse_iterations=300_000,
@@ -68,16 +67,16 @@ class Trainings:
     Attributes:
         base: the shared base.
         finetune: a person, from a base.
-        alone: a person, from random weights.
+        from_scratch: a person, from random weights.
     """
 
     base: TrainConfig
     finetune: TrainConfig
-    alone: TrainConfig
+    from_scratch: TrainConfig
 
 
-def lasting(config: TrainConfig, iterations: int) -> TrainConfig:
-    """The same training in another number of steps, as large a part of them coarse."""
+def with_iterations(config: TrainConfig, iterations: int) -> TrainConfig:
+    """The same training with another number of steps; the share of coarse steps stays."""
     coarse = math.ceil(iterations * config.coarse_iterations / config.iterations)
     return replace(config, iterations=iterations, coarse_iterations=coarse)
 
@@ -98,13 +97,13 @@ class Preset:
 FAST_TRAININGS = Trainings(
     base=BASE_TRAINING,
     finetune=FINETUNE,
-    alone=replace(FINETUNE, lip_iterations=LIP_ITERATIONS, warmup=TrainConfig.warmup),
+    from_scratch=replace(FINETUNE, lip_iterations=LIP_ITERATIONS, warmup=TrainConfig.warmup),
 )
-# Who starts from nothing learns without the warp first, like a base.
+# From scratch the first stage trains without the warp, as for a base.
 PAPER_TRAININGS = Trainings(
     base=PAPER_BASE_TRAINING,
     finetune=PAPER_FINETUNE,
-    alone=lasting(PAPER_BASE_TRAINING, PAPER_FINETUNE.iterations),
+    from_scratch=with_iterations(PAPER_BASE_TRAINING, PAPER_FINETUNE.iterations),
 )
 PRESETS = {
     "fast": Preset(FieldConfig(), FAST_TRAININGS),
@@ -143,10 +142,10 @@ def model_config(
     Args:
         preset: its name.
         speech_dim: numbers of the speech features.
-        references: so many in every frame, always the same ones, instead of the preset's.
+        references: a fixed number of references for all frames, in place of the preset's.
 
     Raises:
-        ValueError: an unknown preset, or one whose references cannot be counted otherwise.
+        ValueError: an unknown preset, or one whose number of references is fixed.
     """
     sizes = preset_named(preset).sizes
     if isinstance(sizes, PaperConfig):
@@ -177,10 +176,10 @@ def adapt(base: HeadModel, config: ModelConfig) -> FastModel: ...
 @overload
 def adapt(base: HeadModel, config: PaperConfig) -> PaperModel: ...
 def adapt(base: HeadModel, config: ModelConfig | PaperConfig) -> FastModel | PaperModel:
-    """A model of `config` with everything it shares with a base: an ablation starts from it too.
+    """A model of `config` with all tensors that it shares with a base; ablations start from it too.
 
     Raises:
-        ValueError: a base of the other family, which shares nothing, or of other sizes.
+        ValueError: a base of the other family, which shares none, or of other sizes.
     """
     model = PaperModel(config) if isinstance(config, PaperConfig) else FastModel(config)
     if base.FAMILY != model.FAMILY:
@@ -200,7 +199,7 @@ def adapt(base: HeadModel, config: ModelConfig | PaperConfig) -> FastModel | Pap
 
 
 def method_of(model: HeadModel) -> Method[Any, Any]:
-    """How a model learns and renders.
+    """The method that trains and renders a model.
 
     Raises:
         TypeError: a model of no known kind.

@@ -1,4 +1,4 @@
-"""Threads that work side by side, each with operations of its own.
+"""Threads that work in parallel, each with operations of its own.
 
 On a CPU one operation spread over two cores gains little: its parts are milliseconds long and wait
 for one another. Two operations on one core each gain nearly a factor of two.
@@ -20,11 +20,11 @@ Result = TypeVar("Result")
 
 
 class Workers(ExitStack):
-    """A pool of threads that share the cores out among them; none on a GPU.
+    """A pool of threads that split the cores among them; no threads on a GPU.
 
     Args:
         device: where the work is done.
-        most: threads at most.
+        most: largest number of threads.
     """
 
     def __init__(self, device: torch.device, most: int) -> None:
@@ -41,7 +41,7 @@ class Workers(ExitStack):
         return self
 
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-        """Results in the order of the items, at most one a thread begun ahead of time."""
+        """Results in the order of the items; each thread works at most one item ahead."""
         if self._pool is None:
             yield from map(work, items)
             return

@@ -1,0 +1,1 @@
+"""Training data: frames of a person, rays drawn from them, references cut out of them."""

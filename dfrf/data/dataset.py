@@ -1,6 +1,6 @@
-"""What of one person is learned from: frames with everything training needs, pictures as uint8.
+"""Training data of one person: frames with everything training needs, images as uint8.
 
-T frames with pictures, C frames in a row, S the crop's side in pixels.
+T frames with images, C frames in a row, S the crop's side in pixels.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from torch import Tensor
 
 # Codes of the region map: where rays are drawn.
 OUTSIDE, RIM, HEAD, MOUTH, EYES = 0, 1, 2, 3, 4
-HEAD_MATTE = 13  # of 255: what counts as head
+HEAD_MATTE = 13  # of 255; larger values count as head
 # The measures of the upper face of a mirrored person: which measure each one is, and its sign.
 # Lids left, right, brows left, right, gaze to the right, gaze downwards.
 MIRRORED_EXPRESSION = ((1, 1), (0, 1), (3, 1), (2, 1), (4, -1), (5, 1))
@@ -33,17 +33,17 @@ class HeadDataset:
         centres: principal points, (column, row).
         expression: measures of lids, brows and gaze, 0 at rest; their order is that of
             `MIRRORED_EXPRESSION`.
-        number: which of the C frames each picture is of. Speech needs every frame, also where
-            only some are kept as pictures.
+        number: frame number, among the C, of each image. Speech needs every frame, even where
+            only some have images.
         windows: speech windows.
-        predicted_lips: lips of people in general, predicted from the sound, and what is heard, see
-            `dfrf.field.speaker_adaptation`.
+        predicted_lips: lips predicted from the sound without knowing the speaker, and features of
+            the sound, see `dfrf.field.speaker_adaptation`.
         lips: L lip measures, each of mean 0 and variance 1.
         touching: 1 where the inner lips touch.
         segment: which uncut run of the clip a frame belongs to.
         surface: rigid points of the mean face, head frame (y up).
         lip_shape: points of the lips of the mean face, head frame.
-        lip_points: how far the lips of each picture lie beside these, see `mouth_views`.
+        lip_points: positions of the lips in each image relative to these, see `mouth_pixels`.
     """
 
     name: str
@@ -67,12 +67,12 @@ class HeadDataset:
 
     @property
     def frames(self) -> int:
-        """T."""
+        """T, number of images."""
         return self.images.shape[0]
 
     @property
     def size(self) -> int:
-        """S."""
+        """S, side of the crop in pixels."""
         return self.images.shape[1]
 
 

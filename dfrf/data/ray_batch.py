@@ -1,4 +1,4 @@
-"""Rays drawn from a person's frames. T frames with pictures, B rays."""
+"""Rays drawn from a person's frames. T frames with images, B rays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dfrf.cameras import Rays, pixel_rays
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import EYES, HEAD, MOUTH, OUTSIDE, RIM, HeadDataset
 
-ALIKE = 0.25  # of a person's frames, those turned nearest to one of them
+SIMILAR_SHARE = 0.25  # share of a person's frames that count as similar in pose to one of them
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,14 @@ class RayBatch:
         return RayBatch(**moved, frames=self.frames)
 
 
-def frames_alike(dataset: HeadDataset, count: int, generator: torch.Generator) -> Int[Tensor, " F"]:
-    """Any frame of a person, and others among the `ALIKE` that show the head most nearly as it."""
+def similar_frames(
+    dataset: HeadDataset, count: int, generator: torch.Generator
+) -> Int[Tensor, " F"]:
+    """A random frame of a person, and others from the `SIMILAR_SHARE` nearest to it in pose."""
     viewpoint = F.normalize(dataset.c2w[:, :, 3], dim=-1)
     one = torch.randint(dataset.frames, (1,), generator=generator)
-    apart = (viewpoint - viewpoint[one]).norm(dim=-1)
-    alike = apart.argsort()[: max(count, round(ALIKE * dataset.frames))]
+    distance = (viewpoint - viewpoint[one]).norm(dim=-1)
+    alike = distance.argsort()[: max(count, round(SIMILAR_SHARE * dataset.frames))]
     others = torch.randint(len(alike), (count - 1,), generator=generator)
     return torch.cat([one, alike[others]])
 

@@ -8,7 +8,7 @@ from torch import Tensor
 
 from dfrf.cameras import project
 from dfrf.data.dataset import HEAD_MATTE, HeadDataset
-from dfrf.field.mouth_views import fit_reading, region
+from dfrf.field.mouth_pixels import fit_reading, region
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 
 MARGIN = 0.03  # of the crop's side, round the heads of reference views
@@ -62,15 +62,16 @@ def cut_mouths(
     Args:
         dataset: of the person.
         frames: which to take.
-        measures: of the lips of all pictures, as they are read off codes.
+        measures: lip measures of all images, on the scale of those decoded from speech codes.
     """
     middle, reach = region(dataset.lip_shape)
     corners = torch.cartesian_prod(*[torch.tensor([-1.0, 1.0])] * 3)
-    seen = project(
+    projected = project(
         middle + reach * corners, dataset.c2w[frames], dataset.focal, dataset.centres[frames]
     )
     margin = MARGIN / 2 * dataset.size
-    low, high = (seen.amin(1) - margin).floor().long(), (seen.amax(1) + margin).ceil().long()
+    low = (projected.amin(1) - margin).floor().long()
+    high = (projected.amax(1) + margin).ceil().long()
     width, height = (high - low).amax(0).clamp(max=dataset.size).tolist()
     most = torch.tensor([dataset.size - width, dataset.size - height])
     left_top = torch.minimum(low.clamp_min(0), most)

@@ -1,13 +1,13 @@
-"""Few frames that stand for all of them: k-medoids."""
+"""k-medoids: a few frames that represent all of them."""
 
 from __future__ import annotations
 
 import numpy as np
 
-EXCHANGE = 1e-9  # of the mean distance: less is rounding
+MIN_GAIN = 1e-9  # of the mean distance: a smaller one is rounding
 
 
-def medoids(apart: np.ndarray, count: int) -> list[int]:
+def medoids(distance: np.ndarray, count: int) -> list[int]:
     """Columns of a distance (F, C) that are nearest to all rows in the mean (k-medoids).
 
     One after the other is added, then exchanged for another as long as that helps (Kaufman and
@@ -18,12 +18,12 @@ def medoids(apart: np.ndarray, count: int) -> list[int]:
     while better:
         better = False
         for k in range(count):
-            rest = apart[:, chosen[:k] + chosen[k + 1 :]].min(1, initial=np.inf)
-            cost = np.minimum(rest[:, None], apart).mean(0)
+            rest = distance[:, chosen[:k] + chosen[k + 1 :]].min(1, initial=np.inf)
+            cost = np.minimum(rest[:, None], distance).mean(0)
             best = int(cost.argmin())
             if k == len(chosen):
                 chosen.append(best)
-            elif cost[best] < cost[chosen[k]] - EXCHANGE:
+            elif cost[best] < cost[chosen[k]] - MIN_GAIN:
                 chosen[k] = best
             else:
                 continue

@@ -51,9 +51,9 @@ class Aggregation(nn.Module):
         """F~ of the points, and the blend weights of the references.
 
         Args:
-            feature: read off each reference.
+            feature: of each reference at the point.
             view: differences of the directions, see `ReferenceViews.direction_differences`.
-            log_view_weight: logarithm of how much each reference counts beforehand.
+            log_view_weight: logarithm of the weight of each reference before attention.
             point: encoded points.
             conditioning: of each frame.
             belongs: 1 where a point belongs to a frame.

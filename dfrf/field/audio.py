@@ -56,7 +56,7 @@ class AudioAttNet(nn.Module):
     The published model computes the attention from the first 32 of the 64 numbers of a code.
 
     Args:
-        attended: numbers of a code that the attention looks at.
+        attended: numbers of a code that the attention is computed from.
         neighbours: K, codes in a set.
         widths: channels between the first and the last convolution.
     """

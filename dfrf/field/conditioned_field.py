@@ -1,4 +1,4 @@
-"""A field with all that it is given beside points: conditioning, references, the mouths chosen."""
+"""A field with all its inputs but points: conditioning, references, chosen mouths."""
 
 from __future__ import annotations
 
@@ -8,32 +8,32 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from dfrf.field import mouth_views
+from dfrf.field import mouth_pixels
 from dfrf.field.field import Field, FieldOutput
 from dfrf.field.reference_maps import ChosenMouths, ReferenceMaps
 
 
 @dataclass(frozen=True)
 class ConditionedField:
-    """A field with all that it needs beside points: what a renderer is given.
+    """A field with all its inputs but points, as renderers take it.
 
     Attributes:
         field: the network.
         conditioning: of each frame.
         maps: references; None for a field without them.
         warp: False in the coarse stage.
-        learned: numbers of the frames that are learned, which must not look at their own mouths;
-            None where nothing is learned.
+        training_frames: numbers of the frames in training, which must not read their own mouths;
+            None in rendering.
     """
 
     field: Field
     conditioning: Float[Tensor, "F K"]
     maps: ReferenceMaps | None
     warp: bool = True
-    learned: Int[Tensor, " F"] | None = None
+    training_frames: Int[Tensor, " F"] | None = None
 
     def seen_from(self, origin: Float[Tensor, 3]) -> ConditionedField:
-        """The same field with the references nearest to a place, head frame."""
+        """The same field with the references nearest to a viewpoint, head frame."""
         if self.maps is None:
             return self
         count = self.field.config.references
@@ -41,7 +41,7 @@ class ConditionedField:
         return replace(self, maps=replace(maps, chosen=self.chosen_mouths(origin)))
 
     def chosen_mouths(self, origin: Float[Tensor, 3]) -> tuple[ChosenMouths, ...]:
-        """The mouths that each frame looks at; none where there are none."""
+        """The mouth crops that each frame reads; empty without mouth crops."""
         if self.maps is None or self.maps.mouths is None:
             return ()
         mouths, of_all = self.maps.views.mouths, self.maps.mouths
@@ -49,10 +49,10 @@ class ConditionedField:
         codes = self.conditioning[:, : self.field.config.code_dim].detach()
         with torch.no_grad():
             lips = self.field.conditioning.lips(codes)
-        learned = [None] * len(lips) if self.learned is None else self.learned
+        frames = [None] * len(lips) if self.training_frames is None else self.training_frames
         return tuple(
-            mouth_views.nearest(mouths, of_all, wanted, origin, frame)
-            for wanted, frame in zip(lips, learned, strict=True)
+            mouth_pixels.nearest(mouths, of_all, wanted, origin, frame)
+            for wanted, frame in zip(lips, frames, strict=True)
         )
 
     def __call__(

@@ -1,7 +1,7 @@
-"""What the field is conditioned on in each frame: the speech code and the upper face.
+"""Conditioning of the field in each frame: the speech code and the upper face.
 
-The code is that of the sound, moved to where the lips of this person are read off it. F frames in
-a row, D speech features, A numbers of a code, L lip measures, U measures of the upper face.
+The code is computed from the sound, then moved so that it decodes to this person's lips. F frames
+in a row, D speech features, A numbers of a code, L lip measures, U measures of the upper face.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from dfrf.field.speaker_adaptation import LIP_MEASURES, SpeakerAdaptation
 
 
 def silence(windows: Float[Tensor, "F W D"]) -> Float[Tensor, "F 1"]:
-    """Share of the middle half of each window in which nothing is heard: all features are 0."""
+    """Share of the middle half of each window that is silent: all features are 0."""
     quarter = windows.shape[1] // 4
-    unheard = (windows[:, quarter:-quarter] == 0).all(-1)
-    return unheard.to(windows.dtype).mean(1, keepdim=True)
+    silent = (windows[:, quarter:-quarter] == 0).all(-1)
+    return silent.to(windows.dtype).mean(1, keepdim=True)
 
 
 class Conditioning(nn.Module):
     """From speech windows and the upper face to K = A + U numbers a frame.
 
     Attributes:
-        closed_mouth_target: what is read off the code where the person's mouth is closed.
-        lips: reads lip measures off the code; pictures do not use it.
-        speaker_adaptation: this person's lips, from the predicted ones; at first, just these.
+        closed_mouth_target: lip measures decoded from the code where the person's mouth is closed.
+        lips: decodes lip measures from the code.
+        speaker_adaptation: from predicted lips to this person's; at first, the identity.
     """
 
     closed_mouth_target: Float[Tensor, " L"]
@@ -61,13 +61,13 @@ class Conditioning(nn.Module):
     def project_to_lips(
         self, codes: Float[Tensor, "F A"], lips: Float[Tensor, "*B L"]
     ) -> Float[Tensor, "F A"]:
-        """Codes moved by the shortest way to where the lip measures are read off."""
+        """The nearest codes that decode to the given lip measures."""
         return codes + (lips - self.lips(codes)) @ torch.linalg.pinv(self.lips.weight).T
 
     def adapted_codes(
         self, windows: Float[Tensor, "F 8 W D"], predicted_lips: Float[Tensor, "N P"]
     ) -> Float[Tensor, "F A"]:
-        """Codes of F frames as this person speaks; N = F + 2 REACH."""
+        """Codes of F frames as this person speaks; N = F + 2 CONTEXT_FRAMES."""
         codes = self.speech_codes(windows)
         lips = self.speaker_adaptation(predicted_lips, self.closed_mouth_target)
         codes = self.project_to_lips(codes, lips)
@@ -81,9 +81,9 @@ class Conditioning(nn.Module):
         predicted_lips: Float[Tensor, "N P"],
         expression: Float[Tensor, "F U"],
     ) -> Float[Tensor, "F K"]:
-        """Conditioning of F frames in a row when their person speaks; N = F + 2 REACH.
+        """Conditioning of F frames in a row when their person speaks; N = F + 2 CONTEXT_FRAMES.
 
-        Where nothing is heard, features are 0 and the mouth is closed.
+        In silence, features are 0 and the mouth is closed.
 
         Args:
             windows: speech windows of each frame's neighbours.

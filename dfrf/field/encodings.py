@@ -6,7 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-# Octaves of the published model: query point, view direction, and what a reference is encoded from.
+# Octaves of the published model: query point, view direction, inputs of the reference CNN.
 POINT_OCTAVES = 10
 DIRECTION_OCTAVES = 4
 REFERENCE_OCTAVES = 5

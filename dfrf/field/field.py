@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from dfrf import device as devices
 from dfrf.config import FieldConfig
-from dfrf.field import mouth_views
+from dfrf.field import mouth_pixels
 from dfrf.field.aggregation import Aggregation
 from dfrf.field.conditioning import Conditioning
 from dfrf.field.encodings import encoded_size, frequency_encoding
@@ -51,25 +51,25 @@ class FieldOutput:
 
 
 def density_prior(points: Float[Tensor, "M 3"]) -> Float[Tensor, " M"]:
-    """What is added to the raw density: large inside of a mean head, negative outside."""
+    """Prior added to the raw density: large inside a mean head, negative outside."""
     centre, radii = points.new_tensor(PRIOR_CENTRE), points.new_tensor(PRIOR_RADII)
     return PRIOR_SLOPE * (PRIOR_SKIN - ((points - centre) / radii).norm(dim=-1))
 
 
-def weighty(
+def select_nonzero(
     at: Int[Tensor, " K"], weight: Float[Tensor, " K"]
 ) -> tuple[Int[Tensor, " k"], Float[Tensor, "k 1"]]:
-    """Those of the points `at` that have a weight; filled to a round number with weight 0."""
+    """The points `at` with a weight above 0, padded with weight 0 (`device.padding`)."""
     some = weight.nonzero().squeeze(1)
     at, weight = at[some], weight[some, None]
-    fill = devices.fill(len(at))
-    return torch.cat([at, at[:1].expand(fill)]), F.pad(weight, (0, 0, 0, fill))
+    padding = devices.padding(len(at))
+    return torch.cat([at, at[:1].expand(padding)]), F.pad(weight, (0, 0, 0, padding))
 
 
-def mixed(
+def blend_at(
     first: Fused, other: FusedSome, at: Int[Tensor, " k"], weight: Float[Tensor, "k 1"]
 ) -> Fused:
-    """What references show, of the points `at` a share of what others show; the first's warp."""
+    """`first` with a share `weight` of `other` blended in at the points `at`; the warp stays."""
     fused, colour, offset = first
     fused = fused.index_add(0, at, (weight * (other[0] - fused[at])).to(fused.dtype))
     return fused, colour.index_add(0, at, weight * (other[1] - colour[at])), offset
@@ -84,7 +84,7 @@ class Field(nn.Module):
         point_dim = encoded_size(3, config.point_octaves)
         direction_dim = encoded_size(3, config.direction_octaves)
         width = config.width
-        # The order of the parts is that of their random draws: another one is another model.
+        # The parts draw their random weights in this order: another order gives another model.
         self.conditioning = Conditioning(config)
         aggregated = 0
         if config.references:
@@ -108,7 +108,7 @@ class Field(nn.Module):
         conditioning: Float[Tensor, "F K"],
         warp: bool,
     ) -> tuple[Float[Tensor, "n M 2"], Float[Tensor, "n M 2"]]:
-        """Equations (1), (3) and (4): where the n views show points, pixels, and the warp."""
+        """Equations (1), (3) and (4): positions of points in the n views, pixels, and the warp."""
         projected = maps.views.project(query.points)
         offset = torch.zeros_like(projected)
         if warp and self.config.use_warp:
@@ -123,7 +123,7 @@ class Field(nn.Module):
         conditioning: Float[Tensor, "F K"],
         positions: Float[Tensor, "n M 2"],
     ) -> tuple[Float[Tensor, "M O"], Float[Tensor, "M 3"], Float[Tensor, "n M"]]:
-        """F~ of points that the n views show at positions, their colour, and blend weights."""
+        """F~ and colour of points read at positions in the n views, and blend weights."""
         feature = maps.read_bilinear(positions)
         towards = maps.views.direction_differences(query.points, query.directions)
         fused, weight = self.aggregation(
@@ -139,12 +139,12 @@ class Field(nn.Module):
     def sample_mouths(
         self, query: FieldQuery, mouths: ChosenMouths, conditioning: Float[Tensor, "F K"]
     ) -> tuple[Float[Tensor, "M O"], Float[Tensor, "M 3"], Float[Tensor, "n M"]]:
-        """What n views of mouths show of points, and their blend weights.
+        """F~ and colour of points from n mouth views, and blend weights.
 
-        Their motion is measured and stands in for what D_eta has to guess.
+        The motion of lips is measured, so it replaces the warp that D_eta predicts.
         """
         points = query.points
-        positions = mouths.maps.views.project(points) + mouth_views.moved(mouths, points)
+        positions = mouths.maps.views.project(points) + mouth_pixels.moved(mouths, points)
         return self.aggregate(query, mouths.maps, conditioning, positions)
 
     def fuse_references(
@@ -153,19 +153,19 @@ class Field(nn.Module):
         maps: ReferenceMaps,
         conditioning: Float[Tensor, "F K"],
         warp: bool,
-        of_mouths: Float[Tensor, " M"],
+        mouth_share: Float[Tensor, " M"],
     ) -> Fused:
-        """What the references show of points; their share of it is read off views of mouths."""
+        """F~ and colour of points from the references, blended with mouth views by their share."""
         positions, offset = self.locate(query, maps, conditioning, warp)
-        fused, colour, _ = self.aggregate(query, maps, conditioning, positions)
-        seen = fused, colour, offset
-        near = of_mouths.nonzero().squeeze(1)
+        features, colour, _ = self.aggregate(query, maps, conditioning, positions)
+        fused = features, colour, offset
+        near = mouth_share.nonzero().squeeze(1)
         for frame, chosen in enumerate(maps.chosen):
-            at, weight = weighty(near, of_mouths[near] * query.belongs[near, frame])
+            at, weight = select_nonzero(near, mouth_share[near] * query.belongs[near, frame])
             if len(at):
                 mouth = self.sample_mouths(query.only(at), chosen, conditioning)
-                seen = mixed(seen, mouth, at, weight)
-        return seen
+                fused = blend_at(fused, mouth, at, weight)
+        return fused
 
     def query(
         self,
@@ -204,7 +204,7 @@ class Field(nn.Module):
         query = self.query(points, directions, frame, conditioning)
         parts, offset = [query.encoded], points.new_zeros(0, points.shape[0], 2)
         if maps is not None:
-            share = mouth_views.share(maps, points)
+            share = mouth_pixels.share(maps, points)
             fused, blended, offset = self.fuse_references(query, maps, conditioning, warp, share)
             parts.append(fused.to(query.encoded.dtype))
         # Equation (7): colour and density = F_theta(p, d, A, F~).
@@ -222,8 +222,8 @@ class Field(nn.Module):
         own = raw[..., :3].sigmoid()
         if maps is None:
             return FieldOutput(density, own, offset)
-        # A colour of the field's own is soft, which costs less than teeth in a wrong place. Where
-        # lips are moved further than any that were learned, it is white beside them.
-        near = mouth_views.nearness(maps, points)[:, None]
+        # The field's own colour is blurred: in training that costs less than misplaced teeth. Where
+        # lips move further than in training, it turns white beside them. So it is unused there.
+        near = mouth_pixels.nearness(maps, points)[:, None]
         gate = torch.lerp((raw[..., 3:] + 2).sigmoid(), raw.new_ones(()), near)
         return FieldOutput(density, gate * blended + (1 - gate) * own, offset)

@@ -11,8 +11,8 @@ from torch import Tensor
 def per_point(values: Float[Tensor, "F K"], belongs: Float[Tensor, "M F"]) -> Float[Tensor, "#M K"]:
     """Values of frames for each point; one row for all where there is one frame.
 
-    A product with `belongs` instead of an index: the gradient of indexing is added up by several
-    threads in any order, and training would not be the same twice.
+    A product with `belongs` instead of an index: several threads would sum the gradient of indexing
+    in any order, and training would not be deterministic.
     """
     return values if values.shape[0] == 1 else belongs @ values
 

@@ -18,14 +18,14 @@ from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.sharpening import sharpened
 
 COLOUR = slice(0, 3)  # of the features of a reference
-MATTE_AND_COLOUR = 4  # channels that are not learned
+MATTE_AND_COLOUR = 4  # channels that are copied, not computed by the network
 
 
 class ReferenceEncoder(nn.Module):
     """Two 3x3 convolutions without down-sampling, then a linear layer a pixel.
 
-    The first four channels of the result are the colour, sharpened, and the matte themselves, so
-    that the field can blend what the references really show.
+    The first four channels of the result are the sharpened colour and the matte themselves, so that
+    the field can blend the references' own colours.
     """
 
     def __init__(self, config: FieldConfig) -> None:
@@ -42,7 +42,7 @@ class ReferenceEncoder(nn.Module):
         table = torch.cat([self.features(image, matte).flatten(0, 2) for image, matte in pairs])
         maps = ReferenceMaps.of(table, views)
         if views.mouths is not None:
-            with torch.no_grad():  # they teach the network nothing: a person's is at rest
+            with torch.no_grad():  # people with mouth crops are fine-tuned, without this network
                 maps = replace(maps, mouths=self(views.mouths.views))
         return maps
 

@@ -1,6 +1,6 @@
-"""Reference views of a person, and the features read off them.
+"""Feature maps of a person's reference views.
 
-N references of H x W pixels, n of them looked at, C feature channels, M points, Q lip points.
+N references of H x W pixels, n of them read, C feature channels, M points, Q lip points.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from torch import Tensor
 from dfrf import device as devices
 from dfrf.field.reference_views import ReferenceViews
 
-# Power by which a view's weight falls with its turn, to nothing at the first view left out.
+# Power by which a view's weight falls with its angle, to 0 at the first view left out.
 FADE = 6
-LEAST_WEIGHT = 1e-4  # of a view, whose logarithm is taken
+MIN_WEIGHT = 1e-4  # of a view: its logarithm is taken
 
 
 def bilinear_rows(
@@ -34,7 +34,7 @@ def bilinear_rows(
     Returns:
         Rows, and weights, differentiable in the points.
     """
-    # Not a number would become any index: the loss reports it, nothing outside the table is read.
+    # NaN would become an arbitrary index: the loss reports it, nothing outside the table is read.
     column, row = points.nan_to_num().unbind(-1)
     column, row = column.clamp(0, width - 1), row.clamp(0, height - 1)
     left = column.detach().floor().clamp_(max=width - 2)
@@ -53,11 +53,11 @@ class ReferenceMaps:
     Attributes:
         table: features of all pixels of all references, row-major.
         height, width: of a reference, pixels.
-        views: the views that are looked at, some of those in the table.
-        number: which of the table's each of them is.
-        log_view_weight: logarithm of how much each view counts, where all else is equal.
+        views: the views that are read, some of those in the table.
+        number: index of each of them in the table.
+        log_view_weight: logarithm of the weight of each view before attention.
         mouths: maps of `views.mouths`; None without.
-        chosen: of those, for each frame of a batch, the ones it looks at; none before the choice.
+        chosen: the mouth crops that each frame of a batch reads; empty before the choice.
     """
 
     table: Float[Tensor, "R C"]
@@ -77,7 +77,7 @@ class ReferenceMaps:
         return cls(table, height, width, views, number, torch.zeros(count, device=table.device))
 
     def select_nearest_views(self, origin: Float[Tensor, 3], count: int) -> ReferenceMaps:
-        """Those of `count` references that show the head most nearly as it is seen from `origin`.
+        """The `count` references whose viewpoints are nearest to `origin`.
 
         The weight of a view fades before another takes its place, so that nothing jumps while a
         head turns.
@@ -87,18 +87,18 @@ class ReferenceMaps:
             count: of views.
 
         Returns:
-            Maps with the same table, whose views have no pictures any more.
+            Maps with the same table, whose views have no images.
         """
-        seen_from = F.normalize(self.views.c2w[:, :, 3], dim=-1)
-        if len(seen_from) <= count:
+        viewpoints = F.normalize(self.views.c2w[:, :, 3], dim=-1)
+        if len(viewpoints) <= count:
             return self
-        turned = (seen_from - F.normalize(origin, dim=0)).norm(dim=-1)
+        turned = (viewpoints - F.normalize(origin, dim=0)).norm(dim=-1)
         turned, nearest = turned.topk(count + 1, largest=False)
-        weight = 1 - (turned[:-1] / turned[-1].clamp_min(LEAST_WEIGHT)) ** FADE
-        return self.only(nearest[:-1], weight.clamp_min(LEAST_WEIGHT).log())
+        weight = 1 - (turned[:-1] / turned[-1].clamp_min(MIN_WEIGHT)) ** FADE
+        return self.only(nearest[:-1], weight.clamp_min(MIN_WEIGHT).log())
 
     def only(self, chosen: Int[Tensor, " k"], log_view_weight: Float[Tensor, " k"]) -> Self:
-        """Some of the views, with the same table and no pictures any more."""
+        """Some of the views, with the same table and without images."""
         views = self.views
         return replace(
             self,
@@ -118,10 +118,10 @@ class ReferenceMaps:
         return self.number[:, None] * (self.height * self.width)
 
     def read_nearest(self, positions: Float[Tensor, "n M 2"]) -> Float[Tensor, "n M C"]:
-        """Features of the pixels nearest to positions, as they were stored.
+        """Features of the pixels nearest to positions, without a gradient.
 
-        Nothing is learned through them: the published code feeds the warp with features that it
-        does not train, and so do we. Their gradient would cost a second look-up and taught nothing.
+        The published code feeds the warp with features that it does not train, and so do we. A
+        gradient would cost a second look-up and improved nothing.
         """
         limit = positions.new_tensor([self.width - 1, self.height - 1])
         pixel = torch.minimum(positions.round().clamp_min(0), limit).long()
@@ -147,7 +147,7 @@ class ReferenceMaps:
 
     @property
     def features(self) -> Float[Tensor, "R C"]:
-        """The table, through which the CNN learns."""
+        """The table, through which gradients reach the CNN."""
         return self.table
 
     def with_features(self, features: Float[Tensor, "R C"]) -> Self:
@@ -157,11 +157,11 @@ class ReferenceMaps:
 
 @dataclass(frozen=True)
 class ChosenMouths:
-    """The few crops that a frame looks at.
+    """The few mouth crops that a frame reads.
 
     Attributes:
         maps: of these.
-        at: points of the lips where they are wanted, x and y in the head frame.
+        at: wanted positions of points of the lips, x and y in the head frame.
         motion: weights of Gaussians round these points, whose sum moves them to where each crop
             shows them, pixels of the crop.
     """

@@ -1,8 +1,7 @@
-"""Pictures of a person that a field looks at: whole references, and crops round the mouth.
+"""Images of a person that a field reads: whole references, and crops round the mouth.
 
-N references of H x W pixels, P crops, M points; L lip measures, Q points of the lips, I = L + 4
-numbers of where these are. Where lips are is how far they lie beside those of the mean face,
-right and down in the picture, head units.
+N references of H x W pixels, P crops, M points; L lip measures, Q points of the lips, I = L + 4.
+Positions of lips are relative to those of the mean face, right and down in the image, head units.
 """
 
 from __future__ import annotations
@@ -22,12 +21,12 @@ class ReferenceViews:
     """Reference frames, cut to the head, before the CNN.
 
     Attributes:
-        images, mattes: P of them: all N, or none once their features are at hand.
+        images, mattes: P of them: all N, or none once their features are computed.
         c2w: camera to head frame.
         focal: pixels.
         centres: principal points of the cut, (column, row).
         scale: pixels of the reference for one pixel at a 512 crop (the unit of the warp).
-        mouths: crops round many mouths, see `mouth_views`; None without.
+        mouths: crops round the mouth in many frames, see `mouth_pixels`; None without.
     """
 
     images: UInt8[Tensor, "P H W 3"]
@@ -50,15 +49,15 @@ class ReferenceViews:
         )
 
     def project(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, "N M 2"]:
-        """Equation (1): where the views see points."""
+        """Equation (1): positions of points in the views, pixels."""
         return project(points, self.c2w, self.focal, self.centres)
 
     def direction_differences(
         self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]
     ) -> Float[Tensor, "N M 4"]:
-        """How unit directions differ from those in which the views see the points.
+        """Differences of unit directions and the views' directions to the points.
 
-        The difference of the two, then the cosine of the angle between them.
+        The difference of the two vectors, then the cosine of the angle between them.
         """
         towards = F.normalize(points - self.c2w[:, None, :, 3], dim=-1)
         return torch.cat([directions - towards, (directions * towards).sum(-1, keepdim=True)], -1)
@@ -70,11 +69,12 @@ class MouthViews:
 
     Attributes:
         views: the crops.
-        lips: where they are in each.
+        lips: positions of the lips in each.
         shape: points of the lips of the mean face, head frame.
-        reading: from lip measures and a viewpoint to where lips are, rows of weights, then a bias.
-        frames: number of each crop among the learned frames.
-        measured: where lips are in all T learned frames; none once all is learned.
+        reading: linear map from lip measures and a viewpoint to positions of the lips: I - 1 rows
+            of weights, then a bias.
+        frames: number of each crop among the training frames.
+        measured: positions of the lips in all T training frames; empty after training.
     """
 
     views: ReferenceViews

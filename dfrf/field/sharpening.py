@@ -1,4 +1,4 @@
-"""Sharpening: what a kernel takes back of a blur whose spread is known.
+"""Sharpening by a kernel that undoes a blur of known spread.
 
 N images of H x W pixels.
 """
@@ -10,7 +10,7 @@ import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-BILINEAR_SPREAD = 1 / 3  # px^2 along an axis, by which references are blurred on their way
+BILINEAR_SPREAD = 1 / 3  # px^2 along an axis, by which reading references blurs them
 
 
 def sharpened(
@@ -18,9 +18,9 @@ def sharpened(
 ) -> Float[Tensor, "N H W 3"]:
     """Images that are as sharp as before once they have been blurred by `spread`.
 
-    Reading between pixels spreads each of them by 1/6 px^2 in the mean, and references that are a
-    little misplaced spread it about as much again. The kernel (-s/2, 1 + s, -s/2) has the variance
-    -s and takes that back. Values may leave 0..1 at edges. Outside the images their border goes on.
+    Reading between pixels spreads each of them by 1/6 px^2 in the mean, and slightly misplaced
+    references spread it about as much again. The kernel (-s/2, 1 + s, -s/2) has the variance -s and
+    undoes that. Values may leave 0..1 at edges. The border is replicated outside the images.
 
     Args:
         images: colours.

@@ -1,10 +1,10 @@
-"""How one person's lips follow speech, learned from the seconds of that person.
+"""Speaker adaptation: how one person's lips follow speech, fitted to that person's clip.
 
-What the lips of people in general would do is predicted from the sound, outside of this package: L
-lip measures and a score that rises where lips touch. Beside them stand H numbers of what is heard.
-How this person's lips differ from the prediction, and how often they touch, a few seconds show.
+A network outside this package predicts lips from the sound without knowing the speaker: L lip
+measures and a score that rises where lips touch. H features of the sound come with them. The fit
+finds how this person's lips differ from the prediction, and how often they touch.
 
-C frames in a row, F of them adapted, P = L + 1 + H numbers a frame, R = REACH frames to each side.
+C frames in a row, F of them adapted, P = L + 1 + H numbers a frame, R = CONTEXT_FRAMES.
 """
 
 from __future__ import annotations
@@ -20,23 +20,25 @@ TOUCHING = LIP_MEASURES  # place of the score among the predicted numbers
 PREDICTED = LIP_MEASURES + 1
 HEARD = 32
 NUMBERS = PREDICTED + HEARD
-NEIGHBOURS = 2  # frames to each side that are heard for a frame's lips
-SMOOTHING = (0.25, 0.5, 0.25)  # of the score over neighbouring frames: no lips twitch
-REACH = NEIGHBOURS + len(SMOOTHING) // 2  # frames to each side that count for a frame's lips
+NEIGHBOURS = 2  # frames to each side that a frame's lips are predicted from
+SMOOTHING = (0.25, 0.5, 0.25)  # of the score over neighbouring frames: lips must not twitch
+CONTEXT_FRAMES = (
+    NEIGHBOURS + len(SMOOTHING) // 2
+)  # frames to each side that count for a frame's lips
 OWN = slice(NEIGHBOURS * NUMBERS, NEIGHBOURS * NUMBERS + PREDICTED)  # in a row of neighbours
-# Weight of the prediction, in frames, for each of its numbers; chosen on people left out. A few
+# Weight of the prediction, in frames, for each of its numbers; chosen on held-out people. A few
 # frames determine the width badly.
 PRIOR = (1000.0, 1000.0, 1000.0, 3000.0, 1000.0, 1000.0, 1000.0, 1000.0)
-PARTS = 4  # of the frames; the answers for each are learned from the others
-OPEN = 1.0  # what an opening of one spread takes off the score of touching lips
-SOFTNESS = 0.2  # of the score's spread: from half closed to closed
+FOLDS = 4  # of the cross-validation over the frames
+OPEN = 1.0  # how much an opening of one standard deviation lowers the score of touching lips
+SOFTNESS = 0.2  # of the score's standard deviation: from half closed to closed
 ROUNDS = 8
 CLOSED_SHARE = 0.05  # of the frames, the least open ones: a closed mouth
 NEVER = (0.0, 0.0, -1e4)  # a score that is never reached
 
 
 def rows_of_neighbours(values: Float[Tensor, "N K"]) -> Float[Tensor, "M RK"]:
-    """Numbers of N = M + 2 NEIGHBOURS frames in a row: each frame's with those of its neighbours.
+    """Rows that join the numbers of each frame and its neighbours, from N = M + 2 NEIGHBOURS.
 
     Returns:
         (2 NEIGHBOURS + 1) K numbers a frame, the earliest first.
@@ -44,14 +46,14 @@ def rows_of_neighbours(values: Float[Tensor, "N K"]) -> Float[Tensor, "M RK"]:
     return values.unfold(0, 2 * NEIGHBOURS + 1, 1).mT.flatten(1)
 
 
-def extended(values: Float[Tensor, "C K"], frames: int = REACH) -> Float[Tensor, "N K"]:
-    """The same with the first and the last frame some times more, N = C + 2 frames."""
+def extended(values: Float[Tensor, "C K"], frames: int = CONTEXT_FRAMES) -> Float[Tensor, "N K"]:
+    """Values with the first and the last frame repeated `frames` times, N = C + 2 frames."""
     first, last = values[:1].expand(frames, -1), values[-1:].expand(frames, -1)
     return torch.cat([first, values, last])
 
 
 def smoothed(score: Float[Tensor, " M"]) -> Float[Tensor, " F"]:
-    """The score of touching lips over neighbouring frames, M = F + 2."""
+    """The score of touching lips, smoothed over neighbouring frames, M = F + 2."""
     wide: Tensor = F.conv1d(score[None, None], score.new_tensor(SMOOTHING)[None, None])
     return wide.view(-1)
 
@@ -74,11 +76,11 @@ def closed_mouth(lips: Float[Tensor, "C L"]) -> Float[Tensor, " L"]:
 def closure_score(
     smooth: Float[Tensor, " C"], opening: Float[Tensor, " C"], touching: float
 ) -> Float[Tensor, 3]:
-    """The score by which lips touch in a share `touching` of the frames; see `SpeakerAdaptation`.
+    """Numbers of `SpeakerAdaptation.score` so that lips touch in a share `touching` of the frames.
 
     Args:
-        smooth: score over neighbouring frames.
-        opening: of mean 0 and spread 1.
+        smooth: smoothed score.
+        opening: of mean 0 and variance 1.
     """
     if not touching:
         return smooth.new_tensor(NEVER)
@@ -89,15 +91,15 @@ def closure_score(
 
 
 class SpeakerAdaptation(nn.Module):
-    """This person's lips, from those of people in general: a linear map, and where they touch.
+    """From predicted lips to this person's: a linear map, and closures where lips touch.
 
     Lips touch where the score is high, less so where the linear map opens them further.
 
     Attributes:
-        linear: from what is predicted and heard in a frame and its neighbours to this person's lip
-            measures and score; at first, just what is predicted.
-        score: two numbers that the score of a frame and its opening are multiplied by, and a third
-            that is added; lips are half closed at 0, more so above.
+        linear: from the predicted lips and sound features of a frame and its neighbours to this
+            person's lip measures and score; at first, the prediction itself.
+        score: factors of the score and of the opening of a frame, and an offset; lips are half
+            closed where the sum is 0, more closed above.
     """
 
     score: Float[Tensor, 3]
@@ -117,9 +119,9 @@ class SpeakerAdaptation(nn.Module):
         """The person's lips in F frames.
 
         Args:
-            predicted: what is predicted and heard in these frames and in those beside them, N = F +
-                2 R.
-            closed: their measures where their mouth is closed.
+            predicted: predicted lips and sound features of these frames and of R to each side,
+                N = F + 2 R.
+            closed: lip measures of the closed mouth.
         """
         answer = self.linear(rows_of_neighbours(predicted))
         lips = answer[1:-1, :LIP_MEASURES]
@@ -136,14 +138,15 @@ class SpeakerAdaptation(nn.Module):
         mean: Float[Tensor, " L"],
         spread: Float[Tensor, " L"],
     ) -> None:
-        """Learns from frames of the person.
+        """Fits the adaptation to frames of the person.
 
-        A ridge regression of what is left when lips are taken as predicted. Its answers, closures
-        among them, get the given mean and spread: a regression alone would open the mouth less than
-        the person does. Mean, spread and score are found on answers for frames that were not
-        learned from; the regression knows its own frames too well.
+        A ridge regression predicts the difference of the person's lips from the predicted ones. Its
+        answers, closures included, are scaled to the given mean and spread: a regression alone
+        would open the mouth less than the person does. Scale and score are computed on held-out
+        answers, because the regression overfits its own frames.
 
         Args:
+            predicted: predicted lips and sound features.
             lips: measured, of mean 0 and variance 1.
             touching: 1 where the person's lips touch.
             mean, spread: of the answers.
@@ -173,14 +176,14 @@ class SpeakerAdaptation(nn.Module):
         weight = (weight * factor).T
         self.linear.weight.copy_(weight)
         self.linear.bias.copy_(moved - weight @ middle.repeat(2 * NEIGHBOURS + 1))
-        # The score was found for an opening of mean 0 and spread 1.
+        # The score was computed for an opening of mean 0 and variance 1.
         score[1] /= scale[OPENING] * spread[OPENING].to(scale)
         score[2] -= score[1] * moved[OPENING]
         self.score.copy_(score)
 
 
 def ridge(near: Float[Tensor, "C RP"], rest: Float[Tensor, "C S"]) -> Float[Tensor, "RP S"]:
-    """Weights that give what is left of S predicted numbers, held to 0 by their priors."""
+    """Weights of a ridge regression of S numbers `rest`, each with its own prior."""
     square, product = near.T @ near, near.T @ rest
     weight = torch.zeros_like(product)
     for k, prior in enumerate(PRIOR):
@@ -192,26 +195,26 @@ def ridge(near: Float[Tensor, "C RP"], rest: Float[Tensor, "C S"]) -> Float[Tens
 def held_out_answers(
     near: Float[Tensor, "C RP"], rest: Float[Tensor, "C S"]
 ) -> Float[Tensor, "C S"]:
-    """Answers of the ridge regression for each part of the frames, learned from the other parts."""
-    part = torch.arange(len(near), device=near.device) * PARTS // len(near)
-    made = torch.zeros_like(rest)
-    for k in range(PARTS):
-        own = part == k
+    """Answers of the ridge regression for each fold of the frames, fitted on the other folds."""
+    fold = torch.arange(len(near), device=near.device) * FOLDS // len(near)
+    answers = torch.zeros_like(rest)
+    for k in range(FOLDS):
+        own = fold == k
         if own.any() and not own.all():
-            made[own] = near[own] @ ridge(near[~own], rest[~own])
-    return made
+            answers[own] = near[own] @ ridge(near[~own], rest[~own])
+    return answers
 
 
 def standardising(
     answer: Float[Tensor, "C L"], share: Float[Tensor, " C"], closed: Float[Tensor, " L"]
 ) -> tuple[Float[Tensor, " L"], Float[Tensor, " L"]]:
-    """What to multiply answers by and to add, so that lips with closures have mean 0, variance 1.
+    """Scale and shift of answers so that lips with closures have mean 0 and variance 1.
 
-    Closed lips count in both, so a few rounds find what the rest needs.
+    Closed lips count in both and do not change, so the solution is found iteratively.
     """
     scale, shift = torch.ones(LIP_MEASURES).to(answer), torch.zeros(LIP_MEASURES).to(answer)
     for _ in range(ROUNDS):
-        made = with_closures(answer * scale + shift, share, closed)
-        scale = scale * (1 / made.std(0).clamp_min(1e-3)).clamp(0.5, 2)
-        shift = shift - made.mean(0)
+        lips = with_closures(answer * scale + shift, share, closed)
+        scale = scale * (1 / lips.std(0).clamp_min(1e-3)).clamp(0.5, 2)
+        shift = shift - lips.mean(0)
     return scale, shift

@@ -44,7 +44,7 @@ class Warp(nn.Module):
             point: encoded points.
             conditioning: of each frame.
             belongs: 1 where a point belongs to a frame.
-            feature: what each reference shows where the point projects.
+            feature: of each reference where the point projects.
         """
         shared = self.point(point) + per_point(self.conditioning(conditioning), belongs)
         # Equation (3): (du, dv) = D_eta(p, A, F_n(u, v)).
@@ -59,7 +59,7 @@ def warped(
     """Equation (4): (u', v') = (u + du, v + dv).
 
     Args:
-        positions: where the references see the points, pixels of the reference.
+        positions: projections of the points into the references, pixels of the reference.
         offset: pixels at 512.
         scale: pixels of the reference for one pixel at 512.
     """

@@ -1,0 +1,1 @@
+"""Metrics of rendered images and of lip motion."""

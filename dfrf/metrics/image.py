@@ -1,4 +1,4 @@
-"""How good a picture is, beside the picture it should be. Images are float, 0..1, (H, W, 3)."""
+"""Image metrics: an image compared with the ground truth. Images are float, 0..1, (H, W, 3)."""
 
 from __future__ import annotations
 
@@ -53,12 +53,12 @@ def haarpsi(image: Tensor, truth: Tensor) -> float:
     """Haar wavelet perceptual similarity, 0..1 (Reisenhofer et al. 2018); 1 for equal images.
 
     Edges of 2 and 4 px (at half the resolution, as from a viewer's distance) are compared where
-    edges of 8 px are in either image, and the colours beside them. Images of 2 px a side will do.
+    either image has edges of 8 px, and so are the colours. Images have at least 2 px a side.
     """
     pair = torch.stack([image, truth]).double() * 255
     channels = (pair @ pair.new_tensor(YIQ).T).unbind(-1)
-    mean = pair.new_full((2, 2), 0.25)
-    luminance, *colour = (_correlated(channel, mean, stride=2) for channel in channels)
+    box = pair.new_full((2, 2), 0.25)
+    luminance, *colour = (_correlated(channel, box, stride=2) for channel in channels)
     similar, weights = [], []
     for turned in (False, True):
         edges = [
@@ -67,14 +67,14 @@ def haarpsi(image: Tensor, truth: Tensor) -> float:
         ]
         similar.append((_alike(edges[0]) + _alike(edges[1])) / 2)
         weights.append(edges[2].amax(0))
-    orange, purple = (_alike(_correlated(channel, mean).abs()) for channel in colour)
+    orange, purple = (_alike(_correlated(channel, box).abs()) for channel in colour)
     similar.append((orange + purple) / 2)
     weights.append((weights[0] + weights[1]) / 2)
     weight = torch.stack(weights)
     if not weight.any():  # two black images
         return 1.0
-    seen = (torch.sigmoid(HAARPSI_ALPHA * torch.stack(similar)) * weight).sum() / weight.sum()
-    return float((torch.logit(seen) / HAARPSI_ALPHA) ** 2)
+    mean = (torch.sigmoid(HAARPSI_ALPHA * torch.stack(similar)) * weight).sum() / weight.sum()
+    return float((torch.logit(mean) / HAARPSI_ALPHA) ** 2)
 
 
 def _haar(side: int) -> Tensor:
@@ -94,19 +94,19 @@ def _correlated(images: Tensor, kernel: Tensor, stride: int = 1) -> Tensor:
 
 
 def _alike(pair: Tensor) -> Tensor:
-    """How alike two magnitudes (2, H, W) are, 0..1."""
+    """Similarity of two magnitudes (2, H, W), 0..1."""
     a, b = pair
     return (2 * a * b + HAARPSI_C) / (a**2 + b**2 + HAARPSI_C)
 
 
 def gradient_energy(image: Tensor) -> float:
-    """Mean squared gradient of the luminance: how sharp a picture is."""
+    """Mean squared gradient of the luminance: how sharp an image is."""
     grey = image.double() @ torch.tensor([0.299, 0.587, 0.114], dtype=torch.float64)
     across = grey[:, 1:] - grey[:, :-1]
     down = grey[1:] - grey[:-1]
     return float((across**2).mean() + (down**2).mean())
 
 
-def landmark_distance(found: Tensor, truth: Tensor) -> float:
+def landmark_distance(rendered: Tensor, truth: Tensor) -> float:
     """LMD: mean distance of landmarks (L, 2), pixels."""
-    return float((found.double() - truth.double()).norm(dim=-1).mean())
+    return float((rendered.double() - truth.double()).norm(dim=-1).mean())

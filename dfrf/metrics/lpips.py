@@ -1,10 +1,10 @@
-"""LPIPS: how far apart two pictures are to a network that has seen a million of them.
+"""LPIPS: the perceptual distance of two images.
 
 Zhang et al., *The Unreasonable Effectiveness of Deep Features as a Perceptual Metric* (CVPR 2018),
 AlexNet, version 0.1. The heads ship with the code (LPIPS_CARD.md), AlexNet is the user's own: the
 modules are laid out so that the tensor names of both files fit.
 
-H, W are the sides of a picture, C the channels of a layer.
+H, W are the sides of an image, C the channels of a layer.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ SHIFT = (-0.030, -0.088, -0.188)
 SCALE = (0.458, 0.448, 0.450)
 EPSILON = 1e-10
 HEADS = Path(__file__).with_name("lpips_heads.safetensors")
-WANTED = "give torchvision's AlexNet (alexnet-owt-7be5be79.pth)"
+REMEDY = "give torchvision's AlexNet (alexnet-owt-7be5be79.pth)"
 
 
 class Lpips(nn.Module):
-    """The distance of two pictures: 0 for equal ones, the smaller the more alike they look."""
+    """The distance of two images: 0 for equal ones, smaller for more similar ones."""
 
     shift: Tensor
     scale: Tensor
@@ -49,7 +49,7 @@ class Lpips(nn.Module):
 
     @torch.no_grad()
     def forward(self, image: Float[Tensor, "H W 3"], truth: Float[Tensor, "H W 3"]) -> float:
-        """Distance of two pictures in 0..1, at least 31 px a side."""
+        """Distance of two images in 0..1, at least 31 px a side."""
         here = self.shift.device
         x = torch.stack([image, truth]).permute(0, 3, 1, 2).to(here, torch.float32) * 2 - 1
         x = (x - self.shift) / self.scale
@@ -65,7 +65,7 @@ class Lpips(nn.Module):
 
 
 def _head(channels: int) -> nn.ModuleDict:
-    """Weights of the channels of a layer; dropout stood before them while they were learned."""
+    """Weights of the channels of a layer; in training, dropout came before them."""
     weights = nn.Conv2d(channels, 1, 1, bias=False)
     return nn.ModuleDict({"model": nn.Sequential(nn.Identity(), weights)})
 
@@ -83,10 +83,10 @@ def load(file: Path, device: torch.device) -> Lpips:
         alexnet = torch.load(file, map_location="cpu", weights_only=True)
     except (OSError, RuntimeError, ValueError, EOFError, UnpicklingError) as error:
         # UnpicklingError: anything but plain tensors is refused, whatever it would do.
-        raise CheckpointError(f"{file}: weights cannot be read; {WANTED}") from error
+        raise CheckpointError(f"{file}: weights cannot be read; {REMEDY}") from error
     if not isinstance(alexnet, dict):
-        raise CheckpointError(f"{file}: not a state dict; {WANTED}")
-    # The layers that tell a thousand things apart take no part.
+        raise CheckpointError(f"{file}: not a state dict; {REMEDY}")
+    # The layers of the classifier are not used.
     kept = {name: value for name, value in alexnet.items() if str(name).startswith("features.")}
     network = Lpips()
     try:
@@ -96,5 +96,5 @@ def load(file: Path, device: torch.device) -> Lpips:
             name for name in network.features.state_dict(prefix="features.") if name not in kept
         ]
         what = f"no {missing[0]} in it" if missing else "tensors of another network"
-        raise CheckpointError(f"{file}: {what}; {WANTED}") from error
+        raise CheckpointError(f"{file}: {what}; {REMEDY}") from error
     return network.to(device).eval()

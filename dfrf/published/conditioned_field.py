@@ -23,7 +23,7 @@ from dfrf.published.warp import MAX_OFFSET, WarpMLP, warped
 
 @dataclass(frozen=True)
 class PaperConfig:
-    """Sizes of the published model and what is left out of it.
+    """Sizes of the published model, and the parts to leave out.
 
     Attributes:
         use_references: False leaves out references, warp and aggregation.
@@ -74,7 +74,7 @@ class References:
         images: colours in 0..1.
         c2w: camera to world.
         focal: pixels.
-        centre: principal points (column, row); the published model takes the middle of the picture.
+        centre: principal points (column, row); the published model takes the middle of the image.
     """
 
     images: Float[Tensor, "N H W 3"]
@@ -85,14 +85,14 @@ class References:
 
 @dataclass(frozen=True)
 class EncodedReferences:
-    """References with their features F_n. They are fixed for a person: make them once."""
+    """References with their features F_n. They are fixed for a person: compute them once."""
 
     maps: Float[Tensor, "N H W C"]
     views: References
 
     @property
     def features(self) -> Float[Tensor, "N H W C"]:
-        """The features, through which the CNN learns."""
+        """The features, through which gradients reach the CNN."""
         return self.maps
 
     def with_features(self, features: Float[Tensor, "N H W C"]) -> Self:
@@ -102,7 +102,7 @@ class EncodedReferences:
 
 @dataclass(frozen=True)
 class FrameConditions:
-    """What the field is given of a frame beside points.
+    """Inputs of the field for a frame, besides points.
 
     Attributes:
         code: A of the frame; empty without speech.
@@ -177,15 +177,15 @@ class PaperField(nn.Module):
         references: EncodedReferences,
         warp: bool = True,
     ) -> tuple[Float[Tensor, "N M T"], Float[Tensor, "N M 2"]]:
-        """Equations (1), (3) and (4): what each reference shows of each point, and its offset.
+        """Equations (1), (3) and (4): features of each point in each reference, and its offset.
 
-        As published, offsets start at the nearest pixel's centre, the warp sees features and speech
-        without teaching them, and the pixel that is read (row, column; whole numbers) goes along.
+        As published, offsets start at the nearest pixel's centre, no gradient flows through the
+        warp's inputs, and the pixel that is read (row, column; whole numbers) is appended.
         """
         maps, views = references.maps, references.views
         height, width = maps.shape[1:3]
-        seen = project(points, views.c2w, views.focal, views.centre)
-        pixel = clamp_to_image(seen, height, width).round()
+        projected = project(points, views.c2w, views.focal, views.centre)
+        pixel = clamp_to_image(projected, height, width).round()
         offset = torch.zeros_like(pixel)
         if warp and self.config.use_warp:
             offset = self.warp(encoded, code.detach(), nearest(maps.detach(), pixel))

@@ -16,9 +16,9 @@ from safetensors import SafetensorError
 from safetensors.torch import load_file
 from torch import Tensor
 
-from dfrf.checkpoint import ODD, CheckpointError, write_tensors
+from dfrf.checkpoint import MALFORMED_ERRORS, CheckpointError, write_tensors
 from dfrf.config import FORMATS, PUBLISHED_SPEECH
-from dfrf.published.model import PaperConfig, PaperModel
+from dfrf.published.paper_model import PaperConfig, PaperModel
 
 COARSE = "network_fn_state_dict"
 FINE = "network_fine_state_dict"
@@ -26,11 +26,11 @@ WARP = "position_warp_state_dict"
 # The aggregation is shared, and stored with each network that it serves.
 SHARED = (f"{COARSE}:slot_att.", f"{FINE}:slot_att.", "attention_state_dict:")
 # In the published state dicts, but in no equation: nothing ever reads it.
-DEAD = "nerf_model.feature_linear."
+UNUSED = "nerf_model.feature_linear."
 # How such a file begins: as a zip archive, or as a pickle where an old torch wrote it.
 SAVED_BY_TORCH = (b"PK", b"\x80\x02")
 
-# What our modules are called there.
+# Published names of our modules.
 MODULES = {
     "audio.convolutions.0": "network_audnet_state_dict:encoder_conv.0",
     "audio.convolutions.1": "network_audnet_state_dict:encoder_conv.2",
@@ -83,12 +83,12 @@ MODULES = {
 
 @dataclass(frozen=True)
 class Imported:
-    """What was read.
+    """A published checkpoint that was imported.
 
     Attributes:
         state: for `PaperModel`.
-        step: the optimiser steps behind it; None where the file does not name them.
-        warp: False where the file has no warp, and ours starts from nothing.
+        step: number of optimiser steps it was trained for; None where the file does not name it.
+        warp: False where the file has no warp, and ours starts untrained.
     """
 
     state: dict[str, Tensor]
@@ -108,7 +108,7 @@ def read_published(file: Path) -> tuple[dict[str, Tensor], int | None]:
     """Tensors of a published checkpoint as `<state dict>:<tensor>`, and its step.
 
     Raises:
-        CheckpointError: missing, unreadable, or something else than a published checkpoint.
+        CheckpointError: missing, unreadable, or not a published checkpoint.
     """
     if not file.is_file():
         raise CheckpointError(f"{file}: there is no such file")
@@ -116,7 +116,7 @@ def read_published(file: Path) -> tuple[dict[str, Tensor], int | None]:
     if file.suffix == ".safetensors":
         try:
             tensors = load_file(file)
-        except (OSError, SafetensorError, *ODD) as error:
+        except (OSError, SafetensorError, *MALFORMED_ERRORS) as error:
             raise CheckpointError(f"{file}: cannot be read as safetensors: {error}") from error
     else:
         content = read_torch(file)
@@ -135,7 +135,7 @@ def read_published(file: Path) -> tuple[dict[str, Tensor], int | None]:
         )
     try:
         return tensors, None if step is None else int(step)
-    except ODD as error:
+    except MALFORMED_ERRORS as error:
         raise CheckpointError(f"{file}: its global_step is no number of steps") from error
 
 
@@ -151,7 +151,7 @@ def read_torch(file: Path) -> dict[Any, Any]:
         raise CheckpointError(f"{file}: cannot be read: torch.save has not written it")
     try:
         content = torch.load(file, weights_only=True, map_location="cpu")
-    except (pickle.UnpicklingError, EOFError, OSError, MemoryError, *ODD) as error:
+    except (pickle.UnpicklingError, EOFError, OSError, MemoryError, *MALFORMED_ERRORS) as error:
         raise CheckpointError(
             f"{file}: cannot be read as weights written by torch.save: {first_line(error)}"
         ) from error
@@ -166,12 +166,12 @@ def first_line(error: BaseException) -> str:
 def convert(published: dict[str, Tensor]) -> tuple[dict[str, Tensor], bool]:
     """Our state dict from published tensors, and whether the warp was among them.
 
-    A file without a warp gets one that has learnt nothing, the same every time. The aggregation may
-    stand with either network or by itself.
+    A file without a warp gets an untrained one, the same every time. The aggregation may be stored
+    with either network or by itself.
 
     Raises:
         CheckpointError: names every tensor (or whole state dict) that is missing, has another
-            shape, is not finite, is unknown, or stands there twice and differs.
+            shape, is not finite, is unknown, or is stored twice with different numbers.
     """
     present = {name.partition(":")[0] for name in published}
     has_warp = WARP in present
@@ -207,7 +207,7 @@ def convert(published: dict[str, Tensor]) -> tuple[dict[str, Tensor], bool]:
         else:
             state[name] = copies[0].detach().to(torch.float32).reshape(ours.shape).clone()
     problems += [
-        f"{name} is unknown" for name in published if name not in used and DEAD not in name
+        f"{name} is unknown" for name in published if name not in used and UNUSED not in name
     ]
     if problems:
         raise CheckpointError("not the published model: " + "; ".join(dict.fromkeys(problems)))
@@ -215,7 +215,7 @@ def convert(published: dict[str, Tensor]) -> tuple[dict[str, Tensor], bool]:
 
 
 def _plain(tensor: Tensor) -> bool:
-    """Whether it is what layers are made of: not sparse, quantised, complex or without numbers."""
+    """Whether a tensor is dense and of floating point numbers, as weights of layers are."""
     stored = tensor.layout == torch.strided and tensor.device.type == "cpu"
     return stored and tensor.is_floating_point() and not tensor.is_quantized
 

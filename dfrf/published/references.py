@@ -1,4 +1,4 @@
-"""Reference features F_n, pixel aligned, and reading them at projected points.
+"""Pixel-aligned reference features F_n, and reading them at projected points.
 
 N references of H x W pixels, C feature channels, P points. Feature maps are channels last, so that
 one look-up reads contiguous memory. Positions are (column, row) and integers are pixel centres.
@@ -19,14 +19,14 @@ def clamp_to_image(
 ) -> Float[Tensor, "*B 2"]:
     """Moves positions (column, row) to the nearest place between the outermost pixel centres."""
     limit = positions.new_tensor([width - 1, height - 1])
-    # Not a number would become any index: the loss reports it, nothing outside the image is read.
+    # NaN would become an arbitrary index: the loss reports it, nothing outside the image is read.
     return torch.minimum(positions.nan_to_num().clamp_min(0), limit)
 
 
 def nearest(
     maps: Float[Tensor, "N H W C"], positions: Float[Tensor, "N *P 2"]
 ) -> Float[Tensor, "N *P C"]:
-    """Features of the pixel nearest to each position, the image's border outside of it.
+    """Features of the pixel nearest to each position; outside the image, of its border.
 
     Differentiable in the maps, not in the positions.
     """
@@ -43,7 +43,7 @@ def bilinear(
 ) -> Float[Tensor, "N *P C"]:
     """Features between the four pixels round each position: the soft index of section 3.3.
 
-    Outside the image the border goes on. Differentiable in the maps and in the positions.
+    The border is replicated outside. Differentiable in the maps and in the positions.
     """
     count, height, width, channels = maps.shape
     size = positions.new_tensor([width, height])
@@ -64,7 +64,7 @@ def reference_input(
     origins: Float[Tensor, "N 3"],
     octaves: int = REFERENCE_OCTAVES,
 ) -> Float[Tensor, "N D H W"]:
-    """What the CNN sees: encoded colours (0..1), then the encoded camera centre at every pixel."""
+    """Input of the CNN: encoded colours (0..1), then the encoded camera centre at every pixel."""
     count, height, width, _ = images.shape
     colours = frequency_encoding(images, octaves)
     where = frequency_encoding(origins, octaves)[:, None, None].expand(count, height, width, -1)

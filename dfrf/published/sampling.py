@@ -1,4 +1,4 @@
-"""Where rays are sampled: stratified depths, then more where the coarse pass found something.
+"""Samples along rays: stratified depths, then more where the coarse pass hit something.
 
 R rays, S samples. Depths grow along a ray.
 """

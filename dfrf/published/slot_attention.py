@@ -1,16 +1,16 @@
 """Aggregation of the references' features at each point into one, by slot attention.
 
 Locatello et al. 2020, in the form of GRF (Trevithick and Yang 2021) that the published model uses:
-N references are the set, K slots look at it. M points, D numbers a slot.
+N references are the set, K slots attend to it. M points, D numbers a slot.
 
 The published model starts the slots of every sample on every ray from normal noise of their own,
-drawn anew in every call, in rendering too: no picture comes out twice, and a film flickers.
+drawn anew in every call, in rendering too: no image renders the same twice, and a video flickers.
 Training does so here as well. Rendering draws from a seed, once for each place on a ray: the third
 samples of all rays of all frames start alike. So a ray still mixes as many starts as it has
-samples, as published, but pixels and frames do not differ in them, and the way rays are cut into
-chunks does not matter. One start for all samples would be as steady, but lean to one side: with the
-random weights of the parity test its pictures lie 39 to 54 dB from the mean of published ones,
-those of a start for each place 57 to 63 dB, published ones 57 dB.
+samples, as published, but pixels and frames have the same ones, and it does not matter how rays are
+split into chunks. One start for all samples would be as steady, but biased: with the random weights
+of the parity test its images lie 39 to 54 dB from the mean of published ones, those of a start for
+each place 57 to 63 dB, published ones 57 dB.
 
 Without noise all slots start alike, stay alike, and attend to all references equally: one of them
 is computed and repeated, which gives the same numbers.
@@ -34,7 +34,7 @@ SEED = 0  # of the noise of rendering
 def slot_weights(
     queries: Float[Tensor, "#M K D"], keys: Float[Tensor, "N M D"]
 ) -> Float[Tensor, "N M K"]:
-    """How much each slot takes from each reference: slots compete, then shares sum to 1 over N."""
+    """Share of each reference in each slot: slots compete, then shares sum to 1 over N."""
     logits = torch.einsum("mkd,nmd->nmk", queries, keys) * keys.shape[-1] ** -0.5
     shares = logits.softmax(-1) + EPSILON
     return shares / shares.sum(0)
@@ -49,7 +49,7 @@ class SlotAttention(nn.Module):
         dim: D.
         slots: K.
         iterations: rounds of attention.
-        squeezed: width of the summary of a token that goes along with it.
+        squeezed: width of the summary that is appended to a token.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class SlotAttention(nn.Module):
     def embedded(
         self, tokens: Float[Tensor, "N M T"], points: Float[Tensor, "M E"]
     ) -> Float[Tensor, "N M D"]:
-        """The set that the slots look at: token, encoded point and a summary of the token."""
+        """The set that the slots attend to: token, encoded point and a summary of the token."""
         summary = self.squeeze2(F.relu(self.squeeze1(tokens)))
         where = points.expand(tokens.shape[0], -1, -1)
         return F.leaky_relu(self.embed(torch.cat([tokens, where, summary], -1)), 0.01)

@@ -1,7 +1,7 @@
 """Volume rendering, equation (8), over S samples along each ray, nearest first.
 
-The background is kept apart: C = sum_i w_i c_i + (1 - sum_i w_i) background, so that a picture
-can be composited again without rendering. Samples with opacity 0 are padding and change nothing.
+The background is separate: C = sum_i w_i c_i + (1 - sum_i w_i) background, so that an image can be
+composited again without rendering. Samples with opacity 0 are padding and change nothing.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from torch import Tensor
 
 @dataclass(frozen=True)
 class Rendering:
-    """What rays see.
+    """Rendered rays.
 
     Attributes:
         weights: (..., S), w_i = T_i alpha_i.
@@ -55,7 +55,7 @@ def composite(
 
     Args:
         colours: of each sample.
-        opacity: of each sample, 0..1; `opacities(density * length)` where densities are at hand.
+        opacity: of each sample, 0..1; from densities, `opacities(density * length)`.
         distances: t_i of each sample, for the depth.
     """
     weights = transmittance(opacity) * opacity

@@ -22,7 +22,7 @@ INITIAL_DEVIATION = 1e-3
 class WarpMLP(nn.Module):
     """D_eta(p, A, F_n(u_n, v_n)) of equation (3): three layers, one network for all references.
 
-    Starts next to the identity: weights of deviation 1e-3 give offsets of about 1e-6 pixels.
+    Starts near the identity: weights of deviation 1e-3 give offsets of about 1e-6 pixels.
 
     Args:
         point_dim: width of the encoded point.

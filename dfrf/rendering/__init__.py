@@ -1,0 +1,1 @@
+"""Rendering: rays through an occupancy grid, volume rendering (8), whole frames, poses."""

@@ -1,4 +1,4 @@
-"""A frame in the making: what is known of some pixels, and what follows for those between them.
+"""Buffer of a frame that is rendered coarse to fine: rendered pixels, and those between them.
 
 h x w pixels of a window into the frame, whose first row and column are multiples of the largest
 stride; P of them; K anchors (`surface_details`).
@@ -15,8 +15,8 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 OPAQUE = 0.98
-# Largest differences between neighbours on one smooth surface: in depth, head units, and in what
-# the field adds to the colour that references show.
+# Largest differences between neighbours on one smooth surface: in depth, head units, and in the
+# field's residual to the colour of the references.
 STEP, ROUGH = 0.2, 0.01
 OPACITY, DEPTH, RESIDUAL, ANCHORS = 0, 1, slice(2, 5), slice(5, None)  # of `surface`
 
@@ -25,11 +25,11 @@ Pixels = tuple[Int[Tensor, " P"], Int[Tensor, " P"]]  # rows, columns of the win
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What is known of P pixels from those around them.
+    """Values for P pixels from their neighbours.
 
     Attributes:
-        surface: as `FrameBuffer.surface`, the mean of the nearest.
-        near, far: from where to where they see anything; the first is larger where they do not.
+        surface: as `FrameBuffer.surface`, the mean of the nearest neighbours.
+        near, far: interval of distances in which they see anything; near > far where none does.
         smooth: whether they all see one smooth and opaque surface.
     """
 
@@ -44,11 +44,11 @@ class FrameBuffer:
     """A window of a frame.
 
     Attributes:
-        row, column: of the frame, where the window begins.
+        row, column: where the window begins in the frame.
         colour: premultiplied.
-        near, far: distances of the first and the last sample of each ray that counts.
-        surface: A = 5 + K numbers that change slowly over a surface: opacity, depth, what the field
-            adds to the colour that references show (3), and the anchors of the point seen.
+        near, far: distances of the first and the last sample of each ray that is not negligible.
+        surface: A = 5 + K numbers that change slowly over a surface: opacity, depth, the field's
+            residual to the colour of the references (3), and the anchors of the visible point.
     """
 
     row: int
@@ -60,7 +60,7 @@ class FrameBuffer:
 
     @classmethod
     def of_blocks(cls, blocks: Bool[Tensor, "b b"], side: int, anchors: int) -> Self:
-        """A blank window that holds blocks of side x side pixels, and one more below and beside."""
+        """A blank window that holds blocks of side x side pixels, and a margin of one block."""
         rows, columns = (blocks.any(axis).nonzero()[:, 0] for axis in (1, 0))
         shape = tuple(int(side * (i[-1] - i[0] + 2)) for i in (rows, columns))
         unseen = torch.full(shape, torch.inf, device=blocks.device)
@@ -79,7 +79,7 @@ class FrameBuffer:
         """Rows and columns of the window at every stride-th pixel, less those at every second one.
 
         Args:
-            blocks: of the frame that are looked at.
+            blocks: of the frame that are rendered.
             side: of a block, the largest stride; at that stride no pixel is left out.
             stride: a divisor of it.
             size: side of the frame.
@@ -98,7 +98,7 @@ class FrameBuffer:
         return rows * stride, columns * stride
 
     def surroundings(self, at: Pixels, stride: int) -> Surroundings:
-        """What is known round pixels at every stride-th row and column from every second one."""
+        """Values for pixels at every stride-th row and column, from every second one."""
         known = self.surface[:: 2 * stride, :: 2 * stride]
         near, far = self.near[:: 2 * stride, :: 2 * stride], self.far[:: 2 * stride, :: 2 * stride]
         opacity, depth = known[..., OPACITY], known[..., DEPTH]

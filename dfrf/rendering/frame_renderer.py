@@ -1,10 +1,10 @@
-"""A whole frame of a head, coarse to fine: rays first where much changes.
+"""Renders a whole frame of a head, coarse to fine.
 
 Every fourth pixel of every fourth row is rendered, then every second, then all. Pixels between
-others that see one smooth surface are not rendered: what references show is looked up where that
-surface must be, and what the field adds to it is taken from the pixels around (`surface_details`).
+others that see one smooth surface are filled in: references are read where that surface must be,
+and the field's residual to them is interpolated (`surface_details`).
 
-S the side of the picture, b = S / 4 blocks of 4 x 4 pixels along it, P pixels.
+S the side of the image, b = S / 4 blocks of 4 x 4 pixels along it, P pixels.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from dfrf.rendering.volume_rendering import RayColours, Volume, render_rays
 STRIDES = (4, 2, 1)
 BLOCK = STRIDES[0]
 RAYS_AT_ONCE = 32768
-NEGLIGIBLE = 0.01  # weight of a sample that neighbours need not look for
-SEEN = 0.5  # opacity from which a ray sees a surface
+NEGLIGIBLE = 0.01  # weight of a sample that neighbours ignore
+VISIBLE_OPACITY = 0.5  # opacity from which a ray sees a surface
 
 
 def grown(blocks: Bool[Tensor, "b b"], times: int) -> Bool[Tensor, "b b"]:
-    """Blocks with those that are so many blocks away at most."""
+    """Blocks with those that are at most `times` blocks away."""
     return F.max_pool2d(blocks.float()[None], 2 * times + 1, 1, times)[0] > 0
 
 
@@ -49,7 +49,7 @@ def head_blocks(
     """Blocks of pixels that open cells can cover in a frame.
 
     Every open cell is splatted as a square that covers its projection, so no ray that would meet an
-    open cell is left out. Of a region only those blocks are given that hold pixels of it.
+    open cell is left out. With a region, only blocks with pixels of it are returned.
     """
     c2w, focal, centre, size = camera.c2w, camera.focal, camera.centre, camera.size
     side = -(-size // BLOCK)
@@ -77,10 +77,9 @@ class FrameRenderer:
 
     Attributes:
         volume: the head as it is in that frame, the only one of its conditioning.
-        camera: that sees it.
-        details: what its references show; None for a field without them: every pixel is
-            rendered.
-        buffer: what is known so far.
+        camera: of the frame.
+        details: colours of its references; None for a field without: every pixel is rendered.
+        buffer: the pixels so far.
     """
 
     volume: Volume
@@ -89,7 +88,7 @@ class FrameRenderer:
     buffer: FrameBuffer
 
     def rays(self, at: Pixels) -> Rays:
-        """Through pixels of the buffer."""
+        """Rays through pixels of the buffer."""
         row, column = at
         number = (row + self.buffer.row) * self.camera.size + column + self.buffer.column
         return self.camera.rays(number)
@@ -97,7 +96,7 @@ class FrameRenderer:
     def render(
         self, at: Pixels, near: Float[Tensor, " P"] | None = None, far: Tensor | None = None
     ) -> None:
-        """Renders pixels, looking along each ray between two distances, or everywhere."""
+        """Renders pixels, sampling each ray between two distances, or everywhere."""
         for first in range(0, len(at[0]), RAYS_AT_ONCE):
             part = slice(first, first + RAYS_AT_ONCE)
             some, between = (at[0][part], at[1][part]), None
@@ -107,30 +106,30 @@ class FrameRenderer:
             self.write(some, rays, render_rays(self.volume, rays, Search(between=between)))
 
     def write(self, at: Pixels, rays: Rays, rendered: RayColours) -> None:
-        """Takes what rays through pixels see."""
+        """Writes the rendered rays of pixels."""
         buffer, opacity = self.buffer, rendered.opacity
         counts = rendered.weights > NEGLIGIBLE
         buffer.colour[at] = rendered.colour
         buffer.near[at] = torch.where(counts, rendered.distances, torch.inf).amin(1)
         buffer.far[at] = torch.where(counts, rendered.distances, -torch.inf).amax(1)
-        depth = rendered.depth / opacity.clamp_min(SEEN)
+        depth = rendered.depth / opacity.clamp_min(VISIBLE_OPACITY)
         surface = buffer.surface.new_zeros(len(opacity), buffer.surface.shape[-1])
         surface[:, OPACITY], surface[:, DEPTH] = opacity, depth
-        seen = (opacity > SEEN).nonzero()[:, 0]
-        if self.details is not None and len(seen):
-            directions = rays.directions[seen]
-            points = rays.origins[seen] + depth[seen, None] * directions
+        hits = (opacity > VISIBLE_OPACITY).nonzero()[:, 0]
+        if self.details is not None and len(hits):
+            directions = rays.directions[hits]
+            points = rays.origins[hits] + depth[hits, None] * directions
             anchors = self.details.anchors(points, directions)
             reference_colours = self.details.colours(points, anchors)
-            residual = rendered.colour[seen] / opacity[seen, None] - reference_colours
-            surface[seen, 2:] = torch.cat([residual, anchors], 1)
+            residual = rendered.colour[hits] / opacity[hits, None] - reference_colours
+            surface[hits, 2:] = torch.cat([residual, anchors], 1)
         buffer.surface[at] = surface
 
     def fill(self, at: Pixels, around: Surroundings) -> Bool[Tensor, " P"]:
         """Fills in pixels between others that see one smooth surface.
 
         Returns:
-            Which of them are.
+            Which of them are filled in.
         """
         if self.details is None:
             return torch.zeros_like(around.smooth)
@@ -156,7 +155,7 @@ def render_frame(
 
     Args:
         volume: the head as it is in that frame, the only one of its conditioning.
-        camera: that sees it.
+        camera: of the frame.
         region: the pixels that are needed; others may be left blank. None is all.
 
     Returns:

@@ -1,7 +1,7 @@
-"""Closing the cells of the grid in which a finished model shows nothing.
+"""Closes the grid cells in which a finished model is empty.
 
-While a model learns, cells beside a surface stay open so that it can move. When it no longer
-learns, half of the samples of a frame would be spent on that air.
+In training, cells beside a surface stay open so that it can move. After training, half of the
+samples of a frame would be spent on that air.
 
 F frames.
 """
@@ -20,7 +20,7 @@ from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.ray_marching import PackedSamples
 from dfrf.rendering.volume_rendering import ViewField, evaluate
 
-THIN = 0.01  # opacity of a sample
+MIN_OPACITY = 0.01  # opacity of a sample
 FRAMES = 64
 
 
@@ -32,15 +32,15 @@ def prune_grid(
     c2w: Float[Tensor, "F 3 4"],
     generator: torch.Generator,
 ) -> None:
-    """Closes open cells where no sample of any frame looked at would be `THIN` or more.
+    """Closes open cells where no sample of any tested frame has an opacity of `MIN_OPACITY`.
 
     The density itself is evaluated, at one random point a cell and frame, so a cell that rays
-    seldom reached stays open where there is something in it.
+    seldom reached stays open if it is not empty.
 
     Args:
         grid: changed in place.
         step: length of a sample, head units.
-        field_of: the field in a frame; at most `FRAMES` are looked at.
+        field_of: the field in a frame; at most `FRAMES` of them are tested.
         c2w: the frames' cameras.
         generator: draws frames and points.
     """
@@ -60,5 +60,5 @@ def prune_grid(
         rays = Rays(origin.expand(count, 3), F.normalize(points - origin, dim=-1), zero)
         samples = PackedSamples(points, ray, zero, points.new_zeros(count), 1, count)
         out = evaluate(field_of(frame).seen_from(origin), samples, rays)
-        empty[empty.clone()] = -torch.expm1(-out.density * step) < THIN
+        empty[empty.clone()] = -torch.expm1(-out.density * step) < MIN_OPACITY
     grid.occupied.view(-1)[open_cells] = ~empty

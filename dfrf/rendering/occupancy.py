@@ -1,8 +1,8 @@
-"""Occupancy grid in head space: which cells a ray has to look at.
+"""Occupancy grid in head space: the cells in which rays are sampled.
 
-G cells along each axis. A cell holds the largest rendering weight any sample in it has had lately;
-the weight fades, so that what no ray confirms is forgotten, and cells next to a heavy one stay
-open, so that a surface can move.
+G cells along each axis. A cell holds the largest rendering weight that a sample in it has had
+lately. Weights fade, so a cell that no ray confirms closes. Cells next to a heavy one stay open, so
+that a surface can move.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class OccupancyGrid(nn.Module):
 
     @torch.no_grad()
     def observe(self, points: Float[Tensor, "M 3"], weights: Float[Tensor, " M"]) -> None:
-        """Takes note of the rendering weights of samples at `points`."""
+        """Records the rendering weights of samples at `points`."""
         flat, inside = self.cell(points)
         self.weight.view(-1).scatter_reduce_(
             0, flat[inside], weights[inside].float(), reduce="amax"

@@ -1,10 +1,10 @@
-"""Refining a head's pose until its rendering lies on the picture (analysis by synthesis).
+"""Refines a head's pose until its rendering coincides with the image (analysis by synthesis).
 
 Poses of `prepare` come from the skin of the face and the outline of the head, by way of a mean
-face. A learned head knows its own hair, ears and depth: where it is rendered beside the picture,
-the pose is wrong. One Gauss-Newton step at a time, as in iNeRF (Yen-Chen et al. 2021), but without
-gradients through the field: how the picture changes from pixel to pixel, and where a small motion
-of the head takes what each pixel sees, give how the picture changes with the pose.
+face. A fine-tuned head has the person's own hair, ears and depth: where its rendering is offset
+from the image, the pose is wrong. One Gauss-Newton step at a time, as in iNeRF (Yen-Chen et al.
+2021), but without gradients through the field: the slope of the image from pixel to pixel, and the
+motion of each visible point in the image, give the change of the image with the pose.
 
 B pixels. A correction is a rotation vector in radians about the head's origin and a shift in
 head units, both in the head frame, by which the camera moves.
@@ -22,15 +22,15 @@ from torch import Tensor
 from dfrf.cameras import Rays, pixel_rays, project
 from dfrf.rendering.volume_rendering import Volume, render_rays
 
-APART = 0.5  # px between the rays whose difference is the slope of the picture
-STEP = 1e-3  # of a correction, whose effect on where a point is seen is nearly linear
-SEEN = 0.1  # opacity of three rays together from which they see the head
+APART = 0.5  # px between the rays whose difference is the slope of the image
+STEP = 1e-3  # of a correction: its effect on the position of a point is nearly linear
+VISIBLE_OPACITY = 0.1  # sum over three rays, from which they see the head
 OUTLIER = 0.2  # colour distance at which a residual counts for a quarter
 
 
 @dataclass(frozen=True)
 class PoseObservation:
-    """Pixels of one frame that its pose is held to.
+    """Pixels of one frame that its pose is fitted to.
 
     Attributes:
         pixels: column, row.
@@ -74,12 +74,12 @@ def normal_equations(
 ) -> tuple[Float[Tensor, "6 6"], Float[Tensor, 6]]:
     """J^T W J and -J^T W r of one frame at its pose.
 
-    r is the rendering over the background less the picture, W the weights of Geman and McClure's
-    loss, so that what moves by itself (lids, strands of hair) counts little.
+    r is the rendering over the background minus the image, W the weights of Geman and McClure's
+    loss, so that parts with their own motion (lids, strands of hair) count little.
 
     Args:
-        volume: the head as it is in that frame.
-        observation: what the frame shows.
+        volume: the head in that frame.
+        observation: pixels of the frame.
         c2w: its camera.
     """
     if not len(observation.pixels):
@@ -97,16 +97,16 @@ def normal_equations(
     rendered = render_rays(volume, rays)
     opacity = rendered.opacity.view(3, count)
     behind = (1 - opacity[..., None]) * observation.background
-    pictures = rendered.colour.view(3, count, 3) + behind
-    slope = (pictures[1:] - pictures[0]) / APART
+    images = rendered.colour.view(3, count, 3) + behind
+    slope = (images[1:] - images[0]) / APART
     # At the rim one of the three may see nothing: the others give its distance.
-    seen = opacity.sum(0)
-    depth = rendered.depth.view(3, count).sum(0) / seen.clamp_min(SEEN)
+    total = opacity.sum(0)
+    depth = rendered.depth.view(3, count).sum(0) / total.clamp_min(VISIBLE_OPACITY)
     points = rays.origins[:count] + depth[:, None] * rays.directions[:count]
-    motion = point_motion(points, observation, c2w) * (seen > SEEN)[:, None]
-    # What moves by d is seen where the picture showed what lies d before it.
+    motion = point_motion(points, observation, c2w) * (total > VISIBLE_OPACITY)[:, None]
+    # A pixel of an image that moves by d shows what was d before it, hence the sign.
     jacobian = -(motion.unsqueeze(-1) * slope.movedim(0, 1)).sum(2).flatten(1)
-    residual = pictures[0] - observation.colour
+    residual = images[0] - observation.colour
     weight = (1 + (residual.norm(dim=-1, keepdim=True) / OUTLIER) ** 2) ** -2
     weighted = jacobian * weight.expand(count, 3).reshape(-1)
     return weighted @ jacobian.T, -weighted @ residual.reshape(-1)
@@ -115,7 +115,7 @@ def normal_equations(
 def point_motion(
     points: Float[Tensor, "B 3"], observation: PoseObservation, c2w: Float[Tensor, "3 4"]
 ) -> Float[Tensor, "6 B 2"]:
-    """How far points of the head move in the picture for each number of a correction, px."""
+    """Motion of points of the head in the image for each number of a correction, px."""
     steps = STEP * torch.eye(6, device=c2w.device)
     cameras = moved(c2w, torch.cat([torch.zeros_like(steps[:1]), steps]))
     places = project(points, cameras, observation.focal, observation.centre[None])

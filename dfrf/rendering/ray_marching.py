@@ -70,12 +70,11 @@ class PackedSamples:
 
 @dataclass(frozen=True)
 class Search:
-    """Where along rays to look for occupied cells.
+    """Where along rays to search for occupied cells.
 
     Attributes:
         jitter: 0..1, shifts the samples of each ray by that part of a step; None is 0.5.
-        between: from which to which distance along each ray to look; None for as far as the grid
-            reaches.
+        between: first and last distance to search along each ray; None for the whole grid.
     """
 
     jitter: Float[Tensor, " R"] | None = None
@@ -100,10 +99,10 @@ def box_interval(
 def search_interval(
     rays: Rays, grid: OccupancyGrid, step: float, search: Search
 ) -> tuple[Float[Tensor, " R"], Float[Tensor, " R"]]:
-    """From where to where along each ray to look: inside the grid's box and the search's part.
+    """First and last distance to search along each ray, inside the grid's box.
 
-    The first is a whole number of steps from the camera, so where samples lie depends neither on
-    the box nor on the part.
+    The first is a whole number of steps from the camera, so the positions of samples depend neither
+    on the box nor on the search.
     """
     enter, leave = box_interval(rays.origins, rays.directions, *grid.bounds())
     if search.between is not None:
@@ -122,7 +121,7 @@ def march(
         rays: head frame.
         grid: which cells to keep.
         config: step and the largest number of samples a ray.
-        search: where along the rays to look.
+        search: where along the rays to search.
     """
     search, count = search or Search(), rays.origins.shape[0]
     jitter = search.jitter

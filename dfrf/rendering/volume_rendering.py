@@ -20,12 +20,12 @@ from dfrf.field.field import FieldOutput
 from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.ray_marching import PackedSamples, Search, march
 
-SLAB = 2  # slots evaluated before looking again which rays are opaque
+SLAB = 2  # slots evaluated between two checks for opaque rays
 OPAQUE = 5.0  # optical thickness
 
 
 class PointField(Protocol):
-    """Colour and density at points: all that a renderer asks."""
+    """Colour and density at points: all that a renderer needs."""
 
     def __call__(
         self,
@@ -37,19 +37,19 @@ class PointField(Protocol):
 
 
 class ViewField(Protocol):
-    """A field that may look otherwise from elsewhere: it has nearest references."""
+    """A field that depends on the viewpoint: it has nearest references."""
 
     def seen_from(self, origin: Float[Tensor, 3]) -> PointField:
-        """The field as it is seen from a place, head frame."""
+        """The field from a viewpoint, head frame."""
 
 
 @dataclass(frozen=True)
 class Volume:
-    """What rays are sent through.
+    """A field and an occupancy grid that rays are sent through.
 
     Attributes:
         field: colour and density.
-        grid: where there is anything.
+        grid: occupied cells.
         march: how rays are sampled.
     """
 
@@ -60,7 +60,7 @@ class Volume:
 
 @dataclass(frozen=True)
 class RayColours:
-    """What the rays see.
+    """Rendered rays.
 
     Attributes:
         colour: premultiplied: sum of w_i c_i, without the background.
@@ -91,9 +91,9 @@ def evaluate(field: PointField, samples: PackedSamples, rays: Rays) -> FieldOutp
     device = samples.points.device
     size = devices.chunk_size(device)
     count = samples.points.shape[0]
-    fill = devices.fill(count) if count else devices.ROUND
-    points = F.pad(samples.points, (0, 0, 0, fill))
-    owner = F.pad(samples.ray, (0, fill))
+    padding = devices.padding(count) if count else devices.PADDED_MULTIPLE
+    points = F.pad(samples.points, (0, 0, 0, padding))
+    owner = F.pad(samples.ray, (0, padding))
     parts = []
     with devices.arithmetic(device):
         for some, ray in zip(points.split(size), owner.split(size), strict=True):
@@ -108,7 +108,7 @@ def evaluate(field: PointField, samples: PackedSamples, rays: Rays) -> FieldOutp
 def evaluate_until_opaque(
     field: PointField, samples: PackedSamples, rays: Rays, step: float
 ) -> FieldOutput:
-    """The same front to back, a few slots at a time: samples that no light reaches are left at 0.
+    """The field at packed samples, front to back: samples that no light reaches stay at 0.
 
     At most exp(-OPAQUE) of a ray's light is lost.
 
@@ -133,12 +133,12 @@ def evaluate_until_opaque(
 def render_rays(volume: Volume, rays: Rays, search: Search | None = None) -> RayColours:
     """Equation (8) along rays, through occupied cells.
 
-    All rays see the field as it is from the middle of their origins.
+    All rays see the field from the mean of their origins.
 
     Args:
-        volume: what they go through.
+        volume: field and grid.
         rays: head frame.
-        search: where along each ray to look; everywhere when None.
+        search: where along each ray to search; everywhere when None.
     """
     field, step = volume.field.seen_from(rays.origins.mean(0)), volume.march.step
     samples = march(rays, volume.grid, volume.march, search)

@@ -1,0 +1,1 @@
+"""Training of a model: `fit`, augmentation, regularizers, lip supervision, validation."""

@@ -1,7 +1,7 @@
-"""People who were never filmed: a person mirrored, in another light, seen in other resolutions.
+"""Augmentation of people: mirrored, in another light, with references of other resolutions.
 
-An `Augmentation` is drawn for a step and holds for all that is drawn of the person in it: rays and
-reference views change, the pictures in memory stay as they are. B rays, F frames, N references.
+An `Augmentation` is drawn for a step. It changes all of the step's rays and reference views; the
+images in memory stay as they are. B rays, F frames, N references.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from dfrf.training.ray_share import RayShare
 GAIN = 0.25  # of the logarithm of the exposure
 GAMMA = 0.2  # of the logarithm of the exponent
 TINT = 0.08  # of the logarithm of a channel
-MIXING = 0.08  # what a channel takes of the difference between another one and itself
+MIXING = 0.08  # share of its difference to another channel that a channel takes on
 RESIZED = math.log(1.25)  # of the logarithm of the references' scale
-CUT_OFTEN = 0.25  # share of the steps whose references are cut tighter
-CUT_MOST = 0.1  # of a side, at either end
+CUT_PROBABILITY = 0.25  # of a step to have its references cropped
+MAX_CUT = 0.1  # of a side, at either end
 
 
 @dataclass(frozen=True)
 class Augmentation:
-    """What is changed about a person.
+    """Changes to how a person looks in a step.
 
     Attributes:
         mirrored: in the plane x = 0 of the head frame.
         gamma, mixing: of colours in 0..1, mixing @ colour ** gamma.
-        scale: pixels of a reference for one of its pixels before.
+        scale: of the references' resolution.
         cuts: shares of the reference that are cut off left, top, right and bottom.
     """
 
@@ -48,7 +48,7 @@ class Augmentation:
     cuts: tuple[float, float, float, float]
 
     def colour(self, filmed: UInt8[Tensor, "*B 3"]) -> UInt8[Tensor, "*B 3"]:
-        """Colours in this light, as if they were filmed so."""
+        """Colours in this light."""
         grades = 255 * torch.linspace(0, 1, 256, device=filmed.device).pow(self.gamma)
         # By a table and channel by channel: four references are a million values in every step.
         planes = filmed.movedim(-1, 0).contiguous().int()
@@ -57,21 +57,21 @@ class Augmentation:
         return lit.view(planes.shape).movedim(0, -1)
 
     def of_share(self, share: RayShare) -> RayShare:
-        """What is drawn for a step, of the person who looks like this; its speech stays."""
+        """A share of a step's rays with these changes; its speech stays."""
         both = torch.stack([share.batch.colour, share.batch.background])
         colour, background = self.colour((255 * both).round().to(torch.uint8)).float() / 255
         share = replace(share, batch=replace(share.batch, colour=colour, background=background))
         return mirrored_share(share) if self.mirrored else share
 
     def of_views(self, views: ReferenceViews) -> ReferenceViews:
-        """The references of the person who looks like this."""
+        """Reference views with these changes."""
         views = resized(cut(views, self.cuts), self.scale)
         views = replace(views, images=self.colour(views.images))
         return mirrored_views(views) if self.mirrored else views
 
 
 def draw_augmentation(generator: torch.Generator) -> Augmentation:
-    """What is changed in one step; always the same number of draws."""
+    """Draws the changes of a step, always with the same number of random numbers."""
     mirrored, often, gain, gamma, scale, *rest = torch.rand(18, generator=generator).tolist()
     tints, others, edges = rest[:3], rest[3:9], rest[9:]
 
@@ -83,7 +83,7 @@ def draw_augmentation(generator: torch.Generator) -> Augmentation:
     mixing[~torch.eye(3, dtype=torch.bool)] = torch.tensor([spread(MIXING, o) for o in others])
     mixing += torch.diag(1 - mixing.sum(1))
     light = torch.tensor([math.exp(spread(GAIN, gain) + spread(TINT, t)) for t in tints])
-    left, top, right, bottom = (CUT_MOST * e if often < CUT_OFTEN else 0.0 for e in edges)
+    left, top, right, bottom = (MAX_CUT * e if often < CUT_PROBABILITY else 0.0 for e in edges)
     return Augmentation(
         mirrored=mirrored < 0.5,
         gamma=math.exp(spread(GAMMA, gamma)),
@@ -110,7 +110,7 @@ def mirrored_rays(rays: Rays) -> Rays:
 
 
 def mirrored_share(share: RayShare) -> RayShare:
-    """Rays that see, mirrored, what they saw: a pixel and its mirror image have one colour."""
+    """A share with mirrored rays; their colours stay, so the person is mirrored."""
     rays = mirrored_rays(share.batch.rays)
     width = len(MIRRORED_EXPRESSION)
     codes, expression = share.conditioning[:, :-width], share.conditioning[:, -width:]
@@ -138,7 +138,7 @@ def mirrored_views(views: ReferenceViews) -> ReferenceViews:
 
 
 def cut(views: ReferenceViews, cuts: tuple[float, float, float, float]) -> ReferenceViews:
-    """Views without shares of their left, top, right and bottom; the border goes on outside."""
+    """Views cropped by shares of their left, top, right and bottom."""
     height, width = views.mattes.shape[1:]
     left, right = (round(width * share) for share in (cuts[0], cuts[2]))
     top, bottom = (round(height * share) for share in (cuts[1], cuts[3]))
@@ -152,7 +152,7 @@ def cut(views: ReferenceViews, cuts: tuple[float, float, float, float]) -> Refer
 
 
 def resized(views: ReferenceViews, scale: float) -> ReferenceViews:
-    """Views of `scale` times as many pixels a side, a part of the last pixel left out."""
+    """Views of `scale` times as many pixels a side, rounded down."""
     layers = torch.cat([views.images, views.mattes[..., None]], -1).permute(0, 3, 1, 2)
     layers = F.interpolate(
         layers, scale_factor=scale, mode="bilinear", antialias=scale < 1, align_corners=False

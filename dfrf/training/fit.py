@@ -1,4 +1,4 @@
-"""One `fit()` for the base and for a person: which people, which references and which rates differ.
+"""`fit()` trains a base and fine-tunes a person: only people, references and settings differ.
 
 B rays, F frames in a batch, N references.
 """
@@ -19,9 +19,9 @@ from torch import Tensor
 from dfrf import device as devices
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
-from dfrf.method import Maps, Method, Share, StepOutcome
+from dfrf.method_interface import Maps, Method, Share, StepOutcome
 from dfrf.training.augmentation import draw_augmentation
-from dfrf.training.progress import Curve, Progress
+from dfrf.training.progress import Curve, TrainingProgress
 from dfrf.training.reference_source import ReferenceSource
 from dfrf.training.run_state import RunState
 from dfrf.training.share_processes import ShareProcesses, can_fork, share_state
@@ -29,26 +29,26 @@ from dfrf.training.step import step_outcome, total
 from dfrf.training.validation import Validation
 from dfrf.workers import Workers
 
-BAD_STEPS = 10
+BAD_STEPS = 10  # in a row with a loss that is not finite, which end a run
 
 
 @dataclass(frozen=True)
 class FitOptions:
-    """How a run is kept, watched and ended; nothing here changes what a step computes.
+    """How a run is saved, reported and ended; nothing here changes what a step computes.
 
     Attributes:
-        resume: folder that holds the state of an unfinished run, written as it goes.
+        resume: folder for the state of an unfinished run, read at the start and written on the way.
         progress: called after every step.
         stop: called after every step; True ends the run early with its state saved.
         device: auto, cpu or cuda. The datasets stay where they are; each step's rays go there.
-        validation: people held out, who end the run when it no longer serves them better; holds
+        validation: measures people held out, and ends the run when they no longer improve; holds
             the best model afterwards.
-        about: what else a state in `resume` must agree in, plain data by name: who the people are
-            and what the model began from.
+        about: more settings that a state in `resume` must agree in, plain data by name: who the
+            people are, and the weights that the model started from.
     """
 
     resume: str | None = None
-    progress: Callable[[Progress], None] | None = None
+    progress: Callable[[TrainingProgress], None] | None = None
     stop: Callable[[], bool] | None = None
     device: str = "auto"
     validation: Validation | None = None
@@ -56,7 +56,7 @@ class FitOptions:
 
 
 class TrainingDivergedError(RuntimeError):
-    """The loss was not finite for several steps on end."""
+    """The loss was not finite for several steps in a row."""
 
 
 def learning_rate(step: int, config: TrainConfig) -> float:
@@ -67,7 +67,7 @@ def learning_rate(step: int, config: TrainConfig) -> float:
 
 
 def make_optimiser(method: Method[Any, Any], config: TrainConfig) -> torch.optim.Adam:
-    """Adam over what learns from pictures; the rest is frozen."""
+    """Adam over the parameters that are trained on images; the others are frozen."""
     model = method.model
     for name, parameter in model.named_parameters():
         parameter.requires_grad_(method.learns(name, config))
@@ -99,7 +99,7 @@ def fit(
         The curve of the whole run, resumed steps included.
 
     Raises:
-        TrainingDivergedError: ten steps on end whose loss was not finite.
+        TrainingDivergedError: ten steps in a row whose loss was not finite.
         dfrf.checkpoint.CheckpointError: `resume` holds the state of another run.
     """
     with Run(method, datasets, config, references, options or FitOptions()) as run:
@@ -117,8 +117,8 @@ class Run(ExitStack):
     """A run of `fit`: its state, and what happens in a step.
 
     Attributes:
-        state: everything that is kept to go on from.
-        trained: the parameters that learn.
+        state: everything that a resumed run needs.
+        trained: the parameters that are optimised.
         workers: threads of this process.
     """
 
@@ -148,22 +148,22 @@ class Run(ExitStack):
         self.references = ReferenceSource(method, config, references)
         self.workers = self.enter_context(Workers(model.device, method.parallel_shares))
         self.processes: ShareProcesses[Share, StepOutcome] | None = None
-        self.bad = 0
+        self.bad_steps = 0
         self.began, self.spent = time.monotonic(), self.state.curve.seconds
 
     def steps(self) -> range:
-        """The steps that are left, once all that precedes them is done."""
+        """Prepares the run, and returns the steps that are left."""
         self.method.model.train()
         held = self.state.validation
         self.method.begin(
             self.datasets, held.datasets, self.config, self.state.generator, self.first > 0
         )
         self.began = time.monotonic()
-        over = held.over(self.config.patience)
-        return range(self.first, self.first if over else self.config.iterations)
+        stop = held.should_stop(self.config.patience)
+        return range(self.first, self.first if stop else self.config.iterations)
 
     def draw(self, step: int) -> tuple[list[Share], Maps | None]:
-        """Whom a step is about, as it looks to it: shares of rays, and references."""
+        """Sample a person, rays and references."""
         generator = self.state.generator
         chosen = int(torch.randint(len(self.datasets), (1,), generator=generator))
         dataset = self.datasets[chosen]
@@ -188,10 +188,10 @@ class Run(ExitStack):
         )
 
     def _forks(self) -> bool:
-        """Whether all that changes from step to step is the state of the model."""
+        """Whether shares are computed in forks: only the model's state may change between steps."""
         if not can_fork(self.state.model.device):
             return False
-        return len(self.datasets) == 1 and self.references.stay
+        return len(self.datasets) == 1 and self.references.is_constant
 
     def _share_outcome(self, maps: Maps | None, step: int, share: Share) -> StepOutcome:
         return self.method.share_outcome(share, maps, self.config, step, self.trained)
@@ -200,7 +200,7 @@ class Run(ExitStack):
         """Takes a step of the optimiser where the loss is finite.
 
         Raises:
-            TrainingDivergedError: it was not, ten times on end.
+            TrainingDivergedError: it was not, ten times in a row.
         """
         if torch.isfinite(outcome.loss):
             for group in self.state.optimiser.param_groups:
@@ -210,12 +210,12 @@ class Run(ExitStack):
             torch.nn.utils.clip_grad_norm_(self.trained, 1.0)
             self.state.optimiser.step()
             self.method.after_update(outcome)
-            self.bad = 0
+            self.bad_steps = 0
         else:
-            self.bad += 1
-            if self.bad >= BAD_STEPS:
+            self.bad_steps += 1
+            if self.bad_steps >= BAD_STEPS:
                 raise TrainingDivergedError(
-                    f"the loss was not finite for {self.bad} steps on end, up to step {step}"
+                    f"the loss was not finite for {self.bad_steps} steps in a row, to step {step}"
                 )
         self.method.after_step(step, self.config)
 
@@ -228,14 +228,14 @@ class Run(ExitStack):
             pace = spent / (step + 1 - self.first)
             per_ray = len(outcome.points) / max(outcome.rays, 1)
             self.options.progress(
-                Progress(step + 1, self.config.iterations, loss, psnr, pace, per_ray)
+                TrainingProgress(step + 1, self.config.iterations, loss, psnr, pace, per_ray)
             )
 
     def ends_after(self, step: int) -> bool:
         """Whether a step was the last; saves the state where that is due."""
         options = self.options
-        ends = self.state.validation.over(self.config.patience)
+        ends = self.state.validation.should_stop(self.config.patience)
         ends = ends or (options.stop is not None and options.stop())
-        if options.resume is not None and (ends or self.config.pauses(step + 1)):
+        if options.resume is not None and (ends or self.config.checkpoint_due(step + 1)):
             self.state.save(options.resume, step + 1)
         return ends

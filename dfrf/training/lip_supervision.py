@@ -1,12 +1,12 @@
-"""The speech networks learn from the lips, and the field is conditioned on what these did.
+"""Lip supervision: the speech networks are trained on lip measures, not on images.
 
-Pictures teach speech codes badly: most of their error is hair and skin, and a network soon knows
-fifteen seconds of one person by heart. Lip shapes, which tracking measures anyway, are the direct
-target. So the speech networks learn from lips alone. While pictures are learned, the code of a
-frame is moved to where the measured lips are read off it: the field learns what lips look like, not
-what was heard wrongly.
+Images train speech codes badly: most of their error is hair and skin, and a network soon overfits
+fifteen seconds of one person. Lip measures, which tracking gives anyway, are the direct target. So
+the speech networks are trained on lips alone. While the field is trained on images, the code of a
+frame is moved so that it decodes to the measured lips: the field then learns how lips look, without
+the errors of the speech networks.
 
-T frames with pictures, C frames in a row, B of them in a batch, L lip measures, A numbers of a
+T frames with images, C frames in a row, B of them in a batch, L lip measures, A numbers of a
 code, W steps of a speech window and D features of each.
 """
 
@@ -27,57 +27,57 @@ from dfrf.field.speaker_adaptation import closed_mouth
 BATCH = 128
 PEOPLE = 4  # in a batch: with one at a time the networks swing from person to person
 LEARNING_RATE = 2e-3
-DROPPED = 0.1  # features left out of a window
+DROPPED = 0.1  # share of features that are dropped from a window
 RIDGE = 1.0  # times the mean power of a feature, for all people together
-REGRESSION_SHARE = 0.7  # of the regression's answer in what is to be learned
+REGRESSION_SHARE = 0.7  # of the regression's answer in the target
 AT_ONCE = 256
 
 
 @dataclass(frozen=True)
 class LipTargets:
-    """What the networks have to predict for each frame of a person."""
+    """Targets of the speech networks for each frame of a person."""
 
     dataset: HeadDataset
     lips: Float[Tensor, "C L"]
 
 
 def regression_input(dataset: HeadDataset) -> Float[Tensor, "C I"]:
-    """What a linear map reads of each frame, I = 10 D + 1 numbers.
+    """Inputs of the linear regression for each frame, I = 10 D + 1 numbers.
 
-    Its window in steps of 40 ms, and means of the half windows before and after it.
+    Its window in steps of 40 ms, means of the half windows before and after it, and a 1.
     """
     parts = []
     for frames in torch.arange(len(dataset.windows)).split(AT_ONCE):
-        near = neighbour_windows(dataset.windows, dataset.segment, frames) * 2 - 1
-        middle = near.shape[1] // 2
-        own = near[:, middle].unflatten(1, (-1, 2)).mean(2).flatten(1)
-        half = near.shape[2] // 2
-        before, after = near[:, 0, :half].mean(1), near[:, -1, half:].mean(1)
+        windows = neighbour_windows(dataset.windows, dataset.segment, frames) * 2 - 1
+        middle = windows.shape[1] // 2
+        own = windows[:, middle].unflatten(1, (-1, 2)).mean(2).flatten(1)
+        half = windows.shape[2] // 2
+        before, after = windows[:, 0, :half].mean(1), windows[:, -1, half:].mean(1)
         parts.append(torch.cat([own, before, after, torch.ones(len(frames), 1)], 1))
     return torch.cat(parts)
 
 
 def lip_targets(datasets: Sequence[HeadDataset]) -> list[LipTargets]:
-    """The lips of each person, mixed with the prediction of a ridge regression on all others.
+    """The lips of each person, blended with the answer of a ridge regression on all others.
 
-    The regression cannot know how this person differs from the others, so nor do its answers: the
-    networks carry to a stranger what they learn from it. On people left out, the codes of networks
-    taught this way correlate .60 / .54 with opening and width, .51 / .45 taught by lips alone.
+    The regression cannot know how this person differs from the others, so networks trained on its
+    answers generalise better. On held-out people, their codes correlate .60 / .54 with opening and
+    width; trained on lips alone, .51 / .45.
     """
     if len(datasets) < 2:
         return [LipTargets(d, d.lips) for d in datasets]
     inputs = [regression_input(d) for d in datasets]
     squares = [x.T @ x / len(x) for x in inputs]
     products = [x.T @ d.lips / len(x) for x, d in zip(inputs, datasets, strict=True)]
-    made = []
+    targets = []
     for k, dataset in enumerate(datasets):
         square = torch.stack(squares[:k] + squares[k + 1 :]).sum(0)
         product = torch.stack(products[:k] + products[k + 1 :]).sum(0)
         square.diagonal().add_(RIDGE * square.diagonal().mean())
         answer = inputs[k] @ torch.linalg.solve(square, product)
-        mixed = REGRESSION_SHARE * answer + (1 - REGRESSION_SHARE) * dataset.lips
-        made.append(LipTargets(dataset, mixed))
-    return made
+        blended = REGRESSION_SHARE * answer + (1 - REGRESSION_SHARE) * dataset.lips
+        targets.append(LipTargets(dataset, blended))
+    return targets
 
 
 def draw_windows(
@@ -100,12 +100,13 @@ def train_speech_networks(
     iterations: int,
     generator: torch.Generator,
 ) -> float:
-    """Trains the speech networks alone on the lips of all people, and freezes them.
+    """Trains only the speech networks, on the lips of all people, and freezes them.
 
-    The measures have mean 0 and variance 1 for each person, so 1 is the error of knowing nothing.
+    The measures have mean 0 and variance 1 for each person, so predicting the mean gives a loss
+    of 1.
 
     Returns:
-        the last mean loss.
+        The last mean loss.
     """
     speech = (conditioning.audio, conditioning.attention, conditioning.lips)
     parameters = [p for part in speech for p in part.parameters()]
@@ -119,10 +120,10 @@ def train_speech_networks(
     for _ in range(iterations):
         windows, lips = draw_windows(targets, BATCH, generator)
         kept = torch.rand(len(windows), 1, 1, windows.shape[-1], generator=generator) >= DROPPED
-        # A feature left out is 0 to AudioNet, which sees windows centred on 0.5.
+        # A dropped feature is 0 to AudioNet, whose windows are centred on 0.5.
         windows = torch.where(kept, windows, 0.5)
-        read = conditioning.lips(conditioning.speech_codes(windows.to(device)))
-        loss = F.mse_loss(read, lips.to(device))
+        decoded = conditioning.lips(conditioning.speech_codes(windows.to(device)))
+        loss = F.mse_loss(decoded, lips.to(device))
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(parameters, 1.0)
@@ -136,7 +137,7 @@ def train_speech_networks(
 
 @torch.no_grad()
 def dataset_codes(conditioning: Conditioning, dataset: HeadDataset) -> Float[Tensor, "C A"]:
-    """The code of every frame of a person as it is heard, on the networks' device."""
+    """Speech codes of all frames of a person, on the networks' device."""
     device = conditioning.closed_mouth_target.device
     codes = []
     for frames in torch.arange(len(dataset.windows)).split(AT_ONCE):
@@ -148,26 +149,26 @@ def dataset_codes(conditioning: Conditioning, dataset: HeadDataset) -> Float[Ten
 def target_lips(
     conditioning: Conditioning, dataset: HeadDataset, codes: Float[Tensor, "C A"]
 ) -> Float[Tensor, "C L"]:
-    """The measured lips with mean and spread of those read off the codes."""
-    mean, spread = lips_read(conditioning, codes)
+    """The measured lips with the mean and spread of those decoded from the codes."""
+    mean, spread = decoded_statistics(conditioning, codes)
     return mean + spread * dataset.lips.to(codes.device)
 
 
-def lips_read(
+def decoded_statistics(
     conditioning: Conditioning, codes: Float[Tensor, "C A"]
 ) -> tuple[Float[Tensor, " L"], Float[Tensor, " L"]]:
-    """Mean and spread of the lip measures that are read off codes."""
-    read = conditioning.lips(codes)
-    return read.mean(0), read.std(0)
+    """Mean and spread of the lip measures decoded from codes."""
+    decoded = conditioning.lips(codes)
+    return decoded.mean(0), decoded.std(0)
 
 
 @torch.no_grad()
 def supervised_codes(conditioning: Conditioning, dataset: HeadDataset) -> Float[Tensor, "T A"]:
-    """Codes off which the measured lips of each picture are read, not the heard ones.
+    """Codes that decode to the measured lips of each image.
 
-    Each code is moved by the shortest way to where the lip measures read off it are the measured
-    ones, given the mean and the spread that read-off ones have over these frames: so the rendered
-    lips move as far on speech as the real ones did.
+    Each code is replaced by the nearest one that decodes to the measured lips. These are first
+    scaled to the mean and spread of the decoded lips, so that on speech rendered lips move as far
+    as the real ones did.
     """
     codes = dataset_codes(conditioning, dataset)
     lips = target_lips(conditioning, dataset, codes)
@@ -176,15 +177,15 @@ def supervised_codes(conditioning: Conditioning, dataset: HeadDataset) -> Float[
 
 @torch.no_grad()
 def closed_mouth_target(conditioning: Conditioning, dataset: HeadDataset) -> Float[Tensor, " L"]:
-    """What is read off the codes where the mouth is closed: in the least open of the frames."""
-    mean, spread = lips_read(conditioning, dataset_codes(conditioning, dataset))
+    """Lip measures decoded where the mouth is closed: the mean of the least open frames."""
+    mean, spread = decoded_statistics(conditioning, dataset_codes(conditioning, dataset))
     return mean + spread * closed_mouth(dataset.lips).to(mean)
 
 
 @torch.no_grad()
 def fit_speaker_adaptation(conditioning: Conditioning, dataset: HeadDataset) -> None:
-    """Fits the adaptation to a person, its answers as the field is conditioned on lips."""
-    mean, spread = lips_read(conditioning, dataset_codes(conditioning, dataset))
+    """Fits the speaker adaptation to a person, on the scale of the decoded lips."""
+    mean, spread = decoded_statistics(conditioning, dataset_codes(conditioning, dataset))
     predicted, lips, touching = (
         part.to(mean) for part in (dataset.predicted_lips, dataset.lips, dataset.touching)
     )

@@ -1,4 +1,4 @@
-"""How far a run is, and what its losses were."""
+"""Progress of a training run, and its loss curve."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from dataclasses import dataclass, field, replace
 
 
 @dataclass
-class Progress:
-    """How far a run is, for a bar.
+class TrainingProgress:
+    """Progress of a run, for a bar.
 
     Attributes:
         step, iterations: steps done, and in all.
         loss, psnr: of the last step, PSNR in dB over its rays.
-        seconds_a_step: mean since the run began or went on.
+        seconds_a_step: mean since the run started or resumed.
         samples_per_ray: of the last step.
     """
 
@@ -28,8 +28,8 @@ class Progress:
         """At the present pace."""
         return self.seconds_a_step * (self.iterations - self.step)
 
-    def within(self, done: int, iterations: int) -> Progress:
-        """The same step as one of a longer run, of which `done` steps came before this one's."""
+    def within(self, done: int, iterations: int) -> TrainingProgress:
+        """The same step in a longer run, after `done` earlier steps."""
         return replace(self, step=done + self.step, iterations=iterations)
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""What is drawn for a part of a step: rays of a few frames that show the head alike.
+"""A share of a training step: rays of a few frames with similar head poses.
 
 B rays, F frames in a share, T frames of a dataset, K numbers of conditioning.
 """
@@ -13,21 +13,21 @@ from torch import Tensor
 
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
-from dfrf.data.ray_batch import RayBatch, SurfaceRays, draw_rays, frames_alike, surface_rays
+from dfrf.data.ray_batch import RayBatch, SurfaceRays, draw_rays, similar_frames, surface_rays
 
 SURFACE_RAYS = 24  # a frame
 
 
 @dataclass(frozen=True)
 class RayShare:
-    """What is drawn for a part of a step's rays.
+    """A share of a step's rays.
 
     Attributes:
         batch: the rays.
         conditioning: of the batch's frames.
         jitter: in 0..1.
         surface: rays through the mean face.
-        windows: speech windows of the batch's frames, where the code is learned from pictures.
+        windows: speech windows of the batch's frames, where images train the speech networks.
     """
 
     batch: RayBatch
@@ -46,13 +46,13 @@ def draw_shares(
 ) -> list[RayShare]:
     """Shares of a step's rays, on the device of the conditioning.
 
-    The rays of a share look at the same references, so its frames show the head alike.
+    The rays of a share read the same references, so its frames have similar head poses.
     """
     device = conditioning.device
     part = replace(config, rays=config.rays // count, frames=max(1, config.frames // count))
     shares = []
     for _ in range(count):
-        frames = frames_alike(dataset, part.frames, generator)
+        frames = similar_frames(dataset, part.frames, generator)
         batch = draw_rays(dataset, frames, part, generator).to(device)
         jitter = torch.rand(batch.frame.numel(), generator=generator).to(device)
         surface = surface_rays(dataset, batch.frames, SURFACE_RAYS, generator).to(device)

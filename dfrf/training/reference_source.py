@@ -1,4 +1,4 @@
-"""Which frames are a person's references in a step, and their feature maps."""
+"""Chooses a person's reference frames in a step, and computes their feature maps."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from torch import Tensor
 
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
-from dfrf.method import Maps, Method
+from dfrf.method_interface import Maps, Method
 from dfrf.training.augmentation import Augmentation
 
 
@@ -19,7 +19,7 @@ class ReferenceSource:
 
     Args:
         method: of the model that learns.
-        config: how often the reference network learns.
+        config: how often the reference network is trained.
         chosen: fixed reference frames of each person by name; drawn anew each step when None.
     """
 
@@ -32,12 +32,12 @@ class ReferenceSource:
         self.fixed: dict[str, Maps] = {}
 
     @property
-    def stay(self) -> bool:
+    def is_constant(self) -> bool:
         """Whether a person's maps are the same in every step."""
         if not self.method.references:
             return True
-        rests = not (self.config.augment or self.config.learn_references_every)
-        return self.chosen is not None and rests
+        changes = self.config.augment or self.config.learn_references_every
+        return self.chosen is not None and not changes
 
     def maps(
         self,
@@ -49,8 +49,8 @@ class ReferenceSource:
     ) -> Maps | None:
         """Maps of the chosen frames, or of random ones other than `exclude`, as augmented.
 
-        Only maps of every so many steps carry a gradient to the reference network: its backward
-        pass costs as much as the rest of the step.
+        Only every `learn_references_every` steps do maps carry a gradient to the reference network:
+        its backward pass costs as much as the rest of the step.
         """
         if not self.method.references:
             return None
@@ -67,7 +67,7 @@ class ReferenceSource:
         if every > 0 and step % every == 0:
             return self.method.encode(views.to(self.method.model.device))
         maps = self.method.maps(views)
-        if self.stay:
+        if self.is_constant:
             self.fixed[dataset.name] = maps
         return maps
 

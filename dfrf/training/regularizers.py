@@ -1,4 +1,4 @@
-"""What keeps the density on a surface: the matte, the distortion loss, the mean face's depth.
+"""Regularizers that keep the density on a surface: matte, distortion, depth of the mean face.
 
 R rays, S slots a ray, nearest first.
 """
@@ -9,13 +9,13 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-UNSURE = 0.05  # a matte further than that from 0 and 1 is not sure
+UNSURE = 0.05  # a matte further than this from 0 and 1 is unsure
 
 
 def matte_loss(opacity: Float[Tensor, " B"], matte: Float[Tensor, " B"]) -> Float[Tensor, ""]:
     """Mean squared difference of opacity and matte, 0..1, where the matte is sure.
 
-    A soft edge of a matte is a guess. The background is known there, so the colours of the picture
+    A soft edge of a matte is a guess. The background is known there, so the colours of the image
     determine the opacity.
     """
     sure = ((matte - 0.5).abs() > 0.5 - UNSURE).to(matte.dtype)
@@ -47,7 +47,7 @@ def surface_loss(
     distance: Float[Tensor, " R"],
     margin: float = 0.2,
 ) -> Float[Tensor, ""]:
-    """Mean distance, cut off at half a unit, of the rendered surface from the mean face.
+    """Mean distance of the rendered surface from the mean face, clipped at half a unit.
 
     Args:
         depth: sum of w_i t_i.

@@ -1,4 +1,4 @@
-"""The state of a run that is not finished, kept so that it goes on bit for bit.
+"""State of an unfinished run, saved so that a resumed run gives the same bits.
 
 Weights, optimiser, random numbers, curve, and the measurements on people held out.
 """
@@ -11,21 +11,21 @@ from typing import Any
 
 import torch
 
-from dfrf.checkpoint import ODD, STATE_FILE, CheckpointError, load_state, save_state
+from dfrf.checkpoint import MALFORMED_ERRORS, STATE_FILE, CheckpointError, load_state, save_state
 from dfrf.config import FORMATS, TrainConfig
-from dfrf.head_model import HeadModel
+from dfrf.model_interface import HeadModel
 from dfrf.training.progress import Curve
 from dfrf.training.validation import Validation
 
 
 @dataclass
 class RunState:
-    """Everything about a run that changes while it goes on, and what it must agree in.
+    """Everything that changes during a run, and the settings that a saved state must agree in.
 
     Attributes:
         model, optimiser, generator, curve, validation: changed in place.
         config: settings of the run.
-        about: what else must agree, plain data by name.
+        about: more settings that must agree, plain data by name.
     """
 
     model: HeadModel
@@ -38,7 +38,7 @@ class RunState:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What two runs have in common if the one can go on from the other's state."""
+        """Settings that must be equal for a run to resume from another's state."""
         own = {
             "train": asdict(self.config),
             "config": self.model.config.to_dict(),
@@ -47,7 +47,7 @@ class RunState:
         return {**own, **self.about}
 
     def save(self, folder: str, step: int) -> None:
-        """Keeps the state after `step` steps, in one file."""
+        """Saves the state after `step` steps, in one file."""
         tensors = {f"model.{k}": v for k, v in self.model.state_dict().items()}
         for index, values in self.optimiser.state_dict()["state"].items():
             for name, value in values.items():
@@ -65,12 +65,12 @@ class RunState:
         Raises:
             CheckpointError: unreadable, damaged, or of a run with other settings, which are named.
         """
-        found = load_state(folder, self.settings)
-        if found is None:
+        saved = load_state(folder, self.settings)
+        if saved is None:
             return 0
         try:
-            return self._restore(*found)
-        except ODD as error:
+            return self._restore(*saved)
+        except MALFORMED_ERRORS as error:
             where = f"{folder}/{STATE_FILE}"
             raise CheckpointError(f"{where}: the state in it is damaged; remove it") from error
 

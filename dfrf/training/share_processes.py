@@ -1,4 +1,4 @@
-"""Processes that work on shares of a step beside this one, on a core each.
+"""Worker processes that compute shares of a step beside this process, one a core.
 
 A step is thousands of small operations. Threads hand Python's lock to one another at each of them,
 which costs two threads half of what the second core gives; processes do not.
@@ -50,11 +50,11 @@ def _shared_copy(tensor: Tensor) -> Tensor:
 class ShareProcesses(ExitStack, Generic[Share, Outcome]):
     """Forks of this process. Leaving the context ends them; so does the end of this process.
 
-    Shares of a process that is gone are worked on here.
+    This process computes the shares of a worker that has died.
 
     Args:
-        work: the outcome of a share in a step; what else it needs is as it was when the context
-            was entered, but for what `share_state` moved.
+        work: the outcome of a share in a step. All else that it uses stays as it was when the
+            context was entered, except for the tensors that `share_state` moved.
         count: processes beside this one.
     """
 
@@ -85,22 +85,22 @@ class ShareProcesses(ExitStack, Generic[Share, Outcome]):
         return self
 
     def outcomes(self, step: int, shares: Sequence[Share]) -> list[Outcome]:
-        """Of all shares of a step, in their order."""
+        """Outcomes of all shares of a step, in their order."""
         members = self._count + 1
         for number, pipe in enumerate(self._pipes, 1):
             self._exchange(number, pipe, partial(_send, (step, shares[number::members])))
-        dealt = [[self._work(step, share) for share in shares[::members]]]
+        by_member = [[self._work(step, share) for share in shares[::members]]]
         for number, pipe in enumerate(self._pipes, 1):
-            made = self._exchange(number, pipe, _receive)
-            if made is None:
-                made = [self._work(step, share) for share in shares[number::members]]
-            dealt.append(made)
-        return [dealt[i % members][i // members] for i in range(len(shares))]
+            outcomes = self._exchange(number, pipe, _receive)
+            if outcomes is None:
+                outcomes = [self._work(step, share) for share in shares[number::members]]
+            by_member.append(outcomes)
+        return [by_member[i % members][i // members] for i in range(len(shares))]
 
     def _exchange(
         self, number: int, pipe: Connection | None, talk: Callable[[Connection], Any]
     ) -> Any:
-        """What comes of talking to a process; None where it is gone."""
+        """The result of `talk` with a worker; None where it has died."""
         if pipe is None:
             return None
         try:
@@ -111,8 +111,8 @@ class ShareProcesses(ExitStack, Generic[Share, Outcome]):
 
 
 def _serve(work: Callable[[int, Share], Outcome], pipe: Connection) -> None:
-    """Works until the other end is closed."""
-    # Interrupting a run reaches all of its processes; the first of them decides what follows.
+    """Computes shares until the other end is closed."""
+    # An interrupt reaches all processes of a run; the first of them decides what follows.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     torch.set_num_threads(1)
@@ -124,9 +124,9 @@ def _serve(work: Callable[[int, Share], Outcome], pipe: Connection) -> None:
         return
 
 
-def _send(what: object, pipe: Connection) -> None:
+def _send(message: object, pipe: Connection) -> None:
     # `Connection.send` would pass tensors on as open files.
-    pipe.send_bytes(pickle.dumps(what, pickle.HIGHEST_PROTOCOL))
+    pipe.send_bytes(pickle.dumps(message, pickle.HIGHEST_PROTOCOL))
 
 
 def _receive(pipe: Connection) -> Any:

@@ -1,7 +1,7 @@
-"""One step of training: its rays are dealt out in shares, and the shares' gradients are added up.
+"""One step of training: its rays are split into shares, whose gradients are summed.
 
-Shares are worked on side by side (`workers`). Their number is fixed, so the gradient does not
-depend on how many cores there are.
+Shares are computed in parallel (`workers`). Their number is fixed, so the gradient does not depend
+on the number of cores.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.method import Maps, Method, Share, StepOutcome
+from dfrf.method_interface import Maps, Method, Share, StepOutcome
 from dfrf.workers import Workers
 
 ShareT = TypeVar("ShareT", bound=Share)
@@ -22,10 +22,10 @@ MapsT = TypeVar("MapsT", bound=Maps)
 
 
 def total(outcomes: Iterable[StepOutcome]) -> StepOutcome:
-    """Means of losses and gradients of shares alike in size, added up in their order as they come.
+    """Means of losses and gradients of shares of equal size, summed in their order.
 
-    A gradient of the references' features is large: none is kept beside the sum while the next
-    share is worked on.
+    A gradient of the references' features is large: only the sum is kept while the next share is
+    computed.
     """
     sums: list[Tensor | None] = []
     small: list[StepOutcome] = []
@@ -59,10 +59,10 @@ def step_outcome(
     parameters: list[Tensor],
     workers: Workers,
 ) -> StepOutcome:
-    """StepOutcome of all shares, with gradients for `parameters`.
+    """Outcome of all shares, with gradients for `parameters`.
 
-    Maps that carry a gradient share a graph, through which threads must not go at once: the shares
-    stop at the features, and the graph behind them is gone through once.
+    Maps that carry a gradient have a graph that threads must not traverse at the same time. So the
+    shares stop at the features, and the graph behind them is traversed once.
     """
     features = None if maps is None or not maps.features.requires_grad else maps.features
     wanted = parameters

@@ -1,4 +1,4 @@
-"""How a model in training serves people it does not learn from, and when to stop.
+"""Validation on held-out people while a model is trained, and early stopping.
 
 P people held out, B rays of each.
 """
@@ -18,7 +18,7 @@ from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
 from dfrf.data.ray_batch import RayBatch, draw_rays
 from dfrf.field.reference_views import ReferenceViews
-from dfrf.method import Method
+from dfrf.method_interface import Method
 from dfrf.workers import Workers
 
 SEED = 0
@@ -26,29 +26,29 @@ SEED = 0
 
 @dataclass(frozen=True)
 class HeldOutRays:
-    """Rays of some frames of a person, to be rendered from references of others."""
+    """Rays of some frames of a person, to be rendered with references from other frames."""
 
     dataset: HeadDataset
     batch: RayBatch
     views: ReferenceViews | None
 
     def psnr(self, method: Method[Any, Any]) -> float:
-        """PSNR in dB over the rays, as the model is."""
+        """PSNR in dB over the rays."""
         batch = self.batch.to(method.model.device)
         maps = None if self.views is None else method.maps(self.views)
-        picture = method.render_batch(self.dataset, batch, maps)
-        # A picture that is not a number is as bad as black for white, not the best of all.
-        mse = F.mse_loss(picture, batch.colour).nan_to_num(nan=1.0).item()
+        colours = method.render_batch(self.dataset, batch, maps)
+        # NaN counts as black for white, not as the best of all.
+        mse = F.mse_loss(colours, batch.colour).nan_to_num(nan=1.0).item()
         return -10 * math.log10(max(mse, 1e-10))
 
 
 def draw_held_out_rays(
     dataset: HeadDataset, method: Method[Any, Any], config: TrainConfig
 ) -> HeldOutRays:
-    """The same in every run: rays as in a step, references of frames that have none of them.
+    """Rays as in a step, and references from other frames; the same in every run.
 
     Args:
-        dataset: of who is held out.
+        dataset: of the person held out.
         method: of the model that is measured.
         config: how many rays and frames.
     """
@@ -68,7 +68,7 @@ class Validation:
     """Measures a model on people held out, and keeps the best one.
 
     Args:
-        datasets: of who is held out; nobody is measured on nobody.
+        datasets: of the people held out; nothing is measured without.
 
     Attributes:
         rows: step and PSNR in dB of each person, 1 + P numbers for each measurement.
@@ -83,16 +83,16 @@ class Validation:
 
     @property
     def names(self) -> list[str]:
-        """Of the people, in their order."""
+        """Names of the people, in their order."""
         return [p.name for p in self.datasets]
 
     def best_row(self) -> int:
-        """Which measurement has the highest mean; the first of equals."""
+        """Index of the measurement with the highest mean; the first of equals."""
         means = [sum(row[1:]) for row in self.rows]
         return means.index(max(means))
 
-    def over(self, patience: int) -> bool:
-        """Whether the last `patience` measurements brought nothing better."""
+    def should_stop(self, patience: int) -> bool:
+        """Whether the last `patience` measurements brought no improvement."""
         return bool(self.rows) and len(self.rows) - 1 - self.best_row() >= patience
 
     def measure(
@@ -102,13 +102,13 @@ class Validation:
         done: int,
         workers: Workers,
     ) -> None:
-        """Notes how a model does after `done` steps, where that is due; keeps it if it is best."""
-        if not self.datasets or not config.pauses(done):
+        """Measures a model after `done` steps, where that is due; keeps it if it is the best."""
+        if not self.datasets or not config.checkpoint_due(done):
             return
         if not self._rays:
             self._rays = [draw_held_out_rays(d, method, config) for d in self.datasets]
-        marks = workers.map(lambda rays: rays.psnr(method), self._rays)
-        self.rows.append((done, *marks))
+        psnrs = workers.map(lambda rays: rays.psnr(method), self._rays)
+        self.rows.append((done, *psnrs))
         if self.best_row() == len(self.rows) - 1:
             kept = method.model.state_dict().items()
             self.best = {k: v.detach().cpu().clone() for k, v in kept}

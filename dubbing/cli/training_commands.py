@@ -24,7 +24,7 @@ def train_sync(
     packages.require("synthetic")
     from dubbing.workshop.training.sync.training import train_sync as work
 
-    about = work(clips, checked_output(out, *clips), progress=typer.echo)
+    about = work(clips, checked_output(out, *clips), log=typer.echo)
     typer.echo(f"wrote {out}, from {len(about['clips'])} clips")
 
 

@@ -1,4 +1,4 @@
-"""A rendered head laid over a restored background, and the soft mask it goes back with.
+"""Composites a rendered head over a restored background, with a soft mask to paste it by.
 
 S side of the crop in px. All lengths are given for S = 512 and scale with it.
 """
@@ -13,15 +13,15 @@ from dubbing.preparation.matting.matting import REFERENCE_SIZE, inpaint_mask
 from dubbing.preparation.prepared import FilmFrame
 
 FLOOR = 6  # of 255: a lower opacity is haze, not head
-REACH = 30  # px beyond the inpaint mask where an open jaw may lie; over as much again it fades
-INPAINT = 3  # px round letters that the neck behind them is filled in from
+OPEN_JAW_PX = 30  # beyond the inpaint mask where an open jaw may lie; it fades over as much again
+INPAINT = 3  # px round letters from which the neck behind them is inpainted
 FEATHER = 5  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
 def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What a dub puts in the place of a frame of the film, and how much of it; see `composite`.
+    """The composite that replaces a frame of the film, and its mask; see `composite`.
 
-    What lies over the face in the film stays over it.
+    Captions and other things over the face in the film stay over it.
 
     Args:
         head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity.
@@ -29,7 +29,7 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     image, landmarks = film.image, film.landmarks
     size = len(image)
     restored = inpaint_mask(film.matte)
-    clean = without_haze(head, restored, REACH * size / REFERENCE_SIZE)
+    clean = without_haze(head, restored, OPEN_JAW_PX * size / REFERENCE_SIZE)
     lit = follow_light(image, film.matte, clean, landmarks, film.haze, film.overlay)
     if film.overlay is not None:
         image = cv2.inpaint(image, film.overlay, INPAINT, cv2.INPAINT_TELEA)
@@ -43,44 +43,48 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def composite(
     background: np.ndarray, restored: np.ndarray, head: np.ndarray, share: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """C + (1 - a) * background, and how much of it replaces the source.
+    """C + (1 - a) * background, and the share of it that replaces the source.
 
     Args:
         background: (S, S, 3) uint8, equal to the source outside of the inpaint mask.
         restored: (S, S) bool, the inpaint mask: where the background is restored.
         head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity; see `without_haze`.
-        share: (S, S) uint8, how much of each pixel may be replaced; see `face_mask`.
+        share: (S, S) uint8, share of each pixel that may be replaced; see `face_mask`.
 
     Returns:
-        The composite (S, S, 3) uint8, and the mask (S, S) uint8 to paste it with: 0 where there
-        is neither inpaint mask nor head (so the source's pixels stay), rising to 255 over a few
-        px inside of that, so that no seam shows, and nowhere more than ``share``.
+        The composite (S, S, 3) uint8, and the mask (S, S) uint8 to paste it with. The mask is 0
+        outside the inpaint mask and the head, where the source's pixels stay. Inside it rises to
+        255 over a few px, so that no seam shows. It never exceeds ``share``.
     """
     scale = len(background) / REFERENCE_SIZE
     opacity = head[..., 3]
     inside = restored | (opacity > 0)
     mask = np.minimum(feathered(inside, max(1.0, FEATHER * scale)), share)
-    picture = background.copy()
+    out = background.copy()
     rows, columns = _extent(opacity > 0)
     under = background[rows, columns].astype(np.float32)
     over = head[rows, columns].astype(np.float32)
-    mixed = over[..., :3] + (1 - over[..., 3:] / 255) * under
-    picture[rows, columns] = np.clip(mixed.round(), 0, 255)
-    return picture, mask
+    blended = over[..., :3] + (1 - over[..., 3:] / 255) * under
+    out[rows, columns] = np.clip(blended.round(), 0, 255)
+    return out, mask
 
 
-def blend(image: np.ndarray, picture: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """``picture`` where the mask is 255, ``image`` where it is 0, mixed between; (S, S, 3)."""
+def blend(image: np.ndarray, over: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """``over`` where the mask is 255, ``image`` where it is 0, blended between; (S, S, 3)."""
     rows, columns = _extent(mask > 0)
     out = image.copy()
     share = mask[rows, columns, None].astype(np.float32) / 255
     below = image[rows, columns].astype(np.float32)
-    out[rows, columns] = (below + share * (picture[rows, columns] - below)).round()
+    out[rows, columns] = (below + share * (over[rows, columns] - below)).round()
     return out
 
 
 def without_haze(head: np.ndarray, restored: np.ndarray, reach: float) -> np.ndarray:
-    """A head (S, S, 4) without haze and without what floats far from the inpaint mask."""
+    """A head (S, S, 4) without haze, and without floaters far from the inpaint mask.
+
+    Args:
+        reach: px from the inpaint mask at which opacity starts to fade; it is 0 at twice that.
+    """
     away = cv2.distanceTransform((~restored).astype(np.uint8), cv2.DIST_L2, 3)
     if not restored.any():
         away = np.zeros_like(away)
@@ -100,7 +104,7 @@ def feathered(inside: np.ndarray, width: float) -> np.ndarray:
 
 
 def _extent(mask: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns that hold all of a mask: the work is done there only."""
+    """Rows and columns that hold all of a mask: only these are computed."""
     rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     if not len(rows):
         return slice(0, 0), slice(0, 0)

@@ -1,8 +1,8 @@
-"""What of a picture speech can change: the lower face, and the room round its jaw.
+"""The face mask: the pixels that a dub replaces, the lower face and the region round its jaw.
 
-Eyes with their lids and gaze, hair, ears and what is behind them are, like pose and background,
-those of the frame of the clip whose place is taken, so a dub keeps their pixels. S side of the crop
-in px; lengths are for S = 512 and scale with it.
+Eyes with their lids and gaze, hair and ears are, like pose and background, those of the film's
+frame, so a dub keeps their pixels. S side of the crop in px; lengths are for S = 512 and scale with
+it.
 """
 
 import cv2
@@ -11,19 +11,19 @@ import numpy as np
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
-# From where to where the clip's own pixels take over, px from the edge of the face: what a model
-# gets wrong lies along it first.
+# Between these distances from the edge of the face, px, the film's own pixels take over: a model's
+# errors are largest there.
 INSIDE, OUTSIDE = 13.0, 3.0
 CHIN = FACE_OVAL.index(152)
-# Points of the oval to each side of the chin round which all may change. The jaw hangs on hinges
-# below the ears: further up its edge hardly moves. In between it fades.
+# Points of the oval to each side of the chin round which everything is replaced. The jaw hinges
+# below the ears: further up its edge hardly moves. The mask fades in between.
 JAW, CHEEK = 4, 6
-# From where to where the rendered head takes over, across cheeks and nose: on the way from the line
-# through the eyes (0) to the base of the nose (1).
+# Between these heights across cheeks and nose the rendered head takes over: 0 on the line through
+# the eyes, 1 at the base of the nose.
 ABOVE, BELOW = 0.4, 0.8
-# That way in distances between the eyes, at least: a nose that points at the camera has none.
+# Least length of that line, in eye distances: it is 0 for a nose that points at the camera.
 SHORTEST = 0.3
-# px beyond the mask that decide about it: its feather, and the smoothing of the neck's outlines.
+# px beyond the mask that the composite depends on: feather, and smoothing of the neck's outlines.
 AROUND = 24.0
 
 
@@ -55,7 +55,7 @@ def rendered_region(landmarks: np.ndarray, size: int) -> np.ndarray:
 
 
 def lower_share(landmarks: np.ndarray, size: int) -> np.ndarray:
-    """0 (S, S) above the cheeks, 1 below them, rising straight in between."""
+    """0 (S, S) above the cheeks, 1 below them, linear in between."""
     left, right = landmarks[LEFT_EYE_OUTER], landmarks[RIGHT_EYE_OUTER]
     apart = max(float(np.linalg.norm(right - left)), 1.0)
     down = np.array([left[1] - right[1], right[0] - left[0]]) / apart
@@ -74,7 +74,7 @@ def face_middle(landmarks: np.ndarray) -> np.ndarray:
 
 
 def jaw_share(landmarks: np.ndarray, angles: np.ndarray) -> np.ndarray:
-    """How much what lies beyond the face may change, seen from its middle at angles (...) (rad).
+    """Share of pixels outside the face that may change, at angles (...) (rad) from its middle.
 
     1 round the jaw, 0 beyond the cheeks and the forehead.
     """

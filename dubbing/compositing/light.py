@@ -1,9 +1,9 @@
-"""The light of the film's frame on a rendered head.
+"""Relights a rendered head to match the light of the film's frame.
 
-A head is rendered in the light that it was learned in. Where film and render show the same skin,
-round what is replaced and on cheeks and chin, the ratio of their colours is measured; what of it
-varies slowly over the picture is light, and is put on the render. S side of the crop in px; lengths
-are for S = 512 and scale with it.
+A head is rendered in the light of the clip. Where film and render show the same skin, round the
+replaced region and on cheeks and chin, the ratio of their colours is measured. Its slowly varying
+part is light, and is applied to the render. S side of the crop in px; lengths are for S = 512 and
+scale with it.
 """
 
 import cv2
@@ -13,13 +13,13 @@ from dubbing.face.mouth_shape import OUTER_LIP
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
 STEP = 4  # px between places where the ratio is measured
-SMOOTH = 36.0  # px, Gaussian: what varies faster is skin, not light
-MOUTH = 14.0  # px round the film's lips: what is there moves with other words
+SMOOTH = 36.0  # px, Gaussian: faster variation is skin, not light
+MOUTH = 14.0  # px round the film's lips, which move with other words
 OPAQUE = 250  # of 255
 DARK = 4.0  # grey levels added before the ratio is taken: black has none
-ALONE = 0.02  # weight of the whole face's ratio beside that of the neighbourhood
-LEAST = 0.002  # of the crop's pixels that show the same skin; with fewer, nothing is known
-WILD = 0.35  # of a logarithm from the median: a place that far off counts half
+PRIOR_WEIGHT = 0.02  # of the whole face's ratio beside that of the neighbourhood
+MIN_SHARE = 0.002  # of the crop's pixels that must show the same skin; with fewer, no relighting
+OUTLIER = 0.35  # of a logarithm from the median: a place that far off counts half
 
 
 def follow_light(
@@ -36,7 +36,7 @@ def follow_light(
         image: (S, S, 3), matte: (S, S) uint8 of the film.
         head: (S, S, 4) uint8, colour premultiplied by opacity, and opacity.
         landmarks: (478, 2) px of the film's face.
-        haze: (3,) grey levels of light over the picture, which no ratio explains.
+        haze: (3,) grey levels of light added over the image, which no ratio explains.
         overlay: (S, S) uint8, above 0 where something lies over the face.
     """
     size = len(image)
@@ -46,19 +46,19 @@ def follow_light(
     same = (head[..., 3] >= OPAQUE) & (matte >= OPAQUE) & ~dilate(lips > 0, MOUTH * unit)
     if overlay is not None:
         same &= overlay == 0
-    if same.mean() < LEAST:
+    if same.mean() < MIN_SHARE:
         return head
     share = _small(same.astype(np.float32))[..., None]
-    seen, rendered = (
-        _small(same[..., None] * picture.astype(np.float32)) / np.maximum(share, 1e-6)
-        for picture in (image, head[..., :3])
+    filmed, rendered = (
+        _small(same[..., None] * pixels.astype(np.float32)) / np.maximum(share, 1e-6)
+        for pixels in (image, head[..., :3])
     )
-    ratio = np.log(np.maximum(seen - haze, 0) + DARK) - np.log(rendered + DARK)
+    ratio = np.log(np.maximum(filmed - haze, 0) + DARK) - np.log(rendered + DARK)
     middle = np.median(ratio[share[..., 0] > 0.5], 0) if (share > 0.5).any() else ratio.mean((0, 1))
-    weight = share / (1 + (np.abs(ratio - middle) / WILD) ** 2)
+    weight = share / (1 + (np.abs(ratio - middle) / OUTLIER) ** 2)
     sigma = SMOOTH * unit / STEP
     near, around = (cv2.GaussianBlur(x, (0, 0), sigma) for x in (weight, weight * (ratio - middle)))
-    slow = middle + around / (near + ALONE)
+    slow = middle + around / (near + PRIOR_WEIGHT)
     gain = cv2.resize(np.exp(slow).astype(np.float32), (size, size), interpolation=cv2.INTER_LINEAR)
     opacity = head[..., 3:].astype(np.float32) / 255
     lit = (head[..., :3] + DARK * opacity) * gain + (haze - DARK) * opacity
@@ -67,7 +67,7 @@ def follow_light(
     return out
 
 
-def _small(picture: np.ndarray) -> np.ndarray:
-    """A picture (S, S[, C]) at every `STEP`-th pixel, each the mean of its neighbourhood."""
-    side = max(1, len(picture) // STEP)
-    return np.asarray(cv2.resize(picture, (side, side), interpolation=cv2.INTER_AREA))
+def _small(image: np.ndarray) -> np.ndarray:
+    """An image (S, S[, C]) downsampled by `STEP`, each pixel the mean of its block."""
+    side = max(1, len(image) // STEP)
+    return np.asarray(cv2.resize(image, (side, side), interpolation=cv2.INTER_AREA))

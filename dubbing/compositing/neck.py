@@ -1,9 +1,9 @@
-"""The neck that a closing jaw uncovers: the film's own, stretched up to the new chin.
+"""The neck that a closing jaw uncovers: the film's own neck, stretched up to the new chin.
 
-Where the film's jaw is lower than the rendered one, the picture has no neck for what is between
-them. Skin, shadow and folds below the film's chin are there, only too low. Lines from the middle
-of the face through the jaw are numbered by their angle (A of them); lengths along them are in px,
-given for S = 512 and scaled. S is the side of the crop.
+Where the film's jaw is lower than the rendered one, the image has no neck between them. Skin,
+shadow and folds exist below the film's chin, only too low. So they are stretched along lines from
+the middle of the face through the jaw, numbered by their angle (A of them). Lengths along them are
+in px, given for S = 512 and scaled. S is the side of the crop.
 """
 
 import cv2
@@ -14,11 +14,11 @@ from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 ANGLES = 720
 SMOOTH = 4  # lines, standard deviation: outlines are smoothed by 2 degrees
-BESIDE = 3.0  # px from the outline of the film's jaw to where nothing of it is left
-REACH = 40.0  # px of neck that are stretched, where there are so many
-SKIN = 0.05  # a neck's share of red may be that much lower than the face's; a collar's is lower
-LEAST, ENOUGH = 8.0, 20.0  # px of neck below the chin: too few to be stretched, and enough
-UNDER = 12.0  # px that the neck goes on under the edge of the head
+BESIDE = 3.0  # px from the outline of the film's jaw to where none of it shows
+MAX_NECK_PX = 40.0  # of neck that are stretched
+SKIN = 0.05  # how much lower a neck's share of red may be than the face's; a collar's is lower
+TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
+UNDER = 12.0  # px that the neck extends under the edge of the head
 
 
 def with_neck(
@@ -28,10 +28,10 @@ def with_neck(
     opacity: np.ndarray,
     landmarks: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A background whose neck reaches up to the rendered chin, and where it differs by that.
+    """A background whose neck reaches up to the rendered chin, and the pixels that it changed.
 
     A line keeps its background where the rendered jaw covers the film's, where a collar begins too
-    soon below the chin, and where there is no head.
+    close below the chin, and where there is no head.
 
     Args:
         image: (S, S, 3) uint8 frame of the film. background: the same with its head removed.
@@ -48,7 +48,7 @@ def with_neck(
     high = smooth(outline(opacity, middle))
     jaw = jaw_share(landmarks, np.arange(ANGLES) * (2 * np.pi / ANGLES))
     room = smooth(room_below(image, low, middle, jaw > 0))
-    share = jaw * np.clip((room / unit - LEAST) / (ENOUGH - LEAST), 0, 1)
+    share = jaw * np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
     share[(high >= low) | (high < low / 2)] = 0  # covered, or there is no head
     if not share.any():
         return background, np.zeros((size, size), bool)
@@ -77,10 +77,10 @@ def with_neck(
     )
     weight = at(share) * ((radius < end) & (radius > at(inner)))
     below = background[rows, columns]
-    made, where = background.copy(), np.zeros((size, size), bool)
-    mixed = below + weight[..., None] * (neck.astype(np.float32) - below)
-    made[rows, columns], where[rows, columns] = mixed.round(), weight > 0
-    return made, where
+    out, changed = background.copy(), np.zeros((size, size), bool)
+    blended = below + weight[..., None] * (neck.astype(np.float32) - below)
+    out[rows, columns], changed[rows, columns] = blended.round(), weight > 0
+    return out, changed
 
 
 def extent(
@@ -90,12 +90,12 @@ def extent(
     angles = np.flatnonzero(np.convolve(np.pad(lines, 1, mode="wrap"), np.ones(3), "valid"))
     radii = np.stack([inner[angles], outer[angles]])
     turned = angles * (2 * np.pi / ANGLES)
-    found = []
+    slices = []
     for place, unit in ((middle[1], np.sin(turned)), (middle[0], np.cos(turned))):
         ends = place + radii * unit
         first, last = np.clip([np.floor(ends.min()), np.ceil(ends.max()) + 1], 0, size).astype(int)
-        found.append(slice(first, last))
-    return found[0], found[1]
+        slices.append(slice(first, last))
+    return slices[0], slices[1]
 
 
 def outline(head: np.ndarray, middle: np.ndarray) -> np.ndarray:
@@ -113,10 +113,10 @@ def outline(head: np.ndarray, middle: np.ndarray) -> np.ndarray:
 def room_below(
     image: np.ndarray, low: np.ndarray, middle: np.ndarray, jaw: np.ndarray
 ) -> np.ndarray:
-    """Px of neck (A,), `REACH` at most, that each line has below the chin (A,).
+    """Px of neck (A,), at most `MAX_NECK_PX`, that each line has below the chin (A,).
 
-    Neck is what is as red as the face, as skin in a shadow is, and more so. The lines `jaw` (A,)
-    bool go through the lower face, where that is measured.
+    Pixels at least about as red as the face are neck; skin in a shadow is redder. The redness of
+    the face is measured on the lines `jaw` (A,) bool, through the lower face.
     """
     unit = len(image) / REFERENCE_SIZE
     lines = along(cv2.blur(image, (3, 3)), middle) + 1
@@ -128,23 +128,23 @@ def room_below(
         return np.zeros(ANGLES)
     other = (red < np.median(skin) - SKIN) & (place >= low[:, None])
     first = np.where(other.any(1), other.argmax(1), len(place)) - low
-    # A collar that one line misses, the lines beside it see.
+    # Lines beside one that misses a collar meet it.
     reach = 2 * SMOOTH
     near = cv2.erode(np.pad(first, reach, mode="wrap"), np.ones((2 * reach + 1, 1)))
-    room: np.ndarray = np.clip(near[reach:-reach, 0], 0, REACH * unit)
+    room: np.ndarray = np.clip(near[reach:-reach, 0], 0, MAX_NECK_PX * unit)
     return room
 
 
-def along(picture: np.ndarray, middle: np.ndarray) -> np.ndarray:
-    """A picture (S, S[, 3]) along the lines: (A, S / 2[, 3]) float32, a px apart; 0 beyond it."""
-    length = len(picture) // 2
+def along(image: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """An image (S, S[, 3]) along the lines: (A, S / 2[, 3]) float32, a px apart; 0 beyond it."""
+    length = len(image) // 2
     flags = cv2.INTER_LINEAR + cv2.WARP_FILL_OUTLIERS
     centre = (float(middle[0]), float(middle[1]))
-    return cv2.warpPolar(picture, (length, ANGLES), centre, length, flags).astype(np.float32)
+    return cv2.warpPolar(image, (length, ANGLES), centre, length, flags).astype(np.float32)
 
 
 def smooth(values: np.ndarray) -> np.ndarray:
-    """Values (A,) of the lines, smoothed over those beside them."""
+    """Values (A,) of the lines, smoothed over neighbouring lines."""
     reach = 3 * SMOOTH
     kernel = cv2.getGaussianKernel(2 * reach + 1, SMOOTH)[:, 0]
     return np.convolve(np.pad(values, reach, mode="wrap"), kernel, "valid")

@@ -1,0 +1,1 @@
+"""Faces: tracking, landmarks, and the shape and crop of the mouth."""

@@ -1,4 +1,4 @@
-"""Faces of a video, followed from frame to frame.
+"""Tracks the faces of a video from frame to frame.
 
 Letters: T frames, P = 478 points of the face mesh, H and W pixels.
 """
@@ -16,10 +16,10 @@ POINTS = 478
 MAX_FACES = 4
 # A face that was lost for longer than this starts a new track.
 MEMORY_SECONDS = 1.0
-# Two meshes closer than this, in face widths, are one face found twice.
+# Two meshes closer than this, in face widths, are one face detected twice.
 TWIN = 0.25
-# A face belongs to the track whose last place lies within this many face widths.
-REACH = 0.6
+# A face belongs to a track whose last face is at most this many face widths away.
+MAX_MOTION = 0.6
 
 
 @dataclass(frozen=True)
@@ -35,11 +35,11 @@ class _Track:
     number: int
     centre: np.ndarray
     width: float
-    seen: int
+    last_frame: int
 
 
 class FaceTracker:
-    """FaceMesh in tracking mode, and the bookkeeping that keeps one number a person.
+    """FaceMesh in tracking mode, with one track number a person.
 
     Use as a context manager and feed it the frames in order. The weights of the face mesh come
     with the mediapipe package.
@@ -56,7 +56,7 @@ class FaceTracker:
         )
         self._memory = max(1, round(rate * MEMORY_SECONDS))
         self._tracks: list[_Track] = []
-        self._made = 0
+        self._count = 0
         self._frame = -1
 
     def __enter__(self) -> Self:
@@ -69,16 +69,16 @@ class FaceTracker:
         """Faces of the next frame, RGB uint8 (H, W, 3)."""
         self._frame += 1
         height, width = frame.shape[:2]
-        found = self._mesh.process(frame).multi_face_landmarks or []
+        faces = self._mesh.process(frame).multi_face_landmarks or []
         # FaceMesh gives depth in the unit of the columns.
         scale = np.array([width, height, width], np.float32)
         meshes = [
-            np.array([(p.x, p.y, p.z) for p in face.landmark], np.float32) * scale for face in found
+            np.array([(p.x, p.y, p.z) for p in face.landmark], np.float32) * scale for face in faces
         ]
         return self._assign(meshes)
 
     def _assign(self, meshes: list[np.ndarray]) -> list[Face]:
-        self._tracks = [t for t in self._tracks if self._frame - t.seen <= self._memory]
+        self._tracks = [t for t in self._tracks if self._frame - t.last_frame <= self._memory]
         meshes = _without_twins(meshes)
         places = [_place(m) for m in meshes]
         pairs = sorted(
@@ -88,12 +88,12 @@ class FaceTracker:
         )
         chosen: dict[int, int] = {}
         for distance, i, number in pairs:
-            if distance < REACH and i not in chosen and number not in chosen.values():
+            if distance < MAX_MOTION and i not in chosen and number not in chosen.values():
                 chosen[i] = number
         faces = []
         for i, (centre, width) in enumerate(places):
-            number = chosen.get(i, self._made)
-            self._made += number == self._made
+            number = chosen.get(i, self._count)
+            self._count += number == self._count
             self._tracks = [t for t in self._tracks if t.number != number]
             self._tracks.append(_Track(number, centre, width, self._frame))
             faces.append(Face(number, meshes[i]))
@@ -115,7 +115,7 @@ def _without_twins(meshes: list[np.ndarray]) -> list[np.ndarray]:
 
 
 def track_faces(frames: Iterable[np.ndarray], rate: float) -> Iterator[list[Face]]:
-    """Faces of each frame in order; nothing of the frames is kept."""
+    """Faces of each frame in order; the frames are not kept."""
     with FaceTracker(rate) as tracker:
         for frame in frames:
             yield tracker(frame)

@@ -43,7 +43,7 @@ class FaceMesh:
             self._mesh = None
 
     def restart(self) -> None:
-        """Forget the face that was followed: for the first frame after a cut."""
+        """Forget the face that was tracked: for the first frame after a cut."""
         if self._mesh is not None:
             self._mesh.close()
         self._mesh = Solution(partial(solution("face_mesh").FaceMesh, **self._settings))
@@ -52,10 +52,10 @@ class FaceMesh:
         """Faces of an RGB frame: (478, 3) float64 each; an empty list where there is none."""
         height, width = image.shape[:2]
         assert self._mesh is not None  # inside of `with` only
-        found = self._mesh.process(image).multi_face_landmarks or []
+        faces = self._mesh.process(image).multi_face_landmarks or []
         # MediaPipe counts from the edge of the first pixel, we from its middle.
         scale, half = np.array([width, height, width]), np.array([0.5, 0.5, 0.0])
-        return [np.array([(p.x, p.y, p.z) for p in face.landmark]) * scale - half for face in found]
+        return [np.array([(p.x, p.y, p.z) for p in face.landmark]) * scale - half for face in faces]
 
 
 class TwoModes:
@@ -65,15 +65,15 @@ class TwoModes:
         self._tracking, self._static = tracking, static
 
     def restart(self) -> None:
-        """Begin a new shot."""
+        """Forget the face that was tracked: for the first frame of a shot."""
         self._tracking.restart()
 
     def __call__(self, image: np.ndarray, expected: np.ndarray) -> tuple[np.ndarray, float, bool]:
         """Landmarks of the face nearest to ``expected`` (2,) px.
 
         Returns:
-            Points (478, 3), zero where none was found; the distance of the modes in px, 0 where
-            only one saw the face; whether there is a face.
+            Points (478, 3), zero without a face; the distance of the modes in px, 0 where only one
+            detected the face; whether there is a face.
         """
         steady, fresh = self._tracking(image), self._static(image)
         candidates = sorted(fresh, key=lambda f: float(np.hypot(*(f[:, :2].mean(0) - expected))))
@@ -95,13 +95,13 @@ def face_width(points: np.ndarray) -> float:
 
 
 def near(points: np.ndarray, expected: np.ndarray) -> bool:
-    """Whether a face's middle lies within one face width of where it should be."""
+    """Whether a face's middle lies within one face width of the expected point (2,)."""
     return bool(np.hypot(*(points[:, :2].mean(0) - expected)) < face_width(points))
 
 
 @contextmanager
 def two_modes(faces: int) -> Iterator[TwoModes]:
-    """Both modes, ready; ``faces``: how many the static one may look for."""
+    """Both modes, as a context; ``faces``: how many the static one may detect."""
     with (
         FaceMesh(tracking=True) as tracking,
         FaceMesh(tracking=False, faces=faces) as static,

@@ -1,4 +1,4 @@
-"""What lips do, as a few distances between landmarks. T frames."""
+"""Lip measures: a few distances between landmarks. T frames."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def standardised(values: np.ndarray) -> np.ndarray:
 
 
 def lip_measures(landmarks: np.ndarray) -> np.ndarray:
-    """What the lips do, (T, 7) of mean 0 and variance 1, from landmarks (T, 478, 2)."""
+    """Lip measures (T, 7), each of mean 0 and variance 1, from landmarks (T, 478, 2)."""
     return standardised(lip_lengths(landmarks))
 
 

@@ -1,7 +1,7 @@
-"""A network of MediaPipe, which calls them solutions, that keeps its notes to itself.
+"""A network of MediaPipe, which calls them solutions, without its messages.
 
-MediaPipe writes several lines about its own insides past Python to the terminal at every start, and
-has no setting to be silent.
+MediaPipe writes several lines to the terminal at every start, past Python, and has no setting to
+be silent.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ import numpy as np
 
 from dubbing.errors import CallError
 
-NOTHING = np.zeros((64, 64, 3), np.uint8)
+BLANK = np.zeros((64, 64, 3), np.uint8)
 _LOCK = threading.Lock()
 PLOTS = ("matplotlib", "matplotlib.pyplot")  # MediaPipe imports it, and draws nothing with it here
-# Where MediaPipe looks for its networks before its own folder.
-SOUGHT_HERE = ("mediapipe/modules", "bazel-bin/mediapipe/modules")
+# Folders of the current folder where MediaPipe looks for its networks before its own.
+LOCAL_MODULES = ("mediapipe/modules", "bazel-bin/mediapipe/modules")
 
 
 @contextmanager
 def without_native_messages() -> Iterator[None]:
-    """Drops whatever the process writes to its standard error; exceptions pass as ever.
+    """Drops everything that the process writes to its standard error; exceptions pass.
 
-    One thread at a time: the descriptor is the whole process's.
+    One thread at a time: the descriptor belongs to the whole process.
     """
     with _LOCK:
         sys.stderr.flush()
@@ -61,28 +61,28 @@ def solution(name: str) -> ModuleType:
 
 
 def check_current_folder() -> None:
-    """Raises CallError where MediaPipe would take networks of the current folder for its own."""
-    for name in SOUGHT_HERE:
+    """Raises CallError where MediaPipe would load networks from the current folder."""
+    for name in LOCAL_MODULES:
         if os.path.lexists(name):
             what = "the face tracker would take its networks from it"
             raise CallError(what, str(Path(name).absolute()), "call from another folder")
 
 
 class Solution:
-    """A solution that is begun by `make`, as `partial(face_mesh.FaceMesh, max_num_faces=1)`."""
+    """A solution that `make` starts, as `partial(face_mesh.FaceMesh, max_num_faces=1)`."""
 
     def __init__(self, make: Callable[[], Any]) -> None:
         check_current_folder()
         with without_native_messages():
             self._network = make()
-            # Its parts start side by side and report when they like; all have by the first answer.
-            self._network.process(NOTHING)
+            # Its parts start in parallel and write at any time; by the first answer all have.
+            self._network.process(BLANK)
         self._silent = False
 
     def process(self, image: np.ndarray) -> Any:
-        """What it finds in an RGB image (H, W, 3) uint8.
+        """The network's result for an RGB image (H, W, 3) uint8.
 
-        Some of its parts report once more when something is found first.
+        Some of its parts write once more at the first detection.
         """
         with nullcontext() if self._silent else without_native_messages():
             result = self._network.process(np.ascontiguousarray(image))

@@ -1,4 +1,4 @@
-"""Which of the 478 FaceMesh points mean what.
+"""Names and groups of the 478 FaceMesh points.
 
 Indices are those of MediaPipe FaceMesh with refined irises. "Left" and "right" are the image's,
 for a person who faces the camera.
@@ -14,8 +14,8 @@ FOREHEAD_TOP, CHIN = 10, 152
 EYE_CORNERS = (33, 133, 362, 263)
 NOSE_BRIDGE, NOSE_BASE = 168, 2
 
-# Points that speech, blinks and brows leave where they are: forehead, temples, nose, cheek bones
-# and eye corners. Poses are fitted to these alone.
+# Points that speech, blinks and brows do not move: forehead, temples, nose, cheek bones and eye
+# corners. Poses are fitted to these alone.
 RIGID: tuple[int, ...] = (
     *(10, 151, 9, 8, 168, 6, 197, 195, 5, 4, 1),
     *(109, 67, 103, 54, 21, 108, 69, 104, 68),

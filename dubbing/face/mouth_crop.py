@@ -1,9 +1,9 @@
-"""The mouth's pixels, freed from the head's motion as its landmarks are.
+"""Crops of the mouth, stabilised against the motion of the head.
 
-Letters: F frames, H and W pixels of the picture, R = 36 rows and C = 48 columns of a crop.
+Letters: F frames, H and W pixels of the image, R = 36 rows and C = 48 columns of a crop.
 
-A crop is a rectangle of the canonical face's plane through the lips, seen where the head puts it: a
-turned or tilted head shows the same crop, as far as a plane can.
+A crop is a rectangle of the canonical face's plane through the lips, sampled where the head's pose
+puts it: a turned or tilted head gives the same crop, as far as a plane can.
 """
 
 from collections.abc import Iterable
@@ -15,8 +15,8 @@ from dubbing.face.mouth_shape import RIGID
 from dubbing.face.similarity import similarity
 
 ROWS, COLUMNS = 36, 48
-# Middle of the rectangle on the canonical face (right, down, away) and its pitch, eye distances:
-# from under the nose to the chin, and half a lip's width beyond both corners of the mouth.
+# Middle of the rectangle on the canonical face (right, down, away) and its pitch, eye distances. It
+# extends from under the nose to the chin, and half a lip's width beyond both corners of the mouth.
 MIDDLE = np.array([0.045, 0.95, -0.19])
 PITCH = 0.019
 
@@ -25,7 +25,7 @@ def mouth_crop(frame: np.ndarray, points: np.ndarray, face: np.ndarray) -> np.nd
     """Grey crop of one mouth, (R, C) uint8.
 
     Args:
-        frame: (H, W, 3) RGB uint8. Beyond its edges they are repeated.
+        frame: (H, W, 3) RGB uint8; its edges are replicated outside.
         points: mesh (478, 3) in its pixels.
         face: the canonical `RIGID` points (K, 3).
     """
@@ -33,7 +33,7 @@ def mouth_crop(frame: np.ndarray, points: np.ndarray, face: np.ndarray) -> np.nd
     scale, rotation, translation = similarity(rigid, face.astype(np.float64))
     # Canonical points are c = scale * rotation @ p + translation; this is the way back.
     back = rotation[0].T[:2] / scale[0]
-    # Several samples a pixel where the picture is finer than the crop, so that nothing aliases.
+    # Several samples a pixel where the image is finer than the crop, so that nothing aliases.
     fine = int(np.clip(np.ceil(PITCH / scale[0]), 1, 8))
     pitch = PITCH / fine
     corner = MIDDLE - translation[0]
@@ -42,15 +42,15 @@ def mouth_crop(frame: np.ndarray, points: np.ndarray, face: np.ndarray) -> np.nd
     laid = np.column_stack([back[:, :2] * pitch, back @ corner])
     size = (COLUMNS * fine, ROWS * fine)
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
-    # Only what lies under the crop is turned to grey.
+    # Only the pixels under the crop are converted to grey.
     ends = np.array([[0, 0, 1], [size[0], 0, 1], [0, size[1], 1], [*size, 1]]) @ laid.T
     high = np.array([frame.shape[1], frame.shape[0]])
     low = np.clip(np.floor(ends.min(0)).astype(int) - 1, 0, high - 1)
     high = np.clip(np.ceil(ends.max(0)).astype(int) + 2, low + 1, high)
     grey = cv2.cvtColor(frame[low[1] : high[1], low[0] : high[0]], cv2.COLOR_RGB2GRAY)
     laid[:, 2] -= low
-    seen = cv2.warpAffine(grey, laid, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
-    return cv2.resize(seen, (COLUMNS, ROWS), interpolation=cv2.INTER_AREA)
+    fine_crop = cv2.warpAffine(grey, laid, size, flags=flags, borderMode=cv2.BORDER_REPLICATE)
+    return cv2.resize(fine_crop, (COLUMNS, ROWS), interpolation=cv2.INTER_AREA)
 
 
 def mouth_crops(frames: Iterable[np.ndarray], meshes: np.ndarray, face: np.ndarray) -> np.ndarray:

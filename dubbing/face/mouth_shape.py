@@ -1,9 +1,9 @@
-"""The mouth's shape, freed from the head's motion.
+"""The shape of the mouth, without the motion of the head.
 
 Letters: T frames, P = 478 points of the face mesh, M mouth points.
 
-Every frame's mesh is laid over one canonical face by a 3-D similarity of the points that speech
-does not move; what is left of the lips and the chin is the mouth. Lengths are in units of the
+Every frame's mesh is aligned to one canonical face by a 3-D similarity of the points that speech
+does not move. Lips and chin of the aligned mesh are the mouth's shape. Lengths are in units of the
 distance between the outer corners of the eyes.
 """
 
@@ -61,11 +61,11 @@ def mouth_shape(meshes: np.ndarray, face: np.ndarray) -> np.ndarray:
         face: the canonical `RIGID` points (K, 3).
     """
     shapes = np.full((len(meshes), len(MOUTH), 2), np.nan, np.float32)
-    seen = np.isfinite(meshes).all((1, 2))
-    if seen.any():
-        points = meshes[seen].astype(np.float64)
-        laid = similarity(points[:, RIGID], face.astype(np.float64))
-        shapes[seen] = laid(points[:, MOUTH])[:, :, :2]
+    valid = np.isfinite(meshes).all((1, 2))
+    if valid.any():
+        points = meshes[valid].astype(np.float64)
+        aligned = similarity(points[:, RIGID], face.astype(np.float64))
+        shapes[valid] = aligned(points[:, MOUTH])[:, :, :2]
     return shapes
 
 

@@ -1,4 +1,4 @@
-"""The similarities that lay many point sets over one: turned, scaled and moved, never mirrored.
+"""Similarities that align many point sets to one: rotation, scale and translation, no mirroring.
 
 Letters: T point sets, K points.
 """
@@ -22,7 +22,7 @@ class Similarity(NamedTuple):
 
 
 def similarity(points: np.ndarray, target: np.ndarray) -> Similarity:
-    """Least-squares similarity that lays each of `points` (T, K, 3) over `target` (K, 3).
+    """Least-squares similarity that aligns each of `points` (T, K, 3) to `target` (K, 3).
 
     Umeyama 1991.
     """

@@ -1,0 +1,1 @@
+"""A person: frames to fine-tune on, their dataset and reference frames."""

@@ -1,6 +1,6 @@
-"""Which seconds of a person's clips are learned from: those with the most views and sounds.
+"""Chooses the seconds of a person's clips to fine-tune on: those with the most views and sounds.
 
-T frames of a clip, F frames that are learned from.
+T frames of a clip, F frames that are chosen.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import torch
 
 from dfrf.metrics.image import gradient_energy
 from dubbing.face.lip_measures import lip_measures
+from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import eye_boxes
-from dubbing.identity.footage import Footage
 from dubbing.media import read_frames
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import cropping
@@ -25,18 +25,18 @@ PIECE = 3.0  # seconds, about: shorter ones cut words, longer ones leave less to
 Part = tuple[int, int]  # first frame and number of frames
 
 
-def learned_footage(
+def choose_frames(
     clips: Sequence[PreparedClip],
     speeches: Sequence[SpeechFrames],
     start: float | None,
     seconds: float,
-) -> list[Footage]:
-    """What to learn from, of every clip, with its speech.
+) -> list[ClipFrames]:
+    """Frames to fine-tune on, of every clip, with its speech.
 
     Args:
         clips: of one person. Where one has too few seconds, the next gives the rest.
-        start: second of each where they begin; None for the best ones of all.
-        seconds: how many together.
+        start: second of each clip to begin at; None for the best seconds of all.
+        seconds: in all.
     """
     if start is None:
         chosen = best_frames(clips, speeches, round(seconds * clips[0].rate))
@@ -47,7 +47,7 @@ def learned_footage(
             frames = np.arange(first, min(first + round(seconds * clip.rate), len(clip)))
             chosen.append(frames)
             seconds -= float(len(frames) / clip.rate)
-    return [Footage(*one) for one in zip(clips, speeches, chosen, strict=True)]
+    return [ClipFrames(*one) for one in zip(clips, speeches, chosen, strict=True)]
 
 
 def best_frames(
@@ -55,7 +55,7 @@ def best_frames(
 ) -> list[np.ndarray]:
     """The `count` best frames of clips, in pieces of some seconds of one shot: (F,) of each clip.
 
-    One piece after another is taken, always that with which the pieces S taken so far score most:
+    Pieces are chosen greedily, each the one with which the chosen pieces S score highest:
 
         sharpness(S) * sum over k of spread_k(S) / spread_k(clips)
 
@@ -79,10 +79,10 @@ def best_frames(
         traits.append(trait / (spread(trait[valid]) + 1e-12))
 
     def score(frames: np.ndarray) -> float:
-        seen = frames[valid[frames]]
-        if not len(seen):
+        with_face = frames[valid[frames]]
+        if not len(with_face):
             return 0.0
-        return float(sharp[frames].mean() * sum(spread(trait[seen]) for trait in traits))
+        return float(sharp[frames].mean() * sum(spread(trait[with_face]) for trait in traits))
 
     left = [at + piece for at, clip in zip(starts, clips, strict=False) for piece in pieces(clip)]
     taken = np.zeros(0, int)
@@ -94,13 +94,13 @@ def best_frames(
 
 
 def pieces(clip: PreparedClip) -> list[np.ndarray]:
-    """A clip's frames in pieces of about `PIECE` seconds, none over a cut."""
+    """A clip's frames in pieces of about `PIECE` seconds, none across a cut."""
     cuts = np.flatnonzero(np.diff(clip.segment)) + 1
-    found: list[np.ndarray] = []
+    parts: list[np.ndarray] = []
     for first, stop in pairwise([0, *cuts.tolist(), len(clip)]):
-        many = max(1, round((stop - first) / (PIECE * float(clip.rate))))
-        found += np.array_split(np.arange(first, stop), many)
-    return found
+        count = max(1, round((stop - first) / (PIECE * float(clip.rate))))
+        parts += np.array_split(np.arange(first, stop), count)
+    return parts
 
 
 def spread(values: np.ndarray) -> float:
@@ -109,20 +109,20 @@ def spread(values: np.ndarray) -> float:
 
 
 def eye_energy(clip: PreparedClip) -> np.ndarray:
-    """Gradient energy of the luminance round the eyes of every frame, (T,): how sharp it is."""
+    """Gradient energy of the luminance round the eyes of every frame, (T,): its sharpness."""
     boxes = eye_boxes(clip.landmarks, clip.size)
     left, top = boxes[:, :, :2].min(1).T
     right, bottom = boxes[:, :, 2:].max(1).T
     energy = np.zeros(len(clip))
     for k, image in enumerate(read_frames(clip.clip, rate=clip.rate)):
         if clip.valid[k] and right[k] - left[k] > 1 and bottom[k] - top[k] > 1:
-            picture = cropping.crop(image, clip.crop[k], clip.size)
-            eyes = picture[top[k] : bottom[k], left[k] : right[k]]
+            crop = cropping.crop(image, clip.crop[k], clip.size)
+            eyes = crop[top[k] : bottom[k], left[k] : right[k]]
             energy[k] = gradient_energy(torch.from_numpy(eyes).float() / 255)
     return energy
 
 
 def parts_of(frames: np.ndarray) -> list[Part]:
-    """Runs of frames (F,) that follow one another: first frame and number of frames."""
+    """Runs of consecutive frames (F,): first frame and number of frames."""
     ends = [0, *(np.flatnonzero(np.diff(frames) != 1) + 1).tolist(), len(frames)]
     return [(int(frames[first]), stop - first) for first, stop in pairwise(ends) if stop > first]

@@ -1,4 +1,4 @@
-"""From a prepared clip to the tensors that training and rendering take."""
+"""Tensors for training and rendering from prepared clips."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from torch import Tensor
 
 from dfrf.cameras import project
 from dfrf.data.dataset import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, HeadDataset
-from dfrf.field.mouth_views import region
+from dfrf.field.mouth_pixels import region
 from dubbing.errors import TrainingError
 from dubbing.face.lip_measures import lip_measures, lips_touch
 from dubbing.face.mesh_points import EYE_CORNERS, RIGID
 from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
-from dubbing.identity.footage import Footage
-from dubbing.identity.picture_store import PictureStore
+from dubbing.identity.clip_frames import ClipFrames
+from dubbing.identity.image_store import ImageStore
 from dubbing.preparation.alignment.silhouette import eye_axes, upwards
 from dubbing.preparation.prepared import PreparedClip
 
 # Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.
 EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
-# What counts as 1, in eye distances.
+# Lengths that count as 1, in eye distances.
 LIDS, BROWS, GAZE = 0.1, 0.03, 0.01
 RIM_WIDTH = 0.016  # of the crop's side
 
@@ -44,7 +44,7 @@ def mouth_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
 
 
 def lid_openings(points: np.ndarray) -> np.ndarray:
-    """How far the left and the right eye are open, (T, 2) in eye distances, of (T, 478, 2)."""
+    """Opening of the left and the right eye, (T, 2) in eye distances, of (T, 478, 2)."""
     _, right, unit = eye_axes(points[:, list(EYE_CORNERS)])
     upper, lower = ([eye[k] for eye in EYES_POINTS] for k in (2, 3))
     between = (points[:, upper] - points[:, lower]) * upwards(right)[:, None]
@@ -52,11 +52,11 @@ def lid_openings(points: np.ndarray) -> np.ndarray:
 
 
 def upper_face_expression(clip: PreparedClip) -> np.ndarray:
-    """How far lids and brows are up and where the eyes look, (T, 6), 0 where no face was found.
+    """Measures of lids, brows and gaze, (T, 6), 0 where no face was detected.
 
     Opening of the lids and height of the brow of the left and of the right eye, gaze of both to the
     right and downwards, the order of `MIRRORED_EXPRESSION` in `dfrf.data.dataset`: in units of the
-    distance between the eyes, less their medians over the clip. Speech does not determine them, so
+    distance between the eyes, minus their medians over the clip. Speech does not determine them, so
     the field is conditioned on them: a rendered frame takes them, like its pose, from the clip.
     """
     points = clip.landmarks
@@ -104,29 +104,29 @@ def region_map(matte: np.ndarray, mouth: np.ndarray, eyes: np.ndarray) -> np.nda
 
 
 def load_identity(
-    name: str, footage: Sequence[Footage], *, every: int = 1, folder: Path | None = None
+    name: str, clips: Sequence[ClipFrames], *, every: int = 1, folder: Path | None = None
 ) -> HeadDataset:
-    """Frames of a person's clips, those without a face left out.
+    """Frames of a person's clips, without those that show no face.
 
-    Camera and face shape are those of the first clip. Pictures of the others are enlarged round
-    their principal points as if they were taken with that camera.
+    Camera and face shape are those of the first clip. Images of the others are enlarged round their
+    principal points as if they were taken with that camera.
 
     Args:
         name: of the person, for messages.
-        every: keep the picture of one frame of so many.
-        folder: where the pictures lie, see `PictureStore`; in memory when None.
+        every: keep the image of one frame of so many.
+        folder: for the images, see `ImageStore`; in memory when None.
 
     Raises:
         TrainingError: no frame shows a face.
         DubbingError: the folder's disk is full.
     """
-    first = footage[0].clip
-    ends = np.cumsum([0, *(len(one.with_face) for one in footage)])
+    first = clips[0].clip
+    ends = np.cumsum([0, *(len(one.with_face) for one in clips)])
     number = [
-        np.flatnonzero(np.flatnonzero(one.clip.valid[one.frames]) % every == 0) for one in footage
+        np.flatnonzero(np.flatnonzero(one.clip.valid[one.frames]) % every == 0) for one in clips
     ]
     if not (many := sum(map(len, number))):
-        frames = footage[0].frames
+        frames = clips[0].frames
         where = f"frames {frames[0]} to {frames[-1]}" if len(frames) else "past its end"
         raise TrainingError(
             "no frame with a face to learn from",
@@ -135,16 +135,16 @@ def load_identity(
         )
     grey = (many, first.size, first.size)
     shapes = {"images": (*grey, 3), "backgrounds": (*grey, 3), "mattes": grey, "regions": grey}
-    store = PictureStore(shapes, folder)
+    store = ImageStore(shapes, folder)
     shots = 0
     parts: dict[str, list[np.ndarray]] = {}
-    for one, which, at in zip(footage, number, ends, strict=False):
+    for one, which, at in zip(clips, number, ends, strict=False):
         clip, speech, speaking = one.clip, one.speech, one.with_face
         if not len(speaking):
             continue
         index = speaking[which]
         gaps = np.cumsum(np.diff(one.frames, prepend=one.frames[:1]) > 1)
-        _add_pictures(store, one, gaps, which, first.focal)
+        _add_images(store, one, gaps, which, first.focal)
         segment = clip.segment[speaking] + gaps[clip.valid[one.frames]] * (clip.segment.max() + 1)
         for field, values in {
             "c2w": clip.c2w()[index],
@@ -173,35 +173,35 @@ def load_identity(
     )
 
 
-def _add_pictures(
-    store: PictureStore, footage: Footage, gaps: np.ndarray, which: np.ndarray, focal: float
+def _add_images(
+    store: ImageStore, selected: ClipFrames, gaps: np.ndarray, which: np.ndarray, focal: float
 ) -> None:
-    """Puts the pictures of footage into a store, as a camera of `focal` px takes them.
+    """Adds the images of a clip's frames to a store, as a camera of `focal` px takes them.
 
     Args:
         gaps: number of the run without a gap that each frame is in, (F,).
         which: of the frames that show the face.
     """
-    clip, keep = footage.clip, set(footage.with_face[which].tolist())
-    landmarks = footage.landmarks(focal)[which]
+    clip, keep = selected.clip, set(selected.with_face[which].tolist())
+    landmarks = selected.landmarks(focal)[which]
     boxes = zip(mouth_boxes(landmarks, clip.size), eye_boxes(landmarks, clip.size), strict=True)
     for gap in np.unique(gaps):
-        first, count = int(footage.frames[gaps == gap][0]), int((gaps == gap).sum())
-        for k, pictures in enumerate(clip.frames(first, count), first):
+        first, count = int(selected.frames[gaps == gap][0]), int((gaps == gap).sum())
+        for k, images in enumerate(clip.frames(first, count), first):
             if k in keep:
                 image, matte, background = (
-                    enlarged(one, clip.centre[k], focal / clip.focal) for one in pictures
+                    enlarged(one, clip.centre[k], focal / clip.focal) for one in images
                 )
                 regions = region_map(matte, *next(boxes))
                 store.add(images=image, backgrounds=background, mattes=matte, regions=regions)
 
 
-def enlarged(picture: np.ndarray, centre: np.ndarray, ratio: float) -> np.ndarray:
-    """A picture (S, S) or (S, S, 3) `ratio` times as large round a point, its edge repeated."""
+def enlarged(image: np.ndarray, centre: np.ndarray, ratio: float) -> np.ndarray:
+    """An image (S, S) or (S, S, 3) scaled by `ratio` round a point, its edge replicated."""
     if ratio == 1:
-        return picture
+        return image
     matrix = np.concatenate([np.eye(2) * ratio, (centre * (1 - ratio))[:, None]], 1)
-    return cv2.warpAffine(picture, matrix, picture.shape[:2], borderMode=cv2.BORDER_REPLICATE)
+    return cv2.warpAffine(image, matrix, image.shape[:2], borderMode=cv2.BORDER_REPLICATE)
 
 
 def surface_points(clip: PreparedClip) -> Tensor:
@@ -217,14 +217,14 @@ def lip_shape(clip: PreparedClip) -> Tensor:
 
 
 def lip_points(clip: PreparedClip, frames: np.ndarray) -> Tensor:
-    """How far the lips of frames lie beside those of the mean face, (T, 40, 2) right and down.
+    """Positions of the lips relative to those of the mean face, (T, 40, 2) right and down.
 
-    Head units, in the picture: pixels over the focal length times the distance of the mouth.
+    Head units, in the image: pixels over the focal length times the distance of the mouth.
     """
     c2w = torch.from_numpy(clip.c2w()[frames]).float()
     centre = torch.from_numpy(clip.centre[frames]).float()
     shape = lip_shape(clip)
-    still = project(shape, c2w, float(clip.focal), centre)
-    seen = torch.from_numpy(clip.landmarks[frames][:, [*OUTER_LIP, *INNER_LIP]]).float()
+    mean_lips = project(shape, c2w, float(clip.focal), centre)
+    lips = torch.from_numpy(clip.landmarks[frames][:, [*OUTER_LIP, *INNER_LIP]]).float()
     unit = float(clip.focal) / (c2w[:, :, 3] - region(shape)[0]).norm(dim=-1)
-    return (seen - still) / unit[:, None, None]
+    return (lips - mean_lips) / unit[:, None, None]

@@ -1,4 +1,4 @@
-"""Which seconds of their clips a person was learned from, as the fine-tune wrote them down."""
+"""The seconds of clips that a person was learned from, as the fine-tune recorded them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from typing_extensions import TypedDict
 from dubbing import json_records as kept
 from dubbing.errors import DubbingError
 
-SUMMARY_FILE = "finetune.json"  # beside a model: how it was learned
+SUMMARY_FILE = "finetune.json"  # beside a model: how it was fine-tuned
 
-Seconds = list[tuple[float, float]]  # from which to which
-Learned = Sequence[tuple[str, Seconds]]  # file names of clips, the main one first, with theirs
+Seconds = list[tuple[float, float]]  # first and last second of each part
+Learned = Sequence[tuple[str, Seconds]]  # file names of clips, the main one first, with seconds
 
 
 class Summary(TypedDict):
-    """What is read of a fine-tune's summary."""
+    """The keys of a fine-tune's summary that are read here."""
 
     clip: str
     learned: Seconds
@@ -25,7 +25,7 @@ class Summary(TypedDict):
 
 
 def learned(finetune: Path) -> Learned:
-    """Which seconds of each clip a person was learned from.
+    """The seconds of each clip that a person was learned from.
 
     Args:
         finetune: the stage's folder.
@@ -38,7 +38,7 @@ def learned(finetune: Path) -> Learned:
 
 
 def learned_if_known(finetune: Path) -> Learned:
-    """The same; empty where it is not known yet."""
+    """The same; empty before the fine-tune."""
     try:
         return learned(finetune)
     except DubbingError:

@@ -1,4 +1,4 @@
-"""Which frames of a person become references: sharp ones that stand for all others."""
+"""Chooses the reference frames of a person: sharp ones that represent all others."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from dfrf.metrics.image import crop, gradient_energy
 from dubbing.face.mouth_shape import OUTER_LIP
 
 UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
-MOST_COMPARED = 1000  # frames: more show little that is new
+MOST_COMPARED = 1000  # frames: more add little
 SOFT = 2 / 3  # share of the frames
 # Turn (rad) from the nearest sharp frame beyond which a soft one is better than none.
-ALONE = np.radians(6)
-# Root mean square turn (rad) beyond which each frame looks at the references near to it. Below, the
-# same ones for all frames serve other shots better: nothing changes with the pose.
+MAX_TURN = np.radians(6)
+# Root mean square turn (rad) beyond which each frame uses the references nearest to it. Below, the
+# same references for all frames are better on other shots: nothing changes with the pose.
 FAR = np.radians(4)
 
 
 def turns_far(person: HeadDataset) -> bool:
-    """Whether a head is seen from sides so different that no few frames stand for all."""
-    seen_from = F.normalize(person.c2w[:, :, 3], dim=-1)
-    middle = F.normalize(seen_from.mean(0), dim=0)
-    turns = torch.acos((seen_from @ middle).clamp(-1, 1))
+    """Whether viewpoints differ so much that a few frames cannot represent all."""
+    viewpoints = F.normalize(person.c2w[:, :, 3], dim=-1)
+    middle = F.normalize(viewpoints.mean(0), dim=0)
+    turns = torch.acos((viewpoints @ middle).clamp(-1, 1))
     return bool(turns.square().mean().sqrt() > FAR)
 
 
 def choose_references(person: HeadDataset, landmarks: np.ndarray, count: int) -> Tensor:
-    """Sharp frames that stand for all poses and mouth shapes, (count,).
+    """Sharp frames that represent all poses and mouth shapes, (count,).
 
-    What a reference does not show sharply no dub will, and motion, a codec or a lid half shut make
-    frames soft: they are of the third whose eyes are sharpest, and of those that show the head from
-    a side from which no sharp one does.
+    A dub is no sharper than its references, and motion, a codec or a half-closed lid make frames
+    soft. So candidates are the third of the frames whose eyes are sharpest, and frames from
+    viewpoints that no sharp frame has.
 
     Args:
         person: the frames to choose from.
@@ -54,13 +54,13 @@ def choose_references(person: HeadDataset, landmarks: np.ndarray, count: int) ->
     sharp = eye_sharpness(person, some)
     is_sharp = sharp >= np.quantile(sharp, SOFT)
     turn = np.linalg.norm(forward[some, None] - forward[some[is_sharp]], axis=-1).min(1)
-    may = some[is_sharp | (turn > ALONE)]
-    apart = ((traits[some, None] - traits[may]) ** 2).sum(-1)
-    return torch.from_numpy(may[medoids(apart, count)])
+    candidates = some[is_sharp | (turn > MAX_TURN)]
+    distance = ((traits[some, None] - traits[candidates]) ** 2).sum(-1)
+    return torch.from_numpy(candidates[medoids(distance, count)])
 
 
 def eye_sharpness(person: HeadDataset, frames: np.ndarray) -> np.ndarray:
-    """Gradient energy of the luminance round the eyes of frames (F,); 0 where none is seen."""
+    """Gradient energy of the luminance round the eyes of frames (F,); 0 without eyes."""
     energy = np.zeros(len(frames))
     for n, t in enumerate(frames):
         rows, columns = torch.nonzero(person.regions[t] == EYES).unbind(1)

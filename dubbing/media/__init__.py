@@ -1,7 +1,7 @@
-"""Video and sound files. The only package that runs ffmpeg.
+"""Video and audio files. The only package that runs ffmpeg.
 
-Pictures are RGB uint8 arrays (H, W, 3); sound is mono float32 (samples,) in -1..1; times are
-seconds from the start of the file and frame rates exact fractions.
+Images are RGB uint8 arrays (H, W, 3); audio is mono float32 (samples,) in -1..1; times are seconds
+from the start of the file, and frame rates exact fractions.
 """
 
 from dubbing.media.ffmpeg import binary, version

@@ -1,4 +1,4 @@
-"""What the numbers of a picture mean as colours, by ffmpeg's names."""
+"""Colour spaces of video, by ffmpeg's names."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ TRANSFERS = {
     **{13: "iec61966-2-1", 14: "bt2020-10", 15: "bt2020-12", 16: "smpte2084"},
     18: "arib-std-b67",
 }
-# Primaries and transfer where a file names none, by its matrix; and what files call the matrix.
+# Primaries and transfer where a file names none, by its matrix; and names of the matrix in files.
 DEFAULTS = {
     "bt709": ("bt709", "bt709"),
     "bt601": ("smpte170m", "smpte170m"),
@@ -36,11 +36,11 @@ class Colour:
 
     @property
     def high_range(self) -> str:
-        """PQ or HLG; '' for what is no HDR."""
+        """PQ or HLG; '' without HDR."""
         return HIGH_RANGE.get(self.transfer, "")
 
     def tags(self) -> dict[str, str]:
-        """What the filter setparams gets: encoders write the properties of frames."""
+        """Arguments of the filter setparams: encoders write the properties of frames."""
         return {
             "colorspace": TAGS[self.matrix],
             "color_primaries": self.primaries,
@@ -50,7 +50,7 @@ class Colour:
 
 
 def colour_of(frame: av.VideoFrame) -> Colour:
-    """The colours of a decoded frame; guessed from its size where it is not tagged."""
+    """The colour space of a decoded frame; guessed from its size where it is not tagged."""
     larger = max(frame.width, frame.height) >= 1280 or int(frame.colorspace) == RGB
     matrix = MATRICES.get(int(frame.colorspace), "bt709" if larger else "bt601")
     primaries, transfer = DEFAULTS[matrix]

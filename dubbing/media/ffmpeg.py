@@ -1,4 +1,4 @@
-"""The ffmpeg program: where it is and how it is run.
+"""Finds and runs the ffmpeg program.
 
 The binary is the one inside the imageio-ffmpeg wheel, so nothing of the system is needed.
 ``DFRF_FFMPEG`` names another one: a path, or ``system`` for the first on PATH.
@@ -35,9 +35,9 @@ def binary() -> str:
     """Path of the ffmpeg to run.
 
     Raises:
-        MediaError: ``DFRF_FFMPEG`` names something that is not there, or the wheel has none.
+        MediaError: the program of ``DFRF_FFMPEG`` does not exist, or the wheel has none.
     """
-    environment.settle()  # PATH is looked through; and imageio-ffmpeg starts what it has, too
+    environment.settle()  # PATH is searched, and imageio-ffmpeg also runs a program
     wanted = os.environ.get("DFRF_FFMPEG", "")
     if not wanted:
         try:
@@ -45,10 +45,10 @@ def binary() -> str:
         except RuntimeError as error:
             remedy = "set DFRF_FFMPEG to the path of an ffmpeg"
             raise MediaError("no ffmpeg found", "imageio-ffmpeg", remedy) from error
-    found = shutil.which("ffmpeg" if wanted == "system" else wanted)
-    if found is None:
+    program = shutil.which("ffmpeg" if wanted == "system" else wanted)
+    if program is None:
         raise MediaError("no ffmpeg found", f"DFRF_FFMPEG={wanted}", REMEDY)
-    return found
+    return program
 
 
 @lru_cache(maxsize=1)
@@ -56,7 +56,7 @@ def version() -> str:
     """First line of ``ffmpeg -version``, without the copyright.
 
     Raises:
-        MediaError: there is no ffmpeg, or it is none that runs.
+        MediaError: there is no ffmpeg, or it does not run.
     """
     program = binary()
     try:
@@ -105,10 +105,10 @@ class Process:
         return self._process.stdout
 
     def finish(self) -> None:
-        """Close the pipe, wait, and raise what ffmpeg complained of.
+        """Close the pipe and wait.
 
         Raises:
-            MediaError: ffmpeg ended with an error; its last words are in the message.
+            MediaError: ffmpeg failed; the end of its messages is included.
         """
         if self._process.stdin is not None:
             # A broken pipe means it ended early: its return code and its messages tell why.
@@ -119,13 +119,13 @@ class Process:
             raise MediaError(f"ffmpeg {killed}", self.where, self.words())
 
     def words(self) -> str:
-        """The last lines ffmpeg wrote."""
+        """The last lines that ffmpeg wrote."""
         self._messages.seek(0)
         lines = self._messages.read().decode(errors="replace").strip().splitlines()
         return " | ".join(lines[-3:])
 
     def kill(self) -> None:
-        """Stop it at once, if it still runs, and free its pipes."""
+        """Kill it, if it still runs, and close its pipes."""
         if self._process.poll() is None:
             self._process.kill()
             self._process.wait()
@@ -141,7 +141,7 @@ class Process:
 
 
 def signal_of(code: int) -> str:
-    """The signal that ended a process, of its exit code, in words."""
+    """The signal in the exit code of a process, in words."""
     try:
         name = signal.Signals(-code).name
     except ValueError:

@@ -1,4 +1,4 @@
-"""Whether frames are two fields each, filmed at two moments: by their flags, and by their looks."""
+"""Detects interlaced video, by flags and images. A frame has two fields of different moments."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -13,31 +13,31 @@ from dubbing.errors import MediaError
 from dubbing.files import while_unchanged
 from dubbing.media.opening import opened
 
-# Frames whose flags are looked at: so many pixels together, within bounds.
-PIXELS, FEWEST, MOST = 24 * 1920 * 1080, 8, 48
-# Places in a film, and frames one after another there, whose looks are judged.
+# Frames whose flags are read: so many pixels in all, within bounds.
+PIXELS, MIN_FRAMES, MAX_FRAMES = 24 * 1920 * 1080, 8, 48
+# Places in a video, and consecutive frames there, whose images are compared.
 PLACES, FRAMES = 3, 10
-FEWEST_SURE, MOST_OF = 4, 0.7  # frames that look interlaced, and the share of those that move
-MOVES = 0.02  # of what departs in a frame at rest: less is no movement
-APART = 0.5  # from here on the fields of a frame belong to one moment
+MIN_INTERLACED, MIN_SHARE = 4, 0.7  # interlaced frames, and their share of those with motion
+MOVES = 0.02  # of the combing of a still frame: less is no motion
+APART = 0.5  # from here on both fields of a frame belong to one moment
 UNKNOWN, PROGRESSIVE, TOP_FIRST, BOTTOM_FIRST = range(4)
 Video = av.video.stream.VideoStream
 
 
 def is_flagged(path: Path, index: int, keys: Sequence[int], pixels: int) -> bool:
-    """Whether a film has frames that are flagged as interlaced, anywhere in it.
+    """Whether any frame of a video is flagged as interlaced.
 
     Args:
         index: of its stream.
         keys: time stamps of its key frames.
         pixels: of a frame.
     """
-    count = min(max(PIXELS // pixels, FEWEST), MOST)
+    count = min(max(PIXELS // pixels, MIN_FRAMES), MAX_FRAMES)
     with opened(path) as container:
         video = container.streams[index]
         assert isinstance(video, Video)
         for key in _spread(keys, count):
-            with suppress(av.FFmpegError):  # what is damaged is found when it is read
+            with suppress(av.FFmpegError):  # damage is reported when the frames are read
                 container.seek(key, stream=video)
                 packet = next((p for p in container.demux(video) if p.is_keyframe), None)
                 # Drained, the decoder does not wait for frames to come.
@@ -49,25 +49,26 @@ def is_flagged(path: Path, index: int, keys: Sequence[int], pixels: int) -> bool
 
 @while_unchanged(1024)
 def looks_interlaced(path: Path) -> bool:
-    """Whether a film looks as if its frames were two moments each, whatever its flags are.
+    """Whether the images of a video look interlaced, whatever its flags.
 
     Raises:
         MediaError: it cannot be decoded.
     """
-    found: Counter[int] = Counter()
+    orders: Counter[int] = Counter()
     try:
         with opened(path) as container:
             video = container.streams.video[0]
             begin, length = container.start_time or 0, container.duration or 0
             for place in range(PLACES):
                 container.seek(begin + length * place // PLACES)
-                shown = list(islice(_grey(container, video), FRAMES))
-                found.update(order_of(*shown[k : k + 3]) for k in range(len(shown) - 2))
+                frames = list(islice(_grey(container, video), FRAMES))
+                orders.update(order_of(*frames[k : k + 3]) for k in range(len(frames) - 2))
     except (av.FFmpegError, IndexError) as error:
         raise MediaError("cannot be decoded", str(path), str(error)) from error
-    moving = found.total() - found[UNKNOWN]
-    # Film whose pictures stand for two frames looks so as well, but in both orders.
-    return max(found[TOP_FIRST], found[BOTTOM_FIRST]) >= max(FEWEST_SURE, MOST_OF * moving)
+    moving = orders.total() - orders[UNKNOWN]
+    # Video that repeats every frame looks interlaced as well, but in both orders.
+    interlaced = max(orders[TOP_FIRST], orders[BOTTOM_FIRST])
+    return interlaced >= max(MIN_INTERLACED, MIN_SHARE * moving)
 
 
 def order_of(before: np.ndarray, frame: np.ndarray, after: np.ndarray) -> int:
@@ -86,14 +87,14 @@ def order_of(before: np.ndarray, frame: np.ndarray, after: np.ndarray) -> int:
 
 
 def _combs(top: np.ndarray, bottom: np.ndarray) -> float:
-    """How much lines depart from their neighbours where fields of two frames are put together."""
+    """Mean difference of lines from their neighbours where fields of two frames are interleaved."""
     rows = min(len(top), len(bottom)) // 2 * 2
     even, odd = top[0:rows:2], bottom[1:rows:2]
     return float(np.abs(2 * odd[:-1] - even[:-1] - even[1:]).mean())
 
 
 def _grey(container: av.container.InputContainer, video: Video) -> Iterator[np.ndarray]:
-    """The frames from where a container stands, every fourth column of them, int16."""
+    """Grey frames from the position of a container on, every fourth column of them, int16."""
     # Without an index a seek lands anywhere, and nothing can be decoded before a key frame.
     packets = dropwhile(lambda packet: not packet.is_keyframe, container.demux(video))
     for packet in packets:
@@ -103,7 +104,7 @@ def _grey(container: av.container.InputContainer, video: Video) -> Iterator[np.n
 
 
 def _spread(keys: Sequence[int], count: int) -> list[int]:
-    """So many of them, the first and the last among them."""
+    """At most `count` keys, evenly spread from the first to the last."""
     if len(keys) <= count:
         return list(keys)
     return [keys[round(k * (len(keys) - 1) / (count - 1))] for k in range(count)]

@@ -1,4 +1,4 @@
-"""The constant frame rate that the time stamps of a clip follow."""
+"""The constant frame rate that the time stamps of a video follow."""
 
 import itertools
 import statistics
@@ -17,9 +17,9 @@ def choose_rate(times: Sequence[float], hints: Sequence[Fraction]) -> tuple[Frac
 
     The last of several is later than the first.
 
-    Constant: the first of the snapped hints, the hints and the snapped mean that puts every
-    stamp within ``JITTER`` frames of its place. Variable: the common rate nearest to the
-    most frequent interval, so that a clip with dropped frames keeps the rate it was filmed at.
+    Constant: the first of the snapped hints, the hints and the snapped mean for which every time
+    stamp is within ``JITTER`` frames. Variable: the common rate nearest to the most frequent
+    interval, so that a video with dropped frames keeps the rate it was filmed at.
     """
     if len(times) < 2:
         return (hints[0] if hints else Fraction(25)), False

@@ -1,4 +1,4 @@
-"""What a media file holds: size after rotation, exact rate, frames, sound."""
+"""Properties of a media file: size after rotation, exact rate, frames, audio."""
 
 from dataclasses import dataclass
 from fractions import Fraction
@@ -11,7 +11,7 @@ from dubbing.script.timecode import frame_of, nominal, timecode_of
 
 @dataclass(frozen=True)
 class Picture:
-    """The picture of a clip.
+    """The picture of a video.
 
     Attributes:
         width, height: displayed pixels, after rotation and with square pixels.
@@ -34,18 +34,18 @@ class MediaInfo:
 
     Attributes:
         width, height: as in `Picture`.
-        frame_rate: frames a second; a constant one for a clip of variable rate. See `rate`.
+        frame_rate: frames a second; a constant one for a video of variable rate. See `rate`.
         frames: how many frames ``read_frames`` gives at that rate.
-        duration: of the picture in seconds; of the sound, where there is no picture.
-        audio_tracks: which of the tracks of sound are heard; see `tracks.heard_tracks`.
-        unheard_tracks: how many others there are.
-        audio_channels: of all that are heard.
+        duration: of the picture in seconds; of the audio, where there is no picture.
+        audio_tracks: indices of the audio tracks that are read; see `tracks.heard_tracks`.
+        unheard_tracks: number of the other tracks.
+        audio_channels: of all tracks that are read.
         video_start, audio_start: seconds after the start of the file; 0 for most files.
         zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
             first requested stream instead (MPEG-TS, MPEG-PS, Ogg); else None.
         timecode: of the first frame, as ``01:00:00:00``; '' where the file has none.
-        timecode_count: numbers a second that the timecode counts, where they are not those of
-            the frame rate: high rates often have half of them.
+        timecode_count: timecodes a second, where they are not those of the frame rate: high rates
+            often have half of them.
         picture: of the first frame; None without a picture.
     """
 
@@ -81,7 +81,7 @@ class MediaInfo:
 
     @property
     def colour(self) -> Colour:
-        """The colours of its picture."""
+        """The colour space of its picture."""
         return self.picture.colour if self.picture else Colour()
 
     @property
@@ -93,13 +93,13 @@ class MediaInfo:
 
     @property
     def first_frame(self) -> int:
-        """The frame that its timecode begins with; 0 without one."""
+        """The frame number of its first timecode; 0 without one."""
         if not self.timecode:
             return 0
         return int(frame_of(self.timecode, self.timecode_rate) * self.rate / self.timecode_rate)
 
     def timecode_at(self, frame: int) -> str:
-        """The film's timecode of a frame; counted from zero where the file has none."""
+        """The timecode of a frame; counted from zero where the file has none."""
         number = int((self.first_frame + frame) * self.timecode_rate / self.rate)
         return timecode_of(number, self.timecode_rate, drop=self.drops)
 
@@ -111,10 +111,10 @@ class MediaInfo:
 
     @property
     def drops(self) -> bool:
-        """Whether its timecode leaves out numbers."""
+        """Whether its timecode is drop-frame."""
         return ";" in self.timecode
 
     @property
     def sound_seconds(self) -> float:
-        """From the start of the file to the end of its sound; 0 without sound."""
+        """Seconds from the start of the file to the end of its audio; 0 without audio."""
         return self.audio_start + self.audio_duration if self.audio_duration else 0.0

@@ -1,4 +1,4 @@
-"""Loudness and true peak of a sound, by ffmpeg's ebur128, and a limiter of true peaks."""
+"""Loudness and true peak of audio, by ffmpeg's ebur128, and a limiter of true peaks."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from dubbing.media.ffmpeg import run
 from dubbing.media.opening import LAYOUTS, into, source
 
 SILENT = -70.0  # LUFS; the absolute gate of BS.1770: below it nothing counts
-FINER = 192000  # Hz at which peaks between samples are seen
+FINER = 192000  # Hz, at which peaks between samples are measured
 MARGIN = 0.3  # dB that resampling back may add
 
 
@@ -27,13 +27,13 @@ class Loudness:
 
 
 def measure(blocks: Iterable[np.ndarray], rate: int) -> Loudness:
-    """Loudness of a sound given as blocks (samples, C) float32, `rate` samples a second.
+    """Loudness of audio in blocks (samples, C) float32, `rate` samples a second.
 
     Raises:
         MediaError: ffmpeg cannot measure it.
     """
     graph: av.filter.Graph | None = None
-    found: dict[str, str] = {}
+    figures: dict[str, str] = {}
     at = 0
     for block in blocks:
         channels = block.shape[1]
@@ -53,14 +53,14 @@ def measure(blocks: Iterable[np.ndarray], rate: int) -> Loudness:
         at += len(block)
         try:
             graph.push(frame)
-            found |= _pulled(graph)
+            figures |= _pulled(graph)
         except av.FFmpegError as error:
             raise MediaError("its loudness cannot be measured", "", str(error)) from error
     if graph is not None:
         graph.push(None)
-        found |= _pulled(graph)
-    loudness = float(found.get("lavfi.r128.I", SILENT))
-    peaks = [float(v) for k, v in found.items() if k.startswith("lavfi.r128.true_peaks_ch")]
+        figures |= _pulled(graph)
+    loudness = float(figures.get("lavfi.r128.I", SILENT))
+    peaks = [float(v) for k, v in figures.items() if k.startswith("lavfi.r128.true_peaks_ch")]
     peak = max(peaks, default=0.0)
     return Loudness(
         loudness if loudness > SILENT else None,
@@ -69,17 +69,17 @@ def measure(blocks: Iterable[np.ndarray], rate: int) -> Loudness:
 
 
 def _pulled(graph: av.filter.Graph) -> dict[str, str]:
-    """The newest figures that the graph gives out."""
-    found: dict[str, str] = {}
+    """The newest figures of the graph."""
+    figures: dict[str, str] = {}
     while True:
         try:
-            found |= graph.pull().metadata
+            figures |= graph.pull().metadata
         except (av.BlockingIOError, av.EOFError):
-            return found
+            return figures
 
 
 def limit(path: Path, out: Path, peak: float) -> None:
-    """Write a FLAC of a sound whose true peaks are held below ``peak`` dBTP.
+    """Write a FLAC of an audio file, with true peaks limited to ``peak`` dBTP.
 
     Raises:
         MediaError: ffmpeg failed.

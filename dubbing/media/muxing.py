@@ -1,4 +1,4 @@
-"""Picture and sound into one file."""
+"""Muxes picture and sound into one file."""
 
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ AUDIO_CODECS = {
 }
 PROXY_WIDTH = 1280  # px at most
 MOST_CHANNELS = {"aac": 8, "pcm": 64, "flac": 8}
-SOUND = {"h264": "aac", "prores": "pcm", "ffv1": "flac"}  # beside which picture
+SOUND = {"h264": "aac", "prores": "pcm", "ffv1": "flac"}  # audio codec for each video codec
 
 
 def mux(
@@ -40,13 +40,13 @@ def mux(
     """Copy the picture of ``video`` and encode ``seconds`` of sound beside it.
 
     Args:
-        video: its pictures are copied as they are. Or several files of one kind, each with its
-            exact length in seconds, to be copied one after the other.
-        audio_source: anything with sound; every channel of it is kept.
-        out: the container follows from the suffix.
-        audio_start: where in ``audio_source`` to begin, seconds.
-        seconds: how much sound.
-        silent_until: seconds after the beginning to which silence follows; none by default.
+        video: its picture is copied without encoding. Or several files of one kind, each with its
+            exact length in seconds, to be concatenated.
+        audio_source: file with sound; every channel of it is kept.
+        out: its suffix determines the container.
+        audio_start: second of ``audio_source`` to start at.
+        seconds: length of the sound.
+        silent_until: seconds to which the sound is padded with silence; none by default.
         audio_codec: ``aac``, ``pcm`` or ``flac``.
         audio_rate: Hz; None keeps the rate of ``audio_source``.
         metadata: tags of the container.
@@ -55,8 +55,8 @@ def mux(
     Raises:
         MediaError: `audio_source` cannot be read, ffmpeg failed, or a part cannot be listed for it.
     """
-    heard = probe(audio_source)
-    sound = sound_of(audio_source, heard.zero, audio_start, heard.audio_tracks)
+    audio_info = probe(audio_source)
+    sound = sound_of(audio_source, audio_info.zero, audio_start, audio_info.audio_tracks)
     if audio_rate is not None:
         sound = sound.filter("aresample", audio_rate)
     sound = sound.filter("atrim", end=f"{seconds:.6f}")
@@ -84,7 +84,7 @@ def mux(
             picture,
             sound,
             vcodec="copy",
-            r=f"{rate}",  # ffmpeg would guess: 120 for 120000/1001
+            r=f"{rate}",  # ffmpeg would guess 120 for 120000/1001
             map_metadata=-1,
             fflags="+bitexact",
             **AUDIO_CODECS[audio_codec],
@@ -107,13 +107,13 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
         "scale", w=width, h=-2, out_color_matrix=colour.matrix, out_range="tv"
     ).filter("setparams", **{**colour.tags(), "range": "tv"})
     encoder = {"vcodec": "libx264", "pix_fmt": "yuv420p", "crf": 23, "preset": "veryfast"}
-    heard = [_in_stereo(film.audio, info.audio_channels)] if info.audio_channels else []
-    sound = {"acodec": "aac", "ac": 2, "audio_bitrate": "128k"} if heard else {}
+    audio = [_in_stereo(film.audio, info.audio_channels)] if info.audio_channels else []
+    sound = {"acodec": "aac", "ac": 2, "audio_bitrate": "128k"} if audio else {}
     with atomic_path(out) as temporary:
         graph = into(
             temporary,
             picture,
-            *heard,
+            *audio,
             **sound,
             map_metadata=-1,
             fflags="+bitexact",
@@ -126,7 +126,7 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
 
 
 def _in_stereo(sound: Stream, channels: int) -> Stream:
-    """A sound of many channels, whose places nobody knows, in both loudspeakers."""
+    """Audio with channels of an unknown layout, mixed to both sides."""
     if channels in LAYOUTS:
         return sound
     mean = "+".join(f"{1 / channels:.6f}*c{k}" for k in range(channels))
@@ -139,7 +139,7 @@ def _tags(metadata: Mapping[str, str]) -> dict[str, str]:
 
 
 def concat_list(parts: Sequence[tuple[Path, Fraction]]) -> str:
-    """ffmpeg's list of files to join. Lengths are rounded to microseconds without adding up."""
+    """ffmpeg's list of files to join. Rounding of lengths to microseconds does not accumulate."""
     lines = ["ffconcat version 1.0"]
     ends = [Fraction(0), *accumulate(length for _, length in parts)]
     for (path, _), (start, end) in zip(parts, pairwise(ends), strict=True):

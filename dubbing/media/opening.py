@@ -1,6 +1,6 @@
-"""The one door through which files reach ffmpeg and PyAV.
+"""Opens files for ffmpeg and PyAV; nothing else passes a path to them.
 
-Both take more than files: a name may be an address (``http:``, ``tcp:``, ``concat:``), and a text
+Both open more than files: a name may be an address (``http:``, ``tcp:``, ``concat:``), and a text
 may list other files to open. Here every path is made absolute and marked as a file, no other
 protocol is allowed, and only containers that hold their own picture and sound are opened.
 """
@@ -16,7 +16,7 @@ import ffmpeg
 from dubbing.errors import MediaError
 
 PROTOCOLS = "file,pipe"
-# Not here, for they open other files or draw text: concat, hls, dash, imf, image2, sdp, tty, ...
+# Without those that open other files or draw text: concat, hls, dash, imf, image2, sdp, tty, ...
 CONTAINERS = (
     *("mov", "matroska", "avi", "mpegts", "mpeg", "mxf", "gxf", "flv", "asf", "nut", "ogg", "rm"),
     *("dv", "wtv", "ty", "nsv", "ivf", "obu", "av1", "apv", "evc", "vvc", "hevc", "h264", "h263"),
@@ -28,10 +28,10 @@ CONTAINERS = (
 )
 REFUSED = "a playlist, a still picture, or no film or sound that can be read"
 REMEDY = "convert it to one file of its own: .mp4, .mov, .mkv or .wav"
-PLAYLISTS = (b"#extm3u", b"ffconcat", b"[playlist]")  # how they begin, whatever they are called
+PLAYLISTS = (b"#extm3u", b"ffconcat", b"[playlist]")  # first bytes, whatever the file's name
 WAV_PACKET = 1 << 18  # bytes; with the default ones a long recording takes twice the time
 
-# Layouts of so many channels, as a film has them.
+# Layouts by the number of channels, as in films.
 LAYOUTS = {1: "mono", 2: "stereo", 3: "3.0", 4: "quad", 5: "5.0", 6: "5.1", 7: "6.1", 8: "7.1"}
 
 Stream = Any  # ffmpeg-python's nodes have no types
@@ -39,10 +39,10 @@ Graph = Any
 
 
 def address(path: Path | str) -> str:
-    """What ffmpeg and PyAV are given for ``path``: a file, whatever its name looks like.
+    """The address of ``path`` for ffmpeg and PyAV: a file, whatever its name looks like.
 
     Raises:
-        MediaError: the path is no text.
+        MediaError: the path is not valid UTF-8.
     """
     if (text := os.fsencode(path).decode(errors="replace")) != str(path):
         raise MediaError("its name or folder is not valid UTF-8", text, "rename it")
@@ -53,10 +53,10 @@ def opened(path: Path | str, *, short_packets: bool = False) -> av.container.Inp
     """``path`` open for reading by PyAV; a context manager.
 
     Args:
-        short_packets: of a WAV, for a look at a few places: it opens in a tenth of the time.
+        short_packets: of a WAV, to read a few places: it opens in a tenth of the time.
 
     Raises:
-        MediaError: it is a playlist or something else that is no film or sound of its own.
+        MediaError: it is a playlist, or another kind of file without its own picture or sound.
         av.FFmpegError: it cannot be read.
     """
     if _begins_as_playlist(path):
@@ -90,11 +90,11 @@ def sound_of(
 ) -> Stream:
     """The sound of ``path`` from ``begin`` seconds after ``zero`` on; see `picture_of`.
 
-    Sound that begins late in its file is padded, so that it keeps its place. Several tracks, of a
-    channel each, are channels of one sound.
+    Sound that starts late in its file is padded with silence before it. Several tracks, of a
+    channel each, become the channels of one sound.
 
     Raises:
-        MediaError: it begins before the file.
+        MediaError: ``begin`` is before the file.
     """
     if begin < 0:
         what = f"sound from {begin:g} s on, before its beginning"
@@ -110,18 +110,18 @@ def sound_of(
         return sounds[0]
     layout = LAYOUTS[len(sounds)]
     placed = [s.filter("pan", args=f"{layout}|c{k}=c0") for k, s in enumerate(sounds)]
-    # Unlike others it goes on to the end of the longest.
+    # Unlike other filters it continues to the end of the longest.
     return ffmpeg.filter(placed, "amix", inputs=len(placed), duration="longest", normalize=0)
 
 
 def joined(listing: Path | str) -> Stream:
-    """The files of a list that we wrote ourselves, one after the other, as an input."""
+    """The files of a list, concatenated, as an input. The list must be written by us."""
     options = _only(("concat", *CONTAINERS))
     return ffmpeg.input(address(listing), format="concat", safe=0, **options)
 
 
 def piped(**options: Any) -> Stream:
-    """Raw pictures from a pipe as an input."""
+    """Raw frames from a pipe as an input."""
     return ffmpeg.input("pipe:", format="rawvideo", **options)
 
 
@@ -131,7 +131,7 @@ def into(path: Path | str | None, *streams: Stream, **options: Any) -> Graph:
 
 
 def _begins_as_playlist(path: Path | str) -> bool:
-    """Whether a file is such a text; where it has the name of a raw sound ffmpeg would try that."""
+    """Whether a file is a playlist; ffmpeg would read one that is named like raw audio."""
     try:
         with open(path, "rb") as file:
             begin = file.read(64)

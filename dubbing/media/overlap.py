@@ -1,4 +1,4 @@
-"""Decoding and encoding beside the work in between: one thread at each end of a short queue."""
+"""Overlaps decoding and encoding with the work in between: one thread at each end of a queue."""
 
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -8,11 +8,11 @@ from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 _END: Any = object()
-DEPTH = 4  # items waiting at most: memory does not grow with the length
+DEPTH = 4  # largest number of waiting items: memory does not grow with the length
 
 
 def ahead(items: Iterable[Item], depth: int = DEPTH) -> Generator[Item]:
-    """The same items, fetched up to ``depth`` ahead. Errors come out where their item would."""
+    """The same items, fetched up to ``depth`` ahead. Errors are raised in place of their item."""
     iterator = iter(items)
     with ThreadPoolExecutor(1) as pool:
         waiting: deque[Future[Item]] = deque()

@@ -1,6 +1,6 @@
-"""Reading what a media file holds, with PyAV.
+"""Reads the properties of a media file, with PyAV.
 
-Every packet is visited (not decoded), so counts are those of the file, not of its header.
+Every packet is read (not decoded), so counts are those of the file, not of its header.
 """
 
 import os
@@ -21,20 +21,20 @@ from dubbing.media.opening import opened
 from dubbing.media.timecode_track import timecode_of
 from dubbing.media.tracks import Track, heard_tracks
 
-COMPLETE = 0.98  # of the frames the header promises (most containers promise none)
+COMPLETE = 0.98  # share of the header's number of frames (most containers have none)
 SHORTEST, LONGEST, SLIMMEST = 16, 16384, 10  # px, px, and one side over the other
 FLOATS = {"pcm_f32le": "<f4", "pcm_f32be": ">f4", "pcm_f64le": "<f8", "pcm_f64be": ">f8"}
-LOUDEST = 1e6  # 1 is full scale; the AAC encoder gives up from about 1e10
+LOUDEST = 1e6  # 1 is full scale; the AAC encoder fails from about 1e10
 RESTARTS = 0x0200  # AVFMT_TS_DISCONT, a flag of containers; see `MediaInfo.zero`
 ATTACHED_PICTURE = av.stream.Disposition.attached_pic
 
 
 def probe(path: Path | str) -> MediaInfo:
-    """Read what ``path`` holds.
+    """Read the properties of the media file ``path``.
 
     Raises:
-        MediaError: missing, unreadable, a playlist, neither picture nor sound in it, a picture of
-            a shape that nobody films, pictures without time stamps, or sound that is no number.
+        MediaError: missing, unreadable, a playlist, without picture and sound, a picture of an
+            unusual shape, frames without time stamps, or sound with NaN.
     """
     path = Path(path)
     if not os.path.isfile(path):
@@ -52,7 +52,7 @@ def _probe(path: Path) -> MediaInfo:
 
 
 def count_frames(path: Path | str) -> int:
-    """Count the pictures of ``path`` by decoding every one.
+    """Count the frames of ``path`` by decoding every one.
 
     Raises:
         MediaError: it cannot be decoded.
@@ -95,7 +95,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         frames = max(1, round((video_start + span) * rate))
         duration = float(frames / rate)
         timecode, count = timecode_of(path, container, rate)
-    # What lies before 0 is the priming of the encoder, which no decoder gives out.
+    # Audio before 0 is the priming of the encoder, which no decoder returns.
     audio_start = max(0.0, packets.starts.get("audio", zero) - zero)
     audio_duration = packets.ends["audio"] - zero - audio_start if heard else None
     return MediaInfo(
@@ -122,12 +122,12 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
 
 @dataclass
 class _Packets:
-    """What the packets of a file show; times in seconds, by kind of stream.
+    """Counts and times of the packets of a file; times in seconds, by kind of stream.
 
     Attributes:
-        pictures, untimed: packets with a picture, and those of them without a time stamp.
-        times: of the pictures.
-        keys: time stamps of those that need no other.
+        pictures, untimed: packets with a frame, and those of them without a time stamp.
+        times: of the frames.
+        keys: time stamps of the key frames.
     """
 
     pictures: int = 0
@@ -144,25 +144,25 @@ def _visit(
     video: av.video.stream.VideoStream | None,
     heard: list[Track],
 ) -> _Packets:
-    found = _Packets()
+    packets = _Packets()
     floats = {track.index: FLOATS.get(_codec(path, track)) for track in heard}
     for packet in container.demux([*([] if video is None else [video]), *heard]):
         kind = packet.stream.type
         if kind == "video" and packet.size > 0:
-            found.pictures += 1
-            found.untimed += packet.pts is None and packet.dts is None
+            packets.pictures += 1
+            packets.untimed += packet.pts is None and packet.dts is None
         elif (kept := floats.get(packet.stream.index)) is not None and packet.size > 0:
             _check_sound(path, packet, kept)
         if packet.pts is None or packet.is_discard or packet.time_base is None:
             continue
         at = float(packet.pts * packet.time_base)
         length = float((packet.duration or 0) * packet.time_base)
-        found.starts[kind] = min(found.starts.get(kind, at), at)
-        found.ends[kind] = max(found.ends[kind], at + length)
+        packets.starts[kind] = min(packets.starts.get(kind, at), at)
+        packets.ends[kind] = max(packets.ends[kind], at + length)
         if kind == "video":
-            found.times.append(at)
-            found.keys += [packet.pts] if packet.is_keyframe else []
-    return found
+            packets.times.append(at)
+            packets.keys += [packet.pts] if packet.is_keyframe else []
+    return packets
 
 
 def _check_pictures(
@@ -171,7 +171,7 @@ def _check_pictures(
     video: av.video.stream.VideoStream,
     packets: _Packets,
 ) -> None:
-    """Raises MediaError where pictures, or their time stamps, are missing."""
+    """Raises MediaError where frames, or their time stamps, are missing."""
     if not packets.times:
         raise MediaError("no frame in its video stream", str(path), "is the file complete?")
     there = _counted(container, packets.pictures, packets.times)
@@ -179,13 +179,13 @@ def _check_pictures(
         broken = f"it breaks off: {there} of {video.frames} frames are there"
         raise MediaError(broken, str(path), "copy or convert the file again")
     if packets.untimed:
-        # Negative times of a Matroska file, for one: ffmpeg would guess, and drop what clashes.
+        # As in a Matroska file with negative times: ffmpeg would guess, and drop frames that clash.
         what = f"{packets.untimed} of its {packets.pictures} frames have no time stamp"
         raise MediaError(what, str(path), "convert the file again")
 
 
 def _counted(container: av.container.InputContainer, pictures: int, times: list[float]) -> int:
-    """How many of the frames in the header are there, from pictures with these times.
+    """Number of frames as the header counts them, from frames with these times.
 
     The header of an AVI counts ticks of its clock, which may be finer than frames.
     """
@@ -217,7 +217,7 @@ def _check_sound(path: Path, packet: av.Packet, kind: str) -> None:
 
 
 def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) -> Picture:
-    """Decode the first frame, and look for interlaced ones."""
+    """Properties of the picture, from the first frame; and whether any frame is interlaced."""
     with opened(path) as container:
         frame = next(container.decode(container.streams[video.index]), None)
     if not isinstance(frame, av.VideoFrame):

@@ -1,4 +1,4 @@
-"""Frames and sound out of a file, streaming: memory does not grow with the length."""
+"""Reads frames and audio of a file; memory does not grow with the length."""
 
 import tempfile
 from collections.abc import Iterator
@@ -17,8 +17,8 @@ from dubbing.media.voice_channel import voice_channel
 
 CHANNELS = {"rgb24": (3,), "rgba": (4,), "gray": ()}
 SEEK_LEADS = (20, 320, 5120)  # frames; the first is more than any codec reorders
-NEAREST = 0.5  # frames; how far from its place a picture may lie to be used there
-MISSING = 0.5  # seconds of sound that a decoder may lose, as at a damaged end
+NEAREST = 0.5  # frames, largest distance of a picture from the time at which it is used
+MISSING = 0.5  # seconds of audio that a decoder may lose, as at a damaged end
 # Exact rounding, and chroma at full resolution: the default shifts colours by a level or two.
 SCALER = "bicubic+accurate_rnd+full_chroma_int+full_chroma_inp"
 
@@ -33,19 +33,19 @@ def read_frames(
 ) -> Iterator[np.ndarray]:
     """Frames ``start`` .. ``start + count`` at a constant rate; to the end by default.
 
-    Frame k is the picture displayed at time k / rate (nearest, so jitter of half a frame in the
-    time stamps does no harm). Starting late gives the same frames as reading from the start: where
-    a seek lands after its frame, by the time stamps, an earlier one is tried.
+    Frame k is the picture displayed at time k / rate (nearest, so time stamps may jitter by half a
+    frame). A late start gives the same frames as reading from the beginning: where a seek lands
+    after its frame, by the time stamps, an earlier one is tried.
 
     Args:
         path: a video.
         start: first frame, counted at ``rate``.
-        count: number of frames; never more than there are.
-        rate: frames a second; the clip's own by default.
+        count: number of frames; fewer at the end of the video.
+        rate: frames a second; the video's own by default.
         pixels: ``rgb24`` (H, W, 3), ``rgba`` (H, W, 4) or ``gray`` (H, W); uint8.
 
     Raises:
-        MediaError: no picture, or it breaks off before the frames it promised.
+        MediaError: no picture, or the file ends before its last frame.
     """
     info = probe(path)
     if start < 0:
@@ -57,7 +57,7 @@ def read_frames(
         return
     shape = (info.height, info.width, *CHANNELS[pixels])
     # Without an index (MPEG-TS, MPEG-PS) a seek may land between key frames, and decoding begins
-    # at the next one, too late. The last lead goes back to the start: nothing is sought.
+    # at the next one, too late. The last lead goes back to the start, without a seek.
     for lead in (*takewhile(lambda frames: frames < start, SEEK_LEADS), start):
         with tempfile.NamedTemporaryFile("r", suffix=".txt") as note:
             graph = _frame_graph(info, note.name, start, lead, count, rate, pixels)
@@ -120,7 +120,7 @@ def iter_audio(
 def iter_channels(
     path: Path | str, *, rate: int, channels: int, block_seconds: float = 10.0
 ) -> Iterator[np.ndarray]:
-    """All channels of a sound as float32 blocks (samples, C), mixed to C where it has others.
+    """All channels of a file's audio as float32 blocks (samples, C), mixed to C channels.
 
     Raises:
         MediaError: no sound, or it cannot be decoded.
@@ -133,7 +133,7 @@ def iter_channels(
             yield mono[:, None]
         return
     sound = sound_of(path, info.zero, 0.0, info.audio_tracks).filter("aresample", rate)
-    # Asked for as many as there are, ffmpeg would still move them to the places it knows best.
+    # With `ac`, ffmpeg would reorder the channels even where their number is right.
     mixed = {} if channels == info.audio_channels else {"ac": channels}
     graph = into(None, sound, format="f32le", ar=rate, **mixed)
     expected = channels * rate * (info.audio_start + (info.audio_duration or 0))
@@ -148,30 +148,30 @@ def _samples(
     """Decoded samples, float32, ``count`` at a time.
 
     Args:
-        expected: how many the packets of the file promise; rate: a second.
+        expected: number of samples by the packets of the file. rate: samples a second.
 
     Raises:
         MediaError: it cannot be decoded, or not to its end.
     """
-    found = 0
+    decoded = 0
     with Process(graph, str(path), pipe_out=True) as process:
         while block := process.stdout.read(4 * count):
             samples = np.frombuffer(block[: len(block) // 4 * 4], np.float32)
-            found += len(samples)
+            decoded += len(samples)
             yield samples
         process.finish()
-    if found < expected - MISSING * rate:
-        what = f"only {found / rate:.1f} s of {expected / rate:.1f} s of its sound can be decoded"
+    if decoded < expected - MISSING * rate:
+        what = f"only {decoded / rate:.1f} s of {expected / rate:.1f} s of its sound can be decoded"
         raise MediaError(what, str(path), "convert the file again")
 
 
 def _frame_graph(
     info: MediaInfo, note: str, start: int, lead: int, count: int, rate: Fraction, pixels: str
 ) -> Graph:
-    # Seek to the key frame before the wanted time, without the exact trim: the picture on screen
-    # then may have begun before it, and fps with start_time=0 drops what is earlier. A file whose
-    # decoding times run ahead of its showing times lands late by a few frames: hence the lead.
-    # The time of the first key frame goes to the note; what is decoded before it may be broken.
+    # Seek to the key frame before the wanted time, without the exact trim: the picture displayed
+    # then may have started before it, and fps with start_time=0 drops earlier ones. A seek in a
+    # file whose decoding times are ahead of its display times lands late by a few frames: hence the
+    # lead. The time of the first key frame goes to the note; frames before it may be broken.
     begin = float((start - lead) / rate)
     seek = {"ss": f"{begin:.6f}", "noaccurate_seek": None} if start > lead else {}
     picture = picture_of(info.path, info.zero, begin, **seek)
@@ -183,7 +183,7 @@ def _frame_graph(
     picture = picture.filter("fps", fps=f"{rate}", start_time=0, round="near")
     if lead:
         picture = picture.filter("trim", start_frame=lead).filter("setpts", "PTS-STARTPTS")
-    # The last picture stays on screen to the end of the clip.
+    # The last picture is displayed to the end of the video.
     picture = picture.filter("tpad", stop_mode="clone", stop=2)
     if pixels == "rgb24":
         size = {"w": info.width, "h": info.height}

@@ -1,6 +1,6 @@
-"""A film's timecode, and how many frames a second it counts, which its text does not show.
+"""The timecode of a video, and the number of timecodes a second, which its text does not show.
 
-PyAV gives the text alone. A film of 59.94 frames a second may have a timecode track of 30.
+PyAV gives only the text. A video of 59.94 frames a second may have a timecode track of 30.
 """
 
 import re
@@ -11,8 +11,8 @@ import av
 
 from dubbing.script.timecode import frame_of, nominal
 
-MOST = 1 << 26  # bytes of a header that are read
-# QuickTime: the sample description of a timecode track ends with its numbers a second.
+MAX_BYTES = 1 << 26  # of a header that are read
+# QuickTime: the sample description of a timecode track ends with its timecodes a second.
 MOV = re.compile(rb"stsd\0{4}\0{3}\x01.{4}tmcd.{24}(?P<count>.)", re.DOTALL)
 # MXF: the rounded timecode base, local tag 15.02, of two bytes.
 MXF = re.compile(rb"\x15\x02\x00\x02\x00(?P<count>.)", re.DOTALL)
@@ -21,7 +21,7 @@ MXF = re.compile(rb"\x15\x02\x00\x02\x00(?P<count>.)", re.DOTALL)
 def timecode_of(
     path: Path, container: av.container.InputContainer, rate: Fraction
 ) -> tuple[str, int | None]:
-    """The timecode of a track or of the file, if it is one of that rate, and what it counts."""
+    """The timecode of a track or of the file, if it fits the rate, and its timecodes a second."""
     places = [stream.metadata for stream in container.streams] + [container.metadata]
     tags = [item for place in places for item in place.items()]
     written = next((value for key, value in tags if key.lower() == "timecode"), "")
@@ -39,15 +39,15 @@ def timecode_of(
 
 
 def count_of(path: Path, container: str) -> int | None:
-    """Numbers a second of the timecode in a file of a container, ffmpeg's name; None if unknown."""
+    """Timecodes a second in a file of a container, ffmpeg's name; None if unknown."""
     if "mov" in container.split(","):
-        found = MOV.search(_movie_box(path))
+        match = MOV.search(_movie_box(path))
     elif container == "mxf":
         with path.open("rb") as file:
-            found = MXF.search(file.read(1 << 20))
+            match = MXF.search(file.read(1 << 20))
     else:
-        found = None
-    return (found["count"][0] or None) if found else None
+        match = None
+    return (match["count"][0] or None) if match else None
 
 
 def _movie_box(path: Path) -> bytes:
@@ -58,7 +58,7 @@ def _movie_box(path: Path) -> bytes:
             if size == 1:
                 size, at = int.from_bytes(file.read(8), "big"), 16
             if head[4:] == b"moov":
-                return file.read(min(size - at if size else MOST, MOST))
+                return file.read(min(size - at if size else MAX_BYTES, MAX_BYTES))
             if size < at:
                 break
             file.seek(size - at, 1)

@@ -1,4 +1,4 @@
-"""Which tracks of a file are heard: the default one, or single channels that belong together."""
+"""Chooses the audio tracks to read: the default one, or mono tracks that belong together."""
 
 import re
 from collections.abc import Sequence
@@ -17,16 +17,16 @@ Track = av.audio.stream.AudioStream
 
 
 def heard_tracks(tracks: Sequence[Track]) -> list[Track]:
-    """The tracks that are heard: one, or several of one channel that are channels of one sound.
+    """The tracks to read: one, or several mono tracks that are channels of one sound.
 
-    The container's default flag decides; where it flags several or none, the first that is no
-    commentary. Post-production files keep each channel in a track: tracks of one channel, of one
-    codec, rate and language are taken together, eight at most, unless the flag tells them apart.
-    Some writers flag the first track alone.
+    The container's default flag decides. Where it marks several or none, the first that is not a
+    commentary is taken. Post-production files store each channel in a track: mono tracks of one
+    codec, rate and language are combined, at most eight, unless the flag distinguishes them. Some
+    writers flag only the first track.
     """
     readable = [t for t in tracks if t.codec_context is not None]
     if not readable:
-        return list(tracks[:1])  # reading it reports why
+        return list(tracks[:1])  # reading it reports the error
     flagged = [t for t in readable if t.disposition & Kind.default] or readable
     first = next((t for t in flagged if not _is_other(t)), flagged[0])
     if first.channels != 1:
@@ -39,10 +39,10 @@ def heard_tracks(tracks: Sequence[Track]) -> list[Track]:
 
 
 def _is_other(track: Track) -> bool:
-    """Whether a track is something beside the film's sound."""
-    said = any(track.disposition & kind for kind in OTHER)
+    """Whether a track is a commentary, description, or another track than the main sound."""
+    flagged = any(track.disposition & kind for kind in OTHER)
     names = " ".join(track.metadata.get(key, "") for key in ("title", "handler_name"))
-    return said or OTHER_TITLE.search(names) is not None
+    return flagged or OTHER_TITLE.search(names) is not None
 
 
 def _alike(track: Track) -> tuple[object, ...]:

@@ -1,8 +1,8 @@
-"""How the channels of a sound become the one in which a voice is heard.
+"""Reduces the channels of audio to one with the voice.
 
-They are averaged. Where that would cancel the voice (one channel is the other upside down) or
-halve it (a channel is silent), only channels that have it are taken. Everything that hears a sound
-goes through here, so that features, lips, sync check and mix hear the same.
+Channels are averaged. Where that would cancel the voice (one channel is the other inverted) or
+halve it (a channel is silent), only channels with the voice are averaged. All readers of mono audio
+use this, so that features, lips, sync check and mix get the same.
 
 P pieces of half a second, C channels.
 """
@@ -21,20 +21,21 @@ from dubbing.media.info import MediaInfo
 from dubbing.media.opening import opened
 
 PIECE = 0.5  # seconds
-# Of a longer stretch windows are looked at, each of so many seconds.
+# Of audio longer than the first, so many windows are read, each of so many seconds.
 WHOLE, WINDOWS, WINDOW = 60.0, 20, 2.0
 SILENT = 1e-7  # mean power of a piece: -70 dB of full scale, the gate of loudness measurement
 UNUSED = 1e-4  # power of a silent channel over that of the loudest
 LOUD = 1e-2  # power of pieces that count over that of the loudest
-# Power of the sum of channels over the sum of their powers: C if they are equal, 1 if they have
-# nothing in common, 0 if they cancel. Below it in any loud piece, or in all together, they do.
+# Power of the sum of channels over the sum of their powers: C if they are equal, 1 if they are
+# uncorrelated, 0 if they cancel. Channels cancel below the first in any loud piece, or below the
+# second in all together.
 CANCELS, CANCEL_TOGETHER = 0.25, 0.5
 Container = av.container.InputContainer
 
 
 @dataclass(frozen=True)
 class VoiceChannel:
-    """The channels of a stretch of sound that are heard.
+    """The channels of a part of a file's audio that are averaged.
 
     Attributes:
         weights: of the channels.
@@ -46,12 +47,12 @@ class VoiceChannel:
 
     @property
     def taken(self) -> str:
-        """The channels that are heard, counted from 1."""
+        """The channels that are averaged, counted from 1."""
         return ", ".join(str(k) for k, weight in enumerate(self.weights, 1) if weight)
 
 
 def voice_channel(info: MediaInfo, start: float, seconds: float | None) -> VoiceChannel:
-    """The channels that are heard in ``seconds`` of a sound from ``start`` on.
+    """The channels to average in ``seconds`` of audio from ``start`` on.
 
     Raises:
         MediaError: it cannot be decoded.
@@ -62,14 +63,14 @@ def voice_channel(info: MediaInfo, start: float, seconds: float | None) -> Voice
     known = _known(info.path)
     if (start, seconds) not in known:
         end = info.sound_seconds if seconds is None else min(info.sound_seconds, start + seconds)
-        powers = [_powers(part) for part in _looked_at(info, start, end)]
+        powers = [_powers(part) for part in _pieces(info, start, end)]
         none = np.zeros((0, count, count))
         known[start, seconds] = chosen(np.concatenate([none, *powers]))
     return known[start, seconds]
 
 
 def chosen(powers: np.ndarray) -> VoiceChannel:
-    """The channels that are heard in pieces with the powers (P, C, C) of all pairs."""
+    """The channels to average in pieces with the powers (P, C, C) of all pairs."""
     count = powers.shape[1]
     every = VoiceChannel((1 / count,) * count)
     own = powers.trace(axis1=1, axis2=2)
@@ -81,7 +82,7 @@ def chosen(powers: np.ndarray) -> VoiceChannel:
     used = each > UNUSED * each.max()
     sums = loud.sum((1, 2)) / loud.trace(axis1=1, axis2=2)
     if sums.min() < CANCELS or total.sum() < CANCEL_TOGETHER * each.sum():
-        # The first of those that are about as loud, so that it is the same one all along.
+        # The first of those about as loud as the loudest, so that it is the same in all parts.
         used = np.arange(count) == (each > each.max() / 2).argmax()
         return VoiceChannel(tuple(used.astype(float).tolist()), "opposed")
     if used.all():
@@ -90,7 +91,7 @@ def chosen(powers: np.ndarray) -> VoiceChannel:
 
 
 def are_silent(info: MediaInfo, stretches: Sequence[tuple[float, float]]) -> list[bool]:
-    """Whether nothing can be heard in stretches (start, seconds) of a sound.
+    """Whether stretches (start, seconds) of audio are silent.
 
     Each is read up to its first sound.
 
@@ -107,18 +108,18 @@ def is_silent(info: MediaInfo, start: float, seconds: float) -> bool:
 
 
 def _is_silent(info: MediaInfo, container: Container, start: float, seconds: float) -> bool:
-    end, found = min(info.sound_seconds, start + seconds), 0
+    end, pieces = min(info.sound_seconds, start + seconds), 0
     for part in _decoded(info, container, start, end):
         if (part.astype(np.float64) ** 2).mean(0).max() > SILENT:
             return False
-        found += 1
-    # Where nothing of it can be decoded, reading it reports why.
-    return found > 0 or end - start < PIECE
+        pieces += 1
+    # Where none of it can be decoded, reading it reports the error.
+    return pieces > 0 or end - start < PIECE
 
 
 @contextmanager
 def _opened(info: MediaInfo) -> Iterator[Container]:
-    """A file open for a look at its sound, in this process: many recordings may be short."""
+    """A file open to check its audio, in this process: there may be many short recordings."""
     try:
         with opened(info.path, short_packets=True) as container:
             yield container
@@ -128,12 +129,12 @@ def _opened(info: MediaInfo) -> Iterator[Container]:
 
 @while_unchanged(1024)
 def _known(_path: Path) -> dict[tuple[float, float | None], VoiceChannel]:
-    """A cache of the channels heard in stretches of a file."""
+    """A cache of the channels to average in stretches of a file."""
     return {}
 
 
-def _looked_at(info: MediaInfo, start: float, end: float) -> Iterator[np.ndarray]:
-    """Pieces (n, C) of a stretch, all of a short one."""
+def _pieces(info: MediaInfo, start: float, end: float) -> Iterator[np.ndarray]:
+    """Pieces (n, C) of a stretch; all of a short one."""
     begins = [start] if end - start <= WHOLE else np.linspace(start, end - WINDOW, WINDOWS)
     length = end - start if end - start <= WHOLE else WINDOW
     with _opened(info) as container:
@@ -150,7 +151,7 @@ def _powers(part: np.ndarray) -> np.ndarray:
 def _decoded(
     info: MediaInfo, container: Container, start: float, end: float
 ) -> Iterator[np.ndarray]:
-    """Pieces (n, C) float32 of the channels that are heard from ``start`` to ``end`` seconds."""
+    """Pieces (n, C) float32 of the tracks that are read, from ``start`` to ``end`` seconds."""
     tracks = [container.streams.audio[k] for k in info.audio_tracks]
     places = {track.index: k for k, track in enumerate(tracks)}
     held: list[list[np.ndarray]] = [[] for _ in tracks]
@@ -159,7 +160,7 @@ def _decoded(
     left = round((end - start) * rate)
     container.seek(zero + int(start * av.time_base))
     for packet in container.demux(tracks):
-        with suppress(av.FFmpegError):  # a damaged packet, which ffmpeg leaves out as well
+        with suppress(av.FFmpegError):  # a damaged packet, which ffmpeg skips as well
             for frame in packet.decode():
                 if isinstance(frame, av.AudioFrame):
                     held[places[packet.stream.index]].append(_samples(frame, begin))
@@ -173,22 +174,22 @@ def _decoded(
 
 
 def _taken(held: list[list[np.ndarray]], count: int) -> np.ndarray:
-    """The first samples of every track side by side, (count, C); they are held no longer."""
-    found = []
+    """Remove the first samples of every track from `held`, and join them, (count, C)."""
+    parts = []
     for own in held:
         whole = np.concatenate(own)
-        found.append(whole[:count])
+        parts.append(whole[:count])
         own[:] = [whole[count:]]
-    return np.concatenate(found, 1)
+    return np.concatenate(parts, 1)
 
 
 def _samples(frame: av.AudioFrame, begin: float) -> np.ndarray:
     """Samples (n, C) float32 of a frame from ``begin`` seconds on, full scale 1."""
-    found = frame.to_ndarray()
-    found = found.T if frame.format.is_planar else found.reshape(frame.samples, -1)
+    samples = frame.to_ndarray()
+    samples = samples.T if frame.format.is_planar else samples.reshape(frame.samples, -1)
     early = round((begin - (frame.time or begin)) * frame.sample_rate)
-    found = found[max(0, early) :]
-    if found.dtype.kind == "f":
-        return found.astype(np.float32)
-    middle = 128 if found.dtype == np.uint8 else 0
-    return (found.astype(np.float32) - middle) / np.float32(2 ** (8 * found.dtype.itemsize - 1))
+    samples = samples[max(0, early) :]
+    if samples.dtype.kind == "f":
+        return samples.astype(np.float32)
+    middle = 128 if samples.dtype == np.uint8 else 0
+    return (samples.astype(np.float32) - middle) / np.float32(2 ** (8 * samples.dtype.itemsize - 1))

@@ -1,4 +1,4 @@
-"""Frames into a file, piped to an ffmpeg that encodes beside us."""
+"""Writes frames to a video file, through an ffmpeg that encodes in parallel."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ THREADS = 4
 
 @dataclass(frozen=True)
 class Codec:
-    """How frames are encoded. ``pixels``: what is piped in; ``even``: 4:2:0 needs even sides."""
+    """How frames are encoded. ``pixels``: format of frames; ``even``: 4:2:0 needs even sides."""
 
     pixels: str
     options: dict[str, Any] = field(default_factory=dict)
@@ -56,12 +56,12 @@ SUFFIX = {"h264": ".mp4", "prores": ".mov", "ffv1": ".mkv"}  # of files for peop
 
 
 class VideoWriter:
-    """Context manager: ``write`` frames; the file appears, whole, when the block ends well.
+    """Context manager: ``write`` frames; the complete file appears when the block ends well.
 
     ``codec``: ``h264`` (crf 16, 4:2:0) and ``prores`` (422 HQ) for people, ``ffv1`` (RGB),
     ``ffv1-rgba`` and ``ffv1-gray`` lossless. An odd side of a 4:2:0 picture is made even by
-    repeating its last line. ``colour``: what the frames' colours are, BT.709 by default; ProRes
-    has video levels always. The bytes of the file depend on the frames and on ffmpeg alone.
+    repeating its last line. ``colour``: colour space of the frames, BT.709 by default; ProRes
+    always has video levels. The bytes of the file depend only on the frames and on ffmpeg.
 
     Raises:
         MediaError: a frame of another shape, or ffmpeg failed.
@@ -95,7 +95,7 @@ class VideoWriter:
         return self
 
     def write(self, frame: np.ndarray) -> None:
-        """Add one uint8 frame: (H, W, 3) RGB, (H, W, 4) RGBA or (H, W), as the codec takes it."""
+        """Add one uint8 frame: (H, W, 3) RGB, (H, W, 4) RGBA or (H, W), as the codec needs."""
         assert self._process is not None, "write() outside of the with block"
         if frame.shape != self.shape or frame.dtype != np.uint8:
             raise MediaError(
@@ -129,7 +129,7 @@ class VideoWriter:
 
     def _graph(self, path: Path) -> Graph:
         width, height = self._size
-        # `r` too: else ffmpeg guesses from the times, 120 for 120000/1001.
+        # `r` too: otherwise ffmpeg guesses from the times, 120 for 120000/1001.
         rates = {"framerate": f"{self._rate}", "r": f"{self._rate}"}
         picture = piped(pix_fmt=self.codec.pixels, s=f"{width}x{height}", **rates)
         colour = self._colour or Colour()

@@ -1,1 +1,1 @@
-"""The sound of a scene: new voices at their times, over the music and effects or the film's own."""
+"""The audio of a scene: new voices over the music and effects, or over the film's own audio."""

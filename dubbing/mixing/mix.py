@@ -1,6 +1,6 @@
-"""Voices over a bed: the music and effects, or the film's own sound outside of the cues.
+"""Mixes voices over a bed: the music and effects, or the film's own audio outside of the cues.
 
-C channels of the bed; 48 kHz. The sound is written block by block, whatever its length.
+C channels of the bed; 48 kHz. Audio is written block by block, whatever its length.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,13 +15,13 @@ import soundfile
 from dubbing import media
 from dubbing.files import atomic_path
 from dubbing.media.loudness import Loudness, limit, measure
-from dubbing.mixing.voices import FADE, MOST_PEAK, RATE, TARGETS, Voice, measured, placed, sample_of
+from dubbing.mixing.voices import FADE, MAX_PEAK, RATE, TARGETS, Voice, measured, placed, sample_of
 from dubbing.script.timeline import Cue
 
 BLOCK = 10 * RATE  # samples
 VOICES, SOUND = "voices.flac", "sound.flac"
-STEREO = 2  # channels where neither the film nor the music has a count
-# Channels that dialogue goes to, by how many there are; else the third, which is the centre.
+STEREO = 2  # channels where neither the film nor the music has audio
+# Channels that dialogue goes to, by the number of channels; else the third, which is the centre.
 FRONT = {1: (0,), 2: (0, 1), 4: (0, 1)}
 CENTRE = 2
 Spans = Sequence[tuple[int, int]]
@@ -30,22 +30,22 @@ Spans = Sequence[tuple[int, int]]
 def mix(
     cues: Sequence[Cue], film: Path, out: Path, *, music: Path | None, left: Spans, loudness: str
 ) -> dict[str, Any]:
-    """Write OUT/voices.flac, the new voices alone, and OUT/sound.flac, all that is heard.
+    """Write OUT/voices.flac, the new voices only, and OUT/sound.flac, the whole mix.
 
-    The bed is the music and effects; where somebody speaks whom nobody dubs, it is the film's own
-    sound. Without music it is the film's own sound wherever nobody is dubbed.
+    The bed is the music and effects; while a person speaks who is not dubbed, it is the film's own
+    audio. Without music it is the film's own audio wherever nobody is dubbed.
 
     Args:
-        film: gives the length; it may be silent.
-        music: None where there is none.
-        left: frames (first, stop) of those who are left alone.
+        film: gives the length; it may have no audio.
+        music: file of music and effects; None without.
+        left: frames (first, stop) in which people speak who are not dubbed.
         loudness: r128, streaming or none, see `dubbing.mixing.voices`.
 
     Returns:
-        What was measured of the result: loudness and true peak of every cue and of the whole.
+        Measurements of the result: loudness and true peak of every cue and of the whole.
 
     Raises:
-        MediaError: a sound cannot be read.
+        MediaError: a file cannot be read.
     """
     info = media.probe(film)
     length = sample_of(info.frames, info.rate)
@@ -60,16 +60,16 @@ def mix(
             voice = speech.block(first, len(under))
             stem.write(voice)
             whole.write(with_dialogue(under, voice))
-    found = _measure_file(out / SOUND)
-    limited = loudness in TARGETS and found.true_peak is not None and found.true_peak > MOST_PEAK
+    level = _measure_file(out / SOUND)
+    limited = loudness in TARGETS and level.true_peak is not None and level.true_peak > MAX_PEAK
     if limited:
-        limit(out / SOUND, out / SOUND, MOST_PEAK)
-        found = _measure_file(out / SOUND)
+        limit(out / SOUND, out / SOUND, MAX_PEAK)
+        level = _measure_file(out / SOUND)
     return {
         "loudness": loudness,
         "target": TARGETS.get(loudness),
-        "integrated": found.integrated,
-        "true_peak": found.true_peak,
+        "integrated": level.integrated,
+        "true_peak": level.true_peak,
         "limited": limited,
         "channels": bed.channels,
         "cues": [_cue_figures(voice, out / VOICES) for voice in voices],
@@ -77,54 +77,54 @@ def mix(
 
 
 def with_dialogue(bed: np.ndarray, voice: np.ndarray) -> np.ndarray:
-    """A bed (samples, C) with a voice (samples,) in its centre, as loud as the voice alone."""
+    """A bed (samples, C) with a voice (samples,) in its centre, as loud as the voice by itself."""
     channels = bed.shape[1]
     to = FRONT.get(channels, (CENTRE,))
-    found = bed.copy()
+    out = bed.copy()
     for channel in to:
-        found[:, channel] += voice / np.float32(len(to) ** 0.5)
-    return found
+        out[:, channel] += voice / np.float32(len(to) ** 0.5)
+    return out
 
 
 def envelope(spans: Spans, first: int, count: int) -> np.ndarray:
-    """1 inside of spans of samples, 0 outside, float32 (count,) from sample ``first`` on.
+    """1 inside spans of samples, 0 outside, float32 (count,) from sample ``first`` on.
 
-    It rises and falls over 5 ms, inside of the spans.
+    It rises and falls over 5 ms, inside the spans.
     """
-    found = np.zeros(count, np.float32)
+    out = np.zeros(count, np.float32)
     at = np.arange(first, first + count)
     for low, high in spans:
         a, b = max(low - first, 0), min(high - first, count)
         if a < b:
             part = at[a:b]
             rise = np.minimum(part - low, high - 1 - part) / FADE
-            found[a:b] = np.maximum(found[a:b], np.clip(rise, 0, 1))
-    return found
+            out[a:b] = np.maximum(out[a:b], np.clip(rise, 0, 1))
+    return out
 
 
 class _Speech:
-    """The voices by block; each is read when it begins and forgotten when it ends."""
+    """The sum of the voices, block by block; each voice is in memory only while it is heard."""
 
     def __init__(self, voices: Sequence[Voice]) -> None:
         self.coming = sorted(voices, key=lambda voice: voice.first)
-        self.now: list[tuple[int, np.ndarray]] = []
+        self.playing: list[tuple[int, np.ndarray]] = []
 
     def block(self, first: int, count: int) -> np.ndarray:
         """The sum of all voices from sample ``first`` on, float32 (count,)."""
         while self.coming and self.coming[0].first < first + count:
             voice = self.coming.pop(0)
-            self.now.append((voice.first, voice.samples()))
-        found = np.zeros(count, np.float32)
-        for begin, samples in self.now:
+            self.playing.append((voice.first, voice.samples()))
+        out = np.zeros(count, np.float32)
+        for begin, samples in self.playing:
             a, b = max(begin, first), min(begin + len(samples), first + count)
             if a < b:
-                found[a - first : b - first] += samples[a - begin : b - begin]
-        self.now = [(a, s) for a, s in self.now if a + len(s) > first + count]
-        return found
+                out[a - first : b - first] += samples[a - begin : b - begin]
+        self.playing = [(a, s) for a, s in self.playing if a + len(s) > first + count]
+        return out
 
 
 class _Bed:
-    """What lies under the voices."""
+    """Audio under the voices: the music and effects, or the film's own."""
 
     def __init__(
         self, film: Path | None, music: Path | None, voices: Sequence[Voice], left: Spans
@@ -189,7 +189,7 @@ def _samples(spans: Spans, rate: Fraction) -> list[tuple[int, int]]:
 
 
 def _flac(path: Path, channels: int) -> soundfile.SoundFile:
-    """A file that takes float samples in -1..1; what is beyond is clipped."""
+    """A FLAC file for float samples in -1..1; others are clipped."""
     return soundfile.SoundFile(path, "w", RATE, channels, "PCM_24", format="FLAC")
 
 
@@ -202,10 +202,10 @@ def _cue_figures(voice: Voice, stem: Path) -> dict[str, Any]:
     """The loudness of a cue, measured in the written file."""
     with soundfile.SoundFile(stem) as file:
         file.seek(voice.first)
-        found = measured(file.read(voice.room, dtype="float32"))
+        level = measured(file.read(voice.room, dtype="float32"))
     return {
         "cue": voice.cue.name,
         "gain": round(voice.gain, 2),
-        "loudness": found.integrated,
-        "true_peak": found.true_peak,
+        "loudness": level.integrated,
+        "true_peak": level.true_peak,
     }

@@ -1,4 +1,4 @@
-"""The voices of a scene: where each begins, and how loud it is made.
+"""The voices of a scene: start and gain of each.
 
 Samples are 48 kHz mono float32.
 """
@@ -15,15 +15,15 @@ from dubbing.media.loudness import Loudness, measure
 from dubbing.script.timeline import Cue
 
 RATE = 48000
-# LUFS of every cue: EBU R128; and dialogue for streaming, where a cue is nothing but dialogue.
+# LUFS of every cue: EBU R128, and dialogue loudness for streaming (a cue is all dialogue).
 TARGETS = {"r128": -23.0, "streaming": -27.0}
-MOST_PEAK = -2.0  # dBTP
-FADE = 240  # samples, 5 ms: where a sound is cut off it must not click
+MAX_PEAK = -2.0  # dBTP
+FADE = 240  # samples, 5 ms: audio that is cut off must not click
 
 
 @dataclass(frozen=True)
 class Voice:
-    """One cue's sound: first sample in the scene, how many there are room for, gain in dB."""
+    """One cue's audio: first sample in the scene, room for how many samples, gain in dB."""
 
     cue: Cue
     first: int
@@ -31,21 +31,19 @@ class Voice:
     gain: float
 
     def samples(self) -> np.ndarray:
-        """What is heard, (samples,), at most as many as there is room for.
+        """The voice with its gain, (samples,), at most as many as there is room for.
 
         Raises:
             MediaError: it cannot be read.
         """
-        found = _read(self.cue, self.room) * np.float32(10 ** (self.gain / 20))
-        return with_faded_ends(found)
+        return with_faded_ends(_read(self.cue, self.room) * np.float32(10 ** (self.gain / 20)))
 
 
 def placed(cues: Sequence[Cue], rate: Fraction, loudness: str) -> list[Voice]:
-    """The voices of cues, in the order of their times, with the gain that each needs.
+    """The voices of cues, in the order of their times, each with the gain that it needs.
 
     A gain never lifts true peaks above -2 dBTP. A cue too short or too quiet to be measured takes
-    the gain of its speaker's others; where there are none, a short one is measured as if it went
-    on.
+    the median gain of its speaker's others. Without others, it is repeated to be measured.
 
     Args:
         rate: frames a second of the film.
@@ -55,26 +53,26 @@ def placed(cues: Sequence[Cue], rate: Fraction, loudness: str) -> list[Voice]:
     gains: list[float | None] = [0.0] * len(cues)
     target = TARGETS.get(loudness)
     if target is not None:
-        heard = [
+        levels = [
             measured(_padded(_read(c, b - a), b - a)) for c, (a, b) in zip(cues, edges, strict=True)
         ]
-        gains = [_gain(found, target) for found in heard]
+        gains = [_gain(level, target) for level in levels]
     known: dict[str, list[float]] = {}
     for cue, gain in zip(cues, gains, strict=True):
         known.setdefault(cue.speaker, []).extend([] if gain is None else [gain])
-    found = []
+    voices = []
     for cue, (first, stop), gain in zip(cues, edges, gains, strict=True):
         if gain is not None:
             chosen = gain
         elif own := known[cue.speaker]:
             chosen = float(np.median(own))
         else:
-            chosen = _gain_alone(cue, stop - first, target)
-        found.append(Voice(cue, first, stop - first, chosen))
-    return found
+            chosen = _gain_of_repeated(cue, stop - first, target)
+        voices.append(Voice(cue, first, stop - first, chosen))
+    return voices
 
 
-def _gain_alone(cue: Cue, room: int, target: float | None) -> float:
+def _gain_of_repeated(cue: Cue, room: int, target: float | None) -> float:
     """The gain of a cue too short to be measured; 0 where it is silent."""
     samples = _read(cue, room)
     if target is None or not samples.any():
@@ -82,10 +80,10 @@ def _gain_alone(cue: Cue, room: int, target: float | None) -> float:
     return _gain(measured(np.resize(samples, RATE)), target) or 0.0
 
 
-def _gain(heard: Loudness, target: float) -> float | None:
-    if heard.integrated is None or heard.true_peak is None:
+def _gain(level: Loudness, target: float) -> float | None:
+    if level.integrated is None or level.true_peak is None:
         return None
-    return min(target - heard.integrated, MOST_PEAK - heard.true_peak)
+    return min(target - level.integrated, MAX_PEAK - level.true_peak)
 
 
 def measured(samples: np.ndarray) -> Loudness:
@@ -99,13 +97,13 @@ def sample_of(frame: int, rate: Fraction) -> int:
 
 
 def with_faded_ends(samples: np.ndarray) -> np.ndarray:
-    """The same samples, silent at both ends."""
+    """The same samples, faded in and out."""
     count = min(FADE, len(samples) // 2)
     ramp = np.linspace(0, 1, count, endpoint=False, dtype=np.float32)
-    found = samples.copy()
-    found[:count] *= ramp
-    found[len(found) - count :] *= ramp[::-1]
-    return found
+    out = samples.copy()
+    out[:count] *= ramp
+    out[len(out) - count :] *= ramp[::-1]
+    return out
 
 
 def _padded(samples: np.ndarray, room: int) -> np.ndarray:
@@ -114,5 +112,4 @@ def _padded(samples: np.ndarray, room: int) -> np.ndarray:
 
 def _read(cue: Cue, room: int) -> np.ndarray:
     path: Path = cue.audio
-    found = media.read_audio(path, rate=RATE, start=cue.audio_start, seconds=room / RATE)
-    return found[:room]
+    return media.read_audio(path, rate=RATE, start=cue.audio_start, seconds=room / RATE)[:room]

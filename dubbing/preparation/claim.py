@@ -1,4 +1,4 @@
-"""A folder for `prepare`: an empty one, or one that it has made itself."""
+"""Claims a folder for `prepare`: an empty one, or one that it has made itself."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,14 +10,14 @@ from dubbing.errors import CallError
 from dubbing.files import make_folder
 from dubbing.preparation.prepared import BACKGROUND, CONTACT_SHEET, MATTE, SUMMARY, TRACK
 
-MARKS = (SUMMARY, "steps/key.json")  # one of them lies in a folder that `prepare` has begun on
+MARKS = (SUMMARY, "steps/key.json")  # files of `prepare`: one of them lies in a folder it has used
 CLAIMED = "prepare"
 WRITTEN = (TRACK, MATTE, BACKGROUND, CONTACT_SHEET, SUMMARY)
 
 
 @contextmanager
 def claimed(folder: Path, clip: Path) -> Iterator[None]:
-    """Hold the folder for one run; it is made if need be.
+    """Hold the folder for one run, and make it where it does not exist.
 
     Raises:
         CallError: it holds other files, or the clip would be overwritten.
@@ -35,7 +35,7 @@ def claimed(folder: Path, clip: Path) -> Iterator[None]:
 
 
 def _holds_files(folder: Path) -> bool:
-    """Anything but what a `prepare` that was killed at once leaves behind."""
+    """Whether the folder holds other files than an interrupted `prepare` leaves behind."""
     return any(
         not (path.name == "steps" or claims.SUFFIX in path.name or path.match(TEMPORARY))
         for place in (folder, folder / "steps")

@@ -1,4 +1,4 @@
-"""A page to look at: source, matte, restored background and pose axes of a few frames."""
+"""The contact sheet: source, matte, restored background and pose axes of a few frames."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ import numpy as np
 
 from dubbing.files import atomic_write_bytes
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
-from dubbing.preparation.footage.threads import in_order
+from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.prepared import PreparedClip
 
 COLUMNS = 8
@@ -26,12 +26,12 @@ def contact_sheet(clip: PreparedClip, path: Path) -> None:
 
 
 def column(clip: PreparedClip, t: int) -> np.ndarray:
-    """Pictures (4 * CELL, CELL, 3) of frame t, one above the other."""
+    """Images (4 * CELL, CELL, 3) of frame t, one above the other."""
     image, matte, background = next(clip.frames(t, 1))
     share = matte[..., None].astype(np.float32) / 255
     cut_out = (GREEN + share * (image - GREEN)).round().astype(np.uint8)
-    pictures = (with_axes(image, clip, t), cut_out, np.repeat(matte[..., None], 3, 2), background)
-    cells = [cv2.resize(p, (CELL, CELL), interpolation=cv2.INTER_AREA) for p in pictures]
+    images = (with_axes(image, clip, t), cut_out, np.repeat(matte[..., None], 3, 2), background)
+    cells = [cv2.resize(one, (CELL, CELL), interpolation=cv2.INTER_AREA) for one in images]
     text = f"{t}" if clip.valid[t] else f"{t} no face"
     cv2.putText(
         cells[0], text, (6, 16), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (255, 255, 255), 1, cv2.LINE_AA

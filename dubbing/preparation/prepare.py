@@ -1,8 +1,8 @@
-"""`prepare`: one clip to its tracked, matted, background-restored form, step by step.
+"""`prepare`: tracks a clip, mattes the head and restores the background, step by step.
 
-Every step leaves its result in a folder beside the finished files, with the crops and what is seen
-of the person in them: 5 bytes a pixel and frame (2 GB a minute at 512 px), until the end. A run
-that was killed picks up after the last finished step, and the result is the same bit for bit.
+Every step writes its result into a folder beside the finished files, with the crops and person
+masks: 5 bytes a pixel and frame (2 GB a minute at 512 px), until the end. A run that was killed
+resumes after the last finished step, and the result is the same bit for bit.
 """
 
 import json
@@ -23,14 +23,21 @@ from dubbing.preparation.alignment.score import root_mean_square
 from dubbing.preparation.alignment.silhouette import Silhouette
 from dubbing.preparation.background.background import background_step
 from dubbing.preparation.contact_sheet import contact_sheet
-from dubbing.preparation.footage.footage import CROPS, OPACITY, PERSON, Footage, pictures
+from dubbing.preparation.crops.tracked_crops import (
+    CROPS,
+    OPACITY,
+    PERSON,
+    ReportShare,
+    TrackedCrops,
+    open_images,
+)
 from dubbing.preparation.matting.masks import matte_step
 from dubbing.preparation.prepared import (
     BACKGROUND,
     CONTACT_SHEET,
+    HEAD_RADIUS,
     MATTE,
     OVERLAY,
-    REACH,
     PreparedClip,
 )
 from dubbing.preparation.steps import STEPS, Steps
@@ -57,9 +64,9 @@ def prepare(
         clip: a video of one person who faces the camera most of the time.
         out: folder for track.npz, matte.mkv, background.mkv, overlay.mkv, contact_sheet.png and
             prepared.json.
-        size: side of the square crop in px, at most; never more than the source shows.
+        size: largest side of the square crop in px; never more than the source's resolution.
         people: the person to prepare, then the others in the clip; see `survey`.
-        progress: called with the name of the step and the share of it that is done.
+        progress: called with the name of the step and the share of all that is done.
 
     Raises:
         DubbingError: `out` cannot be made.
@@ -89,8 +96,8 @@ class _Tracked:
     """The head in every frame of a clip (N)."""
 
     size: int  # side of the crops, px
-    seen: Arrays  # of step "faces"
-    found: Arrays  # of step "landmarks"
+    surveyed: Arrays  # of step "faces"
+    detected: Arrays  # of step "landmarks"
     track: Arrays  # of step "refinement"
     observed: Observations
     light: Arrays  # of step "occlusion": covered (N,), and gain and offset of the light
@@ -102,54 +109,53 @@ class _Tracked:
 def _track(
     steps: Steps, info: MediaInfo, people: Sequence[Portrait], most_px: int, overlay: Path
 ) -> _Tracked:
-    """Landmarks and head poses; what lies over the face is written to a file."""
-    seen = steps.run("faces", partial(tracking.survey_step, info, people))
-    # A small source keeps its own pixels: enlarging them costs time and shows nothing new.
-    size = min(most_px, int(seen["window"][:, 2].max()) // 8 * 8)
+    """Landmarks and head poses; masks of things over the face are written to a file."""
+    surveyed = steps.run("faces", partial(tracking.survey_step, info, people))
+    # A small source keeps its own pixels: enlarging them costs time and adds nothing.
+    size = min(most_px, int(surveyed["window"][:, 2].max()) // 8 * 8)
     masks = [steps.folder / name for name in (CROPS, PERSON, OPACITY)]
-    landmark_step = partial(tracking.landmark_step, info, size, seen, steps.folder)
-    found = steps.run("landmarks", landmark_step, *masks)
-    observed = tracking.observations(info, size, seen, found)
-    bundle = steps.run("poses", partial(tracking.bundle_step, observed, found))
-    crops = pictures(steps.folder / CROPS)
+    landmark_step = partial(tracking.landmark_step, info, size, surveyed, steps.folder)
+    detected = steps.run("landmarks", landmark_step, *masks)
+    observed = tracking.observations(info, size, surveyed, detected)
+    bundle = steps.run("poses", partial(tracking.bundle_step, observed, detected))
+    places = detected["points"], detected["valid"], surveyed["segment"]
+    crops = open_images(steps.folder / CROPS)
 
-    def find_covered(report: Callable[[float], None]) -> Arrays:
-        places = found["points"], found["valid"], seen["segment"]
+    def find_covered(report: ReportShare) -> Arrays:
         return covered_step(crops, *places, bundle["shape"], report)
 
-    def find_overlay(report: Callable[[float], None]) -> Arrays:
-        places = found["points"], found["valid"], seen["segment"]
+    def find_overlay(report: ReportShare) -> Arrays:
         return overlay_step(Overlay(crops, *places, bundle["shape"], light), overlay, info, report)
 
     light = steps.run("occlusion", find_covered)
     over = steps.run("overlay", find_overlay, overlay)["over"]
-    observed = replace(observed, silhouette=Silhouette(found["middle"], found["top"]))
+    observed = replace(observed, silhouette=Silhouette(detected["middle"], detected["top"]))
     strip = steps.folder / "strip.npy"
     track = steps.run(
-        "refinement", partial(tracking.refine_step, observed, found, bundle, crops, strip)
+        "refinement", partial(tracking.refine_step, observed, detected, bundle, crops, strip)
     )
     poses = Poses(track["rotation"], track["translation"])
-    landmarks = tracking.filled_landmarks(found, track["shape"], poses, observed)
-    return _Tracked(size, seen, found, track, observed, light, over, poses, landmarks)
+    landmarks = tracking.filled_landmarks(detected, track["shape"], poses, observed)
+    return _Tracked(size, surveyed, detected, track, observed, light, over, poses, landmarks)
 
 
 def _cut_out(steps: Steps, info: MediaInfo, tracked: _Tracked, out: Path) -> None:
-    """The head's matte and the background behind it, as files of `out`."""
-    seen, landmarks, observed = tracked.seen, tracked.landmarks, tracked.observed
+    """Write the head's matte and the background behind it into `out`."""
+    surveyed, landmarks, observed = tracked.surveyed, tracked.landmarks, tracked.observed
     outline = tracking.jaw_outline(landmarks, tracked.track["shape"], tracked.poses, observed)
-    visible = tracking.bridged(tracked.found["valid"], observed.rate)
-    masks = pictures(steps.folder / PERSON), pictures(steps.folder / OPACITY)
-    places = seen["window"], landmarks, outline, visible, seen["segment"]
+    visible = tracking.bridged(tracked.detected["valid"], observed.rate)
+    masks = open_images(steps.folder / PERSON), open_images(steps.folder / OPACITY)
+    places = surveyed["window"], landmarks, outline, visible, surveyed["segment"]
     light = noticed(tracked.light["gain"], tracked.light["offset"])
-    footage = Footage(info, pictures(steps.folder / CROPS), *masks, *places, *light)
+    crops = TrackedCrops(info, open_images(steps.folder / CROPS), *masks, *places, *light)
     matte, background = out / MATTE, out / BACKGROUND
 
-    def write_matte(report: Callable[[float], None]) -> Arrays:
-        matte_step(footage, matte, report)
+    def write_matte(report: ReportShare) -> Arrays:
+        matte_step(crops, matte, report)
         return {}
 
-    def write_background(report: Callable[[float], None]) -> Arrays:
-        background_step(footage, matte, background, report)
+    def write_background(report: ReportShare) -> Arrays:
+        background_step(crops, matte, background, report)
         return {}
 
     steps.run("matte", write_matte, matte)
@@ -157,10 +163,10 @@ def _cut_out(steps: Steps, info: MediaInfo, tracked: _Tracked, out: Path) -> Non
 
 
 def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> PreparedClip:
-    """What later stages read of the clip."""
-    seen, observed, poses = tracked.seen, tracked.observed, tracked.poses
-    found = tracked.found | {"covered": tracked.light["covered"], "over": tracked.over}
-    distance = np.linalg.norm(poses.translation, axis=1)[found["valid"]]
+    """The prepared clip that later stages read."""
+    surveyed, observed, poses = tracked.surveyed, tracked.observed, tracked.poses
+    detected = tracked.detected | {"covered": tracked.light["covered"], "over": tracked.over}
+    distance = np.linalg.norm(poses.translation, axis=1)[detected["valid"]]
     return PreparedClip(
         folder=out,
         clip=clip.resolve(),
@@ -169,19 +175,19 @@ def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> Prepar
         size=tracked.size,
         source_size=(info.width, info.height),
         focal=observed.focal,
-        near=float(distance.min() - REACH),
-        far=float(distance.max() + REACH),
-        warnings=warnings_of(info, tracked.size, seen, found, poses),
+        near=float(distance.min() - HEAD_RADIUS),
+        far=float(distance.max() + HEAD_RADIUS),
+        warnings=warnings_of(info, tracked.size, surveyed, detected, poses),
         residual_shift=root_mean_square(tracked.track["residual_shift"]),
         rotation=poses.rotation,
         translation=poses.translation,
         centre=observed.centre,
-        crop=seen["window"],
-        valid=found["valid"],
+        crop=surveyed["window"],
+        valid=detected["valid"],
         covered=tracked.light["covered"],
         over=tracked.over,
-        segment=seen["segment"],
-        shown=seen["shown"],
+        segment=surveyed["segment"],
+        shown=surveyed["shown"],
         haze=tracked.light["offset"],
         landmarks=tracked.landmarks.astype(np.float32),
         shape=tracked.track["shape"],

@@ -1,4 +1,4 @@
-"""A prepared clip: what later stages know of a person on film.
+"""A prepared clip, the input of all later stages.
 
 T frames, S the side of the crop in px. Pixel coordinates are OpenCV's: (column, row), (0, 0) the
 middle of the first pixel. See :class:`PreparedClip`.
@@ -25,11 +25,11 @@ from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.tracking import cropping
 
 VERSION = 7
-REACH = 1.7  # units (10 cm) that the head extends around its origin at most
+HEAD_RADIUS = 1.7  # units (10 cm), the largest extent of a head from its origin
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
-OVERLAY = "overlay.mkv"  # of all frames, if something lies over the face in any
+OVERLAY = "overlay.mkv"  # masks of all frames, if something lies over the face in any
 CONTACT_SHEET, SUMMARY = "contact_sheet.png", "prepared.json"
-# What arrays that are none raise when they are read.
+# Raised when a file of arrays cannot be read.
 UNREADABLE = (EOFError, OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
 # Fields of a prepared clip that its summary holds under their names, and its arrays.
 FIELDS = ("size", "source_size", "focal", "near", "far", "residual_shift", "warnings")
@@ -46,7 +46,7 @@ class Version(TypedDict):
 
 
 class Summary(Version):
-    """What is kept of a prepared clip beside its arrays."""
+    """The fields of a prepared clip besides its arrays."""
 
     clip: str
     rate: Fraction
@@ -68,7 +68,7 @@ class FilmFrame:
         image: (S, S, 3) crop. matte: (S, S) of the head. background: (S, S, 3), equal to the image
             bit for bit outside of the matte's inpaint mask. All uint8.
         overlay: (S, S) uint8, 255 where something lies over the face; None where nothing does.
-        haze: (3,) grey levels of light that lies over the picture; see `tracking.light`.
+        haze: (3,) grey levels of light over the image; see `tracking.light`.
         landmarks: (478, 2) px of the crop.
         whole: (H, W, 3) uint8, the source frame that the crop is of.
     """
@@ -93,15 +93,15 @@ class PreparedClip:
         focal: px of the crop, the same in every frame.
         near, far: bounds of the head along the rays, in units of 10 cm.
         warnings: what may have gone wrong, in words.
-        residual_shift: what is left of the upper face's motion once the poses are taken out, px.
+        residual_shift: motion of the upper face that remains once the poses are removed, px.
         rotation, translation: (T, 3, 3), (T, 3) OpenCV head pose, X_cam = R X + t, units of 10 cm.
         centre: (T, 2) principal point in px of the crop: one camera of the full frame, seen
             through a moving window.
         crop: (T, 3) x0, y0, side of the window in px of the source.
         valid: (T,) a face was found. covered: (T,) something lies before its mouth.
         over: (T,) something lies over a part of the face, as the overlay shows.
-        segment: (T,) number of the shot. shown: (T,) how much of the frame is of that shot; less
-            than 1 in a dissolve. haze: (T, 3) grey levels of light over the picture.
+        segment: (T,) number of the shot. shown: (T,) share of the frame that is of that shot; less
+            than 1 in a dissolve. haze: (T, 3) grey levels of light over the image.
         landmarks: (T, 478, 2) px of the crop, as detected (as projected, where not valid).
         shape: (478, 3) mean head shape in the head frame: x right, y down, z away from the camera,
             outer eye corners 0.9 apart, origin between the ears.
@@ -139,7 +139,7 @@ class PreparedClip:
         """Read what :meth:`save` wrote.
 
         Args:
-            clip: where the source video lies now; where it lay by default.
+            clip: the source video, if it was moved since.
 
         Raises:
             PreparationError: a file is missing or of another version.
@@ -166,7 +166,7 @@ class PreparedClip:
         return PreparedClip(folder, clip, summary["rate"], summary["frames"], **fields, **arrays)
 
     def save(self) -> None:
-        """Write the track, then the summary: a folder with a summary is whole."""
+        """Write the track, then the summary: a folder with a summary is complete."""
         with atomic_path(self.folder / TRACK) as temporary:
             arrays = {name: getattr(self, name) for name in ARRAYS}
             np.savez_compressed(temporary, allow_pickle=False, **arrays)
@@ -190,7 +190,7 @@ class PreparedClip:
         origin = -back @ self.translation[..., None]
         return np.concatenate((back @ flip, origin), axis=2)
 
-    def seen_by(self, c2w: np.ndarray) -> PreparedClip:
+    def with_poses(self, c2w: np.ndarray) -> PreparedClip:
         """The same clip with other poses, given as :meth:`c2w` gives them, (T, 3, 4)."""
         flip = np.diag([1.0, -1.0, -1.0])
         towards = flip @ c2w[:, :, :3].transpose(0, 2, 1)
@@ -208,7 +208,7 @@ class PreparedClip:
             yield frame.image, frame.matte, frame.background
 
     def film_frames(self, start: int = 0, count: int | None = None) -> Iterator[FilmFrame]:
-        """All that is known of frames one by one; the film is decoded once for it."""
+        """Frames with all that belongs to them, one by one; the video is decoded once."""
         images = read_frames(self.clip, start=start, count=count, rate=self.rate)
         mattes = read_frames(self.folder / MATTE, start=start, count=count, pixels="gray")
         fills = read_frames(self.folder / BACKGROUND, start=start, count=count)
@@ -233,5 +233,5 @@ class PreparedClip:
     def paste(
         self, frame: np.ndarray, index: int, crop_image: np.ndarray, mask: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Source frame ``index`` with the crop image laid in, and where; see `cropping.paste`."""
+        """Source frame ``index`` with a crop image pasted in, and the mask; see `paste`."""
         return cropping.paste(frame, self.crop[index], crop_image, mask)

@@ -1,4 +1,4 @@
-"""The steps of a preparation: what a finished one left is read, the others are done."""
+"""The steps of a preparation: results of finished steps are read, the others are computed."""
 
 import shutil
 import zipfile
@@ -12,11 +12,12 @@ import numpy as np
 from dubbing import json_records
 from dubbing.errors import DubbingError, PreparationError
 from dubbing.files import atomic_path, atomic_write_json, digest_file, note_digest
+from dubbing.preparation.crops.tracked_crops import ReportShare
 from dubbing.preparation.prepared import SUMMARY, VERSION
 from dubbing.preparation.tracking.tracking import Arrays
 
-STEPS, LAYOUT = "steps", 4  # the folder of the steps, and the version of what they leave there
-# Shares of the time that the steps take, of 13 s at 512 px.
+STEPS, LAYOUT = "steps", 4  # the folder of the steps, and the version of its files
+# Shares of the steps in the time of a preparation, 13 s at 512 px.
 TIMES = {
     "faces": 0.08,
     "landmarks": 0.32,
@@ -38,9 +39,9 @@ def _key(path: Path) -> dict[str, Any]:
 
 
 class Steps:
-    """Steps whose arrays lie in a folder, each a file that appears whole.
+    """Steps whose arrays lie in a folder, each in a file that is written atomically.
 
-    Steps of another clip, version or with other settings are thrown away.
+    Steps of another clip, of another version or with other settings are deleted.
     """
 
     def __init__(
@@ -59,16 +60,14 @@ class Steps:
             (folder.parent / SUMMARY).unlink(missing_ok=True)
             atomic_write_json(key_file, key)
 
-    def run(
-        self, name: str, step: Callable[[Callable[[float], None]], Arrays], *beside: Path
-    ) -> Arrays:
+    def run(self, name: str, step: Callable[[ReportShare], Arrays], *beside: Path) -> Arrays:
         """The arrays of a step: read if it was finished, else computed and written.
 
         Args:
             beside: other files that it writes.
 
         Raises:
-            PreparationError: no head explains what was found.
+            PreparationError: the detected face is not a face, so no head fits it.
         """
         path = self.folder / f"{name}.npz"
         arrays = _stored(path) if all(file.is_file() for file in beside) else None
@@ -77,7 +76,7 @@ class Steps:
                 arrays = step(partial(self._progress, name))
             except np.linalg.LinAlgError as error:  # something that only looked like a face
                 raise PreparationError(
-                    f"what looks like a face is none that can be followed ({name}: {error})",
+                    f"what looks like a face is none that can be tracked ({name}: {error})",
                     str(self._clip),
                     "use a clip in which one person faces the camera",
                 ) from error
@@ -89,14 +88,14 @@ class Steps:
         return arrays
 
     def _progress(self, name: str, share: float) -> None:
-        """Report how much of all steps is done, where a share of one is."""
+        """Report the share of all steps that is done, from the share of one step."""
         steps = [*TIMES]
         before = sum(TIMES[step] for step in steps[: steps.index(name)])
         self._report(name, min(1.0, before + TIMES[name] * share))
 
 
 def _stored(path: Path) -> Arrays | None:
-    """The arrays of a finished step; None where there are none, or their checksums are wrong."""
+    """The arrays of a finished step; None where they are missing or their checksums are wrong."""
     try:
         with np.load(path, allow_pickle=False) as stored:
             return {key: stored[key] for key in stored.files}

@@ -17,7 +17,7 @@ intelligence to match it.
 
 With the consent of {people}"""
 GROUND, INK = 24, 235  # levels; the invisible mark has room below and above
-WIDEST = 0.84  # of the card's sides, that the text takes
+MAX_TEXT = 0.84  # of the card's sides, that the text takes
 LETTERS = 0.06  # of the shorter side: height of the letters, where the text leaves room for it
 SMALLER = 0.92  # of the letters, from try to try
 LINE = 1.35  # of the letters' height
@@ -58,10 +58,10 @@ def draw(text: str, width: int, height: int) -> np.ndarray:
     letters = LETTERS * min(width, height)
     while True:
         font = ImageFont.truetype(_font_file(), letters, layout_engine=ImageFont.Layout.BASIC)
-        lines = _wrapped(text, font, WIDEST * width)
+        lines = _wrapped(text, font, MAX_TEXT * width)
         widest = max(font.getlength(line) for line in lines)
         if letters < 2 or (
-            widest <= WIDEST * width and LINE * letters * len(lines) <= WIDEST * height
+            widest <= MAX_TEXT * width and LINE * letters * len(lines) <= MAX_TEXT * height
         ):
             break
         letters *= SMALLER
@@ -74,7 +74,7 @@ def draw(text: str, width: int, height: int) -> np.ndarray:
 
 
 def _wrapped(text: str, font: ImageFont.FreeTypeFont, width: float) -> list[str]:
-    """Lines that are no wider, but for words that are."""
+    """Lines of a text that are no wider, except where a single word is."""
     lines = []
     for paragraph in text.split("\n"):
         line = ""
@@ -90,7 +90,7 @@ def _wrapped(text: str, font: ImageFont.FreeTypeFont, width: float) -> list[str]
 
 def _font_file() -> Path:
     """DejaVu Sans, which has Latin, Greek and Cyrillic letters and comes with matplotlib."""
-    found = find_spec("matplotlib")  # which reads files of the current folder where it is imported
-    assert found is not None
-    assert found.origin is not None
-    return Path(found.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"
+    spec = find_spec("matplotlib")  # an import would read files of the current folder
+    assert spec is not None
+    assert spec.origin is not None
+    return Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"

@@ -1,4 +1,4 @@
-"""Signed content credentials (C2PA): what was made of what, and by whom. Extra ``dfrf[c2pa]``.
+"""Signed content credentials (C2PA): how a file was made, and by whom. Extra ``dfrf[c2pa]``.
 
 The library may ask the network for manifests and revocations that a file names: here it never does.
 """
@@ -34,14 +34,14 @@ class Signer:
 
 
 @dataclass(frozen=True)
-class Found:
+class Credentials:
     """The credentials of a file.
 
     Attributes:
         state: ``Valid``, ``Trusted`` (the root is known, too) or ``Invalid``.
         signed_by: the name in the certificate.
         actions: labels of what was done, ``c2pa.dubbed`` among them.
-        dub: what of `DUBBED` was signed; empty where it is not a dub of ours.
+        dub: the signed data under `DUBBED`; empty where it is not a dub of ours.
         problems: what is wrong, in the words of the library.
         film_problems: what was wrong with the credentials of the film, when this was signed.
         earlier: how many manifests of what went into it are kept.
@@ -65,7 +65,7 @@ def sign(video: Path, out: Path, signer: Signer, film: Path, facts: Mapping[str,
 
     Raises:
         StageError: it cannot be signed so.
-        RenderingError: what was signed does not read as valid.
+        RenderingError: the signed file does not read as valid.
     """
     import c2pa
 
@@ -83,17 +83,17 @@ def sign(video: Path, out: Path, signer: Signer, film: Path, facts: Mapping[str,
             builder.sign_file(str(video), str(temporary), _signer(signer))
     except c2pa.C2paError as error:
         raise StageError(f"cannot be signed: {error}", str(video), "look at the key") from error
-    found = read(out)
-    if found is None or found.state == "Invalid":
-        why = "; ".join(found.problems) if found else "none are in it"
+    signed = read(out)
+    if signed is None or signed.state == "Invalid":
+        why = "; ".join(signed.problems) if signed else "none are in it"
         raise RenderingError(f"its credentials do not hold: {why}", out.name)
 
 
-def read(path: Path) -> Found | None:
+def read(path: Path) -> Credentials | None:
     """The credentials in a file; None where there are none.
 
     Raises:
-        StageError: what is there cannot be read.
+        StageError: there are some that cannot be read.
     """
     import c2pa
 
@@ -104,11 +104,11 @@ def read(path: Path) -> Found | None:
     except c2pa.C2paError as error:
         raise StageError(f"its credentials cannot be read: {error}", str(path)) from error
     with reader:
-        return _found(json.loads(reader.json()), str(reader.get_validation_state()))
+        return _parse(json.loads(reader.json()), str(reader.get_validation_state()))
 
 
 def problem(signer: Signer, suffix: str) -> str:
-    """Why nothing of that suffix could be signed so; else empty. Signs a picture to find out."""
+    """Why no file of that suffix could be signed so; else empty. Signs an image to find out."""
     if gone := missing_of("c2pa"):
         return str(lacking(gone))
     if suffix not in FORMATS:
@@ -118,13 +118,13 @@ def problem(signer: Signer, suffix: str) -> str:
     try:
         builder = c2pa.Builder(json.dumps(_claim("test", {}, opened=False)), _context())
         signed = io.BytesIO()
-        builder.sign(_signer(signer), "image/png", io.BytesIO(_picture()), signed)
+        builder.sign(_signer(signer), "image/png", io.BytesIO(_smallest_image()), signed)
         signed.seek(0)
         with c2pa.Reader("image/png", signed, context=_context()) as reader:
-            found = _found(json.loads(reader.json()), str(reader.get_validation_state()))
+            result = _parse(json.loads(reader.json()), str(reader.get_validation_state()))
     except (c2pa.C2paError, DubbingError) as error:
         return f"cannot sign: {error}"
-    return "" if found.state != "Invalid" else f"cannot sign: {'; '.join(found.problems)}"
+    return "" if result.state != "Invalid" else f"cannot sign: {'; '.join(result.problems)}"
 
 
 def _signer(signer: Signer) -> Any:
@@ -146,7 +146,7 @@ def _pem(path: Path) -> bytes:
 
 
 def _algorithm(key: bytes, path: Path) -> bytes:
-    """C2PA's name of what a private key signs with."""
+    """C2PA's name of the algorithm that a private key signs with."""
     from cryptography.hazmat.primitives.asymmetric import ec, ed25519, rsa
     from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
@@ -186,7 +186,8 @@ def _claim(title: str, facts: Mapping[str, Any], *, opened: bool = True) -> dict
     }
 
 
-def _found(store: dict[str, Any], state: str) -> Found:
+def _parse(store: dict[str, Any], state: str) -> Credentials:
+    """Credentials of the library's JSON; ``state``: its verdict on them."""
     manifests = store.get("manifests") or {}
     active = manifests.get(store.get("active_manifest")) or {}
     data = {entry["label"]: entry.get("data") for entry in active.get("assertions", [])}
@@ -196,7 +197,7 @@ def _found(store: dict[str, Any], state: str) -> Found:
     wrong = [
         entry.get("explanation") or entry["code"] for entry in store.get("validation_status", [])
     ]
-    return Found(
+    return Credentials(
         state=state,
         signed_by=", ".join(name for name in names if name),
         actions=[action["action"] for action in actions],
@@ -208,7 +209,7 @@ def _found(store: dict[str, Any], state: str) -> Found:
 
 
 def _of_ingredients(ingredients: list[dict[str, Any]]) -> list[str]:
-    """Why their credentials did not hold; that their signers are not known is none of it."""
+    """Why the credentials of ingredients are invalid, but for unknown signers."""
     results = [entry.get("validation_results") or {} for entry in ingredients]
     failures = [
         failure
@@ -224,18 +225,18 @@ def film_problem(film: Path) -> tuple[str, bool]:
     """Problem of the credentials of a film that is to be dubbed and signed; '' without one.
 
     And whether it keeps the dub from being signed. One that reads but does not hold becomes an
-    ingredient whose failure is recorded, as C2PA asks of those who sign; see `Found`.
+    ingredient whose failure is recorded, as C2PA asks of those who sign; see `Credentials`.
     """
     if film.suffix.lower() not in FORMATS:
         return "", False
     try:
-        found = read(film)
+        signed = read(film)
     except StageError as error:
         return error.what, True
-    if found is None or found.state != "Invalid":
+    if signed is None or signed.state != "Invalid":
         return "", False
-    problems = [problem for problem in found.problems if "untrusted" not in problem]
-    return f"its credentials do not hold: {'; '.join(problems or found.problems)}", False
+    problems = [problem for problem in signed.problems if "untrusted" not in problem]
+    return f"its credentials do not hold: {'; '.join(problems or signed.problems)}", False
 
 
 def _context() -> Any:
@@ -244,8 +245,8 @@ def _context() -> Any:
     return c2pa.Context.from_dict(OFFLINE)
 
 
-def _picture() -> bytes:
-    """The smallest thing that can be signed."""
+def _smallest_image() -> bytes:
+    """A PNG of one pixel: the smallest file that can be signed."""
     with io.BytesIO() as stream:
         Image.new("L", (1, 1)).save(stream, "PNG")
         return stream.getvalue()

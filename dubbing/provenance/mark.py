@@ -2,11 +2,11 @@
 
 Spread spectrum: a tile of cells, each light or dark by the key and by the one bit that it carries,
 repeats over the frame. A cell is a share of the frame's shorter side, so that a smaller copy holds
-the same cells. The pattern is turned round several times a second: one frame shows next to
-nothing, and what stands still in the picture is no obstacle when it is looked for. It is
-as strong as the picture hides: a fraction of a grey level where it is smooth, which dither spreads
-over frames and pixels as grain does; more in what is rough, dark or very bright. No other pixel is
-changed. T cells a side of the tile, B bits.
+the same cells. The sign of the pattern changes several times a second: one frame shows next to
+nothing, and content that stands still does not disturb the search for it. Its strength is what the
+image masks: a fraction of a grey level where the image is smooth, which dither spreads over frames
+and pixels as grain does; more where it is rough, dark or very bright. No other pixel is changed.
+T cells a side of the tile, B bits.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ BITS = 64  # B
 # Along the shorter side of a frame: coarse in a small one, where an encoder spares no finer cells,
 # fine in one from `LARGE` px on, where faces are a small part and need many.
 CELLS, FINE_CELLS, LARGE = 128, 192, 720
-# What the pattern is multiplied with, a slot after the other: an m-sequence, which resembles no
-# shift of itself, and none of its negative, so that a part of a film shows where it begins.
+# Factors of the pattern, a slot after the other: an m-sequence, which resembles no shift of itself
+# or of its negative, so that a part of a film shows where the sequence begins.
 WAVE = (1, 1, 1, -1, -1, 1, -1)
 SLOT = Fraction(2, 25)  # seconds
 PERIOD = len(WAVE) * SLOT
-# What a picture hides, grey levels: in a smooth part of middle brightness, for each level of
-# roughness, and at most. Twice as much in black, half as much again in white.
-SMOOTH, ROUGH, MOST = 0.7, 0.08, 2.0
-SHADOW, LIGHT = 60.0, 180.0  # levels from which on darkness and brightness hide more
-DETAIL, WIDE = 1.2, 1.5  # cells: what is finer is roughness, and the neighbourhood that hides
-REACH = 4.0  # cells round a pixel: the smoothest place there decides, so that no edge hides
+# Changes that an image masks, grey levels: in a smooth part of middle brightness, for each level
+# of roughness, and at most. Twice as much in black, half as much again in white.
+SMOOTH, ROUGH, MAX_MASKED = 0.7, 0.08, 2.0
+SHADOW, LIGHT = 60.0, 180.0  # levels below and above which darkness and brightness mask more
+DETAIL, WIDE = 1.2, 1.5  # cells: finer detail is roughness; it is averaged over the second
+NEIGHBOURHOOD = 4.0  # cells round a pixel: the smoothest place there decides, so that no edge masks
 DITHER = 256  # px a side of its tile
 
 
 @dataclass(frozen=True)
 class Code:
-    """What a key makes of the tile.
+    """The pattern of a key on the tile.
 
     Attributes:
         signs: (T, T) float32, -1 or 1.
@@ -52,7 +52,7 @@ class Code:
 
     @staticmethod
     def of(key: bytes) -> Code:
-        """The same for ever: drawn by SHAKE-256, not by a generator that may change."""
+        """The pattern of a key, drawn by SHAKE-256: no random generator, which may change."""
         cells = TILE * TILE
         drawn = hashlib.shake_256(b"dfrf mark" + key).digest(cells // 8 + 8 * cells)
         signs = np.unpackbits(np.frombuffer(drawn[: cells // 8], np.uint8)).astype(np.float32)
@@ -87,10 +87,10 @@ class Mark:
         self._dither = (levels.astype(np.float32) + 0.5) / 256
 
     def draw(self, frame: np.ndarray, replaced: np.ndarray, number: int) -> np.ndarray:
-        """The frame (H, W, 3) uint8 with the mark on what is replaced.
+        """The frame (H, W, 3) uint8 with the mark on its replaced pixels.
 
         Args:
-            replaced: (H, W) uint8, how much of each pixel is; 0: the film's own, which stays.
+            replaced: (H, W) uint8, how much of each pixel is replaced; 0: the film's own.
             number: of the frame in the dub.
         """
         sign = wave(number / self._rate)
@@ -99,7 +99,7 @@ class Mark:
             return frame
         place = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
         part, share = frame[place], replaced[place].astype(np.float32) / 255
-        wanted = sign * hidden_by(part, self._cell) * share * self._pattern[place]
+        wanted = sign * masked_by(part, self._cell) * share * self._pattern[place]
         turn = number * 97 % DITHER, number * 57 % DITHER  # another piece of it for every frame
         row, column = (np.arange(n) for n in part.shape[:2])
         dither = self._dither[(row[:, None] + turn[0]) % DITHER, (column + turn[1]) % DITHER]
@@ -114,8 +114,8 @@ def wave(seconds: Fraction) -> int:
     return WAVE[math.floor(seconds / SLOT) % len(WAVE)]
 
 
-def hidden_by(picture: np.ndarray, cell: float) -> np.ndarray:
-    """Grey levels (H, W) float32 by which luma may differ unseen, of an RGB picture uint8.
+def masked_by(image: np.ndarray, cell: float) -> np.ndarray:
+    """Grey levels (H, W) float32 by which luma may differ unseen in an RGB image uint8.
 
     A model of just noticeable differences as Chou and Li's (1995), far below it: masking by
     luminance and by contrast.
@@ -123,12 +123,12 @@ def hidden_by(picture: np.ndarray, cell: float) -> np.ndarray:
     Args:
         cell: px of a cell of the pattern.
     """
-    luma = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    luma = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
     fine = luma - cv2.GaussianBlur(luma, (0, 0), DETAIL * cell)
     rough = np.sqrt(cv2.GaussianBlur(fine * fine, (0, 0), WIDE * cell))
-    reach = max(1, round(REACH * cell))
-    rough = cv2.erode(rough, np.ones((2 * reach + 1, 2 * reach + 1)))
+    radius = max(1, round(NEIGHBOURHOOD * cell))
+    rough = cv2.erode(rough, np.ones((2 * radius + 1, 2 * radius + 1)))
     dark = np.clip((SHADOW - luma) / SHADOW, 0, 1)
     bright = np.clip((luma - LIGHT) / (255 - LIGHT), 0, 1)
-    hidden = SMOOTH * (1 + dark + bright / 2) + ROUGH * rough
-    return np.asarray(np.minimum(hidden, MOST))
+    masked = SMOOTH * (1 + dark + bright / 2) + ROUGH * rough
+    return np.asarray(np.minimum(masked, MAX_MASKED))

@@ -13,14 +13,14 @@ from dubbing.files import digest_data, make_folder, read_bounded, sync_file, wri
 from dubbing.homes import settings_folder
 
 BYTES = 32
-SHORTEST, LONGEST = 16, 4096  # bytes of a key file
+MIN_BYTES, MAX_BYTES = 16, 4096  # of a key file
 HOMELESS = "the key of the invisible mark has no place: this user has no home folder"
 REMEDY = "name a key of your own in the manifest, `mark: {key: FILE}`, or set `mark: false`"
 
 
 @dataclass(frozen=True)
 class Marking:
-    """What is to be drawn: 64 bits, by a key that lies in a file.
+    """The mark to draw: 64 bits, by a key that lies in a file.
 
     Attributes:
         key_file: where the key lies; None for a user without a home.
@@ -36,14 +36,14 @@ class Marking:
         """The key.
 
         Raises:
-            DubbingError: it cannot be read, or is not the one that was meant.
+            DubbingError: it cannot be read, or is another one than ``fingerprint`` names.
         """
         if self.key_file is None:
             raise DubbingError(HOMELESS, remedy=REMEDY)
-        found = read_key(self.key_file)
-        if fingerprint_of(found) != self.fingerprint:
+        key = read_key(self.key_file)
+        if fingerprint_of(key) != self.fingerprint:
             raise DubbingError("another key than when the run began", str(self.key_file), REMEDY)
-        return found
+        return key
 
 
 def marking(own: Path | None, made_of: object) -> Marking:
@@ -51,7 +51,7 @@ def marking(own: Path | None, made_of: object) -> Marking:
 
     Args:
         own: the key file that the manifest names; the installation's by default.
-        made_of: plain data of what was dubbed with what: the 64 bits are its digest.
+        made_of: plain data that names the inputs of the dub: the 64 bits are its digest.
     """
     file = own or installation_file()
     known = fingerprint_of(read_key(file)) if file and (own or file.exists()) else ""
@@ -65,7 +65,7 @@ def installation_file() -> Path | None:
 
 
 def make_installation_key() -> Path:
-    """The file of this installation's key, which is made at first use.
+    """The file of this installation's key, which is created at first use.
 
     Raises:
         CallError: the user has no home.
@@ -106,12 +106,12 @@ def read_key(file: Path) -> bytes:
         DubbingError: there is none, or it is too short to be a secret.
     """
     try:
-        content = read_bounded(file, LONGEST)
+        content = read_bounded(file, MAX_BYTES)
     except OSError as error:
         what = f"the mark's key cannot be read: {error.strerror}"
         raise DubbingError(what, str(file), REMEDY) from error
-    if len(content) < SHORTEST:
-        what = f"the mark's key has {len(content)} bytes, it needs {SHORTEST} at least"
+    if len(content) < MIN_BYTES:
+        what = f"the mark's key has {len(content)} bytes, it needs {MIN_BYTES} at least"
         raise DubbingError(what, str(file), "fill it with random bytes")
     return hashlib.blake2b(content, digest_size=BYTES).digest()
 

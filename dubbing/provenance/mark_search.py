@@ -5,8 +5,8 @@ its period, folded onto one tile for every scale that is tried, and correlated w
 each bit at every shift. Each of the 64 correlations, divided by its own standard deviation over all
 keys, has mean 0 and at most the tail of a normal variable where there is no mark of this key, for
 the signs of the cells are fair coins. So the sum S of their squares has at most the tail of chi
-squared of 64 degrees, and Chernoff's bound times the number of places looked at bounds how often a
-mark is seen where none is.
+squared of 64 degrees, and Chernoff's bound times the number of places searched bounds how often a
+mark is reported where there is none.
 """
 
 from __future__ import annotations
@@ -20,37 +20,37 @@ from fractions import Fraction
 import numpy as np
 
 from dubbing.provenance.mark import BITS, TILE, Code
-from dubbing.provenance.mark_sight import (
+from dubbing.provenance.mark_match import (
     GRIDS,
     PHASES,
     WHOLE,
-    Sight,
+    Match,
     Window,
-    look,
-    nearer,
+    candidates,
+    match_at,
+    refine_match,
     templates,
-    tries,
 )
 from dubbing.provenance.mark_sums import BINS, by_phase, pieces
 
 FALSE_ALARMS = 1e-6  # for a whole search
 SURE = 2.0  # times the threshold, beyond which the search ends
-OVERTONE = 3  # of the wave, which slow motion of the picture disturbs least
-SEVERAL = 4  # pieces of the sums that are looked at together: faces come and go
+OVERTONE = 3  # of the wave, which slow motion in the image disturbs least
+PIECES_TOGETHER = 4  # pieces of the sums that are also searched as one: faces come and go
 
 
 @dataclass(frozen=True)
-class Found:
-    """What a search came to.
+class MarkResult:
+    """Result of the search for the mark of one key.
 
     Attributes:
         present: whether the mark of the key is there.
         statistic: S of the best place; about 64 where there is no mark.
-        threshold: what S must reach.
+        threshold: the least S at which a mark counts as present.
         bits: (64,) of 0 or 1.
         sureness: (64,) standard deviations that speak for each bit.
-        scale: cells of this video, of what its size would have them.
-        frames: how many were looked at.
+        scale: size of the cells in this video, over the size they would have if it was not scaled.
+        frames: how many were read.
     """
 
     present: bool
@@ -64,33 +64,35 @@ class Found:
 
 def search(
     frames: Iterable[np.ndarray], rate: Fraction, keys: Iterable[bytes], everywhere: bool = True
-) -> list[Found]:
-    """Look for the marks of keys in luma frames (H, W) uint8, which are read once.
+) -> list[MarkResult]:
+    """Search luma frames (H, W) uint8, which are read once, for the marks of keys.
 
-    First where it was drawn, in all of the video and, lest seconds in which a face speaks drown in
-    the rest, in pieces of it; then, in all of the video, at every scale, shift and window.
+    First at the scales at which marks are drawn: in the whole video and in pieces of it, so that
+    the seconds in which a face speaks do not drown in the rest. Then, in the whole video, at every
+    scale, shift and window.
 
     Args:
         everywhere: whether to do the latter; if not, the search ends as soon as all are found.
     """
     codes = [Code.of(key) for key in keys]
     searches = [Search(code) for code in codes]
-    count, looks, last, whole = 0, 0, deque[np.ndarray](maxlen=SEVERAL), None
+    count, searched, last, whole = 0, 0, deque[np.ndarray](maxlen=PIECES_TOGETHER), None
     for bins, added in pieces(frames, rate):
-        count, looks = count + added, looks + 1
+        count, searched = count + added, searched + 1
         whole = bins if whole is None else whole + bins
         last.append(bins)
         for part in [bins, np.sum(last, 0)][: len(last)]:
             for one in searches:
-                one.glance(part)
-        if not everywhere and all(one.best.value > SURE * limit_of(looks) for one in searches):
+                one.add(part)
+        limit = limit_of(searched)
+        if not everywhere and all(one.best.value > SURE * limit for one in searches):
             break
-    return [one.end(whole, limit_of(looks), count, everywhere) for one in searches]
+    return [one.end(whole, limit_of(searched), count, everywhere) for one in searches]
 
 
-def limit_of(looks: int) -> float:
-    """Threshold of S for a search that looked so often at pieces of the video."""
-    places = 2 * len(tries()) + len(GRIDS) * BINS * (2 * looks + 1)
+def limit_of(searched: int) -> float:
+    """Threshold of S for a search of so many pieces of the video."""
+    places = 2 * len(candidates()) + len(GRIDS) * BINS * (2 * searched + 1)
     return threshold(FALSE_ALARMS / places / (PHASES * TILE) ** 2)
 
 
@@ -99,24 +101,26 @@ class Search:
 
     def __init__(self, code: Code) -> None:
         self._code, self._spectra = code, templates(code)
-        self.best, self._bins = Sight(), np.zeros((BINS, 0, 0), np.float32)
+        self.best, self._bins = Match(), np.zeros((BINS, 0, 0), np.float32)
 
-    def glance(self, bins: np.ndarray) -> None:
-        """Look at sums (BINS, H, W) where the mark was drawn, for each beginning of the wave."""
+    def add(self, bins: np.ndarray) -> None:
+        """Search sums (BINS, H, W) at the scales of drawn marks, for each beginning of the wave."""
         for total in by_phase(bins):
             for scale in GRIDS:
-                seen = self._look(total, scale, WHOLE)
-                if self.best < seen:
-                    self.best, self._bins = seen, bins
+                match = self._match(total, scale, WHOLE)
+                if self.best < match:
+                    self.best, self._bins = match, bins
 
-    def end(self, whole: np.ndarray | None, limit: float, frames: int, everywhere: bool) -> Found:
-        """End the search with a look at the sums of the whole video."""
+    def end(
+        self, whole: np.ndarray | None, limit: float, frames: int, everywhere: bool
+    ) -> MarkResult:
+        """End the search with the sums of the whole video."""
         if whole is not None:
-            self.glance(whole)
+            self.add(whole)
             if everywhere and self.best.value < limit:
                 self._everywhere(whole, limit)
-        best = self._sharpened() if self.best.value >= limit else self.best
-        return Found(
+        best = self._refined() if self.best.value >= limit else self.best
+        return MarkResult(
             present=self.best.value >= limit,
             statistic=self.best.value,
             threshold=limit,
@@ -126,31 +130,32 @@ class Search:
             frames=frames,
         )
 
-    def _look(self, total: np.ndarray, scale: float, window: Window) -> Sight:
-        return look(total, self._spectra, self._code, scale, window)
+    def _match(self, total: np.ndarray, scale: float, window: Window) -> Match:
+        return match_at(total, self._spectra, self._code, scale, window)
 
     def _everywhere(self, whole: np.ndarray, limit: float) -> None:
-        """Look at all scales and windows, by one overtone of the wave wherever it begins."""
+        """Search all scales and windows, by one overtone of the wave wherever it begins."""
         angle = np.arange(BINS) * (2 * np.pi * OVERTONE / BINS)
         quarters = [np.tensordot(f(angle).astype(np.float32), whole, 1) for f in (np.cos, np.sin)]
-        places = Sight()
-        for scale, window in tries():
-            places = max(places, *(self._look(part, scale, window) for part in quarters))
-            if places.value > SURE * limit:
-                break  # no chance finds more
-        seen = [self._look(total, places.scale, places.window) for total in by_phase(whole)]
-        if self.best < max(seen):
-            self.best, self._bins = max(seen), whole
+        best = Match()
+        for scale, window in candidates():
+            best = max(best, *(self._match(part, scale, window) for part in quarters))
+            if best.value > SURE * limit:
+                break  # chance alone does not reach this
+        matches = [self._match(total, best.scale, best.window) for total in by_phase(whole)]
+        if self.best < max(matches):
+            self.best, self._bins = max(matches), whole
 
-    def _sharpened(self) -> Sight:
-        """The sight made sharper, for its bits."""
+    def _refined(self) -> Match:
+        """The best match, refined for its bits."""
         totals = by_phase(self._bins)
-        seen = [self._look(total, self.best.scale, self.best.window) for total in totals]
-        return nearer(totals[seen.index(max(seen))], self._spectra, self._code, max(seen))
+        matches = [self._match(total, self.best.scale, self.best.window) for total in totals]
+        best = max(matches)
+        return refine_match(totals[matches.index(best)], self._spectra, self._code, best)
 
 
 def threshold(chance: float) -> float:
-    """What chi squared of 64 degrees exceeds with at most this chance, by Chernoff's bound."""
+    """Value that chi squared of 64 degrees exceeds with at most this chance (Chernoff's bound)."""
     low, high = float(BITS), 100.0 * BITS
     for _ in range(60):
         middle = (low + high) / 2

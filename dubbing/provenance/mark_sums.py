@@ -1,9 +1,9 @@
 """Changes between frames of a video, added up by the mark's period.
 
-The mark comes and goes; what stands still in the picture is taken out, and what is left is measured
-in deviations of its surroundings, so that a cut or a hand weighs no more than skin. Frames are
-added up for each part of the period by itself: where the period begins in a part of a film is not
-known. BINS parts.
+The mark changes with time: content that stands still is removed, and the rest is divided by the
+standard deviation of its surroundings, so that a cut or a hand weighs no more than skin. Frames
+are added up separately for each of the BINS parts of the period, for where the period begins in a
+part of a film is not known.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ import numpy as np
 
 from dubbing.provenance.mark import CELLS, PERIOD, WAVE
 
-FINEST = 720  # px of the shorter side; larger frames are made as small first
-LOUDEST = 3.0  # deviations; what a pixel counts at most
-FAINTEST = 0.1  # grey levels, deviation of a change below which it is nothing
+MAX_SIDE = 720  # px of the shorter side; larger frames are scaled down to it
+MAX_CHANGE = 3.0  # deviations that a pixel counts at most
+MIN_DEVIATION = 0.1  # grey levels; a smaller deviation counts as this much
 BINS = 2 * len(WAVE)  # parts of the period
 APART = 0.08  # seconds before and after a frame that it is compared with
-FLOW_SIDE, LEAST_FLOW = 360, 32  # px of the shorter side at which flow is found, and can be
+FLOW_SIDE, MIN_FLOW_SIDE = 360, 32  # px of the shorter side: flow is computed at, and needs
 PIECE = 2.0  # seconds that are added up by themselves
 
 
@@ -31,7 +31,7 @@ def changes(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[np.ndarray
     """Difference of each luma frame (H, W) uint8 from the frames around it.
 
     Those are moved by the optical flow first: skin and cloth follow it, the mark does not. In
-    deviations, float32; larger frames are made smaller, see `FINEST`.
+    deviations, float32; larger frames are scaled down, see `MAX_SIDE`.
     """
     apart = max(1, round(APART * rate))
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
@@ -40,7 +40,7 @@ def changes(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[np.ndarray
     def out(place: int) -> np.ndarray:
         beside = [k for k in (place - apart, place + apart) if 0 <= k < len(near)]
         moved = [_moved(near[k], near[place], flow) for k in beside]
-        return standing_out(near[place] - (np.mean(moved, 0) if moved else near[place]))
+        return normalized(near[place] - (np.mean(moved, 0) if moved else near[place]))
 
     for frame in frames:
         near.append(_small(frame))
@@ -51,9 +51,9 @@ def changes(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[np.ndarray
 
 
 def _moved(frame: np.ndarray, to: np.ndarray, flow: cv2.DISOpticalFlow) -> np.ndarray:
-    """A frame (H, W) float32 laid over another by their optical flow."""
+    """A frame (H, W) float32 warped onto another by their optical flow."""
     height, width = to.shape
-    if min(to.shape) < LEAST_FLOW:
+    if min(to.shape) < MIN_FLOW_SIDE:
         return frame
     share = min(1.0, FLOW_SIDE / min(to.shape))
     size = (max(1, round(width * share)), max(1, round(height * share)))
@@ -74,26 +74,26 @@ def _moved(frame: np.ndarray, to: np.ndarray, flow: cv2.DISOpticalFlow) -> np.nd
 
 def _small(frame: np.ndarray) -> np.ndarray:
     side = min(frame.shape)
-    if side > FINEST:
-        size = (round(frame.shape[1] * FINEST / side), round(frame.shape[0] * FINEST / side))
+    if side > MAX_SIDE:
+        size = (round(frame.shape[1] * MAX_SIDE / side), round(frame.shape[0] * MAX_SIDE / side))
         frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
     return frame.astype(np.float32)
 
 
-def standing_out(change: np.ndarray) -> np.ndarray:
-    """A picture (H, W) float32 against its surroundings, in their deviations."""
+def normalized(change: np.ndarray) -> np.ndarray:
+    """A change (H, W) float32 less its surroundings, in their standard deviations."""
     cell = min(change.shape) / CELLS
     fine = cv2.GaussianBlur(change, (0, 0), max(0.3, 0.35 * cell))
     out = fine - cv2.GaussianBlur(change, (0, 0), 1.2 * cell)
-    out /= np.maximum(deviation(out, 4 * cell), FAINTEST)
-    return np.clip(out, -LOUDEST, LOUDEST)
+    out /= np.maximum(deviation(out, 4 * cell), MIN_DEVIATION)
+    return np.clip(out, -MAX_CHANGE, MAX_CHANGE)
 
 
-def deviation(picture: np.ndarray, radius: float) -> np.ndarray:
-    """Standard deviation of a picture (h, w) float32 in the square of ``radius`` round a pixel."""
+def deviation(image: np.ndarray, radius: float) -> np.ndarray:
+    """Standard deviation of an image (h, w) float32 in the square of ``radius`` round a pixel."""
     side = 2 * max(1, round(radius)) + 1
-    mean = cv2.blur(picture, (side, side))
-    square = cv2.blur(picture * picture, (side, side))
+    mean = cv2.blur(image, (side, side))
+    square = cv2.blur(image * image, (side, side))
     return np.sqrt(np.maximum(square - mean * mean, 0))
 
 

@@ -1,4 +1,4 @@
-"""Labels of an AI-generated picture: a mark on every frame, and tags in the container."""
+"""Labels of an AI-generated video: a visible mark on every frame, and tags in the container."""
 
 from collections.abc import Mapping
 from importlib import metadata
@@ -10,7 +10,7 @@ TEXT = "AI-dubbed"
 # IPTC's term for a real recording in which a trained model made a part.
 SOURCE_TYPE = "http://cv.iptc.org/newscodes/digitalsourcetype/compositeWithTrainedAlgorithmicMedia"
 SHARE = 0.026  # height of the letters, of the frame's shorter side
-SMALLEST = 11  # px, height of the letters
+MIN_LETTERS = 11  # px, height of the letters
 BACKING, INK = 0.55, 0.95  # opacity of the dark plate and of the white letters
 
 
@@ -31,13 +31,13 @@ def tags() -> dict[str, str]:
     return {"comment": text, "description": text, "encoder": made_by()}
 
 
-def statements(found: Mapping[str, str]) -> dict[str, str]:
-    """Those of a container's tags that say that its picture is generated, by their keys.
+def statements(container_tags: Mapping[str, str]) -> dict[str, str]:
+    """Those of a container's tags that say that its video is generated, by their keys.
 
-    A tag counts if it is what `tags` writes, by any version, or holds an IPTC term and nothing
-    else. Words that somebody wrote of AI are no such statement: they may say the opposite.
+    A tag counts if `tags` of any version wrote it, or if it holds an IPTC term and nothing else.
+    Free text about AI does not count: it may say the opposite.
     """
-    return {key: text for key, text in found.items() if _says_so(key, text.strip())}
+    return {key: text for key, text in container_tags.items() if _says_so(key, text.strip())}
 
 
 def _says_so(key: str, text: str) -> bool:
@@ -58,7 +58,7 @@ class VisibleMark:
     """The visible mark in the lower right corner of frames of one size."""
 
     def __init__(self, width: int, height: int, text: str = TEXT) -> None:
-        letters = max(SMALLEST, round(SHARE * min(width, height)))
+        letters = max(MIN_LETTERS, round(SHARE * min(width, height)))
         plate = _plate(text, letters)
         gap = letters // 2 + 1
         tall, wide = min(plate.shape[0], height), min(plate.shape[1], width)

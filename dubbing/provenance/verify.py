@@ -18,31 +18,31 @@ from dubbing.provenance.provenance import statements
 
 @dataclass(frozen=True)
 class Verified:
-    """What was found in one file.
+    """The marks of origin found in one file.
 
     Attributes:
-        credentials: what is signed; None where there is nothing, or nothing that can be read.
+        credentials: the signed ones; None where there are none, or none that can be read.
         credentials_note: why they were not looked for, or cannot be read; else empty.
         broken: whether there are credentials that do not hold: the file was changed since.
         marks: of every key that was tried, by its fingerprint.
         metadata: tags that say so; empty where there are none.
     """
 
-    credentials: credentials.Found | None
+    credentials: credentials.Credentials | None
     credentials_note: str
     broken: bool
-    marks: dict[str, mark_search.Found]
+    marks: dict[str, mark_search.MarkResult]
     metadata: dict[str, str]
 
     @property
     def found(self) -> bool:
-        """Whether the file carries anything that holds.
+        """Whether the file carries a mark of origin that is valid.
 
-        Where credentials do not, nothing beside them is trusted either.
+        Where credentials are broken, nothing beside them is trusted either.
         """
         if self.broken:
             return False
-        marked = any(seen.present for seen in self.marks.values())
+        marked = any(mark.present for mark in self.marks.values())
         return self.credentials is not None or bool(self.metadata) or marked
 
     def to_json(self) -> dict[str, Any]:
@@ -55,22 +55,22 @@ class Verified:
             "marks": [
                 {
                     "key": key,
-                    "present": seen.present,
-                    "id": id_of(seen.bits) if seen.present else None,
-                    "weakest_bit": round(float(seen.sureness.min()), 2),
-                    "statistic": round(seen.statistic, 1),
-                    "threshold": round(seen.threshold, 1),
-                    "scale": round(seen.scale, 3),
-                    "frames": seen.frames,
+                    "present": mark.present,
+                    "id": id_of(mark.bits) if mark.present else None,
+                    "weakest_bit": round(float(mark.sureness.min()), 2),
+                    "statistic": round(mark.statistic, 1),
+                    "threshold": round(mark.threshold, 1),
+                    "scale": round(mark.scale, 3),
+                    "frames": mark.frames,
                 }
-                for key, seen in self.marks.items()
+                for key, mark in self.marks.items()
             ],
             "metadata": self.metadata,
         }
 
 
 def verify(video: Path, keys: Sequence[Path]) -> Verified:
-    """Look for everything a dub may carry.
+    """Search a file for every mark of origin that a dub may carry.
 
     Args:
         keys: files of keys of the invisible mark.
@@ -83,23 +83,23 @@ def verify(video: Path, keys: Sequence[Path]) -> Verified:
     info = media.probe(video)
     if info.picture is None:
         raise MediaError("no picture in it", str(video), "name a video")
-    seen = []
+    results = []
     if secrets:
         frames = media.read_frames(video, pixels="gray")
-        seen = mark_search.search(frames, info.rate, secrets)
-    marks = {fingerprint_of(key): one for key, one in zip(secrets, seen, strict=True)}
+        results = mark_search.search(frames, info.rate, secrets)
+    marks = {fingerprint_of(key): mark for key, mark in zip(secrets, results, strict=True)}
     signed, note, broken = _credentials(video)
     return Verified(signed, note, broken, marks, _metadata(video))
 
 
-def _credentials(video: Path) -> tuple[credentials.Found | None, str, bool]:
+def _credentials(video: Path) -> tuple[credentials.Credentials | None, str, bool]:
     if gone := missing_of("c2pa"):
         return None, str(lacking(gone)), False
     try:
-        found = credentials.read(video)
+        signed = credentials.read(video)
     except DubbingError as error:
         return None, str(error), True
-    return found, "", found is not None and found.state == "Invalid"
+    return signed, "", signed is not None and signed.state == "Invalid"
 
 
 def _metadata(video: Path) -> dict[str, str]:
@@ -111,11 +111,11 @@ def _metadata(video: Path) -> dict[str, str]:
     return statements(tags)
 
 
-def sentences(found: Verified) -> list[str]:
-    """What was found, for people."""
-    signed = found.credentials
+def sentences(verified: Verified) -> list[str]:
+    """Lines of text that tell people what marks of origin a file carries."""
+    signed = verified.credentials
     if signed is None:
-        lines = [f"credentials: none{f' ({note})' if (note := found.credentials_note) else ''}"]
+        lines = [f"credentials: none{f' ({note})' if (note := verified.credentials_note) else ''}"]
     else:
         lines = [f"credentials: {signed.state}, signed by {signed.signed_by or 'nobody named'}"]
         lines.append(f"  actions: {', '.join(signed.actions) or 'nothing'}")
@@ -124,17 +124,17 @@ def sentences(found: Verified) -> list[str]:
         lines += [f"  problem of the film it was made of: {p}" for p in signed.film_problems]
         if signed.earlier:
             lines.append(f"  with {signed.earlier} earlier credentials of what went into it")
-    for key, seen in found.marks.items():
-        if seen.present:
-            sure = f"weakest bit {seen.sureness.min():.1f} deviations"
-            lines.append(f"invisible mark: {id_of(seen.bits)} (key {key}, {sure})")
+    for key, mark in verified.marks.items():
+        if mark.present:
+            sure = f"weakest bit {mark.sureness.min():.1f} deviations"
+            lines.append(f"invisible mark: {id_of(mark.bits)} (key {key}, {sure})")
         else:
             lines.append(f"invisible mark: none of key {key}")
-    if not found.marks:
+    if not verified.marks:
         lines.append("invisible mark: not looked for, there is no key here; name one with --key")
-    said = next(iter(found.metadata.values()), "nothing that says so of its picture")
+    said = next(iter(verified.metadata.values()), "nothing that says so of its picture")
     lines.append(f"metadata: {said}")
-    if found.broken:
+    if verified.broken:
         lines.append("its credentials do not hold: the file was changed after it was signed, or")
         lines[-1] += " they were torn; what else it carries is no proof. Ask for the file as signed"
     return lines

@@ -1,1 +1,1 @@
-"""A script: which words are spoken from when to when, by whom, and how that is written down."""
+"""Scripts: lines with times, speakers and words, their file formats, and timecodes."""

@@ -1,4 +1,4 @@
-"""Markers as an edit decision list (CMX3600): an event a line, with a locator of its words."""
+"""Writes markers as an edit decision list (CMX3600): an event and a locator a line."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -21,12 +21,11 @@ class Marker:
 def edl(title: str, markers: Sequence[Marker], timecode: Timecode, *, drop: bool) -> str:
     """The list as text.
 
-    The note stands in a locator, as Avid and Premiere write it, and in the comment that Resolve
-    reads markers from.
+    The note is in a locator, as Avid and Premiere write it, and in a comment that Resolve reads.
 
     Args:
         timecode: of a frame of the film.
-        drop: whether it drops numbers.
+        drop: whether timecodes are drop-frame.
     """
     mode = "DROP FRAME" if drop else "NON-DROP FRAME"
     rows = [f"TITLE: {_plain(title)}", f"FCM: {mode}", ""]
@@ -46,5 +45,5 @@ def edl(title: str, markers: Sequence[Marker], timecode: Timecode, *, drop: bool
 
 
 def _plain(text: str) -> str:
-    """In one row: what begins another would be read as an event."""
+    """Text in one row: further rows would be read as events."""
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())

@@ -1,4 +1,4 @@
-"""One line of a script, and how its times are read."""
+"""One line of a script, and the parsing of its times."""
 
 import re
 from dataclasses import dataclass
@@ -12,15 +12,15 @@ CLOCK = re.compile(r"(?:(?:([0-9]{1,3}):)?([0-9]{1,3}):)?([0-9]{1,9}(?:[.,][0-9]
 
 @dataclass(frozen=True)
 class Line:
-    """Spoken words, from when to when, and by whom.
+    """Spoken words with their times and speaker.
 
     Attributes:
-        number: as printed in the file; its place there, from 1, where none is printed.
+        number: as printed in the file, else its position there, from 1.
         start, stop: seconds, as written.
         speaker: '' where the file names none.
         counted: whether its times are timecodes, which count frames.
-        shared: whether somebody else speaks in the same cue.
-        carried: whether it names nobody, and is taken for a line of the speaker before it.
+        shared: whether another person speaks in the same cue.
+        carried: whether it names nobody, and is assigned to the speaker before it.
     """
 
     number: int
@@ -34,7 +34,7 @@ class Line:
 
 
 def is_timecode(text: str) -> bool:
-    """Whether a written time is meant as a timecode, which counts frames."""
+    """Whether a written time is a timecode, which counts frames."""
     return text.count(":") == 3 or ";" in text
 
 
@@ -47,8 +47,8 @@ def seconds_of(text: str, rate: Fraction) -> Fraction:
     text = text.strip()
     if is_timecode(text):
         return frame_of(text, rate) / rate
-    found = CLOCK.fullmatch(text)
-    if found is None:
+    match = CLOCK.fullmatch(text)
+    if match is None:
         raise ValueError(f"{text!r:.40} is no time as 65.5, 0:01:05.5 or 00:01:05:12")
-    hours, minutes = (int(part or 0) for part in found.groups()[:2])
-    return 3600 * hours + 60 * minutes + Fraction(found[3].replace(",", "."))
+    hours, minutes = (int(part or 0) for part in match.groups()[:2])
+    return 3600 * hours + 60 * minutes + Fraction(match[3].replace(",", "."))

@@ -1,4 +1,4 @@
-"""The lines of a script file: SRT, VTT or ASS subtitles, TTML, or CSV."""
+"""Reads the lines of a script file: SRT, VTT or ASS subtitles, TTML, or CSV."""
 
 import csv
 from collections.abc import Callable, Collection, Iterable, Iterator
@@ -15,10 +15,10 @@ from dubbing.script.speakers import Names, guessed, is_sound, turns
 MOST_BYTES, MOST_LINES = 10 * 10**6, 50_000
 COLUMNS = ("in", "out", "speaker", "words")
 NUMBERS = ("cue", "line", "number", "#")  # columns of a table that hold a line's number
-# Where cues without a name may be those of the speaker before: in the others, names are a field of
-# their own, which is left empty where nobody speaks.
+# Formats in which a cue without a name may continue the speaker before. In the others, names are a
+# field of their own, which is empty where nobody speaks.
 CARRIED = (".srt", ".vtt", ".csv")
-LONGEST_PAUSE = 10  # seconds, before a line without a name that is still the last speaker's
+LONGEST_PAUSE = 10  # seconds, after which a line without a name no longer continues a speaker
 
 
 def read_lines(path: Path, rate: Fraction, names: Collection[str] | None = ()) -> list[Line]:
@@ -26,10 +26,10 @@ def read_lines(path: Path, rate: Fraction, names: Collection[str] | None = ()) -
 
     Args:
         rate: frames a second of the film, for timecodes.
-        names: of speakers, as the manifest has them; None: those that the script seems to have.
+        names: of speakers in the manifest; None to guess them from the script.
 
     Raises:
-        DubbingError: it cannot be read, a time in it is none, or it holds no line.
+        DubbingError: it cannot be read, a time in it is invalid, or it has no lines.
     """
     kind = path.suffix.lower()
     if kind not in READERS:
@@ -53,9 +53,9 @@ def read_lines(path: Path, rate: Fraction, names: Collection[str] | None = ()) -
             raise DubbingError(what, path.name, "correct it there")
     if names is None:
         names = guessed(line.words for line in lines)
-    found = list(_once(_spoken(lines, Names(names))))
-    found = [replace(line, number=line.number or k) for k, line in enumerate(found, 1)]
-    return _carried(found) if kind in CARRIED else found
+    spoken = list(_once(_spoken(lines, Names(names))))
+    spoken = [replace(line, number=line.number or k) for k, line in enumerate(spoken, 1)]
+    return _carried(spoken) if kind in CARRIED else spoken
 
 
 def _problem(line: Line) -> str:
@@ -67,21 +67,21 @@ def _problem(line: Line) -> str:
 
 
 def _spoken(lines: list[Line], names: Names) -> Iterator[Line]:
-    """Lines with the names that the manifest has; a cue of several speakers is several lines."""
+    """Lines with the manifest's names; a cue of several speakers becomes several lines."""
     for line in lines:
         words = " ".join(line.words.split())
         if line.speaker:
             yield replace(line, speaker=names.known(line.speaker) or line.speaker, words=words)
             continue
-        found = turns(line.words, names)
-        # One speaker, or dashes of people without names: nobody knows how many.
-        shared = line.shared or len({turn.speaker for turn in found}) > 1
-        shared = shared or (len(found) > 1 and not found[0].speaker)
+        parts = turns(line.words, names)
+        # One speaker, or dashes of an unknown number of people without names.
+        shared = line.shared or len({turn.speaker for turn in parts}) > 1
+        shared = shared or (len(parts) > 1 and not parts[0].speaker)
         if not shared:
-            found[0].rows = [turn.words for turn in found]
-            found = found[:1]
-        for turn in found:
-            # An empty name is carried on, but not to whom a dash or a strange name is.
+            parts[0].rows = [turn.words for turn in parts]
+            parts = parts[:1]
+        for turn in parts:
+            # A line without a name continues a speaker, but not after a dash or an unknown name.
             unsure = turn.unsure or shared or is_sound(turn.words)
             yield replace(
                 line,
@@ -93,7 +93,7 @@ def _spoken(lines: list[Line], names: Names) -> Iterator[Line]:
 
 
 def _once(lines: Iterable[Line]) -> Iterator[Line]:
-    """Lines without those that say the same at the same time: layers of a drawn subtitle."""
+    """Lines without repetitions of the same words at the same time, as in layered subtitles."""
     said: dict[tuple[Fraction, Fraction, str], list[Line]] = {}
     for line in lines:
         said.setdefault((line.start, line.stop, line.words), []).append(line)
@@ -104,18 +104,18 @@ def _once(lines: Iterable[Line]) -> Iterator[Line]:
 
 
 def _carried(lines: list[Line]) -> list[Line]:
-    """Lines without a name are the last speaker's, in a script that names two people at least."""
+    """Assigns lines without a name to the last speaker, if the script names at least two people."""
     several = len({line.speaker for line in lines} - {""}) > 1
-    found, speaker, end = [], "", Fraction(0)
+    assigned, speaker, end = [], "", Fraction(0)
     for line in lines:
         if line.carried and several and speaker and line.start - end <= LONGEST_PAUSE:
-            found.append(replace(line, speaker=speaker))
+            assigned.append(replace(line, speaker=speaker))
         else:
-            found.append(replace(line, carried=False))
+            assigned.append(replace(line, carried=False))
             if not is_sound(line.words):
                 speaker = "" if line.shared else line.speaker
         end = line.stop
-    return found
+    return assigned
 
 
 def _table(text: str, rate: Fraction) -> list[Line]:

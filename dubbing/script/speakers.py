@@ -1,7 +1,7 @@
-"""Who speaks in a text: the ways in which scripts put a name before words.
+"""Recognises the speakers in the text of a script, by the ways in which names are set before words.
 
-A name is one that the manifest knows; of others only those are noticed that look like names, so
-that their words go to nobody else.
+Names of the manifest are recognised. Other labels that look like names are noticed, too, so that
+their words are not assigned to another person.
 """
 
 import re
@@ -10,21 +10,21 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 
-LONGEST = 60  # characters of a name with what stands behind it
+LONGEST = 60  # characters of a name with its addition
 MOST_WORDS = 4  # of a name that the manifest does not know
 MOST_ASIDES = 3  # brackets before a name
 COLONS = ":\uff1a\ufe55\ufe13\u2236\ua789"
 DASHES = "-\u2010\u2011\u2012\u2013\u2014\u2015\u2212"
-LEADING = f"{DASHES}>\u203a\u2022*\u00b7"  # before the words of whoever speaks next
+LEADING = f"{DASHES}>\u203a\u2022*\u00b7"  # before the words of the next speaker
 BRACKETS = {"[": "]", "(": ")", "\uff08": "\uff09", "\u3010": "\u3011", "\uff3b": "\uff3d"}
-# Behind a name: voice over, off screen, off camera, continued.
+# Additions to a name: voice over, off screen, off camera, continued.
 MARKS = {"vo", "os", "oc", "off", "over", "contd", "cont"}
 ENDS, QUOTES = "[.!?\u2026]", r"[\"\u201d\u00bb)]"
 SENTENCE_END = re.compile(rf"(?:(?<={ENDS})|(?<={ENDS}{QUOTES}))\s+(?=\S)")
 
 
 class Names:
-    """The names of a manifest, and which of them is meant by what a script writes."""
+    """The names of a manifest, matched to names as a script writes them."""
 
     def __init__(self, names: Collection[str]) -> None:
         self._exact = set(names)
@@ -34,7 +34,7 @@ class Names:
                 self._alike.setdefault(key, set()).add(name)
 
     def alike(self, written: str) -> set[str]:
-        """The names that may be meant: the nearest spelling counts, with or without a mark."""
+        """The names that may be meant, by the nearest spelling, with or without an addition."""
         if written in self._exact:
             return {written}
         keys = [_key(label) for label in (written, _bare(written))]
@@ -42,14 +42,14 @@ class Names:
         return next((self._alike[key] for key in keys if key in self._alike), set())
 
     def known(self, written: str) -> str:
-        """The name as the manifest has it; '' where it has none such, or several."""
-        found = self.alike(written)
-        return next(iter(found)) if len(found) == 1 else ""
+        """The name in the manifest; '' if none matches, or several."""
+        matches = self.alike(written)
+        return next(iter(matches)) if len(matches) == 1 else ""
 
 
 @dataclass
 class Turn:
-    """Words of one speaker. ``unsure``: somebody else than before, nobody knows who."""
+    """Words of one speaker. ``unsure``: another speaker than before, but unknown."""
 
     speaker: str
     rows: list[str] = field(default_factory=list)
@@ -57,13 +57,13 @@ class Turn:
 
     @property
     def words(self) -> str:
-        """In one row."""
+        """The rows joined to one."""
         return " ".join(" ".join(self.rows).split())
 
 
 def turns(text: str, names: Names) -> list[Turn]:
-    """Who says what in the text of a cue, rows of it apart; one at least."""
-    found = [Turn("")]
+    """The turns of speakers in the text of a cue; at least one."""
+    parts = [Turn("")]
     rows = [row for row in _rows(text, names) if row]
     for place, row in enumerate(rows):
         more = place + 1 < len(rows)
@@ -71,12 +71,12 @@ def turns(text: str, names: Names) -> list[Turn]:
         bare = row.lstrip(f"{LEADING} ")
         marked = len(bare) < len(row) and row[0] in f"{DASHES}>\u203a"
         if speaker:
-            found.append(Turn(speaker, [words]))
-        elif marked or (not found[-1].rows and _may_name(bare, names, more=more)):
-            found.append(Turn("", [bare], unsure=True))
+            parts.append(Turn(speaker, [words]))
+        elif marked or (not parts[-1].rows and _may_name(bare, names, more=more)):
+            parts.append(Turn("", [bare], unsure=True))
         else:
-            found[-1].rows.append(row)
-    return [turn for turn in found if turn.words] or found[:1]
+            parts[-1].rows.append(row)
+    return [turn for turn in parts if turn.words] or parts[:1]
 
 
 def is_sound(words: str) -> bool:
@@ -88,7 +88,7 @@ def is_sound(words: str) -> bool:
 
 
 def guessed(texts: Iterable[str]) -> set[str]:
-    """Names in a script of which nothing is known: labels in capitals, or that come back."""
+    """Likely names in a script without a manifest: labels in capitals, or that occur repeatedly."""
     labels: Counter[str] = Counter()
     for text in texts:
         for row in _rows(text, Names(())):
@@ -100,7 +100,7 @@ def guessed(texts: Iterable[str]) -> set[str]:
 
 
 def _rows(text: str, names: Names) -> Iterator[str]:
-    """Rows of a text. ``>>`` begins one, and so does a name behind the end of a sentence."""
+    """Rows of a text. ``>>`` starts one, and so does a name after the end of a sentence."""
     for row in text.replace(">>", "\n>>").replace(">>\n", ">>").split("\n"):
         begun: list[str] = []
         for piece in SENTENCE_END.split(row.strip()):
@@ -116,7 +116,7 @@ def _rows(text: str, names: Names) -> Iterator[str]:
 
 
 def _named(row: str, names: Names, *, more: bool) -> tuple[str, str]:
-    """The speaker that a row names, as known or as written, and the words behind; else ''."""
+    """The speaker that a row names, as known or as written, and the words after it; else ''."""
     for _ in range(MOST_ASIDES):
         row = row.lstrip(f"{LEADING} ")
         labels = list(_labels(row))
@@ -134,12 +134,12 @@ def _named(row: str, names: Names, *, more: bool) -> tuple[str, str]:
 
 
 def _is_other(label: str) -> bool:
-    """Whether a label is somebody's name for sure, though the manifest does not know it."""
+    """Whether a label is surely a name, though not one of the manifest."""
     return label.isupper() and _like_a_name(label)
 
 
 def _may_name(row: str, names: Names, *, more: bool) -> bool:
-    """Whether a row may begin with the name of somebody who is not known: ``Ben: Hello``."""
+    """Whether a row may start with an unknown name: ``Ben: Hello``."""
     for label, form, _ in _labels(row):
         if form == "colon" and (
             _like_a_name(label) or any(map(names.alike, [label, *label.split()]))
@@ -151,7 +151,7 @@ def _may_name(row: str, names: Names, *, more: bool) -> bool:
 
 
 def _labels(text: str) -> Iterator[tuple[str, str, str]]:
-    """Possible names at the beginning of a row, how they are set off, and the words behind."""
+    """Possible names at the start of a row, how they are set off, and the words after them."""
     head = f"{text[:LONGEST]} "
     closing = BRACKETS.get(head[0])
     if closing and (end := head.find(closing)) > 1:
@@ -171,7 +171,7 @@ def _labels(text: str) -> Iterator[tuple[str, str, str]]:
 
 
 def _like_a_name(label: str) -> bool:
-    """Whether it is some words that begin with capitals, without a sentence's signs."""
+    """Whether it is a few words with capitals, without a sentence's punctuation."""
     words = _bare(label).split()
     return (
         0 < len(words) <= MOST_WORDS
@@ -182,7 +182,7 @@ def _like_a_name(label: str) -> bool:
 
 
 def _bare(label: str) -> str:
-    """A name without what stands behind it: ``(V.O.)``, ``, off``."""
+    """A name without its addition: ``(V.O.)``, ``, off``."""
     for opening in BRACKETS:
         if label.find(opening) > 0:
             label = label[: label.find(opening)]
@@ -193,13 +193,13 @@ def _bare(label: str) -> str:
 
 
 def _key(name: str) -> str:
-    """A name as names are compared: without case, points, quotes and what is not seen."""
+    """A name in the form for comparison: without case, points, quotes and invisible characters."""
     text = unicodedata.normalize("NFKC", name).casefold()
-    seen = (c for c in text if unicodedata.category(c) != "Cf" and c not in ".'\u2019`")
-    return unicodedata.normalize("NFC", " ".join("".join(seen).split()))
+    kept = (c for c in text if unicodedata.category(c) != "Cf" and c not in ".'\u2019`")
+    return unicodedata.normalize("NFC", " ".join("".join(kept).split()))
 
 
 def _plain(key: str) -> str:
-    """Without accents, which capitals often lack."""
+    """A key without accents, which capitals often lack."""
     letters = unicodedata.normalize("NFKD", key)
     return "".join(letter for letter in letters if not unicodedata.combining(letter))

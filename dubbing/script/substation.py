@@ -1,6 +1,6 @@
-"""Events of an ASS or SSA file: what is spoken, without comments, drawings and layers.
+"""Reads the dialogue of an ASS or SSA file, without comments and drawings.
 
-pysubs2 knows drawings, too, but takes the square of the time for a text of many overrides.
+pysubs2 handles drawings, too, but takes quadratic time for a text of many overrides.
 """
 
 import re

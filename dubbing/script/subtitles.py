@@ -1,7 +1,7 @@
-"""Cues of SRT and VTT: the printed number, two times, and rows of words with markup.
+"""Reads cues of SRT and VTT: the printed number, two times, and rows of words with markup.
 
-pysubs2 drops the printed numbers, takes a last row of digits for one, and its patterns need the
-square of a long text's time.
+pysubs2 drops the printed numbers, mistakes a last row of digits for one, and its patterns take
+quadratic time for a long text.
 """
 
 import html
@@ -12,9 +12,9 @@ from fractions import Fraction
 from dubbing.script.line import CLOCK, Line, seconds_of
 
 ARROW = "-->"
-PASSED_OVER = ("NOTE", "STYLE", "REGION", "WEBVTT")  # blocks of VTT without words
+SKIPPED = ("NOTE", "STYLE", "REGION", "WEBVTT")  # blocks of VTT without words
 PRINTED = re.compile(r"[0-9]{1,9}")
-TAG = re.compile(r"(<[\w/.][^<>]*>|\{[^{}]*\})")  # no tag holds what opens one: linear
+TAG = re.compile(r"(<[\w/.][^<>]*>|\{[^{}]*\})")  # tags do not nest: linear time
 
 
 @dataclass
@@ -27,10 +27,10 @@ class _Cue:
 
 
 def read(text: str, rate: Fraction) -> list[Line]:
-    """The cues; one in which several voices speak is a line for each of them.
+    """The cues; one with several voices becomes a line for each of them.
 
     Raises:
-        ValueError: a row that stands where times do holds none.
+        ValueError: a row in the position of times has none.
     """
     lines: list[Line] = []
     for cue in _cues(text):
@@ -44,10 +44,10 @@ def read(text: str, rate: Fraction) -> list[Line]:
 
 def _cues(text: str) -> list[_Cue]:
     cues: list[_Cue] = []
-    above, begins, passed_over = "", True, False  # begins: the row above begins a block
+    above, begins, skipped = "", True, False  # begins: the row above begins a block
     rows = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     for place, row in enumerate(map(str.strip, rows), 1):
-        # Times stand at the beginning of a block, or below what names it.
+        # Times are at the beginning of a block, or below its name.
         expected = not above or begins or bool(PRINTED.fullmatch(above))
         times = _times(row) if ARROW in row else None
         if times is not None:
@@ -55,20 +55,20 @@ def _cues(text: str) -> list[_Cue]:
             if cues and name and cues[-1].rows[-1:] == [name]:
                 cues[-1].rows.pop()
             cues.append(_Cue(name, times))
-            passed_over = False
-        elif ARROW in row and not passed_over and (expected or re.match("[0-9]+:", row)):
+            skipped = False
+        elif ARROW in row and not skipped and (expected or re.match("[0-9]+:", row)):
             raise ValueError(f"row {place}: no times as 00:01:05,500 --> 00:01:07,000")
         else:
             if not above:
-                passed_over = row.split(" ")[0] in PASSED_OVER
-            if cues and row and not passed_over:
+                skipped = row.split(" ")[0] in SKIPPED
+            if cues and row and not skipped:
                 cues[-1].rows.append(row)
         above, begins = row, not above
     return cues
 
 
 def _times(row: str) -> tuple[str, str] | None:
-    """The two times of a row, as written; there may be settings behind them."""
+    """The two times of a row, as written; settings may follow them."""
     before, _, after = row.partition(ARROW)
     first, second = before.strip(), "".join(after.split(maxsplit=1)[:1])
     well = all(":" in part and CLOCK.fullmatch(part) for part in (first, second))
@@ -76,7 +76,7 @@ def _times(row: str) -> tuple[str, str] | None:
 
 
 def voices_of(text: str) -> list[tuple[str, str]]:
-    """The parts of a text by the voice of their tag (``<v Anna>``), '' without; no markup left."""
+    """The parts of a text by the voice of their tag (``<v Anna>``), '' without; without markup."""
     parts: list[list[str]] = [["", ""]]
     for place, piece in enumerate(TAG.split(text)):
         if place % 2 == 0:
@@ -88,7 +88,7 @@ def voices_of(text: str) -> list[tuple[str, str]]:
 
 
 def _voice(tag: str) -> str:
-    """The voice that a tag names; '' of other tags."""
+    """The voice that a tag names; '' for other tags."""
     name, *rest = tag[1:-1].split(maxsplit=1) or [""]
     named = tag[0] == "<" and rest and name.split(".", 1)[0] == "v"
     return " ".join(html.unescape(rest[0]).split()) if named else ""

@@ -1,24 +1,24 @@
-"""Timecodes as editors write them, HH:MM:SS:FF, and the frames that they name.
+"""Timecodes HH:MM:SS:FF, and their frames.
 
 A timecode counts frames as if there were a whole number of them a second. At 30000/1001 a second
-and its multiples it may leave out numbers (drop frame, written with a semicolon), so that it
-keeps up with the clock; no frame is left out.
+and its multiples it may skip numbers (drop frame, written with a semicolon), so that it keeps up
+with the clock; no frame is skipped.
 """
 
 import re
 from fractions import Fraction
 
 WRITTEN = re.compile(r"([0-9]{1,2}):([0-5][0-9]):([0-5][0-9])([:;.])([0-9]{2,3})")
-DAY = 24  # hours; a timecode begins again after them
+DAY = 24  # hours, after which timecodes start again
 
 
 def nominal(rate: Fraction) -> int:
-    """Numbers a second: 24 at 24000/1001."""
+    """Timecodes a second: 24 at 24000/1001."""
     return round(rate)
 
 
 def can_drop(rate: Fraction) -> bool:
-    """Whether there are timecodes with left-out numbers at this rate."""
+    """Whether there are drop-frame timecodes at this rate."""
     return rate.denominator == 1001 and nominal(rate) % 30 == 0
 
 
@@ -28,11 +28,11 @@ def frame_of(timecode: str, rate: Fraction) -> int:
     Raises:
         ValueError: it is no timecode at that rate.
     """
-    found = WRITTEN.fullmatch(timecode.strip())
-    if found is None or found[4] == ".":
+    match = WRITTEN.fullmatch(timecode.strip())
+    if match is None or match[4] == ".":
         raise ValueError(f"{timecode!r} is no timecode as 01:00:00:00")
-    hours, minutes, seconds, frames = (int(found[k]) for k in (1, 2, 3, 5))
-    drop, each = found[4] == ";", nominal(rate)
+    hours, minutes, seconds, frames = (int(match[k]) for k in (1, 2, 3, 5))
+    drop, each = match[4] == ";", nominal(rate)
     if frames >= each:
         raise ValueError(f"{timecode!r} has frame {frames}, but there are {each} a second")
     left_out = each // 15

@@ -1,6 +1,6 @@
-"""The frames of a dub: how many, which have new speech, and over which frame of the clip.
+"""The frames of a dub: their number, those with new speech, and the frame of the film of each.
 
-F frames of the dub, T frames of the clip.
+F frames of the dub, T frames of the film.
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 
 from dubbing.errors import RenderingError
 
-FADE = 3  # frames at a cue's edges over which the film and the rendered head are mixed
+FADE = 3  # frames at a cue's edges over which the rendered head fades in and out
 
 
 @dataclass(frozen=True)
@@ -20,9 +20,9 @@ class Cue:
     """Frames of a dub with new speech of one person.
 
     Attributes:
-        identity: who.
+        identity: the person.
         first, stop: frames first .. stop of the dub.
-        audio, audio_start, seconds: the speech: that much of a sound, from there on.
+        audio, audio_start, seconds: the speech: file, first second and length.
         number, speaker, words: of the line, where there are lines.
     """
 
@@ -38,7 +38,7 @@ class Cue:
 
     @property
     def name(self) -> str:
-        """Names its folder: nobody has two cues at a time."""
+        """The name of its folder: a person has at most one cue at a time."""
         return f"{self.identity}_{self.first:07d}-{self.stop:07d}"
 
 
@@ -48,27 +48,27 @@ def frame_count(seconds: float, rate: Fraction) -> int:
 
 
 def first_frame(start: float, rate: Fraction) -> int:
-    """Frame of a clip at ``start`` seconds."""
+    """Frame of a video at ``start`` seconds."""
     return round(Fraction(start) * rate)
 
 
 def pose_index(frames: int, segment: np.ndarray, first: int, policy: str) -> np.ndarray:
-    """Frame of the clip for every frame of the dub, int64 (F,).
+    """Frame of the film for every frame of the dub, int64 (F,).
 
-    A dub follows the clip, its cuts included. What is longer than the clip is, with
+    A dub follows the film, its cuts included. Frames beyond the end of the film are, with
 
     * ``bounce``: its last shot, not before ``first``, backwards and forwards, so that the pose path
       is continuous;
-    * ``loop``: the clip from ``first`` again; ``hold``: its last frame;
-    * ``cut``: left out, so fewer frames come back; ``fail``: an error.
+    * ``loop``: the film from ``first`` again; ``hold``: its last frame;
+    * ``cut``: left out, so fewer frames are returned; ``fail``: an error.
 
     Args:
         frames: F.
         segment: (T,) int, increases at every cut.
-        first: frame of the clip to begin with.
+        first: frame of the film to begin with.
 
     Raises:
-        RenderingError: the clip is too short and the policy is ``fail``.
+        RenderingError: the film is too short and the policy is ``fail``.
     """
     total = len(segment)
     left = total - first
@@ -93,14 +93,14 @@ def pose_index(frames: int, segment: np.ndarray, first: int, policy: str) -> np.
 
 
 def shares(replaced: np.ndarray, index: np.ndarray, segment: np.ndarray) -> np.ndarray:
-    """How much of each frame's face is the rendered one, float32 (F,) in 0..1.
+    """Share of the rendered face in each frame, float32 (F,) in 0..1.
 
     0 outside of ``replaced``. Inside it rises over `FADE` frames from an edge, and falls towards an
-    edge; at a cut of the picture, and where the dub begins and ends, there is nothing to fade from.
+    edge; there is no fade at a cut of the film, or where the dub begins and ends.
 
     Args:
         replaced: (F,) bool, frames in which the face is to be replaced, and can be.
-        index: (F,) frame of the clip under each.
+        index: (F,) frame of the film for each.
         segment: (T,) int, increases at every cut.
     """
     away = np.where(replaced, FADE + 1, 0)
@@ -111,8 +111,8 @@ def shares(replaced: np.ndarray, index: np.ndarray, segment: np.ndarray) -> np.n
         beside[1:] |= low[:-1] & joined
         beside[:-1] |= low[1:] & joined
         away[beside & (away > step)] = step
-    found: np.ndarray = (away / (FADE + 1)).astype(np.float32)
-    return found
+    share: np.ndarray = (away / (FADE + 1)).astype(np.float32)
+    return share
 
 
 def triangle(steps: np.ndarray, span: int) -> np.ndarray:
@@ -125,11 +125,11 @@ def triangle(steps: np.ndarray, span: int) -> np.ndarray:
 
 
 def runs(index: np.ndarray) -> list[tuple[int, int, int]]:
-    """Split a pose index into stretches (first, length, step) a decoder can follow.
+    """Split a pose index into runs (first, length, step) that a decoder can read in order.
 
-    A stretch is ``first, first + step, ..``; step is 1, -1, or 0 where one frame repeats.
+    A run is ``first, first + step, ..``; step is 1, -1, or 0 where one frame repeats.
     """
-    found: list[tuple[int, int, int]] = []
+    parts: list[tuple[int, int, int]] = []
     start = 0
     while start < len(index):
         end = start + 1
@@ -138,6 +138,6 @@ def runs(index: np.ndarray) -> list[tuple[int, int, int]]:
             step = 1
         while end < len(index) and index[end] - index[end - 1] == step:
             end += 1
-        found.append((int(index[start]), end - start, step))
+        parts.append((int(index[start]), end - start, step))
         start = end
-    return found
+    return parts

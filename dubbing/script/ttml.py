@@ -1,4 +1,4 @@
-"""Timed text (TTML, IMSC, DFXP): paragraphs with times, which may count frames, and agents."""
+"""Reads timed text (TTML, IMSC, DFXP): paragraphs with times in seconds or frames, and agents."""
 
 import re
 from collections.abc import Iterator
@@ -56,12 +56,12 @@ def _parsed(text: str) -> ElementTree.Element:
     parser.close()
     if root is None:
         raise ValueError("it is no timed text: it is empty")
-    found: ElementTree.Element = root
-    return found
+    document: ElementTree.Element = root
+    return document
 
 
 class _Document:
-    """Its clock, its agents, and the lines found so far."""
+    """A document: its frame rate and tick rate, its agents, and the lines read so far."""
 
     def __init__(self, root: ElementTree.Element) -> None:
         rate = _number(root.get(f"{PARAMETER}frameRate", "30"))
@@ -104,7 +104,7 @@ class _Document:
     def _add(
         self, element: ElementTree.Element, start: Fraction, stop: Fraction, agent: str
     ) -> None:
-        """Add a paragraph; one in which several agents speak is a line for each of them."""
+        """Add a paragraph; one with several agents becomes a line for each of them."""
         parts: dict[str, list[str]] = {}
         for whose, words in _said(element, agent):
             parts.setdefault(self.agents.get(whose) or whose, []).append(words)
@@ -122,7 +122,7 @@ class _Document:
         Raises:
             ValueError: it is none.
         """
-        if found := OFFSET.fullmatch(text.strip()):
+        if match := OFFSET.fullmatch(text.strip()):
             unit = {
                 "h": Fraction(3600),
                 "m": Fraction(60),
@@ -131,17 +131,17 @@ class _Document:
                 "f": 1 / self.rate,
                 "t": 1 / self.ticks,
             }
-            return Fraction(found[1]) * unit[found[2]]
-        found = CLOCK.fullmatch(text.strip())
-        if found is None:
+            return Fraction(match[1]) * unit[match[2]]
+        match = CLOCK.fullmatch(text.strip())
+        if match is None:
             raise ValueError(f"{text!r:.40} is no time as 00:01:05.5 or 00:01:05:12")
         if self.counts_frames:
-            frames = int(found[4] or 0)
+            frames = int(match[4] or 0)
             sign = ";" if self.drops else ":"
-            code = f"{found[1]}:{found[2]}:{found[3][:2]}{sign}{frames:02d}"
+            code = f"{match[1]}:{match[2]}:{match[3][:2]}{sign}{frames:02d}"
             return frame_of(code, self.rate) / self.rate
-        whole = 3600 * int(found[1]) + 60 * int(found[2]) + Fraction(found[3])
-        return whole + int(found[4] or 0) / self.rate
+        whole = 3600 * int(match[1]) + 60 * int(match[2]) + Fraction(match[3])
+        return whole + int(match[4] or 0) / self.rate
 
 
 def _tag(element: ElementTree.Element) -> str:
@@ -149,7 +149,7 @@ def _tag(element: ElementTree.Element) -> str:
 
 
 def _name(tag: str) -> str:
-    """A name without the namespace, if it is one of timed text's. Long ones are not copied."""
+    """A name without its namespace, if that is one of timed text. Long names are not copied."""
     ours = tag.startswith(NAMESPACE) and any(kind in tag[:100] for kind in KINDS)
     return tag[tag.rfind("}") + 1 :] if ours else tag
 
@@ -172,7 +172,7 @@ def _attribute(element: ElementTree.Element, name: str) -> str:
 
 
 def _said(element: ElementTree.Element, agent: str) -> Iterator[tuple[str, str]]:
-    """The words of an element and whose they are; ``<br/>`` begins a row."""
+    """The words of an element with their agent; ``<br/>`` starts a row."""
     agent = _attribute(element, "agent") or agent
     yield agent, "\n" if _tag(element) == "br" else ""
     if _tag(element) != "metadata":

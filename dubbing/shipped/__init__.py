@@ -1,1 +1,1 @@
-"""The weights that come with the package."""
+"""The base checkpoint that ships with the package, and the format of shipped weights."""

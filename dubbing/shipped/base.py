@@ -1,4 +1,4 @@
-"""The base checkpoint that comes with the package."""
+"""The base checkpoint that ships with the package."""
 
 from pathlib import Path
 
@@ -8,5 +8,5 @@ BASE = Path(__file__).with_name("base.safetensors")
 
 
 def shipped_base(preset: str) -> Path | None:
-    """The checkpoint for the preset it was trained as and its ablations; None for others."""
+    """The shipped base for `fast` and its ablations; None for other presets."""
     return BASE if preset in FROM_BASE and BASE.is_file() else None

@@ -1,4 +1,4 @@
-"""Weights of the package's own small networks on disk: half precision, a format in the header."""
+"""Files of the package's own small networks: half precision, with a format in the header."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,25 +12,25 @@ from dubbing.files import atomic_path
 
 
 def save_half(tensors: Mapping[str, Tensor], path: Path, header: dict[str, str]) -> None:
-    """Tensors in half precision; `header` holds at least `format`."""
+    """Write tensors in half precision; `header` holds at least `format`."""
     halves = {name: value.detach().half().contiguous() for name, value in tensors.items()}
     with atomic_path(path) as temporary:
         save_file(halves, temporary, header)
-        # safetensors makes files only their owner may read; weights are for everyone.
+        # safetensors makes files that only their owner may read; weights are for everyone.
         temporary.chmod(0o644)
 
 
 def load_float(
     path: Path, form: str, what: str, remedy: str, error: type[DubbingError] = DubbingError
 ) -> tuple[dict[str, Tensor], dict[str, str]]:
-    """Tensors in float32, and the header.
+    """Read tensors as float32, and the header.
 
     Args:
-        form: the `format` the header must name.
-        what: whose weights they are, for messages: speech, sync.
+        form: the `format` that the header must name.
+        what: name of the network, for messages: speech, sync.
 
     Raises:
-        DubbingError: of the class `error`: the file is missing, damaged or holds something else.
+        DubbingError: of the class `error`: the file is missing, damaged or of another format.
     """
     try:
         with safe_open(path, "pt") as file:
@@ -38,5 +38,5 @@ def load_float(
     except (OSError, SafetensorError) as problem:
         raise error(f"{what} weights cannot be read: {problem}", str(path), remedy) from problem
     if header.get("format") != form:
-        raise error(f"these are no weights of our {what} network", str(path), remedy)
+        raise error(f"these are not weights of our {what} network", str(path), remedy)
     return {name: value.float() for name, value in load_file(path).items()}, header

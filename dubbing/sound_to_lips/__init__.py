@@ -1,1 +1,1 @@
-"""The motion of lips in speech, learned from many people, whoever speaks."""
+"""Predicts the motion of lips from the sound of speech, for any speaker."""

@@ -1,8 +1,8 @@
-"""The encoder of a speech recogniser, as far as the motion of lips needs it.
+"""The first layers of a speech recogniser's encoder.
 
-It is the first part of Moonshine tiny (Jeffries et al. 2024, "Moonshine: Speech Recognition for
+They are the first part of Moonshine tiny (Jeffries et al. 2024, "Moonshine: Speech Recognition for
 Live Transcription and Voice Commands"): three convolutions over the samples, then transformer
-layers. The last layers, nearer to words than to sounds, know less of the lips and are left out.
+layers. The last layers, nearer to words than to sounds, predict lips worse and are left out.
 
 Letters: N samples at 16 kHz, T steps of 24 ms, C = 288 channels. Step t covers the samples
 [384 t, 384 (t + 1)).
@@ -18,16 +18,16 @@ from torch import Tensor, nn
 
 STEP = 384  # samples
 CHANNELS, HEADS, LAYERS = 288, 8, 4
-ROTATED = 32  # channels of each head that carry the place
+ROTATED = 32  # channels of each head with a rotary position embedding
 SLOWEST = 10_000.0  # steps over which the slowest of them turns by a radian
-# Samples before the first and after the last step that its output depends on.
+# Samples before the first and after the last step that the output depends on.
 BEFORE, AFTER = 256, 255
-# Steps worked on at once, and how many more are looked at on each side: 30 s and 2 s.
+# Steps encoded at once, and steps of context on each side: 30 s and 2 s.
 PIECE, AROUND = 1250, 84
 
 
 class Layer(nn.Module):
-    """Self-attention with rotary places, then a perceptron; each added to what came in."""
+    """Self-attention with rotary position embedding, then a perceptron, each with a residual."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -48,17 +48,17 @@ class Layer(nn.Module):
             part(h).unflatten(1, (HEADS, -1)).transpose(0, 1)[None]
             for part in (self.query, self.key, self.value)
         )
-        seen = F.scaled_dot_product_attention(rotated(query, turn), rotated(key, turn), value)
-        x = x + self.out(seen[0].transpose(0, 1).flatten(1))
+        attended = F.scaled_dot_product_attention(rotated(query, turn), rotated(key, turn), value)
+        x = x + self.out(attended[0].transpose(0, 1).flatten(1))
         moved: Tensor = self.narrow(F.gelu(self.wide(self.before_perceptron(x))))
         return x + moved
 
 
 def rotated(x: Float[Tensor, "1 H T D"], turn: tuple[Tensor, Tensor]) -> Float[Tensor, "1 H T D"]:
-    """The first channels, two by two, turned by the angles of their step (Su et al. 2021)."""
-    place, rest = x[..., :ROTATED], x[..., ROTATED:]
-    across = torch.stack([-place[..., 1::2], place[..., ::2]], -1).flatten(-2)
-    return torch.cat([place * turn[0] + across * turn[1], rest], -1)
+    """The first channels, rotated in pairs by the angles of their step (Su et al. 2021)."""
+    part, rest = x[..., :ROTATED], x[..., ROTATED:]
+    across = torch.stack([-part[..., 1::2], part[..., ::2]], -1).flatten(-2)
+    return torch.cat([part * turn[0] + across * turn[1], rest], -1)
 
 
 class SpeechEncoder(nn.Module):
@@ -85,20 +85,20 @@ class SpeechEncoder(nn.Module):
 
 @torch.no_grad()
 def encode(encoder: SpeechEncoder, blocks: Iterable[np.ndarray], gain: float) -> Tensor:
-    """Steps (T, C) of a sound that comes in blocks, in pieces that do not depend on the blocks.
+    """Encode audio that comes in blocks: (T, C), whatever the blocks.
 
     Args:
         blocks: samples at 16 kHz, one after the other.
-        gain: what they are multiplied by.
+        gain: factor of the samples.
     """
     held = np.zeros(BEFORE, np.float32)
     first = begin = total = 0  # the first step held, the first not yet encoded, samples
-    found = []
+    encoded = []
 
     def piece(steps: int) -> None:
         nonlocal held, first, begin
         part = torch.from_numpy(held[: steps * STEP + BEFORE + AFTER] * np.float32(gain))
-        found.append(encoder(part)[begin - first :][:PIECE])
+        encoded.append(encoder(part)[begin - first :][:PIECE])
         begin += PIECE
         dropped = max(0, begin - AROUND) - first
         held, first = held[dropped * STEP :], first + dropped
@@ -112,4 +112,4 @@ def encode(encoder: SpeechEncoder, blocks: Iterable[np.ndarray], gain: float) ->
     held = np.concatenate([held, np.zeros(count * STEP - total + AFTER, np.float32)])
     while begin < count:
         piece(min(count, begin + PIECE + AROUND) - first)
-    return torch.cat(found) if found else torch.zeros(0, CHANNELS)
+    return torch.cat(encoded) if encoded else torch.zeros(0, CHANNELS)

@@ -1,4 +1,4 @@
-"""Where the shipped weights lie; kept apart so that nobody loads torch to name them."""
+"""Paths of the shipped weights; a module without torch, so that naming them is fast."""
 
 from pathlib import Path
 

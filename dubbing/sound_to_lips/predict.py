@@ -1,4 +1,4 @@
-"""What lips do while a sound is heard, 50 times a second.
+"""Predicts lips from audio, 50 times a second.
 
 Letters: T steps of 20 ms, P = 40 numbers of each.
 """
@@ -10,11 +10,11 @@ import torch
 
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.sound_to_lips.encoder import STEP, encode
-from dubbing.sound_to_lips.network import LipNetwork
+from dubbing.sound_to_lips.lip_network import LipNetwork
 from dubbing.sound_to_lips.weights import load
 from dubbing.speech import voice_activity as voice
 
-LEVEL_DB = -20.0  # of the loud parts of what the encoder hears
+LEVEL_DB = -20.0  # of the loud parts of the encoder's input
 
 
 @lru_cache(maxsize=1)
@@ -23,22 +23,22 @@ def _network() -> LipNetwork:
 
 
 def gain_of(energy: np.ndarray) -> float:
-    """What to multiply a sound by for the encoder, from the energy (T,) of its steps in dB."""
+    """Gain of audio for the encoder, from the energy (T,) of its steps in dB."""
     level = voice.loudness_db(energy)
     return 10 ** ((LEVEL_DB - level) / 20) if level > voice.SILENCE_DB else 0.0
 
 
 @torch.no_grad()
 def predict(blocks: voice.Blocks) -> np.ndarray:
-    """What a stranger's lips would do, and what is heard.
+    """Speaker-independent lips and sound features of audio.
 
     Args:
-        blocks: gives the sound in pieces of any length; called twice.
+        blocks: gives the audio in blocks of any length; called twice.
 
     Returns:
-        (T, P) as `dfrf.field.speaker_adaptation` takes them: seven measures as of
+        (T, P) for `dfrf.field.speaker_adaptation`: seven measures as of
         `dubbing.face.lip_measures`, of about mean 0 over speech, a score that rises where the lips
-        touch, and the sound itself in 32 numbers.
+        touch, and 32 features of the sound.
     """
     network = _network()
     energy = voice.energy_db(blocks())

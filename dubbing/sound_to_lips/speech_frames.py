@@ -1,4 +1,4 @@
-"""What is heard at video frames: what the model's speech code is made of, and the lips of it."""
+"""Speech at video frames: features for the model's speech code, and predicted lips."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ class SpeechFrames:
 
     Attributes:
         windows: (F, 16, D) speech features round each frame.
-        lips: (F, P) what a stranger's lips would do meanwhile, and what is heard, see
-            `dfrf.field.speaker_adaptation`.
+        lips: (F, P) predicted lips and sound features, see `dfrf.field.speaker_adaptation`.
     """
 
     windows: np.ndarray
@@ -29,7 +28,7 @@ class SpeechFrames:
 
     def __post_init__(self) -> None:
         if len(self.windows) != len(self.lips):
-            raise ValueError(f"{len(self.windows)} frames of sound, {len(self.lips)} of lips")
+            raise ValueError(f"{len(self.windows)} frames of speech, {len(self.lips)} of lips")
 
     def __len__(self) -> int:
         return len(self.windows)
@@ -50,7 +49,7 @@ def at_frames(
         first: number of the first one.
     """
     middle = (np.arange(first, first + frames) + 0.5) / float(rate)
-    # Before the first and after the last step lips go on: there is no sound, so they are shut.
+    # Outside the audio the lips stay as at its ends: it is silent there, so they are closed.
     inside = np.clip(middle, 0.5 / voice.STEP_RATE, (len(lips) - 0.5) / voice.STEP_RATE)
     return SpeechFrames(
         features.windows(speech_features, frames, rate, first), voice.at_times(lips, inside)
@@ -58,10 +57,10 @@ def at_frames(
 
 
 def lips_of_file(path: Path, *, start: float = 0.0, seconds: float | None = None) -> np.ndarray:
-    """Predicted lips (T, P) of a sound file or of the sound of a video, 50 a second.
+    """Predicted lips (T, P) of an audio file or of a video's audio, 50 a second.
 
     Raises:
-        MediaError: the file is missing, unreadable or has no sound.
+        MediaError: the file is missing, unreadable or has no audio.
     """
     return predict(
         lambda: media.iter_audio(path, rate=voice.SAMPLE_RATE, start=start, seconds=seconds)

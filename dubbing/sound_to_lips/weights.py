@@ -1,4 +1,4 @@
-"""The weights of the lip network on disk: the encoder's and the filter's."""
+"""Files of the lip network's weights: the encoder's and the filter's."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ from torch import nn
 from dubbing.errors import DubbingError
 from dubbing.shipped.weights import load_float, save_half
 from dubbing.sound_to_lips.encoder import SpeechEncoder
-from dubbing.sound_to_lips.network import LipFilter, LipNetwork
+from dubbing.sound_to_lips.lip_network import LipFilter, LipNetwork
 from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 
 ENCODER_FORMAT, FILTER_FORMAT = "dfrf-speech-encoder-1", "dfrf-lips-3"
@@ -17,7 +17,7 @@ NetworkT = TypeVar("NetworkT", bound=nn.Module)
 
 
 def save(network: nn.Module, path: Path, form: str, about: dict[str, Any]) -> None:
-    """Weights in half precision; `about` in the header."""
+    """Write weights in half precision; `about` in the header."""
     save_half(network.state_dict(), path, {"format": form, "about": json.dumps(about)})
 
 
@@ -25,10 +25,10 @@ def loaded(network: NetworkT, path: Path, form: str, what: str, remedy: str) -> 
     """A network with the weights of a file, in evaluation mode.
 
     Args:
-        what: whose weights they are, for messages.
+        what: name of the network, for messages.
 
     Raises:
-        DubbingError: the file is missing, damaged or holds something else.
+        DubbingError: the file is missing, damaged or of another format.
     """
     tensors, _ = load_float(path, form, what, remedy)
     try:

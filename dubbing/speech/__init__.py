@@ -1,1 +1,1 @@
-"""Speech features and voice activity of a sound."""
+"""Speech features and voice activity of audio."""

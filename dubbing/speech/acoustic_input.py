@@ -1,4 +1,4 @@
-"""What the network hears: the log-mel spectrum 100 times a second, freed of level and microphone.
+"""Input of the acoustic network: log-mel spectra 100 times a second, without level and microphone.
 
 Letters: B sounds, T steps of 20 ms, W = 560 samples around a step, R = 2 spectra a step,
 K = 257 bins, M = 64 mel bands.
@@ -26,7 +26,7 @@ _LOWEST, _HIGHEST, _MIDDLE, _SCALE = -4.0, 2.0, -1.0, 0.7
 
 
 def filters(warp: float = 1.0) -> Tensor:
-    """Mel filters (K, M); `warp` > 1 hears a shorter vocal tract: formants higher by it."""
+    """Mel filters (K, M); `warp` > 1 simulates a shorter vocal tract: formants higher by it."""
     plain = mel_filters(BANDS, FFT, SAMPLE_RATE)
     bins = np.arange(FFT // 2 + 1)
     # A warped spectrum through plain filters is a plain spectrum through warped ones. The top
@@ -42,7 +42,7 @@ def filters(warp: float = 1.0) -> Tensor:
 
 
 def step_windows(samples: Float[Tensor, "B N"]) -> Float[Tensor, "B T W"]:
-    """Windows around each of the N / 320 steps; silence stands before and after."""
+    """Windows around each of the N / 320 steps, padded with silence."""
     margin = (STEP_WIDTH - HOP) // 2
     return torch.nn.functional.pad(samples, (margin, margin)).unfold(1, STEP_WIDTH, HOP)
 
@@ -50,7 +50,7 @@ def step_windows(samples: Float[Tensor, "B N"]) -> Float[Tensor, "B T W"]:
 def log_mel(
     windows: Float[Tensor, "B T W"], filters: Float[Tensor, "*B K M"]
 ) -> Float[Tensor, "B T R M"]:
-    """Logarithm (base 10) of the mel spectra; their level is that of the sound."""
+    """Logarithm (base 10) of the mel spectra, not normalised."""
     pieces = windows.unfold(2, WIDTH, HOP // SPECTRA)
     pieces = (pieces - pieces.mean(-1, keepdim=True)) * torch.hann_window(WIDTH)
     power = torch.fft.rfft(pieces, FFT).abs() ** 2
@@ -59,17 +59,17 @@ def log_mel(
 
 
 def loud(energy: Float[Tensor, "B TR"]) -> Float[Tensor, "B TR"]:
-    """1 for the spectra that count as loud, 0 for the others, from the largest band of each."""
+    """1 for loud spectra, 0 for the others, by the largest band of each."""
     rank = max(1, round(LOUD_SHARE * energy.shape[1]))
     loudest = energy.topk(rank, 1).values[:, -1:]
     return (energy >= loudest - _LOUD).float()
 
 
 def loud_average(total: Float[Tensor, "B M"], number: Float[Tensor, "B 1"]) -> Tensor:
-    """Average spectrum of the loud parts, (B, M), from the sum of so many spectra.
+    """Average spectrum of the loud parts, (B, M), from the sum of `number` spectra.
 
-    A sound with few of them is pulled towards a typical one, a line that falls over the bands; a
-    band that is empty even there (a telephone) counts as at most 25 dB below the average band.
+    With few spectra it is biased towards a typical one, a line that falls over the bands. A band
+    that is empty even in loud parts (a telephone) counts as at most 25 dB below the average band.
     """
     overall = total.mean(1, keepdim=True) / number
     prior = overall + _PRIOR_FALL * torch.linspace(0.5, -0.5, BANDS)
@@ -78,13 +78,13 @@ def loud_average(total: Float[Tensor, "B M"], number: Float[Tensor, "B 1"]) -> T
 
 
 def levelled(mel: Float[Tensor, "B T R M"], average: Float[Tensor, "B M"]) -> Tensor:
-    """What the network takes, (B, T, R M): levels over the average, about -2 in silence to 2."""
+    """Input of the network, (B, T, R M): levels over the average, about -2 in silence to 2."""
     levels = (mel - average[:, None, None]).clamp(_LOWEST, _HIGHEST)
     return ((levels - _MIDDLE) * _SCALE).flatten(2)
 
 
 def normalised(mel: Float[Tensor, "B T R M"]) -> Float[Tensor, "B T C"]:
-    """`levelled` over their own averages, for short sounds, T > 0."""
+    """`levelled` by their own averages, for short sounds, T > 0."""
     spectra = mel.flatten(1, 2)
     counted = loud(spectra.amax(2))[:, :, None]
     return levelled(mel, loud_average((spectra * counted).sum(1), counted.sum(1)))

@@ -19,7 +19,7 @@ SENONES, PHONES, LIPS = 126, 41, 7
 CHANNELS, WIDTH, DROPOUT = 192, 144, 0.1
 
 
-class Heard(NamedTuple):
+class AcousticOutput(NamedTuple):
     """Hidden state (B, T, H); logits of senones (B, T, S) and phones (B, T, P); lips (B, T, M)."""
 
     hidden: Tensor
@@ -42,12 +42,14 @@ class AcousticNetwork(nn.Module):
         self.phones = nn.Linear(2 * WIDTH, PHONES)
         self.lips = nn.Linear(2 * WIDTH, LIPS)
 
-    def forward(self, spectra: Float[Tensor, "B T C"]) -> Heard:
+    def forward(self, spectra: Float[Tensor, "B T C"]) -> AcousticOutput:
         x = F.gelu(self.first(spectra.transpose(1, 2)))
         x = F.gelu(self.second(self.dropout(x))).transpose(1, 2)
         hidden, _ = self.gru(self.dropout(self.norm(x)))
         dropped = self.dropout(hidden)
-        return Heard(hidden, self.senones(dropped), self.phones(dropped), self.lips(dropped))
+        return AcousticOutput(
+            hidden, self.senones(dropped), self.phones(dropped), self.lips(dropped)
+        )
 
 
 def parameters(network: nn.Module) -> int:
@@ -55,7 +57,7 @@ def parameters(network: nn.Module) -> int:
 
 
 def losses(
-    heard: Heard,
+    output: AcousticOutput,
     senones: Float[Tensor, "B T S"],
     phones: Float[Tensor, "B T"],
     lips: Float[Tensor, "B T M"],
@@ -64,16 +66,16 @@ def losses(
     """Cross-entropy to the teacher's senones and to the phones, squared error of the lips.
 
     Args:
-        known: 1 where the step belongs to a sound, 0 where it is filling; phones of -1 and lips
-            that are no numbers count for nothing.
+        known: 1 where the step belongs to a sound, 0 where it is padding; phones of -1 and lips
+            of NaN are ignored.
     """
     total = known.sum().clamp_min(1)
-    teacher = -(senones * F.log_softmax(heard.senones, -1)).sum(-1)
+    teacher = -(senones * F.log_softmax(output.senones, -1)).sum(-1)
     labelled = (phones >= 0) & (known > 0)
-    named = F.cross_entropy(heard.phones[labelled], phones[labelled], label_smoothing=0.05)
+    named = F.cross_entropy(output.phones[labelled], phones[labelled], label_smoothing=0.05)
     shaped = torch.isfinite(lips).all(-1) & (known > 0)
-    squared = (heard.lips[shaped] - lips[shaped]).square().sum(-1)
-    zero = heard.hidden.sum() * 0
+    squared = (output.lips[shaped] - lips[shaped]).square().sum(-1)
+    zero = output.hidden.sum() * 0
     return (
         (teacher * known).sum() / total,
         named if labelled.any() else zero,

@@ -1,4 +1,4 @@
-"""The shipped acoustic network on disk: its weights, and how its outputs become features.
+"""File of the acoustic network: its weights, and the map from its outputs to features.
 
 Letters: H = hidden values and S = senones of a step, D feature values.
 """
@@ -13,21 +13,21 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dubbing.shipped.weights import load_float, save_half
-from dubbing.speech.acoustic_network import AcousticNetwork, Heard
+from dubbing.speech.acoustic_network import AcousticNetwork, AcousticOutput
 from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
 
 FORMAT = "dfrf-speech-1"
 _PREFIX = "network."
 
 
-def outputs(heard: Heard) -> Float[Tensor, "B T HS"]:
-    """Hidden state and square roots of the senone posteriors, side by side."""
-    return torch.cat([heard.hidden, heard.senones.softmax(-1).sqrt()], -1)
+def outputs(output: AcousticOutput) -> Float[Tensor, "B T HS"]:
+    """Hidden state and square roots of the senone posteriors, concatenated."""
+    return torch.cat([output.hidden, output.senones.softmax(-1).sqrt()], -1)
 
 
 @dataclass(frozen=True)
 class SpeechModel:
-    """A network and the linear map (D, H + S) from its `outputs`, (D,) of which is silence."""
+    """A network, the linear map (D, H + S) from its `outputs`, and the features (D,) of silence."""
 
     network: AcousticNetwork
     projection: Tensor
@@ -37,13 +37,13 @@ class SpeechModel:
     def dim(self) -> int:
         return len(self.projection)
 
-    def features(self, heard: Heard) -> Float[Tensor, "B T D"]:
-        """0 in the silence the network was taught."""
-        return outputs(heard) @ self.projection.T - self.silence
+    def features(self, output: AcousticOutput) -> Float[Tensor, "B T D"]:
+        """Features; 0 in silence."""
+        return outputs(output) @ self.projection.T - self.silence
 
 
 def save_model(model: SpeechModel, path: Path, about: dict[str, Any]) -> None:
-    """Weights in half precision, with what they are in the header."""
+    """Write weights in half precision, with `about` in the header."""
     tensors = {_PREFIX + k: v for k, v in model.network.state_dict().items()}
     tensors |= {"projection": model.projection, "silence": model.silence}
     save_half(tensors, path, {"format": FORMAT, "about": json.dumps(about)})
@@ -53,7 +53,7 @@ def load_model(path: Path = DEFAULT_WEIGHTS) -> SpeechModel:
     """The model in evaluation mode, float32.
 
     Raises:
-        DubbingError: the file is missing, damaged or holds something else.
+        DubbingError: the file is missing, damaged or of another format.
     """
     remedy = "make one with 'dfrf train-speech', or reinstall the package"
     tensors, _ = load_float(path, FORMAT, "speech", remedy)

@@ -1,8 +1,7 @@
-"""Speech features of a sound, 50 a second: the input of the model.
+"""Speech features, 50 a second: the input of the model.
 
 Letters: N samples at 16 kHz, T steps of 20 ms, D feature values, F video frames.
-A new kind of feature is a class with the members of `SpeechFeatures`; what makes one is entered
-in `FEATURES`.
+A new kind of feature is a class with the members of `SpeechFeatures`, and an entry of `FEATURES`.
 """
 
 from collections.abc import Callable, Iterable
@@ -21,12 +20,12 @@ from dubbing.speech.weight_paths import DEEPSPEECH_GRAPH, DEFAULT_WEIGHTS, files
 from dubbing.speech.weight_paths import weights_file as file_in_folder
 
 RATE = voice.STEP_RATE
-# The model hears 16 steps of 20 ms around each video frame.
+# The model takes 16 steps of 20 ms around each video frame.
 WINDOW = 16
 
 
 class SpeechFeatures(Protocol):
-    """A kind of speech feature. Value 0 must mean silence: the ends of a sound are filled so."""
+    """A kind of speech feature. 0 must mean silence: the ends of a sound are padded with it."""
 
     name: str
     dim: int
@@ -36,7 +35,7 @@ class SpeechFeatures(Protocol):
         """Features (T, dim) float32 of a sound at 16 kHz, (N,)."""
 
     def extract_blocks(self, blocks: voice.Blocks) -> np.ndarray:
-        """The same of a long sound that `blocks()` gives in pieces of any length."""
+        """The same of a long sound that `blocks()` gives in blocks of any length."""
 
 
 def _mel(weights: Path | None) -> SpeechFeatures:
@@ -65,7 +64,7 @@ def _deepspeech(weights: Path | None) -> SpeechFeatures:
     return DeepSpeechFeatures(_named(DEEPSPEECH, weights))
 
 
-# Each takes weights of the user's own: none, a file, or a folder.
+# Each takes the user's own weights: None, a file, or a folder.
 FEATURES: dict[str, Callable[[Path | None], SpeechFeatures]] = {
     "mel": _mel,
     "rnn": _rnn,
@@ -77,7 +76,7 @@ WITHOUT_WEIGHTS = ("mel",)
 
 
 def features_by_name(name: str, weights: Path | None = None) -> SpeechFeatures:
-    """The kind of speech feature called `name`, with weights of the user's own or ours.
+    """The kind of speech feature called `name`, with the user's own weights or the shipped ones.
 
     Raises:
         DubbingError: there is none of that name, or its weights cannot be used.
@@ -89,7 +88,7 @@ def features_by_name(name: str, weights: Path | None = None) -> SpeechFeatures:
 
 
 def weights_file(name: str, weights: Path | None = None) -> Path | None:
-    """The file on which the features depend; None for those without weights.
+    """The file that the features depend on; None for those without weights.
 
     Raises:
         DubbingError: weights are needed and missing.
@@ -104,7 +103,7 @@ def weights_file(name: str, weights: Path | None = None) -> Path | None:
 
 
 def weights_files(name: str, weights: Path | None = None) -> dict[str, Path]:
-    """All files on which the features depend, by name; see `weights_file`."""
+    """All files that the features depend on, by name; see `weights_file`."""
     file = weights_file(name, weights)
     if file is None:
         return {}
@@ -112,7 +111,7 @@ def weights_files(name: str, weights: Path | None = None) -> dict[str, Path]:
 
 
 def fingerprint(name: str, weights: Path | None = None) -> str:
-    """Digest of the weights, which a checkpoint remembers; '' for features without."""
+    """Digest of the weights, which checkpoints record; '' for features without."""
     file = weights_file(name, weights)
     if file is None:
         return ""
@@ -132,13 +131,13 @@ def _named(name: str, weights: Path | None) -> Path:
 
 
 def windows(features: np.ndarray, frames: int, rate: Fraction, first: int = 0) -> np.ndarray:
-    """What is heard around each video frame.
+    """Features around each video frame.
 
     Args:
         features: (T, D), 50 a second.
-        frames: how many video frames.
+        frames: number of video frames.
         rate: frames a second.
-        first: number of the first frame, to work through a long sound in pieces.
+        first: number of the first frame, to process a long sound in pieces.
 
     Returns:
         (frames, 16, D) float32: 16 steps of 20 ms centred on the middle of frame i, at
@@ -155,12 +154,12 @@ def windows(features: np.ndarray, frames: int, rate: Fraction, first: int = 0) -
 def features_of_file(
     path: Path, features: SpeechFeatures, *, start: float = 0.0, seconds: float | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Features (T, D) and voice activity (T,) of a sound file or of the sound of a video.
+    """Features (T, D) and voice activity (T,) of an audio file or of a video's audio.
 
-    The sound is read in blocks, so memory grows by the features only (58 MB an hour for mel).
+    It is read in blocks, so memory grows by the features only (58 MB an hour for mel).
 
     Raises:
-        MediaError: the file is missing, unreadable or has no sound.
+        MediaError: the file is missing, unreadable or has no audio.
     """
     from dubbing import media
 

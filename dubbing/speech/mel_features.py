@@ -1,4 +1,4 @@
-"""Log-mel speech features: the spectrum of a sound on the mel scale, level and microphone removed.
+"""Log-mel speech features: the spectrum on the mel scale, without level and microphone.
 
 Letters: N samples at 16 kHz, T steps of 20 ms, D bands.
 """
@@ -27,7 +27,7 @@ class MelFeatures:
     """Log-mel spectrum of 80 bands: 0 in silence, 1 in the average of the loud parts.
 
     Windows of 32 ms every 20 ms. The average loud spectrum of the sound is subtracted, which
-    takes away level, microphone and most of the room; 35 dB below it counts as silence.
+    removes level, microphone and most of the room; 35 dB below it counts as silence.
     """
 
     name = "mel"
@@ -39,11 +39,11 @@ class MelFeatures:
     _ceiling = 2.0
     # Steps within this many orders of magnitude of the loudest count as loud.
     _loud = 2.5
-    # Nothing lies further than this below the loudest: an empty band of a clean recording is as
-    # empty as it would be at another level.
+    # Values are limited to this far below the loudest, so that an empty band of a clean recording
+    # does not depend on its level.
     _depth = 7.0
-    # A sound with few loud steps is pulled towards a typical spectrum, as if it had this many
-    # more: a line through the long-term average of speech, falling over the mel bands.
+    # The average is biased towards a typical spectrum as by this many more loud steps: a line
+    # through the long-term average of speech, falling over the mel bands.
     _prior_steps = 25.0
     _prior_fall = 3.5
     # A band that is empty even in loud steps (a telephone, strong compression) stays empty: its

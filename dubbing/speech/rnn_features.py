@@ -1,11 +1,11 @@
-"""What our recurrent network hears, as speech features: what is spoken, hardly who speaks."""
+"""Speech features of our recurrent network: the words spoken, with little of the speaker."""
 
 from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import convolve1d, maximum_filter1d
 
-from dubbing.speech import listening
+from dubbing.speech import acoustic_inference
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.acoustic_weights import load_model
 from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
@@ -17,7 +17,7 @@ _LEAST_VOICE = 0.1
 
 
 class RnnFeatures:
-    """Outputs of the acoustic network less those of silence; exactly 0 where nobody speaks."""
+    """Outputs of the acoustic network minus those of silence; exactly 0 where nobody speaks."""
 
     name = "rnn"
     rate = voice.STEP_RATE
@@ -30,10 +30,12 @@ class RnnFeatures:
         return self.extract_blocks(lambda: [samples])
 
     def extract_blocks(self, blocks: voice.Blocks) -> np.ndarray:
-        spectra = listening.spectra_of(blocks())
+        spectra = acoustic_inference.spectra_of(blocks())
         if not len(spectra):
             return np.zeros((0, self.dim), np.float32)
-        features = listening.hear(self._model.network, spectra, self._model.features)
+        features = acoustic_inference.run_network(
+            self._model.network, spectra, self._model.features
+        )
         features *= voice_gate(voice.voice_activity_of_blocks(blocks))[:, None]
         return features
 

@@ -1,7 +1,7 @@
 """A user's own HuBERT or wav2vec 2.0 as speech features, from a folder on this machine.
 
-The folder is what `save_pretrained` of the transformers package writes: config.json and the
-weights. Nothing is ever fetched.
+The folder is written by `save_pretrained` of the transformers package: config.json and the weights.
+Nothing is downloaded.
 
 Letters: N samples at 16 kHz, T steps of 20 ms, D values of the last hidden layer.
 """
@@ -20,14 +20,14 @@ from dubbing.speech.rnn_features import voice_gate
 from dubbing.speech.weight_paths import weights_file
 
 MODELS = {"hubert": "HubertModel", "wav2vec2": "Wav2Vec2Model"}
-# Both kinds make a value of 400 samples every 320.
+# Both kinds give a value for 400 samples every 320.
 RECEPTIVE_FIELD = 400
-# Steps worked on at once, and how many more are heard on each side: 20 s and 2 s.
+# Steps processed at once, and steps of context on each side: 20 s and 2 s.
 PIECE, AROUND = 1000, 100
 
 
 class TransformerFeatures:
-    """Last hidden layer, less its value in silence; 0 where nobody speaks."""
+    """Last hidden layer minus its value in silence; 0 where nobody speaks."""
 
     rate = voice.STEP_RATE
 
@@ -51,12 +51,11 @@ class TransformerFeatures:
         mean, deviation, count = _level(blocks())
         if not count:
             return np.zeros((0, self.dim), np.float32)
-        # Steps that are heard with each piece stand around it, as samples.
-        made = [
+        parts = [
             self._hidden((samples - mean) / deviation)[before:][:length] - self._silence
             for samples, before, length in _pieces(blocks(), voice.steps(count))
         ]
-        features = np.concatenate(made)
+        features = np.concatenate(parts)
         features *= voice_gate(voice.voice_activity_of_blocks(blocks))[:, None]
         return features
 
@@ -65,8 +64,8 @@ class TransformerFeatures:
         """Hidden layer of every whole step of `samples`, (T, D)."""
         margin = (RECEPTIVE_FIELD - voice.HOP) // 2
         padded = np.pad(samples.astype(np.float32), (margin, margin))
-        found = self._model(torch.from_numpy(padded)[None]).last_hidden_state
-        return found[0].float().numpy()
+        hidden = self._model(torch.from_numpy(padded)[None]).last_hidden_state
+        return hidden[0].float().numpy()
 
 
 def _load(name: str, folder: Path) -> Any:
@@ -85,7 +84,7 @@ def _load(name: str, folder: Path) -> Any:
 
 
 def _level(blocks: Iterable[np.ndarray]) -> tuple[float, float, int]:
-    """Mean and deviation of all samples, which these networks expect taken out, and how many."""
+    """Mean, deviation and number of all samples; these networks expect normalised ones."""
     total = squares = 0.0
     count = 0
     for block in blocks:
@@ -98,7 +97,7 @@ def _level(blocks: Iterable[np.ndarray]) -> tuple[float, float, int]:
 
 
 def _pieces(blocks: Iterable[np.ndarray], total: int) -> Iterable[tuple[np.ndarray, int, int]]:
-    """Samples of PIECE steps and those around: (samples, steps before the piece, its steps)."""
+    """Samples of PIECE steps with context: (samples, steps before the piece, its steps)."""
     held = np.zeros(0, np.float32)
     start = done = 0  # step of the first sample held; steps given out
     stream = iter(blocks)
@@ -111,7 +110,7 @@ def _pieces(blocks: Iterable[np.ndarray], total: int) -> Iterable[tuple[np.ndarr
             ended = block is None
             if block is not None:
                 held = np.concatenate([held, np.asarray(block, np.float32)])
-        # Whole steps only: the last one is filled up with silence.
+        # Whole steps only: the last one is padded with silence.
         whole = min(need, -(-len(held) // voice.HOP) * voice.HOP)
         samples = np.pad(held[:whole], (0, max(0, whole - len(held))))
         yield samples, done - start, length

@@ -1,7 +1,7 @@
-"""When somebody speaks: voice activity of a sound, in steps of 20 ms.
+"""Voice activity of audio, in steps of 20 ms.
 
 Letters: N samples at 16 kHz, T steps of 20 ms (50 a second). Step t covers the samples
-[320 t, 320 (t + 1)); a last step that is not full is filled up with silence.
+[320 t, 320 (t + 1)); a last step that is not full is padded with silence.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -14,18 +14,18 @@ HOP = SAMPLE_RATE // STEP_RATE
 if HOP * STEP_RATE != SAMPLE_RATE:
     raise ValueError("a step must be a whole number of samples")
 
-# Steps worked on at once: bounds the memory, and fixes the result whatever the caller's blocks.
-# They are a whole number of the detector's chunks.
+# Steps processed at once: bounds the memory, and makes the result independent of the caller's
+# blocks. They are a whole number of the detector's chunks.
 BLOCK_STEPS = 2048
-# The loud parts of a sound are taken to be speech; this share of all steps is louder.
+# The loud parts of a sound are assumed to be speech; this share of all steps is louder.
 LOUD_SHARE = 0.03
 # Detection runs at this level (rms of a full-scale square wave is 0 dB), so quiet sounds count.
 TARGET_DB = -20.0
-# No sound at all below this level.
+# A sound below this level is silent.
 SILENCE_DB = -75.0
-# Steps this far below the loud parts are no speech, whatever the detector reports.
+# Steps this far below the loud parts are not speech, whatever the detector reports.
 RANGE_DB = 32.0
-# Steps whose chance of being speech is at most this are none.
+# Steps whose probability of speech is at most this are not speech.
 LEAST_CHANCE = 0.3
 _SMOOTHING = np.array([1, 2, 3, 2, 1], np.float32) / 9
 
@@ -40,8 +40,7 @@ def steps(samples: int) -> int:
 def step_windows(blocks: Iterable[np.ndarray], width: int = HOP) -> Iterator[np.ndarray]:
     """Windows of `width` samples centred on the middle of every step, (<= BLOCK_STEPS, width).
 
-    Silence stands before the first and after the last sample. The stacks do not depend on how
-    the sound was cut into blocks.
+    Silence pads both ends. The stacks do not depend on how the sound was split into blocks.
 
     Raises:
         ValueError: `width` is below a step or of the other parity.
@@ -52,15 +51,15 @@ def step_windows(blocks: Iterable[np.ndarray], width: int = HOP) -> Iterator[np.
     held = np.zeros(margin, np.float32)
     taken = BLOCK_STEPS * HOP
     total = 0
-    made = 0
+    done = 0
     for block in blocks:
         total += len(block)
         held = np.concatenate([held, np.asarray(block, np.float32)])
         while len(held) >= taken + 2 * margin:
             yield np.lib.stride_tricks.sliding_window_view(held[: taken + 2 * margin], width)[::HOP]
             held = held[taken:]
-            made += BLOCK_STEPS
-    rest = steps(total) - made
+            done += BLOCK_STEPS
+    rest = steps(total) - done
     while rest > 0:
         count = min(rest, BLOCK_STEPS)
         need = count * HOP + 2 * margin
@@ -84,7 +83,7 @@ def loudness_db(energy: np.ndarray) -> float:
 
 
 def voice_activity_of_blocks(blocks: Blocks) -> np.ndarray:
-    """`voice_activity` of a long sound that `blocks()` gives piece by piece (called twice)."""
+    """`voice_activity` of a long sound that `blocks()` gives block by block (called twice)."""
     from dubbing.speech import voice_detector  # loads torch, which reading a manifest does not
 
     energy = energy_db(blocks())
@@ -95,7 +94,7 @@ def voice_activity_of_blocks(blocks: Blocks) -> np.ndarray:
     chances = voice_detector.probabilities(
         windows.ravel() * np.float32(gain) for windows in step_windows(blocks())
     )
-    # Where the middles of the steps lie among those of the chunks.
+    # Positions of the middles of the steps among those of the chunks.
     middles = (np.arange(len(energy)) + 0.5) * HOP / voice_detector.CHUNK - 0.5
     chance = np.interp(middles, np.arange(len(chances)), chances)
     voiced = (chance > LEAST_CHANCE).astype(np.float32)
@@ -118,7 +117,7 @@ def voice_activity(samples: np.ndarray) -> np.ndarray:
 def at_times(series: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Linear interpolation of `series` (T, ...) of 50 values a second at `times` (seconds).
 
-    Step t stands at (t + 0.5) / 50 s; before the first and after the last step lie zeros.
+    Step t is at (t + 0.5) / 50 s; zeros pad both ends.
     """
     count = len(series)
     place = np.asarray(times, np.float64) * STEP_RATE - 0.5

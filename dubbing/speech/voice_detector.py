@@ -1,4 +1,6 @@
-"""The network that separates speech from music and noise: Silero VAD (MIT), weights of its package.
+"""The voice detector, Silero VAD (MIT), with the weights of its package.
+
+It separates speech from music and noise.
 
 Letters: C chunks of 32 ms, F = 129 frequencies, H = 128 hidden values.
 """
@@ -19,7 +21,7 @@ from dubbing.speech.weight_paths import voice_detector_weights
 
 PACKAGE = "silero_vad"  # never imported: it would set the number of torch's threads
 CHUNK = 512  # samples at 16 kHz
-CONTEXT = 64  # samples before a chunk that are looked at with it
+CONTEXT = 64  # samples before a chunk that are passed with it
 FREQUENCIES = 129
 # Of the layers: channels and stride.
 CHANNELS, STRIDES = (FREQUENCIES, 128, 64, 64, 128), (1, 2, 2, 1)
@@ -41,7 +43,7 @@ class VoiceDetector(nn.Module):
     def forward(
         self, chunks: Float[Tensor, "C 576"], state: tuple[Tensor, Tensor] | None
     ) -> tuple[Float[Tensor, " C"], tuple[Tensor, Tensor]]:
-        """Probability of speech in chunks that follow one another, and the state after them."""
+        """Probability of speech in consecutive chunks, and the state after them."""
         x = self.spectrum(F.pad(chunks[:, None], (0, CONTEXT), mode="reflect"))
         x = torch.hypot(x[:, :FREQUENCIES], x[:, FREQUENCIES:])
         for layer in self.layers:
@@ -57,10 +59,10 @@ def load() -> VoiceDetector:
     Raises:
         DubbingError: the package is not installed.
     """
-    found = voice_detector_weights()
-    if not found:
+    files = voice_detector_weights()
+    if not files:
         raise packages.lacking([PACKAGE])
-    (file,) = found.values()
+    (file,) = files.values()
     weights = load_file(file)
     names = {"stft_conv": "spectrum", "final_conv": "last"}
     names |= {f"conv{k + 1}": f"layers.{k}" for k in range(len(STRIDES))}
@@ -78,14 +80,14 @@ def probabilities(pieces: Iterable[np.ndarray]) -> np.ndarray:
     """Probability of speech in every chunk of a sound, (C,).
 
     Args:
-        pieces: the sound at 16 kHz one after the other; each but the last of whole chunks.
+        pieces: of the sound at 16 kHz, in order; each but the last of whole chunks.
     """
     detector, state = load(), None
-    before, found = np.zeros(CONTEXT, np.float32), [np.zeros(0, np.float32)]
+    before, parts = np.zeros(CONTEXT, np.float32), [np.zeros(0, np.float32)]
     for piece in pieces:
         sound = np.concatenate([before, piece, np.zeros(-len(piece) % CHUNK, np.float32)])
         chunks = torch.from_numpy(sound).unfold(0, CONTEXT + CHUNK, CHUNK)
         chances, state = detector(chunks, state)
-        found.append(chances.numpy())
+        parts.append(chances.numpy())
         before = sound[-CONTEXT:]
-    return np.concatenate(found)
+    return np.concatenate(parts)

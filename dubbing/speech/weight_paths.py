@@ -1,4 +1,4 @@
-"""Where the weights of speech features lie. Imports no torch: manifests are read quickly."""
+"""Paths of the weights of speech features; a module without torch, so that manifests load fast."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -13,36 +13,36 @@ WEIGHT_FILES = ("model.safetensors", "pytorch_model.bin", "model.safetensors.ind
 
 
 def voice_detector_weights() -> dict[str, Path]:
-    """The file of the voice detector's weights; none where its package is missing."""
+    """The file of the voice detector's weights, by name; empty where its package is missing."""
     return of_package("silero_vad", "data/silero_vad_16k.safetensors")
 
 
 def of_package(package: str, *files: str) -> dict[str, Path]:
     """Weights that come with another package, by name; it is not imported."""
-    found = find_spec(package)
-    if found is None or found.origin is None:
+    spec = find_spec(package)
+    if spec is None or spec.origin is None:
         return {}
-    return {f"{package} {Path(name).stem}": Path(found.origin).parent / name for name in files}
+    return {f"{package} {Path(name).stem}": Path(spec.origin).parent / name for name in files}
 
 
 def weights_file(folder: Path, name: str) -> Path:
     """The file with the weights in `folder`.
 
     Raises:
-        DubbingError: there is none, or they are of another kind of network.
+        DubbingError: it is missing, or of another kind of network.
     """
     remedy = f"name the folder of a {name} model written by transformers' save_pretrained"
     config = folder / "config.json"
-    found = [folder / file for file in WEIGHT_FILES if (folder / file).is_file()]
-    if not config.is_file() or not found:
+    present = [folder / file for file in WEIGHT_FILES if (folder / file).is_file()]
+    if not config.is_file() or not present:
         raise DubbingError(f"no {name} weights there", str(folder), remedy)
     kind = json_records.read(config, dict[str, Any], "config.json", remedy).get("model_type")
     if kind != name:
         raise DubbingError(f"holds a model of type {kind!r}, not {name!r}", str(folder), remedy)
-    return found[0]
+    return present[0]
 
 
 def files_of(folder: Path) -> dict[str, Path]:
     """The files of a model's folder, by name: its weights, in parts or whole, and its settings."""
-    found = {path.name: path for path in folder.iterdir() if path.is_file()}
-    return {name: found[name] for name in sorted(found) if not name.startswith(".")}
+    paths = {path.name: path for path in folder.iterdir() if path.is_file()}
+    return {name: paths[name] for name in sorted(paths) if not name.startswith(".")}

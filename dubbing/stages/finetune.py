@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 import torch
 
-from dfrf import checkpoint, head_checkpoint, presets
+from dfrf import checkpoint, presets, saved_models
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
-from dfrf.head_model import HeadModel
-from dfrf.method import Method
+from dfrf.method_interface import Method
+from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
-from dfrf.training.progress import Curve, Progress
+from dfrf.training.progress import Curve, TrainingProgress
 from dubbing import media
 from dubbing.errors import TrainingError
 from dubbing.files import atomic_write_json
-from dubbing.identity.best_seconds import learned_footage, parts_of
+from dubbing.identity.best_seconds import choose_frames, parts_of
+from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import load_identity
-from dubbing.identity.footage import Footage
 from dubbing.identity.learned import SUMMARY_FILE
 from dubbing.identity.reference_choice import choose_references, turns_far
 from dubbing.media.voice_channel import is_silent
@@ -50,7 +50,7 @@ def finetune(
     settings: FinetuneSettings,
     base: Path | None,
     device: str = "auto",
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[TrainingProgress], None] | None = None,
 ) -> None:
     """Writes OUT/model.safetensors, OUT/finetune.json and the curve, see `dubbing.stages.curve`.
 
@@ -61,7 +61,7 @@ def finetune(
             which its sound comes early; see `clip_speech`. Camera and face shape of the model are
             those of the first.
         out: folder; what an interrupted run left there is continued.
-        start, seconds: see `learned_footage`.
+        start, seconds: see `choose_frames`.
         settings: see `FinetuneSettings`.
         base: checkpoint to start from; None starts from random weights.
         device: auto, cpu or cuda.
@@ -75,12 +75,12 @@ def finetune(
     speeches = [
         clip_speech(clip, settings.speech, settings.weights, offset) for clip, offset in films
     ]
-    footage = learned_footage(clips, speeches, start, seconds)
+    footage = choose_frames(clips, speeches, start, seconds)
     pictures = out / RESUME_FOLDER / PICTURES_FOLDER
     person = load_identity(clips[0].clip.stem, footage, folder=pictures)
     model = init_from_base(base, settings)
     trainings = presets.trainings(settings.preset)
-    config = settings.training(trainings.alone if base is None else trainings.finetune)
+    config = settings.training(trainings.from_scratch if base is None else trainings.finetune)
     method = method_of(model)
     landmarks = np.concatenate([one.landmarks(person.focal) for one in footage])
     references = reference_frames(person, landmarks, method)
@@ -107,7 +107,7 @@ def finetune(
         "settings": asdict(settings),
         "clip": clips[0].clip.name,
     }
-    head_checkpoint.save_person(out / MODEL_FILE, model.cpu(), views, header)
+    saved_models.save_person(out / MODEL_FILE, model.cpu(), views, header)
     write_curve(out / CURVE_FILE, curve)
     write_events(out, curve)
     learned, *beside = [learned_parts(one) for one in footage]
@@ -125,12 +125,12 @@ def finetune(
 def learn(
     model: HeadModel,
     person: HeadDataset,
-    footage: Sequence[Footage],
+    footage: Sequence[ClipFrames],
     config: TrainConfig,
     references: torch.Tensor | None,
     resume: Path,
     device: str,
-    progress: Callable[[Progress], None] | None,
+    progress: Callable[[TrainingProgress], None] | None,
 ) -> tuple[HeadDataset, Curve]:
     """Trains a person's model in place: some steps, then the poses they refine, then the rest.
 
@@ -153,7 +153,7 @@ def learn(
         if checkpoint.state_is_damaged(folder):
             shutil.rmtree(folder)
 
-        def notify(state: Progress) -> None:
+        def notify(state: TrainingProgress) -> None:
             if progress is not None:
                 progress(state.within(done, config.iterations))
 
@@ -169,7 +169,7 @@ def learn(
 
     first = round(POSING * config.iterations) if refines(model) else 0
     if first:
-        part(resume / "posing", presets.lasting(config, first))
+        part(resume / "posing", presets.with_iterations(config, first))
         method = method_of(model)
         maps = (
             None if references is None else method.maps(method.reference_views(person, references))
@@ -178,13 +178,13 @@ def learn(
             [refined(model, maps, one.clip, one.with_face).c2w()[one.with_face] for one in footage]
         )
         person = replace(person, c2w=torch.from_numpy(posed).float())
-    rest = presets.lasting(config, config.iterations - first)
+    rest = presets.with_iterations(config, config.iterations - first)
     # Speech is learned once, and coarse steps come first.
     part(resume, rest if not first else replace(rest, coarse_iterations=0, lip_iterations=0))
     return person, curve
 
 
-def learned_parts(footage: Footage) -> list[tuple[float, float]]:
+def learned_parts(footage: ClipFrames) -> list[tuple[float, float]]:
     """From which second to which of its clip it is."""
     rate = float(footage.clip.rate)
     return [(first / rate, (first + n) / rate) for first, n in parts_of(footage.frames)]

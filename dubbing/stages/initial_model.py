@@ -8,9 +8,9 @@ from typing import Any
 
 import torch
 
-from dfrf import checkpoint, head_checkpoint, presets
+from dfrf import checkpoint, presets, saved_models
 from dfrf.config import PUBLISHED_SPEECH, TrainConfig, family
-from dfrf.head_model import HeadModel
+from dfrf.model_interface import HeadModel
 from dubbing.errors import CheckpointError
 from dubbing.speech import features
 
@@ -46,7 +46,7 @@ class FinetuneSettings:
         """Settings of `fit`: the preset's with these in their place."""
         own = {"learning_rate": self.learning_rate, "rays": self.rays}
         changed: dict[str, Any] = {k: v for k, v in own.items() if v is not None}
-        return replace(presets.lasting(preset, self.iterations), seed=self.seed, **changed)
+        return replace(presets.with_iterations(preset, self.iterations), seed=self.seed, **changed)
 
     def speech_header(self) -> dict[str, str]:
         """What a checkpoint's header holds of its speech features: their name and weights."""
@@ -69,7 +69,7 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
     if base is None:
         return presets.build(config)
     try:
-        model, header = head_checkpoint.load_model(base)
+        model, header = saved_models.load_model(base)
     except checkpoint.CheckpointError as error:
         raise CheckpointError(str(error), remedy="name another base checkpoint") from error
     if family(settings.preset) != model.FAMILY:

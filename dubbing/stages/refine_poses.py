@@ -14,12 +14,12 @@ import torch
 from torch import Tensor
 
 from dfrf.data.dataset import HEAD_MATTE
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.field.audio import NEIGHBOURS
 from dfrf.field.reference_maps import ReferenceMaps
-from dfrf.field.speaker_adaptation import NUMBERS, REACH
-from dfrf.head_model import HeadModel
-from dfrf.method import Maps
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
+from dfrf.method_interface import Maps
+from dfrf.model_interface import HeadModel
 from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equations
 from dfrf.workers import Workers
 from dubbing.errors import PreparationError
@@ -88,7 +88,7 @@ def refined(
         report(0.0)
         found = shot_corrections(model, maps, clip, c2w, expression, index, report)
         corrections[index] = torch.from_numpy(found)
-    return clip.seen_by(moved(c2w, corrections).double().numpy())
+    return clip.with_poses(moved(c2w, corrections).double().numpy())
 
 
 def refine_clip(
@@ -115,7 +115,7 @@ def with_refined_poses(clip: PreparedClip, folder: Path) -> PreparedClip:
     if c2w.shape != (len(clip), 3, 4):
         what = f"poses of {len(c2w)} frames for a clip of {len(clip)}"
         raise PreparationError(what, str(folder), "run with --force refine_poses")
-    return clip.seen_by(c2w)
+    return clip.with_poses(c2w)
 
 
 def shot_corrections(
@@ -199,7 +199,7 @@ def smoothest(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 def silent(model: FastModel, expression: Tensor) -> Tensor:
     """Conditioning of frames (K, U) while nobody speaks, (K, cond_dim)."""
     windows = torch.zeros(len(expression), NEIGHBOURS, 16, model.config.field.speech_dim)
-    parts = windows, torch.zeros(len(expression) + 2 * REACH, NUMBERS), expression
+    parts = windows, torch.zeros(len(expression) + 2 * CONTEXT_FRAMES, NUMBERS), expression
     conditioning: Tensor = model.field.conditioning(*(part.to(model.device) for part in parts))
     return conditioning
 

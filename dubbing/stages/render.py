@@ -7,12 +7,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dfrf import checkpoint, head_checkpoint
+from dfrf import checkpoint, saved_models
 from dfrf import device as devices
 from dfrf.data.dataset import neighbour_windows
 from dfrf.field.audio import NEIGHBOURS
-from dfrf.head_model import HeadModel
-from dfrf.method import FrameInputs, Maps
+from dfrf.method_interface import FrameInputs, Maps
+from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dubbing.compositing.face_mask import rendered_region
 from dubbing.errors import CheckpointError
@@ -32,7 +32,7 @@ def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dic
         CheckpointError: the file cannot be used.
     """
     try:
-        person, views, header = head_checkpoint.load_person(model)
+        person, views, header = saved_models.load_person(model)
     except checkpoint.CheckpointError as error:
         raise CheckpointError(str(error), remedy="run with --force finetune") from error
     target = devices.choose(device)
@@ -57,7 +57,7 @@ def render(
     Of each head there is what the dub shows of it; see `dubbing.compositing.face_mask`.
 
     A file appears only when it is whole, and one that is there is not rendered again. It holds
-    `dfrf.method.Method.segment` frames: of a slow preset every single one is kept.
+    `dfrf.method_interface.Method.segment` frames: of a slow preset every single one is kept.
 
     Args:
         model: of the person, written by `finetune`.

@@ -1,1 +1,1 @@
-"""Whether the mouth in a video fits its sound, and by how much the two are offset."""
+"""The sync check: whether a mouth follows its sound, and the offset between the two."""

@@ -1,4 +1,4 @@
-"""The sync check: how far the sound of a video is from its mouth, and how well they fit."""
+"""The sync check: offset between the sound and the mouth of a video, and how well they fit."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -9,20 +9,20 @@ import numpy as np
 
 from dubbing import media
 from dubbing.speech.voice_activity import STEP_RATE, at_times
-from dubbing.sync.curves import REACH, CurveSum, distances, estimate
+from dubbing.sync.curves import MAX_OFFSET, CurveSum, distances, estimate
 from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
-from dubbing.sync.judgement import Found, conclude, judge_part, reference_confidence
+from dubbing.sync.judgement import Measurement, conclude, judge_part, reference_confidence
 from dubbing.sync.measure import Block, measure
 from dubbing.sync.motion import MotionSum
-from dubbing.sync.network import SyncNetwork, load_network
 from dubbing.sync.result import FaceResult, Media, Segment, SyncResult
+from dubbing.sync.sync_network import SyncNetwork, load_network
 
 METHOD = "lip geometry and mouth pixels against log-mel and speech features, two streams"
 SEGMENT_SECONDS = 5.0
 # A last segment shorter than this is joined to the one before.
 SHORTEST_SEGMENT = 3.0
-# A frame without voice counts this much, one in full speech 1 more: a closed mouth in silence
-# is evidence, too, but a long silence must not wash out the rest.
+# Weight of a frame without voice; one in full speech has 1 more. A closed mouth in silence is
+# evidence, too, but a long silence must not outweigh the rest.
 SILENT_WEIGHT = 0.2
 # A segment or a face needs this many compared frames to have an offset of its own.
 MIN_ROWS = 40
@@ -31,13 +31,13 @@ Parts = Sequence[tuple[int, int]]
 
 @dataclass
 class _FaceSum:
-    """What is kept of one face over the whole video."""
+    """Sums for one face over the whole video."""
 
     whole: CurveSum
     parts: list[CurveSum]
     motion: MotionSum
     place: np.ndarray
-    seen: int = 0
+    frames: int = 0
 
     @classmethod
     def empty(cls, segments: int, rate: float) -> "_FaceSum":
@@ -46,17 +46,17 @@ class _FaceSum:
 
     @property
     def evidence(self) -> float:
-        """Grows with the confidence and with how long it was seen (noise falls as 1 / sqrt)."""
+        """Grows with the confidence and with the duration (noise falls as 1 / sqrt)."""
         return _evidence(self.whole)
 
 
-def _evidence(found: CurveSum) -> float:
-    best = estimate(found.curve())
-    return best.confidence * found.rows**0.5 if best is not None else 0.0
+def _evidence(total: CurveSum) -> float:
+    best = estimate(total.curve())
+    return best.confidence * total.rows**0.5 if best is not None else 0.0
 
 
 class _Sums:
-    """Everything that is added up over the blocks of one video."""
+    """All sums over the blocks of one video."""
 
     def __init__(self, network: SyncNetwork, info: media.MediaInfo, parts: Parts | None) -> None:
         self._network = network
@@ -72,11 +72,11 @@ class _Sums:
 
     def add(self, block: Block) -> None:
         times = block.times - block.sound.start
-        around = (np.arange(-REACH, block.frames + REACH) + 0.5) / self.rate + (
+        around = (np.arange(-MAX_OFFSET, block.frames + MAX_OFFSET) + 0.5) / self.rate + (
             block.first / self.rate - block.sound.start
         )
         sounds = sound_embeddings(self._network, block.sound.features, around)
-        frame = block.first + np.arange(-REACH, block.frames + REACH)
+        frame = block.first + np.arange(-MAX_OFFSET, block.frames + MAX_OFFSET)
         beyond = around >= len(block.sound.features) / STEP_RATE
         sounds[(frame < 0) | beyond] = np.nan
         voice = at_times(block.sound.voice, times)
@@ -95,9 +95,9 @@ class _Sums:
                 chosen = part == s
                 total.parts[s].add(rows[chosen], weights[chosen])
             total.motion.add(np.where(counts[:, None, None], face.shapes, np.nan), voice)
-            seen = int(np.isfinite(face.shapes[counts, 0, 0]).sum())
-            total.place += seen * np.array(face.centre)
-            total.seen += seen
+            frames = int(np.isfinite(face.shapes[counts, 0, 0]).sum())
+            total.place += frames * np.array(face.centre)
+            total.frames += frames
 
 
 def segment_edges(frames: int, rate: float) -> np.ndarray:
@@ -112,15 +112,15 @@ def segment_edges(frames: int, rate: float) -> np.ndarray:
 
 
 def _segments(sums: _Sums, speaker: _FaceSum, reference: float | None) -> list[Segment]:
-    """The result of each part: of the speaker; of requested parts, of whoever speaks in each."""
-    found = []
+    """Results of the parts: for the speaker, or in requested parts for the face that speaks."""
+    segments = []
     for k, (first, stop) in enumerate(sums.parts):
         faces = [face.parts[k] for face in sums.faces.values()] if sums.apart else []
         part = max(faces, key=_evidence, default=speaker.parts[k])
         best = estimate(part.curve()) if part.rows >= MIN_ROWS else None
         voice = float(sums.voice[k] / (stop - first))
         length = (stop - first) / sums.rate
-        found.append(
+        segments.append(
             Segment(
                 float(first / sums.rate),
                 float(stop / sums.rate),
@@ -131,20 +131,20 @@ def _segments(sums: _Sums, speaker: _FaceSum, reference: float | None) -> list[S
                 *judge_part(best, sums.rate, length, voice, reference),
             )
         )
-    return found
+    return segments
 
 
 def _faces(sums: _Sums) -> list[FaceResult]:
     results = []
     for track, face in sorted(sums.faces.items(), key=lambda item: -item[1].evidence):
         best = estimate(face.whole.curve()) if face.whole.rows >= MIN_ROWS else None
-        column, row = face.place / max(face.seen, 1)
+        column, row = face.place / max(face.frames, 1)
         results.append(
             FaceResult(
                 track,
                 float(column),
                 float(row),
-                face.seen / sums.rate,
+                face.frames / sums.rate,
                 best.offset if best else None,
                 best.confidence if best else None,
             )
@@ -163,13 +163,13 @@ def check(
 ) -> SyncResult:
     """Lip sync of a video, of any length, size, rate and number of faces.
 
-    Frames are those of the video: at 60 fps the search reaches 15 frames = 250 ms.
+    Frames are those of the video: at 60 fps the search covers 15 frames = 250 ms to each side.
 
     Args:
-        video: anything with a picture and a sound.
-        source: the result of the clip the video was made from, to compare the confidence with.
-        sound_from: another file to take the sound from, beginning together with the video.
-        parts: the only frames (first, stop) to look at; they become the segments.
+        video: with picture and sound.
+        source: result of the clip that the video was made from, to compare the confidence with.
+        sound_from: another file to take the sound from, starting together with the video.
+        parts: the only frames (first, stop) to check; they become the segments.
         leave_out: frames at the end whose picture and sound are ignored.
         progress: called with the share done, 0..1.
 
@@ -199,11 +199,11 @@ def check(
         mouth_seconds=speaker.whole.rows / sums.rate if speaker else 0.0,
     )
     best = estimate(speaker.whole.curve()) if speaker else None
-    found = None
+    measured = None
     if speaker is not None and best is not None:
         faces = _faces(sums)
         reference = reference_confidence(source, METHOD)
-        found = Found(
+        measured = Measurement(
             best,
             speaker.whole.curve().tolist(),
             sums.rate,
@@ -212,4 +212,4 @@ def check(
             _segments(sums, speaker, reference),
             faces,
         )
-    return conclude(found, METHOD, facts, source, tracked=bool(sums.faces))
+    return conclude(measured, METHOD, facts, source, tracked=bool(sums.faces))

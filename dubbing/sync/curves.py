@@ -1,17 +1,17 @@
-"""Distances over offsets, and the estimates from them.
+"""Curves of distance over offset, and the estimates from them.
 
 Letters: F frames, E embedding size, K = 31 offsets.
 
-An offset is counted as SyncNet counts: positive when the audio is early, so that the picture of
-frame i belongs to the sound of frame i - offset.
+The sign of an offset is SyncNet's: positive when the audio is early, so that the image of frame i
+belongs to the sound of frame i - offset.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-REACH = 15
-OFFSETS = tuple(range(-REACH, REACH + 1))
+MAX_OFFSET = 15  # frames
+OFFSETS = tuple(range(-MAX_OFFSET, MAX_OFFSET + 1))
 
 
 @dataclass(frozen=True)
@@ -23,25 +23,26 @@ class Estimate:
     distance: float
 
 
-def distances(mouth: np.ndarray, sound: np.ndarray, reach: int = REACH) -> np.ndarray:
-    """Distance of every frame's mouth to the sound at every offset -reach..reach, (F, K) float32.
+def distances(mouth: np.ndarray, sound: np.ndarray, max_offset: int = MAX_OFFSET) -> np.ndarray:
+    """Distance of every frame's mouth to the sound at every offset, (F, K) float32.
 
     Args:
-        mouth: (F, E), NaN where there is none.
-        sound: (F + 2 reach, E): embeddings of the sound at frames -reach .. F + reach - 1, NaN
-            beyond the ends.
+        mouth: (F, E), NaN without a mouth.
+        sound: (F + 2 max_offset, E): embeddings of the sound, from `max_offset` frames before the
+            first mouth to as many after the last; NaN beyond the ends.
+        max_offset: frames; K = 2 max_offset + 1 offsets from -max_offset on.
     """
     count = len(mouth)
     columns = []
-    for offset in range(-reach, reach + 1):
-        shifted = sound[reach - offset : reach - offset + count]
+    for offset in range(-max_offset, max_offset + 1):
+        shifted = sound[max_offset - offset : max_offset - offset + count]
         columns.append(np.linalg.norm(mouth - shifted, axis=1))
     return np.stack(columns, axis=1).astype(np.float32)
 
 
 @dataclass
 class CurveSum:
-    """Weighted mean of distance rows that comes together piece by piece."""
+    """Weighted mean of distance rows, summed block by block."""
 
     total: np.ndarray
     weight: np.ndarray
@@ -64,7 +65,7 @@ class CurveSum:
 
 
 def estimate(curve: np.ndarray) -> Estimate | None:
-    """Offset and confidence of a curve (K,); None if it has a gap (too little was seen)."""
+    """Offset and confidence of a curve (K,); None if it has gaps, for lack of frames."""
     if not np.isfinite(curve).all():
         return None
     best = int(np.argmin(curve))

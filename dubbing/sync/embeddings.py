@@ -1,4 +1,4 @@
-"""Embeddings of the mouths and the sound of a video, at given moments.
+"""Embeddings of the mouths and the sound of a video at given moments.
 
 Letters: F frames, W moments, E embedding size, M mouth points, R x C pixels, T x D sound channels.
 """
@@ -6,11 +6,11 @@ Letters: F frames, W moments, E embedding size, M mouth points, R x C pixels, T 
 import numpy as np
 import torch
 
-from dubbing.sync.network import SyncNetwork
-from dubbing.sync.sight import look
+from dubbing.sync.mouth_channels import mouth_channels
+from dubbing.sync.sync_network import SyncNetwork
 from dubbing.sync.windows import mouth_windows, sound_windows
 
-TOGETHER = 256  # moments that go through the network at once
+BATCH = 256  # moments that go through the network at once
 
 
 @torch.no_grad()
@@ -21,15 +21,15 @@ def mouth_embeddings(
 
     NaN where a frame is missing.
     """
-    seen = look(shapes, crops, times)
-    there = np.flatnonzero(np.isfinite(seen).all(1))
-    found = np.full((len(times), network.size), np.nan, np.float32)
-    # A few moments at a time: five frames of pixels each are much in memory.
-    for first in range(0, len(there), TOGETHER):
-        chosen = there[first : first + TOGETHER]
-        looked = mouth_windows(seen, times, times[chosen])
-        found[chosen] = network.embed_mouth(torch.from_numpy(looked)).numpy()
-    return found
+    channels = mouth_channels(shapes, crops, times)
+    valid = np.flatnonzero(np.isfinite(channels).all(1))
+    embeddings = np.full((len(times), network.size), np.nan, np.float32)
+    # A few moments at a time: five frames of pixels each take much memory.
+    for first in range(0, len(valid), BATCH):
+        chosen = valid[first : first + BATCH]
+        windows = mouth_windows(channels, times, times[chosen])
+        embeddings[chosen] = network.embed_mouth(torch.from_numpy(windows)).numpy()
+    return embeddings
 
 
 @torch.no_grad()

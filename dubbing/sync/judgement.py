@@ -1,4 +1,4 @@
-"""How the sync check judges what it measured: verdicts, and their thresholds."""
+"""Verdicts of the sync check, and their thresholds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -6,19 +6,19 @@ from dataclasses import dataclass, field
 from dubbing.sync.curves import Estimate
 from dubbing.sync.result import FaceResult, Media, Motion, Segment, SyncResult, Verdict
 
-# A lip-sync error below 40 ms is not seen (ITU-R BT.1359 finds +45 ms the first visible one); at
-# 25 fps this is one frame.
+# A lip-sync error below 40 ms is not visible (ITU-R BT.1359: from +45 ms); at 25 fps this is one
+# frame.
 TOLERANCE_MS = 40.0
 FAIL_MS = 125.0
 # Shares of the confidence of the source clip.
 PASS_SHARE = 0.6
 FAIL_SHARE = 0.3
-# Stands in for the source's confidence where there is no source: 60 % of it is the 95th percentile
-# of speech that does not belong, on people left out of training (docs/development/sync.md).
+# Used in place of the source's confidence without a source: 60 % of it is the 95th percentile of
+# unrelated speech, on people left out of training (docs/sync.md).
 TYPICAL_CONFIDENCE = 0.15
-# The most that a person has whom the network did not learn from (docs/development/sync.md). One
-# whom it did learn from can have .4, and so has the synthetic speaker: 60 % of that is more than
-# most people's own mouths have, so a dub needs 60 % of this at most.
+# The highest confidence of people that the network was not trained on (docs/sync.md). People of the
+# training data, and the synthetic speaker, can have .4. 60 % of that is more than most people have
+# in their own clips, so a dub needs at most 60 % of this.
 CLEAREST_CONFIDENCE = 0.28
 MIN_SECONDS = 3.0
 MIN_SPEECH_SECONDS = 1.0
@@ -26,8 +26,8 @@ MIN_MOUTH_SECONDS = 2.0
 
 
 @dataclass(frozen=True)
-class Found:
-    """What a method found of the speaking face: estimate, curve over OFFSETS, frames a second."""
+class Measurement:
+    """Measurement of the speaking face: estimate, curve over OFFSETS, frames a second."""
 
     best: Estimate
     curve: Sequence[float]
@@ -39,10 +39,10 @@ class Found:
 
 
 def sound_offset(result: SyncResult) -> int:
-    """Frames by which a clip's sound comes early (negative: late), as far as one can rely on it.
+    """Frames by which a clip's sound is early (negative: late); 0 where that is uncertain.
 
-    0 unless the check is surer than of speech that does not belong. What a clip's sound is off by,
-    its person would be in every dub.
+    It is 0 unless the confidence is higher than that of unrelated speech. A person fine-tuned on a
+    clip with an offset would have the offset in every dub.
     """
     if result.offset_frames is None or result.confidence is None:
         return 0
@@ -79,9 +79,9 @@ def judge(
     """Verdict and reason of a video that can be judged.
 
     Passes with an offset of at most one frame (or 40 ms, where frames are shorter) and at least
-    60 % of the source's confidence, or of `CLEAREST_CONFIDENCE` where the source has more; fails if
-    the mouth stands still, stays below 30 % of the source's, or sits visibly off. `reference` is
-    the source's confidence; `typical` stands for it without a source.
+    60 % of the source's confidence, or of `CLEAREST_CONFIDENCE` where the source has more. Fails if
+    the mouth does not move, the confidence is below 30 % of the source's, or the offset is visible.
+    `reference` is the source's confidence; `typical` replaces it without a source.
     """
     whose = "the source's" if reference is not None else "real speakers'"
     share = best.confidence / max(reference if reference is not None else typical, 1e-6)
@@ -111,7 +111,7 @@ def judge_part(
     """Verdict and reason of a part of a video, by itself.
 
     Args:
-        best: None where too little was seen.
+        best: None for lack of frames.
         rate: frames a second.
         voice: share of speech.
         reference: the source's confidence, if known.
@@ -126,7 +126,7 @@ def judge_part(
 
 
 def conclude(
-    found: Found | None,
+    measured: Measurement | None,
     method: str,
     media: Media,
     source: SyncResult | None,
@@ -137,30 +137,30 @@ def conclude(
     """The result of a video with sound.
 
     Args:
-        found: None if there was too little to compare.
-        tracked: whether a face was found at all.
-        typical: the method's confidence that stands in for a source's.
+        measured: None if there was too little to compare.
+        tracked: whether any face was tracked.
+        typical: the method's confidence that is used without a source.
     """
     reason = unjudgeable(media, tracked)
-    if found is None or reason is not None:
+    if measured is None or reason is not None:
         reason = reason or "too little of a mouth and its sound to compare"
         return SyncResult("unjudged", reason, method, media, source=source)
-    offset_ms = found.best.offset * 1000 / found.rate
+    offset_ms = measured.best.offset * 1000 / measured.rate
     reference = reference_confidence(source, method)
-    verdict, reason = judge(found.best, offset_ms, found.motion, reference, typical)
+    verdict, reason = judge(measured.best, offset_ms, measured.motion, reference, typical)
     return SyncResult(
         verdict,
         reason,
         method,
         media,
-        offset_frames=found.best.offset,
+        offset_frames=measured.best.offset,
         offset_ms=offset_ms,
-        confidence=found.best.confidence,
-        distance=found.best.distance,
-        curve=[float(d) for d in found.curve],
-        segments=found.segments,
-        speaking_face=found.face,
-        faces=found.faces,
-        motion=found.motion,
+        confidence=measured.best.confidence,
+        distance=measured.best.distance,
+        curve=[float(d) for d in measured.curve],
+        segments=measured.segments,
+        speaking_face=measured.face,
+        faces=measured.faces,
+        motion=measured.motion,
         source=source,
     )

@@ -1,4 +1,4 @@
-"""Measuring a video block by block: the mouth of every face, and the sound.
+"""Measures a video block by block: the mouth of every face, and the sound.
 
 A block is at most a minute, so memory does not grow with the length of the video. Faces keep
 their number from block to block.
@@ -21,7 +21,7 @@ from dubbing.face.face_tracker import FaceTracker
 from dubbing.face.mouth_crop import COLUMNS, ROWS, mouth_crop
 from dubbing.face.mouth_shape import MOUTH, mouth_shape
 from dubbing.speech.voice_activity import SAMPLE_RATE, voice_activity
-from dubbing.sync.hearing import Hearing
+from dubbing.sync.sound_channels import SoundChannels
 
 BLOCK_SECONDS = 60.0
 # Sound is read this far beyond a block: the largest offset that is searched, and a window.
@@ -30,7 +30,7 @@ MARGIN_SECONDS = 2.0
 
 @dataclass(frozen=True)
 class Sound:
-    """A piece of sound: features and voice in steps of 20 ms, the first one starting at `start`."""
+    """The sound of a block: features and voice in steps of 20 ms, the first starting at `start`."""
 
     start: float
     features: np.ndarray  # (T, D)
@@ -38,43 +38,43 @@ class Sound:
 
 
 @dataclass(frozen=True)
-class SeenFace:
-    """One face in one block: mouth shapes (F, M, 2), NaN where unseen, and where it mostly is.
+class BlockFace:
+    """One face in one block: mouth shapes (F, M, 2), NaN without a face, and its median position.
 
-    `crops` (F, R, C) uint8 are the pixels of its mouth, 0 where unseen.
+    `crops` (F, R, C) uint8 are the pixels of its mouth, 0 without a face.
     """
 
     shapes: np.ndarray
     crops: np.ndarray
-    centre: tuple[float, float]  # column and row as shares of the picture
+    centre: tuple[float, float]  # column and row as shares of the frame
     width: float  # of the face, pixels
 
 
 @dataclass
-class _Gathered:
-    """What comes together of one face over the frames of a block."""
+class _FaceFrames:
+    """Frames of one face in a block."""
 
     shapes: np.ndarray
     crops: np.ndarray
     places: list[np.ndarray] = field(default_factory=list)
 
     @classmethod
-    def empty(cls, frames: int) -> "_Gathered":
+    def empty(cls, frames: int) -> "_FaceFrames":
         shapes = np.full((frames, len(MOUTH), 2), np.nan, np.float32)
         return cls(shapes, np.zeros((frames, ROWS, COLUMNS), np.uint8))
 
     def add(self, k: int, frame: np.ndarray, points: np.ndarray, face: np.ndarray) -> None:
-        """The mesh (478, 3) of frame k (H, W, 3)."""
+        """Add frame k (H, W, 3) with the mesh (478, 3) of the face."""
         self.shapes[k] = mouth_shape(points[None], face)[0]
         self.crops[k] = mouth_crop(frame, points, face)
         low, high = points[:, :2].min(0), points[:, :2].max(0)
         self.places.append(np.array([*(low + high) / 2, high[0] - low[0]]))
 
-    def seen(self, width: int, height: int) -> SeenFace:
-        """Args: of the picture, pixels."""
-        column, row, reach = np.median(self.places, axis=0)
+    def block_face(self, width: int, height: int) -> BlockFace:
+        """The face in frames of a width and height in pixels."""
+        column, row, face_width = np.median(self.places, axis=0)
         place = float(column / width), float(row / height)
-        return SeenFace(self.shapes, self.crops, place, float(reach))
+        return BlockFace(self.shapes, self.crops, place, float(face_width))
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Block:
     first: int
     frames: int
     rate: Fraction
-    faces: dict[int, SeenFace]
+    faces: dict[int, BlockFace]
     sound: Sound
 
     @property
@@ -92,16 +92,16 @@ class Block:
 
 
 def block_lengths(frames: int, rate: Fraction) -> list[int]:
-    """Frames cut into equal blocks of at most `BLOCK_SECONDS`."""
+    """Lengths of equal blocks of at most `BLOCK_SECONDS`."""
     count = max(1, -(-frames // int(rate * Fraction(BLOCK_SECONDS))))
     edges = [round(frames * k / count) for k in range(count + 1)]
     return [b - a for a, b in pairwise(edges)]
 
 
 def measure_sound(
-    path: Path, start: float, seconds: float, hearing: Hearing, end: float = math.inf
+    path: Path, start: float, seconds: float, channels: SoundChannels, end: float = math.inf
 ) -> Sound:
-    """Sound of a stretch of a file, up to ``end``; the features' level is that of the stretch."""
+    """Sound of a part of a file, up to ``end``; features are normalised to the part's level."""
     begin = max(0.0, start - MARGIN_SECONDS)
     samples = media.read_audio(
         path,
@@ -109,7 +109,7 @@ def measure_sound(
         start=begin,
         seconds=min(end, start + seconds + MARGIN_SECONDS) - begin,
     )
-    return Sound(begin, hearing(samples), voice_activity(samples))
+    return Sound(begin, channels.extract(samples), voice_activity(samples))
 
 
 def measure(
@@ -123,10 +123,10 @@ def measure(
     """Blocks of a video from its beginning to its end.
 
     Args:
-        video: the pictures.
-        face: canonical face (K, 3) the mouths are laid on (`SyncNetwork.face`).
-        sound_from: another file to take the sound from, beginning together.
-        leave_out: frames at the end that are not looked at, nor what is heard in them.
+        video: to measure.
+        face: canonical face (K, 3) that meshes are aligned to (`SyncNetwork.face`).
+        sound_from: another file to take the sound from, starting together.
+        leave_out: frames at the end whose picture and sound are ignored.
         progress: called with the share done, 0..1.
 
     Raises:
@@ -135,21 +135,21 @@ def measure(
     info = media.probe(video)
     rate, total = info.rate, info.frames - leave_out
     end = total / float(rate) if leave_out else math.inf
-    pictures = media.read_frames(video)
-    hearing = Hearing()
+    images = media.read_frames(video)
+    channels = SoundChannels()
     first = 0
     with FaceTracker(float(rate)) as tracker:
         for length in block_lengths(total, rate):
-            gathered: dict[int, _Gathered] = {}
-            for k, frame in enumerate(islice(pictures, length)):
-                for found in tracker(frame):
-                    if found.track not in gathered:
-                        gathered[found.track] = _Gathered.empty(length)
-                    gathered[found.track].add(k, frame, found.points, face)
+            frames: dict[int, _FaceFrames] = {}
+            for k, frame in enumerate(islice(images, length)):
+                for detected in tracker(frame):
+                    if detected.track not in frames:
+                        frames[detected.track] = _FaceFrames.empty(length)
+                    frames[detected.track].add(k, frame, detected.points, face)
                 if progress is not None:
                     progress((first + k + 1) / total)
-            faces = {track: g.seen(info.width, info.height) for track, g in gathered.items()}
+            faces = {track: f.block_face(info.width, info.height) for track, f in frames.items()}
             start, seconds = first / float(rate), length / float(rate)
-            sound = measure_sound(sound_from or video, start, seconds, hearing, end)
+            sound = measure_sound(sound_from or video, start, seconds, channels, end)
             yield Block(first, length, rate, faces, sound)
             first += length

@@ -1,4 +1,4 @@
-"""Whether a mouth moves, and whether it rests while nobody speaks.
+"""Motion of a mouth: whether it moves in speech, and rests in silence.
 
 Letters: F frames, M mouth points.
 """
@@ -15,7 +15,7 @@ from dubbing.sync.result import Motion
 MOVING_RANGE = 0.03
 # The mouth moves in silence if it is this fast there, as a share of its speed in speech.
 SILENT_SHARE = 0.6
-# A frame is silent if nobody speaks this long before and after, so that closing lips do not count.
+# A frame is silent without voice for this long before and after, so that closing lips do not count.
 SILENT_MARGIN = 0.3
 MIN_SILENCE = 1.0
 MIN_SPEECH = 1.0
@@ -33,7 +33,7 @@ def silent_frames(voice: np.ndarray, rate: float) -> np.ndarray:
 
 @dataclass
 class MotionSum:
-    """Mouth motion of one face, added up block by block: histogram of the opening, speeds."""
+    """Mouth motion of one face, summed block by block: histogram of the opening, speeds."""
 
     rate: float
     histogram: np.ndarray = field(default_factory=lambda: np.zeros(BINS))
@@ -41,13 +41,13 @@ class MotionSum:
     frames: dict[bool, int] = field(default_factory=lambda: {True: 0, False: 0})
 
     def add(self, shapes: np.ndarray, voice: np.ndarray) -> None:
-        """Shapes (F, M, 2), NaN where unseen; voice activity (F,)."""
+        """Shapes (F, M, 2), NaN without a face; voice activity (F,)."""
         height = opening(shapes)
-        # Three frames: landmarks shake from frame to frame, mouths move more slowly.
+        # Over three frames: landmarks jitter from frame to frame, mouths move more slowly.
         smooth = height.copy()
         smooth[1:-1] = (height[:-2] + height[1:-1] + height[2:]) / 3
-        seen = smooth[np.isfinite(smooth)]
-        bins = np.clip((seen / WIDEST * BINS).astype(int), 0, BINS - 1)
+        known = smooth[np.isfinite(smooth)]
+        bins = np.clip((known / WIDEST * BINS).astype(int), 0, BINS - 1)
         self.histogram += np.bincount(bins, minlength=BINS)
         pace = np.abs(np.diff(smooth)) * self.rate
         silent = silent_frames(voice, self.rate)[1:]
@@ -60,13 +60,14 @@ class MotionSum:
         count = self.histogram.sum()
         share = np.cumsum(self.histogram) / max(count, 1)
         low, high = (int(np.searchsorted(share, q)) for q in (0.05, 0.95))
-        reach = (high - low) * WIDEST / BINS if count else 0.0
+        opening_range = (high - low) * WIDEST / BINS if count else 0.0
         silence = self._mean_speed(True, MIN_SILENCE)
         speech = self._mean_speed(False, MIN_SPEECH)
         restless = None
         if silence is not None and speech is not None:
             restless = silence > SILENT_SHARE * speech
-        return Motion(reach, reach >= MOVING_RANGE, restless, speech, silence)
+        moves = opening_range >= MOVING_RANGE
+        return Motion(opening_range, moves, restless, speech, silence)
 
     def _mean_speed(self, quiet: bool, seconds: float) -> float | None:
         frames = self.frames[quiet]

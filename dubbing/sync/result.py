@@ -12,7 +12,7 @@ Verdict = Literal["pass", "warn", "fail", "unjudged"]
 class Segment:
     """Five seconds of the video, or one of the requested parts.
 
-    Offset and confidence are None where too little was seen; see `judgement.judge_part`.
+    Offset and confidence are None for lack of frames; see `judgement.judge_part`.
     """
 
     start: float
@@ -27,7 +27,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class FaceResult:
-    """One face of the video: where it is (shares of the picture), and how well it fits."""
+    """One face of the video: its position (shares of the frame), and how well it fits."""
 
     track: int
     column: float
@@ -84,7 +84,7 @@ class SyncResult:
     def words(self) -> str:
         """Offset in words: "audio early by 2 frames (80 ms)", "in sync" or "not measured".
 
-        A mouth that follows nothing is not in sync, whatever its offset: then "no offset".
+        A mouth that does not follow the sound is not in sync, even without an offset: "no offset".
         """
         if self.offset_frames is None or self.offset_ms is None:
             return "not measured"

@@ -1,4 +1,4 @@
-"""The streams of one member: what it sees, and what it hears, each to one embedding.
+"""The streams of one member: mouth and sound, each to one embedding.
 
 Letters: B items, V = 5 mouth frames, M mouth points, R rows and C columns of a crop, K components,
 A = 10 sound steps of 20 ms, E embedding size.
@@ -19,7 +19,7 @@ WIDTH = 128
 SIZE = 64
 _COMPONENTS = 16
 _MAPS = (24, 48, 64)
-# Deviation of the logarithms of `sight.relative` is about a third.
+# Deviation of the logarithms of `mouth_channels.relative` is about a third.
 _PIXEL_SCALE = 3.0
 
 
@@ -51,7 +51,7 @@ class LipStream(nn.Module):
 class PixelStream(nn.Module):
     """Grey crops of the mouth; the five frames are the channels of the first convolution.
 
-    Nothing normalises an item by its own contrast: a mouth that shows little must count for little.
+    Items are not normalised by their own contrast: a mouth that moves little must count little.
     """
 
     def __init__(self) -> None:
@@ -109,6 +109,6 @@ class SoundStream(nn.Module):
         return embedding
 
 
-def mouth_stream(sees: str) -> LipStream | PixelStream:
-    """The stream for a key of `sight.SIGHTS`."""
-    return PixelStream() if sees == "pixels" else LipStream()
+def mouth_stream(kind: str) -> LipStream | PixelStream:
+    """The stream for a key of `MOUTH_CHANNELS`."""
+    return PixelStream() if kind == "pixels" else LipStream()

@@ -1,4 +1,4 @@
-"""Where the weights of the sync check lie; kept apart so that nobody loads torch to name them."""
+"""Path of the sync check's weights; a module without torch, so that naming them is fast."""
 
 from pathlib import Path
 

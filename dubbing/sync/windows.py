@@ -1,4 +1,4 @@
-"""What the network looks at: five mouth frames, and 0.2 s of sound, at given moments.
+"""Windows of the sync network: five mouth frames, and 0.2 s of sound, at given moments.
 
 Letters: F frames, W moments, V = 5 mouth frames, X values a frame, A = 10 sound steps, D channels.
 """
@@ -6,7 +6,7 @@ Letters: F frames, W moments, V = 5 mouth frames, X values a frame, A = 10 sound
 import numpy as np
 
 from dubbing.speech.voice_activity import STEP_RATE, at_times
-from dubbing.sync.hearing import Take
+from dubbing.sync.sound_channels import Take
 from dubbing.sync.streams import MOUTH_FRAMES, MOUTH_STEP, SOUND_STEPS
 
 _MOUTH_OFFSETS = (np.arange(MOUTH_FRAMES) - (MOUTH_FRAMES - 1) / 2) * MOUTH_STEP
@@ -20,7 +20,7 @@ def mouth_windows(
 
     Args:
         mouths: (F, X) at `times`, increasing: shapes or pixels.
-        moments: seconds, (W,). At the ends of the video the outermost one is repeated.
+        moments: seconds, (W,). At the ends of the video the outermost frame is repeated.
     """
     if len(times) == 1:
         return np.broadcast_to(mouths[:, None], (len(moments), MOUTH_FRAMES, mouths.shape[1]))
@@ -38,7 +38,7 @@ def sound_windows(sound: np.ndarray, moments: np.ndarray, stretch: float = 1.0) 
     """Ten steps of 20 ms (times `stretch`) around each moment, (W, A, D).
 
     Args:
-        sound: (T, D), starting at 0 s of the clock `moments` (W,) count by; silence outside.
+        sound: (T, D), starting at second 0 of `moments` (W,); silence outside.
     """
     return at_times(sound, moments[:, None] + _SOUND_OFFSETS * stretch)
 

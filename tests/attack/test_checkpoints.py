@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from dfrf import presets
 from dfrf.checkpoint import read_tensors
-from dfrf.head_checkpoint import save_model
+from dfrf.saved_models import save_model
 from dubbing import tasks
 from dubbing.stages import initial_model
 from tests.attack import rule

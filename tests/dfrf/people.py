@@ -8,9 +8,9 @@ from dfrf import presets
 from dfrf.config import FieldConfig, MarchConfig, ModelConfig
 from dfrf.data.dataset import EYES, HEAD, MOUTH, RIM, HeadDataset
 from dfrf.data.reference_cuts import cut_references
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.field.field import PRIOR_CENTRE, PRIOR_RADII
-from dfrf.field.mouth_views import LIP_POINTS
+from dfrf.field.mouth_pixels import LIP_POINTS
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.speaker_adaptation import HEARD
 

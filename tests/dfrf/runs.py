@@ -8,7 +8,7 @@ from pathlib import Path
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.head_model import HeadModel
+from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, fit
 from dfrf.training.progress import Curve

@@ -17,8 +17,8 @@ from dfrf.checkpoint import (
     write_tensors,
 )
 from dfrf.data.reference_cuts import cut_references
-from dfrf.fast.method import FastMethod
-from dfrf.head_checkpoint import load_model, load_person, save_model, save_person
+from dfrf.fast.fast_method import FastMethod
+from dfrf.saved_models import load_model, load_person, save_model, save_person
 from tests.dfrf.people import person, small_config
 
 
@@ -69,7 +69,7 @@ def test_a_person_of_another_version_is_to_be_learned_again(tmp_path: Path) -> N
     tensors, header = read_tensors(path)
     del tensors["reference.centres"], header["scale"]
     write_tensors(path, tensors, header)
-    with pytest.raises(CheckpointError, match=r"p\.safetensors: .*learn the person again"):
+    with pytest.raises(CheckpointError, match=r"p\.safetensors: .*fine-tune the person again"):
         load_person(path)
 
 
@@ -202,7 +202,7 @@ def test_odd_references_are_refused(tmp_path: Path, name: str, value: object) ->
     else:
         header[name] = value
     write_tensors(path, tensors, header)
-    with pytest.raises(CheckpointError, match=r"p\.safetensors: .*learn the person again"):
+    with pytest.raises(CheckpointError, match=r"p\.safetensors: .*fine-tune the person again"):
         load_person(path)
 
 

@@ -41,6 +41,6 @@ def test_products_are_rounded_as_the_tables_are(arithmetic: float) -> None:
 
 def test_counts_are_filled_up_to_round_ones() -> None:
     for count in (0, 1, 511, 512, 513):
-        whole = count + device.fill(count)
-        assert whole % device.ROUND == 0
-        assert 0 <= device.fill(count) < device.ROUND
+        whole = count + device.padding(count)
+        assert whole % device.PADDED_MULTIPLE == 0
+        assert 0 <= device.padding(count) < device.PADDED_MULTIPLE

@@ -12,13 +12,13 @@ from torch import Tensor
 
 from dfrf import device as devices
 from dfrf import presets
+from dfrf.api import Head, load_head, render_frame, save_head
 from dfrf.cameras import Camera
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import neighbour_windows
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS
-from dfrf.head import Head, load_head, render_frame, save_head
-from dfrf.method import FrameInputs
+from dfrf.method_interface import FrameInputs
 from dfrf.training.fit import FitOptions, fit
 from dfrf.training.validation import Validation
 from tests.dfrf.people import FOCAL, SIZE, person, small_config

@@ -12,8 +12,8 @@ import dfrf
 from dfrf import presets
 from dfrf.config import MarchConfig
 from dfrf.data.reference_cuts import cut_references
-from dfrf.fast.model import FastModel
-from dfrf.head_checkpoint import save_person
+from dfrf.fast.fast_model import FastModel
+from dfrf.saved_models import save_person
 from tests import clips, fakes
 from tests.dfrf.people import person, small_config
 

@@ -1,1 +1,1 @@
-"""Where the head is: poses from landmarks, pixels and outlines."""
+"""Head poses from landmarks, pixels and the outline of the head."""

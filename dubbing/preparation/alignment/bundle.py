@@ -5,8 +5,8 @@ T frames, P points, 6 unknowns a frame. Minimised (Triggs et al. 2000, with Hube
     sum_tp rho(|pi(R_t X_p + T_t) - u_tp| / sigma_p)
     + sum_t |d2 omega_t|^2 / (.5 deg)^2 + sum_t |d2 T_t|^2 / (.01, .01, .06)^2
 
-over the poses, whose matrix is banded; `triangulate` moves the points instead, each held at its
-prior by |X_p - X0_p|^2 / .05^2.
+over the poses, whose matrix is banded. `triangulate` solves for the points instead, with the prior
+|X_p - X0_p|^2 / .05^2.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SHAPE_SIGMA = 0.05
 TURN_SIGMA = np.deg2rad(0.5)  # of second differences at 25 frames a second
 SHIFT_SIGMA = np.array([0.01, 0.01, 0.06])
 REFERENCE_RATE = 25.0
-DAMPING = 1e-6  # keeps frames without a face solvable: they stay where they were
+DAMPING = 1e-6  # keeps frames without a face solvable: their poses stay
 SHAPE_FRAMES = 250
 POSE_STEPS = 8
 POINT_STEPS = 3  # of Gauss-Newton, for points from known poses
@@ -47,11 +47,11 @@ LEAST_SIGMA = 0.25  # px
 
 @dataclass(frozen=True)
 class Observations:
-    """What the camera saw of the rigid points.
+    """Observations of the rigid points.
 
     pixels (T, P, 2), confidence (T,) in 0..1: 0 where the face is hidden, linked (T,) bool:
     smoothness joins the frame with those before and after it, focal px, centre (T, 2) px, rate
-    frames a second, silhouette the outline of the head where it was looked for.
+    frames a second, silhouette the outline of the head, None where it was not measured.
     """
 
     pixels: np.ndarray
@@ -84,17 +84,21 @@ class Observations:
         )
 
 
-def start_poses(shape: np.ndarray, seen: Observations) -> Poses:
+def start_poses(shape: np.ndarray, observed: Observations) -> Poses:
     """Perspective-n-point pose of every usable frame; the others copy the nearest usable one."""
-    frames = len(seen.pixels)
+    frames = len(observed.pixels)
     rotation, translation = np.zeros((frames, 3, 3)), np.zeros((frames, 3))
-    usable = np.flatnonzero(seen.usable)
+    usable = np.flatnonzero(observed.usable)
     for t in usable:
         camera = np.array(
-            [[seen.focal, 0, seen.centre[t, 0]], [0, seen.focal, seen.centre[t, 1]], [0, 0, 1]]
+            [
+                [observed.focal, 0, observed.centre[t, 0]],
+                [0, observed.focal, observed.centre[t, 1]],
+                [0, 0, 1],
+            ]
         )
         _, vector, shift = cv2.solvePnP(
-            shape, seen.pixels[t].astype(np.float64), camera, None, flags=cv2.SOLVEPNP_SQPNP
+            shape, observed.pixels[t].astype(np.float64), camera, None, flags=cv2.SOLVEPNP_SQPNP
         )
         rotation[t], translation[t] = cv2.Rodrigues(vector)[0], shift[:, 0]
     nearest = usable[np.abs(np.arange(frames)[:, None] - usable[None]).argmin(1)]
@@ -105,7 +109,7 @@ def smoothness_weights(rate: float, slack: float) -> np.ndarray:
     """Inverse variances (6,) of the second differences; these shrink with the rate's square.
 
     Args:
-        slack: how many times as far a head may jerk.
+        slack: factor of the standard deviations.
     """
     sigma = slack * np.concatenate((np.full(3, TURN_SIGMA), SHIFT_SIGMA))
     sigma *= (REFERENCE_RATE / rate) ** 2
@@ -119,13 +123,13 @@ def landmark_weights(residual: np.ndarray, sigma: np.ndarray, confidence: np.nda
 
 
 def landmark_equations(
-    poses: Poses, shape: np.ndarray, seen: Observations, sigma: np.ndarray
+    poses: Poses, shape: np.ndarray, observed: Observations, sigma: np.ndarray
 ) -> NormalEquations:
     """Landmark part of a pose step."""
     in_camera = to_camera(poses, shape)
-    residual = project(in_camera, seen.focal, seen.centre) - seen.pixels
-    weight = landmark_weights(residual, sigma, seen.confidence)
-    jacobian = pose_jacobian(in_camera, poses.translation, seen.focal)
+    residual = project(in_camera, observed.focal, observed.centre) - observed.pixels
+    weight = landmark_weights(residual, sigma, observed.confidence)
+    jacobian = pose_jacobian(in_camera, poses.translation, observed.focal)
     weighted = jacobian * weight[..., None, None]
     frames = len(poses)
     flat, flat_weighted = jacobian.reshape(frames, -1, DOF), weighted.reshape(frames, -1, DOF)
@@ -151,41 +155,41 @@ def smoothness_right(poses: Poses, linked: np.ndarray, weight: np.ndarray) -> np
 
 
 def smoothed_system(
-    poses: Poses, equations: NormalEquations, seen: Observations, slack: float = 1.0
+    poses: Poses, equations: NormalEquations, observed: Observations, slack: float = 1.0
 ) -> tuple[np.ndarray, np.ndarray]:
     """Band matrix and right-hand side (6 T,) of a step of all poses, smoothness included."""
-    weight = smoothness_weights(seen.rate, slack)
-    one, off1, off2 = smoothness_blocks(seen.linked, weight)
+    weight = smoothness_weights(observed.rate, slack)
+    one, off1, off2 = smoothness_blocks(observed.linked, weight)
     diagonal = equations.diagonal + one + DAMPING * np.eye(DOF) * weight
-    right = equations.right + smoothness_right(poses, seen.linked, weight)
+    right = equations.right + smoothness_right(poses, observed.linked, weight)
     return lower_band(diagonal, off1, off2), right.ravel()
 
 
-def point_sigmas(poses: Poses, shape: np.ndarray, seen: Observations) -> np.ndarray:
+def point_sigmas(poses: Poses, shape: np.ndarray, observed: Observations) -> np.ndarray:
     """Spread (P,) in px of every point's residuals: 1.4826 times their median absolute value."""
-    residual = project(to_camera(poses, shape), seen.focal, seen.centre) - seen.pixels
-    spread = 1.4826 * np.median(np.abs(residual[seen.usable]), axis=(0, 2))
+    residual = project(to_camera(poses, shape), observed.focal, observed.centre) - observed.pixels
+    spread = 1.4826 * np.median(np.abs(residual[observed.usable]), axis=(0, 2))
     return np.maximum(spread, LEAST_SIGMA)
 
 
 def fit_poses(
-    shape: np.ndarray, poses: Poses, seen: Observations, steps: int = POSE_STEPS
+    shape: np.ndarray, poses: Poses, observed: Observations, steps: int = POSE_STEPS
 ) -> Poses:
     """Poses of all frames for a known shape (P, 3), smoothed within each shot."""
     for _ in range(steps):
-        sigma = point_sigmas(poses, shape, seen)
-        equations = landmark_equations(poses, shape, seen, sigma)
-        step = solve_band(*smoothed_system(poses, equations, seen))
+        sigma = point_sigmas(poses, shape, observed)
+        equations = landmark_equations(poses, shape, observed, sigma)
+        step = solve_band(*smoothed_system(poses, equations, observed))
         poses = poses.stepped(step.reshape(-1, DOF))
     return poses
 
 
 def triangulate(
-    prior: np.ndarray, pixels: np.ndarray, poses: Poses, seen: Observations
+    prior: np.ndarray, pixels: np.ndarray, poses: Poses, observed: Observations
 ) -> np.ndarray:
     """Points (P, 3) that best explain pixels (T, P, 2) from known poses, drawn to a prior."""
-    index = seen.spread(SHAPE_FRAMES)
-    some = replace(seen.take(index), pixels=pixels[index])
+    index = observed.spread(SHAPE_FRAMES)
+    some = replace(observed.take(index), pixels=pixels[index])
     chosen, points = poses[index], prior
     for _ in range(POINT_STEPS):
         in_camera = to_camera(chosen, points)

@@ -1,4 +1,4 @@
-"""The pinhole camera of the crop and what a small head motion does to a pixel.
+"""The pinhole camera of the crop, and derivatives of pixels by head motion.
 
 T frames, P points. Pixel coordinates are OpenCV's: (column, row), (0, 0) the middle of the first
 pixel. Camera axes: x right, y down, z forward. Poses map the head frame into the camera:
@@ -13,9 +13,9 @@ import numpy as np
 
 from dubbing.preparation.alignment.rotations import cross_matrix, rotation_from_vector
 
-# The focal length hardly shows in a head that fills the picture, but wrong perspective bends the
-# turns of one that moves far. A head alone is filmed from about .8 m: 2.34 crop widths. What else
-# the frame shows was filmed from further away: as by a normal lens, 50 mm on 36 mm of film.
+# The focal length hardly matters for a head that fills the frame, but a wrong perspective distorts
+# the turns of one that moves far. A head that fills the frame is filmed from about .8 m: 2.34 crop
+# widths. A frame that shows more is filmed from further away: with a normal lens, 50 mm on 36 mm.
 NEAR_LENS = 2.34  # crop widths
 NORMAL_LENS = 50 / 36  # longer sides of the frame
 

@@ -1,7 +1,7 @@
-"""The skin's detail in every frame, on disk, for sampling again and again.
+"""The skin's detail in every frame, in a file that is sampled many times.
 
-Detail is what is left of the grey values without the shading. Light stays where it is when a head
-turns, so shading moves otherwise than the skin and would pull the poses along.
+Detail is the grey values without the shading. Light does not move when a head turns, so shading
+moves differently from the skin and would bias the poses.
 
 T frames, N points. Small windows that move with the face: memory stays constant, and a frame is
 decoded once.
@@ -15,19 +15,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dubbing.preparation.footage.threads import in_order
+from dubbing.preparation.crops.threads import in_order
 
 BLUR = 1.2  # px at a crop of 512
-SHADING = 2.8  # px at a crop of 512: what is blurred so is not detail
+SHADING = 2.8  # px at a crop of 512: the blur that is left is shading
 DETAIL_GAIN = 4.0  # of detail, around the grey value 128
 MARGIN = 16.0  # px at a crop of 512, around the points
 
 
 @dataclass(frozen=True)
 class FaceStrip:
-    """pictures (T, h, w) uint8 and the place (T, 2) of their first pixels (x, y) in the crop."""
+    """images (T, h, w) uint8 and the position (T, 2) of their first pixels (x, y) in the crop."""
 
-    pictures: np.ndarray
+    images: np.ndarray
     corner: np.ndarray
 
     @staticmethod
@@ -35,7 +35,7 @@ class FaceStrip:
         """Cut the strip out of crops (T, S, S, 3), around the face's pixels (T, P, 2) of each.
 
         Args:
-            path: file that holds the pictures for as long as they are needed.
+            path: file that holds the images for as long as they are needed.
         """
         size = crops.shape[1]
         margin = MARGIN * size / 512
@@ -58,24 +58,24 @@ class FaceStrip:
 
     def take(self, index: np.ndarray) -> FaceStrip:
         """Some of the frames."""
-        return FaceStrip(self.pictures[index], self.corner[index])
+        return FaceStrip(self.images[index], self.corner[index])
 
     def sample(self, frames: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         """Grey values (K, N) float32 at pixels (K, N, 2) of some crops (K,); NaN outside."""
-        values = self._read(frames, pixels, self.pictures[frames][..., None].astype(np.float32))
+        values = self._read(frames, pixels, self.images[frames][..., None].astype(np.float32))
         return values[..., 0]
 
     def slopes(self, frames: np.ndarray, pixels: np.ndarray) -> np.ndarray:
         """Derivatives (K, N, 2) of the grey values along columns and rows, in levels a px."""
-        pictures = self.pictures[frames].astype(np.float32)
-        slopes = np.zeros((*pictures.shape, 2), np.float32)
-        slopes[:, :, 1:-1, 0] = (pictures[:, :, 2:] - pictures[:, :, :-2]) / 2
-        slopes[:, 1:-1, :, 1] = (pictures[:, 2:] - pictures[:, :-2]) / 2
+        images = self.images[frames].astype(np.float32)
+        slopes = np.zeros((*images.shape, 2), np.float32)
+        slopes[:, :, 1:-1, 0] = (images[:, :, 2:] - images[:, :, :-2]) / 2
+        slopes[:, 1:-1, :, 1] = (images[:, 2:] - images[:, :-2]) / 2
         return self._read(frames, pixels, slopes)
 
     def _read(self, frames: np.ndarray, pixels: np.ndarray, levels: np.ndarray) -> np.ndarray:
-        """Pictures (K, h, w, C) float32 at pixels (K, N, 2) of the crops, bilinear: (K, N, C)."""
-        # OpenCV rounds sampling places to 1/32 px; so weigh the four neighbours here.
+        """Images (K, h, w, C) float32 at pixels (K, N, 2) of the crops, bilinear: (K, N, C)."""
+        # OpenCV rounds positions to 1/32 px, so the four neighbours are interpolated here.
         at = pixels - self.corner[frames, None].astype(np.float32)
         first = np.floor(at)
         column, row = first[..., 0], first[..., 1]

@@ -1,4 +1,4 @@
-"""What frames show at the points of the skin: grey values, and how they change along it.
+"""Grey values of frames at the points of the skin.
 
 K frames, N points. Single precision: a pixel's place is exact to 1e-4 px, a grey value to 1e-5.
 """
@@ -14,7 +14,7 @@ import numpy as np
 from dubbing.preparation.alignment.camera import Poses
 from dubbing.preparation.alignment.face_strip import FaceStrip
 from dubbing.preparation.alignment.skin import Skin
-from dubbing.preparation.footage.threads import in_order
+from dubbing.preparation.crops.threads import in_order
 
 LEAST_FACING = 0.3  # cosine between normal and ray, below which a point is not used
 CHUNK = 8  # frames a thread treats at a time
@@ -22,11 +22,11 @@ CHUNK = 8  # frames a thread treats at a time
 
 @dataclass(frozen=True)
 class View:
-    """Where the skin is before the camera in some frames.
+    """The skin from the view of the camera in some frames.
 
     turns (K, 3, 3), of row vectors: from the head's axes to the camera's. points, normals
-    (K, N, 3): turned, but not moved; in_camera (K, N, 3); pixels (K, N, 2); seen (K, N) bool:
-    facing the camera.
+    (K, N, 3): turned, but not moved; in_camera (K, N, 3); pixels (K, N, 2); visible (K, N)
+    bool: facing the camera.
     """
 
     turns: np.ndarray
@@ -34,12 +34,12 @@ class View:
     normals: np.ndarray
     in_camera: np.ndarray
     pixels: np.ndarray
-    seen: np.ndarray
+    visible: np.ndarray
 
 
 @dataclass(frozen=True)
 class Alignment:
-    """What photometric refinement works on: the skin, its pictures and the camera."""
+    """Input of photometric refinement: the skin, its images and the camera."""
 
     skin: Skin
     strip: FaceStrip
@@ -47,7 +47,7 @@ class Alignment:
     centre: np.ndarray
 
     def with_skin(self, skin: Skin) -> Alignment:
-        """The same pictures for points elsewhere."""
+        """The same images for other points."""
         return replace(self, skin=skin)
 
     def take(self, index: np.ndarray) -> Alignment:
@@ -62,12 +62,12 @@ class Alignment:
         in_camera = points + poses.translation[frames, None].astype(np.float32)
         centre = self.centre[frames, None].astype(np.float32)
         pixels = np.float32(self.focal) * in_camera[..., :2] / in_camera[..., 2:] + centre
-        seen = -dot(normals, in_camera) >= LEAST_FACING * np.sqrt(dot(in_camera, in_camera))
-        return View(turns, points, normals, in_camera, pixels, seen)
+        visible = -dot(normals, in_camera) >= LEAST_FACING * np.sqrt(dot(in_camera, in_camera))
+        return View(turns, points, normals, in_camera, pixels, visible)
 
     def values(self, frames: np.ndarray, view: View) -> np.ndarray:
-        """Grey values (K, N) float32, NaN where not seen."""
-        return np.where(view.seen, self.strip.sample(frames, view.pixels), np.float32(np.nan))
+        """Grey values (K, N) float32, NaN where not visible."""
+        return np.where(view.visible, self.strip.sample(frames, view.pixels), np.float32(np.nan))
 
     def samples(self, poses: Poses, frames: np.ndarray) -> np.ndarray:
         """Grey values (K, N) of the given frames."""

@@ -11,8 +11,6 @@ and to the texture.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from dubbing.face.mesh_points import EYE_CORNERS
@@ -27,26 +25,27 @@ from dubbing.preparation.alignment.bundle import (
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.alignment.photometric import Alignment, View, dot, in_chunks
 from dubbing.preparation.alignment.texture import Texture
+from dubbing.preparation.crops.tracked_crops import ReportShare
 
 STEPS = 8  # of Gauss-Newton, at most
-REST = 0.02  # px rms: landmarks that a step moves by less have arrived
-CORRELATED = 8.0  # neighbouring pixels err together: so many count as one
-LANDMARK_INFLATION = 60.0  # of the landmarks' variances; they only hold what pixels do not see
-SLACK = 4.0  # of the smoothness of poses: what landmarks need damps a nod that pixels see
-LEAST_POINTS = 50  # seen in a frame
+REST = 0.02  # px rms: a step that moves landmarks by less ends the iteration
+CORRELATED = 8.0  # errors of neighbouring pixels are correlated: so many count as one
+LANDMARK_INFLATION = 60.0  # of the landmarks' variances; they only fix what pixels leave free
+SLACK = 4.0  # of the smoothness of poses: that for landmarks would damp nods seen in the pixels
+LEAST_POINTS = 50  # visible in a frame
 LEAST_GAIN = 0.1  # contrast of a frame to that of the mean; below, it shows something else
 
 
 def without_gain(
     columns: np.ndarray, texture: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Columns (K, N, C) with their parts along 1 and along the texture (N,) taken out.
+    """Columns (K, N, C) without their parts along 1 and along the texture (N,).
 
     Args:
         weight: (K, N).
 
     Returns:
-        The columns (K, N, C) and the coefficients (K, 2, C) of what was taken out.
+        The columns (K, N, C) and the coefficients (K, 2, C) of the parts removed.
     """
     basis = np.stack((np.ones_like(texture), texture), axis=1).astype(columns.dtype)
     weighted = (basis * weight[..., None].astype(columns.dtype)).transpose(0, 2, 1)
@@ -59,8 +58,8 @@ def jacobian_of(
 ) -> np.ndarray:
     """Derivatives (K, N, C) of the grey values by the pose's step, and by the relief's bumps."""
     slope = texture.slope.astype(np.float32) @ view.turns
-    # What moves along its ray shows the same: of a slope, what is along the ray goes into the
-    # normal, which only moves what is seen along the skin.
+    # Motion along the ray changes nothing: the slope's part along the ray is replaced by one along
+    # the normal.
     along = dot(slope, view.in_camera) / dot(view.normals, view.in_camera)
     slope -= along[..., None] * view.normals
     # A left turn by w moves R X by w x (R X).
@@ -74,7 +73,7 @@ def jacobian_of(
 
 def pixel_equations(
     poses: Poses,
-    seen: Observations,
+    observed: Observations,
     work: Alignment,
     texture: Texture,
     relief: tuple[np.ndarray, np.ndarray] | None = None,
@@ -93,7 +92,7 @@ def pixel_equations(
         values = work.values(frames, view)
         weight = np.where(np.isfinite(values), texture.weight, 0).astype(np.float32)
         known = (weight > 0).sum(1) >= LEAST_POINTS
-        weight[~known] = texture.weight  # solvable, and taken out at the end
+        weight[~known] = texture.weight  # keeps the system solvable; these frames get weight 0
         jacobian = jacobian_of(view, texture, relief)
         columns = np.concatenate((jacobian, np.nan_to_num(values)[..., None]), axis=2)
         clean, fit = without_gain(columns, texture.mean, weight)
@@ -107,7 +106,7 @@ def pixel_equations(
         both = product(weighted, clean)
         return both[..., :-1].astype(np.float64), -both[..., -1].astype(np.float64)
 
-    usable = np.flatnonzero(seen.usable)
+    usable = np.flatnonzero(observed.usable)
     unknowns = DOF + (0 if relief is None else relief[1].shape[1])
     matrix, right = np.zeros((len(poses), unknowns, unknowns)), np.zeros((len(poses), unknowns))
     parts = list(in_chunks(of_some, usable))
@@ -130,37 +129,41 @@ def refine(
     work: Alignment,
     texture: Texture,
     shape: np.ndarray,
-    seen: Observations,
-    progress: Callable[[float], None],
+    observed: Observations,
+    progress: ReportShare,
 ) -> Poses:
     """Poses that align the skin's pixels with a texture, from a start within a few px.
 
     Args:
-        shape: (P, 3) rigid landmarks, observed by ``seen``.
+        shape: (P, 3) rigid landmarks, of which ``observed`` has the pixels.
     """
     for done in range(STEPS):
-        rest = beside_pixels(poses, shape, seen)
-        matrix, right = pixel_equations(poses, seen, work, texture)
+        rest = beside_pixels(poses, shape, observed)
+        matrix, right = pixel_equations(poses, observed, work, texture)
         both = NormalEquations(rest.diagonal + matrix, rest.right + right)
-        step = solve_band(*smoothed_system(poses, both, seen, SLACK))
+        step = solve_band(*smoothed_system(poses, both, observed, SLACK))
         before, poses = poses, poses.stepped(step.reshape(-1, DOF))
         progress((done + 1) / STEPS)
-        old, new = (project(to_camera(p, shape), seen.focal, seen.centre) for p in (before, poses))
+        old, new = (
+            project(to_camera(p, shape), observed.focal, observed.centre) for p in (before, poses)
+        )
         if np.sqrt(((new - old) ** 2).sum(-1).mean()) < REST:
             break
     return poses
 
 
-def beside_pixels(poses: Poses, shape: np.ndarray, seen: Observations) -> NormalEquations:
-    """What holds a pose where pixels do not see: weak landmarks, and the outline of the head.
+def beside_pixels(poses: Poses, shape: np.ndarray, observed: Observations) -> NormalEquations:
+    """Normal equations that fix poses where pixels do not: weak landmarks, and the outline.
 
     Args:
         shape: (P, 3) rigid landmarks; the last are the corners of the eyes.
     """
-    sigma = point_sigmas(poses, shape, seen) * np.sqrt(LANDMARK_INFLATION)
-    marks = landmark_equations(poses, shape, seen, sigma)
-    if seen.silhouette is None:
+    sigma = point_sigmas(poses, shape, observed) * np.sqrt(LANDMARK_INFLATION)
+    marks = landmark_equations(poses, shape, observed, sigma)
+    if observed.silhouette is None:
         return marks
     corners = shape[-len(EYE_CORNERS) :]
-    outline = silhouette.equations(seen.silhouette, poses, corners, seen.focal, seen.centre)
+    outline = silhouette.equations(
+        observed.silhouette, poses, corners, observed.focal, observed.centre
+    )
     return NormalEquations(marks.diagonal + outline.diagonal, marks.right + outline.right)

@@ -1,20 +1,19 @@
-"""The relief of the skin, found together with the poses from pixels.
+"""The relief of the skin, solved together with the poses from pixels.
 
-N points, K bumps, T frames. To first order a turn by w moves a point by w times its depth: a face
-drawn too flat turns too far, and where the depths are wrong one against another, one axis turns
-for the other. So the depth of the skin, as seen from the reference frame, may bend by smooth bumps:
+N points, K bumps, T frames. To first order a turn by w moves a point by w times its depth. So a
+face that is too flat turns too far, and wrong relative depths mix up the axes of rotation. The
+depth of the skin, from the view of the reference frame, may therefore bend by smooth bumps:
 
     Y_n(c) = Y_n + v_n sum_k phi_k(x_n, y_n) c_k,   phi_k a Gaussian on a grid, v_n along the ray
 
 and c is solved with all poses by Gauss-Newton on the photometric residuals (:mod:`photometric`),
-with |c|^2 / .05^2. One number the pixels hardly know, as a deeper face that turns less looks
-nearly alike (the bas-relief ambiguity, Belhumeur et al. 1999): the slope of the new depths on the
-old ones. It is held at the slope of the landmarks' shape, by (g c)^2 / .01^2, g that slope.
+with |c|^2 / .05^2. The pixels hardly determine one number, the slope of the new depths on the old
+ones: a deeper face that turns less looks nearly the same (the bas-relief ambiguity, Belhumeur et
+al. 1999). It is held at the slope of the landmarks' shape, by (g c)^2 / .01^2, g that slope.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +25,7 @@ from dubbing.preparation.alignment.photometric import Alignment
 from dubbing.preparation.alignment.refinement import beside_pixels, pixel_equations
 from dubbing.preparation.alignment.skin import Skin
 from dubbing.preparation.alignment.texture import Texture, texture_of
+from dubbing.preparation.crops.tracked_crops import ReportShare
 
 SPACING = 0.3  # between bumps, and their spread
 BUMP_SIGMA = 0.05
@@ -36,7 +36,7 @@ STEPS = 2
 
 @dataclass(frozen=True)
 class Relief:
-    """How far skin moves along the rays of a camera that stands at `eye` (3,) of the head frame.
+    """Motion of the skin along the rays of a camera at `eye` (3,) of the head frame.
 
     bumps (K, 2): their centres (x, y); height (K,): in the units of the head, along rays whose
     step along the camera's axis `ahead` (3,) is 1.
@@ -74,7 +74,7 @@ class Relief:
 
 
 def slope_of(skin: Skin, basis: np.ndarray) -> np.ndarray:
-    """Linear form (K,): slope on z of depths that are added, with a plane left free."""
+    """Linear form (K,): slope on z of added depths, with a plane left free."""
     x, y, z = (skin.points - skin.points.mean(0)).T
     known = np.stack((z, x, y, np.ones_like(z)), axis=1)
     return np.asarray(np.linalg.lstsq(known, basis, rcond=None)[0][0])
@@ -84,36 +84,36 @@ def solve_relief(
     poses: Poses,
     work: Alignment,
     shape: np.ndarray,
-    seen: Observations,
+    observed: Observations,
     reference: Poses,
-    progress: Callable[[float], None],
+    progress: ReportShare,
 ) -> tuple[Relief, Texture]:
-    """Relief of the skin, and its mean texture with the poses that go with it.
+    """Relief of the skin, and its mean texture at the poses solved with it.
 
     Args:
         poses: start, within a few px.
-        work: skin without relief, and its pictures.
-        shape: (P, 3) rigid landmarks, observed by ``seen``.
+        work: skin without relief, and its images.
+        shape: (P, 3) rigid landmarks, of which ``observed`` has the pixels.
         reference: pose (1,) from which the skin was projected back.
     """
     relief = Relief.flat(work.skin, reference)
     rays, basis = relief.rays(work.skin), relief.basis(work.skin)
     slope = slope_of(work.skin, basis)
     prior = np.eye(basis.shape[1]) / BUMP_SIGMA**2 + np.outer(slope, slope) / SLOPE_SIGMA**2
-    usable = np.flatnonzero(seen.usable)
+    usable = np.flatnonzero(observed.usable)
     for done in range(ROUNDS):
         bent = work.with_skin(relief.bend(work.skin))
         texture = texture_of(poses, usable, bent)
         for step in range(STEPS):
             bent = work.with_skin(relief.bend(work.skin))
-            rest = beside_pixels(poses, shape, seen)
-            matrix, right = pixel_equations(poses, seen, bent, texture, (rays, basis))
+            rest = beside_pixels(poses, shape, observed)
+            matrix, right = pixel_equations(poses, observed, bent, texture, (rays, basis))
             both = NormalEquations(
                 rest.diagonal + matrix[:, :DOF, :DOF], rest.right + right[:, :DOF]
             )
             border, corner = matrix[:, :DOF, DOF:], prior + matrix[:, DOF:, DOF:].sum(0)
             low = right[:, DOF:].sum(0) - prior @ relief.height
-            band, right_pose = smoothed_system(poses, both, seen)
+            band, right_pose = smoothed_system(poses, both, observed)
             pose_step, height_step = solve_bordered(
                 band, border.reshape(-1, basis.shape[1]), corner, right_pose, low
             )

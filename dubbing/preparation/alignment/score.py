@@ -1,4 +1,4 @@
-"""How well a track fits: what is left of the upper face's motion once the poses are taken out.
+"""Score of a track: the motion of the upper face that remains once the poses are removed.
 
 K frames, N points.
 """
@@ -15,13 +15,13 @@ STEPS = 5
 
 
 def residual_shift(poses: Poses, frames: np.ndarray, work: Alignment) -> np.ndarray:
-    """How far the upper face still moves once the poses are taken out: (K, 2) px a frame.
+    """Remaining motion of the upper face once the poses are removed: (K, 2) px a frame.
 
-    Every frame's skin, seen from one view, is compared with the mean of the given frames: the
-    shift that best explains the difference, gain and offset free. Its root mean square is the
-    score of a track. Landmarks cannot give it, as they jitter themselves. Points are weighted as in
-    the refinement, by how steady they are and by Huber's loss: a forehead that wrinkles under
-    raised brows moves on the skull and is no fault of the pose.
+    Every frame's skin, from one view, is compared with the mean of the given frames: the result is
+    the shift that best explains the difference, with gain and offset free. Its root mean square is
+    the score of a track. Landmarks cannot give it, as they jitter themselves. Points are weighted
+    as in the refinement, by how steady they are and by Huber's loss: a forehead that wrinkles under
+    raised brows moves on the skull, which is no error of the pose.
     """
     texture = texture_of(poses, frames, work)
 
@@ -39,7 +39,7 @@ def residual_shift(poses: Poses, frames: np.ndarray, work: Alignment) -> np.ndar
             left = difference + (slopes @ out)[..., 0]
             sure = weight * huber_weight(np.abs(left) * np.sqrt(weight))
             weighted = (slopes * sure[..., None]).transpose(0, 2, 1)
-            # A point that lies d further shows what the texture has d before.
+            # A point shifted by d shows the texture at d before it, hence the sign.
             out = -np.linalg.solve(weighted @ slopes, weighted @ difference[..., None])
         return out[..., 0]
 
@@ -47,5 +47,5 @@ def residual_shift(poses: Poses, frames: np.ndarray, work: Alignment) -> np.ndar
 
 
 def root_mean_square(shift: np.ndarray) -> float:
-    """Of the lengths of shifts (K, 2), px; rows of NaN do not count."""
+    """Root mean square of the lengths of shifts (K, 2), px; rows of NaN do not count."""
     return float(np.sqrt(np.nanmean((shift**2).sum(1))))

@@ -1,11 +1,11 @@
-"""The turns of the head, from its outline.
+"""Turns and nods of the head, from its outline.
 
-The skin of a face is nearly flat: the pixels that align it hardly know how far it turns, and turns
-of one shot need not fit those of the next. The outline lies a head's depth behind the eyes, so it
-moves against them when the head turns: by .94 distances of the outer eye corners to the side for a
-turn by 1, by .96 up or down for a nod by 1 (rendered heads of six people and hair styles: .85 to
-1.05, and .92 to .99). T frames; angles as the sine of the angle between the camera's axis and the
-head's planes.
+The skin of a face is nearly flat: the pixels that align it hardly determine how far it turns, and
+turns of one shot need not fit those of the next. The outline lies a head's depth behind the eyes,
+so it moves relative to them when the head turns: by .94 distances of the outer eye corners to the
+side for a turn by 1, by .96 up or down for a nod by 1 (rendered heads of six people and hair
+styles: .85 to 1.05, and .92 to .99). T frames; angles as the sine of the angle between the camera's
+axis and the head's planes.
 """
 
 from __future__ import annotations
@@ -19,20 +19,24 @@ from dubbing.preparation.alignment.banded import DOF, NormalEquations, huber_wei
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
 
 TURN, NOD = -0.94, 0.96
-# Of an outline about its line, in eye distances: hair is no part of the skull, least of all above.
+# Of an outline about its line, in eye distances: hair moves on the skull, most of all on top.
 TURN_SIGMA, NOD_SIGMA = 0.006, 0.012
 LEAST_SEEN = 0.5  # share of the frames that must show a side of the outline
-# Where it is looked at, in eye distances: heights above the eyes, places beside their middle.
+# Where it is measured, in eye distances: heights above the eyes, places beside their middle.
 HEIGHTS = np.arange(0.15, 0.75, 0.03)
 PLACES = np.arange(-0.35, 0.36, 0.05)
 LEAST_LINES = 0.5  # of these that must meet the outline
-CUT_OFF = 0.3  # of opacity at the picture's border: the head goes on beyond it
+CUT_OFF = 0.3  # of opacity at the image's border: the head extends beyond it
 
 
 @dataclass(frozen=True)
 class Silhouette:
-    """Of every frame, in px: the middle between the head's two sides beside the forehead, and the
-    top of the head above the eyes, both (T, 2); NaN where they are not seen."""
+    """The outline of the head in every frame.
+
+    Attributes:
+        middle: (T, 2) px, midway between the sides of the head at the forehead; NaN where unknown.
+        top: (T, 2) px, top of the head above the eyes; NaN where unknown.
+    """
 
     middle: np.ndarray
     top: np.ndarray
@@ -54,14 +58,14 @@ def eye_axes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def upwards(right: np.ndarray) -> np.ndarray:
-    """The unit vectors (..., 2) that stand on those to the right, towards the forehead."""
+    """Unit vectors (..., 2) towards the forehead, perpendicular to those to the right."""
     return np.stack((right[..., 1], -right[..., 0]), axis=-1)
 
 
 def measure(alpha: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Middle and top (2,) px of a head in an opacity (S, S) float32, NaN where not seen.
+    """Middle and top (2,) px of a head in an opacity (S, S) float32, NaN where not visible.
 
-    Opacities are added up from the eyes outwards, so an edge counts to a fraction of a pixel.
+    Opacities are summed from the eyes outwards, so edges are found to a fraction of a pixel.
 
     Args:
         corners: (4, 2) px of the eyes.
@@ -91,12 +95,11 @@ def measure(alpha: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def places(
-    seen: Silhouette, poses: Poses, corners: np.ndarray, focal: float, centre: np.ndarray
+    outline: Silhouette, poses: Poses, corners: np.ndarray, focal: float, centre: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Middle (T,) to the right of the eyes and top (T,) above them.
 
-    In distances of the corners of the eyes as they are from the front: turned, they come nearer
-    together.
+    In distances of the corners of the eyes as seen from the front: a turn foreshortens them.
 
     Args:
         corners: (4, 3) of the eyes, head frame.
@@ -104,24 +107,24 @@ def places(
     """
     eyes, right, apart = eye_axes(project(to_camera(poses, corners), focal, centre))
     unit = apart / np.sqrt(1 - poses.rotation[:, 2, 0] ** 2)
-    middle = ((seen.middle - eyes) * right).sum(-1) / unit
-    return middle, ((seen.top - eyes) * upwards(right)).sum(-1) / unit
+    middle = ((outline.middle - eyes) * right).sum(-1) / unit
+    return middle, ((outline.top - eyes) * upwards(right)).sum(-1) / unit
 
 
 def equations(
-    seen: Silhouette, poses: Poses, corners: np.ndarray, focal: float, centre: np.ndarray
+    outline: Silhouette, poses: Poses, corners: np.ndarray, focal: float, centre: np.ndarray
 ) -> NormalEquations:
-    """What the outline adds to a step of the poses.
+    """Normal equations of a step of the poses from the outline.
 
-    Each of its places lies on a line, TURN or NOD times the angle + a constant of the clip.
-    Only the turn's part of the derivative is taken: the pixels hold the eyes where they are.
+    Each of its places is a linear function of the angle: TURN or NOD times it, plus a constant of
+    the clip. Only the rotation's part of the derivative is used: the pixels determine the eyes.
     Arguments are those of :func:`places`.
     """
     rotation, zero = poses.rotation, np.zeros(len(poses))
     diagonal, right = np.zeros((len(poses), DOF, DOF)), np.zeros((len(poses), DOF))
     lines = ((0, TURN, TURN_SIGMA), (1, NOD, NOD_SIGMA))
     for value, (k, slope, sigma) in zip(
-        places(seen, poses, corners, focal, centre), lines, strict=True
+        places(outline, poses, corners, focal, centre), lines, strict=True
     ):
         known = np.isfinite(value)
         if known.mean() < LEAST_SEEN:

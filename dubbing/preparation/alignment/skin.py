@@ -44,7 +44,7 @@ def reference_frame(poses: Poses, usable: np.ndarray) -> int:
 def skin_mask(
     pixels: np.ndarray, size: int, outline: tuple[int, ...], holes: tuple[tuple[int, ...], ...]
 ) -> np.ndarray:
-    """What an outline holds in a frame with landmarks (478, 2) px, but for holes: (S, S) bool."""
+    """Pixels (S, S) bool inside an outline without its holes; landmarks (478, 2) px."""
     mask = np.zeros((size, size), np.uint8)
     cv2.fillPoly(mask, [pixels[list(outline)].round().astype(np.int32)], 1)
     margin = max(1, round(EYE_MARGIN * float(np.ptp(pixels[:, 0]))))
@@ -71,7 +71,7 @@ def skin_points(
 
     Args:
         pose: of that frame, (1,). centre: (1, 2) px.
-        outline, holes: landmarks round the part wanted, and round what is left out of it.
+        outline, holes: landmarks round the part wanted, and round the parts left out of it.
     """
     in_camera = to_camera(pose, shape)[0]
     pixels = project(in_camera[None], focal, centre)[0]

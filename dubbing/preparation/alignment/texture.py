@@ -1,7 +1,7 @@
-"""The mean face: what the skin looks like over the frames, brought to one light.
+"""The mean texture of the face over the frames, normalised to one light.
 
-Its slopes are means, too: those of a frame are full of noise, and steps that trust them fall short
-(errors in variables; the mean's are the template's of Baker and Matthews 2004). T frames, N points.
+Its slopes are means, too: those of one frame are noisy, and steps computed from them are too short
+(errors in variables; the mean is the template of Baker and Matthews 2004). T frames, N points.
 """
 
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ NOISE = 4.0  # grey levels: of a pixel whose texture does not change at all
 
 @dataclass(frozen=True)
 class Texture:
-    """The mean face.
+    """The mean texture of the face.
 
-    mean: grey values (N,), and inverse variances weight (N,), 0 where never seen. slope (N, 3):
-    how the grey value changes where the skin's point moves, in the head's axes.
+    mean: grey values (N,), and inverse variances weight (N,), 0 where never visible. slope (N, 3):
+    gradient of the grey value along the head's axes.
     """
 
     mean: np.ndarray
@@ -28,19 +28,19 @@ class Texture:
 
 
 def texture_of(poses: Poses, frames: np.ndarray, work: Alignment) -> Texture:
-    """Mean face of some frames: temporal median, weight 1 / (MAD^2 + 4^2).
+    """Mean texture of some frames: temporal median, weight 1 / (MAD^2 + 4^2).
 
-    Frames are first brought to a common mean and contrast.
+    Frames are first normalised to a common mean and contrast.
     """
     values = work.samples(poses, frames)
     mean = np.nanmean(values, axis=1, keepdims=True)
     contrast = np.nanstd(values, axis=1, keepdims=True) / np.median(np.nanstd(values, axis=1))
     even = (values - mean) / contrast + np.median(mean)
-    seen = np.isfinite(even).mean(0) > 0.5
-    even = np.where(seen, even, 0)
+    visible = np.isfinite(even).mean(0) > 0.5
+    even = np.where(visible, even, 0)
     texture = median_of_known(even)
     spread = median_of_known(np.abs(even - texture))
-    weight = np.where(seen, 1 / (spread**2 + NOISE**2), 0)
+    weight = np.where(visible, 1 / (spread**2 + NOISE**2), 0)
 
     of_frame = np.ones(len(poses))
     of_frame[frames] = contrast[:, 0]
@@ -50,7 +50,7 @@ def texture_of(poses: Poses, frames: np.ndarray, work: Alignment) -> Texture:
         by_pixel = work.strip.slopes(part, view.pixels) * (work.focal / view.in_camera[..., 2:])
         ahead = (by_pixel * view.in_camera[..., :2]).sum(-1) / view.in_camera[..., 2]
         by_place = np.concatenate((by_pixel, -ahead[..., None]), axis=2)
-        by_place[~view.seen] = 0
+        by_place[~view.visible] = 0
         turned = np.nan_to_num(by_place @ view.turns.transpose(0, 2, 1))
         return np.asarray((turned / of_frame[part, None, None]).sum(0))
 

@@ -1,1 +1,1 @@
-"""What is behind the head: wall, torso and neck."""
+"""Restores the background behind the head: wall, torso and neck."""

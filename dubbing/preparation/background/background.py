@@ -1,9 +1,8 @@
-"""The restored background of a whole clip, streaming, the heavy parts on a few threads.
+"""Restores the background of a whole clip frame by frame, on a few threads.
 
 T frames, S the side of the crop in px.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,20 +12,19 @@ import numpy as np
 from dubbing.media import VideoWriter, read_frames
 from dubbing.preparation.background.neck import neck, neck_profile, smooth_profiles
 from dubbing.preparation.background.pixels import box_of, chosen
-from dubbing.preparation.background.rim import REACH, restore, rim
+from dubbing.preparation.background.rim import CONTEXT_PX, restore, rim
 from dubbing.preparation.background.torso import Torso, torso
 from dubbing.preparation.background.wall import background_pixels, plate, slow_difference
-from dubbing.preparation.footage.footage import Footage
-from dubbing.preparation.footage.threads import in_order
+from dubbing.preparation.crops.threads import in_order
+from dubbing.preparation.crops.tracked_crops import ReportShare, TrackedCrops
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, covered, inpaint_mask
 
 PLATE_FRAMES = 40
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
 class Shot:
-    """What is behind the head in a shot: wall (H, W, 3) float32 on its canvas, and the torso."""
+    """The background of a shot: wall (H, W, 3) float32 on its canvas, and the torso."""
 
     wall: np.ndarray
     torso: Torso | None
@@ -36,7 +34,7 @@ def plate_frames(segment: np.ndarray, lit: np.ndarray) -> list[np.ndarray]:
     """Frames of every shot that its plates are made of; segment (T,) int.
 
     Args:
-        lit: (T,) bool, frames in a light that is usual enough; others only where there are none.
+        lit: (T,) bool, frames in about the usual light; others are used only without such.
     """
     out = []
     for shot in range(segment[-1] + 1):
@@ -48,60 +46,60 @@ def plate_frames(segment: np.ndarray, lit: np.ndarray) -> list[np.ndarray]:
 
 
 def neck_profiles(
-    footage: Footage, matte: Path, wanted: set[int], progress: Progress
+    clip: TrackedCrops, matte: Path, wanted: set[int], progress: ReportShare
 ) -> tuple[np.ndarray, dict[int, np.ndarray]]:
     """Neck profiles (T, PROFILE, 4) of all frames, and the inpaint masks of those wanted."""
 
     def work(alpha: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray]:
         hole = inpaint_mask(alpha)
-        seen = footage.crops[t], footage.person[t], hole, footage.landmarks[t]
-        return neck_profile(*seen), hole
+        return neck_profile(clip.crops[t], clip.person[t], hole, clip.landmarks[t]), hole
 
     profiles, holes = [], {}
-    frames = zip(read_frames(matte, pixels="gray"), range(len(footage)), strict=True)
+    frames = zip(read_frames(matte, pixels="gray"), range(len(clip)), strict=True)
     for t, (profile, hole) in enumerate(in_order(work, frames)):
         profiles.append(profile)
         if t in wanted:
             holes[t] = hole
-        progress((t + 1) / len(footage))
-    return smooth_profiles(np.stack(profiles), footage.segment), holes
+        progress((t + 1) / len(clip))
+    return smooth_profiles(np.stack(profiles), clip.segment), holes
 
 
-def shots(footage: Footage, plates: list[np.ndarray], holes: dict[int, np.ndarray]) -> list[Shot]:
-    """What is behind the head in every shot, from some of its frames with their inpaint masks."""
-    offsets, size = footage.offsets(), footage.size
+def shots(clip: TrackedCrops, plates: list[np.ndarray], holes: dict[int, np.ndarray]) -> list[Shot]:
+    """The background of every shot, from some of its frames with their inpaint masks."""
+    offsets, size = clip.offsets(), clip.size
 
     def work(frames: np.ndarray) -> Shot:
-        images, people = footage.unlit(frames), footage.person[frames]
-        width, height = offsets[footage.segment == footage.segment[frames[0]]].max(0) + size
+        images, people = clip.unlit(frames), clip.person[frames]
+        width, height = offsets[clip.segment == clip.segment[frames[0]]].max(0) + size
         canvas = np.zeros((len(frames), height, width, 3), np.uint8)
         known = np.zeros((len(frames), height, width), bool)
         for k, (x, y) in enumerate(offsets[frames]):
             canvas[k, y : y + size, x : x + size] = images[k]
             known[k, y : y + size, x : x + size] = background_pixels(people[k])
-        found = partial(torso, images, people, np.stack([holes[t] for t in frames]))
-        return Shot(*in_order(lambda half: half(), [(partial(plate, canvas, known),), (found,)]))
+        wall = partial(plate, canvas, known)
+        front = partial(torso, images, people, np.stack([holes[t] for t in frames]))
+        return Shot(*in_order(lambda part: part(), [(wall,), (front,)]))
 
     return [work(frames) for frames in plates]
 
 
-def torso_motions(footage: Footage, behind: list[Shot], progress: Progress) -> np.ndarray:
-    """What lays the torso of its shot over each frame, (T, 2, 3), NaN where there is none.
+def torso_motions(clip: TrackedCrops, behind: list[Shot], progress: ReportShare) -> np.ndarray:
+    """Similarities (T, 2, 3) that align the torso of its shot to each frame, NaN without a torso.
 
-    Frames in which it is not found take what lies between their neighbours.
+    Frames in which it cannot be tracked are interpolated.
     """
 
     def work(t: int) -> np.ndarray | None:
-        found = behind[footage.segment[t]].torso
-        return None if found is None else found.motion(footage.crops[t])
+        front = behind[clip.segment[t]].torso
+        return None if front is None else front.motion(clip.crops[t])
 
-    out = np.full((len(footage), 2, 3), np.nan)
-    for t, motion in enumerate(in_order(work, ((t,) for t in range(len(footage))))):
+    out = np.full((len(clip), 2, 3), np.nan)
+    for t, motion in enumerate(in_order(work, ((t,) for t in range(len(clip))))):
         if motion is not None:
             out[t] = motion
         progress((t + 1) / len(out))
-    for shot in np.unique(footage.segment):
-        index = np.flatnonzero(footage.segment == shot)
+    for shot in np.unique(clip.segment):
+        index = np.flatnonzero(clip.segment == shot)
         part = out[index].reshape(-1, 6)
         known = np.flatnonzero(np.isfinite(part[:, 0]))
         if len(known):
@@ -111,40 +109,42 @@ def torso_motions(footage: Footage, behind: list[Shot], progress: Progress) -> n
     return out
 
 
-def background_step(footage: Footage, matte: Path, background: Path, progress: Progress) -> None:
+def background_step(
+    clip: TrackedCrops, matte: Path, background: Path, progress: ReportShare
+) -> None:
     """Write the restored background: the pixels of the inpaint mask, black elsewhere."""
-    size, rate = footage.size, footage.info.rate
+    size, rate = clip.size, clip.info.rate
     unit = size / REFERENCE_SIZE
-    plates = plate_frames(footage.segment, footage.well_lit())
+    plates = plate_frames(clip.segment, clip.well_lit())
     wanted = set(np.concatenate(plates).tolist())
-    smooth, holes = neck_profiles(footage, matte, wanted, lambda share: progress(0.1 * share))
-    behind, offsets = shots(footage, plates, holes), footage.offsets()
-    motions = torso_motions(footage, behind, lambda share: progress(0.1 + 0.2 * share))
+    smooth, holes = neck_profiles(clip, matte, wanted, lambda share: progress(0.1 * share))
+    behind, offsets = shots(clip, plates, holes), clip.offsets()
+    motions = torso_motions(clip, behind, lambda share: progress(0.1 + 0.2 * share))
 
     def work(alpha: np.ndarray, t: int) -> np.ndarray:
-        image, mask = footage.crops[t], footage.person[t]
+        image, mask = clip.crops[t], clip.person[t]
         out, hole = np.zeros_like(image), inpaint_mask(alpha)
         if not hole.any():
             return out
-        region = covered(hole, alpha, footage.outline[t])
-        box = box_of(hole, round(REACH * unit))
+        region = covered(hole, alpha, clip.outline[t])
+        box = box_of(hole, round(CONTEXT_PX * unit))
         x, y = offsets[t]
-        shot = behind[footage.segment[t]]
-        plate_here = footage.lit(shot.wall[y : y + size, x : x + size], t)
+        shot = behind[clip.segment[t]]
+        plate_here = clip.lit(shot.wall[y : y + size, x : x + size], t)
         light = slow_difference(image, plate_here, background_pixels(mask))
         wall = plate_here[box] + light[box]
         under, left = image[box], region[box]
         if shot.torso is not None:
-            torso_here = replace(shot.torso, colour=footage.lit(shot.torso.colour, t))
+            torso_here = replace(shot.torso, colour=clip.lit(shot.torso.colour, t))
             under, left = torso_here.fill(image, region, wall, motions[t], box)
-        landmarks = footage.landmarks[t] - (box[1].start, box[0].start)
+        landmarks = clip.landmarks[t] - (box[1].start, box[0].start)
         growing = neck(under, left, landmarks, smooth[t], unit)
         growing = rim(under, left, mask[box].astype(np.float32) / 255, growing, unit)
         out[box] = chosen(hole[box], restore(under, left, wall, growing), out[box])
         return out
 
-    frames = zip(read_frames(matte, pixels="gray"), range(len(footage)), strict=True)
+    frames = zip(read_frames(matte, pixels="gray"), range(len(clip)), strict=True)
     with VideoWriter(background, size, size, rate, "ffv1") as writer:
         for filled in in_order(work, frames):
             writer.write(filled)
-            progress(0.3 + 0.7 * writer.frames / len(footage))
+            progress(0.3 + 0.7 * writer.frames / len(clip))

@@ -4,7 +4,7 @@ import numpy as np
 
 
 def known_median(images: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Median (H, W, C) float32 of the known pixels of K images; of no meaning where none is known.
+    """Median (H, W, C) float32 of the known pixels of K images; arbitrary where none is known.
 
     Args:
         images: (K, H, W, C) uint8. known: (K, H, W) bool.

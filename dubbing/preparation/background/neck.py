@@ -1,7 +1,7 @@
-"""The neck that goes on under the chin, and what lies beside the head, grown into its place.
+"""The neck under the chin, extended upwards into the inpaint mask.
 
-S is the side of the crop in px, T frames. The head's own pixels are never used: the neck is made of
-pixels below the inpaint mask.
+S is the side of the crop in px, T frames. The head's own pixels are never used: the neck is made
+from pixels below the inpaint mask.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ PROFILE = 96  # samples across the neck, over PROFILE_SPAN face widths to both s
 PROFILE_SPAN = 1.0
 PROFILE_DEPTH = 8  # px at S = 512 below the inpaint mask that are averaged
 NECK_HEIGHT = 0.38  # face widths
-NECK_HALF_WIDTH = 0.22  # face widths: further out the neck ends, what is there is a collar
-NECK_ROUNDING = 0.2  # face widths over which its height falls to nothing
+NECK_HALF_WIDTH = 0.22  # face widths: the neck ends there and a collar begins
+NECK_ROUNDING = 0.2  # face widths over which its height falls to 0
 NECK_DARKENING = 0.12  # at its upper end, under the chin's shadow
 SEAM_ROWS = 3  # px below the inpaint mask whose colour the seam takes
-SEAM_DEPTH = 10.0  # px at S = 512 over which it goes over into the smoothed colour
+SEAM_DEPTH = 10.0  # px at S = 512 over which it blends into the smoothed colour
 MEDIAN_FRAMES, SMOOTH_FRAMES = 9, 4.0
 
 
 @dataclass(frozen=True)
 class NeckFrame:
-    """Where the neck profile of a frame is sampled: middle and width of the face in px."""
+    """Sampling of a frame's neck profile: middle and width of the face in px."""
 
     middle: float
     width: float
@@ -90,7 +90,7 @@ def neck_profile(
 def smooth_profiles(profiles: np.ndarray, segment: np.ndarray) -> np.ndarray:
     """Profiles (T, PROFILE, 4) without gaps and without flicker, shot by shot.
 
-    Gaps take the nearest known sample across, then in time; samples never known have share 0.
+    Gaps are filled across the profile, then from the nearest frame; without any, the share is 0.
     """
     out = profiles.copy()
     for t in range(len(out)):
@@ -117,7 +117,7 @@ def smooth_profiles(profiles: np.ndarray, segment: np.ndarray) -> np.ndarray:
 def neck(
     image: np.ndarray, region: np.ndarray, landmarks: np.ndarray, profile: np.ndarray, unit: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Colour (H, W, 3) and share (H, W) of what grows from below the inpaint mask up into it.
+    """Colour (H, W, 3) and share (H, W) of the neck, extended up into the inpaint mask.
 
     Args:
         image: (H, W, 3) uint8, around the region. region: (H, W) bool inpaint mask.
@@ -138,7 +138,7 @@ def neck(
     above = up / tall.astype(np.float32)  # 0 at the mask's end, 1 at the top
     share = np.clip((1 - above) / 0.3, 0, 1) * (above >= 0) * (by_column[:, 3] * has_below)
     darkened = 1 - np.float32(NECK_DARKENING) * np.clip(above, 0, 1)
-    # Right at the seam it is this frame's own colour, so that no line shows.
+    # At the seam it has this frame's own colour, so that no line shows.
     rows = np.clip(bottom + np.arange(1, SEAM_ROWS + 1)[:, None], 0, height - 1)
     own = image[rows, np.arange(width)].astype(np.float32).mean(0)
     own = cv2.GaussianBlur(own[None], (0, 0), 1)[0]

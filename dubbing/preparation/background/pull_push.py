@@ -1,6 +1,6 @@
-"""Filling the unknown by pull-push (Gortler et al. 1996, "The Lumigraph", section 3.4).
+"""Fills unknown pixels by pull-push (Gortler et al. 1996, "The Lumigraph", section 3.4).
 
-Averages over ever larger blocks of known pixels flow back down to where nothing is known.
+Averages over ever larger blocks of known pixels are interpolated back down into unknown ones.
 """
 
 import cv2
@@ -13,7 +13,8 @@ def pull_push(image: np.ndarray, known: np.ndarray) -> np.ndarray:
     """Fill an image (H, W) or (H, W, 3) where the weight ``known`` (H, W) in 0..1 is below 1.
 
     Returns:
-        float32 like the image: the image where known is 1, smooth in between; zeros if nothing is.
+        float32 like the image: the image where known is 1, smooth in between; zeros if all is
+        unknown.
     """
     channels = 1 if image.ndim == 2 else image.shape[2]
     weights = [known.astype(np.float32)]

@@ -1,4 +1,4 @@
-"""What lies across the edge of an inpaint mask, going on into its rim."""
+"""Extends the surroundings of an inpaint mask into its rim."""
 
 import cv2
 import numpy as np
@@ -6,10 +6,8 @@ import numpy as np
 from dubbing.preparation.background.pixels import chosen, rounded, spread
 from dubbing.preparation.background.pull_push import pull_push
 
-RIM_FULL, RIM_END = 5.0, 10.0  # px at S = 512 inside the mask: what lies beside it fades out
-
-
-REACH = 32  # px at S = 512 round an inpaint mask that can matter to its rim
+RIM_FULL, RIM_END = 5.0, 10.0  # px at S = 512 inside the mask, between which surroundings fade
+CONTEXT_PX = 32  # at S = 512, round an inpaint mask, that its rim depends on
 
 
 def rim(
@@ -19,10 +17,10 @@ def rim(
     growing: tuple[np.ndarray, np.ndarray],
     unit: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What grows into the inpaint mask, with what lies beside it going on into its rim.
+    """The neck in the inpaint mask, with the surroundings of the mask blended into its rim.
 
-    A neck grows from below; beside a jaw that rises steeply there is more of it, or a collar or
-    hair, just across the inpaint mask's edge.
+    The neck is extended from below. Beside a jaw that rises steeply more of it, a collar or hair
+    lies just across the edge of the inpaint mask.
 
     Args:
         image: (H, W, 3) uint8, around the region. region: (H, W) bool inpaint mask.
@@ -33,7 +31,7 @@ def rim(
     if not region.any() or region.all():
         return growing
     distance = cv2.distanceTransform(region.astype(np.uint8), cv2.DIST_L2, 5)
-    # Not the nearest pixel, but more of them the further in: a comb of streaks shows.
+    # Not the nearest pixel, but a mean of more pixels further in: otherwise streaks show.
     beside = pull_push(image, np.where(region, 0, person))
     theirs = pull_push(person, (~region).astype(np.float32))
     near = np.clip((RIM_END * unit - distance) / ((RIM_END - RIM_FULL) * unit), 0, 1) * region
@@ -49,7 +47,7 @@ def restore(
     Args:
         image: (H, W, 3) uint8, around the region. region: (H, W) bool inpaint mask.
         wall: (H, W, 3) float32, the plate in the light of the frame.
-        growing: colour and share of what grows into the inpaint mask.
+        growing: colour and share of the neck in the inpaint mask, as of :func:`rim`.
     """
     colour, share = growing
     return chosen(region, rounded(wall + spread(share) * (colour - wall)), image)

@@ -1,8 +1,8 @@
-"""The torso as it is seen when the head is out of the way.
+"""The torso behind the head.
 
-What a jaw covers in one frame it uncovers in another. The frames of a shot are laid over one of
-them by the motion of the clothes, and the median of what is seen of each point is the torso's
-plate: collar and neck behind the jaw are taken from it, as far up as any frame showed them.
+A jaw that covers a part of the torso in one frame uncovers it in another. The frames of a shot are
+aligned to one of them by the motion of the clothes. The median of the visible pixels is the torso's
+plate: it gives collar and neck behind the jaw, as far up as any frame showed them.
 
 S is the side of the crop in px, K frames of a shot. Lengths are for S = 512 and scale with it.
 """
@@ -23,35 +23,35 @@ PERSON = 0.5  # of the person mask: above this a pixel is torso, where the head 
 MOST_CORNERS, CORNER_QUALITY, CORNER_GAP = 200, 0.005, 5.0
 LEAST_CORNERS = 20
 PATCH, LEVELS = 41, 4  # px and pyramid levels of the Lucas-Kanade tracker
-THERE_AND_BACK = 0.7  # px that a corner may miss its place by, tracked to and fro
+THERE_AND_BACK = 0.7  # px, largest error of a corner tracked forwards and back
 OUTLIER = 1.5  # px
 CLEAR = 4.0  # px round an inpaint mask that may still show the jaw
-REACH = 90.0  # px round the head within which clothes are followed: further off they move otherwise
+CLOTHES_PX = 90.0  # round the head within which clothes are tracked: beyond, they move otherwise
 LEAST_SEEN = 0.15  # share of the frames in which a point must be visible
-LEAST_FOUND = 0.9  # share of the frames in which the torso must be found
-EVEN = 4.0  # px along which the upper end of what is filled is smoothed
+LEAST_FOUND = 0.9  # share of the frames in which the torso must be tracked
+EVEN = 4.0  # px along which the upper end of the filled part is smoothed
 
 
 @dataclass(frozen=True)
 class Torso:
-    """The torso of a shot, laid over its reference frame.
+    """The torso of a shot, aligned to its reference frame.
 
     Attributes:
         colour: (S, S, 3) uint8.
-        share: (S, S) float32 in 0..1, how much of a pixel is person and not wall.
-        seen: (S, S) bool, whether enough frames showed it.
+        share: (S, S) float32 in 0..1, share of a pixel that is person and not wall.
+        visible: (S, S) bool, whether enough frames showed it.
         reference: (S, S) uint8 grey levels of the reference frame.
-        corners: (P, 1, 2) float32 px, what is followed in it.
+        corners: (P, 1, 2) float32 px that are tracked.
     """
 
     colour: np.ndarray
     share: np.ndarray
-    seen: np.ndarray
+    visible: np.ndarray
     reference: np.ndarray
     corners: np.ndarray
 
     def motion(self, image: np.ndarray) -> np.ndarray | None:
-        """Similarity (2, 3) that lays the torso over an image (S, S, 3), None if not found."""
+        """Similarity (2, 3) that aligns the torso to an image (S, S, 3), None if not tracked."""
         return follow(self.reference, cv2.cvtColor(image, GREY), self.corners)
 
     def fill(
@@ -62,21 +62,21 @@ class Torso:
         motion: np.ndarray,
         box: tuple[slice, slice],
     ) -> tuple[np.ndarray, np.ndarray]:
-        """A part of the image with the torso in the inpaint mask, and what is left of that.
+        """A part of the image with the torso in the inpaint mask, and the rest of the mask.
 
         Args:
             image: (S, S, 3) uint8, a frame of the shot. region: (S, S) bool, its inpaint mask.
-            wall: (H, W, 3) float32, what is behind the torso in the part.
-            motion: (2, 3) that lays the torso over the image.
+            wall: (H, W, 3) float32, behind the torso in the part.
+            motion: (2, 3) that aligns the torso to the image.
             box: rows and columns of the part, which holds all of the region.
         """
         side = region.shape[::-1]
         share = cv2.warpAffine(self.share, motion, side)
-        seen = cv2.warpAffine(self.seen.astype(np.uint8) * 255, motion, side) > 0.99 * 255
-        known = seen & ~region & (share > PERSON)
+        visible = cv2.warpAffine(self.visible.astype(np.uint8) * 255, motion, side) > 0.99 * 255
+        known = visible & ~region & (share > PERSON)
         light = slow_difference(image, cv2.warpAffine(self.colour, motion, side), known)
         part, left = image[box].copy(), region[box]
-        here = reached(left, seen[box], len(image) / REFERENCE_SIZE)
+        here = reached(left, visible[box], len(image) / REFERENCE_SIZE)
         if here.any():
             row, column = inner = box_of(here, 0)
             corner = np.array([box[1].start + column.start, box[0].start + row.start])
@@ -89,15 +89,17 @@ class Torso:
         return part, left & ~here
 
 
-def reached(region: np.ndarray, seen: np.ndarray, unit: float) -> np.ndarray:
-    """What of an inpaint mask (H, W) is seen from its lower end up without a gap, its top even.
+def reached(region: np.ndarray, visible: np.ndarray, unit: float) -> np.ndarray:
+    """Pixels of an inpaint mask (H, W) that are visible from its lower end up without a gap.
+
+    The upper end is smoothed.
 
     Args:
         unit: px of the crop for one at S = 512.
     """
     bottom = bottom_of(region)
     row = np.arange(len(region), dtype=np.int32)[:, None]
-    gap = np.where(seen & region, -1, row)
+    gap = np.where(visible & region, -1, row)
     gap[row > bottom] = -1
     height = np.where(bottom >= 0, bottom - gap.max(0), 0).astype(np.float32)
     even = minimum_filter1d(height, 2 * round(EVEN * unit) + 1)
@@ -106,7 +108,7 @@ def reached(region: np.ndarray, seen: np.ndarray, unit: float) -> np.ndarray:
 
 
 def follow(reference: np.ndarray, grey: np.ndarray, corners: np.ndarray) -> np.ndarray | None:
-    """Similarity (2, 3) that takes the reference to a frame, both (S, S) uint8.
+    """Similarity (2, 3) that maps the reference to a frame, both (S, S) uint8.
 
     Args:
         corners: (P, 1, 2) px in the reference.
@@ -116,11 +118,11 @@ def follow(reference: np.ndarray, grey: np.ndarray, corners: np.ndarray) -> np.n
     """
     if len(corners) < LEAST_CORNERS:
         return None
-    there, found = flow(reference, grey, corners)
+    there, tracked = flow(reference, grey, corners)
     back, returned = flow(grey, reference, there)
     unit = len(grey) / REFERENCE_SIZE
-    missed = np.linalg.norm(back - corners, axis=-1)[:, 0]
-    good = found & returned & (missed < THERE_AND_BACK * unit)
+    error = np.linalg.norm(back - corners, axis=-1)[:, 0]
+    good = tracked & returned & (error < THERE_AND_BACK * unit)
     if good.sum() < LEAST_CORNERS:
         return None
     motion, inlier = cv2.estimateAffinePartial2D(
@@ -132,11 +134,11 @@ def follow(reference: np.ndarray, grey: np.ndarray, corners: np.ndarray) -> np.n
 
 
 def flow(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where points (P, 1, 2) px of a picture lie in the next, by Lucas and Kanade, and if found."""
-    there, found, _ = cv2.calcOpticalFlowPyrLK(
+    """Points (P, 1, 2) px tracked into the next image by Lucas and Kanade, and which succeeded."""
+    there, tracked, _ = cv2.calcOpticalFlowPyrLK(
         start, end, points, points.copy(), winSize=(PATCH, PATCH), maxLevel=LEVELS
     )
-    return np.asarray(there), np.asarray(found)[:, 0] > 0
+    return np.asarray(there), np.asarray(tracked)[:, 0] > 0
 
 
 def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> Torso | None:
@@ -147,7 +149,7 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
         inpaint_masks: (K, S, S) bool, where the head is.
 
     Returns:
-        None where there is nothing to follow.
+        None where the torso cannot be tracked.
     """
     size = images.shape[1]
     unit = size / REFERENCE_SIZE
@@ -155,7 +157,7 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
     middle = len(images) // 2
     reference = cv2.cvtColor(images[middle], GREY)
     head = inpaint_masks[middle]
-    near = dilate(head, REACH * unit) & ~dilate(head, PATCH / 4 * unit)
+    near = dilate(head, CLOTHES_PX * unit) & ~dilate(head, PATCH / 4 * unit)
     cloth = near & (person[middle] > PERSON * 255)
     corners = cv2.goodFeaturesToTrack(
         reference, MOST_CORNERS, CORNER_QUALITY, CORNER_GAP * unit, mask=cloth.astype(np.uint8)
@@ -173,11 +175,11 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
         views.append(cv2.warpAffine(clear.astype(np.float32), back, (size, size)) > 0.99)
     if len(views) < LEAST_FOUND * len(images):
         return None
-    seen = np.stack(views)
+    visible = np.stack(views)
     return Torso(
-        colour=rounded(known_median(np.stack(colours), seen)),
-        share=known_median(np.stack(shares)[..., None], seen)[..., 0] / 255,
-        seen=seen.mean(0) >= LEAST_SEEN,
+        colour=rounded(known_median(np.stack(colours), visible)),
+        share=known_median(np.stack(shares)[..., None], visible)[..., 0] / 255,
+        visible=visible.mean(0) >= LEAST_SEEN,
         reference=reference,
         corners=corners,
     )

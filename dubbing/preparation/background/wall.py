@@ -1,4 +1,4 @@
-"""The wall behind a person: what is seen of it over a shot, in the light of each frame.
+"""The wall behind a person: its median over a shot, in the light of each frame.
 
 S is the side of the crop in px.
 """
@@ -12,11 +12,11 @@ from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
 PERSON_LEAST = 0.1  # of the person mask: below this a pixel belongs to the background
 PERSON_MARGIN = 9  # px at S = 512
-COARSE = 8  # the slow difference of frame and plate is computed this much smaller
+COARSE = 8  # the slow difference of frame and plate is computed at 1 / COARSE of the size
 
 
 def background_pixels(person: np.ndarray) -> np.ndarray:
-    """Where surely no person is: (S, S) bool from the person mask (S, S) uint8."""
+    """Pixels (S, S) bool that surely show no person, from the person mask (S, S) uint8."""
     margin = PERSON_MARGIN * len(person) / REFERENCE_SIZE
     return ~dilate(person > PERSON_LEAST * 255, margin)
 
@@ -27,21 +27,21 @@ def plate(images: np.ndarray, known: np.ndarray) -> np.ndarray:
     Args:
         images: (K, H, W, 3) uint8, one camera. known: (K, H, W) bool.
     """
-    seen = np.any(known, axis=0).astype(np.float32)
-    return pull_push(known_median(images, known), np.asarray(seen))
+    ever_known = np.any(known, axis=0).astype(np.float32)
+    return pull_push(known_median(images, known), np.asarray(ever_known))
 
 
 def slow_difference(image: np.ndarray, behind: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Low-frequency part (S, S, 3) of image - plate, carried on into what is not known.
+    """Low-frequency part (S, S, 3) of image - plate, extended into unknown pixels.
 
     Args:
         image: (S, S, 3) uint8. behind: (S, S, 3), the plate. known: (S, S) bool.
     """
     size = len(image)
     small = (max(1, size // COARSE),) * 2
-    seen = known.astype(np.uint8)
-    difference = cv2.copyTo(cv2.subtract(image, behind, dtype=cv2.CV_32F), seen)
-    weight = cv2.resize(seen.astype(np.float32), small, interpolation=cv2.INTER_AREA)
+    mask = known.astype(np.uint8)
+    difference = cv2.copyTo(cv2.subtract(image, behind, dtype=cv2.CV_32F), mask)
+    weight = cv2.resize(mask.astype(np.float32), small, interpolation=cv2.INTER_AREA)
     total = cv2.resize(difference, small, interpolation=cv2.INTER_AREA)
     mean = total / np.maximum(weight, 1e-6)[..., None]
     slow = pull_push(mean, np.where(weight > 0.2, 1.0, 0.0))

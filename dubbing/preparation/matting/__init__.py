@@ -1,1 +1,1 @@
-"""Which pixels are the head."""
+"""The head matte: opacity of the head's pixels."""

@@ -1,9 +1,8 @@
-"""The lower edge of the jaw, or of the beard on it, to the pixel.
+"""Refines the lower edge of the jaw, or of the beard on it, to the pixel.
 
-FaceMesh knows the jaw to a few px and nothing of beards. Along the normals of its line the edge
-that is really there is looked for: the smooth line of strongest colour steps near it, by dynamic
-programming (an active contour: Amini, Weymouth and Jain 1990). Where skin goes over into skin
-without an edge the line stays where it was.
+FaceMesh gives the jaw to a few px and ignores beards. The true edge is searched along the normals
+of its line: the smooth line of strongest colour steps near it, by dynamic programming (an active
+contour: Amini, Weymouth and Jain 1990). Where no edge separates skin from skin, the line stays.
 
 S is the side of the crop in px. Lengths are for S = 512 and scale with it.
 """
@@ -17,13 +16,13 @@ from dubbing.preparation.matting.matting import REFERENCE_SIZE
 POINTS = 96  # of the line
 SPACING = 1.0  # px
 OFFSETS = np.arange(-5.0, 30.0 + SPACING / 2, SPACING)  # px along a normal, J of them
-ABOVE, BELOW = 2.5, 14.0  # px: how far from FaceMesh's line the edge is expected
+ABOVE, BELOW = 2.5, 14.0  # px: expected distance of the edge from FaceMesh's line
 STEP = 5  # px on either side whose means are compared
-CLEAR = 60.0  # grey levels: a step as high as that is worth half of MOST
-MOST = 3.0  # no step is worth more: the white of a collar is no clearer a chin
-CROSSED = 0.012  # a px and grey level, for steps passed over on the way outwards
+CLEAR = 60.0  # grey levels: a step of this height is worth half of MAX_REWARD
+MAX_REWARD = 3.0  # of a step: the white of a collar is no better a chin
+CROSSED = 0.012  # cost a px and grey level of steps crossed on the way outwards
 BEND = 0.5  # cost of a step of one px from point to point, squared
-ENDS = 0.06  # share of the line at each end, beside the ears, that stays where it was
+ENDS = 0.06  # share of the line at each end, beside the ears, that does not move
 MEDIAN_FRAMES, SMOOTH_FRAMES, SMOOTH_POINTS = 5, 1.0, 1.5
 
 
@@ -42,7 +41,7 @@ def normals(line: np.ndarray) -> np.ndarray:
 
 
 def edge_costs(image: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """What it costs the edge to lie OFFSETS below an outline (K, 2) px, (POINTS, J).
+    """Cost (POINTS, J) of the edge lying OFFSETS below an outline (K, 2) px.
 
     Args:
         image: (S, S, 3) uint8 RGB.
@@ -58,7 +57,7 @@ def edge_costs(image: np.ndarray, outline: np.ndarray) -> np.ndarray:
     outward = np.where(OFFSETS >= 0, step, 0)
     passed = np.cumsum(outward, axis=1) - outward
     passed = np.pad(passed, ((0, 0), (STEP, 0)))[:, : len(OFFSETS)]
-    cost = far**2 / 2 - MOST * step / (step + CLEAR) + CROSSED * SPACING * passed
+    cost = far**2 / 2 - MAX_REWARD * step / (step + CLEAR) + CROSSED * SPACING * passed
     still = round(ENDS * POINTS)
     for end in (slice(0, still), slice(POINTS - still, None)):
         cost[end] = OFFSETS**2
@@ -66,7 +65,7 @@ def edge_costs(image: np.ndarray, outline: np.ndarray) -> np.ndarray:
 
 
 def edge_offsets(costs: np.ndarray, size: int) -> np.ndarray:
-    """How far below the outlines the edges lie at their POINTS points, (T, POINTS) px.
+    """Offsets of the edges below the outlines at their POINTS points, (T, POINTS) px.
 
     Args:
         costs: (T, POINTS, J), from :func:`edge_costs`. size: S.
@@ -76,7 +75,7 @@ def edge_offsets(costs: np.ndarray, size: int) -> np.ndarray:
 
 
 def steps(profile: np.ndarray, reach: int) -> np.ndarray:
-    """Mean of the `reach` samples after each sample less that of those before it, (P, J, C)."""
+    """Mean of the `reach` samples after each sample minus that of those before it, (P, J, C)."""
     padded = np.pad(profile, ((0, 0), (reach, reach), (0, 0)), mode="edge")
     total = np.pad(padded.cumsum(1), ((0, 0), (1, 0), (0, 0)))
     count = profile.shape[1]
@@ -92,7 +91,7 @@ def smoothest(cost: np.ndarray, bend: np.ndarray) -> np.ndarray:
 
     Args:
         cost: of each state at each point.
-        bend: (2 R + 1,) cost of going on to the state -R .. R further; further is not possible.
+        bend: (2 R + 1,) cost of moving by -R .. R states; larger moves are not possible.
     """
     reach, states = len(bend) // 2, cost.shape[2]
     total, came = cost[:, 0], np.zeros(cost.shape, np.int16)
@@ -110,7 +109,7 @@ def smoothest(cost: np.ndarray, bend: np.ndarray) -> np.ndarray:
 
 
 def smooth_offsets(offsets: np.ndarray, segment: np.ndarray) -> np.ndarray:
-    """Offsets (T, POINTS) without what flickers, shot by shot (segment (T,) int)."""
+    """Offsets (T, POINTS) without flicker, smoothed shot by shot (segment (T,) int)."""
     out = offsets.copy()
     for shot in np.unique(segment):
         index = segment == shot

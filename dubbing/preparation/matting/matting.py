@@ -1,4 +1,4 @@
-"""The head matte: a person mask cut off along the jaw.
+"""The head matte: a person mask cut along the jaw.
 
 S is the side of the crop in px. Lengths are given for S = 512 and scale with it.
 """
@@ -8,21 +8,21 @@ import numpy as np
 
 REFERENCE_SIZE = 512
 CUT_SOFTNESS = 1.2  # px, Gaussian
-CUT_BELOW = 1.0  # px below the edge of the jaw: what the lens blurs of it
-EDGE_LOW, EDGE_WIDTH = 0.4, 0.5  # of the person mask: from here, over this much, to opaque
+CUT_BELOW = 1.0  # px below the edge of the jaw, which the lens blurs
+EDGE_LOW, EDGE_WIDTH = 0.4, 0.5  # of the person mask: opacity rises from here over this width
 CORE = 0.8  # of the matte before it is sharpened: above this it may only grow
 OPAQUE = 128  # of 255
-SEEN = 0.02  # of the matte: what is less is no head
+LEAST = 0.02  # of the matte: less is not head
 JAW_MARGIN = 2.0  # px outside of the matte that may still show some of a jaw
 GREY = cv2.COLOR_RGB2GRAY
 
 
 def above_jaw(outline: np.ndarray, size: int) -> np.ndarray:
-    """Polygon (K + 4, 2) px of all that lies above the jaw, far beyond the picture's edges.
+    """Polygon (K + 4, 2) px of everything above the jaw, far beyond the image's edges.
 
     Args:
-        outline: (K, 2) px from the left to the right ear lobe by way of the chin. Beyond the
-            lobes the cut goes on along the line between them.
+        outline: (K, 2) px from the left to the right ear lobe along the chin. Beyond the lobes the
+            cut follows the line through them.
     """
     across = outline[-1] - outline[0]
     right = across / np.hypot(*across)
@@ -41,7 +41,7 @@ def fill_polygon(polygon: np.ndarray, size: int) -> np.ndarray:
 
 
 def opacity(image: np.ndarray, person: np.ndarray) -> np.ndarray:
-    """Opacity (S, S) float32 in 0..1 of a person, its edges where the picture has them.
+    """Opacity (S, S) float32 in 0..1 of a person, with edges that follow the image's.
 
     Args:
         image: (S, S, 3) RGB uint8.
@@ -58,7 +58,7 @@ def opacity(image: np.ndarray, person: np.ndarray) -> np.ndarray:
 
 
 def in_bytes(share: np.ndarray) -> np.ndarray:
-    """A picture of shares, 0..1, as uint8, 0..255."""
+    """An image of shares, 0..1, as uint8, 0..255."""
     return cv2.convertScaleAbs(share, alpha=255)
 
 
@@ -68,7 +68,7 @@ def head_matte(alpha: np.ndarray, outline: np.ndarray, inside: np.ndarray) -> np
     Args:
         alpha: (S, S) uint8, from :func:`opacity`.
         outline: (K, 2) px, see :func:`above_jaw`.
-        inside: (2,) px, a point of the face: only what hangs together with it is kept.
+        inside: (2,) px, a point of the face: only the part connected to it is kept.
     """
     size = len(alpha)
     unit = size / REFERENCE_SIZE
@@ -80,9 +80,9 @@ def head_matte(alpha: np.ndarray, outline: np.ndarray, inside: np.ndarray) -> np
 
 
 def without_holes(matte: np.ndarray) -> np.ndarray:
-    """A matte (S, S) uint8 whose see-through places inside the head are closed.
+    """A matte (S, S) uint8 whose transparent places inside the head are closed.
 
-    Glints on hair and glasses are no openings; what the background reaches through is.
+    Glints on hair and glasses are closed; places connected to the background stay open.
     """
     outside = np.pad(matte < OPAQUE, 1, constant_values=True).astype(np.uint8)
     _, labels = cv2.connectedComponents(outside, connectivity=4)
@@ -101,11 +101,11 @@ def component_at(mask: np.ndarray, point: np.ndarray) -> np.ndarray:
 def inpaint_mask(matte: np.ndarray) -> np.ndarray:
     """Where the background is restored, (S, S) bool: the matte above .02, widened.
 
-    By 11 px upwards, where hair is finer than a matte, and by 4 px downwards, where neck and collar
-    are in the picture already.
+    By 11 px upwards, where hair is finer than a matte, and by 4 px downwards, where the image shows
+    neck and collar.
     """
     unit = len(matte) / REFERENCE_SIZE
-    head = matte > SEEN * 255
+    head = matte > LEAST * 255
     higher = np.zeros_like(head)
     rise = max(1, round(4 * unit))
     higher[:-rise] = head[rise:]
@@ -113,10 +113,10 @@ def inpaint_mask(matte: np.ndarray) -> np.ndarray:
 
 
 def covered(hole: np.ndarray, matte: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """What of an inpaint mask is to be restored, (S, S) bool: not the neck beside the jaw.
+    """Pixels (S, S) bool of an inpaint mask that are to be restored: not the neck beside the jaw.
 
-    Below the ear lobes there is no hair that a matte could miss, so what is 2 px from it or more
-    can be seen.
+    Below the ear lobes there is no hair that a matte could miss, so pixels 2 px from it or more are
+    visible.
 
     Args:
         hole: the :func:`inpaint_mask` (S, S) of the matte.
@@ -125,7 +125,7 @@ def covered(hole: np.ndarray, matte: np.ndarray, outline: np.ndarray) -> np.ndar
     size = len(matte)
     lobes = above_jaw(outline[[0, -1]], size)
     hair = fill_polygon(lobes, size) > 127
-    jaw = dilate(matte > SEEN * 255, JAW_MARGIN * size / REFERENCE_SIZE)
+    jaw = dilate(matte > LEAST * 255, JAW_MARGIN * size / REFERENCE_SIZE)
     return hole & (hair | jaw)
 
 

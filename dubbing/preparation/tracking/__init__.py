@@ -1,1 +1,1 @@
-"""Which face is the person, and where its landmarks are."""
+"""Tracking: choice of the person's face, landmarks, head poses, light and occlusion."""

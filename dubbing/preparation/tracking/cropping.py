@@ -1,4 +1,4 @@
-"""The square window that follows the head, there and back.
+"""The square window that follows the head: crops are cut from it and pasted back.
 
 S is the side of the crop in px. A window (x0, y0, side) has whole numbers of source px, so that a
 crop is a slice and a resize, and moving it moves the principal point by an exact amount.
@@ -11,9 +11,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 FACE_SHARE = 0.5  # of the window's height, for the face from the forehead to the chin
-FACE_HEIGHT_AT = 0.55  # of the window's height, for the middle of the face: there is hair above
-WHOLE_SHARE = 0.8  # a square source is used whole where the window would be this much of it
-STILL_SHARE = 0.25  # of the side: a head that travels less is watched by a window at rest
+FACE_HEIGHT_AT = 0.55  # of the window's height, for the middle of the face: hair needs room above
+WHOLE_SHARE = 0.8  # a square source is used whole where the window would be this share of it
+STILL_SHARE = 0.25  # of the side: for a head that moves less the window is fixed
 SMOOTH_SECONDS = 1.0
 
 
@@ -22,8 +22,8 @@ def choose_windows(
 ) -> np.ndarray:
     """Windows (T, 3) x0, y0, side, for face boxes (T, 4) in a source of ``size`` (W, H).
 
-    The side is one for the whole clip, so that the focal length is. Within a shot the window
-    rests, or glides where the head travels.
+    The side, and with it the focal length, is the same for the whole clip. Within a shot the window
+    is fixed, or moves smoothly where the head travels.
     """
     width, height = size
     shorter = min(width, height)
@@ -48,7 +48,7 @@ def choose_windows(
 
 
 def crop(image: np.ndarray, window: np.ndarray, size: int) -> np.ndarray:
-    """The window of an image (H, W, ...) as (S, S, ...); the very pixels where side == S."""
+    """The window of an image (H, W, ...) as (S, S, ...), not resampled where side == S."""
     x0, y0, side = (int(v) for v in window)
     part = image[y0 : y0 + side, x0 : x0 + side]
     if side == size:
@@ -64,29 +64,29 @@ def interpolation(source: int, target: int) -> int:
 def paste(
     frame: np.ndarray, window: np.ndarray, crop_image: np.ndarray, mask: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A source frame (H, W, 3) with a crop image (S, S, 3) laid in where the mask is above 0.
+    """A source frame (H, W, 3) with a crop image (S, S, 3) pasted in where the mask is above 0.
 
     Args:
         frame: uint8 source frame; it is not changed.
         window: (3,) the frame's window.
         crop_image: uint8.
-        mask: (S, S) uint8, 255 for the crop image alone, values between mix.
+        mask: (S, S) uint8, 255 for the crop image alone; lower values blend.
 
     Returns:
-        uint8 (H, W, 3), and the mask on it (H, W): pixels where that is 0 equal the frame's.
+        uint8 (H, W, 3), and its mask (H, W): pixels where that is 0 equal the frame's.
     """
     x0, y0, side = (int(v) for v in window)
     if side != len(mask):
         method = interpolation(len(mask), side)
         crop_image = cv2.resize(crop_image, (side, side), interpolation=method)
         mask = cv2.resize(mask, (side, side), interpolation=cv2.INTER_LINEAR)
-    out, laid = frame.copy(), np.zeros(frame.shape[:2], np.uint8)
-    laid[y0 : y0 + side, x0 : x0 + side] = mask
+    out, pasted = frame.copy(), np.zeros(frame.shape[:2], np.uint8)
+    pasted[y0 : y0 + side, x0 : x0 + side] = mask
     part = out[y0 : y0 + side, x0 : x0 + side]
     share = mask[..., None].astype(np.float32) / 255
-    mixed = part + share * (crop_image.astype(np.float32) - part)
-    part[...] = np.where(mask[..., None] > 0, np.clip(mixed.round(), 0, 255), part)
-    return out, laid
+    blended = part + share * (crop_image.astype(np.float32) - part)
+    part[...] = np.where(mask[..., None] > 0, np.clip(blended.round(), 0, 255), part)
+    return out, pasted
 
 
 def to_crop(points: np.ndarray, window: np.ndarray, size: int) -> np.ndarray:

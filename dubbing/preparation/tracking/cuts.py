@@ -1,8 +1,8 @@
-"""Where the film was cut.
+"""Detects cuts.
 
 A cut is a frame whose mean absolute difference from the one before is large and stands out from
-the differences around it, and whose structure is another: a lamp that is switched on changes every
-pixel, but leaves every edge where it was.
+the differences around it, and whose structure is different: a lamp that is switched on changes
+every pixel, but no edge.
 """
 
 import cv2
@@ -12,38 +12,38 @@ LEAST_DIFFERENCE = 5.0  # grey levels
 LEAST_RATIO = 8.0  # of the difference to the local median
 NEIGHBOURHOOD = 25  # frames
 CLOSE = 6  # frames to both sides, in which at most two others may be nearly as large:
-PEAK_RATIO = 2.5  # hands that start to wave go on waving, a cut is over at once
+PEAK_RATIO = 2.5  # hands that wave cause many large differences, a cut only one
 THUMBNAIL = 96  # px; noise and small motion vanish at this size
 REPEATED = 0.02  # grey levels: below this a frame repeats the one before
-# Correlation of two structures, above which they are of one scene. Measured: 0.84 to 0.98 where
-# the light changes, 0.44 at most at jump cuts of one person before one wall.
+# Correlation of two structures, above which they show one scene. Measured: 0.84 to 0.98 where the
+# light changes, at most 0.44 at jump cuts of one person before one wall.
 SAME_STRUCTURE = 0.65
-FINE = 2.0  # px of a thumbnail, Gaussian: what is coarser than this is light
+FINE = 2.0  # px of a thumbnail, Gaussian: coarser structure is light
 GRAIN = 2.0  # grey levels: structure weaker than this is noise
 
 
 def thumbnail(image: np.ndarray) -> np.ndarray:
-    """A small grey picture (96, 96) float32 of an RGB frame, for comparing frames."""
+    """A small grey image (96, 96) float32 of an RGB frame, for comparing frames."""
     small = cv2.resize(image, (THUMBNAIL, THUMBNAIL), interpolation=cv2.INTER_AREA)
     return cv2.cvtColor(small, cv2.COLOR_RGB2GRAY).astype(np.float32)
 
 
 def structure(small: np.ndarray) -> np.ndarray:
-    """Edges of a thumbnail (H, W), as strong in the dark as in the light."""
+    """Edges of a thumbnail (H, W), normalised to equal strength in dark and light."""
     fine = small - cv2.GaussianBlur(small, (0, 0), FINE)
     strength = np.sqrt(cv2.GaussianBlur(fine * fine, (0, 0), FINE))
     return np.asarray(fine / (strength + GRAIN))
 
 
 def same_structure(one: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two thumbnails (H, W) show one scene, in whatever light."""
+    """Whether two thumbnails (H, W) show one scene, in the same or another light."""
     a, b = structure(one), structure(other)
     norm = float(np.sqrt((a * a).sum() * (b * b).sum()))
     return norm > 0 and float((a * b).sum()) > SAME_STRUCTURE * norm
 
 
 def find_cuts(difference: np.ndarray, lit: np.ndarray | None = None) -> np.ndarray:
-    """Frames that begin a new shot.
+    """Frames that start a new shot.
 
     Args:
         difference: (T,) mean absolute difference to the frame before, in grey levels; [0] is 0.

@@ -1,8 +1,8 @@
-"""Where one shot dissolves into another.
+"""Detects dissolves from one shot into another.
 
-In a dissolve every frame is a mixture of the picture before it and the picture after it, and the
-share of the latter rises evenly. So it is where a camera pans slowly; but there every frame is as
-rich in detail as those, and in a dissolve it is poorer. A fade to one colour is light. T frames.
+In a dissolve every frame is a mixture of the image before it and the image after it, and the share
+of the latter rises evenly. The same holds for a slow pan; but a frame of a pan has as much detail
+as those images, and a frame of a dissolve has less. A fade to one colour counts as light. T frames.
 """
 
 from dataclasses import dataclass
@@ -13,18 +13,18 @@ import numpy as np
 from dubbing.preparation.tracking.cuts import FINE, same_structure
 
 SIDE = 32  # px of a miniature
-LENGTHS = (6, 9, 13, 19, 27, 38, 54, 76)  # frames from the picture before to the one after
-LEAST_DIFFERENCE = 10.0  # grey levels between these two, in the mean
-MOST_RESIDUAL = 0.15  # of that difference: what no mixture explains
-UNEVEN = 0.15  # how far the share may be from rising evenly
-# Energy of detail in the middle, of what it would be without mixing: half in a dissolve.
+LENGTHS = (6, 9, 13, 19, 27, 38, 54, 76)  # frames from the image before to the one after
+LEAST_DIFFERENCE = 10.0  # mean difference of these two, grey levels
+MOST_RESIDUAL = 0.15  # of that difference, that no mixture explains
+UNEVEN = 0.15  # largest deviation of the share from an even rise
+# Ratio of the energy of detail in the middle to that without mixing: about half in a dissolve.
 LEAST_LOSS = 0.75
-PLAIN = 6.0  # grey levels, deviation of a picture that is of one colour
+PLAIN = 6.0  # grey levels, deviation of an image of one colour
 
 
 @dataclass(frozen=True)
 class Dissolve:
-    """Frames first .. first + len(share) - 1, of which ``share`` (n,) is of the later shot."""
+    """Frames first .. first + len(share) - 1, and the share (n,) of the later shot in each."""
 
     first: int
     share: np.ndarray
@@ -41,12 +41,12 @@ class Dissolve:
 
 
 def miniature(thumbnail: np.ndarray) -> np.ndarray:
-    """A grey picture (SIDE, SIDE) of a thumbnail (H, W) float32."""
+    """A grey image (SIDE, SIDE) of a thumbnail (H, W) float32."""
     return np.asarray(cv2.resize(thumbnail, (SIDE, SIDE), interpolation=cv2.INTER_AREA))
 
 
 def detail(thumbnail: np.ndarray) -> float:
-    """Energy of what is fine in a thumbnail (H, W) float32, squared grey levels."""
+    """Energy of the fine detail in a thumbnail (H, W) float32, squared grey levels."""
     return float(np.mean((thumbnail - cv2.GaussianBlur(thumbnail, (0, 0), FINE)) ** 2))
 
 
@@ -58,7 +58,7 @@ def find_dissolves(miniatures: np.ndarray, details: np.ndarray) -> list[Dissolve
     """
     flat = miniatures.reshape(len(miniatures), -1).astype(np.float32)
     plain = flat.std(1) < PLAIN
-    found: list[tuple[float, Dissolve]] = []
+    candidates: list[tuple[float, Dissolve]] = []
     for length in LENGTHS:
         across = flat[length:] - flat[:-length]
         large = np.abs(across).mean(1) > LEAST_DIFFERENCE
@@ -66,9 +66,9 @@ def find_dissolves(miniatures: np.ndarray, details: np.ndarray) -> list[Dissolve
             window = slice(first, first + length + 1)
             score, share = _mixture(flat[window])
             if score > 0 and _loses_detail(details[window], share):
-                found.append((score, Dissolve(first + 1, share)))
+                candidates.append((score, Dissolve(first + 1, share)))
     kept: list[Dissolve] = []
-    for _, one in sorted(found, key=lambda pair: -pair[0]):
+    for _, one in sorted(candidates, key=lambda pair: -pair[0]):
         before, after = miniatures[one.first - 1], miniatures[one.stop]
         apart = all(one.first > other.stop or one.stop < other.first for other in kept)
         if apart and not same_structure(before, after):
@@ -77,7 +77,7 @@ def find_dissolves(miniatures: np.ndarray, details: np.ndarray) -> list[Dissolve
 
 
 def _mixture(flat: np.ndarray) -> tuple[float, np.ndarray]:
-    """How well pictures (n + 2, D) are mixtures of the first and the last, 0 where they are none.
+    """Score of images (n + 2, D) as mixtures of the first and the last; 0 where they are none.
 
     And the share (n,) of the last in those between.
     """
@@ -94,7 +94,7 @@ def _mixture(flat: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def _loses_detail(details: np.ndarray, share: np.ndarray) -> bool:
-    """Whether pictures between the first and the last (n + 2,) have less detail than those."""
+    """Whether images between the first and the last (n + 2,) have less detail than those."""
     middle = (share > 0.3) & (share < 0.7)
     amplitude = np.sqrt(details)  # which a fade changes evenly
     unmixed = ((1 - share) * amplitude[0] + share * amplitude[-1]) ** 2
@@ -103,7 +103,7 @@ def _loses_detail(details: np.ndarray, share: np.ndarray) -> bool:
 
 
 def shown(frames: int, dissolves: list[Dissolve]) -> np.ndarray:
-    """How much of every frame (T,) float32 is of the shot that it is counted to."""
+    """Share of every frame (T,) float32 that is of the shot it is assigned to."""
     out = np.ones(frames, np.float32)
     for one in dissolves:
         out[one.first : one.stop] = np.maximum(one.share, 1 - one.share)

@@ -1,6 +1,6 @@
-"""Which face to follow: sightings linked to tracks, and tracks given to the people of a film.
+"""Chooses the face to follow: links sightings to tracks, and assigns tracks to people.
 
-T frames, N sightings of a face, D figures of its looks. Boxes are (x0, y0, x1, y1) in px.
+T frames, N sightings of a face, D numbers of its looks. Boxes are (x0, y0, x1, y1) in px.
 """
 
 from collections.abc import Sequence
@@ -11,8 +11,8 @@ import numpy as np
 
 from dubbing.preparation.tracking.likeness import FARTHEST, apart
 
-INSIDE = 0.75  # face heights from its middle that a point may lie
-REACH = 0.7  # face sizes a face may move between two searches
+INSIDE = 0.75  # face heights, largest distance of a point from the middle of its face
+MAX_MOTION = 0.7  # face sizes, between two searches
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ Track = list[Sighting]
 
 @dataclass(frozen=True)
 class Place:
-    """A point (2,) px of a frame that lies in the face that is meant."""
+    """A point (2,) px of a frame that lies in the person's face."""
 
     frame: int
     point: np.ndarray
@@ -47,7 +47,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Person:
-    """Somebody in the film: places of their face in it, or looks (N, D) from elsewhere."""
+    """A person in the clip: places of their face in it, or looks (N, D) from another clip."""
 
     places: tuple[Place, ...] = ()
     looks: np.ndarray | None = None
@@ -57,27 +57,28 @@ class Person:
 class Followed:
     """One face through a clip.
 
-    box (T, 4) px, interpolated between sightings; found (T,) bool: it was seen; distance of its
-    looks from the person's (shots,): 0 at a place, NaN where the shot does not show it.
+    box (T, 4) px, interpolated between sightings; sighted (T,) bool: the frame has a sighting;
+    distance of its looks from the person's (shots,): 0 at a place, NaN where the shot does not show
+    it.
     """
 
     box: np.ndarray
-    found: np.ndarray
+    sighted: np.ndarray
     distance: np.ndarray
 
 
 def follow(sightings: list[Track], segment: np.ndarray, people: Sequence[Person] = ()) -> Followed:
-    """The first of these people; without any, the largest face of every shot.
+    """Follows the first of these people; without any, the largest face of every shot.
 
-    The largest is the track with the most face height over time: size and presence together.
+    The largest is the track with the largest sum of face heights: size times duration.
 
     Args:
         sightings: of each searched frame.
         segment: (T,) number of the shot.
-        people: of the film. Tracks go to those whom they look like, each to one.
+        people: in the clip. Each track is assigned to the person that it looks most like.
 
     Raises:
-        LookupError: no face at a place, or none that is like the person's.
+        LookupError: no face at a place, or none that looks like the person.
     """
     shots = [tracks_of(sightings, segment, shot) for shot in range(segment[-1] + 1)]
     distance = np.full(len(shots), np.nan)
@@ -93,8 +94,8 @@ def follow(sightings: list[Track], segment: np.ndarray, people: Sequence[Person]
             if tracks:
                 chosen += max(tracks, key=lambda track: sum(face.size for face in track))
                 distance[shot] = 0
-    box, found = boxes(chosen, segment)
-    return Followed(box, found, distance)
+    box, sighted = boxes(chosen, segment)
+    return Followed(box, sighted, distance)
 
 
 def assign(
@@ -102,8 +103,8 @@ def assign(
 ) -> list[tuple[int, Track, float]]:
     """The first person's tracks, each with its shot and its distance from their looks.
 
-    A track at a place is theirs whose place it is. All others go to whom they are most like, the
-    surest first; nobody is at two places at a time.
+    A track at a place belongs to that person. All others are assigned by likeness, the most similar
+    first; a person has at most one face in a frame.
 
     Raises:
         LookupError: no face at a place.
@@ -141,31 +142,31 @@ def at_once(one: Track, other: Track) -> bool:
 
 
 def boxes(chosen: Track, segment: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Box (T, 4) of a face, and (T,) bool whether it was seen there.
+    """Box (T, 4) of a face, and (T,) bool whether it was sighted in a frame.
 
-    Boxes between sightings are interpolated, shots without one take the nearest.
+    Boxes between sightings are interpolated; shots without one take the nearest.
     """
     chosen = sorted(chosen, key=lambda face: face.frame)
     at = np.array([face.frame for face in chosen])
-    seen = np.stack([face.box for face in chosen])
+    sighted_boxes = np.stack([face.box for face in chosen])
     every = np.arange(len(segment))
-    box = np.stack([np.interp(every, at, seen[:, k]) for k in range(4)], axis=1)
-    found = np.zeros(len(segment), bool)
-    found[at] = True
+    box = np.stack([np.interp(every, at, sighted_boxes[:, k]) for k in range(4)], axis=1)
+    sighted = np.zeros(len(segment), bool)
+    sighted[at] = True
     for first, last in pairwise(np.flatnonzero(np.diff(segment, prepend=-1, append=-2))):
-        inside = found[first:last]
+        inside = sighted[first:last]
         if inside.any():  # nothing is interpolated across a cut
-            seen_at = first + np.flatnonzero(inside)
+            where = first + np.flatnonzero(inside)
             for k in range(4):
-                box[first:last, k] = np.interp(every[first:last], seen_at, box[seen_at, k])
-    return box, found
+                box[first:last, k] = np.interp(every[first:last], where, box[where, k])
+    return box, sighted
 
 
 def tracks_of(sightings: Sequence[Track], segment: np.ndarray, shot: int) -> list[Track]:
     """The faces of a shot, linked from frame to frame by nearness."""
     tracks: list[Track] = []
-    for seen in sightings:
-        for face in seen:
+    for faces in sightings:
+        for face in faces:
             if segment[face.frame] == shot:
                 add_to_tracks(tracks, face)
     return tracks
@@ -175,12 +176,12 @@ def track_at(tracks: list[Track], place: Place) -> Track:
     """The track that passes nearest to a place.
 
     Raises:
-        LookupError: none comes within half a face.
+        LookupError: none comes within `INSIDE` of it.
     """
 
     def away(track: Track) -> float:
-        seen = min(track, key=lambda face: abs(face.frame - place.frame))
-        return float(np.hypot(*(seen.middle - place.point))) / seen.size
+        face = min(track, key=lambda face: abs(face.frame - place.frame))
+        return float(np.hypot(*(face.middle - place.point))) / face.size
 
     best = min(tracks, key=away, default=None)
     if best is None or away(best) > INSIDE:
@@ -190,14 +191,14 @@ def track_at(tracks: list[Track], place: Place) -> Track:
 
 
 def add_to_tracks(tracks: list[Track], face: Sighting) -> None:
-    """Append a sighting to the nearest track within reach, or begin a track with it."""
+    """Append a sighting to the nearest track within `MAX_MOTION`, or start a track with it."""
 
     def distance(track: Track) -> float:
         return float(np.hypot(*(track[-1].middle - face.middle)))
 
     open_tracks = [t for t in tracks if t[-1].frame < face.frame]
     best = min(open_tracks, key=distance, default=None)
-    if best is not None and distance(best) < REACH * max(face.size, best[-1].size):
+    if best is not None and distance(best) < MAX_MOTION * max(face.size, best[-1].size):
         best.append(face)
     else:
         tracks.append([face])

@@ -1,8 +1,8 @@
-"""How the light of a frame differs from the light in which a shot mostly shows the face.
+"""The light of each frame, relative to the light that a shot mostly has.
 
 In a fade, under a cloud or a lamp, the colours of a face are gain * usual + offset. Both are fitted
-for every frame and channel to the points of the mesh that speech leaves where they are. T frames,
-P = 478 points.
+for every frame and channel to the points of the mesh that speech does not move. T frames, P = 478
+points.
 """
 
 from dataclasses import dataclass
@@ -15,27 +15,27 @@ from dubbing.face.mesh_points import LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
 BLUR = 0.012  # of the face's width: landmarks jitter by that much
 ROUNDS = 8  # of iteratively reweighted least squares
 HUBER = 1.5  # deviations from which on a point counts less: lids close, hair falls
-COARSE = 0.5  # of a logarithm: what a head that leaves the picture can change of its mean
+COARSE = 0.5  # of a logarithm: how much a head that leaves the frame can change its mean
 NOTICED = 0.12  # of a logarithm: a face that turns changes by as much
-LEAST_GAIN = 0.02  # darker than this nothing is seen
-# Offsets in grey levels from which and up to which they count: below, a head that turns in a light
-# from the side looks the same; above it is haze, a fade to white or a dissolve.
+LEAST_GAIN = 0.02  # a darker frame shows nothing
+# Offsets count from the first to the second of these, grey levels. A smaller one can come from a
+# head that turns in light from the side; a larger one is haze, a fade to white or a dissolve.
 HAZE_FROM, HAZE_FULL = 20.0, 40.0
 
 
 @dataclass(frozen=True)
 class Light:
-    """Of frames: colours (0..255) are gain * usual + offset, both (T, 3)."""
+    """Light of frames: colours (0..255) are gain * usual + offset, both (T, 3)."""
 
     gain: np.ndarray
     offset: np.ndarray
 
     def lit(self, usual: np.ndarray) -> np.ndarray:
-        """Usual colours (P, 3) as they look in every frame, (T, P, 3)."""
+        """Usual colours (P, 3), relit to every frame, (T, P, 3)."""
         return np.asarray(self.gain[:, None] * usual + self.offset[:, None])
 
     def unlit(self, colours: np.ndarray) -> np.ndarray:
-        """Colours (T, P, 3) of the frames as they would look in the usual light."""
+        """Colours (T, P, 3) of the frames, relit to the usual light."""
         return np.asarray((colours - self.offset[:, None]) / self.gain[:, None])
 
 
@@ -51,21 +51,21 @@ def light_of(colours: np.ndarray, usual: np.ndarray, still: np.ndarray) -> Light
     """The light of frames, by robust least squares.
 
     Args:
-        colours: (T, P, 3). usual: (P, 3). still: indices of the points that are compared, with the
-            eyes and brows besides, which are dark: without them gain and offset look alike.
+        colours: (T, P, 3). usual: (P, 3). still: indices of the points to compare. Eyes and brows
+            are added: they are dark, and without them gain and offset cannot be separated.
     """
     index = np.union1d(still, (*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW))
-    seen, of = colours[:, index].astype(np.float64), usual[None, index].astype(np.float64)
-    weight = np.ones_like(seen)
+    own, of = colours[:, index].astype(np.float64), usual[None, index].astype(np.float64)
+    weight = np.ones_like(own)
     for _ in range(ROUNDS):
         total = weight.sum(1, keepdims=True)
         middle_of = (weight * of).sum(1, keepdims=True) / total
-        middle = (weight * seen).sum(1, keepdims=True) / total
+        middle = (weight * own).sum(1, keepdims=True) / total
         apart = of - middle_of
-        gain = (weight * apart * (seen - middle)).sum(1, keepdims=True)
+        gain = (weight * apart * (own - middle)).sum(1, keepdims=True)
         gain /= np.maximum((weight * apart**2).sum(1, keepdims=True), 1e-9)
         offset = middle - gain * middle_of
-        left = np.abs(seen - gain * of - offset)
+        left = np.abs(own - gain * of - offset)
         spread = np.maximum(1.4826 * np.median(left, 1, keepdims=True), 1.0)
         weight = 1 / np.maximum(1, left / (HUBER * spread))
     counted = offset * np.clip((np.abs(offset) - HAZE_FROM) / (HAZE_FULL - HAZE_FROM), 0, 1)
@@ -74,7 +74,7 @@ def light_of(colours: np.ndarray, usual: np.ndarray, still: np.ndarray) -> Light
 
 
 def coarse_gain(level: np.ndarray, usual: np.ndarray) -> np.ndarray:
-    """Gain (T, 3) of frames without a face: 1, if they are not very much darker or brighter.
+    """Gain (T, 3) of frames without a face: 1 unless they are much darker or brighter.
 
     Args:
         level: (T, 3) mean colours of the frames. usual: (3,) of frames with a face.
@@ -85,6 +85,6 @@ def coarse_gain(level: np.ndarray, usual: np.ndarray) -> np.ndarray:
 
 
 def noticed(gain: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gain and offset (T, 3) of frames whose light is noticeably another, else 1 and 0."""
+    """Gain and offset (T, 3) of frames whose light is noticeably different, else 1 and 0."""
     same = (np.abs(np.log(gain)).max(1) < NOTICED) & ~offset.any(1)
     return np.where(same[:, None], 1.0, gain), np.where(same[:, None], 0.0, offset)

@@ -1,7 +1,7 @@
-"""What a face looks like, and how far two faces are from being one person's.
+"""Looks of a face, and the distance between the looks of two people.
 
 A face is described by the shape of its rigid points in its own frame, and by mean and spread of the
-colours of its parts. N faces, D figures each.
+colours of its parts. N faces, D numbers each.
 """
 
 import cv2
@@ -11,7 +11,8 @@ from dubbing.face.mesh_points import LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER,
 from dubbing.face.similarity import similarity
 from dubbing.preparation.tracking.procrustes import head_frame
 
-# Above this distance a face is nobody's. Of pairs of different people one in a hundred is nearer.
+# A face further than this from all people is assigned to none. One in a hundred pairs of different
+# people is nearer.
 FARTHEST = 1.8
 SIDE = 96  # px of the upright face that colours are read from
 ANCHORS = np.array([[0.2, 0.3], [0.8, 0.3], [0.5, 0.62]]) * SIDE  # outer eye corners, nose
@@ -25,7 +26,7 @@ PARTS = (
     (0.5, 0.92, 0.15, 0.07),  # chin
     (0.5, 0.75, 0.12, 0.05),  # mouth
 )
-# What figures differ by, between frames of one person and a little of that between people.
+# Scale of the differences, mostly those between frames of one person.
 SHAPE_SCALE = 0.0102  # units of 10 cm; meshes of small faces are rough
 COLOUR_SCALE = np.array([8.9, 2.1, 2.2, 5.2, 1.1, 0.7])  # L, a, b: means, then spreads
 
@@ -57,7 +58,7 @@ def apart(one: np.ndarray, other: np.ndarray) -> float:
 
 
 def _upright(points: np.ndarray) -> np.ndarray:
-    """The (2, 3) least-squares similarity that takes eyes and nose to `ANCHORS`."""
+    """The (2, 3) least-squares similarity that maps eyes and nose to `ANCHORS`."""
     x, y = points[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER, NOSE_BASE], :2].astype(np.float64).T
     one, none = np.ones(3), np.zeros(3)
     rows = np.concatenate([np.stack([x, -y, one, none], 1), np.stack([y, x, none, one], 1)])

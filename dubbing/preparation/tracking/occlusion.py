@@ -1,25 +1,26 @@
-"""In which frames something covers the lower face: its colours are not those it usually has.
+"""Detects frames in which something covers the lower face, by its unusual colours.
 
-Colours are read at the points of the mesh, which stays where the mouth must be when a hand lies
-over it, and compared in the light of each frame. T frames, P = 478 points.
+Colours are sampled at the points of the mesh, which stays in place when a hand covers the mouth,
+and are compared in the light of each frame. T frames, P = 478 points.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import cv2
 import numpy as np
 
 from dubbing.face.mesh_points import NOSE_BASE, NOSE_BRIDGE, RIGID
 from dubbing.face.mouth_shape import INNER_LIP
+from dubbing.preparation.crops.tracked_crops import ReportShare
 from dubbing.preparation.tracking.light import Light, coarse_gain, light_of, sampled
 
 HALF_WIDTH = 0.42  # units of 10 cm from the middle of the face: beyond, cheeks turn away
 DARK = 8.0  # added to colours (0..255) before their logarithm: noise of dark ones counts less
-UNUSUAL = 3.0  # times as far from its median colour as the point mostly is, at least that of
-LEAST_SPREAD = 0.06  # of a logarithm
+UNUSUAL = 3.0  # deviations of a point from its median colour
+LEAST_SPREAD = 0.06  # of a logarithm: least deviation of a point
 SHARE = 0.35  # of the lower face that is unusual where something covers it
-AROUND = 2  # frames before and after that are covered in part
-OWN_FRAMES = 25  # of a shot that has a light of its own; a shorter one is compared with the clip
+AROUND = 2  # frames before and after, which may be covered in part
+OWN_FRAMES = 25  # of a shot to have its own usual colours; a shorter one takes the clip's
 
 
 def covered_step(
@@ -28,9 +29,9 @@ def covered_step(
     valid: np.ndarray,
     segment: np.ndarray,
     shape: np.ndarray,
-    progress: Callable[[float], None],
+    progress: ReportShare,
 ) -> dict[str, np.ndarray]:
-    """Frames in which the lower face is covered, or lit as no gain and offset explain.
+    """Frames in which the lower face is covered, or lit in a way that gain and offset cannot fit.
 
     Args:
         crops: (S, S, 3) RGB of all frames.
@@ -53,24 +54,22 @@ def covered_step(
         if own.any():
             share[own], light = unusual_share(colours[own], colours[reference], shape)
             gain[own], offset[own] = light.gain, light.offset
-            unseen = (segment == shot) & ~valid
-            gain[unseen] = coarse_gain(level[unseen], np.median(level[own], 0))
-    seen = (share > SHARE).astype(np.uint8)
+            faceless = (segment == shot) & ~valid
+            gain[faceless] = coarse_gain(level[faceless], np.median(level[own], 0))
+    covered = (share > SHARE).astype(np.uint8)
     for shot in np.unique(segment):
         part = segment == shot
-        seen[part] = cv2.dilate(seen[part][None], np.ones((1, 2 * AROUND + 1), np.uint8))[0]
-    return {"covered": (seen > 0) & valid, "gain": gain, "offset": offset}
+        covered[part] = cv2.dilate(covered[part][None], np.ones((1, 2 * AROUND + 1), np.uint8))[0]
+    return {"covered": (covered > 0) & valid, "gain": gain, "offset": offset}
 
 
 def unusual_share(
     colours: np.ndarray, reference: np.ndarray, shape: np.ndarray
 ) -> tuple[np.ndarray, Light]:
-    """Share (T,) of the lower face's points whose colour is far from what it usually is.
-
-    And the light of the frames.
+    """Share (T,) of the lower face's points with an unusual colour, and the light of the frames.
 
     Args:
-        colours: (T, P, 3). reference: (U, P, 3), of frames most of which nothing covers.
+        colours: (T, P, 3). reference: (U, P, 3), of frames that are mostly not covered.
         shape: (P, 3) in the head frame.
     """
     lower, upper = regions(shape)
@@ -89,7 +88,7 @@ def unusual_share(
 
 
 def regions(shape: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points of the lower face, without the inner mouth; and those that light is read from."""
+    """Points of the lower face without the inner mouth, and the points that light is fitted to."""
     down = shape[:, 1]
     below = (down > down[NOSE_BASE]) & (np.abs(shape[:, 0]) < HALF_WIDTH)
     below[list(INNER_LIP)] = False

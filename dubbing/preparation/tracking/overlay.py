@@ -1,8 +1,8 @@
 """Masks of captions, graphics or a microphone that lie over a part of the lower face.
 
-Within the outline of the face, colours that are far from usual ones are a find. Finds give the
-colours of what lies there, and the rows that it takes up; in frames around a find all pixels of
-such colours and rows count, on the neck, too. T frames, S side of the crop in px.
+Inside the outline of the face, colours that are far from usual ones are detected. Detections give
+the colours and the rows of the graphic. In frames around a detection all pixels of these colours
+and rows are masked, also on the neck. T frames, S side of the crop in px.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ import numpy as np
 from dubbing.face.mesh_points import FACE_OVAL, NOSE_BASE
 from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.media import MediaInfo, VideoWriter
-from dubbing.preparation.footage.threads import in_order
+from dubbing.preparation.crops.threads import in_order
+from dubbing.preparation.crops.tracked_crops import ReportShare
 from dubbing.preparation.tracking.occlusion import regions
-from dubbing.preparation.tracking.tracking import Arrays, Progress
+from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.usual_colours import (
     EYES,
     UsualColours,
@@ -30,7 +31,7 @@ from dubbing.preparation.tracking.usual_colours import (
     upright,
 )
 
-FRAMES = 150  # that usual colours are taken from
+FRAMES = 150  # from which usual colours are taken
 BEYOND = 25.0  # levels from usual colours
 LEAST_AREA = 0.002  # of the squared eye distance, in one piece; 0 on clips without graphics
 DARKEST = 0.25  # gain of the light: below, noise is as strong as colours
@@ -38,16 +39,16 @@ LIPS = 0.08  # eye distances round the inner lips, where teeth and tongue have a
 NEAR = 40.0  # levels between colours of one graphic, at most this share
 SHARPER = 0.6  # of its distance from skin
 COLOURS = 3  # of a graphic
-MOST_PIXELS = 4000  # that these are sought in
-LEAST_SHARE = 0.2  # of a find's pixels that have no colour of skin
-ROUND = 100  # frames before and after a find in which it may be there
-LINE = 0.3  # eye distances that the rows of a graphic reach beyond its finds
+MOST_PIXELS = 4000  # from which these are clustered
+LEAST_SHARE = 0.2  # of a detection's pixels that are not of a skin colour
+AROUND = 100  # frames before and after a detection in which the graphic may be visible
+LINE = 0.3  # eye distances that the rows of a graphic extend beyond its detections
 OUTLINE = 0.07  # eye distances round its colours: outlines and shadows of letters
 
 
 @dataclass(frozen=True)
-class Find:
-    """A frame with finds.
+class Detection:
+    """Unusual colours in one frame.
 
     Their first and last row (px of the crop), colours (N, 3), and whether they touch the mouth.
     """
@@ -60,7 +61,7 @@ class Find:
 
 
 class Overlay:
-    """Looks for what lies over a face in the crops of a clip.
+    """Detects things over a face in the crops of a clip.
 
     Args:
         crops: (T, S, S, 3) RGB. points: (T, P, 2 or more) px. valid, segment: (T,).
@@ -91,7 +92,7 @@ class Overlay:
         return self._colours(t, rgb)
 
     def _usual(self) -> UsualColours:
-        """Usual colours, from frames all over the clip."""
+        """Usual colours, from frames spread over the clip."""
         index = np.flatnonzero(self.usable)
         some = index[np.unique(np.linspace(0, len(index) - 1, FRAMES).round().astype(int))]
 
@@ -104,19 +105,19 @@ class Overlay:
         faces, skin, lips = zip(*in_order(look, ((int(t),) for t in some)), strict=True)
         return UsualColours.of(faces, np.concatenate(skin), np.concatenate(lips))
 
-    def finds(self, progress: Progress) -> list[Find]:
+    def detections(self, progress: ReportShare) -> list[Detection]:
         """Frames in which something lies over the face."""
 
-        def look(t: int) -> Find | None:
-            return self._find(t, self.usual) if self.usual and self.usable[t] else None
+        def look(t: int) -> Detection | None:
+            return self._detect(t, self.usual) if self.usual and self.usable[t] else None
 
-        found = []
-        for t, find in enumerate(in_order(look, ((t,) for t in range(len(self.crops))))):
-            found.append(find)
+        detections = []
+        for t, detection in enumerate(in_order(look, ((t,) for t in range(len(self.crops))))):
+            detections.append(detection)
             progress((t + 1) / len(self.crops))
-        return [find for find in found if find is not None]
+        return [detection for detection in detections if detection is not None]
 
-    def _find(self, t: int, usual: UsualColours) -> Find | None:
+    def _detect(self, t: int, usual: UsualColours) -> Detection | None:
         turn = to_face(self.points[t])
         points = self.points[t][:, :2] @ turn[:, :2].T + turn[:, 2]
         image = upright(self.crops[t], self.points[t])
@@ -126,44 +127,48 @@ class Overlay:
         beyond[: max(0, round(float(points[NOSE_BASE, 1])))] = False
         _, piece, stats, _ = cv2.connectedComponentsWithStats(beyond.astype(np.uint8))
         large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= LEAST_AREA * EYES**2) + 1
-        found = np.isin(piece, large)
-        if not found.any():
+        unusual = np.isin(piece, large)
+        if not unusual.any():
             return None
-        colours = ycc(image[found])
-        other = usual.from_skin(self._colours(t, image[found])) > 0
+        colours = ycc(image[unusual])
+        other = usual.from_skin(self._colours(t, image[unusual])) > 0
         if other.mean() < LEAST_SHARE:
             return None
-        place = np.argwhere(found)[:, ::-1] - turn[:, 2]
+        place = np.argwhere(unusual)[:, ::-1] - turn[:, 2]
         rows = place @ turn[:, 1] / float(turn[0, :2] @ turn[0, :2])  # the inverse similarity
-        touching = bool((cv2.dilate(lips.astype(np.uint8), np.ones((3, 3))) > 0)[found].any())
-        return Find(t, int(rows.min()), int(rows.max()) + 1, colours[other], touching)
+        touching = bool((cv2.dilate(lips.astype(np.uint8), np.ones((3, 3))) > 0)[unusual].any())
+        return Detection(t, int(rows.min()), int(rows.max()) + 1, colours[other], touching)
 
-    def masks(self, finds: Sequence[Find]) -> Iterator[np.ndarray]:
-        """Of every frame: 255 (S, S) uint8 where something lies over the face, else 0."""
+    def masks(self, detections: Sequence[Detection]) -> Iterator[np.ndarray]:
+        """Mask (S, S) uint8 of every frame: 255 where something lies over the face, else 0."""
 
-        def look(t: int, near: list[Find], colours: np.ndarray) -> np.ndarray:
+        def look(t: int, near: list[Detection], colours: np.ndarray) -> np.ndarray:
             if self.usual is None or not near or not self.usable[t]:
                 return np.zeros(self.crops[t].shape[:2], np.uint8)
             return self._mask(t, near, colours, self.usual)
 
-        def jobs() -> Iterator[tuple[int, list[Find], np.ndarray]]:
-            frames = np.array([find.frame for find in finds], int)
+        def jobs() -> Iterator[tuple[int, list[Detection], np.ndarray]]:
+            frames = np.array([detection.frame for detection in detections], int)
             for t in range(len(self.crops)):
-                close = np.abs(frames - t) <= ROUND
-                near = [finds[k] for k in np.flatnonzero(close).tolist()]
-                near = [find for find in near if self.segment[find.frame] == self.segment[t]]
+                close = np.abs(frames - t) <= AROUND
+                near = [detections[k] for k in np.flatnonzero(close).tolist()]
+                near = [
+                    detection
+                    for detection in near
+                    if self.segment[detection.frame] == self.segment[t]
+                ]
                 yield t, near, main_colours(near)
 
         yield from in_order(look, jobs())
 
     def _mask(
-        self, t: int, near: list[Find], colours: np.ndarray, usual: UsualColours
+        self, t: int, near: list[Detection], colours: np.ndarray, usual: UsualColours
     ) -> np.ndarray:
         points, image = self.points[t], self.crops[t]
         size, eyes = len(image), eye_distance(points)
         line = round(LINE * eyes)
-        top = max(0, min(find.top for find in near) - line)
-        bottom = min(size, max(find.bottom for find in near) + line)
+        top = max(0, min(detection.top for detection in near) - line)
+        bottom = min(size, max(detection.bottom for detection in near) + line)
         rows = ycc(image[top:bottom])
         mask, exact = (np.zeros((size, size), np.uint8) for _ in range(2))
         for colour in colours:
@@ -174,14 +179,14 @@ class Overlay:
         near_face, settled = self._places(t, usual)
         mask[~near_face] = 0
         mask[settled & ~_over_face(exact, points)] = 0
-        if not any(find.at_mouth for find in near if abs(find.frame - t) <= 1):
+        if not any(detection.at_mouth for detection in near if abs(detection.frame - t) <= 1):
             mask[mouth(points, eyes, (size, size))] = 0
         reach = max(2, round(OUTLINE * eyes))
         round_ = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
         return np.asarray(cv2.dilate(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, round_), round_) * 255)
 
     def _places(self, t: int, usual: UsualColours) -> tuple[np.ndarray, np.ndarray]:
-        """Pixels (S, S) bool that usual colours are known of; and those that always look so."""
+        """Pixels (S, S) bool whose usual colours are known, and those that never change."""
         points, size = self.points[t], len(self.crops[t])
         turn = to_face(points)
         inside = inside_face(points[:, :2] @ turn[:, :2].T + turn[:, 2])
@@ -192,35 +197,35 @@ class Overlay:
 
 
 def _over_face(mask: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Pixels (S, S) bool of the pieces of a mask that reach into the face."""
+    """Pixels (S, S) bool of the components of a mask that extend into the face."""
     face = np.zeros_like(mask)
     cv2.fillPoly(face, [points[list(FACE_OVAL), :2].round().astype(np.int32)], 1)
     _, piece = cv2.connectedComponents(mask)
     return np.isin(piece, np.setdiff1d(piece[(face > 0) & (mask > 0)], 0))
 
 
-def overlay_step(overlay: Overlay, out: Path, info: MediaInfo, progress: Progress) -> Arrays:
+def overlay_step(overlay: Overlay, out: Path, info: MediaInfo, progress: ReportShare) -> Arrays:
     """Write OUT: a mask of every frame, or a single empty one if nothing lies over the face.
 
     Returns:
         over (T,) bool: frames whose mask is not empty.
     """
-    finds, size = overlay.finds(progress), overlay.crops.shape[1]
+    detections, size = overlay.detections(progress), overlay.crops.shape[1]
     over = np.zeros(len(overlay.crops), bool)
     with VideoWriter(out, size, size, info.rate, "ffv1-gray") as video:
-        if not finds:
+        if not detections:
             video.write(np.zeros((size, size), np.uint8))
-        for t, mask in enumerate(overlay.masks(finds) if finds else ()):
+        for t, mask in enumerate(overlay.masks(detections) if detections else ()):
             video.write(mask)
             over[t] = mask.any()
     return {"over": over}
 
 
-def main_colours(finds: Sequence[Find]) -> np.ndarray:
-    """The colours (K, 3) that most of the pixels of finds have."""
-    if not finds:
+def main_colours(detections: Sequence[Detection]) -> np.ndarray:
+    """The main colours (K, 3) of detections, by k-means."""
+    if not detections:
         return np.zeros((0, 3), np.float32)
-    pixels = np.concatenate([find.colours for find in finds])
+    pixels = np.concatenate([detection.colours for detection in detections])
     pixels = np.ascontiguousarray(pixels[:: len(pixels) // MOST_PIXELS + 1])
     if len(pixels) <= COLOURS:
         return pixels

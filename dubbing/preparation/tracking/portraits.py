@@ -1,4 +1,4 @@
-"""Where a person can be seen, to recognise them among the people of a film."""
+"""A clip that shows a person, by which they are recognised among others."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,9 +1,9 @@
-"""A first look through the clip: cuts, faces, and which face to follow.
+"""First pass over a clip: cuts, faces, and the face to follow.
 
 Every fifth frame is searched for faces; boxes are (x0, y0, x1, y1) in px of the source.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,7 @@ import numpy as np
 from dubbing.errors import PreparationError
 from dubbing.face.landmarks import MOST_FACES, FaceMesh
 from dubbing.media import MediaInfo, probe, read_frames
+from dubbing.preparation.crops.tracked_crops import ReportShare
 from dubbing.preparation.tracking.cuts import (
     LEAST_DIFFERENCE,
     REPEATED,
@@ -36,17 +37,17 @@ from dubbing.preparation.tracking.portraits import Portrait
 STRIDE = 5  # frames
 LEAST_SHARE = 0.2  # of searched frames with a face; fewer: search again, larger
 TILE_SHARE = 0.5  # of the shorter side of the frame
-PORTRAIT_FRAMES = 20  # of another clip that a person's looks are taken from
+PORTRAIT_FRAMES = 20  # of another clip, from which a person's looks are taken
 
 
 @dataclass(frozen=True)
 class Survey:
     """Frames T: segment (T,) int, repeated (T,) bool, box (T, 4) of the followed face.
 
-    ``shown`` (T,): how much of a frame is of its shot; less than 1 in a dissolve. ``distance``
+    ``shown`` (T,): share of a frame that is of its shot; less than 1 in a dissolve. ``distance``
     (shots,): of its looks from the person's, NaN where a shot does not show it; see `following`.
-    ``most_faces``: how many faces one frame showed at most; ``other``: frame, column and row of the
-    largest that was not followed, NaN without one.
+    ``most_faces``: largest number of faces in one frame; ``other``: frame, column and row of the
+    largest face that was not followed, NaN without one.
     """
 
     segment: np.ndarray
@@ -58,14 +59,12 @@ class Survey:
     other: np.ndarray
 
 
-def survey(
-    info: MediaInfo, progress: Callable[[float], None], people: Sequence[Portrait] = ()
-) -> Survey:
-    """Look through a clip.
+def survey(info: MediaInfo, progress: ReportShare, people: Sequence[Portrait] = ()) -> Survey:
+    """Search a clip for cuts and faces, and choose the face to follow.
 
     Args:
-        people: whose face is meant, and the others of the film; without any it is the largest of
-            every shot.
+        people: the person, then the others in the clip; without any, the largest face of every
+            shot is followed.
 
     Raises:
         PreparationError: no face in it, or none at a point, or none like that of a portrait.
@@ -117,20 +116,20 @@ def survey(
 def other_face(sightings: list[list[Sighting]], box: np.ndarray) -> np.ndarray:
     """Frame, column and row (3,) of the largest face outside of the followed boxes (T, 4)."""
     others = [
-        seen
-        for frame in sightings
-        for seen in frame
-        if np.hypot(*(seen.middle - (box[seen.frame, :2] + box[seen.frame, 2:]) / 2))
-        > seen.size / 2
+        face
+        for faces in sightings
+        for face in faces
+        if np.hypot(*(face.middle - (box[face.frame, :2] + box[face.frame, 2:]) / 2))
+        > face.size / 2
     ]
     if not others:
         return np.full(3, np.nan)
-    largest = max(others, key=lambda seen: seen.size)
+    largest = max(others, key=lambda face: face.size)
     return np.array([largest.frame, *largest.middle])
 
 
 def person_of(portrait: Portrait, info: MediaInfo) -> Person:
-    """A person as a clip is searched for them.
+    """The person of a portrait, as a clip is searched for them.
 
     Raises:
         LookupError: no face at a point of the portrait, or none in it.
@@ -141,18 +140,18 @@ def person_of(portrait: Portrait, info: MediaInfo) -> Person:
     rows = places(portrait, info)
     spread = np.linspace(0, info.frames - 1, PORTRAIT_FRAMES).round().astype(int)
     frames = [place.frame for place in rows] or np.unique(spread).tolist()
-    found = []
+    track: list[Sighting] = []
     with FaceMesh(tracking=False, faces=MOST_FACES) as mesh:
         for k, frame in enumerate(frames):
             (image,) = read_frames(portrait.clip, start=frame, count=1)
-            seen = sight(mesh, image, frame)
+            faces = sight(mesh, image, frame)
             if rows:
-                found += track_at([[face] for face in seen], rows[k])
-            elif seen:
-                found.append(max(seen, key=lambda face: face.size))
-    if not found:
+                track += track_at([[face] for face in faces], rows[k])
+            elif faces:
+                track.append(max(faces, key=lambda face: face.size))
+    if not track:
         raise LookupError(f"in {portrait.clip}, which shows whom to look for")
-    return Person(looks=looks_of([found]))
+    return Person(looks=looks_of([track]))
 
 
 def places(portrait: Portrait, info: MediaInfo) -> tuple[Place, ...]:
@@ -171,7 +170,7 @@ def sight(
     corner: tuple[int, int] = (0, 0),
     scale: float = 1,
 ) -> list[Sighting]:
-    """Faces in a picture whose first pixel lies at ``corner`` of the source, enlarged ``scale``."""
+    """Faces in an image whose first pixel is at ``corner`` of the source, enlarged by ``scale``."""
     return [
         Sighting(
             frame,
@@ -182,19 +181,17 @@ def sight(
     ]
 
 
-def search_tiles(
-    path: Path, frames: int, progress: Callable[[float], None]
-) -> list[list[Sighting]]:
+def search_tiles(path: Path, frames: int, progress: ReportShare) -> list[list[Sighting]]:
     """Search enlarged, overlapping parts of the frames: the detector misses small faces."""
     out = []
     with FaceMesh(tracking=False, faces=MOST_FACES) as mesh:
         for frame, image in enumerate(read_frames(path)):
             if frame % STRIDE == 0:
-                seen: list[Sighting] = []
+                faces: list[Sighting] = []
                 for tile, corner in tiles(image):
                     larger = cv2.resize(tile, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-                    seen += sight(mesh, larger, frame, corner, 2)
-                out.append(without_doubles(seen))
+                    faces += sight(mesh, larger, frame, corner, 2)
+                out.append(without_doubles(faces))
             progress((frame + 1) / frames)
     return out
 
@@ -208,10 +205,10 @@ def tiles(image: np.ndarray) -> Iterator[tuple[np.ndarray, tuple[int, int]]]:
             yield image[y : y + side, x : x + side], (x, y)
 
 
-def without_doubles(seen: list[Sighting]) -> list[Sighting]:
+def without_doubles(sightings: list[Sighting]) -> list[Sighting]:
     """One sighting per face: the largest of those whose middles lie within half a face."""
     kept: list[Sighting] = []
-    for face in sorted(seen, key=lambda s: -s.size):
+    for face in sorted(sightings, key=lambda s: -s.size):
         if all(np.hypot(*(face.middle - other.middle)) > other.size / 2 for other in kept):
             kept.append(face)
     return kept

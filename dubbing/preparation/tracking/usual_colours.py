@@ -1,4 +1,4 @@
-"""The colours that each place of a face and its surroundings usually has, in a frame of its own.
+"""Usual colours of each place of a face and its surroundings, in the frame of the face.
 
 The frame of the face is upright, W x H pixels, with the outer corners of the eyes `EYES` apart.
 Colours are luma and the two chromas of BT.601 (Y, Cr, Cb), each 0..255, in the shot's usual light.
@@ -17,19 +17,19 @@ from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 EYES = 56.0  # px
 W, H = 176, 160
 EYES_AT = 8.0  # px below the upper edge
-# px by which speech and turning move a place: colours of this neighbourhood are usual, too.
+# px by which speech and turns move a place: colours of this neighbourhood are usual, too.
 ACROSS, DOWN = 5, 12
-SPREADS = 3.0  # deviations about the median that are usual
-LEAST_SPREAD, MOST_SPREAD = 4.0, 15.0  # levels; what covers a place often widens its spread
-MARGIN = np.array([12.0, 8.0, 8.0])  # levels beyond what skin mostly has
-STILL, AS_EVER = 10.0, 25.0  # levels: spread of what is always there, and distance from it
-SHADOW = 0.5  # of the darkest skin: places that mostly show skin are no darker
+SPREADS = 3.0  # deviations from the median that are usual
+LEAST_SPREAD, MOST_SPREAD = 4.0, 15.0  # levels; occlusions often increase the spread of a place
+MARGIN = np.array([12.0, 8.0, 8.0])  # levels beyond most colours of skin
+STILL, UNCHANGED = 10.0, 25.0  # levels: spread of a static place, and distance from its median
+SHADOW = 0.5  # of the darkest skin: places that mostly show skin are not darker
 INSIDE = 0.03  # eye distances from the outline of the face
 
 
 @dataclass(frozen=True)
 class UsualColours:
-    """Of each place (H, W, 3): least and most usual colours, median and spread; skin's (3,)."""
+    """Bounds of usual colours, median and spread of each place (H, W, 3); bounds of skin (3,)."""
 
     low: np.ndarray
     high: np.ndarray
@@ -40,7 +40,7 @@ class UsualColours:
 
     @staticmethod
     def of(faces: Iterable[np.ndarray], skin: np.ndarray, lips: np.ndarray) -> UsualColours:
-        """Gather them from frames.
+        """Usual colours from some frames.
 
         Args:
             faces: (H, W, 3) in the frame of the face, as of `upright`.
@@ -58,11 +58,11 @@ class UsualColours:
         return UsualColours(low, high, middle, spread, least, most)
 
     def beyond(self, face: np.ndarray, inside: np.ndarray) -> np.ndarray:
-        """How far colours (H, W, 3) in the frame of the face are from usual ones, levels (H, W).
+        """Distance of colours (H, W, 3) in the frame of the face from usual ones, levels (H, W).
 
         Args:
-            inside: (H, W) bool, well within the outline of the face. There colours must be skin's
-                or its shadows', too: what always lies over a place does not become usual.
+            inside: (H, W) bool, well within the outline of the face. Usual colours there must also
+                be those of skin or its shadows, so that a permanent overlay is not usual.
         """
         skin = inside & (self.from_skin(self.middle) == 0)
         least = np.where(skin[..., None], self.skin_low * (SHADOW, 1, 1), self.low)
@@ -73,14 +73,14 @@ class UsualColours:
         return np.asarray(np.maximum(away[..., 0], 2 * away[..., 1:].max(-1)))
 
     def from_skin(self, colours: np.ndarray) -> np.ndarray:
-        """How far colours (..., 3) are from all that skin has, levels (...)."""
+        """Distance of colours (..., 3) from those of skin, levels (...)."""
         away = np.maximum(np.maximum(colours - self.skin_high, self.skin_low - colours), 0)
         return np.asarray(np.linalg.norm(away, axis=-1))
 
     def settled(self, face: np.ndarray, inside: np.ndarray) -> np.ndarray:
-        """Pixels (H, W) bool beside the face that always look as here: collar, wall, shirt."""
+        """Pixels (H, W) bool outside the face that look as always: collar, wall, shirt."""
         still = self.spread.max(-1) < STILL
-        return ~inside & still & (np.abs(face - self.middle).max(-1) < AS_EVER)
+        return ~inside & still & (np.abs(face - self.middle).max(-1) < UNCHANGED)
 
 
 def to_face(points: np.ndarray) -> np.ndarray:
@@ -123,5 +123,5 @@ def inside_face(points: np.ndarray) -> np.ndarray:
 
 
 def eye_distance(points: np.ndarray) -> float:
-    """Between the outer corners of the eyes, px."""
+    """Distance between the outer corners of the eyes, px."""
     return float(np.hypot(*(points[RIGHT_EYE_OUTER, :2] - points[LEFT_EYE_OUTER, :2])))

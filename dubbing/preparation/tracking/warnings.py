@@ -1,4 +1,4 @@
-"""What may go wrong later, in words, from what tracking saw."""
+"""Warnings about a clip, from the results of tracking."""
 
 import numpy as np
 
@@ -13,30 +13,32 @@ SEVERAL = "faces in a frame"
 LARGE_YAW = 35.0  # degrees
 
 
-def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: Poses) -> list[str]:
-    """Sentences for the report; empty where all is well."""
+def warnings_of(
+    info: MediaInfo, size: int, surveyed: Arrays, detected: Arrays, poses: Poses
+) -> list[str]:
+    """Sentences for the report; empty without warnings."""
     out = []
-    valid, frames = found["valid"], info.frames
+    valid, frames = detected["valid"], info.frames
     missing = int((~valid).sum())
     if missing:
         out.append(
             f"no face in {missing} of {frames} frames, the first at "
             f"{seconds(info, np.flatnonzero(~valid)[0])}; they are left as filmed"
         )
-    apart = found["apart"] / (APART * size / 512)
+    apart = detected["apart"] / (APART * size / 512)
     covered = np.flatnonzero(valid & (apart >= HIDDEN))
     if len(covered):
         out.append(
             f"something may cover the face in {len(covered)} frames, the first at "
             f"{seconds(info, covered[0])}; their poses are carried over from around them"
         )
-    hidden = np.flatnonzero(found["covered"])
+    hidden = np.flatnonzero(detected["covered"])
     if len(hidden):
         out.append(
             f"the mouth is covered, or lit as nowhere else, in {len(hidden)} frames, the first at "
             f"{seconds(info, hidden[0])}; they are left as filmed"
         )
-    over = np.flatnonzero(found["over"])
+    over = np.flatnonzero(detected["over"])
     if len(over):
         out.append(
             f"something lies over the lower face in {len(over)} frames, the first at "
@@ -49,22 +51,22 @@ def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: 
             f"the landmarks are unsure in {len(unsure)} frames, the first at "
             f"{seconds(info, unsure[0])}; their poses lean on the frames around them"
         )
-    if int(seen["most_faces"]) > 1:
-        out.append(several_faces(info, seen))
-    out += matched_shots(seen)
-    dissolved = np.flatnonzero(seen["shown"] < 1)
+    if int(surveyed["most_faces"]) > 1:
+        out.append(several_faces(info, surveyed))
+    out += matched_shots(surveyed)
+    dissolved = np.flatnonzero(surveyed["shown"] < 1)
     if len(dissolved):
         out.append(
             f"shots dissolve into one another in {len(dissolved)} frames, the first at "
             f"{seconds(info, dissolved[0])}; the new mouth fades with its shot"
         )
-    cuts = np.flatnonzero(np.diff(seen["segment"])) + 1
+    cuts = np.flatnonzero(np.diff(surveyed["segment"])) + 1
     if len(cuts):
         out.append(
             f"{len(cuts)} cuts, at frames {', '.join(map(str, cuts))}; nothing is carried over them"
         )
-    heights = [face_width(p) for p in found["points"][valid]]
-    height = float(np.median(heights)) * float(seen["window"][0, 2]) / size
+    heights = [face_width(p) for p in detected["points"][valid]]
+    height = float(np.median(heights)) * float(surveyed["window"][0, 2]) / size
     if height < SMALL_FACE:
         out.append(f"the face is only {height:.0f} px high in the source; expect a soft result")
     yaw = np.rad2deg(np.arctan2(-poses.rotation[:, 0, 2], -poses.rotation[:, 2, 2]))
@@ -77,23 +79,23 @@ def warnings_of(info: MediaInfo, size: int, seen: Arrays, found: Arrays, poses: 
         )
     if info.variable_rate:
         out.append(f"variable frame rate; read at a constant {float(info.rate or 0):.3f}")
-    repeated = int(seen["repeated"].sum())
+    repeated = int(surveyed["repeated"].sum())
     if repeated:
         out.append(f"{repeated} frames repeat the one before them")
     return out
 
 
-def several_faces(info: MediaInfo, seen: Arrays) -> str:
+def several_faces(info: MediaInfo, surveyed: Arrays) -> str:
     """Which of several faces was followed, and how to choose another."""
     text = (
-        f"up to {int(seen['most_faces'])} {SEVERAL}; the contact sheet shows the one that was "
+        f"up to {int(surveyed['most_faces'])} {SEVERAL}; the contact sheet shows the one that was "
         "followed in each shot"
     )
-    if np.isnan(seen["other"]).any():
+    if np.isnan(surveyed["other"]).any():
         return text
-    frame, size = int(seen["other"][0]), np.array([info.width, info.height])
-    followed = (seen["box"][frame, :2] + seen["box"][frame, 2:]) / 2 / size
-    x, y = seen["other"][1:] / size
+    frame, size = int(surveyed["other"][0]), np.array([info.width, info.height])
+    followed = (surveyed["box"][frame, :2] + surveyed["box"][frame, 2:]) / 2 / size
+    x, y = surveyed["other"][1:] / size
     at = frame / float(info.rate or 1)
     return (
         f"{text}: at {at:.1f} s that at x {followed[0]:.2f}, y {followed[1]:.2f}; for another set "
@@ -101,9 +103,9 @@ def several_faces(info: MediaInfo, seen: Arrays) -> str:
     )
 
 
-def matched_shots(seen: Arrays) -> list[str]:
-    """Which shots show somebody by their looks, and which do not show them."""
-    distance, first = seen["distance"], np.flatnonzero(np.diff(seen["segment"], prepend=-1))
+def matched_shots(surveyed: Arrays) -> list[str]:
+    """Shots in which a person was recognised by their looks, and shots without them."""
+    distance, first = surveyed["distance"], np.flatnonzero(np.diff(surveyed["segment"], prepend=-1))
     out = []
     sure = [f"{first[k]} ({distance[k]:.2f})" for k in np.flatnonzero(distance > 0)]
     if sure:

@@ -19,12 +19,12 @@ INPUTS = (2 * CONTEXT + 1) * CEPSTRA
 FFT = 512
 EMPHASIS = 0.97
 LIFTER = 22
-FULL_SCALE = 32768  # it heard whole numbers of 16 bits
+FULL_SCALE = 32768  # it was trained on 16-bit integers
 _LEAST = np.finfo(np.float64).eps
 
 
 def emphasised(blocks: Iterable[np.ndarray]) -> Iterator[np.ndarray]:
-    """Each sample less .97 of the one before; samples of -1..1 become numbers of 16 bits first."""
+    """Each sample minus .97 of the one before; samples of -1..1 become 16-bit integers first."""
     before = np.zeros(1)
     for block in blocks:
         level = np.round(np.asarray(block, np.float64) * FULL_SCALE)
@@ -48,10 +48,10 @@ def mel_bank() -> np.ndarray:
 def cepstra(windows: np.ndarray) -> np.ndarray:
     """Cepstra (T, C) of emphasised windows (T, W); the first one is the logarithm of the energy."""
     power = np.abs(np.fft.rfft(windows, FFT)) ** 2 / FFT
-    found = dct(_log(power @ mel_bank().T), norm="ortho", axis=1)
-    found *= 1 + LIFTER / 2 * np.sin(np.pi * np.arange(CEPSTRA) / LIFTER)
-    found[:, 0] = _log(power.sum(1))
-    return found
+    rows = dct(_log(power @ mel_bank().T), norm="ortho", axis=1)
+    rows *= 1 + LIFTER / 2 * np.sin(np.pi * np.arange(CEPSTRA) / LIFTER)
+    rows[:, 0] = _log(power.sum(1))
+    return rows
 
 
 def _log(x: np.ndarray) -> np.ndarray:
@@ -60,27 +60,27 @@ def _log(x: np.ndarray) -> np.ndarray:
 
 
 def steps_heard(samples: int) -> int:
-    """T of a sound: windows begin every 10 ms until one reaches its end; every second counts."""
+    """T of a sound: windows start every 10 ms until one reaches its end; every second counts."""
     windows = 1 + max(0, -(-(samples - WIDTH) // (SAMPLE_RATE // 100)))
     return -(-windows // 2)
 
 
-def level(found: np.ndarray) -> tuple[float, float]:
-    """Mean and standard deviation of all inputs that cepstra (T, C) make, T > 0.
+def level(rows: np.ndarray) -> tuple[float, float]:
+    """Mean and standard deviation of all inputs made from cepstra (T, C), T > 0.
 
-    A step is in the inputs of up to 19 steps; before the first and after the last stand zeros.
+    A step is in the inputs of up to 19 steps; zeros pad both ends.
     """
-    count = len(found)
+    count = len(rows)
     place = np.arange(count)
     times = np.minimum(place + CONTEXT, count - 1) - np.maximum(place - CONTEXT, 0) + 1
     total = count * INPUTS
-    mean = float((times * found.sum(1)).sum() / total)
-    square = float((times * (found**2).sum(1)).sum() / total)
+    mean = float((times * rows.sum(1)).sum() / total)
+    square = float((times * (rows**2).sum(1)).sum() / total)
     return mean, max(square - mean**2, _LEAST) ** 0.5
 
 
-def inputs(found: np.ndarray, first: int, last: int) -> np.ndarray:
+def inputs(rows: np.ndarray, first: int, last: int) -> np.ndarray:
     """Cepstra of steps `first` to `last` with those of their neighbours, (last - first, 494)."""
-    padded = np.pad(found, ((CONTEXT, CONTEXT), (0, 0)))[first : last + 2 * CONTEXT]
-    seen = np.lib.stride_tricks.sliding_window_view(padded, 2 * CONTEXT + 1, axis=0)
-    return np.ascontiguousarray(seen.transpose(0, 2, 1)).reshape(last - first, INPUTS)
+    padded = np.pad(rows, ((CONTEXT, CONTEXT), (0, 0)))[first : last + 2 * CONTEXT]
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * CONTEXT + 1, axis=0)
+    return np.ascontiguousarray(windows.transpose(0, 2, 1)).reshape(last - first, INPUTS)

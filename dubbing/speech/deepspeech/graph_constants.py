@@ -1,4 +1,4 @@
-"""Weights out of a frozen TensorFlow graph, without TensorFlow: its constants by name.
+"""Reads the weights of a frozen TensorFlow graph without TensorFlow: its constants by name.
 
 The file is a protocol buffer, `GraphDef`. Of its fields only these are read: a graph's nodes, a
 node's name, operation and attribute `value`, and the type, shape and numbers of that tensor.
@@ -26,7 +26,7 @@ LONGEST_VARINT = 10  # bytes
 
 
 def constants(path: Path, wanted: Collection[str]) -> dict[str, np.ndarray]:
-    """Those of the named float32 constants that a graph has; views of the file, read-only.
+    """The wanted float32 constants that a graph has, by name; views of the file, read-only.
 
     Raises:
         DubbingError: the file cannot be read, or is no graph.
@@ -35,12 +35,12 @@ def constants(path: Path, wanted: Collection[str]) -> dict[str, np.ndarray]:
         with open(path, "rb") as file:
             data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
         named = [(bytes(_last(node, NAME)).decode(), node) for node in _messages(data, NODE)]
-        found = [(name, _constant(node)) for name, node in named if name in wanted]
+        arrays = [(name, _constant(node)) for name, node in named if name in wanted]
     except OSError as error:
         raise DubbingError(f"cannot be read: {error.strerror}", str(path)) from error
     except ValueError as error:
         raise DubbingError(f"is no frozen TensorFlow graph: {error}", str(path)) from error
-    return {name: numbers for name, numbers in found if numbers is not None}
+    return {name: numbers for name, numbers in arrays if numbers is not None}
 
 
 def _constant(node: memoryview) -> np.ndarray | None:

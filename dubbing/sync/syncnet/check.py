@@ -22,11 +22,11 @@ from torch import Tensor
 from dubbing import media
 from dubbing.face.face_tracker import track_faces
 from dubbing.speech.voice_activity import STEP_RATE, voice_activity_of_blocks
-from dubbing.sync.curves import REACH, Estimate
-from dubbing.sync.judgement import Found, conclude
+from dubbing.sync.curves import MAX_OFFSET, Estimate
+from dubbing.sync.judgement import Measurement, conclude
 from dubbing.sync.result import Media, SyncResult
 from dubbing.sync.syncnet.mfcc import HOP, SAMPLE_RATE, WINDOW, mfcc
-from dubbing.sync.syncnet.network import (
+from dubbing.sync.syncnet.syncnet_network import (
     EMBEDDING,
     FRAMES,
     SIDE,
@@ -37,7 +37,7 @@ from dubbing.sync.syncnet.network import (
 
 RATE = Fraction(25)
 METHOD = "published SyncNet"
-# What the published network gives in-sync talking heads; its own demo clip has 10.0.
+# Confidence of the published network for talking heads in sync; its own demo clip has 10.0.
 TYPICAL_CONFIDENCE = 6.0
 SAMPLES_PER_FRAME = SAMPLE_RATE // int(RATE)
 STEPS_PER_FRAME = SAMPLES_PER_FRAME // HOP
@@ -61,11 +61,11 @@ def shift_rows(mouth: Tensor, sound: Tensor) -> Tensor:
 
     Args:
         mouth: (m, E).
-        sound: (m + 30, E): from 15 windows earlier to 15 later, zero rows where there is none.
+        sound: (m + 30, E): from 15 windows earlier to 15 later, zero rows beyond the ends.
 
     Column j is the sound window j - 15 later; distance = |mouth - sound + 1e-6|.
     """
-    columns = [sound[j : j + len(mouth)] for j in range(2 * REACH + 1)]
+    columns = [sound[j : j + len(mouth)] for j in range(2 * MAX_OFFSET + 1)]
     return torch.stack([torch.linalg.norm(mouth - c + EPSILON, dim=1) for c in columns], dim=1)
 
 
@@ -73,25 +73,25 @@ def published_estimate(curve: Tensor) -> Estimate:
     """Offset = 15 - argmin, confidence = median - minimum, and the minimum, of a curve (K,)."""
     distance, best = curve.min(0)
     confidence = curve.median() - distance
-    return Estimate(REACH - int(best), float(confidence), float(distance))
+    return Estimate(MAX_OFFSET - int(best), float(confidence), float(distance))
 
 
 def face_boxes(boxes: np.ndarray) -> np.ndarray:
     """Centre and half size (column, row, s) in every frame, (T, 3), from `boxes` with gaps (NaN).
 
-    Gaps are interpolated; a running median over 13 frames takes away the jitter.
+    Gaps are interpolated; a running median over 13 frames removes jitter.
     """
     place = np.arange(len(boxes))
-    seen = np.flatnonzero(np.isfinite(boxes[:, 0]))
-    filled = [np.interp(place, seen, boxes[seen, k]) for k in range(3)]
+    known = np.flatnonzero(np.isfinite(boxes[:, 0]))
+    filled = [np.interp(place, known, boxes[known, k]) for k in range(3)]
     return np.stack([median_filter(f, BOX_MEDIAN, mode="nearest") for f in filled], axis=1)
 
 
 def track_boxes(video: Path, frames: int) -> dict[int, np.ndarray]:
-    """Boxes (T, 3) at 25 fps of every face that is seen half of the time, NaN where it is not."""
+    """Boxes (T, 3) at 25 fps of every face tracked half of the time, NaN where it is not."""
     tracks: dict[int, np.ndarray] = {}
-    pictures = media.read_frames(video, rate=RATE, count=frames)
-    for k, faces in enumerate(track_faces(pictures, float(RATE))):
+    images = media.read_frames(video, rate=RATE, count=frames)
+    for k, faces in enumerate(track_faces(images, float(RATE))):
         for face in faces:
             low, high = face.points[:, :2].min(0), face.points[:, :2].max(0)
             boxes = tracks.setdefault(face.track, np.full((frames, 3), np.nan))
@@ -142,7 +142,7 @@ def embed_cepstra(network: PublishedSyncNet, cepstra: Tensor) -> Tensor:
 def _sound_rows(network: PublishedSyncNet, path: Path, first: int, last: int, n: int) -> Tensor:
     """Sound embeddings of the windows first..last - 1, zero rows outside 0..n - 1."""
     low, high = max(first, 0), min(last, n)
-    # One step earlier, so that pre-emphasis knows the sample before; its own step is dropped.
+    # One step earlier, so that pre-emphasis has the sample before; that step is dropped.
     lead = HOP if low else 0
     begin = low * SAMPLES_PER_FRAME - lead
     steps = STEPS_PER_FRAME * (high - low - 1) + STEPS
@@ -160,7 +160,7 @@ def published_measure(
 ) -> tuple[Estimate, np.ndarray] | None:
     """Estimate and curve over OFFSETS of a video with face boxes (T, 3) at 25 fps.
 
-    None if it is too short for a window. Streams: memory does not grow with the length.
+    None if it is too short for a window. Memory does not grow with the length.
     """
     samples = sum(len(block) for block in media.iter_audio(video, rate=SAMPLE_RATE))
     n = windows_of(len(boxes), samples)
@@ -168,12 +168,14 @@ def published_measure(
         return None
     frames = media.read_frames(video, rate=RATE, count=n + FRAMES - 1)
     crops = (crop_face(frame, box) for frame, box in zip(frames, boxes, strict=False))
-    total = torch.zeros(2 * REACH + 1, dtype=torch.float64)
+    total = torch.zeros(2 * MAX_OFFSET + 1, dtype=torch.float64)
     mouths = embed_frames(network, crops)
     for first in range(0, n, SOUND_BATCH):
-        sound = _sound_rows(network, video, first - REACH, min(first + SOUND_BATCH, n) + REACH, n)
+        sound = _sound_rows(
+            network, video, first - MAX_OFFSET, min(first + SOUND_BATCH, n) + MAX_OFFSET, n
+        )
         for mouth in islice(mouths, SOUND_BATCH // BATCH):
-            total += shift_rows(mouth, sound[: len(mouth) + 2 * REACH]).double().sum(0)
+            total += shift_rows(mouth, sound[: len(mouth) + 2 * MAX_OFFSET]).double().sum(0)
             sound = sound[len(mouth) :]
     curve = total / n
     # Column j of the published curve is offset 15 - j; ours runs the other way.
@@ -183,7 +185,7 @@ def published_measure(
 def published_check(video: Path, weights: Path) -> SyncResult:
     """The published SyncNet's figures for a video, and our verdict on them.
 
-    Several faces: the one whose confidence is highest. Offsets are frames at 25 fps, as there.
+    Of several faces the one with the highest confidence counts. Offsets are frames at 25 fps.
 
     Raises:
         SyncError: the weights are missing or no SyncNet.
@@ -203,13 +205,13 @@ def published_check(video: Path, weights: Path) -> SyncResult:
         if one is not None:
             measured[track] = one
     speaker = max(measured, key=lambda t: measured[t][0].confidence, default=None)
-    seen = int(np.isfinite(tracks[speaker][:, 0]).sum()) if speaker is not None else 0
+    count = int(np.isfinite(tracks[speaker][:, 0]).sum()) if speaker is not None else 0
     facts = replace(
-        facts, speech_seconds=float(voice.sum() / STEP_RATE), mouth_seconds=float(seen / RATE)
+        facts, speech_seconds=float(voice.sum() / STEP_RATE), mouth_seconds=float(count / RATE)
     )
-    found = None
+    result = None
     if speaker is not None:
         best, curve = measured[speaker]
-        found = Found(best, curve.tolist(), float(RATE), speaker)
+        result = Measurement(best, curve.tolist(), float(RATE), speaker)
     tracked = bool(tracks)
-    return conclude(found, METHOD, facts, None, tracked=tracked, typical=TYPICAL_CONFIDENCE)
+    return conclude(result, METHOD, facts, None, tracked=tracked, typical=TYPICAL_CONFIDENCE)

@@ -4,7 +4,7 @@
 
 IDENTITY is a person of the manifest who was fine-tuned before. The published model (`paper` preset,
 random weights, its own samples) renders a few rays of the same head, with the same references; its
-frame is that time for all rays of the picture. The networks of other tools stand beside them, see
+frame is that time for all rays of the image. The networks of other tools stand beside them, see
 `dubbing.workshop.bench.other_networks`: without what these tools do before and after.
 """
 
@@ -20,7 +20,7 @@ import torch
 from torch import nn
 
 from dfrf import device as devices
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dubbing import tasks
 from dubbing.batch import jobs
@@ -77,16 +77,16 @@ def other_tools(device: torch.device) -> list[Tool]:
         code, heard = (batch, others.LEVELS[0]), (batch, HEARD, others.WHISPER)
         return take(lambda: others.UNet(channels), (batch, channels, side, side), code, heard)
 
-    pictures = {side: take(others.decoder, (1, 4, side, side)) for side in (32, 64)}
+    decoders = {side: take(others.decoder, (1, 4, side, side)) for side in (32, 64)}
     batch = WAV2LIP_BATCH
     seconds, count = take(others.Wav2Lip, (batch, 1, 80, 16), (batch, 6, 96, 96))
-    found = [Tool("Wav2Lip", 96, seconds / batch, count)]
+    tools = [Tool("Wav2Lip", 96, seconds / batch, count)]
     seconds, count = unet(8, 32, 1)
-    found.append(Tool("MuseTalk", 256, seconds + pictures[32][0], count + pictures[32][1]))
-    for side, (drawing, more) in pictures.items():
+    tools.append(Tool("MuseTalk", 256, seconds + decoders[32][0], count + decoders[32][1]))
+    for side, (drawing, more) in decoders.items():
         seconds, count = unet(13, side, GUIDED)
-        found.append(Tool("LatentSync", 8 * side, DDIM_STEPS * seconds + drawing, count + more))
-    return found
+        tools.append(Tool("LatentSync", 8 * side, DDIM_STEPS * seconds + drawing, count + more))
+    return tools
 
 
 def tool_table(tools: list[Tool], ours: float) -> str:
@@ -130,10 +130,10 @@ def main() -> None:
         if arguments.identity not in people:
             parser.error(f"no identity {arguments.identity!r}; there is {', '.join(people)}")
         person = people[arguments.identity]
-        made = jobs.build(manifest).identities[arguments.identity].stages
-        clip = PreparedClip.load(made["prepare"].folder, person.clip)
-        model, maps, _ = heads.load(made["finetune"].folder / MODEL_FILE, arguments.device)
-        offset = tasks.offset_of(made["check_source"].folder)
+        stages = jobs.build(manifest).identities[arguments.identity].stages
+        clip = PreparedClip.load(stages["prepare"].folder, person.clip)
+        model, maps, _ = heads.load(stages["finetune"].folder / MODEL_FILE, arguments.device)
+        offset = tasks.offset_of(stages["check_source"].folder)
         speech = clip_speech(clip, person.speech, person.speech_weights, offset)
     except DubbingError as error:
         parser.error(str(error))

@@ -4,7 +4,7 @@ Wav2Lip's generator (Prajwal et al., 2020); the U-Net and the decoder of Stable 
 et al., 2022), which MuseTalk and LatentSync took over for another input and speech instead of text.
 LatentSync has layers over time besides, which are left out here: its real time is longer.
 
-B pictures, C channels, H and W rows and columns, N pixels or K vectors of D values that are seen.
+B images, C channels, H and W rows and columns, N pixels or K speech vectors of D values.
 """
 
 from __future__ import annotations
@@ -17,7 +17,12 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 WHISPER, STEP_DIM = 384, 1280  # of the speech vectors of both tools; of the code of a step
-LEVELS = (320, 640, 1280, 1280)  # channels of the U-Net; all but the last look at what is heard
+LEVELS = (
+    320,
+    640,
+    1280,
+    1280,
+)  # channels of the U-Net; all but the last attend to the speech vectors
 HEADS, GROUPS = 8, 32
 attention = partial(nn.MultiheadAttention, batch_first=True)
 conv = partial(nn.Conv2d, kernel_size=3, padding=1)
@@ -37,13 +42,13 @@ class Block(nn.Module):
 
 def blocks(*rows: tuple[Any, ...], up: bool = False) -> nn.Sequential:
     """Rows of C in, C out, kernel, stride, padding, how many residual ones of 3 x 3 follow."""
-    made: list[nn.Module] = []
+    layers: list[nn.Module] = []
     for before, after, kernel, stride, padding, residuals in rows:
         size = (before, after, kernel, stride, padding)
         first = nn.ConvTranspose2d(*size, stride - 1) if up else nn.Conv2d(*size)
-        made.append(Block(first, after))
-        made += [Block(conv(after, after), after, True) for _ in range(residuals)]
-    return nn.Sequential(*made)
+        layers.append(Block(first, after))
+        layers += [Block(conv(after, after), after, True) for _ in range(residuals)]
+    return nn.Sequential(*layers)
 
 
 class Wav2Lip(nn.Module):
@@ -65,12 +70,12 @@ class Wav2Lip(nn.Module):
         self.out = nn.Sequential(blocks((80, 32, 3, 1, 1, 0)), nn.Conv2d(32, 3, 1))
 
     def forward(self, mel: Tensor, faces: Tensor) -> Tensor:
-        seen = [faces]
+        skipped = [faces]
         for layer in self.down:
-            seen.append(layer(seen[-1]))
+            skipped.append(layer(skipped[-1]))
         x = self.sound(mel)
         for layer in self.up:
-            x = torch.cat([layer(x), seen.pop()], 1)
+            x = torch.cat([layer(x), skipped.pop()], 1)
         return torch.sigmoid(self.out(x))
 
 
@@ -96,7 +101,7 @@ class Residual(nn.Module):
 
 
 class Transformer(nn.Module):
-    """Pixels (B, C, H, W) look at one another and at what is heard (B, K, D)."""
+    """Pixels (B, C, H, W) attend to one another and to the speech vectors (B, K, D)."""
 
     def __init__(self, channels: int, heard: int) -> None:
         super().__init__()
@@ -121,7 +126,7 @@ class Transformer(nn.Module):
 
 
 class UNet(nn.Module):
-    """Latents (B, C, H, W), a step's code (B, 320), what is heard (B, K, D): (B, 4, H, W)."""
+    """Latents (B, C, H, W), a step's code (B, 320), speech vectors (B, K, D): (B, 4, H, W)."""
 
     def __init__(self, channels: int, heard: int = WHISPER) -> None:
         super().__init__()
@@ -131,8 +136,8 @@ class UNet(nn.Module):
         self.enter, self.down, self.up = conv(channels, wide), nn.ModuleList(), nn.ModuleList()
         kept = [wide]
         for level, after in enumerate(LEVELS):
-            seen = heard if level < 3 else 0
-            self.down.extend([part(kept[-1], after, seen), part(after, after, seen)])
+            attended = heard if level < 3 else 0
+            self.down.extend([part(kept[-1], after, attended), part(after, after, attended)])
             kept += [after, after]
             if level < 3:
                 self.down.append(nn.ModuleList([conv(after, after, stride=2)]))
@@ -159,7 +164,7 @@ class UNet(nn.Module):
 
 
 def part(before: int, after: int, heard: int) -> nn.ModuleList:
-    """A residual block, and attention to what is heard where there is any."""
+    """A residual block, and attention to the speech vectors where there are any."""
     layers: list[nn.Module] = [Residual(before, after)]
     return nn.ModuleList([*layers, Transformer(after, heard)] if heard else layers)
 
@@ -187,7 +192,7 @@ class Alone(nn.Module):
 
 
 def decoder() -> nn.Sequential:
-    """Latents (B, 4, H, W) into pictures (B, 3, 8 H, 8 W)."""
+    """Latents (B, 4, H, W) into images (B, 3, 8 H, 8 W)."""
     layers: list[nn.Module] = [nn.Conv2d(4, 4, 1), conv(4, 512), Residual(512, 512, False)]
     layers += [Alone(512), Residual(512, 512, False)]
     last = 512

@@ -19,12 +19,12 @@ from dfrf import device as devices
 from dfrf import presets
 from dfrf.cameras import Camera, Rays
 from dfrf.data.dataset import neighbour_windows
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import ReferenceViews
-from dfrf.field.speaker_adaptation import REACH
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
 from dfrf.presets import method_of
-from dfrf.published.model import PaperModel, References
+from dfrf.published.paper_model import PaperModel, References
 from dfrf.rendering.frame_renderer import BLOCK, head_blocks, render_frame
 from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.pose_refinement import normal_equations
@@ -33,8 +33,8 @@ from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import FitOptions, fit
 from dubbing.compositing.composite import replacement
 from dubbing.compositing.face_mask import rendered_region
+from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import load_identity, upper_face_expression
-from dubbing.identity.footage import Footage
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
@@ -61,10 +61,10 @@ class Row:
 def timed(work: Callable[[], object], device: torch.device) -> float:
     """Seconds of the second of two calls."""
     work()
-    devices.finish(device)
+    devices.synchronize(device)
     began = time.perf_counter()
     work()
-    devices.finish(device)
+    devices.synchronize(device)
     return time.perf_counter() - began
 
 
@@ -105,7 +105,7 @@ class Scene:
         return self.model.grid.low.device
 
     def camera(self, frame: int) -> Camera:
-        """What a frame is seen with."""
+        """The camera of a frame."""
         c2w = torch.from_numpy(self.clip.c2w()[frame]).float().to(self.device)
         centre = torch.from_numpy(self.clip.centre[frame]).float().to(self.device)
         return Camera(c2w, float(self.clip.focal), centre, self.clip.size)
@@ -121,8 +121,10 @@ class Scene:
         return near.to(self.device)
 
     def predicted_lips(self, frame: int) -> Tensor:
-        """Of a frame and of those beside it, (2 REACH + 1, P)."""
-        number = np.arange(frame - REACH, frame + REACH + 1).clip(0, len(self.speech) - 1)
+        """Of a frame and of those beside it, (2 CONTEXT_FRAMES + 1, P)."""
+        number = np.arange(frame - CONTEXT_FRAMES, frame + CONTEXT_FRAMES + 1).clip(
+            0, len(self.speech) - 1
+        )
         return torch.from_numpy(self.speech.lips[number]).float().to(self.device)
 
     def upper(self, frame: int) -> Tensor:
@@ -132,7 +134,7 @@ class Scene:
 
 @torch.no_grad()
 def frame_rows(scene: Scene) -> list[Row]:
-    """What a frame of `fast` is made of, means over the frames."""
+    """Times of the stages of a frame of `fast`, means over the frames."""
     frames = [parts_of(scene, frame) for frame in scene.frames]
     return [mean_row(list(rows)) for rows in zip(*frames, strict=True)]
 
@@ -157,20 +159,25 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     pixels = head_pixels(grid, camera)
     rays = scene.rays(frame, pixels)
     samples = march(rays, grid, settings)
-    found = samples.points.shape[0]
+    count_samples = samples.points.shape[0]
     field = volume.field.seen_from(camera.c2w[:, 3])
     note("speech code", lambda: model.field.conditioning.speech_codes(windows))
     note("project the grid", lambda: head_blocks(grid, camera), pixels.numel(), "rays")
-    note("march", lambda: march(rays, grid, settings), found, "samples")
-    note("field, every sample", lambda: evaluate(field, samples, rays), found, "samples")
+    note("march", lambda: march(rays, grid, settings), count_samples, "samples")
+    note("field, every sample", lambda: evaluate(field, samples, rays), count_samples, "samples")
     note("head, what is seen", lambda: render_frame(volume, camera), pixels.numel(), "rays")
     landmarks = scene.clip.landmarks[frame]
     region = torch.from_numpy(rendered_region(landmarks, scene.clip.size)).to(device)
     replaced = int(region.sum())
     note("head, what a dub shows", lambda: render_frame(volume, camera, region), replaced, "px")
-    seen = observations_of(scene.clip, np.array([frame]))[frame].to(device)
-    count = 7 * len(seen.pixels)
-    note("a step of a pose", lambda: normal_equations(volume, seen, camera.c2w), count, "rays")
+    observations = observations_of(scene.clip, np.array([frame]))[frame].to(device)
+    count = 7 * len(observations.pixels)
+    note(
+        "a step of a pose",
+        lambda: normal_equations(volume, observations, camera.c2w),
+        count,
+        "rays",
+    )
     (whole,) = heads.frames(*scene_arguments(scene, frame))
     (film,) = scene.clip.film_frames(frame, 1)
     head = heads.to_rgba(*whole)
@@ -254,7 +261,7 @@ def whole_faces(views: ReferenceViews, count: int) -> References:
 def training_row(scene: Scene) -> Row:
     """Steps of fine-tuning with the default settings."""
     frames = np.flatnonzero(scene.clip.valid)[:TRAINING_FRAMES]
-    person = load_identity("timed", [Footage(scene.clip, scene.speech, frames)])
+    person = load_identity("timed", [ClipFrames(scene.clip, scene.speech, frames)])
     model = presets.adapt(scene.model, scene.model.config)
     config = replace(presets.FINETUNE, iterations=TRAINING_STEPS)
     references = reference_frames(person, scene.clip.landmarks[frames], method_of(model))

@@ -1,0 +1,1 @@
+"""Measurements of methods and trained models on held-out recordings."""

@@ -32,25 +32,27 @@ class ChinFigures:
 
 
 def chin_figures(
-    dub: np.ndarray, film: np.ndarray, found: np.ndarray, was: np.ndarray
+    dub: np.ndarray, film: np.ndarray, dub_points: np.ndarray, film_points: np.ndarray
 ) -> ChinFigures:
     """Figures of one frame.
 
     Args:
         dub, film: the finished frame and the film's own, (S, S, 3) uint8.
-        found: (478, 2) landmarks of the dub. was: (478, 2) those of the film.
+        dub_points, film_points: landmarks (478, 2) of the dub and of the film.
     """
-    eyes = float(np.linalg.norm(was[LEFT_EYE_OUTER] - was[RIGHT_EYE_OUTER]))
+    eyes = float(np.linalg.norm(film_points[LEFT_EYE_OUTER] - film_points[RIGHT_EYE_OUTER]))
     half = max(1.0, HALF_BAND * eyes)
     size = len(dub)
-    to_found, to_was = (distance_to_line(x[list(CHIN_LINE)], size) for x in (found, was))
-    both = (to_found <= half) | (to_was <= half)
-    old = (to_was <= half) & (to_found > APART * half)
-    made, own = gradient_energies(dub), gradient_energies(film)
+    to_dub, to_film = (
+        distance_to_line(x[list(CHIN_LINE)], size) for x in (dub_points, film_points)
+    )
+    both = (to_dub <= half) | (to_film <= half)
+    old = (to_film <= half) & (to_dub > APART * half)
+    dubbed, own = gradient_energies(dub), gradient_energies(film)
     return ChinFigures(
-        float(made[both].sum()),
+        float(dubbed[both].sum()),
         float(own[both].sum()),
-        float(made[old].sum()),
+        float(dubbed[old].sum()),
         float(own[old].sum()),
     )
 
@@ -78,9 +80,9 @@ def distance_to_line(points: np.ndarray, size: int) -> np.ndarray:
     return cv2.distanceTransform(away, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
 
 
-def gradient_energies(picture: np.ndarray) -> np.ndarray:
+def gradient_energies(image: np.ndarray) -> np.ndarray:
     """Squared gradient (S, S) of the luminance, 0..1, of (S, S, 3) uint8; 0 at the far edges."""
-    grey = picture.astype(np.float64) @ np.array([0.299, 0.587, 0.114]) / 255
+    grey = image.astype(np.float64) @ np.array([0.299, 0.587, 0.114]) / 255
     energy = np.zeros_like(grey)
     energy[:, :-1] += np.diff(grey, axis=1) ** 2
     energy[:-1] += np.diff(grey, axis=0) ** 2

@@ -1,7 +1,7 @@
-"""P15x: the case of a dub. Speech that was not learned from, over pictures from elsewhere.
+"""P15x: the case of a dub. Speech that was not learned from, over images from elsewhere.
 
-Pictures (poses, background, the film's own jaw) are those of the learned seconds, and go through
-the compositor of a dub. There is no true picture, but the true lips of that speech are known.
+Images (poses, background, the film's own jaw) are those of the learned seconds, and go through
+the compositor of a dub. There is no true image, but the true lips of that speech are known.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import composer
 from dubbing.stages import render as heads
 from dubbing.stages.refine_poses import refined
-from dubbing.sync.network import load_network
+from dubbing.sync.sync_network import load_network
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.chin import ChinFigures, chin_figures, chin_ratios
 from dubbing.workshop.lab.measuring import first_of, write_csv
@@ -33,7 +33,7 @@ from dubbing.workshop.lab.mouth import MouthSeries
 AT_ONCE = 250  # frames whose speech windows are held at a time
 
 
-def pictures(
+def frames_under(
     valid: np.ndarray, segment: np.ndarray, learned: Sequence[Part], count: int
 ) -> np.ndarray:
     """Which frames of the clip lie under `count` frames of speech, (count,).
@@ -62,7 +62,7 @@ def measure_dub(
     device: str = "auto",
     progress: Callable[[str, float], None],
 ) -> dict[str, float]:
-    """Dubs the learned pictures with other speech and compares the lips with those of that speech.
+    """Dubs the learned images with other speech and compares the lips with those of that speech.
 
     Leaves OUT/frames.csv, OUT/tiles.png (the frame in which the speech was spoken, the dub, and the
     film's own frame under it), and the head crops of the first part: OUT/render_picture.mp4,
@@ -70,7 +70,7 @@ def measure_dub(
 
     Args:
         model: a person's model.
-        clip: of the person; speech: what is heard at its frames.
+        clip: of the person; speech: the audio at its frames.
         parts: frames whose speech is spoken; see `unlearned`.
         learned: frames that were learned from.
         out: folder.
@@ -82,7 +82,7 @@ def measure_dub(
     """
     out.mkdir(parents=True, exist_ok=True)
     total = sum(count for _, count in parts)
-    under = pictures(clip.valid, clip.segment, learned, total)
+    under = frames_under(clip.valid, clip.segment, learned, total)
     finished = dubbed(model, clip, speech, parts, under, device, progress)
     mouths = MouthSeries(load_network().face.numpy(), float(clip.rate))
     rows: list[dict[str, float]] = []
@@ -100,17 +100,17 @@ def measure_dub(
                 shot = None
                 for k, (image, _, _) in enumerate(clip.frames(first, count), first):
                     dub, film, index = next(finished)
-                    for video, picture in zip(videos, (dub, image), strict=False):
-                        video.write(picture)
+                    for video, pixels in zip(videos, (dub, image), strict=False):
+                        video.write(pixels)
                     if clip.segment[k] != shot:
                         true_mesh.restart()
                         shot = clip.segment[k]
-                    found = first_of(dub_mesh(dub))
-                    truth = first_of(true_mesh(image)) if clip.valid[k] else None
-                    mouth = mouths.add(k, dub, image, found, truth)
+                    dubbed_face = first_of(dub_mesh(dub))
+                    true_face = first_of(true_mesh(image)) if clip.valid[k] else None
+                    mouth = mouths.add(k, dub, image, dubbed_face, true_face)
                     chin = ChinFigures()
-                    if found is not None:
-                        chin = chin_figures(dub, film, found[:, :2], clip.landmarks[index])
+                    if dubbed_face is not None:
+                        chin = chin_figures(dub, film, dubbed_face[:, :2], clip.landmarks[index])
                     chins.append(chin)
                     rows.append({"frame": k, "under": index, **asdict(mouth), **asdict(chin)})
                     if done in tiles.tile_frames(0, total):

@@ -65,9 +65,9 @@ class Flicker:
         if len(self._last) == 3:
             before, now, after = self._last
             second = before - 2 * now + after
-            seen = np.isfinite(second).all(0)
-            self._sum += (second[:, seen] ** 2).sum(1)
-            self._number += int(seen.sum())
+            known = np.isfinite(second).all(0)
+            self._sum += (second[:, known] ** 2).sum(1)
+            self._number += int(known.sum())
             self._last.pop(0)
 
     def figures(self) -> dict[str, float]:
@@ -90,13 +90,13 @@ class Flicker:
         return np.where((-(normals * rays).sum(1) < LEAST_FACING)[:, None], np.nan, at)
 
 
-def _sampled(picture: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Grey values (N,) at pixels (N, 2) of a picture (S, S, 3) uint8, NaN outside of it.
+def _sampled(image: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Grey values (N,) at pixels (N, 2) of an image (S, S, 3) uint8, NaN outside of it.
 
     By cubic splines: bilinear samples are the softer the further they lie from a pixel's middle, so
-    a sharp picture that moves would flicker by being sampled.
+    a sharp image that moves would flicker by being sampled.
     """
-    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float64)
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float64)
     inside = (at >= 0).all(1) & (at <= np.array(grey.shape[::-1]) - 1).all(1)
     values = np.full(len(at), np.nan)
     values[inside] = map_coordinates(grey, at[inside, ::-1].T, order=3, mode="mirror")

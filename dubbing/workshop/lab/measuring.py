@@ -16,7 +16,7 @@ from torch import Tensor
 
 from dfrf.metrics import image as metrics
 from dfrf.metrics.lpips import Lpips
-from dfrf.training.losses import PAPER_SIZE
+from dfrf.training.warp_penalty import PAPER_SIZE
 from dubbing.face.landmarks import FaceMesh
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
 from dubbing.face.mouth_shape import OUTER_LIP
@@ -27,7 +27,7 @@ from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import render as heads
 from dubbing.stages.refine_poses import refined
-from dubbing.sync.network import load_network
+from dubbing.sync.sync_network import load_network
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.flicker import Flicker, brow_skin
 from dubbing.workshop.lab.mouth import MouthSeries
@@ -38,7 +38,7 @@ NOT_KNOWN = float("nan")
 @dataclass(frozen=True)
 class FrameFigures:
     """One frame: PSNR in dB of the frame, the face and the mouth box, SSIM, HaarPSI, LPIPS, LMD of
-    the outer lips where they are in the picture in px at 512, and the gradient energy in the mouth
+    the outer lips where they are in the image in px at 512, and the gradient energy in the mouth
     and eye boxes as a share of the source's. What could not be measured is not a number."""
 
     frame: int
@@ -80,7 +80,7 @@ def measure(
 
     Args:
         model: a person's model.
-        clip: of the person; speech: what is heard at its frames.
+        clip: of the person; speech: the audio at its frames.
         first, count: frames to test.
         out: folder.
         every: one frame of so many is rendered and compared, its pose and speech what they are when
@@ -124,15 +124,21 @@ def measure(
             if k not in tested:
                 continue
             composed = over(*next(rendered), background)
-            for video, picture in zip(videos, (composed, image), strict=False):
-                video.write(picture)
+            for video, pixels in zip(videos, (composed, image), strict=False):
+                video.write(pixels)
             flicker.add(k, composed, image)
             if k in tiles.tile_frames(first, count, every):
                 tile_rows.append(np.concatenate([image, composed]))
             if clip.valid[k]:
-                found, truth = render_mesh(composed), source_mesh(image)
-                figures.append(compare(k, composed, image, clip.landmarks[k], found, truth, lpips))
-                mouth = mouths.add(k, composed, image, first_of(found), first_of(truth))
+                rendered_meshes, true_meshes = render_mesh(composed), source_mesh(image)
+                figures.append(
+                    compare(
+                        k, composed, image, clip.landmarks[k], rendered_meshes, true_meshes, lpips
+                    )
+                )
+                mouth = mouths.add(
+                    k, composed, image, first_of(rendered_meshes), first_of(true_meshes)
+                )
                 rows.append({**asdict(figures[-1]), **asdict(mouth)})
             progress(f"frame {k - first + 1} of {count}", (k - first + 1) / count)
     write_csv(out / "frames.csv", rows)
@@ -148,8 +154,8 @@ def measure(
 def over(colour: Tensor, opacity: Tensor, background: np.ndarray) -> np.ndarray:
     """A rendered head, premultiplied, over a background: (S, S, 3) uint8."""
     behind = torch.from_numpy(background).float() / 255
-    picture = colour.cpu() + (1 - opacity.cpu()[..., None]) * behind
-    return (picture.clamp(0, 1) * 255).round().to(torch.uint8).numpy()
+    blended = colour.cpu() + (1 - opacity.cpu()[..., None]) * behind
+    return (blended.clamp(0, 1) * 255).round().to(torch.uint8).numpy()
 
 
 def compare(
@@ -157,8 +163,8 @@ def compare(
     composed: np.ndarray,
     image: np.ndarray,
     landmarks: np.ndarray,
-    found: list[np.ndarray],
-    truth: list[np.ndarray],
+    rendered_meshes: list[np.ndarray],
+    true_meshes: list[np.ndarray],
     lpips: Lpips | None = None,
 ) -> FrameFigures:
     """Figures of one frame; LMD is not known where a face is missed, LPIPS without its network."""
@@ -168,10 +174,11 @@ def compare(
     face = box_of(landmarks[list(FACE_OVAL)], size)
     eyes = box_of(landmarks[[*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW]], size)
     lmd = NOT_KNOWN
-    if found and truth:
+    if rendered_meshes and true_meshes:
         lips = list(OUTER_LIP)
         lmd = metrics.landmark_distance(
-            torch.from_numpy(found[0][lips, :2]), torch.from_numpy(truth[0][lips, :2])
+            torch.from_numpy(rendered_meshes[0][lips, :2]),
+            torch.from_numpy(true_meshes[0][lips, :2]),
         )
 
     def sharpness(box: Tensor) -> float:

@@ -16,7 +16,7 @@ import torch
 
 from dfrf.metrics import image as metrics
 from dfrf.metrics import lips
-from dfrf.training.losses import PAPER_SIZE
+from dfrf.training.warp_penalty import PAPER_SIZE
 from dubbing.face.mouth_shape import (
     INNER_LIP,
     OUTER_LIP,
@@ -56,7 +56,7 @@ class MouthSeries:
         self._face = face
         self._rate = rate
         self._frames: list[int] = []
-        self._found: list[MouthFigures] = []
+        self._figures: list[MouthFigures] = []
         self._still: list[np.ndarray] = []  # (L, 2) px at 512, lips of the source
         self._missed = 0
 
@@ -65,35 +65,35 @@ class MouthSeries:
         frame: int,
         rendered: np.ndarray,
         image: np.ndarray,
-        found: np.ndarray | None,
-        truth: np.ndarray | None,
+        rendered_mesh: np.ndarray | None,
+        true_mesh: np.ndarray | None,
     ) -> MouthFigures:
         """The figures of one frame, which are kept.
 
         Args:
             frame: its number in the clip; frames in a row have numbers in a row.
             rendered, image: render and source, (S, S, 3) uint8.
-            found, truth: their meshes (478, 3) px; None where no face was found.
+            rendered_mesh, true_mesh: their meshes (478, 3) px; None where no face was found.
         """
         figures = MouthFigures()
-        if found is None and truth is not None:
+        if rendered_mesh is None and true_mesh is not None:
             self._missed += 1
-        if found is not None and truth is not None:
-            pair = np.stack([found, truth])
+        if rendered_mesh is not None and true_mesh is not None:
+            pair = np.stack([rendered_mesh, true_mesh])
             shapes = mouth_shape(pair, self._face)
             both = shapes[:, :LIPS]
-            unit = unit_of(truth, self._face) * PAPER_SIZE / len(image)
+            unit = unit_of(true_mesh, self._face) * PAPER_SIZE / len(image)
             gap, wide = opening(shapes), width(shapes)
             self._still.append(both[1] * unit)
             figures = MouthFigures(
                 *(float(gap[0]), float(gap[1]), float(wide[0]), float(wide[1])),
                 lmd=float(lips.distances(both[:1], both[1:])[0] * unit),
                 lip_rms=lips.rms(lips.squared_distances(both[:1], both[1:])) * unit,
-                texture=texture(rendered, found),
-                source_texture=texture(image, truth),
+                texture=texture(rendered, rendered_mesh),
+                source_texture=texture(image, true_mesh),
             )
         self._frames.append(frame)
-        self._found.append(figures)
+        self._figures.append(figures)
         return figures
 
     def series(self, name: str) -> np.ndarray:
@@ -102,7 +102,7 @@ class MouthSeries:
             return np.zeros(0)
         first = min(self._frames)
         values = np.full(max(self._frames) - first + 1, np.nan)
-        for frame, figures in zip(self._frames, self._found, strict=True):
+        for frame, figures in zip(self._frames, self._figures, strict=True):
             values[frame - first] = getattr(figures, name)
         return values
 
@@ -132,7 +132,7 @@ class MouthSeries:
                 "opening_r": lips.correlation(gap, true_gap),
                 "width_r": lips.correlation(wide, true_wide),
                 "closure_f1": lips.closure_f1(gap, true_gap),
-                "closure_f1_near": lips.closure_f1(gap, true_gap, near=1),
+                "closure_f1_near": lips.closure_f1(gap, true_gap, tolerance=1),
                 "opening_ratio": lips.spread_ratio(gap, true_gap),
                 "lag_ms": lips.lag_ms(gap, true_gap, self._rate),
             }
@@ -153,8 +153,8 @@ def unit_of(mesh: np.ndarray, face: np.ndarray) -> float:
     return float(1 / similarity(rigid, face.astype(np.float64)).scale[0])
 
 
-def texture(picture: np.ndarray, mesh: np.ndarray) -> float:
-    """Gradient energy of a picture (S, S, 3) uint8 in the box round the lips of its own mesh."""
-    box = mouth_boxes(mesh[None, :, :2], len(picture))[0]
-    part = metrics.crop(torch.from_numpy(picture), torch.from_numpy(box)).float() / 255
+def texture(image: np.ndarray, mesh: np.ndarray) -> float:
+    """Gradient energy of an image (S, S, 3) uint8 in the box round the lips of its own mesh."""
+    box = mouth_boxes(mesh[None, :, :2], len(image))[0]
+    part = metrics.crop(torch.from_numpy(image), torch.from_numpy(box)).float() / 255
     return metrics.gradient_energy(part) if min(part.shape[:2]) > 1 else NOT_KNOWN

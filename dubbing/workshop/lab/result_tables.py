@@ -67,9 +67,11 @@ def table(columns: Columns, runs: Sequence[Figures]) -> list[str]:
 
 def _medians(columns: Columns, run: Figures, method: str) -> dict[str, float]:
     """The median over people of each figure that all of them have."""
-    found = [methods[method] for methods in run.values()]
-    figures = [figure for _, figure, _ in columns if all(f.get(figure) is not None for f in found)]
-    return {figure: median(f[figure] for f in found) for figure in figures}
+    results = [methods[method] for methods in run.values()]
+    figures = [
+        figure for _, figure, _ in columns if all(f.get(figure) is not None for f in results)
+    ]
+    return {figure: median(f[figure] for f in results) for figure in figures}
 
 
 def _cells(columns: Columns, measured: Sequence[dict[str, Any]]) -> list[str]:

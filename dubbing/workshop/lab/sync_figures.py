@@ -22,16 +22,16 @@ def sync_figures(clip: PreparedClip, out: Path, part: Part) -> dict[str, Any]:
     checks = {}
     for kind in ("render", "source"):
         video = out / f"{kind}.mp4"
-        picture = out / f"{kind}_picture.mp4"
+        silent = out / f"{kind}_picture.mp4"
         media.mux(
-            picture,
+            silent,
             clip.clip,
             video,
             audio_start=start,
             seconds=length,
             metadata=provenance.tags() if kind == "render" else None,
         )
-        picture.unlink()
+        silent.unlink()
         checks[kind] = check(video)
     render, source = checks["render"], checks["source"]
     return {

@@ -1,4 +1,4 @@
-"""Pictures of held-out frames: the source above what each method makes of it.
+"""Images of held-out frames: the source above what each method makes of it.
 
 S is the side of the crop in px.
 """
@@ -18,7 +18,7 @@ from dubbing.preparation.prepared import PreparedClip
 TILES_FILE, METHODS_FILE = "tiles.png", "methods.png"
 TILES = 20  # of a method, about
 COLUMNS = 6  # of them beside other methods
-SIDE = 256  # px of a picture beside other methods
+SIDE = 256  # px of an image beside other methods
 STRIP = 160  # px, height of a mouth beside other methods
 AROUND = 1.1  # width of a strip, in mouth boxes
 
@@ -30,7 +30,7 @@ def tile_frames(first: int, count: int, every: int = 1) -> range:
 
 
 def write_tiles(folder: Path, tiles: Sequence[np.ndarray]) -> None:
-    """FOLDER/tiles.png from pictures (R S, S, 3) of these frames, source above render."""
+    """FOLDER/tiles.png from images (R S, S, 3) of these frames, source above render."""
     _write(folder / TILES_FILE, np.concatenate(tiles, 1))
 
 
@@ -62,28 +62,28 @@ def write_methods(
     boxes = mouth_boxes(clip.landmarks[frames[some]], clip.size)
     faces, mouths = [], []
     for name, row in rows.items():
-        pictures = [row[:, k * clip.size : (k + 1) * clip.size] for k in some]
-        small = [cv2.resize(p, (SIDE, SIDE), interpolation=cv2.INTER_AREA) for p in pictures]
+        images = [row[:, k * clip.size : (k + 1) * clip.size] for k in some]
+        small = [cv2.resize(p, (SIDE, SIDE), interpolation=cv2.INTER_AREA) for p in images]
         faces.append(_named(np.concatenate(small, 1), name))
         strip = np.concatenate(
-            [_mouth(p, box, boxes) for p, box in zip(pictures, boxes, strict=True)], 1
+            [_mouth(p, box, boxes) for p, box in zip(images, boxes, strict=True)], 1
         )
         mouths.append(_named(strip, name))
     _write(folder / METHODS_FILE, np.concatenate([*faces, *mouths]))
 
 
-def _mouth(picture: np.ndarray, box: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """The mouth of a picture, (STRIP, SIDE, 3), at the scale of the widest of some boxes (C, 4)."""
+def _mouth(image: np.ndarray, box: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """The mouth of an image, (STRIP, SIDE, 3), at the scale of the widest of some boxes (C, 4)."""
     width = AROUND * float((boxes[:, 2] - boxes[:, 0]).max())
     scale = SIDE / max(width, 1.0)
     middle = (box[:2] + box[2:]) / 2
     move = np.array([SIDE / 2, STRIP / 2]) - scale * middle
     to_strip = np.array([[scale, 0, move[0]], [0, scale, move[1]]])
-    return cv2.warpAffine(picture, to_strip, (SIDE, STRIP), flags=cv2.INTER_CUBIC)
+    return cv2.warpAffine(image, to_strip, (SIDE, STRIP), flags=cv2.INTER_CUBIC)
 
 
 def _named(row: np.ndarray, name: str) -> np.ndarray:
-    """A row of pictures with its name in its corner."""
+    """A row of images with its name in its corner."""
     row = np.ascontiguousarray(row)
     for colour, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
         cv2.putText(
@@ -93,13 +93,13 @@ def _named(row: np.ndarray, name: str) -> np.ndarray:
 
 
 def _read(folder: Path) -> np.ndarray:
-    """What `write_tiles` left, (2 S, W, 3)."""
-    picture = cv2.imread(str(folder / TILES_FILE))
-    if picture is None:
-        raise OSError(f"{folder / TILES_FILE} is no picture")
-    return picture[..., ::-1]
+    """The image that `write_tiles` wrote, (2 S, W, 3)."""
+    image = cv2.imread(str(folder / TILES_FILE))
+    if image is None:
+        raise OSError(f"{folder / TILES_FILE} is no image")
+    return image[..., ::-1]
 
 
-def _write(path: Path, picture: np.ndarray) -> None:
-    """An RGB picture, whole or not at all."""
-    atomic_write_bytes(path, cv2.imencode(".png", picture[..., ::-1])[1].tobytes())
+def _write(path: Path, image: np.ndarray) -> None:
+    """An RGB image, whole or not at all."""
+    atomic_write_bytes(path, cv2.imencode(".png", image[..., ::-1])[1].tobytes())

@@ -43,7 +43,7 @@ def main() -> int:
     )
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.add_argument("out", type=Path)
-    parser.add_argument("--size", type=int, default=320, help="side of the picture in px")
+    parser.add_argument("--size", type=int, default=320, help="side of the frame in px")
     parser.add_argument("--identities", type=int, required=True, help="how many people")
     parser.add_argument("--seconds", type=float, default=20.0, help="length of each clip")
     call = parser.parse_args()

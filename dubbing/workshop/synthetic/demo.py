@@ -29,7 +29,7 @@ def write_demo(folder: Path, size: int = 320) -> Path:
     Nothing is made again that is already there.
 
     Args:
-        size: side of the picture, px.
+        size: side of the frame, px.
 
     Returns:
         The manifest to dub.

@@ -34,15 +34,15 @@ TAIL = 0.4  # seconds of silence after the last word without a requested length
 
 @dataclass(frozen=True)
 class SpeakerTruth:
-    """What is true in each of the T frames of a clip of side S.
+    """Ground truth of each of the T frames of a clip of side S.
 
     rotation (T, 3, 3), translation (T, 3): OpenCV head pose, X_cam = R X + t, units of 10 cm,
     origin between the ears, outer eye corners 0.9 apart. A point is seen at pixel
     focal * (x, y) / z + centre, whole numbers being pixel centres. head, person (T, S, S) uint8:
-    mattes of face, ears and hair, and of the whole body. background (S, S, 3) uint8: the picture
+    mattes of face, ears and hair, and of the whole body. background (S, S, 3) uint8: the image
     without head and neck. opening (T,): gap between the lips in the middle, units of 10 cm.
     mouth (T, 7): parameters in the order of `visemes.CHANNELS`. blink (T,): 0 open, 1 shut.
-    phones: on the clock of the pictures; in the file the sound comes offset_frames / rate seconds
+    phones: on the clock of the frames; in the file the sound comes offset_frames / rate seconds
     earlier than the mouth shows it (positive: the audio is early).
     """
 
@@ -146,9 +146,9 @@ def make_speaker(
             for i, pose in enumerate(moves.poses):
                 glance = (float(moves.gaze[i, 0]), float(moves.gaze[i, 1]))
                 state = State(pose, MouthShape(*curves[i]), float(moves.blink[i]), glance)
-                picture = renderer.picture(state)
-                writer.write(picture.image)
-                head[i], body[i], opening[i] = picture.head, picture.person, picture.opening
+                frame = renderer.render(state)
+                writer.write(frame.image)
+                head[i], body[i], opening[i] = frame.head, frame.person, frame.opening
                 if progress is not None:
                     progress("rendering", (i + 1) / frames)
         sound = place_sound(samples, sound_rate, duration, float(offset_frames / rate))

@@ -1,4 +1,4 @@
-"""What the mouth does for each phone: a table of visemes and the curves through them.
+"""Mouth shapes of phones: a table of visemes and the curves through them.
 
 Phones are IPA symbols as espeak-ng writes them. Targets lead the sound and are smoothed, as
 articulators move before the sound they make; closures (p, b, m) and the lip to tooth contact of
@@ -63,14 +63,14 @@ ROUNDED_FRONT = "øœyʏ"
 
 def targets(symbol: str) -> list[tuple[float, ...]]:
     """The mouth targets within one phone: one each for the parts of a diphthong or an affricate."""
-    found = []
+    shapes = []
     for letter in symbol:
         if letter in VISEMES:
             target = list(VISEMES[letter])
             if letter in ROUNDED_FRONT:
                 target[2], target[3] = -0.7, 0.8
-            found.append(tuple(target))
-    return found or [REST]
+            shapes.append(tuple(target))
+    return shapes or [REST]
 
 
 def mouth_curves(phones: list[Phone], frames: int, rate: Fraction) -> np.ndarray:

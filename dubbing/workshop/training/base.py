@@ -9,17 +9,17 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-from dfrf import checkpoint, head_checkpoint, presets
+from dfrf import checkpoint, presets, saved_models
 from dfrf.data.dataset import HeadDataset
 from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
-from dfrf.training.progress import Progress
+from dfrf.training.progress import TrainingProgress
 from dfrf.training.validation import Validation
 from dubbing import pipeline, tasks
 from dubbing.engine.update import run_stage
 from dubbing.errors import CheckpointError, DubbingError, TrainingError
 from dubbing.files import atomic_write_json, atomic_write_text, digest_file
-from dubbing.identity.best_seconds import learned_footage
+from dubbing.identity.best_seconds import choose_frames
 from dubbing.identity.dataset import load_identity
 from dubbing.manifest.manifest import Manifest
 from dubbing.preparation.prepared import PreparedClip
@@ -77,7 +77,7 @@ def train_base(
             config, iterations=iterations, coarse_iterations=math.ceil(iterations * 3 / 4)
         )
 
-    def notify(state: Progress) -> None:
+    def notify(state: TrainingProgress) -> None:
         progress(str(state), state.step / state.iterations)
 
     resume = out.with_name(out.name + ".resume")
@@ -119,7 +119,7 @@ def train_base(
         model.load_state_dict(validation.best)
         header |= {"steps": int(step), "held_out": dict(zip(validation.names, psnr, strict=True))}
         write_validation(out.with_suffix(".held_out.csv"), validation)
-    head_checkpoint.save_model(out, model.cpu(), header)
+    saved_models.save_model(out, model.cpu(), header)
     write_curve(out.with_suffix(".csv"), curve)
     atomic_write_json(out.with_suffix(".json"), {**header, "train": asdict(config)})
     shutil.rmtree(resume)
@@ -196,6 +196,6 @@ def load_person(
     clip = PreparedClip.load(prepare.folder, identity.clip)
     offset = tasks.offset_of(source.folder)
     speech = clip_speech(clip, settings.speech, settings.weights, offset)
-    footage = learned_footage([clip], [speech], identity.learned_start, identity.learned_seconds)
+    footage = choose_frames([clip], [speech], identity.learned_start, identity.learned_seconds)
     every = max(1, math.ceil(len(footage[0].frames) / MOST_FRAMES))
     return load_identity(name, footage, every=every)

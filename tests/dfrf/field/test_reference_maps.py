@@ -8,7 +8,7 @@ from torch import Tensor
 
 from dfrf import presets
 from dfrf.cameras import Rays
-from dfrf.data.ray_batch import frames_alike
+from dfrf.data.ray_batch import similar_frames
 from dfrf.data.reference_cuts import cut_references
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.volume_rendering import render_rays
@@ -80,9 +80,9 @@ def test_nothing_jumps_where_one_reference_takes_the_place_of_another() -> None:
 def test_frames_of_a_share_show_the_head_alike() -> None:
     someone = person(40)
     generator = torch.Generator().manual_seed(0)
-    drawn = torch.stack([frames_alike(someone, 4, generator) for _ in range(200)])
+    drawn = torch.stack([similar_frames(someone, 4, generator) for _ in range(200)])
     assert drawn.shape == (200, 4)
     assert len(drawn.unique()) == 40
     # A quarter of 40 frames round one of them: at the ends they lie all to one side.
     assert (drawn - drawn[:, :1]).abs().max() <= 10
-    assert frames_alike(person(3), 4, generator).shape == (4,)
+    assert similar_frames(person(3), 4, generator).shape == (4,)

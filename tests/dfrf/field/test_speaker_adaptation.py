@@ -5,11 +5,11 @@ import torch
 from torch import Tensor
 
 from dfrf.field.speaker_adaptation import (
+    CONTEXT_FRAMES,
     LIP_MEASURES,
     NUMBERS,
     OPENING,
     PREDICTED,
-    REACH,
     TOUCHING,
     SpeakerAdaptation,
     closed_mouth,
@@ -67,9 +67,9 @@ def learned(count: int = 400) -> tuple[SpeakerAdaptation, Tensor, Tensor, Tensor
 def test_the_ends_of_a_row_go_on() -> None:
     predicted = torch.arange(10.0).view(5, 2)
     made = extended(predicted)
-    assert made.shape == (5 + 2 * REACH, 2)
-    assert torch.equal(made[:REACH], predicted[:1].expand(REACH, -1))
-    assert torch.equal(made[-REACH:], predicted[-1:].expand(REACH, -1))
+    assert made.shape == (5 + 2 * CONTEXT_FRAMES, 2)
+    assert torch.equal(made[:CONTEXT_FRAMES], predicted[:1].expand(CONTEXT_FRAMES, -1))
+    assert torch.equal(made[-CONTEXT_FRAMES:], predicted[-1:].expand(CONTEXT_FRAMES, -1))
 
 
 def test_without_an_adaptation_lips_do_what_is_predicted() -> None:
@@ -162,7 +162,7 @@ def test_lips_do_not_twitch_where_one_frame_s_score_does() -> None:
 def test_a_part_has_the_lips_of_the_whole() -> None:
     adaptation, predicted, lips, _ = learned()
     whole = adaptation(extended(predicted), closed_mouth(lips))
-    part = adaptation(predicted[100 - REACH : 150 + REACH], closed_mouth(lips))
+    part = adaptation(predicted[100 - CONTEXT_FRAMES : 150 + CONTEXT_FRAMES], closed_mouth(lips))
     torch.testing.assert_close(part, whole[100:150], atol=1e-5, rtol=1e-5)
 
 

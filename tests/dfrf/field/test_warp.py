@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from dfrf.data.reference_cuts import cut_references
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.field.field import Field
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.warp import SLOPE, warped

@@ -71,10 +71,10 @@ def test_closures_by_hand() -> None:
     assert lips.closure_f1(found, truth) == pytest.approx(4 / 7)
     # A frame late everywhere: nothing exact, everything within one frame.
     assert lips.closure_f1(closed(3, 7), closed(2, 6)) == 0
-    assert lips.closure_f1(closed(3, 7), closed(2, 6), near=1) == 1
+    assert lips.closure_f1(closed(3, 7), closed(2, 6), tolerance=1) == 1
     # One closed frame among three closed ones: each has a neighbour within one frame.
     assert lips.closure_f1(closed(5), closed(4, 5, 6)) == pytest.approx(2 / 4)
-    assert lips.closure_f1(closed(5), closed(4, 5, 6), near=1) == 1
+    assert lips.closure_f1(closed(5), closed(4, 5, 6), tolerance=1) == 1
 
 
 def test_no_closure_is_no_figure_and_a_missed_one_is_nought() -> None:
@@ -97,7 +97,7 @@ def test_closures_are_those_of_a_loop(near: int) -> None:
 def test_closures_within_a_frame_do_not_reach_across_frames_that_were_not_measured() -> None:
     found, truth = closed(3), closed(5)
     found[4] = truth[4] = NAN
-    assert lips.closure_f1(found, truth, near=1) == 0
+    assert lips.closure_f1(found, truth, tolerance=1) == 0
 
 
 def test_ratios_by_hand() -> None:
@@ -146,8 +146,8 @@ def test_there_is_no_lag_where_nothing_fits_or_it_lies_beyond_the_search() -> No
     moving = random.normal(size=100)
     assert math.isnan(lips.lag_ms(np.ones(100), moving, RATE))
     late = np.roll(moving, 11)
-    assert lips.lag_ms(late, moving, RATE, reach=0.6) == pytest.approx(440, abs=10)
+    assert lips.lag_ms(late, moving, RATE, max_lag=0.6) == pytest.approx(440, abs=10)
     assert math.isnan(lips.lag_ms(moving[:3], moving[:3], RATE))  # too few frames to shift
     assert math.isnan(lips.lag_ms(moving[:0], moving[:0], RATE))
     pulse = np.exp(-(((np.arange(100.0) - 50) / 8) ** 2))
-    assert math.isnan(lips.lag_ms(np.roll(pulse, 30), pulse, RATE, reach=0.4))
+    assert math.isnan(lips.lag_ms(np.roll(pulse, 30), pulse, RATE, max_lag=0.4))

@@ -10,10 +10,10 @@ from dfrf import device
 from dfrf.cameras import Camera
 from dfrf.data.dataset import neighbour_windows
 from dfrf.data.reference_cuts import cut_references
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.field.field import FieldOutput
-from dfrf.field.speaker_adaptation import REACH
-from dfrf.method import FrameInputs
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
+from dfrf.method_interface import FrameInputs
 from dfrf.rendering import volume_rendering as rendering
 from dfrf.rendering.frame_renderer import BLOCK, head_blocks, render_frame
 from dfrf.rendering.ray_marching import PackedSamples
@@ -37,10 +37,10 @@ def test_blocks_hold_every_pixel_that_sees_an_open_cell(size: int) -> None:
     model, maps = random_model()
     cells = model.grid.centres()
     model.grid.start_from((cells.norm(dim=-1) < 1.2) & (cells[:, 0] > 0.3))
-    seen_by = replace(camera(), size=size)
-    found = pixels_of(head_blocks(model.grid, seen_by), size)
+    view = replace(camera(), size=size)
+    found = pixels_of(head_blocks(model.grid, view), size)
     assert 0.1 < found.float().mean() < 0.9
-    rays = seen_by.rays(torch.arange(size * size))
+    rays = view.rays(torch.arange(size * size))
     with torch.no_grad():
         seen = render_rays(model.volume(torch.randn(1, 70), maps), rays)
     assert seen.opacity.max() > 0.5
@@ -50,7 +50,7 @@ def test_blocks_hold_every_pixel_that_sees_an_open_cell(size: int) -> None:
 def test_a_frame_does_not_depend_on_the_frames_beside_it(arithmetic: float) -> None:
     model, maps = random_model()
     someone = person()
-    reached = torch.arange(-REACH, 3 + REACH).clamp(0, len(someone.windows) - 1)
+    reached = torch.arange(-CONTEXT_FRAMES, 3 + CONTEXT_FRAMES).clamp(0, len(someone.windows) - 1)
     near = neighbour_windows(someone.windows, someone.segment, torch.arange(3))
     predicted = someone.predicted_lips[reached]
     method = FastMethod(model)
@@ -61,7 +61,7 @@ def test_a_frame_does_not_depend_on_the_frames_beside_it(arithmetic: float) -> N
             FOCAL,
             someone.centres[first:stop],
             near[first:stop],
-            predicted[first : stop + 2 * REACH],
+            predicted[first : stop + 2 * CONTEXT_FRAMES],
             someone.expression[first:stop],
             SIZE,
         )
@@ -112,7 +112,7 @@ def test_a_region_shows_what_the_whole_frame_shows(
     model, maps = random_model()
     someone = person()
     size = scale * SIZE
-    around = torch.arange(1 - REACH, 2 + REACH).clamp(0, len(someone.windows) - 1)
+    around = torch.arange(1 - CONTEXT_FRAMES, 2 + CONTEXT_FRAMES).clamp(0, len(someone.windows) - 1)
     speech = (
         neighbour_windows(someone.windows, someone.segment, torch.tensor([1])),
         someone.predicted_lips[around],

@@ -5,7 +5,7 @@ import torch
 from dfrf import presets
 from dfrf.cameras import Camera, pixel_grid
 from dfrf.data.reference_cuts import cut_references
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equations

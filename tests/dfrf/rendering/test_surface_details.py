@@ -3,8 +3,8 @@
 import torch
 
 from dfrf import device
-from dfrf.fast.method import FastMethod
-from dfrf.field import mouth_views
+from dfrf.fast.fast_method import FastMethod
+from dfrf.field import mouth_pixels
 from dfrf.field.conditioned_field import ConditionedField
 from dfrf.rendering.surface_details import SurfaceDetails
 from tests.dfrf.people import person, random_model
@@ -27,7 +27,7 @@ def test_colours_at_anchors_are_those_that_the_field_blends(arithmetic: float) -
     details, field = details_with_mouths()
     points = 0.3 * torch.randn(200, 3) + torch.tensor([0, -0.2, 0.8])
     directions = torch.nn.functional.normalize(points - torch.tensor([0, 0, 7.0]), dim=-1)
-    share = mouth_views.share(details.maps, points)
+    share = mouth_pixels.share(details.maps, points)
     assert 20 < (share > 0).sum() < 180
     anchors = details.anchors(points, directions)
     assert anchors.shape == (200, details.anchor_count)

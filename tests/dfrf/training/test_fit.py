@@ -12,9 +12,9 @@ from dfrf import presets
 from dfrf.checkpoint import CheckpointError
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
-from dfrf.fast.method import FastMethod
-from dfrf.fast.model import FastModel
-from dfrf.method import StepOutcome
+from dfrf.fast.fast_method import FastMethod
+from dfrf.fast.fast_model import FastModel
+from dfrf.method_interface import StepOutcome
 from dfrf.training.fit import FitOptions, Run, TrainingDivergedError, fit, learning_rate
 from tests.dfrf.people import person, small_config
 from tests.dfrf.runs import run_fit

@@ -8,8 +8,8 @@ import torch
 from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset, neighbour_windows
-from dfrf.fast.method import FastMethod
-from dfrf.field.speaker_adaptation import NUMBERS, REACH
+from dfrf.fast.fast_method import FastMethod
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
 from dfrf.training.fit import fit
 from dfrf.training.lip_supervision import (
     REGRESSION_SHARE,
@@ -62,7 +62,7 @@ def test_without_lip_supervision_pictures_teach_the_speech_networks(taught: bool
     method.finish(someone, None, seed=0)
     frames = torch.arange(4)
     near = neighbour_windows(someone.windows, someone.segment, frames)
-    heard = own(near, someone.predicted_lips[: 4 + 2 * REACH], someone.expression[:4])
+    heard = own(near, someone.predicted_lips[: 4 + 2 * CONTEXT_FRAMES], someone.expression[:4])
     codes = heard[:, : field.code_dim]
     assert torch.allclose(codes, own.speech_codes(near)) != taught
 
@@ -137,11 +137,11 @@ def test_the_mouth_is_shut_where_nothing_is_heard_and_only_there() -> None:
         ].mean()
     )
     model.field.conditioning.closed_mouth_target.copy_(closed)
-    windows, predicted = torch.rand(3, 8, 16, 8) + 0.1, torch.randn(3 + 2 * REACH, NUMBERS)
+    windows, predicted = torch.rand(3, 8, 16, 8) + 0.1, torch.randn(3 + 2 * CONTEXT_FRAMES, NUMBERS)
     windows[1] = 0  # silence
     windows[2, 4, 4:8] = 0  # speech ends within the middle half of the window
     conditioning = model.field.conditioning(windows, predicted, torch.zeros(3, 6))
-    lips = predicted[REACH:-REACH, :7]
+    lips = predicted[CONTEXT_FRAMES:-CONTEXT_FRAMES, :7]
     read = model.field.conditioning.lips(conditioning[:, :-6])
     torch.testing.assert_close(read[0], lips[0], atol=1e-4, rtol=1e-4)
     torch.testing.assert_close(read[1], closed, atol=1e-4, rtol=1e-4)

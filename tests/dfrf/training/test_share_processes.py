@@ -10,9 +10,9 @@ import torch
 
 from dfrf import presets
 from dfrf.config import TrainConfig
-from dfrf.fast.method import FastMethod
+from dfrf.fast.fast_method import FastMethod
 from dfrf.training.fit import FitOptions, fit
-from dfrf.training.progress import Progress
+from dfrf.training.progress import TrainingProgress
 from dfrf.training.share_processes import ShareProcesses, can_fork, share_state
 from tests.dfrf.people import person, small_config
 
@@ -92,7 +92,7 @@ def test_a_model_learns_the_same_while_its_processes_are_killed(
     torch.set_num_threads(1)  # what threads add up comes in no fixed order
     seen: list[int] = []
 
-    def kill_one(progress: Progress) -> None:
+    def kill_one(progress: TrainingProgress) -> None:
         seen.append(len(children()))
         if progress.step == 2:
             os.kill(children()[0], signal.SIGKILL)

@@ -10,8 +10,8 @@ import torch
 from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
-from dfrf.fast.method import FastMethod
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_method import FastMethod
+from dfrf.fast.fast_model import FastModel
 from dfrf.training.progress import Curve
 from dfrf.training.validation import HeldOutRays, Validation, draw_held_out_rays
 from tests.dfrf.people import person, small_config
@@ -69,9 +69,9 @@ def test_the_mean_over_people_decides() -> None:
     held = Validation([stranger(), stranger()])
     held.rows = [(2, 20.0, 30.0), (4, 26.0, 26.0), (6, 31.0, 20.0)]
     assert held.best_row() == 1
-    assert held.over(1)
-    assert not held.over(2)
-    assert not Validation(held.datasets).over(1)
+    assert held.should_stop(1)
+    assert not held.should_stop(2)
+    assert not Validation(held.datasets).should_stop(1)
 
 
 def test_measuring_teaches_nothing() -> None:

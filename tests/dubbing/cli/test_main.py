@@ -15,7 +15,7 @@ from dubbing import tasks
 from dubbing.cli import main as cli
 from dubbing.stages.kinds import SYNC_FILE
 from dubbing.sync.curves import OFFSETS, Estimate
-from dubbing.sync.judgement import Found, conclude
+from dubbing.sync.judgement import Measurement, conclude
 from dubbing.sync.result import Media, SyncResult
 from tests import clips
 
@@ -106,7 +106,7 @@ def test_sync_beside_the_source_prints_what_the_report_has(
     def measured(path: Path, *, source: SyncResult | None = None, **_: Any) -> SyncResult:
         best = Estimate(0, confidence if path == video else 0.27, 1.0)
         facts = Media(250, "25", 10.0, 10.0, 9.0, 9.0)
-        found = Found(best, [1.0] * len(OFFSETS), 25.0, 0)
+        found = Measurement(best, [1.0] * len(OFFSETS), 25.0, 0)
         return conclude(found, "ours", facts, source, tracked=True)
 
     monkeypatch.setattr("dubbing.sync.check.check", measured)

@@ -1,6 +1,6 @@
 import numpy as np
 
-from dubbing.compositing.composite import REACH, blend, composite, replacement, without_haze
+from dubbing.compositing.composite import OPEN_JAW_PX, blend, composite, replacement, without_haze
 from dubbing.compositing.face_mask import rendered_region
 from dubbing.preparation.prepared import FilmFrame
 from tests import fakes
@@ -90,14 +90,14 @@ def test_haze_is_no_head() -> None:
     _, _, inpaint_mask, head = scene()
     hazy = head.copy()
     hazy[head[..., 3] == 0] = (1, 1, 1, 3)
-    np.testing.assert_array_equal(without_haze(hazy, inpaint_mask, REACH), head)
+    np.testing.assert_array_equal(without_haze(hazy, inpaint_mask, OPEN_JAW_PX), head)
 
 
 def test_what_floats_far_from_the_head_is_dropped() -> None:
     _, _, inpaint_mask, head = scene()
     floating = head.copy()
     floating[5:20, 5:20] = (255, 255, 255, 255)
-    np.testing.assert_array_equal(without_haze(floating, inpaint_mask, REACH), head)
+    np.testing.assert_array_equal(without_haze(floating, inpaint_mask, OPEN_JAW_PX), head)
 
 
 def test_above_the_lower_face_every_pixel_is_the_films() -> None:

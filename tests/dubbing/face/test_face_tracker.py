@@ -13,7 +13,7 @@ FACE = talk(np.zeros(1))[0]
 def tracker() -> FaceTracker:
     """A tracker without its face mesh: only the bookkeeping is tested."""
     made = FaceTracker.__new__(FaceTracker)
-    made._memory, made._tracks, made._made, made._frame = 5, [], 0, -1
+    made._memory, made._tracks, made._count, made._frame = 5, [], 0, -1
     return made
 
 

@@ -54,5 +54,5 @@ def test_a_solution_is_silent_until_it_has_found_something(
 
 def test_mediapipe_says_nothing(capfd: pytest.CaptureFixture[str]) -> None:
     with PersonMasks() as person_masks:
-        person_masks(np.zeros((64, 64, 3), np.uint8))
+        person_masks.mask(np.zeros((64, 64, 3), np.uint8))
     assert capfd.readouterr().err == ""

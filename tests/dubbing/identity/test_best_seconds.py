@@ -11,7 +11,7 @@ import pytest
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.identity import best_seconds
-from dubbing.identity.best_seconds import best_frames, learned_footage, parts_of, pieces
+from dubbing.identity.best_seconds import best_frames, choose_frames, parts_of, pieces
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from tests import clips
@@ -52,13 +52,13 @@ def test_of_a_silent_and_a_talking_half_the_talking_one_is_learned(clip: Prepare
 
 
 def taken(clip: PreparedClip, start: float | None, seconds: float) -> list[int]:
-    (footage,) = learned_footage([clip], [heard(TALKS)], start, seconds)
+    (footage,) = choose_frames([clip], [heard(TALKS)], start, seconds)
     return list(footage.frames)
 
 
 def test_what_one_clip_lacks_the_next_gives(clip: PreparedClip) -> None:
     speech = heard(TALKS)
-    footage = learned_footage([clip, clip, clip], [speech] * 3, 2.0, 15.0)
+    footage = choose_frames([clip, clip, clip], [speech] * 3, 2.0, 15.0)
     assert [one.frames.tolist() for one in footage] == [
         list(range(50, 300)),
         list(range(50, 175)),

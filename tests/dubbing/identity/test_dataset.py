@@ -10,11 +10,12 @@ import torch
 
 from dfrf.cameras import project
 from dfrf.data.dataset import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
-from dfrf.field.mouth_views import LOWER_RIM, UPPER_RIM
+from dfrf.field.mouth_pixels import LOWER_RIM, UPPER_RIM
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.errors import DubbingError, TrainingError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
+from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import (
     BROWS,
     EYES_POINTS,
@@ -28,8 +29,7 @@ from dubbing.identity.dataset import (
     region_map,
     upper_face_expression,
 )
-from dubbing.identity.footage import Footage
-from dubbing.identity.picture_store import PictureStore
+from dubbing.identity.image_store import ImageStore
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
@@ -117,7 +117,7 @@ def test_sound_and_lips_of_every_frame_stand_beside_some_of_the_pictures(
     windows = np.arange(FRAMES * 16 * 2, dtype=np.float32).reshape(FRAMES, 16, 2)
     lips = np.arange(FRAMES * 8, dtype=np.float32).reshape(FRAMES, 8)
     speech = SpeechFrames(windows, lips)
-    person = load_identity("someone", [Footage(clip, speech, np.arange(1, 10))], every=4)
+    person = load_identity("someone", [ClipFrames(clip, speech, np.arange(1, 10))], every=4)
     assert person.frames == 3
     assert person.number.tolist() == [0, 4, 8]
     assert torch.equal(person.windows, torch.from_numpy(windows[1:10]))
@@ -134,9 +134,11 @@ def test_pictures_in_files_are_those_in_memory(clip: PreparedClip, tmp_path: Pat
         np.zeros((FRAMES, 16, 2), np.float32), np.zeros((FRAMES, NUMBERS), np.float32)
     )
     folder = tmp_path / "pictures"
-    held = load_identity("someone", [Footage(clip, speech, np.arange(1, 10))])
+    held = load_identity("someone", [ClipFrames(clip, speech, np.arange(1, 10))])
     for _ in range(2):  # the second time over what the first one left
-        mapped = load_identity("someone", [Footage(clip, speech, np.arange(1, 10))], folder=folder)
+        mapped = load_identity(
+            "someone", [ClipFrames(clip, speech, np.arange(1, 10))], folder=folder
+        )
         for field in fields(held):
             here, there = getattr(held, field.name), getattr(mapped, field.name)
             assert torch.equal(here, there) if isinstance(here, torch.Tensor) else here == there
@@ -145,7 +147,7 @@ def test_pictures_in_files_are_those_in_memory(clip: PreparedClip, tmp_path: Pat
     }
     assert held.mattes.float().std() > 0
     mapped.mattes[:] = 0  # what is mapped cannot spoil the files
-    again = load_identity("someone", [Footage(clip, speech, np.arange(1, 10))])
+    again = load_identity("someone", [ClipFrames(clip, speech, np.arange(1, 10))])
     assert (folder / "mattes").read_bytes() == again.mattes.numpy().tobytes()
 
 
@@ -159,13 +161,13 @@ def test_several_clips_are_one_person_seen_by_one_camera(
     other.save()
     windows = np.arange(FRAMES * 16 * 2, dtype=np.float32).reshape(FRAMES, 16, 2)
     speech = SpeechFrames(windows, np.zeros((FRAMES, NUMBERS), np.float32))
-    alone = load_identity("someone", [Footage(other, speech, np.arange(4, 8))])
+    alone = load_identity("someone", [ClipFrames(other, speech, np.arange(4, 8))])
     person = load_identity(
         "someone",
         [
-            Footage(clip, speech, np.arange(1, 6)),
-            Footage(other, speech, np.arange(0)),
-            Footage(other, speech, np.arange(4, 8)),
+            ClipFrames(clip, speech, np.arange(1, 6)),
+            ClipFrames(other, speech, np.arange(0)),
+            ClipFrames(other, speech, np.arange(4, 8)),
         ],
     )
     assert person.focal == clip.focal
@@ -187,10 +189,10 @@ def test_a_folder_that_cannot_be_written_is_said(clip: PreparedClip, tmp_path: P
     with pytest.raises(DubbingError, match="file"):
         load_identity(
             "someone",
-            [Footage(clip, speech, np.arange(1, 10))],
+            [ClipFrames(clip, speech, np.arange(1, 10))],
             folder=tmp_path / "file" / "pictures",
         )
-    full = PictureStore({"images": (1, 99, 99)}, tmp_path / "full")
+    full = ImageStore({"images": (1, 99, 99)}, tmp_path / "full")
     (tmp_path / "full" / "images").symlink_to("/dev/full")
     with pytest.raises(DubbingError, match="No space left on device"):
         full.add(images=np.zeros((99, 99), np.uint8))
@@ -217,7 +219,7 @@ def test_rays_are_drawn_round_mouth_and_eyes_and_at_the_rim() -> None:
 def test_a_part_without_a_face_is_refused(prepared: PreparedClip) -> None:
     speech = SpeechFrames(np.zeros((FRAMES, 16, 2)), np.zeros((FRAMES, NUMBERS)))
     with pytest.raises(TrainingError, match="no frame with a face"):
-        load_identity("someone", [Footage(prepared, speech, np.arange(0))])
+        load_identity("someone", [ClipFrames(prepared, speech, np.arange(0))])
 
 
 def test_lips_lie_beside_those_of_the_mean_face_by_what_is_seen(clip: PreparedClip) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dfrf import presets
-from dfrf.head_checkpoint import save_model
+from dfrf.saved_models import save_model
 from dubbing.batch import jobs
 from dubbing.errors import ManifestError
 from dubbing.manifest.manifest import load

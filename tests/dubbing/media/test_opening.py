@@ -148,7 +148,7 @@ def test_a_name_that_is_no_text_is_reported(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("path", sorted(DUBBING.rglob("*.py")), ids=lambda p: p.stem)
-def test_there_is_one_door(path: Path) -> None:
+def test_only_this_module_opens_files(path: Path) -> None:
     """Only ``media/opening.py`` opens with PyAV, names inputs of ffmpeg or reads video with cv2."""
     if path == DUBBING / "media" / "opening.py":
         return

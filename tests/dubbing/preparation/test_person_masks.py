@@ -32,10 +32,10 @@ def test_as_many_networks_as_threads_look_at_once_and_all_are_closed(
     monkeypatch.setattr(person_masks, "Solution", Network)
     dark, light = np.zeros((8, 8, 3), np.uint8), np.full((8, 8, 3), 9, np.uint8)
     with person_masks.PersonMasks() as masks, ThreadPoolExecutor(2) as pool:
-        assert masks(dark).shape == (8, 8)
-        for found in pool.map(masks, [light, light]):
+        assert masks.mask(dark).shape == (8, 8)
+        for found in pool.map(masks.mask, [light, light]):
             assert found.shape == (8, 8)
-        assert masks(dark).min() == 1
+        assert masks.mask(dark).min() == 1
         assert len(begun) == 2
         assert not closed
     assert sorted(closed) == sorted(begun)

@@ -112,7 +112,7 @@ def test_what_only_looked_like_a_face_gives_a_remedy(
     flat = {"points": np.full((6, 478, 3), 20.0, np.float32), "apart": np.zeros(6, np.float32)}
     monkeypatch.setattr(tracking, "survey_step", lambda *_: seen)
     monkeypatch.setattr(tracking, "landmark_step", lambda *_: flat | {"valid": np.ones(6, bool)})
-    with pytest.raises(PreparationError, match=r"none that can be followed.*pattern\.mp4.*use a"):
+    with pytest.raises(PreparationError, match=r"none that can be tracked.*pattern\.mp4.*use a"):
         prepare(clip, tmp_path / "out")
 
 

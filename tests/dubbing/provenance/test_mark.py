@@ -13,7 +13,7 @@ from dubbing.provenance.mark import (
     WAVE,
     Code,
     Mark,
-    hidden_by,
+    masked_by,
     wave,
 )
 from dubbing.provenance.mark_key import bits_of
@@ -55,14 +55,14 @@ def test_rough_and_dark_parts_hide_more_and_an_edge_does_not() -> None:
     dark = np.full_like(smooth, 10)
     middle = (slice(40, 80), slice(40, 80))
     levels = {
-        name: float(hidden_by(picture, CELL)[middle].mean())
+        name: float(masked_by(picture, CELL)[middle].mean())
         for name, picture in (("smooth", smooth), ("rough", rough), ("dark", dark))
     }
     assert levels["smooth"] == pytest.approx(0.7)
     assert levels["rough"] > 1.3 * levels["smooth"]
     assert levels["dark"] > 1.5 * levels["smooth"]
     beside = np.concatenate([smooth, np.full_like(smooth, 170)], 1)
-    assert hidden_by(beside, CELL)[middle[0], 110:130].max() < 0.9
+    assert masked_by(beside, CELL)[middle[0], 110:130].max() < 0.9
 
 
 def test_only_replaced_pixels_bear_it() -> None:

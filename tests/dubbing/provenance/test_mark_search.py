@@ -8,17 +8,17 @@ import pytest
 from scipy import fft, stats
 
 from dubbing import media
-from dubbing.provenance import mark_search, mark_sight, mark_sums
+from dubbing.provenance import mark_match, mark_search, mark_sums
 from dubbing.provenance.mark import BITS, TILE, Code
 from dubbing.provenance.mark_key import id_of
-from dubbing.provenance.mark_search import Found
+from dubbing.provenance.mark_search import MarkResult
 from tests.dubbing.provenance import film
 
 COUNT = 75
 CROP = "crop=576:432:20:30"  # a tenth off either side
 
 
-def found(path: Path, key: bytes = film.KEY, everywhere: bool = True) -> Found:
+def found(path: Path, key: bytes = film.KEY, everywhere: bool = True) -> MarkResult:
     frames, rate = media.read_frames(path, pixels="gray"), media.probe(path).rate
     (seen,) = mark_search.search(frames, rate, [key], everywhere)
     return seen
@@ -90,13 +90,13 @@ def test_false_alarms_are_as_rare_as_is_reported() -> None:
     """S of many keys at every shift of an unmarked film has the tail of chi squared at most."""
     frames = (frame[..., 1] for frame in film.frames(12))
     total = next(iter(mark_sums.by_phase(next(mark_sums.pieces(frames, film.RATE))[0])))
-    folded = mark_sight.fold(total, 1.0, (0.0, 0.0, 1.0))[0, 0]
+    folded = mark_match.fold(total, 1.0, (0.0, 0.0, 1.0))[0, 0]
     spectrum, square = fft.rfft2(folded), fft.rfft2(folded**2)
     values = []
     for number in range(60):
         code = Code.of(number.to_bytes(32, "big"))
         own = code.owners == np.arange(BITS)[:, None, None]
-        sums = fft.irfft2(spectrum * mark_sight.templates(code), s=(TILE, TILE))
+        sums = fft.irfft2(spectrum * mark_match.templates(code), s=(TILE, TILE))
         squares = fft.irfft2(square * np.conj(fft.rfft2(own.astype(float))), s=(TILE, TILE))
         values.append(np.sum(sums**2 / squares, axis=0).ravel())
     every = np.concatenate(values)

@@ -43,5 +43,5 @@ def test_a_part_is_that_part_and_both_are_of_one_length() -> None:
     heard = at_frames(clock(3), clock(NUMBERS), 20, Fraction(25))
     np.testing.assert_array_equal(heard.part(3, 9).lips, heard.lips[3:9])
     np.testing.assert_array_equal(heard.part(3, 9).windows, heard.windows[3:9])
-    with pytest.raises(ValueError, match="19 frames of sound, 20 of lips"):
+    with pytest.raises(ValueError, match="19 frames of speech, 20 of lips"):
         SpeechFrames(heard.windows[:19], heard.lips)

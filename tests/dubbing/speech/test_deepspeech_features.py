@@ -14,7 +14,7 @@ from dubbing.speech.deepspeech_features import DeepSpeechFeatures
 from dubbing.speech.features import features_by_name, fingerprint, weights_file, windows
 from tests.dubbing.speech.deepspeech import graphs
 from tests.dubbing.speech.deepspeech.test_cepstra import literal as cepstra
-from tests.dubbing.speech.deepspeech.test_network import literal as network
+from tests.dubbing.speech.deepspeech.test_deepspeech_network import literal as network
 from tests.dubbing.speech.test_voice_activity import pieces, vowels
 
 SOUND = vowels(1.5)[: 320 * 70 + 50]

@@ -7,7 +7,7 @@ import pytest
 import soundfile
 from scipy.signal import resample_poly
 
-from dubbing.speech import listening
+from dubbing.speech import acoustic_inference
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.features import features_by_name, features_of_file, windows
 from dubbing.speech.rnn_features import RnnFeatures, voice_gate
@@ -95,8 +95,8 @@ def test_long_sounds_are_heard_in_pieces(
 ) -> None:
     """Pieces with enough around them hear what is heard in one go."""
     whole = rnn.extract(sound)
-    monkeypatch.setattr(listening, "PIECE", 60)
-    monkeypatch.setattr(listening, "AROUND", 50)
+    monkeypatch.setattr(acoustic_inference, "PIECE", 60)
+    monkeypatch.setattr(acoustic_inference, "AROUND", 50)
     assert cosine(whole, rnn.extract(sound)) > 0.999
 
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 import torch
 
-from dfrf import head_checkpoint, presets
+from dfrf import presets, saved_models
 from dfrf.config import TrainConfig
-from dfrf.fast.model import FastModel
-from dfrf.training.progress import Progress
+from dfrf.fast.fast_model import FastModel
+from dfrf.training.progress import TrainingProgress
 from dubbing.errors import CheckpointError, TrainingError
 from dubbing.speech import features
 from dubbing.stages import finetune as finetuning
@@ -28,7 +28,7 @@ RNN = FinetuneSettings(speech="rnn")
 def base(tmp_path: Path) -> Path:
     dim = features.features_by_name("rnn").dim
     model = presets.build(presets.model_config("fast", dim))
-    head_checkpoint.save_model(tmp_path / "base.safetensors", model, RNN.speech_header())
+    saved_models.save_model(tmp_path / "base.safetensors", model, RNN.speech_header())
     return tmp_path / "base.safetensors"
 
 
@@ -70,7 +70,7 @@ def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
     moved = someone.c2w.clone()
     moved[:, 0, 3] += 0.05
     seen: list[tuple[int, torch.Tensor, TrainConfig]] = []
-    reports: list[Progress] = []
+    reports: list[TrainingProgress] = []
     fit = finetuning.fit
 
     def noted(model: Any, people: Any, config: TrainConfig, **named: Any) -> Any:

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 import torch
 
-from dfrf import head_checkpoint, presets
+from dfrf import presets, saved_models
 from dfrf.config import PUBLISHED_SPEECH, ModelConfig
 from dfrf.field.speaker_adaptation import NUMBERS
-from dfrf.published import method as paper_method
-from dfrf.published.model import PaperConfig, PaperModel
+from dfrf.published import paper_method
+from dfrf.published.paper_model import PaperConfig, PaperModel
 from dubbing import tasks
 from dubbing.batch import jobs
 from dubbing.errors import CheckpointError, ManifestError
@@ -27,7 +27,7 @@ from dubbing.stages.finetune import MODEL_FILE, SUMMARY_FILE, finetune
 from dubbing.stages.initial_model import FinetuneSettings, init_from_base
 from tests import clips, fakes
 from tests.dfrf.people import small_config
-from tests.dfrf.published.test_method import TINY
+from tests.dfrf.published.test_paper_method import TINY
 from tests.dubbing.speech.deepspeech import graphs
 
 PAPER = FinetuneSettings(preset="paper", iterations=4, speech="mel")
@@ -42,7 +42,7 @@ def _tiny(monkeypatch: pytest.MonkeyPatch) -> None:
     trainings = presets.Trainings(
         **{
             name: replace(getattr(real.trainings, name), rays=40, frames=2)
-            for name in ("base", "finetune", "alone")
+            for name in ("base", "finetune", "from_scratch")
         }
     )
     monkeypatch.setitem(presets.PRESETS, "paper", presets.Preset(sizes, trainings))
@@ -73,7 +73,7 @@ dubs:
 
 def base_of(path: Path, config: ModelConfig | PaperConfig, speech: str = "mel") -> Path:
     torch.manual_seed(5)
-    head_checkpoint.save_model(path, presets.build(config), {"speech": speech})
+    saved_models.save_model(path, presets.build(config), {"speech": speech})
     return path
 
 
@@ -114,7 +114,7 @@ def test_a_base_of_another_preset_is_a_mistake_in_the_manifest(folder: Path) -> 
 
 def test_a_base_gives_all_it_has_to_a_person(folder: Path) -> None:
     base = base_of(folder / "own.safetensors", replace(TINY, speech_dim=80))
-    kept, _ = head_checkpoint.load_model(base)
+    kept, _ = saved_models.load_model(base)
     model = init_from_base(base, PAPER)
     assert all(torch.equal(v, kept.state_dict()[n]) for n, v in model.state_dict().items())
     with pytest.raises(CheckpointError, match="'mel' speech, wanted 'rnn'"):
@@ -124,7 +124,7 @@ def test_a_base_gives_all_it_has_to_a_person(folder: Path) -> None:
 def test_an_imported_base_gives_all_but_the_layer_that_hears_deepspeech(folder: Path) -> None:
     config = replace(TINY, speech_dim=29)
     base = base_of(folder / "imported.safetensors", config, PUBLISHED_SPEECH)
-    kept = head_checkpoint.load_model(base)[0].state_dict()
+    kept = saved_models.load_model(base)[0].state_dict()
     model = init_from_base(base, PAPER).state_dict()
     other = {n for n in kept if kept[n].shape != model[n].shape or not kept[n].equal(model[n])}
     assert other == {"audio.convolutions.0.weight"}
@@ -139,14 +139,14 @@ def test_an_imported_base_hears_deepspeech_where_a_user_has_it(folder: Path) -> 
     base = base_of(folder / "imported.safetensors", config, PUBLISHED_SPEECH)
     heard = replace(PAPER, speech="deepspeech", speech_weights=str(graph))
     model = init_from_base(base, heard).state_dict()
-    kept = head_checkpoint.load_model(base)[0].state_dict()
+    kept = saved_models.load_model(base)[0].state_dict()
     assert kept.keys() == model.keys()
     assert all(kept[name].equal(model[name]) for name in kept)
     keys = ", base: imported.safetensors, speech: deepspeech, speech_weights: output_graph.pb"
     assert not any("learned anew" in message for message in manifest_of(folder, keys).warnings)
     # A base of our own says by which weights it heard.
     digest = heard.speech_header()
-    head_checkpoint.save_model(base, head_checkpoint.load_model(base)[0], digest)
+    saved_models.save_model(base, saved_models.load_model(base)[0], digest)
     init_from_base(base, heard)
     graphs.write(graph, graphs.weights(seed=1))
     with pytest.raises(CheckpointError, match="other weights of the 'deepspeech' speech"):
@@ -179,8 +179,8 @@ def test_a_person_is_learned_resumed_and_rendered(
         finetune([(clip, 0)], again, **settings, progress=stop)  # type: ignore[arg-type]
     assert (again / "resume" / "pictures").is_dir()
     finetune([(clip, 0)], again, **settings)  # type: ignore[arg-type]
-    one, views, header = head_checkpoint.load_person(out / MODEL_FILE)
-    other, _, _ = head_checkpoint.load_person(again / MODEL_FILE)
+    one, views, header = saved_models.load_person(out / MODEL_FILE)
+    other, _, _ = saved_models.load_person(again / MODEL_FILE)
     assert isinstance(one, PaperModel)
     for name, value in one.state_dict().items():
         assert torch.equal(value, other.state_dict()[name]), name

@@ -9,7 +9,7 @@ import torch
 
 from dfrf import presets
 from dfrf.cameras import Camera
-from dfrf.fast.model import FastModel
+from dfrf.fast.fast_model import FastModel
 from dfrf.published.conditioned_field import PaperConfig
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.pose_refinement import moved
@@ -58,7 +58,7 @@ def filmed(model: FastModel, folder: Path, count: int) -> PreparedClip:
             mattes.write((opacity * 255).round().to(torch.uint8).numpy())
             fills.write(fill)
     return replace(
-        clip.seen_by(c2w.double().numpy()),
+        clip.with_poses(c2w.double().numpy()),
         focal=FOCAL,
         centre=np.tile(centre.double().numpy(), (count, 1)),
         crop=np.tile([0.0, 0.0, SIZE], (count, 1)),
@@ -74,7 +74,7 @@ def test_poses_go_to_where_the_head_was_filmed(tmp_path: Path) -> None:
     true = clip.c2w()
     wrong = np.tile([0.01, -0.02, 0.0, 0.02, -0.02, 0.0], (16, 1))
     wrong[:, 2] = np.linspace(0, 0.02, 16)
-    tracked = clip.seen_by(moved(torch.from_numpy(true), torch.from_numpy(wrong)).numpy())
+    tracked = clip.with_poses(moved(torch.from_numpy(true), torch.from_numpy(wrong)).numpy())
     tracked.valid[5] = False
     found = refined(model, None, tracked, np.arange(12)).c2w()
     points = np.array([[0.6, 0.3, 0.5], [-0.6, 0.3, 0.5], [0.0, 1.0, 0.3]])
@@ -105,7 +105,7 @@ def test_poses_go_to_where_the_head_was_filmed(tmp_path: Path) -> None:
 def test_a_clip_seen_by_its_own_cameras_is_the_same(tmp_path: Path) -> None:
     model = presets.build(small_config(references=0, use_warp=False)).eval()
     clip = filmed(model, tmp_path, 6)
-    again = clip.seen_by(clip.c2w())
+    again = clip.with_poses(clip.c2w())
     np.testing.assert_allclose(again.rotation, clip.rotation, atol=1e-9)
     np.testing.assert_allclose(again.translation, clip.translation, atol=1e-9)
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfrf import head_checkpoint, presets
-from dfrf.fast.method import FastMethod
+from dfrf import presets, saved_models
+from dfrf.fast.fast_method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.media import VideoWriter, read_frames
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
@@ -30,7 +30,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     random = np.random.default_rng(0)
     replace(clip, landmarks=random.random((count, 478, 2)) * 32).save()
     model = presets.build(small_config(references=0, use_warp=False))
-    head_checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
+    saved_models.save_person(tmp_path / "model.safetensors", model, None, {})
     windows = random.random((count, 16, 8)).astype(np.float32)
     speech = SpeechFrames(windows, random.random((count, NUMBERS)).astype(np.float32))
     requests: list[tuple[int, int]] = []

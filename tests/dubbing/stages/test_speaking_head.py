@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from dfrf import presets
-from dfrf.fast.model import FastModel
-from dfrf.method import Maps
+from dfrf.fast.fast_model import FastModel
+from dfrf.method_interface import Maps
 from dfrf.training.fit import fit
 from dubbing.face.landmarks import FaceMesh
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import load_identity
-from dubbing.identity.footage import Footage
 from dubbing.preparation.prepare import prepare
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.shipped.base import BASE
@@ -78,13 +78,13 @@ def head(tmp_path_factory: pytest.TempPathFactory) -> Head:
     truth = make_speaker(folder, text=TEXT, seconds=SECONDS, size=SIZE, motion=0.5)
     clip = prepare(folder / "clip.mp4", folder / "prepared", size=SIZE)
     speech = finetune.clip_speech(clip, "rnn")
-    person = load_identity("someone", [Footage(clip, speech, np.arange(TESTED.start))])
+    person = load_identity("someone", [ClipFrames(clip, speech, np.arange(TESTED.start))])
     model = initial_model.init_from_base(BASE, initial_model.FinetuneSettings())
     assert isinstance(model, FastModel)
     method = presets.method_of(model)
     references = finetune.reference_frames(person, clip.landmarks[: TESTED.start], method)
     assert references is not None
-    config = replace(presets.lasting(presets.FINETUNE, STEPS), rays=RAYS)
+    config = replace(presets.with_iterations(presets.FINETUNE, STEPS), rays=RAYS)
     fit(method, [person], config, references={person.name: references})
     views = method.reference_views(person, references)
     method.finish(person, views, config.seed)

@@ -4,7 +4,7 @@ import numpy as np
 
 from dubbing.face.mouth_crop import COLUMNS, ROWS
 from dubbing.face.mouth_shape import mouth_shape
-from dubbing.sync.hearing import CHANNELS
+from dubbing.sync.sound_channels import SOUND_CHANNELS
 from dubbing.workshop.training.sync.clips import TalkingClip
 from tests.dubbing.sync.meshes import canonical, talk
 
@@ -28,7 +28,7 @@ def made_clip(name: str, seed: int, late: float = 0.0, seconds: float = 8.0) -> 
     low, high = (np.interp(heard, grid, c) for c in curves)
     parts = []
     for part, level, reach in (("mel", 0.8, 0.2), ("rnn", 0.0, 0.6)):
-        half = (CHANNELS[part].stop - CHANNELS[part].start) // 2
+        half = (SOUND_CHANNELS[part].stop - SOUND_CHANNELS[part].start) // 2
         parts += [level + reach * np.repeat(curve[:, None], half, 1) for curve in (low, high)]
     sound = np.concatenate(parts, axis=1)
     sound = sound + 0.05 * rng.normal(size=sound.shape)

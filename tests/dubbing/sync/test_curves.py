@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from dubbing.sync.curves import OFFSETS, REACH, CurveSum, distances, estimate
+from dubbing.sync.curves import MAX_OFFSET, OFFSETS, CurveSum, distances, estimate
 
 RNG = np.random.default_rng(0)
 
 
 def rows_of(mouth: np.ndarray, sound: np.ndarray) -> np.ndarray:
     """Distances of two series of equal length, nothing beyond the ends."""
-    beyond = np.full((REACH, sound.shape[1]), np.nan)
+    beyond = np.full((MAX_OFFSET, sound.shape[1]), np.nan)
     return distances(mouth, np.concatenate([beyond, sound, beyond]))
 
 

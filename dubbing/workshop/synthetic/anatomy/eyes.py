@@ -17,7 +17,7 @@ BALL = EYE_RADIUS - 0.02
 
 @dataclass(frozen=True)
 class EyeSurface:
-    """What the lids and the ball give for the rays of one batch near an eye."""
+    """Surface of the lids and the eyeball at the rays of one batch near an eye."""
 
     open: np.ndarray  # (N,) bool: the ray sees the eyeball
     albedo: np.ndarray  # (N, 3)

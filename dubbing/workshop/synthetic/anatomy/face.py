@@ -1,4 +1,4 @@
-"""What one synthetic person looks like: proportions, colours, hair, clothes and room.
+"""Appearance of a synthetic person: proportions, colours, hair, clothes and room.
 
 Colours are linear RGB reflectances in 0..1. Lengths are centimetres, proportions are factors
 around 1. Eye corners are the same for everybody (outer corners 9 cm apart), because they fix the

@@ -1,6 +1,6 @@
 """The shape of the head as a signed distance field, in centimetres.
 
-Head frame of this package: x right in the picture, y up, z towards the viewer, origin between
+Head frame of this package: x right in the image, y up, z towards the viewer, origin between
 the ears. The field is a smooth union of ellipsoids and capsules (polynomial smooth minimum,
 after Quilez), symmetric in x. Ellipsoid distances are first order estimates, so a ray marcher
 has to shorten its steps.

@@ -1,4 +1,4 @@
-"""Grids of vertices, and what a renderer needs of them.
+"""Grids of vertices, and the triangles and normals that a renderer needs.
 
 A patch is a grid of vertices (rows, columns, 3). Normals come from central differences on the
 grid, which costs far less than averaging face normals and is done for every frame.

@@ -11,12 +11,12 @@ import numpy as np
 FLIP = np.diag([1.0, -1.0, -1.0])
 UNIT = 10.0  # cm in one unit of the truth
 DISTANCE = 78.0  # cm from the camera to the head's origin
-FOCAL_512 = 980.0  # px for a picture of 512 px
+FOCAL_512 = 980.0  # px for an image of 512 px
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera of a square picture."""
+    """A pinhole camera of a square image."""
 
     size: int
 

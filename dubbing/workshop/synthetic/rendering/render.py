@@ -1,4 +1,4 @@
-"""One picture of the speaker: rays at the head, deferred shading, composition before the plate.
+"""One image of the speaker: rays at the head, deferred shading, composition before the plate.
 
 Embree finds what each pixel sees (two scenes: what never moves in the head frame, and what does).
 Skin light is blurred per colour under the skin, the key light's shadow is found on a third of the
@@ -49,7 +49,7 @@ class State:
 
 
 @dataclass(frozen=True)
-class Picture:
+class RenderedFrame:
     """image (S, S, 3) uint8; head and person mattes (S, S) uint8; mouth opening in 10 cm.
 
     The head matte holds face, ears and hair without the neck; the person matte all of the body.
@@ -62,7 +62,7 @@ class Picture:
 
 
 class Renderer:
-    """Renders one face at one size. Building it takes seconds, a picture a fraction of one."""
+    """Renders one face at one size. Building it takes seconds, a frame a fraction of one."""
 
     def __init__(self, face: Face, size: int) -> None:
         self.camera = Camera(size)
@@ -80,8 +80,8 @@ class Renderer:
         self.hull = corners[ConvexHull(corners).vertices].astype(np.float64)
         self.outline = np.unique(self.model.moving)[::2]
 
-    def picture(self, state: State) -> Picture:
-        """The picture of one frame."""
+    def render(self, state: State) -> RenderedFrame:
+        """One frame, with its mattes."""
         pose = state.pose
         to_head = pose.turn.T
         trunk = Trunk(to_head, to_head @ (REST_SHIFT - pose.shift))
@@ -97,7 +97,7 @@ class Renderer:
         person = self.plate.body.copy()
         inside = person[top:bottom, left:right]
         np.maximum(inside, head + neck, out=inside)
-        return Picture(
+        return RenderedFrame(
             np.clip(np.rint(image), 0, 255).astype(np.uint8),
             np.rint(255 * matte).astype(np.uint8),
             np.rint(255 * np.clip(person, 0, 1)).astype(np.uint8),
@@ -126,7 +126,7 @@ class Renderer:
 
 
 class _Frame:
-    """The work of one picture: scene, rays, shading."""
+    """The work of one frame: scene, rays, shading."""
 
     def __init__(self, owner: Renderer, state: State, vertices: np.ndarray, rig: Rig) -> None:
         self.owner, self.rig = owner, rig
@@ -153,7 +153,7 @@ class _Frame:
         return int(top), int(left), int(bottom), int(right)
 
     def cast(self, directions: np.ndarray) -> Hits:
-        """What rays (N, 3) in the head frame from the camera meet first."""
+        """First hits of rays (N, 3) in the head frame from the camera."""
         rays = np.ascontiguousarray(directions, np.float32)
         start = np.broadcast_to(self.pose.eye.astype(np.float32), rays.shape).copy()
         still = self.owner.still.run(start, rays, output=1)

@@ -1,4 +1,4 @@
-"""From what rays hit to what they see: materials of skin, hair, eyes, teeth, tongue and cavity."""
+"""Surface colour at ray hits: materials of skin, hair, eyes, teeth, tongue and cavity."""
 
 from dataclasses import dataclass
 
@@ -66,7 +66,7 @@ class Geometry:
 
 @dataclass(frozen=True)
 class View:
-    """Who looks and where to, in the head frame: camera centre (3,), gaze (2, 3), blink, lights.
+    """Viewpoint, eyes and light, in the head frame: camera centre (3,), gaze (2, 3), blink, lights.
 
     `inside` (0..1) is the light that the lips let into the mouth.
     """
@@ -80,7 +80,7 @@ class View:
 
 @dataclass
 class Layers:
-    """What shading needs of N points; the materials fill it in one after the other."""
+    """Shading inputs of N points; the materials fill them in one after the other."""
 
     point: np.ndarray
     normal: np.ndarray
@@ -114,7 +114,7 @@ class Layers:
 class Shaded:
     """albedo, light and shine (N, 3): colour = albedo * light + shine. part and label (N,).
 
-    `solid` marks what light does not scatter under (eyes, lashes, the inside of the mouth).
+    `solid` marks surfaces without subsurface scattering (eyes, lashes, the inside of the mouth).
     `label` separates materials when edges are detected.
     """
 
@@ -161,7 +161,7 @@ class Materials:
         self.texture.gloss[...] *= 1.0 - 0.75 * mask[..., 0]
 
     def shade(self, hits: Hits, geometry: Geometry, shadow: np.ndarray, view: View) -> Shaded:
-        """What the rays see; shadow (N,) is 1 where the key light arrives."""
+        """Shaded surface at the hits of the rays; shadow (N,) is 1 where the key light arrives."""
         tri = geometry.triangles[hits.triangle]
         weights = np.stack([1.0 - hits.u - hits.v, hits.u, hits.v], axis=1).astype(np.float32)
 
@@ -213,7 +213,7 @@ class Materials:
     @staticmethod
     def _lookup(texture: np.ndarray, uv: np.ndarray) -> np.ndarray:
         """Bilinear values at texel positions uv (N, 2)."""
-        pad = 1024 - len(uv) % 1024  # remap wants a picture no longer than 32767 in each direction
+        pad = 1024 - len(uv) % 1024  # remap takes no image longer than 32767 in each direction
         grid = np.concatenate([uv, np.zeros((pad, 2), np.float32)]).reshape(-1, 1024, 2)
         edge = cv2.BORDER_REPLICATE
         out = cv2.remap(texture, grid[..., 0], grid[..., 1], cv2.INTER_LINEAR, borderMode=edge)
@@ -255,7 +255,7 @@ class Materials:
 
     def _eyes(self, layers: Layers, ray: np.ndarray, view: View) -> None:
         near = np.flatnonzero((layers.part == SKIN) & near_eye(layers.point))
-        seen = look(
+        eyes = look(
             layers.point[near],
             view.eye,
             ray[near],
@@ -263,15 +263,15 @@ class Materials:
             blink=view.blink,
             face=self.face,
         )
-        lash = np.clip(seen.lash, 0, 1)[:, None]
-        layers.albedo[near] *= 1.0 - 0.42 * seen.crease[:, None] * (1 - 0.6 * view.blink)
+        lash = np.clip(eyes.lash, 0, 1)[:, None]
+        layers.albedo[near] *= 1.0 - 0.42 * eyes.crease[:, None] * (1 - 0.6 * view.blink)
         layers.albedo[near] += lash * (LASHES - layers.albedo[near])
         layers.gloss[near] *= 1.0 - 0.9 * lash[:, 0]
-        layers.solid[near] |= seen.lash > 0.35
-        ball = near[seen.open]
-        layers.albedo[ball], layers.normal[ball] = seen.albedo[seen.open], seen.normal[seen.open]
-        layers.occlusion[ball] = seen.occlusion[seen.open]
-        layers.albedo[ball] *= seen.occlusion[seen.open][:, None]
+        layers.solid[near] |= eyes.lash > 0.35
+        ball = near[eyes.open]
+        layers.albedo[ball], layers.normal[ball] = eyes.albedo[eyes.open], eyes.normal[eyes.open]
+        layers.occlusion[ball] = eyes.occlusion[eyes.open]
+        layers.albedo[ball] *= eyes.occlusion[eyes.open][:, None]
         layers.gloss[ball], layers.power[ball] = 1.0, 320.0
         layers.wrap[ball] = EYE_WRAP
         layers.solid[ball] = True

@@ -38,14 +38,15 @@ NAMES = {
 
 def tensors_of(graph: Any) -> dict[str, np.ndarray]:
     """The constants of a graph by name."""
-    found = {}
+    constants = {}
     for k in range(graph.InitializersLength()):
         one = graph.Initializers(k)
         if one.DataType() in TYPES:
             shape = [one.Dims(n) for n in range(one.DimsLength())]
             raw = one.RawDataAsNumpy().tobytes()
-            found[one.Name().decode()] = np.frombuffer(raw, TYPES[one.DataType()]).reshape(shape)
-    return found
+            values = np.frombuffer(raw, TYPES[one.DataType()]).reshape(shape)
+            constants[one.Name().decode()] = values
+    return constants
 
 
 def state_of(graph: Any) -> dict[str, Tensor]:
@@ -54,21 +55,21 @@ def state_of(graph: Any) -> dict[str, Tensor]:
     state = {ours: constants[theirs] for ours, theirs in NAMES.items()}
     for k in range(graph.NodesLength()):
         node = graph.Nodes(k)
-        made = node.Outputs(0).decode()
+        output = node.Outputs(0).decode()
         reads = [node.Inputs(n).decode() for n in range(node.InputsLength())]
         matrix = next(
             (name for name in reads if name.endswith("_quantized") and name.startswith("onnx::")),
             None,
         )
-        place = re.match(r"/layers\.(\d)/(\w+/\w+)/", made)
+        place = re.match(r"/layers\.(\d)/(\w+/\w+)/", output)
         if matrix and place and int(place[1]) < LAYERS:
             of = matrix.removesuffix("_quantized")
             zero, scale = float(constants[of + "_zero_point"]), float(constants[of + "_scale"])
             name = f"layers.{place[1]}.{PARTS[place[2]]}.weight"
             state[name] = (constants[matrix].astype(np.float32) - zero).T * scale
-        if made == "/groupnorm/Mul_output_0":
+        if output == "/groupnorm/Mul_output_0":
             state["norm.weight"] = constants[reads[1]][:, 0]
-        if made == "/groupnorm/Add_output_0":
+        if output == "/groupnorm/Add_output_0":
             state["norm.bias"] = constants[reads[1]][:, 0]
     for k in range(LAYERS):
         theirs, ours = f"layers.{k}", f"layers.{k}"

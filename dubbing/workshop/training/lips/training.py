@@ -17,15 +17,15 @@ import torch
 import typer
 from torch import Tensor
 
-from dubbing.sound_to_lips.network import TAPS, LipFilter
+from dubbing.sound_to_lips.lip_network import TAPS, LipFilter
 from dubbing.sound_to_lips.weights import FILTER_FORMAT, load_encoder, save
-from dubbing.workshop.training.lips.lessons import Lesson, lessons
+from dubbing.workshop.training.lips.lip_clips import LipClip, lip_clips
 
 STRENGTH = 1.0  # of the ridge, times the mean power of an input
 
 
 def at_moments(values: Tensor, moments: np.ndarray) -> Tensor:
-    """Values (T, ...) between steps, at moments (F,), straight from one to the next."""
+    """Values (T, ...) between steps, at moments (F,), linearly interpolated."""
     place = torch.from_numpy(moments).float().clamp(0, len(values) - 1)
     low = place.floor().long().clamp(max=max(0, len(values) - 2))
     share = (place - low)[:, None]
@@ -33,43 +33,43 @@ def at_moments(values: Tensor, moments: np.ndarray) -> Tensor:
 
 
 @torch.no_grad()
-def fit(found: Sequence[Lesson]) -> LipFilter:
+def fit(clips: Sequence[LipClip]) -> LipFilter:
     """The filter that gives lip measures and touching lips, each clip's less their means.
 
-    Every frame counts the same, whatever the number of takes of its sound. What is heard is taken
-    from the clips as they are.
+    Every frame counts the same, whatever the number of takes of its sound. The speech numbers come
+    from the unchanged sounds.
 
     Raises:
-        ValueError: there is no lesson.
+        ValueError: there is no clip.
     """
-    if not found:
-        raise ValueError("there is no lesson to learn from")
-    made = LipFilter()
-    sounds = torch.cat([one.takes[0].encoded.float() for one in found])
+    if not clips:
+        raise ValueError("there is no clip to train on")
+    network = LipFilter()
+    sounds = torch.cat([clip.takes[0].encoded.float() for clip in clips])
     mean, spread = (part.repeat(2 * TAPS + 1) for part in statistics(sounds))
     square, product = torch.zeros(0), torch.zeros(0)
-    for one in found:
-        wanted = one.targets() - one.targets().mean(0)
-        for take in one.takes:
+    for clip in clips:
+        wanted = clip.targets() - clip.targets().mean(0)
+        for take in clip.takes:
             x = (LipFilter.around(take.encoded.float()) - mean) / spread
-            x = at_moments(x, take.moments(one.times))
-            x = (x - x.mean(0)) / len(one.takes) ** 0.5
-            scaled = wanted / len(one.takes) ** 0.5
+            x = at_moments(x, take.moments(clip.times))
+            x = (x - x.mean(0)) / len(clip.takes) ** 0.5
+            scaled = wanted / len(clip.takes) ** 0.5
             square = square + x.T @ x if len(square) else x.T @ x
             product = product + x.T @ scaled if len(product) else x.T @ scaled
     square, product = square.double(), product.double()
     square.diagonal().add_(STRENGTH * square.diagonal().mean())
     weight = torch.linalg.solve(square, product) / spread[:, None]
-    made.map.weight.copy_(weight.T)
-    made.map.bias.copy_(-(mean.double() @ weight))
-    components = principal_components(sounds, made.heard.out_features)
-    made.heard.weight.copy_(components)
-    made.heard.bias.copy_(-(components @ sounds.mean(0)))
-    return made
+    network.map.weight.copy_(weight.T)
+    network.map.bias.copy_(-(mean.double() @ weight))
+    components = principal_components(sounds, network.heard.out_features)
+    network.heard.weight.copy_(components)
+    network.heard.bias.copy_(-(components @ sounds.mean(0)))
+    return network
 
 
 def statistics(sounds: Tensor) -> tuple[Tensor, Tensor]:
-    """Mean and spread (C,) of what the encoder gives for sounds (T, C)."""
+    """Mean and standard deviation (C,) of the encoder's outputs (T, C)."""
     return sounds.mean(0), sounds.std(0).clamp_min(1e-3)
 
 
@@ -91,16 +91,16 @@ def main(
     out: Annotated[Path, typer.Option("--out", help="The weights to write.")],
     seed: Annotated[int, typer.Option(min=0)] = 0,
 ) -> None:
-    """Teach the lip filter by clips of one talking person each."""
+    """Train the lip filter on clips of one talking person each."""
     cache = out.with_name(out.name + ".faces")
-    found = lessons(clips, cache, load_encoder(), seed)
+    measured = lip_clips(clips, cache, load_encoder(), seed)
     about = {
-        "clips": [one.name for one in found],
-        "frames": sum(len(one.times) for one in found),
+        "clips": [clip.name for clip in measured],
+        "frames": sum(len(clip.times) for clip in measured),
         "seed": seed,
     }
-    save(fit(found), out, FILTER_FORMAT, about)
-    typer.echo(f"wrote {out}, from {len(found)} clips")
+    save(fit(measured), out, FILTER_FORMAT, about)
+    typer.echo(f"wrote {out}, from {len(measured)} clips")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Batches for the acoustic network: the pupil hears spoilt sound, its targets are of the clean one.
+"""Batches for the acoustic network: degraded sound, and targets of the clean one.
 
 Varied are rate and pitch (resampling), the length of the vocal tract, the room, the microphone's
 and the line's band, noise, babble, coarse quantisation, clipping and pauses.

@@ -1,4 +1,4 @@
-"""What the network is taught with: sounds, phones and lips of synthesisers, senones of a teacher.
+"""Training data of the acoustic network: sounds, phones, lips of synthesisers; a teacher's senones.
 
 Built part by part into a folder; parts that are there already are kept.
 
@@ -64,7 +64,7 @@ class Amounts:
     festival: float = 120.0
 
 
-def teaching_voices(amounts: Amounts) -> list[tuple[Voice, float]]:
+def training_voices(amounts: Amounts) -> list[tuple[Voice, float]]:
     """The voices this machine has, without those left out, and how long each one speaks.
 
     Raises:
@@ -82,7 +82,7 @@ def teaching_voices(amounts: Amounts) -> list[tuple[Voice, float]]:
 def build_corpus(
     folder: Path, recordings: Sequence[Path], amounts: Amounts, seed: int, progress: Progress
 ) -> list[Part]:
-    """Makes what is missing in `folder` and reads all of it.
+    """Creates the parts that are missing in `folder` and reads all of them.
 
     Args:
         folder: of the corpus.
@@ -96,7 +96,7 @@ def build_corpus(
         MediaError: a recording cannot be read.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    voices = teaching_voices(amounts)
+    voices = training_voices(amounts)
     total = len(voices) + len(recordings)
     parts = []
     for k, (voice, seconds) in enumerate(voices):
@@ -117,22 +117,22 @@ def build_corpus(
 def spoken_part(voice: Voice, seconds: float, seed: int) -> list[Utterance]:
     """At least `seconds` of random sentences in a voice."""
     rng = np.random.default_rng(seed)
-    made, length = [], 0.0
+    utterances, length = [], 0.0
     while length < seconds:
         text = sentence(voice.language, rng, int(rng.integers(5, 15)))
         spoken = synthesis.speak(voice, text, rng)
-        made.append(utterance(spoken))
+        utterances.append(utterance(spoken))
         length += len(spoken.samples) / SAMPLE_RATE
-    return made
+    return utterances
 
 
 def utterance(spoken: synthesis.Spoken) -> Utterance:
     """A spoken text, and the teacher's senones for it."""
     senones = senone_posteriors(spoken.samples).astype(np.float16)
-    return replace(untaught(spoken), senones=senones)
+    return replace(without_senones(spoken), senones=senones)
 
 
-def untaught(spoken: synthesis.Spoken) -> Utterance:
+def without_senones(spoken: synthesis.Spoken) -> Utterance:
     """A spoken text without senones yet, (T, 0)."""
     count = steps(len(spoken.samples))
     classes = np.full(count, UNKNOWN)
@@ -153,13 +153,13 @@ def recorded_part(path: Path) -> list[Utterance]:
     senones = senone_posteriors(samples).astype(np.float16)
     pieces = max(1, round(len(samples) / (CUT_SECONDS * SAMPLE_RATE)))
     edges = np.linspace(0, len(senones), pieces + 1).astype(int)
-    made = []
+    utterances = []
     for low, high in pairwise(edges):
         lips = np.full((high - low, len(CHANNELS)), np.nan, np.float16)
         sound = as_int16(samples[low * HOP : high * HOP])
         unknown = np.full(high - low, UNKNOWN, np.int8)
-        made.append(Utterance(sound, unknown, lips, senones[low:high]))
-    return made
+        utterances.append(Utterance(sound, unknown, lips, senones[low:high]))
+    return utterances
 
 
 def as_int16(samples: np.ndarray) -> np.ndarray:

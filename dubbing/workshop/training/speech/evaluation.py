@@ -1,4 +1,4 @@
-"""How well speech features predict lips: the tables of docs/development/speech.md.
+"""How well speech features predict the lips, and how robust they are: tables of docs/speech.md.
 
     python -m dubbing.workshop.training.speech.evaluation CLIP... [--test CLIP...]
 
@@ -18,11 +18,10 @@ import numpy as np
 import torch
 
 from dubbing import media
-from dubbing.speech import features as kinds
-from dubbing.speech import listening
+from dubbing.speech import acoustic_inference
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.acoustic_weights import load_model
-from dubbing.speech.features import SpeechFeatures
+from dubbing.speech.features import SpeechFeatures, features_of_file
 from dubbing.speech.mel_features import MelFeatures
 from dubbing.workshop.training.speech import corpus, probe, synthesis
 from dubbing.workshop.training.speech.phones import classes_at_steps
@@ -42,9 +41,9 @@ def cepstra(samples: np.ndarray) -> np.ndarray:
     """Cepstra of the log-mel features and their slope over five steps, (T, 26)."""
     mel = MelFeatures().extract(samples)
     waves = np.cos(np.pi * np.outer(np.arange(mel.shape[1]) + 0.5, np.arange(CEPSTRA)) / 80)
-    found = (mel @ (waves / 40)).astype(np.float32)
-    slope = np.gradient(found, axis=0) if len(found) > 1 else np.zeros_like(found)
-    return np.concatenate([found, slope], 1)
+    values = (mel @ (waves / 40)).astype(np.float32)
+    slope = np.gradient(values, axis=0) if len(values) > 1 else np.zeros_like(values)
+    return np.concatenate([values, slope], 1)
 
 
 def senones(samples: np.ndarray) -> np.ndarray:
@@ -53,13 +52,13 @@ def senones(samples: np.ndarray) -> np.ndarray:
 
 
 def compared(rnn: SpeechFeatures) -> dict[str, Extract]:
-    """Features to compare, by name; the first is what the others are measured against."""
-    found: dict[str, Extract] = {"log-mel": MelFeatures().extract, "MFCC + delta": cepstra}
+    """Features to compare, by name; the first is the baseline of the others."""
+    kinds: dict[str, Extract] = {"log-mel": MelFeatures().extract, "MFCC + delta": cepstra}
     if importlib.util.find_spec("pocketsphinx") is not None:
-        found["pocketsphinx senones"] = senones
-        found["senones + rnn"] = lambda s: np.concatenate([senones(s), rnn.extract(s)], 1)
-    found["rnn"] = rnn.extract
-    return found
+        kinds["pocketsphinx senones"] = senones
+        kinds["senones + rnn"] = lambda s: np.concatenate([senones(s), rnn.extract(s)], 1)
+    kinds["rnn"] = rnn.extract
+    return kinds
 
 
 def pink_noise(count: int, rng: np.random.Generator) -> np.ndarray:
@@ -90,18 +89,19 @@ def probe_table(
         fitted = probe.fit(people, features)
         clean = fitted.left_out
         plain = clean if plain is None else plain
-        spoilt = probe.fit(people, [extract(noisy(s)) for s in sounds]).left_out
+        degraded = probe.fit(people, [extract(noisy(s)) for s in sounds]).left_out
         ahead = (clean > plain).sum(0)
         cells = [name, str(features[0].shape[1]), *(f"{v:.3f}" for v in clean.mean(0))]
         cells.append(pair((clean - plain).mean(0), "+.3f") if name != "log-mel" else "")
         cells.append(f"{ahead[0]} / {ahead[1]}" if name != "log-mel" else "")
-        cells.append(pair(spoilt.mean(0)))
+        cells.append(pair(degraded.mean(0)))
         if tests:
-            found = probe.unseen(fitted, tests, [extract(media.read_audio(t.path)) for t in tests])
+            series = [extract(media.read_audio(t.path)) for t in tests]
+            tested = probe.unseen(fitted, tests, series)
             each = ", ".join(
-                f"{t.name} {pair(r, '.2f')}" for t, r in zip(tests, found, strict=True)
+                f"{t.name} {pair(r, '.2f')}" for t, r in zip(tests, tested, strict=True)
             )
-            cells.append(f"{pair(found.mean(0))} ({each})")
+            cells.append(f"{pair(tested.mean(0))} ({each})")
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines)
 
@@ -132,10 +132,12 @@ def phone_errors(weights: Path | None = None) -> str:
         wrong = total = 0
         for _ in range(SENTENCES):
             spoken = synthesis.speak(speaker, sentence(speaker.language, rng, 10), rng)
-            spectra = listening.spectra_of([spoken.samples])
-            found = listening.hear(model.network, spectra, lambda outputs: outputs.phones).argmax(1)
-            truth = classes_at_steps(spoken.phones or [], len(found))
-            wrong += int((found != truth)[truth >= 0].sum())
+            spectra = acoustic_inference.spectra_of([spoken.samples])
+            predicted = acoustic_inference.run_network(
+                model.network, spectra, lambda outputs: outputs.phones
+            ).argmax(1)
+            truth = classes_at_steps(spoken.phones or [], len(predicted))
+            wrong += int((predicted != truth)[truth >= 0].sum())
             total += int((truth >= 0).sum())
         lines.append(f"| {speaker.label} | {role} | {wrong / total:.3f} |")
     return "\n".join(lines)
@@ -164,8 +166,8 @@ def invariance(path: Path, rnn: SpeechFeatures) -> str:
             for channels in (1, 2):
                 file = Path(folder) / f"{rate}-{channels}.wav"
                 soundfile.write(file, np.repeat(sound[:, None], channels, 1), rate)
-                found, _ = kinds.features_of_file(file, rnn)
-                cells.append(f"{cosine(plain, found):.4f}")
+                other, _ = features_of_file(file, rnn)
+                cells.append(f"{cosine(plain, other):.4f}")
             lines.append(f"| {rate} | {' | '.join(cells)} |")
     return "\n".join(lines)
 
@@ -183,13 +185,13 @@ def pause(samples: np.ndarray, rnn: SpeechFeatures) -> str:
     for name, decibel in (("silent", None), ("noise 60 dB below", -60), ("40 dB below", -40)):
         gain = 0.0 if decibel is None else level * 10 ** (decibel / 20)
         gap = pink_noise(2 * rate, np.random.default_rng(0)) * np.float32(gain)
-        found = np.abs(rnn.extract(np.concatenate([before, gap, after]))).max(1)
+        largest = np.abs(rnn.extract(np.concatenate([before, gap, after]))).max(1)
         begin = voice.steps(len(before))
-        inside = found[begin : begin + 2 * voice.STEP_RATE]
+        inside = largest[begin : begin + 2 * voice.STEP_RATE]
         zero = np.flatnonzero(inside == 0)
         when = f"{zero[0] / voice.STEP_RATE:.2f} s" if len(zero) else "never"
         deep = inside[round(0.4 * voice.STEP_RATE) : -round(0.4 * voice.STEP_RATE)].max()
-        lines.append(f"| {name} | {found[:begin].max():.2f} | {deep:.2f} | {when} |")
+        lines.append(f"| {name} | {largest[:begin].max():.2f} | {deep:.2f} | {when} |")
     return "\n".join(lines)
 
 

@@ -42,12 +42,12 @@ def classes_at_steps(phones: Sequence[Phone], count: int) -> np.ndarray:
 
     A symbol of several letters is divided evenly among them.
     """
-    found = np.full(count, UNKNOWN, np.int64)
+    labels = np.full(count, UNKNOWN, np.int64)
     for phone in phones:
         known = letters(phone.symbol)
         parts = [_CLASS_OF[c] for c in known] or [UNKNOWN if phone.symbol else SILENCE]
         edges = np.linspace(phone.start, phone.end, len(parts) + 1) * STEP_RATE - 0.5
         places = np.clip(np.ceil(edges), 0, count).astype(int)
         for part, low, high in zip(parts, places[:-1], places[1:], strict=True):
-            found[low:high] = part
-    return found
+            labels[low:high] = part
+    return labels

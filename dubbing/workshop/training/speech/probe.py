@@ -1,4 +1,4 @@
-"""How much of the lips a linear map finds in speech features, for people it never saw.
+"""How well a linear map predicts the lips from speech features, for people it was not trained on.
 
 Ridge regression from the features of +-0.24 s to the opening and the width of the mouth, each
 standardised a person; trained on all people but one, and correlated with that one's lips.
@@ -19,7 +19,7 @@ from dubbing.workshop.training.sync.clips import Recording, laid_on, recorded
 from dubbing.workshop.training.sync.correlation import align
 
 MEASURES = ("opening", "width")
-# Places of the two in `dubbing.identity.dataset.LIP_DISTANCES`.
+# Places of the two in `dubbing.face.lip_measures.LIP_DISTANCES`.
 _COLUMNS = (0, 3)
 # Context: 0.24 s each way in steps of a frame at 25 fps.
 CONTEXT = np.arange(-6, 7) * 0.04
@@ -44,18 +44,19 @@ def speakers(paths: Sequence[Path], cache: Path | None = None) -> list[Speaker]:
         ValueError: fewer than three clips (own offsets are found by comparison).
         SyncError: a clip shows no face.
     """
-    found = [recorded(path, cache) for path in paths]
-    aligned, _ = align(laid_on(found, canonical_face(r.meshes for r in found), pixels=False))
+    recordings = [recorded(path, cache) for path in paths]
+    face = canonical_face(r.meshes for r in recordings)
+    aligned, _ = align(laid_on(recordings, face, pixels=False))
     return [
         _speaker(path, recording, clip.offset)
-        for path, recording, clip in zip(paths, found, aligned, strict=True)
+        for path, recording, clip in zip(paths, recordings, aligned, strict=True)
     ]
 
 
 def _speaker(path: Path, recording: Recording, offset: float) -> Speaker:
-    seen = np.isfinite(recording.meshes[:, 0, 0])
-    lips = lip_measures(recording.meshes[seen, :, :2].astype(np.float64))[:, _COLUMNS]
-    return Speaker(path.stem, path, lips, recording.times[seen] + offset)
+    visible = np.isfinite(recording.meshes[:, 0, 0])
+    lips = lip_measures(recording.meshes[visible, :, :2].astype(np.float64))[:, _COLUMNS]
+    return Speaker(path.stem, path, lips, recording.times[visible] + offset)
 
 
 def regressors(features: np.ndarray, times: np.ndarray) -> np.ndarray:
@@ -66,7 +67,7 @@ def regressors(features: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Sums:
-    """What ridge regression needs of a person: X'X, X'Y and the number of frames."""
+    """A person's sums for ridge regression: X'X, X'Y and the number of frames."""
 
     xx: np.ndarray
     xy: np.ndarray
@@ -88,9 +89,9 @@ def ridge(parts: Sequence[Sums]) -> list[np.ndarray]:
 
 
 def correlations(x: np.ndarray, y: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Of what is predicted with what was measured, (2,)."""
-    found = x @ weights
-    return np.array([np.corrcoef(found[:, k], y[:, k])[0, 1] for k in range(y.shape[1])])
+    """Correlations (2,) of the predicted measures with the true ones."""
+    predicted = x @ weights
+    return np.array([np.corrcoef(predicted[:, k], y[:, k])[0, 1] for k in range(y.shape[1])])
 
 
 @dataclass(frozen=True)
@@ -114,11 +115,11 @@ class Fit:
 def fit(people: Sequence[Speaker], features: Sequence[np.ndarray]) -> Fit:
     xs = [regressors(f, p.times) for f, p in zip(features, people, strict=True)]
     parts = [sums(x, p.lips) for x, p in zip(xs, people, strict=True)]
-    found = np.zeros((len(STRENGTHS), len(people), len(MEASURES)))
+    by_strength = np.zeros((len(STRENGTHS), len(people), len(MEASURES)))
     for k, person in enumerate(people):
         for s, weights in enumerate(ridge(parts[:k] + parts[k + 1 :])):
-            found[s, k] = correlations(xs[k], person.lips, weights)
-    return Fit(parts, found)
+            by_strength[s, k] = correlations(xs[k], person.lips, weights)
+    return Fit(parts, by_strength)
 
 
 def unseen(fitted: Fit, tests: Sequence[Speaker], features: Sequence[np.ndarray]) -> np.ndarray:

@@ -40,20 +40,20 @@ def project(
     """
     network.eval()
     filters = front.filters()
-    seen, quiet = [], []
+    spoken, quiet = [], []
     for part in parts:
         for utterance in part.utterances[::every]:
             sound = torch.from_numpy(utterance.samples.astype(np.float32) / 32768)[None]
             sound = torch.nn.functional.pad(sound, (0, -sound.shape[1] % 320))
             mel = front.log_mel(front.step_windows(sound), filters)
-            found = outputs(network(front.normalised(mel)))[0].double().numpy()
+            combined = outputs(network(front.normalised(mel)))[0].double().numpy()
             silent = utterance.classes == SILENCE
-            seen.append(found[~silent])
+            spoken.append(combined[~silent])
             inside = minimum_filter1d(silent.astype(np.uint8), 2 * _INSIDE + 1).astype(bool)
-            quiet.append(found[inside])
-    speech, pauses = np.concatenate(seen), np.concatenate(quiet)
+            quiet.append(combined[inside])
+    speech, pauses = np.concatenate(spoken), np.concatenate(quiet)
     if not len(pauses):
-        raise TrainingError("no pause in what is taught", remedy="teach more sentences")
+        raise TrainingError("no pause in the training data", remedy="add more sentences")
     silence = pauses.mean(0)
     values, vectors = np.linalg.eigh(np.cov(speech.T))
     values, vectors = values[::-1][:dim], vectors[:, ::-1][:, :dim]

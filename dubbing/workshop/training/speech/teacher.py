@@ -32,7 +32,7 @@ def senone_posteriors(samples: np.ndarray) -> np.ndarray:
     """
     total = steps(len(samples))
     piece, around = PIECE_SECONDS * SAMPLE_RATE, int(AROUND_SECONDS * SAMPLE_RATE)
-    found = np.zeros((total, SENONES), np.float32)
+    result = np.zeros((total, SENONES), np.float32)
     for begin in range(0, len(samples), piece):
         low, high = max(0, begin - around), min(len(samples), begin + piece + around)
         frames = _posteriors(samples[low:high])
@@ -43,8 +43,8 @@ def senone_posteriors(samples: np.ndarray) -> np.ndarray:
         before = np.minimum(place.astype(int), max(0, len(frames) - 2))
         share = (place - before)[:, None]
         after = np.minimum(before + 1, len(frames) - 1)
-        found[first:last] = frames[before] * (1 - share) + frames[after] * share
-    return found
+        result[first:last] = frames[before] * (1 - share) + frames[after] * share
+    return result
 
 
 def _posteriors(samples: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What the synthesisers say: a few everyday sentences a language, words drawn in random order.
+"""Texts for the synthesisers: a few everyday sentences a language, words drawn in random order.
 
 Random order gives every pair of sounds a chance and teaches no grammar, which a lip does not
 follow anyway. The English list is chosen for its sounds, not for its sense.

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from dubbing.face.mouth_shape import MOUTH
-from dubbing.sync.hearing import CHANNELS
+from dubbing.sync.sound_channels import SOUND_CHANNELS
 from dubbing.workshop.training.sync.clips import TalkingClip
 
 # What is added to every speech feature, whose deviation is about 1.
@@ -53,9 +53,12 @@ def vary_mouth(mouths: np.ndarray, sides: np.ndarray, rng: np.random.Generator) 
 
 def vary_sound(sound: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Sounds (G, A, D) with both kinds of channels varied, each in its own way."""
-    parts = {"mel": vary_mel(sound[..., CHANNELS["mel"]], rng), "rnn": sound[..., CHANNELS["rnn"]]}
+    parts = {
+        "mel": vary_mel(sound[..., SOUND_CHANNELS["mel"]], rng),
+        "rnn": sound[..., SOUND_CHANNELS["rnn"]],
+    }
     parts["rnn"] = parts["rnn"] + rng.normal(0, RNN_NOISE, parts["rnn"].shape)
-    return np.concatenate([parts[name] for name in CHANNELS], axis=-1).astype(np.float32)
+    return np.concatenate([parts[name] for name in SOUND_CHANNELS], axis=-1).astype(np.float32)
 
 
 def vary_mel(mel: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dubbing.sync.hearing import Take
-from dubbing.sync.sight import centred, running_mean
+from dubbing.sync.mouth_channels import centred, running_mean
+from dubbing.sync.sound_channels import Take
 from dubbing.sync.streams import MOUTH_STEP
 from dubbing.sync.windows import mouth_windows, take_windows
 from dubbing.workshop.training.sync.augmentation import mouth_sides, vary_mouth, vary_sound
@@ -22,7 +22,7 @@ from dubbing.workshop.training.sync.pixel_augmentation import vary_pixels
 STRETCHES = 24
 ITEMS = 12
 # A mouth is compared with its mean over +- one of these, so that short videos work as well.
-REACHES = (1.5, 2.5, 4.0, 8.0)
+MEAN_RADII_S = (1.5, 2.5, 4.0, 8.0)
 
 
 class Stretch(NamedTuple):
@@ -38,14 +38,16 @@ class Lips:
 
     def __init__(self, clips: Sequence[TalkingClip]) -> None:
         self._clips = clips
-        self._shapes = [[centred(c.shapes, c.times, reach) for reach in REACHES] for c in clips]
+        self._shapes = [
+            [centred(c.shapes, c.times, radius) for radius in MEAN_RADII_S] for c in clips
+        ]
         self._sides = mouth_sides(clips)
 
     def draw(self, stretches: Sequence[Stretch], rng: np.random.Generator) -> Tensor:
         """Varied mouths (B, V, 2 M)."""
         mouths = []
         for index, moments, tempo in stretches:
-            shapes = self._shapes[index][rng.integers(len(REACHES))]
+            shapes = self._shapes[index][rng.integers(len(MEAN_RADII_S))]
             mouth = mouth_windows(shapes, self._clips[index].times, moments, tempo)
             mouths.append(vary_mouth(mouth, self._sides, rng))
         return torch.from_numpy(np.concatenate(mouths))
@@ -58,7 +60,7 @@ class Pixels:
         self._clips = clips
         self._crops = [c.crops.reshape(len(c.crops), -1).astype(np.float32) for c in clips]
         self._means = [
-            [running_mean(flat, clip.times, reach) for reach in REACHES]
+            [running_mean(flat, clip.times, radius) for radius in MEAN_RADII_S]
             for flat, clip in zip(self._crops, clips, strict=True)
         ]
 
@@ -69,20 +71,22 @@ class Pixels:
             times = self._clips[index].times
             mouths.append(mouth_windows(self._crops[index], times, moments, tempo))
             middle = int(np.searchsorted(times, moments[len(moments) // 2], side="right")) - 1
-            means.append(self._means[index][rng.integers(len(REACHES))][max(middle, 0)])
+            means.append(self._means[index][rng.integers(len(MEAN_RADII_S))][max(middle, 0)])
         return vary_pixels(np.stack(mouths), np.stack(means), rng)
 
 
 class Batches:
-    """Batches of matching mouths and sounds, for a member that sees `sees`, a key of SIGHTS.
+    """Batches of matching mouths and sounds, for a member that takes `mouth_kind` channels.
 
     Items of one stretch are the hard negatives of one another, those of other clips the easy ones.
     """
 
-    def __init__(self, clips: Sequence[TalkingClip], sees: str, rng: np.random.Generator) -> None:
+    def __init__(
+        self, clips: Sequence[TalkingClip], mouth_kind: str, rng: np.random.Generator
+    ) -> None:
         self._clips = clips
         self._rng = rng
-        self._mouths = Pixels(clips) if sees == "pixels" else Lips(clips)
+        self._mouths = Pixels(clips) if mouth_kind == "pixels" else Lips(clips)
         # A person with 10 s counts in full; more of the same person helps little.
         weights = np.array([min(1.0, c.times[-1] / 10) ** 0.5 for c in clips])
         self._weights = weights / weights.sum()

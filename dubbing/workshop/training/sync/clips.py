@@ -1,4 +1,4 @@
-"""Talking heads to learn lip sync from: mouths and sounds of whole clips.
+"""Training data of the sync network: mouths and sounds of whole clips of talking people.
 
 Letters: F frames, M mouth points, R rows and C columns of a crop, N samples at 16 kHz, T sound
 steps of 20 ms, D = 144 channels.
@@ -17,7 +17,7 @@ from dubbing.face.mouth_crop import COLUMNS, ROWS, mouth_crops
 from dubbing.face.mouth_shape import mouth_shape
 from dubbing.files import atomic_path
 from dubbing.speech.voice_activity import SAMPLE_RATE, voice_activity
-from dubbing.sync.hearing import Hearing, Take, another_take
+from dubbing.sync.sound_channels import SoundChannels, Take, another_take
 
 KEPT = frozenset({"meshes", "times", "samples", "voice"})  # of a recording, in a file
 
@@ -105,16 +105,16 @@ def laid_on(
         exact: whether they show the synthetic speaker.
         pixels: whether to cut out the mouths as well, for which the clips are read again.
     """
-    hearing, rng = Hearing(), np.random.default_rng(seed)
+    channels, rng = SoundChannels(), np.random.default_rng(seed)
     clips = []
     for r in recordings:
         shapes = mouth_shape(r.meshes, face)
-        seen = np.isfinite(shapes).all((1, 2))
-        others = tuple(another_take(r.samples, hearing, rng) for _ in range(takes))
-        name, sound = r.path.stem, hearing(r.samples)
-        clip = TalkingClip(name, shapes[seen], r.times[seen], sound, r.voice, exact=exact)
+        visible = np.isfinite(shapes).all((1, 2))
+        others = tuple(another_take(r.samples, channels, rng) for _ in range(takes))
+        name, sound = r.path.stem, channels.extract(r.samples)
+        clip = TalkingClip(name, shapes[visible], r.times[visible], sound, r.voice, exact=exact)
         if pixels:
             crops = mouth_crops(media.read_frames(r.path), r.meshes, face)
-            clip = replace(clip, crops=crops[seen])
+            clip = replace(clip, crops=crops[visible])
         clips.append(replace(clip, takes=others))
     return clips

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from dubbing.sync.hearing import CHANNELS
-from dubbing.sync.sight import centred
+from dubbing.sync.mouth_channels import centred
+from dubbing.sync.sound_channels import SOUND_CHANNELS
 from dubbing.sync.windows import mouth_windows, sound_windows
 from dubbing.workshop.training.sync.clips import TalkingClip
 
@@ -83,7 +83,7 @@ def fit(clips: Sequence[TalkingClip], basis: np.ndarray) -> Correlator:
     xs, ys = [], []
     for clip in clips:
         x = _mouth_side(clip, basis)
-        y = _sound_side(clip, _cepstra(clip.sound[:, CHANNELS["mel"]]), clip.offset)
+        y = _sound_side(clip, _cepstra(clip.sound[:, SOUND_CHANNELS["mel"]]), clip.offset)
         # Long clips count more, but not in proportion.
         weight = min(1.0, (400 / len(x)) ** 0.5)
         xs.append(x * weight)
@@ -103,7 +103,7 @@ def fit(clips: Sequence[TalkingClip], basis: np.ndarray) -> Correlator:
 def correlation_curve(clip: TalkingClip, basis: np.ndarray, correlator: Correlator) -> np.ndarray:
     """Correlation of mouth and sound at every lag of LAGS, (L,)."""
     curve = []
-    cepstra = _cepstra(clip.sound[:, CHANNELS["mel"]])
+    cepstra = _cepstra(clip.sound[:, SOUND_CHANNELS["mel"]])
     a = _mouth_side(clip, basis) @ correlator.mouth
     for lag in LAGS:
         b = _sound_side(clip, cepstra, float(lag)) @ correlator.sound
@@ -116,29 +116,29 @@ def align(clips: Sequence[TalkingClip]) -> tuple[list[TalkingClip], list[float]]
     """The clips with their own offsets, and how sure each one is (its correlation).
 
     Starts from no offsets; every round moves each clip to where the others' directions correlate
-    best. What all clips share cannot be found this way: it is set by the clips that are exact,
-    whose median comes to 0, and stays where there are none.
+    best. An offset common to all clips cannot be found this way: it is set so that the median of
+    the exact clips is 0, and stays where there are none.
 
     Raises:
         ValueError: fewer than three clips.
     """
     if len(clips) < 3:
         raise ValueError("own offsets are found by comparison: at least three clips are needed")
-    found = list(clips)
+    aligned = list(clips)
     peaks = [1.0] * len(clips)
     basis = lip_basis(clips, COMPONENTS)
     for _ in range(ROUNDS):
-        before = list(found)
+        before = list(aligned)
         trusted = [p >= TRUSTED_PEAK for p in peaks]
         for i, clip in enumerate(before):
             others = [c for j, c in enumerate(before) if j != i and trusted[j]]
             if len(others) < 2:
                 others = [c for j, c in enumerate(before) if j != i]
             curve = correlation_curve(clip, basis, fit(others, basis))
-            found[i] = replace(clip, offset=_peak(curve))
+            aligned[i] = replace(clip, offset=_peak(curve))
             peaks[i] = float(curve.max())
-    zero = float(np.median([c.offset for c in found if c.exact] or [0.0]))
-    return [replace(c, offset=0.0 if c.exact else c.offset - zero) for c in found], peaks
+    zero = float(np.median([c.offset for c in aligned if c.exact] or [0.0]))
+    return [replace(c, offset=0.0 if c.exact else c.offset - zero) for c in aligned], peaks
 
 
 def _peak(curve: np.ndarray) -> float:

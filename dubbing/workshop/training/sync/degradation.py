@@ -1,4 +1,4 @@
-"""How the check answers to a worse picture: the mouth blurred, and the mouth frozen.
+"""How the check answers to a degraded video: the mouth blurred, and the mouth frozen.
 
     python -m dubbing.workshop.training.sync.degradation CLIP...
 
@@ -61,11 +61,11 @@ class Freezer:
     def __call__(self, frame: np.ndarray, points: np.ndarray) -> np.ndarray:
         if self._first is None:
             self._first = frame, points
-        picture, mesh = self._first
+        image, mesh = self._first
         rigid = list(RIGID)
         move, _ = cv2.estimateAffinePartial2D(mesh[rigid, :2], points[rigid, :2])
         size = (frame.shape[1], frame.shape[0])
-        laid = cv2.warpAffine(picture, move, size, borderMode=cv2.BORDER_REPLICATE)
+        laid = cv2.warpAffine(image, move, size, borderMode=cv2.BORDER_REPLICATE)
         both = np.concatenate([points[:, :2], mesh[:, :2] @ move[:, :2].T + move[:, 2]])
         # The chin of an open mouth reaches lower than the frozen one: cover both.
         lowest = both[[*CHIN, *(p + len(points) for p in CHIN)], 1].max()
@@ -84,12 +84,12 @@ def changed(clip: Path, count: int, rate: float, change: Change) -> Iterator[np.
 
 
 def changes() -> dict[str, Change]:
-    """Names of the pictures, best first, and a fresh function for each."""
-    made: dict[str, Change] = {"source": lambda frame, _: frame}
+    """Names of the changes, mildest first, and a fresh function for each."""
+    by_name: dict[str, Change] = {"source": lambda frame, _: frame}
     for amount in BLURS:
-        made[f"mouth blurred, {amount} widths"] = partial(blurred, amount=amount)
-    made["mouth frozen"] = Freezer()
-    return made
+        by_name[f"mouth blurred, {amount} widths"] = partial(blurred, amount=amount)
+    by_name["mouth frozen"] = Freezer()
+    return by_name
 
 
 def table(clips: Sequence[Path], seconds: float) -> str:
@@ -110,7 +110,7 @@ def table(clips: Sequence[Path], seconds: float) -> str:
 def check_changed(
     clip: Path, seconds: float, change: Change, source: SyncResult | None
 ) -> SyncResult:
-    """The check of the clip's beginning with changed pictures and its own sound."""
+    """The check of the clip's beginning with changed frames and its own sound."""
     info = media.probe(clip)
     with tempfile.TemporaryDirectory() as folder:
         video = Path(folder) / "changed.mp4"

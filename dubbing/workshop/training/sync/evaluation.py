@@ -22,17 +22,17 @@ import numpy as np
 from dubbing.face.mouth_shape import canonical_face
 from dubbing.speech.voice_activity import STEP_RATE, at_times
 from dubbing.sync.check import SILENT_WEIGHT
-from dubbing.sync.curves import OFFSETS, REACH, CurveSum, distances
+from dubbing.sync.curves import MAX_OFFSET, OFFSETS, CurveSum, distances
 from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
-from dubbing.sync.network import SyncNetwork, load_network
+from dubbing.sync.sync_network import SyncNetwork, load_network
 from dubbing.workshop.training.sync.clips import TalkingClip, laid_on, recorded
 from dubbing.workshop.training.sync.speakers import UNSEEN, speaker_clips
 from dubbing.workshop.training.sync.training import SyncTraining, train_network, usable_clips
 
 LENGTHS = (5.0, 3.0, 2.0)
 SHIFTS = range(-10, 11)
-WIDE = REACH + max(SHIFTS)
-NEAR = slice(WIDE - REACH, WIDE + REACH + 1)
+WIDE = MAX_OFFSET + max(SHIFTS)
+NEAR = slice(WIDE - MAX_OFFSET, WIDE + MAX_OFFSET + 1)
 # Speech of the same clip counts as another moment from this many seconds on.
 APART = 2.0
 
@@ -87,52 +87,52 @@ def confidence(curve: np.ndarray) -> float:
     return float(np.nanmedian(curve) - np.nanmin(curve))
 
 
-def windows(seen: Embedded, seconds: float) -> list[slice]:
+def windows(embedded: Embedded, seconds: float) -> list[slice]:
     """Half-overlapping windows of a clip."""
-    count = round(seconds * seen.rate)
-    return [slice(s, s + count) for s in range(0, len(seen.rows) - count + 1, count // 2)]
+    count = round(seconds * embedded.rate)
+    return [slice(s, s + count) for s in range(0, len(embedded.rows) - count + 1, count // 2)]
 
 
-def shifts_found(seen: Embedded, seconds: float) -> list[bool]:
+def shifts_found(embedded: Embedded, seconds: float) -> list[bool]:
     """For every window and shift whether the shift is found within one frame."""
     hits = []
-    for part in windows(seen, seconds):
-        curve = mean_curve(seen.rows[part], seen.weights[part])
+    for part in windows(embedded, seconds):
+        curve = mean_curve(embedded.rows[part], embedded.weights[part])
         for shift in SHIFTS:
             # Sound that comes `shift` frames earlier has its curve that much further up.
             moved = curve[np.array(OFFSETS) - shift + WIDE]
             if np.isfinite(moved).any():
                 best = OFFSETS[int(np.nanargmin(moved))]
-                hits.append(abs(best - (seen.truth + shift)) <= 1)
+                hits.append(abs(best - (embedded.truth + shift)) <= 1)
     return hits
 
 
-def own_confidences(seen: Embedded, seconds: float) -> list[float]:
-    parts = windows(seen, seconds)
-    return [confidence(mean_curve(seen.rows[p][:, NEAR], seen.weights[p])) for p in parts]
+def own_confidences(embedded: Embedded, seconds: float) -> list[float]:
+    parts = windows(embedded, seconds)
+    return [confidence(mean_curve(embedded.rows[p][:, NEAR], embedded.weights[p])) for p in parts]
 
 
 def other_confidences(
-    network: SyncNetwork, seen: Embedded, others: Sequence[TalkingClip], seconds: float
+    network: SyncNetwork, embedded: Embedded, others: Sequence[TalkingClip], seconds: float
 ) -> list[float]:
     """Confidences of the clip's mouths with speech that is not theirs: each window once a clip."""
-    found = []
+    confidences = []
     rng = np.random.default_rng(0)
     for other in others:
         length = len(other.sound) / STEP_RATE
-        for part in windows(seen, seconds):
-            times = seen.clip.times[part]
-            room = length - seconds - 2 * WIDE / seen.rate
+        for part in windows(embedded, seconds):
+            times = embedded.clip.times[part]
+            room = length - seconds - 2 * WIDE / embedded.rate
             if room <= 0:
                 continue
-            begin = rng.uniform(0, room) + WIDE / seen.rate
-            if other is seen.clip and abs(begin - times[0]) < seconds + APART:
+            begin = rng.uniform(0, room) + WIDE / embedded.rate
+            if other is embedded.clip and abs(begin - times[0]) < seconds + APART:
                 continue
-            sound = sound_around(network, other, begin + times - times[0], seen.rate)
-            rows = distances(seen.mouth[part], sound, WIDE)[:, NEAR]
+            sound = sound_around(network, other, begin + times - times[0], embedded.rate)
+            rows = distances(embedded.mouth[part], sound, WIDE)[:, NEAR]
             voice = at_times(other.voice, begin + times - times[0])
-            found.append(confidence(mean_curve(rows, SILENT_WEIGHT + voice)))
-    return found
+            confidences.append(confidence(mean_curve(rows, SILENT_WEIGHT + voice)))
+    return confidences
 
 
 def area_under_roc(positive: Sequence[float], negative: Sequence[float]) -> float:
@@ -150,19 +150,19 @@ def table(measured: Sequence[tuple[SyncNetwork, TalkingClip]]) -> str:
     own: dict[float, list[float]] = {s: [] for s in LENGTHS}
     other: dict[float, list[float]] = {s: [] for s in LENGTHS}
     for network, clip in measured:
-        seen = embed(network, clip)
-        cells = [clip.name, f"{seen.offset:+d}"]
+        embedded = embed(network, clip)
+        cells = [clip.name, f"{embedded.offset:+d}"]
         areas = []
         for seconds in LENGTHS:
-            hits = shifts_found(seen, seconds)
+            hits = shifts_found(embedded, seconds)
             cells.append(f"{np.mean(hits):.3f} ({len(hits)})" if hits else "")
-            mine = own_confidences(seen, seconds)
-            theirs = other_confidences(network, seen, clips, seconds)
+            mine = own_confidences(embedded, seconds)
+            theirs = other_confidences(network, embedded, clips, seconds)
             areas.append(f"{area_under_roc(mine, theirs):.3f}" if mine and theirs else "")
             own[seconds] += mine
             other[seconds] += theirs
             shares[seconds] += [float(np.mean(hits))] if hits else []
-        whole = confidence(mean_curve(seen.rows[:, NEAR], seen.weights))
+        whole = confidence(mean_curve(embedded.rows[:, NEAR], embedded.weights))
         lines.append(f"| {' | '.join([*cells, f'{whole:.3f}', *areas])} |")
     means = [f"{np.mean(shares[s]):.3f}" for s in LENGTHS]
     areas = [f"{area_under_roc(own[s], other[s]):.3f}" for s in LENGTHS]
@@ -190,11 +190,11 @@ def left_out(
     """
     usable = usable_clips(clips)
     people = [c for c in usable if not c.exact]
-    made = [c for c in usable if c.exact]
+    synthetic = [c for c in usable if c.exact]
     pairs, speakers = [], []
     for fold in range(folds):
         others = [c for i, c in enumerate(people) if i % folds != fold]
-        network = train_network([*others, *made], face, settings)
+        network = train_network([*others, *synthetic], face, settings)
         pairs += [(network, c) for i, c in enumerate(people) if i % folds == fold]
         speakers += [(network, c) for i, c in enumerate(unseen) if i % folds == fold]
     return pairs, speakers
@@ -211,8 +211,8 @@ def measured_clips(
     face = canonical_face(r.meshes for r in recordings) if face is None else face
     clips = laid_on(recordings, face, takes=settings.takes if settings else 0)
     if settings:
-        made = [recorded(path, cache) for path in speaker_clips(cache, settings.speakers)]
-        clips += laid_on(made, face, takes=settings.takes, seed=1, exact=True)
+        synthetic = [recorded(path, cache) for path in speaker_clips(cache, settings.speakers)]
+        clips += laid_on(synthetic, face, takes=settings.takes, seed=1, exact=True)
     unseen = [recorded(path, cache) for path in speaker_clips(cache, UNSEEN)]
     return clips, laid_on(unseen, face, exact=True), face
 

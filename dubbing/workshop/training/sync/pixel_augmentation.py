@@ -3,7 +3,7 @@
 Everything happens to grey values, before they are compared with their mean, so that the mean mouth
 changes with the mouth. Little of it is blur: a smeared mouth should count for less.
 
-Letters: P stretches, G items of one, V = 5 mouth frames, N = G V pictures of a stretch, R rows and
+Letters: P stretches, G items of one, V = 5 mouth frames, N = G V images of a stretch, R rows and
 C columns of a crop.
 """
 
@@ -25,29 +25,29 @@ _ACROSS, _DOWN = 0.06, 0.1
 _SHAKE = 0.6
 _LIGHT = 0.04  # of the light's level and slopes from item to item
 _NOISE = 4.0  # grey values
-# What stands for `sight.DARK`, so that black level and contrast vary; and a gamma.
+# Range in place of `mouth_channels.DARK`, so that black level and contrast vary; and a gamma.
 _DARK = (6.0, 40.0)
 _GAMMA = 0.2
 
 
 def vary_pixels(mouths: np.ndarray, means: np.ndarray, rng: np.random.Generator) -> Tensor:
-    """What `sight.relative` would make of the stretches under other conditions, (P G, V, R C).
+    """`mouth_channels.relative` of the stretches under other filming conditions, (P G, V, R C).
 
     Args:
         mouths: (P, G, V, R C) float32 grey values 0..255.
         means: the mean mouth of each stretch's surroundings, (P, R C).
     """
     stretches, items = mouths.shape[:2]
-    pictures = torch.cat(
+    images = torch.cat(
         [
             torch.from_numpy(mouths).view(stretches, -1, ROWS, COLUMNS),
             torch.from_numpy(means).view(stretches, 1, ROWS, COLUMNS),
         ],
         dim=1,
     )
-    pictures = _warped(_coarse(pictures, rng), rng)
-    mean = pictures[:, -1].view(stretches, 1, 1, ROWS, COLUMNS)
-    visible = pictures[:, :-1].reshape(stretches, items, MOUTH_FRAMES, ROWS, COLUMNS)
+    images = _warped(_coarse(images, rng), rng)
+    mean = images[:, -1].view(stretches, 1, 1, ROWS, COLUMNS)
+    visible = images[:, :-1].reshape(stretches, items, MOUTH_FRAMES, ROWS, COLUMNS)
     visible = _lit(visible, rng)
     low, high = np.log(_DARK)
     dark = _each(np.exp(rng.uniform(low, high, stretches)), visible)
@@ -62,19 +62,19 @@ def _each(values: np.ndarray, like: Tensor) -> Tensor:
     return tensor.view(*tensor.shape, *[1] * (like.dim() - tensor.dim()))
 
 
-def _coarse(pictures: Tensor, rng: np.random.Generator) -> Tensor:
+def _coarse(images: Tensor, rng: np.random.Generator) -> Tensor:
     """Every other stretch (P, N + 1, R, C), roughly, at a lower resolution and back."""
-    for k in np.flatnonzero(rng.random(len(pictures)) < 0.5):
+    for k in np.flatnonzero(rng.random(len(images)) < 0.5):
         share = rng.uniform(_COARSEST, 1)
         size = (round(ROWS * share), round(COLUMNS * share))
-        small = F.interpolate(pictures[k][None], size, mode="bilinear", antialias=True)
-        pictures[k] = F.interpolate(small, (ROWS, COLUMNS), mode="bilinear")[0]
-    return pictures
+        small = F.interpolate(images[k][None], size, mode="bilinear", antialias=True)
+        images[k] = F.interpolate(small, (ROWS, COLUMNS), mode="bilinear")[0]
+    return images
 
 
-def _warped(pictures: Tensor, rng: np.random.Generator) -> Tensor:
+def _warped(images: Tensor, rng: np.random.Generator) -> Tensor:
     """Stretches (P, N + 1, R, C) mirrored, turned, sized and moved; all but the last shaken."""
-    stretches, count = pictures.shape[:2]
+    stretches, count = images.shape[:2]
     side = np.where(rng.random(stretches) < 0.5, -1, 1)
     size = rng.normal(0, _SIZE, stretches)
     turn = rng.normal(0, _TURN, stretches)
@@ -93,13 +93,13 @@ def _warped(pictures: Tensor, rng: np.random.Generator) -> Tensor:
         [stretches * count, 1, ROWS, COLUMNS],
         align_corners=False,
     )
-    flat = pictures.reshape(-1, 1, ROWS, COLUMNS)
+    flat = images.reshape(-1, 1, ROWS, COLUMNS)
     warped = F.grid_sample(flat, grid, padding_mode="border", align_corners=False)
-    return warped.view(pictures.shape)
+    return warped.view(images.shape)
 
 
 def _lit(visible: Tensor, rng: np.random.Generator) -> Tensor:
-    """Pictures (P, G, V, R, C) in light that changes a little from item to item, with noise."""
+    """Images (P, G, V, R, C) in light that changes a little from item to item, with noise."""
     down = torch.linspace(-1, 1, ROWS)[:, None]
     across = torch.linspace(-1, 1, COLUMNS)
     level, slope, tilt = (_each(x, visible) for x in rng.normal(0, _LIGHT, (3, *visible.shape[:2])))

@@ -25,7 +25,7 @@ class Part(NamedTuple):
     text: str
 
 
-LEARNED = (
+TRAINING_SPEAKERS = (
     Part(0, "en-us", TEXTS[0]),
     Part(1, "en-us+f2", TEXTS[1]),
     Part(
@@ -72,9 +72,9 @@ UNSEEN = (
 
 
 def speaker_clips(
-    folder: Path, parts: Sequence[Part], progress: Callable[[str], None] | None = None
+    folder: Path, parts: Sequence[Part], log: Callable[[str], None] | None = None
 ) -> list[Path]:
-    """The clips of `parts` in `folder`; what is there already is not made again."""
+    """The clips of `parts` in `folder`; those that exist already are kept."""
     clips = []
     for part in parts:
         clip = folder / f"speaker{part.seed:03d}.mp4"
@@ -90,7 +90,7 @@ def speaker_clips(
                     seed=part.seed,
                 )
                 (Path(making) / "clip.mp4").replace(clip)
-            if progress is not None:
-                progress(f"made {clip.name}")
+            if log is not None:
+                log(f"made {clip.name}")
         clips.append(clip)
     return clips

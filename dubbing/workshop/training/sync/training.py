@@ -11,23 +11,23 @@ import torch
 
 from dubbing.errors import SyncError
 from dubbing.face.mouth_shape import canonical_face
-from dubbing.sync.network import Senses, SyncNetwork, TwoStream, save_network
 from dubbing.sync.streams import LipStream
+from dubbing.sync.sync_network import MemberInputs, SyncNetwork, TwoStream, save_network
 from dubbing.workshop.training.sync.batches import Batches
 from dubbing.workshop.training.sync.clips import TalkingClip, laid_on, record
 from dubbing.workshop.training.sync.correlation import TRUSTED_PEAK, align, lip_basis
-from dubbing.workshop.training.sync.speakers import LEARNED, Part, speaker_clips
+from dubbing.workshop.training.sync.speakers import TRAINING_SPEAKERS, Part, speaker_clips
 
 RATE = 2e-3
 WARM_UP = 0.1
 DECAY = 0.05
 MIN_CLIPS = 3
 
-MEMBERS = (Senses("lips", "mel"), Senses("lips", "rnn"), Senses("pixels", "mel"))
+MEMBERS = (MemberInputs("lips", "mel"), MemberInputs("lips", "rnn"), MemberInputs("pixels", "mel"))
 # A step of a member that sees pixels takes five times as long: it makes this share of them.
 PIXEL_STEPS = 1 / 3
 
-Progress = Callable[[str], None]
+Log = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -35,13 +35,13 @@ class SyncTraining:
     """How long and how often. `steps` are those of a member that sees lips."""
 
     steps: int = 1200
-    members: tuple[Senses, ...] = MEMBERS
+    members: tuple[MemberInputs, ...] = MEMBERS
     takes: int = 8  # other takes of every sound
-    speakers: tuple[Part, ...] = LEARNED  # the synthetic ones that set the zero
+    speakers: tuple[Part, ...] = TRAINING_SPEAKERS  # the synthetic ones that set the zero
     seed: int = 0
 
-    def steps_of(self, senses: Senses) -> int:
-        return round(self.steps * (PIXEL_STEPS if senses.sees == "pixels" else 1))
+    def steps_of(self, inputs: MemberInputs) -> int:
+        return round(self.steps * (PIXEL_STEPS if inputs.mouth == "pixels" else 1))
 
 
 def usable_clips(clips: Sequence[TalkingClip]) -> list[TalkingClip]:
@@ -52,18 +52,18 @@ def usable_clips(clips: Sequence[TalkingClip]) -> list[TalkingClip]:
 
 def train_member(
     clips: Sequence[TalkingClip],
-    senses: Senses,
+    inputs: MemberInputs,
     steps: int,
     seed: int,
-    progress: Progress | None = None,
+    log: Log | None = None,
 ) -> TwoStream:
     """One pair of streams, by InfoNCE with AdamW and a one-cycle rate."""
     torch.manual_seed(seed)
-    member = TwoStream(senses)
+    member = TwoStream(inputs)
     if isinstance(member.mouth, LipStream):
         basis = member.mouth.basis
         basis.copy_(torch.from_numpy(lip_basis(clips, basis.shape[1])))
-    batches = Batches(clips, senses.sees, np.random.default_rng(seed))
+    batches = Batches(clips, inputs.mouth, np.random.default_rng(seed))
     optimiser = torch.optim.AdamW(member.parameters(), lr=RATE, weight_decay=DECAY)
     rates = torch.optim.lr_scheduler.OneCycleLR(optimiser, RATE, steps, pct_start=WARM_UP)
     member.train()
@@ -73,9 +73,9 @@ def train_member(
         loss.backward()
         optimiser.step()
         rates.step()
-        if progress is not None and (step + 1) % 100 == 0:
-            what = f"{senses.sees} against {senses.hears}, seed {seed}"
-            progress(f"{what}: step {step + 1} of {steps}, loss {loss.item():.3f}")
+        if log is not None and (step + 1) % 100 == 0:
+            what = f"{inputs.mouth} against {inputs.sound}, seed {seed}"
+            log(f"{what}: step {step + 1} of {steps}, loss {loss.item():.3f}")
     return member.eval()
 
 
@@ -83,14 +83,14 @@ def train_network(
     clips: Sequence[TalkingClip],
     face: np.ndarray,
     settings: SyncTraining,
-    progress: Progress | None = None,
+    log: Log | None = None,
 ) -> SyncNetwork:
     """The network of several members, from clips whose offsets are corrected."""
     network = SyncNetwork(())
     network.face.copy_(torch.from_numpy(face))
-    for k, senses in enumerate(settings.members):
-        seed, steps = settings.seed + k, settings.steps_of(senses)
-        network.members.append(train_member(clips, senses, steps, seed, progress))
+    for k, inputs in enumerate(settings.members):
+        seed, steps = settings.seed + k, settings.steps_of(inputs)
+        network.members.append(train_member(clips, inputs, steps, seed, log))
     return network.eval()
 
 
@@ -99,7 +99,7 @@ def train_sync(
     out: Path,
     *,
     settings: SyncTraining | None = None,
-    progress: Progress | None = None,
+    log: Log | None = None,
 ) -> dict[str, Any]:
     """Trains the sync network on clips of one talking person each and writes its weights.
 
@@ -120,8 +120,8 @@ def train_sync(
     takes, seed = settings.takes, settings.seed
     measured = laid_on(recordings, face, takes=takes, seed=seed)
     with tempfile.TemporaryDirectory() as folder:
-        made = [record(p) for p in speaker_clips(Path(folder), settings.speakers, progress)]
-        measured += laid_on(made, face, takes=takes, seed=seed + 1, exact=True)
+        synthetic = [record(p) for p in speaker_clips(Path(folder), settings.speakers, log)]
+        measured += laid_on(synthetic, face, takes=takes, seed=seed + 1, exact=True)
     used = usable_clips(measured)
     if len(used) < MIN_CLIPS:
         raise SyncError(
@@ -137,5 +137,5 @@ def train_sync(
         "members": [f"{sees} against {hears}" for sees, hears in settings.members],
         "seed": settings.seed,
     }
-    save_network(train_network(used, face, settings, progress), out, about)
+    save_network(train_network(used, face, settings, log), out, about)
     return about

@@ -7,7 +7,7 @@ from dubbing.preparation.background.background import PLATE_FRAMES, plate_frames
 from dubbing.preparation.background.neck import PROFILE, neck, neck_profile, smooth_profiles
 from dubbing.preparation.background.pixels import box_of, chosen, rounded
 from dubbing.preparation.background.pull_push import pull_push
-from dubbing.preparation.background.rim import REACH, restore, rim
+from dubbing.preparation.background.rim import CONTEXT_PX, restore, rim
 from dubbing.preparation.background.wall import background_pixels, plate, slow_difference
 
 SIZE = 96
@@ -148,7 +148,7 @@ def test_what_grows_into_a_part_is_what_grows_into_the_whole(corner: tuple[int, 
     image = np.clip(image + rng.integers(-20, 20, image.shape), 0, 255).astype(np.uint8)
     profile = rng.uniform(100, 120, (PROFILE, 4))
     region = np.roll(region, corner, (0, 1))
-    box = box_of(region, REACH)
+    box = box_of(region, CONTEXT_PX)
     within = landmarks - (box[1].start, box[0].start)
     grown = neck(image[box], region[box], within, profile, 1.0)
     whole = neck(image, region, landmarks, profile, 1.0)

@@ -44,7 +44,7 @@ def columns(box: np.ndarray) -> np.ndarray:
 def test_the_largest_face_is_followed_in_every_shot() -> None:
     found = follow(sightings(), SEGMENT)
     assert found.distance.tolist() == [0, 0]
-    assert found.found.sum() == 8
+    assert found.sighted.sum() == 8
     np.testing.assert_allclose(columns(found.box)[:15], RIGHT - np.arange(15))
 
 
@@ -86,7 +86,7 @@ def test_nobody_is_at_two_places_at_a_time_but_may_come_back() -> None:
     seen += [[face(t, 200.0, 40, 0, 0.2)] for t in (20, 25)]
     found = follow(seen, one, [place(0, LEFT, 100)])
     np.testing.assert_allclose(columns(found.box)[[0, 10, 25]], [LEFT, LEFT, 200])
-    assert found.found.sum() == 5
+    assert found.sighted.sum() == 5
     assert found.distance == pytest.approx([0.2])
 
 

@@ -8,7 +8,7 @@ import torch
 
 from dubbing.errors import SyncError
 from dubbing.sync.syncnet import check as published
-from dubbing.sync.syncnet.network import PublishedSyncNet, load_published
+from dubbing.sync.syncnet.syncnet_network import PublishedSyncNet, load_published
 
 WINDOWS = 25
 

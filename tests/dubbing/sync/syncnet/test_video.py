@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from dubbing import media
 from dubbing.sync.syncnet import check as published
 from dubbing.sync.syncnet.mfcc import mfcc
-from dubbing.sync.syncnet.network import PublishedSyncNet
+from dubbing.sync.syncnet.syncnet_network import PublishedSyncNet
 from tests.dubbing.conftest import Speaker
 from tests.dubbing.sync.syncnet.test_check import whole_curve
 

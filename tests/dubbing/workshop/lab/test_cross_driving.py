@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfrf import head_checkpoint, presets
+from dfrf import presets, saved_models
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.media import read_frames
 from dubbing.preparation.prepared import PreparedClip
@@ -18,7 +18,7 @@ from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages import composer
 from dubbing.stages import render as heads
 from dubbing.workshop.lab import cross_driving, tiles
-from dubbing.workshop.lab.cross_driving import measure_dub, pictures
+from dubbing.workshop.lab.cross_driving import frames_under, measure_dub
 from tests import clips
 from tests.dfrf.people import small_config
 from tests.dubbing.sync.meshes import talk
@@ -35,10 +35,10 @@ def test_pictures_are_learned_frames_of_one_shot_with_a_face_there_and_back() ->
     segment[9:] = 1
     valid[12] = False
     # Learned 4 .. 14: the shot to 8 is five frames long, 9 to 11 three, 13 and 14 two.
-    found = pictures(valid, segment, [(4, 11)], 12)
+    found = frames_under(valid, segment, [(4, 11)], 12)
     assert found.tolist() == [4, 5, 6, 7, 8, 7, 6, 5, 4, 5, 6, 7]
-    assert pictures(valid, segment, [(12, 2)], 3).tolist() == [13, 13, 13]
-    assert pictures(valid, segment, [(0, 2), (4, 3)], 4).tolist() == [4, 5, 6, 5]
+    assert frames_under(valid, segment, [(12, 2)], 3).tolist() == [13, 13, 13]
+    assert frames_under(valid, segment, [(0, 2), (4, 3)], 4).tolist() == [4, 5, 6, 5]
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def person(tmp_path: Path) -> Path:
     shape = np.concatenate([random.uniform(-0.8, 0.8, (478, 2)), np.zeros((478, 1))], 1)
     replace(clip, shape=shape).save()
     model = presets.build(small_config(references=0, use_warp=False))
-    head_checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
+    saved_models.save_person(tmp_path / "model.safetensors", model, None, {})
     return tmp_path
 
 

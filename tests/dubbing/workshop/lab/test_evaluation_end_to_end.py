@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dfrf import head_checkpoint, presets
+from dfrf import presets, saved_models
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing import tasks
 from dubbing.cli import console
@@ -43,7 +43,7 @@ def prepare(self: tasks.Prepare, out: Path, _: object) -> None:
 
 def finetune(_self: tasks.Finetune, out: Path, _: object) -> None:
     model = presets.build(small_config(references=0, use_warp=False))
-    head_checkpoint.save_person(out / "model.safetensors", model, None, {})
+    saved_models.save_person(out / "model.safetensors", model, None, {})
     learned = [[0.0, LEARNED / 25]]
     summary = {"steps": 6, "seconds": 1.5, "clip": "", "learned": learned, "beside": []}
     atomic_write_json(out / "finetune.json", summary)

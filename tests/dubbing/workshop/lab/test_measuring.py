@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfrf import head_checkpoint, presets
+from dfrf import presets, saved_models
 from dfrf.field.speaker_adaptation import NUMBERS
 from dfrf.metrics.lpips import Lpips
 from dubbing.preparation.prepared import PreparedClip
@@ -51,7 +51,7 @@ def person(tmp_path: Path) -> Path:
     marks = 4 + random.random((len(clip), 478, 2)) * 24
     replace(clip, landmarks=marks, shape=shape).save()
     model = presets.build(small_config(references=0, use_warp=False))
-    head_checkpoint.save_person(tmp_path / "model.safetensors", model, None, {})
+    saved_models.save_person(tmp_path / "model.safetensors", model, None, {})
     return tmp_path
 
 

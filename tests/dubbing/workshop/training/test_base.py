@@ -12,8 +12,8 @@ import torch
 from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
-from dfrf.head_checkpoint import load_model
-from dfrf.method import Method
+from dfrf.method_interface import Method
+from dfrf.saved_models import load_model
 from dfrf.training import fit as training
 from dfrf.training.progress import Curve
 from dfrf.training.validation import HeldOutRays

@@ -7,13 +7,13 @@ import torch
 
 from dubbing.sound_to_lips.encoder import CHANNELS, STEP
 from dubbing.speech.voice_activity import SAMPLE_RATE
-from dubbing.workshop.training.lips.lessons import Lesson, Take
+from dubbing.workshop.training.lips.lip_clips import LipClip, Take
 
 FRAMES, RATE = 150, 25
 LATE = 2  # steps that lips come after what is heard
 
 
-def lesson(seed: int, frames: int = FRAMES) -> Lesson:
+def lip_clip(seed: int, frames: int = FRAMES) -> LipClip:
     """A person whose lips follow seven channels, 48 ms late, and touch where one is low."""
     rng = np.random.default_rng(seed)
     times = (np.arange(frames) + 0.5) / RATE
@@ -24,7 +24,7 @@ def lesson(seed: int, frames: int = FRAMES) -> Lesson:
     heard = np.stack([noise[k : k + 9].mean(0) * 3 for k in range(steps)])
     index = np.clip(np.round(place).astype(int), 0, steps - 1)
     lips = heard[index, :7] / heard[:, :7].std(0)
-    return Lesson(
+    return LipClip(
         name=f"made {seed}",
         times=times,
         lips=lips + rng.standard_normal((frames, 7)) * 0.2,

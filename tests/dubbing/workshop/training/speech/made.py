@@ -31,7 +31,7 @@ def utterance() -> Utterance:
     end = len(message.samples) / SAMPLE_RATE
     phones = [*message.phones, Phone("", end, end + 0.5)]
     samples = np.pad(message.samples, (0, SAMPLE_RATE // 2))
-    made = corpus.untaught(synthesis.Spoken(samples, phones))
+    made = corpus.without_senones(synthesis.Spoken(samples, phones))
     return Utterance(made.samples, made.classes, made.lips, posteriors(samples))
 
 

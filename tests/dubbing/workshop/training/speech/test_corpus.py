@@ -8,7 +8,7 @@ import pytest
 from dubbing.errors import TrainingError
 from dubbing.speech.voice_activity import steps
 from dubbing.workshop.training.speech import corpus, synthesis
-from dubbing.workshop.training.speech.corpus import Amounts, load_part, save_part, teaching_voices
+from dubbing.workshop.training.speech.corpus import Amounts, load_part, save_part, training_voices
 from dubbing.workshop.training.speech.texts import LANGUAGES, sentence
 from tests.dubbing.workshop.training.speech.made import spoken, utterance
 
@@ -26,7 +26,7 @@ def test_an_utterance_covers_its_sound() -> None:
 
 
 def test_unknown_phones_are_marked() -> None:
-    made = corpus.untaught(synthesis.Spoken(spoken().samples, None))
+    made = corpus.without_senones(synthesis.Spoken(spoken().samples, None))
     assert (made.classes == -1).all()
     assert np.isnan(made.lips).all()
 
@@ -43,7 +43,7 @@ def test_a_part_is_kept_exactly(tmp_path: Path) -> None:
 
 def test_what_is_left_out_is_not_taught(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(synthesis, "available", lambda voice: True)
-    names = {(v.engine, v.name) for v, _ in teaching_voices(Amounts())}
+    names = {(v.engine, v.name) for v, _ in training_voices(Amounts())}
     assert ("flite", "slt") in names
     assert ("flite", corpus.LEFT_OUT_VOICE) not in names
     assert ("espeak", corpus.LEFT_OUT_LANGUAGE) not in names
@@ -53,7 +53,7 @@ def test_what_is_left_out_is_not_taught(monkeypatch: pytest.MonkeyPatch) -> None
 def test_without_flite_it_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(synthesis.shutil, "which", lambda name: None)
     with pytest.raises(TrainingError, match="flite"):
-        teaching_voices(Amounts())
+        training_voices(Amounts())
 
 
 @pytest.mark.parametrize("language", ["cmn", "hi", "ru", "vi"])

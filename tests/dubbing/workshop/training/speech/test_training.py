@@ -8,7 +8,7 @@ import torch
 
 from dubbing.cli import main as cli
 from dubbing.errors import DubbingError, TrainingError
-from dubbing.speech import listening
+from dubbing.speech import acoustic_inference
 from dubbing.speech.acoustic_network import AcousticNetwork
 from dubbing.speech.acoustic_weights import load_model, save_model
 from dubbing.speech.features import features_by_name, fingerprint
@@ -112,8 +112,8 @@ def test_features_are_scaled_in_speech() -> None:
     torch.manual_seed(0)
     model = project(AcousticNetwork(), parts()[:1], every=1, dim=12)
     made = parts()[0].utterances[0]
-    spectra = listening.spectra_of([made.samples.astype(np.float32) / 32768])
-    found = listening.hear(model.network, spectra, model.features)
+    spectra = acoustic_inference.spectra_of([made.samples.astype(np.float32) / 32768])
+    found = acoustic_inference.run_network(model.network, spectra, model.features)
     assert np.sqrt((found[made.classes != 0] ** 2).mean()) == pytest.approx(0.7, rel=0.1)
 
 
@@ -126,7 +126,7 @@ def test_other_files_are_refused(tmp_path: Path) -> None:
     from safetensors.torch import save_file
 
     save_file({"x": torch.zeros(1)}, tmp_path / "other")
-    with pytest.raises(DubbingError, match="no weights of our speech network"):
+    with pytest.raises(DubbingError, match="not weights of our speech network"):
         load_model(tmp_path / "other")
 
 
@@ -135,7 +135,7 @@ def test_weights_are_made_from_nothing(
 ) -> None:
     """The command: corpus, training and weights that the features can be made with."""
     voice = synthesis.espeak_voice("en-us")
-    monkeypatch.setattr(corpus, "teaching_voices", lambda amounts: [(voice, 6.0)])
+    monkeypatch.setattr(corpus, "training_voices", lambda amounts: [(voice, 6.0)])
     monkeypatch.setattr(corpus, "senone_posteriors", posteriors)
     clips.write_sound(tmp_path / "someone.wav", 2)
     out = tmp_path / "speech.safetensors"

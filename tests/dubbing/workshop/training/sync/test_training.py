@@ -9,10 +9,16 @@ import torch
 
 from dubbing.errors import SyncError
 from dubbing.face.mouth_shape import CORNERS, MOUTH
-from dubbing.sync.hearing import CHANNELS, WIDTH
-from dubbing.sync.network import Senses, SyncNetwork, TwoStream, load_network, save_network
-from dubbing.sync.sight import SIGHTS, look
+from dubbing.sync.mouth_channels import MOUTH_CHANNELS, mouth_channels
+from dubbing.sync.sound_channels import SOUND_CHANNELS, WIDTH
 from dubbing.sync.streams import LipStream
+from dubbing.sync.sync_network import (
+    MemberInputs,
+    SyncNetwork,
+    TwoStream,
+    load_network,
+    save_network,
+)
 from dubbing.sync.windows import mouth_windows
 from dubbing.workshop.training.sync import clips
 from dubbing.workshop.training.sync.augmentation import MIRROR, mouth_sides, vary_mouth, vary_sound
@@ -20,7 +26,7 @@ from dubbing.workshop.training.sync.batches import Batches
 from dubbing.workshop.training.sync.clips import Recording, TalkingClip
 from dubbing.workshop.training.sync.correlation import align
 from dubbing.workshop.training.sync.evaluation import area_under_roc, embed, shifts_found
-from dubbing.workshop.training.sync.speakers import LEARNED, UNSEEN
+from dubbing.workshop.training.sync.speakers import TRAINING_SPEAKERS, UNSEEN
 from dubbing.workshop.training.sync.training import (
     SyncTraining,
     train_network,
@@ -83,14 +89,14 @@ def test_sides_of_the_mouth() -> None:
 
 def some_mouths(clip: TalkingClip, count: int) -> torch.Tensor:
     """The first windows (count, 5, S) of all that a network looks at."""
-    seen = look(clip.shapes, clip.crops, clip.times)
+    seen = mouth_channels(clip.shapes, clip.crops, clip.times)
     return torch.from_numpy(mouth_windows(seen, clip.times, clip.times[:count]))
 
 
-@pytest.mark.parametrize("sees", SIGHTS)
+@pytest.mark.parametrize("sees", MOUTH_CHANNELS)
 def test_batches_have_their_shapes_and_repeat(sees: str) -> None:
     one, two = (Batches(CLIPS, sees, np.random.default_rng(3)).draw() for _ in range(2))
-    assert one[0].shape == (288, 5, SIGHTS[sees].stop - SIGHTS[sees].start)
+    assert one[0].shape == (288, 5, MOUTH_CHANNELS[sees].stop - MOUTH_CHANNELS[sees].start)
     assert one[1].shape == (288, 10, WIDTH)
     assert all(torch.equal(a, b) for a, b in zip(one, two, strict=True))
     assert torch.isfinite(one[0]).all()
@@ -109,14 +115,16 @@ def test_variations_keep_shapes_and_change_values() -> None:
 
 
 STEPS = {"lips": 30, "pixels": 120}  # of which pixels take a third
-SENSES = (Senses("lips", "mel"), Senses("lips", "rnn"), Senses("pixels", "mel"))
+INPUTS = (MemberInputs("lips", "mel"), MemberInputs("lips", "rnn"), MemberInputs("pixels", "mel"))
 
 
-@pytest.mark.parametrize("senses", SENSES)
-def test_it_learns_and_finds_shifts_of_a_clip_it_never_saw(tmp_path: Path, senses: Senses) -> None:
+@pytest.mark.parametrize("inputs", INPUTS)
+def test_it_learns_and_finds_shifts_of_a_clip_it_never_saw(
+    tmp_path: Path, inputs: MemberInputs
+) -> None:
     used = usable_clips(CLIPS)
     network = train_network(
-        used, canonical(), SyncTraining(steps=STEPS[senses.sees], members=(senses,))
+        used, canonical(), SyncTraining(steps=STEPS[inputs.mouth], members=(inputs,))
     )
     unseen = embed(network, made_clip("unseen", 50))
     # Positive: the sound is early. What the clips' offsets have in common stays in the network.
@@ -132,20 +140,20 @@ def test_it_learns_and_finds_shifts_of_a_clip_it_never_saw(tmp_path: Path, sense
     mouths = some_mouths(CLIPS[0], 50)
     _, sound = Batches(CLIPS, "lips", np.random.default_rng(0)).draw()
     again = load_network(path)
-    assert [member.senses for member in again.pairs()] == [senses]
+    assert [member.inputs for member in again.pairs()] == [inputs]
     assert torch.allclose(network.embed_mouth(mouths), again.embed_mouth(mouths), atol=2e-2)
     assert torch.allclose(network.embed_sound(sound), again.embed_sound(sound), atol=2e-2)
 
 
 def test_training_repeats_itself() -> None:
-    settings = SyncTraining(steps=3, members=(Senses("pixels", "rnn"),))
+    settings = SyncTraining(steps=3, members=(MemberInputs("pixels", "rnn"),))
     one, two = (train_network(CLIPS, canonical(), settings).state_dict() for _ in range(2))
     assert all(torch.equal(one[k], two[k]) for k in one)
 
 
 def test_loss_prefers_matching_pairs() -> None:
     torch.manual_seed(0)
-    member = TwoStream(Senses("lips", "mel")).eval()
+    member = TwoStream(MemberInputs("lips", "mel")).eval()
     assert isinstance(member.mouth, LipStream)
     member.mouth.basis.normal_()
     mouth, sound = torch.randn(6, 5, 2 * len(MOUTH)), torch.rand(6, 10, WIDTH)
@@ -170,17 +178,17 @@ def test_embeddings_have_length_one() -> None:
 def test_a_member_hears_its_own_channels_only() -> None:
     torch.manual_seed(0)
     for hears, other in (("mel", "rnn"), ("rnn", "mel")):
-        member = TwoStream(Senses("lips", hears)).eval()
+        member = TwoStream(MemberInputs("lips", hears)).eval()
         sound = torch.rand(4, 10, WIDTH)
         changed = sound.clone()
-        changed[..., CHANNELS[other]] += 1
+        changed[..., SOUND_CHANNELS[other]] += 1
         assert torch.equal(member.embed_sound(sound), member.embed_sound(changed))
-        changed[..., CHANNELS[hears]] += torch.rand(4, 10, 1)
+        changed[..., SOUND_CHANNELS[hears]] += torch.rand(4, 10, 1)
         assert not torch.allclose(member.embed_sound(sound), member.embed_sound(changed))
 
 
 def test_the_channels_fill_the_width() -> None:
-    places = [k for part in CHANNELS.values() for k in range(part.start, part.stop)]
+    places = [k for part in SOUND_CHANNELS.values() for k in range(part.start, part.stop)]
     assert places == list(range(WIDTH))
 
 
@@ -188,8 +196,8 @@ def test_weights_of_another_acoustic_network_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "weights.safetensors"
-    save_network(SyncNetwork(SENSES[1:2]), path, {})
-    monkeypatch.setattr("dubbing.sync.network.fingerprint", lambda _: "another")
+    save_network(SyncNetwork(INPUTS[1:2]), path, {})
+    monkeypatch.setattr("dubbing.sync.sync_network.fingerprint", lambda _: "another")
     with pytest.raises(SyncError, match="acoustic network"):
         load_network(path)
 
@@ -210,7 +218,9 @@ def test_too_few_clips(tmp_path: Path) -> None:
 
 def test_the_unseen_speakers_are_others() -> None:
     for field in ("seed", "voice", "text"):
-        learned, unseen = ({getattr(p, field) for p in parts} for parts in (LEARNED, UNSEEN))
+        learned, unseen = (
+            {getattr(p, field) for p in parts} for parts in (TRAINING_SPEAKERS, UNSEEN)
+        )
         assert len(unseen) == len(UNSEEN)
         assert not learned & unseen
 
@@ -222,16 +232,18 @@ def test_area_under_the_roc() -> None:
 
 
 def test_members_average_their_squared_distances() -> None:
-    network = SyncNetwork(SENSES)
+    network = SyncNetwork(INPUTS)
     for member in network.members:
         for name, basis in member.named_buffers():
             if name.endswith("basis"):
                 torch.nn.init.normal_(basis)
     network.eval()
-    mouth, sound = torch.randn(4, 5, SIGHTS["pixels"].stop), torch.rand(4, 10, WIDTH)
+    mouth, sound = torch.randn(4, 5, MOUTH_CHANNELS["pixels"].stop), torch.rand(4, 10, WIDTH)
     joint = (network.embed_mouth(mouth) - network.embed_sound(sound)).pow(2).sum(1)
     each = [
-        (m.embed_mouth(mouth[..., SIGHTS[m.senses.sees]]) - m.embed_sound(sound)).pow(2).sum(1)
+        (m.embed_mouth(mouth[..., MOUTH_CHANNELS[m.inputs.mouth]]) - m.embed_sound(sound))
+        .pow(2)
+        .sum(1)
         for m in network.pairs()
     ]
     assert torch.allclose(joint, torch.stack(each).mean(0), atol=1e-5)

@@ -1,0 +1,232 @@
+"""The method of the `fast` model and its ablations: rays through occupied cells.
+
+T frames, S the image's side in pixels, K numbers of conditioning.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from dfrf import device as devices
+from dfrf.cameras import Camera
+from dfrf.config import TrainConfig
+from dfrf.data.dataset import HeadDataset, neighbour_windows
+from dfrf.data.ray_batch import RayBatch
+from dfrf.data.reference_cuts import cut_mouths, cut_references
+from dfrf.fast.fast_loss import share_outcome
+from dfrf.fast.fast_model import FastModel
+from dfrf.fast.medoids import medoids
+from dfrf.field.conditioned_field import ConditionedField
+from dfrf.field.mouth_pixels import MOUTHS, TURN, lip_traits
+from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.field.reference_views import MouthViews, ReferenceViews
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
+from dfrf.method_interface import FrameInputs, Method, StepOutcome
+from dfrf.rendering.frame_renderer import render_frame
+from dfrf.rendering.grid_pruning import prune_grid
+from dfrf.rendering.volume_rendering import render_rays
+from dfrf.training.lip_supervision import (
+    closed_mouth_target,
+    dataset_codes,
+    fit_speaker_adaptation,
+    supervised_codes,
+    target_lips,
+    train_speech_networks,
+)
+from dfrf.training.ray_share import RayShare, draw_shares
+from dfrf.workers import Workers
+
+SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
+FRAMES_AT_ONCE = 8
+MOST_COMPARED = 1000  # frames of a person, each with all others: 8 MB of distances
+
+
+def training_conditioning(
+    model: FastModel, datasets: Sequence[HeadDataset]
+) -> dict[str, Float[Tensor, "T K"]]:
+    """Conditioning of every image of each person, by name.
+
+    Codes decode to the measured lips; where no network learns from lips, they follow the sound.
+    """
+    device, config, own = model.device, model.config.field, model.field.conditioning
+    if config.learns_lips:
+        codes = {d.name: supervised_codes(own, d) for d in datasets}
+    elif config.use_speech:
+        codes = {d.name: dataset_codes(own, d)[d.number.to(device)] for d in datasets}
+    else:
+        codes = {d.name: torch.zeros(d.frames, config.code_dim) for d in datasets}
+    return {
+        d.name: torch.cat([codes[d.name].to(device), d.expression.to(device)], -1) for d in datasets
+    }
+
+
+def prune(
+    model: FastModel,
+    conditioning: Float[Tensor, "T K"],
+    c2w: Float[Tensor, "T 3 4"],
+    maps: ReferenceMaps | None,
+    generator: torch.Generator,
+) -> None:
+    """Closes the cells that are empty in all of these frames."""
+
+    def field_of(frame: int) -> ConditionedField:
+        return ConditionedField(model.field, conditioning[frame : frame + 1], maps)
+
+    prune_grid(model.grid, model.config.march.step, field_of, c2w, generator)
+
+
+class FastMethod(Method[RayShare, ReferenceMaps]):
+    """A field with an occupancy grid, whose speech networks learn from lip measures.
+
+    Attributes:
+        conditioning: of every image of each person of a run, by name.
+    """
+
+    parallel_shares = SHARES
+    segment = 50
+    reach = CONTEXT_FRAMES
+
+    def __init__(self, model: FastModel) -> None:
+        self._model = model
+        self.conditioning: dict[str, Tensor] = {}
+
+    @property
+    def model(self) -> FastModel:
+        return self._model
+
+    @property
+    def references(self) -> int:
+        return self.model.config.field.references
+
+    @property
+    def speech_dim(self) -> int:
+        return self.model.config.field.speech_dim
+
+    @property
+    def reference_pool_size(self) -> int:
+        return self.model.config.field.reference_pool_size if self.references else 0
+
+    def reference_views(
+        self, dataset: HeadDataset, frames: Int[Tensor, " N"], mouths: bool = True
+    ) -> ReferenceViews:
+        views = cut_references(dataset, frames)
+        if not (mouths and self.model.config.field.use_speech):
+            return views
+        return replace(views, mouths=self.mouth_views(dataset))
+
+    @torch.no_grad()
+    def mouth_views(self, dataset: HeadDataset) -> MouthViews:
+        """Crops round the mouths of frames that represent all lips and poses of a person."""
+        conditioning = self.model.field.conditioning
+        codes = dataset_codes(conditioning, dataset)
+        measures = target_lips(conditioning, dataset, codes).cpu()[dataset.number]
+        viewpoint = F.normalize(dataset.c2w[:, :, 3], dim=-1)
+        lips = dataset.lip_points
+        traits = torch.cat([lip_traits(lips, lips), viewpoint / TURN], 1).double()
+        compared = min(dataset.frames, MOST_COMPARED)
+        some = torch.linspace(0, dataset.frames - 1, compared).round().long()
+        distance = torch.cdist(traits[some], traits[some]).square().numpy()
+        chosen = sorted(medoids(distance, min(MOUTHS, compared)))
+        return cut_mouths(dataset, some[chosen], measures)
+
+    def encode(self, views: ReferenceViews) -> ReferenceMaps:
+        maps: ReferenceMaps = self.model.field.encoder(views)
+        return maps
+
+    def stored(self, maps: ReferenceMaps) -> ReferenceMaps:
+        return maps.as_type(devices.table_type(maps.table.device))
+
+    def learns(self, name: str, config: TrainConfig) -> bool:
+        """All but speech networks that learn from lips; the CNN only where `config` says so."""
+        if name.startswith("field.conditioning."):
+            return not self.model.config.field.lip_supervision
+        return config.learn_references_every > 0 or not name.startswith("field.encoder.")
+
+    def begin(
+        self,
+        datasets: Sequence[HeadDataset],
+        held: Sequence[HeadDataset],
+        config: TrainConfig,
+        generator: torch.Generator,
+        resumed: bool,
+    ) -> None:
+        if not resumed and config.lip_iterations and self.model.config.field.learns_lips:
+            train_speech_networks(
+                self.model.field.conditioning, datasets, config.lip_iterations, generator
+            )
+        self.conditioning = training_conditioning(self.model, [*datasets, *held])
+
+    def draw_shares(
+        self, dataset: HeadDataset, config: TrainConfig, generator: torch.Generator
+    ) -> list[RayShare]:
+        conditioning = self.conditioning[dataset.name]
+        shares = draw_shares(dataset, conditioning, config, generator, SHARES)
+        if self.model.config.field.lip_supervision:
+            return shares
+        frames = [dataset.number[share.batch.frames.cpu()] for share in shares]
+        windows = [neighbour_windows(dataset.windows, dataset.segment, f) for f in frames]
+        pairs = zip(shares, windows, strict=True)
+        return [replace(share, windows=w.to(conditioning.device)) for share, w in pairs]
+
+    def share_outcome(
+        self,
+        share: RayShare,
+        maps: ReferenceMaps | None,
+        config: TrainConfig,
+        step: int,
+        wanted: Sequence[Tensor],
+    ) -> StepOutcome:
+        warp = step >= config.coarse_iterations
+        return share_outcome(self.model, share, maps, config, warp, wanted)
+
+    @torch.no_grad()
+    def render_batch(
+        self, dataset: HeadDataset, batch: RayBatch, maps: ReferenceMaps | None
+    ) -> Float[Tensor, "B 3"]:
+        conditioning = self.conditioning[dataset.name]
+        volume = self.model.volume(conditioning[batch.frames.to(conditioning.device)], maps)
+        return render_rays(volume, batch.rays).over(batch.background)
+
+    def after_update(self, outcome: StepOutcome) -> None:
+        self.model.grid.observe(outcome.points, outcome.weights)
+
+    def after_step(self, step: int, config: TrainConfig) -> None:
+        if (step + 1) % config.occupancy_every == 0:
+            self.model.grid.refresh()
+
+    def finish(self, dataset: HeadDataset, views: ReferenceViews | None, seed: int) -> None:
+        """Fits the person's part of the conditioning, and closes empty cells."""
+        model, own = self.model, self.model.field.conditioning
+        if model.config.field.learns_lips:
+            fit_speaker_adaptation(own, dataset)
+            own.closed_mouth_target.copy_(closed_mouth_target(own, dataset))
+        maps = None if views is None else self.maps(views)
+        conditioning = training_conditioning(model, [dataset])[dataset.name]
+        generator = torch.Generator().manual_seed(seed)
+        prune(model.eval(), conditioning, dataset.c2w, maps, generator)
+
+    def render_frames(
+        self, inputs: FrameInputs, maps: ReferenceMaps | None
+    ) -> Iterator[tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]]:
+        """Renders one frame a core at a time on a CPU."""
+        with torch.no_grad():
+            field = self.model.eval().field
+            conditioning = field.conditioning(
+                inputs.windows, inputs.predicted_lips, inputs.expression
+            )
+            model = self.model.rounded()
+
+        def one(t: int) -> tuple[Tensor, Tensor]:
+            camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)
+            region = None if inputs.regions is None else inputs.regions[t]
+            volume = model.volume(conditioning[t : t + 1], maps)
+            return render_frame(volume, camera, region)
+
+        with Workers(inputs.c2w.device, FRAMES_AT_ONCE) as workers:
+            yield from workers.map(one, range(inputs.c2w.shape[0]))

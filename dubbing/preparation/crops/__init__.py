@@ -1,0 +1,1 @@
+"""Crops of a clip while it is prepared, and threads that process them."""
