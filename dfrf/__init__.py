@@ -1,7 +1,7 @@
 """Dynamic facial radiance fields: tensors in, tensors out.
 
-The interface for researchers; `docs/researchers.md` shows it in a few lines. A name's modules
-(torch above all) are loaded when the name is first used.
+The interface for researchers; `docs/development/researchers.md` shows it in a few lines. A name's
+modules (torch above all) are loaded when the name is first used.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ in pixels, D speech features.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, Protocol, Self, TypeVar
 
@@ -20,6 +20,7 @@ from dfrf.data.dataset import HeadDataset
 from dfrf.data.ray_batch import RayBatch
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.model_interface import HeadModel
+from dfrf.rendering.volume_rendering import Volume
 
 
 class Share(Protocol):
@@ -98,11 +99,13 @@ class Method(ABC, Generic[ShareT, MapsT]):
         parallel_shares: largest number of shares of a step that are computed in parallel.
         segment: frames rendered between two saves; a killed run loses no more than these.
         reach: frames before and after the rendered ones whose speech is needed too.
+        refines_poses: whether `resting_volumes` exist, with which poses are refined.
     """
 
     parallel_shares: int
     segment: int
     reach: int
+    refines_poses: bool = False
 
     @property
     @abstractmethod
@@ -205,6 +208,17 @@ class Method(ABC, Generic[ShareT, MapsT]):
 
     def finish(self, dataset: HeadDataset, views: ReferenceViews | None, seed: int) -> None:
         """Called after the last step of a fine-tune; does nothing by default."""
+
+    def resting_volumes(
+        self, expression: Float[Tensor, "F U"], maps: MapsT | None
+    ) -> Callable[[int], Volume]:
+        """Volumes of the head while nobody speaks; gives that of one of F frames.
+
+        Args:
+            expression: measures of the upper face.
+            maps: references of the person.
+        """
+        raise NotImplementedError
 
     @abstractmethod
     def render_frames(

@@ -2,7 +2,7 @@
 
 import sys
 
-from dubbing import environment
+from dubbing.engine import environment
 
 
 def main() -> None:

@@ -1,6 +1,6 @@
-"""Errors a person can act on: what happened, where, and what to do.
+"""Errors a person can act on, as `dubbing.engine.errors` has them, and those of dubbing.
 
-    DubbingError
+    ExplainedError
     ├── ManifestError         the manifest is wrong; carries every problem found
     ├── CallError             the command cannot be meant so; nothing was started
     ├── LockedError           another run works in the same output folder
@@ -18,19 +18,22 @@ Everything a user can cause ends in one of these; anything else that escapes is 
 from dataclasses import dataclass
 from typing import Any
 
+from dubbing.engine.errors import CallError, ExplainedError, LockedError, StageError
 
-class DubbingError(Exception):
-    """What happened, where (a file, a key, a frame), and what to do about it."""
-
-    def __init__(self, what: str, where: str = "", remedy: str = "") -> None:
-        self.what = what
-        self.where = where
-        self.remedy = remedy
-        text = what + (f" ({where})" if where else "") + (f": {remedy}" if remedy else "")
-        super().__init__(text)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.what, self.where, self.remedy)
+__all__ = [
+    "CallError",
+    "CheckpointError",
+    "ExplainedError",
+    "LockedError",
+    "ManifestError",
+    "MediaError",
+    "PreparationError",
+    "Problem",
+    "RenderingError",
+    "StageError",
+    "SyncError",
+    "TrainingError",
+]
 
 
 @dataclass(frozen=True, order=True)
@@ -46,7 +49,7 @@ class Problem:
         return f"{place}{self.key}: {self.message}" if self.key else f"{place}{self.message}"
 
 
-class ManifestError(DubbingError):
+class ManifestError(ExplainedError):
     """Every problem of a manifest at once, in the order of its lines."""
 
     def __init__(self, where: str, problems: list[Problem]) -> None:
@@ -60,20 +63,8 @@ class ManifestError(DubbingError):
         return type(self), (self.manifest, self.problems)
 
 
-class CallError(DubbingError):
-    """The command cannot be meant as it was given; nothing was started."""
-
-
-class LockedError(DubbingError):
-    """Another run holds the lock on the working folder."""
-
-
-class MediaError(DubbingError):
+class MediaError(ExplainedError):
     """A video or sound file cannot be read or written."""
-
-
-class StageError(DubbingError):
-    """A stage could not finish."""
 
 
 class PreparationError(StageError):

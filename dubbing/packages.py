@@ -8,7 +8,7 @@ import shlex
 import sys
 from importlib.util import find_spec
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 
 # Declares packages it does not need, an older numpy and a second OpenCV among them, so
 # pyproject.toml does not name it and it is installed without what it declares.
@@ -64,23 +64,23 @@ def missing_of(extra: str) -> list[str]:
     return [name for name in EXTRAS[extra] if not _is_there(name)]
 
 
-def lacking(names: list[str]) -> DubbingError:
+def lacking(names: list[str]) -> ExplainedError:
     """The error for missing modules, with the command that installs them."""
-    return DubbingError(f"not installed: {', '.join(names)}", remedy=f"run {command(names)}")
+    return ExplainedError(f"not installed: {', '.join(names)}", remedy=f"run {command(names)}")
 
 
 def require(extra: str | None = None) -> None:
     """Looks for every package, those of an extra too, before any work.
 
     Raises:
-        DubbingError: some are missing.
+        ExplainedError: some are missing.
     """
     if names := missing(extra):
         raise lacking(names)
 
 
 def command(names: list[str]) -> str:
-    """What installs these modules into the environment that runs this.
+    """The command that installs these modules into the environment that runs this.
 
     A module that is not named here belongs to a package that another one needs: installing all of
     them again, with what they need, brings it.

@@ -1,243 +1,118 @@
-"""The story of a dub: its stages, in their order, and what each needs.
+"""The story of a dub: its stages, in their order.
 
     person:  prepare -> check_source -> finetune -> refine_poses
     dub:     listen -> render -> composite -> check (-> sign, with a certificate)
 
-A dub of a scene has a ``listen`` and a ``render`` for each of its cues, in folders of their own, so
-that one line can be made again without the others. The planner, the runner, the report and
-``--force`` all read this one declaration. A stage is out of date when its parameters, a file or
-another stage's result that it reads, or its code changed. Paths do not count, contents do.
-Nothing here imports torch.
+Every stage declares its dependencies itself; see `dubbing.stages`. The planner, the runner, the
+report and ``--force`` read the jobs that are made here. Nothing here imports torch.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from dubbing import tasks
 from dubbing.engine.graph import Job
 from dubbing.engine.stage import Stage
-from dubbing.manifest.entries import Dub, Identity
-from dubbing.manifest.manifest import Manifest
-from dubbing.manifest.provenance_checks import signer_of
-from dubbing.media import SUFFIX
-from dubbing.script.timeline import Cue
-from dubbing.shipped.base import shipped_base
-from dubbing.stages.kinds import SYNC_FILE
-from dubbing.tasks.declaration import Stages, clip_name, stage_of
-from dubbing.tasks.dependencies import (
-    card_of,
-    check_weights,
-    composite_parameters,
-    frames_of,
-    mark_of,
-    portraits_of,
-    prepare_weights,
-    signed_facts,
-    sounds_of,
-    speech_weights,
-    too_long,
-)
+from dubbing.production.clip import PersonClip
+from dubbing.production.dub import Dub
+from dubbing.production.person import Person
+from dubbing.stages.base import Prepared
+from dubbing.stages.check import Check
+from dubbing.stages.check_source import CheckSource
+from dubbing.stages.composite import Composite, PersonOnFilm
+from dubbing.stages.finetune import Finetune, LearnedClip
+from dubbing.stages.listen import Listen
+from dubbing.stages.prepare import Prepare
+from dubbing.stages.refine_poses import RefinePoses
+from dubbing.stages.render import Render
+from dubbing.stages.sign import Sign
+from dubbing.video.files import video_file
 
-CUES = "cues"  # folder of the cues, in that of their dub
+PERSON, DUB = "identity", "dub"  # kinds of jobs
+STAGES = (Prepare, CheckSource, Finetune, RefinePoses, Listen, Render, Composite, Check, Sign)
 
 
-def identity_job(
-    manifest: Manifest, name: str, identity: Identity, device: str, films: Iterable[Path] = ()
-) -> Job:
-    """What is made once for a person: prepared clip, source check, model, refined poses.
+def people_jobs(
+    people: Iterable[Person], dubs: Sequence[Dub], work: Path, device: str = "auto"
+) -> dict[str, Job]:
+    """The jobs of people by name, with the films of the dubs that they are in.
 
     Args:
-        films: clips beside those that are learned from. All are prepared and checked, and have
-            poses of their own, refined with the model.
+        work: folder of the stages.
+        device: auto, cpu or cuda.
     """
-    stages = Stages(manifest.work / "identities" / name, "clips")
-    clip, base = identity.clip, identity.base or shipped_base(identity.preset)
-    made = {
-        film: _prepared(manifest, stages, name, film, clip_name(identity, film))
-        for film in dict.fromkeys((*identity.learned_clips, *films))
-        if film == clip or film not in manifest.damaged
-    }
-    prepared = {film: tasks.Prepared(prepare.folder, film) for film, (prepare, _) in made.items()}
-    learned = [(film, clip_name(identity, film)) for film in identity.learned_clips]
-    finetune = stages.add(
-        "finetune",
-        tasks.Finetune(
-            identity,
-            tuple(prepared[film] for film, _ in learned),
-            tuple(made[film][1].folder for film, _ in learned),
-            base,
-            device,
-        ),
-        reads={
-            **{f"prepared {of}".strip(): made[film][0] for film, of in learned},
-            **{f"source {of}".strip(): made[film][1] for film, of in learned},
-            **({"base": base} if base else {}),
-            **speech_weights(identity),
-        },
-        parameters={
-            "start": identity.start,
-            "seconds": identity.seconds,
-            "preset": identity.preset,
-            "seed": identity.seed,
-            "speech": identity.speech,
-            **identity.finetune.model_dump(exclude_none=True),
-            "iterations": tasks.iterations_of(identity),
-        },
-    )
-    for film, (prepare, _) in made.items():
-        if film not in manifest.damaged and film in (clip, *films):
-            stages.add(
-                "refine_poses",
-                tasks.RefinePoses(finetune.folder, prepared[film], device),
-                reads={"model": finetune, "prepared": prepare},
-                of=clip_name(identity, film),
-            )
-    return Job("identity", name, stages.declared, blocked=manifest.damaged.get(clip))
+    made: dict[str, Job] = {}
+    for person in people:
+        films = [person.clip_at(d.film.path) for d in dubs if d.cues and person in d.people]
+        made[person.name] = person_job(person, work, films, device)
+    return made
 
 
-def _prepared(
-    manifest: Manifest, stages: Stages, name: str, clip: Path, of: str
-) -> tuple[Stage, Stage]:
-    """A clip's preparation for a person, and the lip sync of the clip itself."""
-    identity, people = manifest.identities[name], portraits_of(manifest, name, clip)
-    portraits = {f"portrait {k}": person.clip for k, person in enumerate(people)}
-    points = [[list(point) for point in person.points] for person in people]
-    prepare = stages.add(
-        "prepare",
-        tasks.Prepare(identity, clip, people),
-        reads={"clip": clip, **portraits, **prepare_weights()},
-        parameters={"size": identity.size, **({"people": points} if people else {})},
-        of=of,
-    )
-    reads = {"clip": clip, **check_weights()}
-    return prepare, stages.add("check_source", tasks.Check(clip), reads=reads, of=of)
+def person_job(
+    person: Person, work: Path, films: Iterable[PersonClip] = (), device: str = "auto"
+) -> Job:
+    """The stages of a person, once for all dubs, whose films have poses of their own."""
+    folder = work / "identities" / person.name
+    job = Job(PERSON, person.name, folder, "clips", blocked=person.clip.damaged)
+    films = [film for film in films if not film.damaged]
+    for clip in dict.fromkeys((*person.learned, *films)):
+        job.add(Prepare.of(person, clip), clip.name)
+        job.add(CheckSource.of(clip), clip.name)
+    checks = {clip: job.stage(CheckSource, clip.name) for clip in person.learned}
+    learned = [LearnedClip(prepared(job, clip), check) for clip, check in checks.items()]
+    model = job.add(Finetune.of(person, learned, device))
+    for clip in dict.fromkeys((person.clip, *films)):
+        job.add(RefinePoses.of(person, clip, prepared(job, clip), model, device), clip.name)
+    return job
 
 
 def dub_job(
-    manifest: Manifest, dub: Dub, people: Mapping[str, Job], device: str, folder: Path | None = None
+    dub: Dub, people: Mapping[str, Job], work: Path, device: str = "auto", name: str = ""
 ) -> Job:
-    """What is made for one dub: speech features, heads, video, sync check.
+    """The stages of a dub; none where its film or a sound is damaged.
 
     Args:
-        people: the jobs of identities, by name.
-        folder: where its stages lie; named after the dub by default.
+        people: the jobs of people, by name.
+        name: of its folder; its own by default.
     """
-    scene = manifest.scenes.get(dub.name)
-    if scene is None:
-        return Job("dub", dub.name, {}, dub.people, manifest.blocked.get(dub.name))
-    stages = Stages(folder or dub_folder(manifest, dub.name), CUES)
-    heads = [_cue(manifest, dub, cue, people[cue.identity], stages, device) for cue in scene.cues]
-    mark, card = mark_of(dub, scene), card_of(manifest, dub, scene)
-    of_scene = scene if dub.lines is not None else None
-    models = {f"model {name}": people[name].stages["finetune"] for name in dub.people}
-    composite = stages.add(
-        "composite",
-        tasks.Composite(dub, scene, tuple(one for _, one in heads), mark, card),
-        reads={
-            **{f"heads {one.cue.name}": stage for stage, one in heads},
-            **_clips(manifest, dub, people, scene.clip),
-            **models,
-            "clip": scene.clip,
-            **sounds_of(dub, scene),
-        },
-        parameters=composite_parameters(manifest, dub, scene, mark, card),
-    )
-    first = dub.people[0]
-    source = stage_of(people[first], "check_source", manifest.identities[first], scene.clip)
-    finished_video, frames_of_card = video_file(composite, dub), card.frames if card else 0
-    stages.add(
-        "check",
-        tasks.Check(finished_video, source.folder / SYNC_FILE, of_scene, frames_of_card),
-        reads={"video": composite, "source": source, **check_weights()},
-    )
-    if signer := signer_of(dub):
-        facts = signed_facts(manifest, dub, scene)
-        folders = tuple(model.folder for model in models.values())
-        stages.add(
-            "sign",
-            tasks.Sign(finished_video, signer, scene.clip, folders, facts),
-            reads={
-                "video": composite,
-                **models,
-                "clip": scene.clip,
-                "certificate": signer.certificate,
-                "key": signer.key,
-            },
-            parameters=facts,
-        )
-    return Job("dub", dub.name, stages.declared, dub.people, too_long(manifest, dub, scene))
+    waits = tuple(people[person.name].label for person in dub.people)
+    job = Job(DUB, dub.name, dub_folder(work, name or dub.name), "cues", waits, dub.blocked)
+    heads: dict[str, Stage] = {}
+    for cue in dub.cues:
+        person, own = dub.person(cue), people[cue.identity]
+        film, model = person.clip_at(dub.film.path), own.stage(Finetune)
+        speech = job.add(Listen.of(cue, person, dub.film.rate), cue.name)
+        poses = own.stage(RefinePoses, film.name)
+        render = Render.of(dub, cue, prepared(own, film), model, poses, speech, device)
+        heads[cue.name] = job.add(render, cue.name)
+    if heads:
+        on_film = {who.name: on_film_of(dub, who, people[who.name]) for who in dub.people}
+        video = job.add(Composite.of(dub, heads, on_film))
+        first = dub.people[0]
+        source = people[first.name].stage(CheckSource, first.clip_at(dub.film.path).name)
+        job.add(Check.of(dub, video, source))
+        if dub.signer:
+            models = {name: person.model for name, person in on_film.items()}
+            job.add(Sign.of(dub, dub.signer, video, models))
+    return job
 
 
-def _cue(
-    manifest: Manifest, dub: Dub, cue: Cue, person: Job, stages: Stages, device: str
-) -> tuple[Stage, tasks.CueHeads]:
-    """What is made for one cue: its speech features, and its heads."""
-    clip = manifest.scenes[dub.name].clip
-    identity, rate = manifest.identities[cue.identity], manifest.media[clip].rate
-    finetune = person.stages["finetune"]
-    prepare, refine_poses = (
-        stage_of(person, kind, identity, clip) for kind in ("prepare", "refine_poses")
-    )
-    prepared = tasks.Prepared(prepare.folder, clip)
-    of = "" if dub.lines is None else cue.name
-    listen = stages.add(
-        "listen",
-        tasks.Listen(cue, identity.speech, identity.speech_weights, rate),
-        reads={"audio": cue.audio, **speech_weights(identity)},
-        parameters={
-            "name": identity.speech,
-            "rate": str(rate),
-            "audio_start": cue.audio_start,
-            "seconds": cue.seconds,
-        },
-        of=of,
-    )
-    work = tasks.Render(
-        dub, cue, finetune.folder, prepared, refine_poses.folder, listen.folder, device
-    )
-    render = stages.add(
-        "render",
-        work,
-        reads={"model": finetune, "prepared": prepare, "poses": refine_poses, "speech": listen},
-        parameters=frames_of(dub) if dub.lines is None else {"first": cue.first, "stop": cue.stop},
-        of=of,
-        parts=work.parts(),
-    )
-    learned = tuple(
-        tasks.Prepared(stage_of(person, "prepare", identity, film).folder, film)
-        for film in identity.learned_clips
-    )
-    return render, tasks.CueHeads(cue, render.folder, prepared, learned, finetune.folder)
+def on_film_of(dub: Dub, person: Person, job: Job) -> PersonOnFilm:
+    """The stages of a person that a dub reads."""
+    learned = tuple(prepared(job, clip) for clip in person.learned)
+    return PersonOnFilm(prepared(job, person.clip_at(dub.film.path)), learned, job.stage(Finetune))
 
 
-def _clips(manifest: Manifest, dub: Dub, people: Mapping[str, Job], film: Path) -> dict[str, Stage]:
-    """The prepared clips that a dub reads: of the film, and of where people were learned."""
-    named = {name: manifest.identities[name] for name in dub.people}
-    prepared = {
-        f"prepared {name}": stage_of(people[name], "prepare", identity, film)
-        for name, identity in named.items()
-    }
-    learned = {
-        f"learned {name} {clip_name(identity, clip)}".strip(): stage_of(
-            people[name], "prepare", identity, clip
-        )
-        for name, identity in named.items()
-        for clip in identity.learned_clips
-        if clip != film
-    }
-    return {**prepared, **learned}
+def prepared(job: Job, clip: PersonClip) -> Prepared:
+    """The prepared clip in the job of a person."""
+    return Prepared(job.stage(Prepare, clip.name), clip.path)
 
 
-def dub_folder(manifest: Manifest, name: str) -> Path:
-    """Where the stages of a dub lie."""
-    return manifest.work / "dubs" / name
+def finished_video(job: Job) -> Path:
+    """The video of a dub as it goes out: signed, if it is."""
+    codec = job.stage(Composite).settings.codec
+    return video_file([*job.all_of(Composite), *job.all_of(Sign)][-1].folder, codec)
 
 
-def video_file(made: Stage, dub: Dub) -> Path:
-    """The finished file in the folder of the composite stage, or of the one that signs it."""
-    return made.folder / f"video{SUFFIX[dub.codec]}"
-
-
-def finished(job: Job, dub: Dub) -> Path:
-    """The video of a dub as it goes out."""
-    return video_file(job.stages.get("sign", job.stages["composite"]), dub)
+def dub_folder(work: Path, name: str) -> Path:
+    """Folder of the stages of a dub."""
+    return work / "dubs" / name

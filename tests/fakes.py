@@ -8,23 +8,32 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dubbing import media, tasks
-from dubbing.batch import jobs
-from dubbing.engine import executors
-from dubbing.engine.graph import Job
+from dubbing import media
+from dubbing.batch import task as batch_task
+from dubbing.engine import task
+from dubbing.engine.files import atomic_write_json, atomic_write_text
 from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.face.mouth_shape import OUTER_LIP
-from dubbing.files import atomic_write_json, atomic_write_text
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
-from dubbing.stages.kinds import SYNC_FILE
-from dubbing.stages.listen import Speech
+from dubbing.script import timeline
+from dubbing.sound_to_lips.cue_speech import Speech
+from dubbing.stages.check import Check
+from dubbing.stages.check_source import CheckSource
+from dubbing.stages.composite import Composite
+from dubbing.stages.finetune import Finetune
+from dubbing.stages.prepare import Prepare
+from dubbing.stages.refine_poses import RefinePoses
+from dubbing.stages.render import Render
+from dubbing.sync.records import SYNC_FILE
+from dubbing.video import assembly
 
 SIZE = 32
 HEADS_A_FILE = 5
@@ -63,6 +72,7 @@ def write_prepared(
         near=5.0,
         far=9.0,
         warnings=[],
+        face_warnings=[],
         residual_shift=0.1,
         rotation=np.tile(np.eye(3), (frames, 1, 1)),
         translation=np.tile([0.0, 0.0, 7.0], (frames, 1)),
@@ -132,81 +142,73 @@ def install(patch: Any) -> None:
     """Put the stand-ins in place with ``patch(object, name, value)`` (as monkeypatch.setattr)."""
     kill = Killer()
 
-    def prepare(self: tasks.Prepare, out: Path, progress: Any) -> None:
+    def prepare(self: Prepare, out: Path, progress: Any) -> None:
         kill("prepare")
         if "noface" in self.clip.name:
             raise PreparationError("no face found", self.clip.name, "film the face")
         (out / "landmarks.npz").write_bytes(b"kept work")
         kill("prepare")
-        right = any(point.x > 0.5 for point in self.identity.face)
+        right = any(x > 0.5 for _, x, _ in (self.people[0].points if self.people else ()))
         write_prepared(self.clip, out, window=(32 if right else 8, 4, 32))
         kill("prepare")
 
-    def finetune(self: tasks.Finetune, out: Path, progress: Any) -> None:
+    def finetune(self: Finetune, out: Path, progress: Any) -> None:
         (out / "resume").mkdir(exist_ok=True)
         for step in range(1, 7):
             mark = out / "resume" / f"{step}.txt"
             if not mark.exists():
                 atomic_write_text(mark, str(step))
                 kill("finetune")
-        for prepared in self.prepared:
-            prepared.load()
-        atomic_write_text(out / "model.safetensors", f"seed {self.identity.seed}")
-        learned = [[0.0, self.identity.learned_seconds]]
-        beside = [[prepared.clip.name, learned] for prepared in self.prepared[1:]]
+        for clip in self.clips:
+            clip.prepared.load()
+        atomic_write_text(out / "model.safetensors", f"seed {self.settings.seed}")
+        learned = [[0.0, self.seconds]]
+        beside = [[clip.prepared.clip.name, learned] for clip in self.clips[1:]]
         summary = {"steps": 6, "seconds": 1.0, "clip": "", "learned": learned, "beside": beside}
         atomic_write_json(out / "finetune.json", summary)
         atomic_write_text(out / "loss.csv", "step,loss,psnr,seconds\n1,0.5,20,1\n2,0.25,22,2\n")
 
-    def render(self: tasks.Render, out: Path, progress: Any) -> None:
+    def render(self: Render, out: Path, progress: Any) -> None:
         clip = self.prepared.load()
-        rate, cue = clip.rate, self.cue
-        poses = tasks.pose_index(self.dub, clip, cue.stop)[cue.first : cue.stop]
-        assert self.dub.lines is None or Speech.load(self.speech).frames == len(poses)
-        for count in range(HEADS_A_FILE, len(poses) + HEADS_A_FILE, HEADS_A_FILE):
-            write_heads(out, min(count, len(poses)), rate, clip.size)
+        poses = timeline.pose_index(self.stop, clip.segment, self.film_first, self.on_longer_audio)
+        frames = len(poses[self.first :])
+        cut = self.on_longer_audio == "cut"
+        assert cut or Speech.load(self.speech.folder).frames == frames
+        for count in range(HEADS_A_FILE, frames + HEADS_A_FILE, HEADS_A_FILE):
+            write_heads(out, min(count, frames), clip.rate, clip.size)
             kill("render")
 
-    def refine_poses(self: tasks.RefinePoses, out: Path, progress: Any) -> None:
+    def refine_poses(self: RefinePoses, out: Path, progress: Any) -> None:
         kill("refine_poses")
         np.savez(out / "poses.npz", c2w=self.prepared.load().c2w())
 
-    def compose(self: tasks.Composite, out: Path, progress: Any) -> None:
+    def compose(self: Composite, out: Path, progress: Any) -> None:
         def reporting(message: str, share: float) -> None:
             progress(message, share)
             kill("mux" if message == "muxing" else "composite")
 
         real_compose(self, out, reporting)
 
-    def check(self: tasks.Check, out: Path, progress: Any) -> None:
-        verdict = "fail" if "fellshort" in str(self.video) else "pass"
+    def check(self: Check | CheckSource, out: Path, progress: Any) -> None:
+        verdict = "fail" if "fellshort" in str(self.folder) else "pass"
         found = {"verdict": verdict, "reason": "measured", "words": "in sync", "curve": [1, 0, 1]}
         figures = {"offset_frames": 0, "offset_ms": 0.0, "confidence": 2.0, "distance": 1.0}
         atomic_write_json(out / SYNC_FILE, {**found, **figures, "source": None})
 
-    real_compose = tasks.Composite.__call__
-    patch(tasks.Prepare, "__call__", prepare)
-    patch(tasks.Finetune, "__call__", finetune)
-    patch(tasks.RefinePoses, "__call__", refine_poses)
-    patch(tasks.Render, "__call__", render)
-    patch(tasks.Composite, "__call__", compose)
-    patch(tasks.Check, "__call__", check)
-    patch(executors, "PIPELINE", "tests.fakes")
-
-
-def job_of(path: Path, label: str, device: str) -> Job:
-    """As `dubbing.batch.jobs.job_of`, for processes that `dubbing.engine.task` starts."""
-    from dubbing.stages import composite as video
-
-    install(setattr)
-    video.SEGMENT = 10
-    return jobs.job_of(path, label, device)
+    real_compose = Composite.run
+    for stage, stand_in in (
+        *((Prepare, prepare), (Finetune, finetune), (RefinePoses, refine_poses)),
+        *((Render, render), (Composite, compose), (Check, check), (CheckSource, check)),
+    ):
+        patch(stage, "run", stand_in)
+    patch(assembly, "SEGMENT", 10)
+    patch(batch_task, "MODULE", "tests.fakes")
 
 
 if __name__ == "__main__":
-    from dubbing.cli.main import main
-    from dubbing.stages import composite as video
-
     install(setattr)
-    video.SEGMENT = 10
+    if sys.argv[1].startswith("{"):  # the call of a process that a run has started
+        sys.exit(task.main(sys.argv[1], batch_task.job_of, batch_task.KNOWN))
+    from dubbing.cli.main import main
+
     main()

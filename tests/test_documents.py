@@ -17,9 +17,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from dubbing.cli.arguments import STAGES
 from dubbing.cli.main import app
 from dubbing.manifest import yaml_lines
+from dubbing.stages import KINDS
 from dubbing.workshop.lab.evaluation import PRESET_OF_METHOD
 from tests import clips
 
@@ -126,7 +126,7 @@ def wrong(words: tuple[str, ...]) -> str:
         taken = options[word.split("/")[0]]
         if not getattr(taken, "is_flag", False):
             value = next(rest, None)
-            allowed = {"--method": PRESET_OF_METHOD, "--force": STAGES}.get(word)
+            allowed = {"--method": PRESET_OF_METHOD, "--force": KINDS}.get(word)
             if allowed and value and not PLACEHOLDER.fullmatch(value) and value not in allowed:
                 return f"{word} {value} is not known"
     if given > len(places) and not any(p.nargs == -1 for p in places):

@@ -5,7 +5,7 @@ T frames, S the image's side in pixels, K numbers of conditioning.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import torch
@@ -22,15 +22,16 @@ from dfrf.data.reference_cuts import cut_mouths, cut_references
 from dfrf.fast.fast_loss import share_outcome
 from dfrf.fast.fast_model import FastModel
 from dfrf.fast.medoids import medoids
+from dfrf.field.audio import NEIGHBOURS, WINDOW
 from dfrf.field.conditioned_field import ConditionedField
 from dfrf.field.mouth_pixels import MOUTHS, TURN, lip_traits
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews
-from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.grid_pruning import prune_grid
-from dfrf.rendering.volume_rendering import render_rays
+from dfrf.rendering.volume_rendering import Volume, render_rays
 from dfrf.training.lip_supervision import (
     closed_mouth_target,
     dataset_codes,
@@ -91,6 +92,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     parallel_shares = SHARES
     segment = 50
     reach = CONTEXT_FRAMES
+    refines_poses = True
 
     def __init__(self, model: FastModel) -> None:
         self._model = model
@@ -210,6 +212,16 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         conditioning = training_conditioning(model, [dataset])[dataset.name]
         generator = torch.Generator().manual_seed(seed)
         prune(model.eval(), conditioning, dataset.c2w, maps, generator)
+
+    @torch.no_grad()
+    def resting_volumes(
+        self, expression: Float[Tensor, "F U"], maps: ReferenceMaps | None
+    ) -> Callable[[int], Volume]:
+        model, frames = self.model, len(expression)
+        windows = torch.zeros(frames, NEIGHBOURS, WINDOW, self.speech_dim)
+        parts = windows, torch.zeros(frames + 2 * CONTEXT_FRAMES, NUMBERS), expression
+        conditioning = model.field.conditioning(*(part.to(model.device) for part in parts))
+        return lambda frame: model.volume(conditioning[frame : frame + 1], maps)
 
     def render_frames(
         self, inputs: FrameInputs, maps: ReferenceMaps | None

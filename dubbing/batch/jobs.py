@@ -1,74 +1,85 @@
-"""The jobs of a manifest: which people and dubs are made, and where their stages lie."""
+"""The jobs of a production: all of them, those that a user names, and one of them again."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from fnmatch import fnmatchcase
-from pathlib import Path
 
+from dubbing.engine import claims
 from dubbing.engine.graph import Job, Jobs
-from dubbing.errors import DubbingError
-from dubbing.manifest.entries import Dub
-from dubbing.manifest.manifest import Manifest, load
-from dubbing.pipeline import dub_folder, dub_job, identity_job
+from dubbing.errors import ExplainedError
+from dubbing.pipeline import dub_job, people_jobs
+from dubbing.production.dub import Dub
+from dubbing.production.production import Production
 
 MOST_NAMED = 20  # in a message
 
 
-def build(manifest: Manifest, *, only: tuple[str, ...] = (), device: str = "auto") -> Jobs:
-    """The jobs of a manifest, or of those identities and dubs that ``only`` names.
+def build(
+    production: Production,
+    *,
+    only: tuple[str, ...] = (),
+    device: str = "auto",
+    adopt: bool = False,
+) -> Jobs:
+    """The jobs of a production, or of those people and dubs that ``only`` names.
 
     Args:
         only: names, or patterns of names as a shell's: ``shot1_*``.
+        adopt: whether the folder of a dub that was renamed gets its new name.
 
     Raises:
-        DubbingError: ``only`` names something the manifest does not have.
+        ExplainedError: ``only`` names something that there is not.
     """
-    named = chosen_names(only, [*manifest.identities, *(dub.name for dub in manifest.dubs)])
-    dubs = [d for d in manifest.dubs if {d.name, *d.people} & named]
-    needed = {name for dub in dubs for name in dub.people}
-    films: dict[str, list[Path]] = {}
-    for dub in dubs:
-        if dub.name in manifest.scenes:
-            for name in dub.people:
-                films.setdefault(name, []).append(manifest.scenes[dub.name].clip)
-    identities = {
-        name: identity_job(manifest, name, identity, device, films.get(name, ()))
-        for name, identity in manifest.identities.items()
-        if name in named or name in needed
-    }
-    return Jobs(identities, {dub.name: _found(manifest, dub, identities, device) for dub in dubs})
+    named = chosen_names(only, [*production.people, *production.dubs])
+    dubs = chosen_dubs(production, only)
+    needed = {person.name for dub in dubs for person in dub.people}
+    people = [p for p in production.people.values() if p.name in named or p.name in needed]
+    made = people_jobs(people, dubs, production.work, device)
+    return Jobs.of(
+        [*made.values(), *(_found(production, dub, made, device, adopt) for dub in dubs)]
+    )
 
 
-def job_of(path: Path, label: str, device: str) -> Job:
-    """One job of a manifest again, in a process that knows its label alone; see `Job.label`.
+def chosen_dubs(production: Production, only: tuple[str, ...]) -> list[Dub]:
+    """The dubs that ``only`` names, or whose people it names.
 
     Raises:
-        DubbingError: the manifest is wrong, or has no such job.
+        ExplainedError: ``only`` names something that there is not.
     """
-    kind, _, name = label.partition("/")
-    manifest = load(path, only=(name,))
-    named = {dub.name: dub for dub in manifest.dubs} if kind == "dub" else manifest.identities
-    if name not in named:
-        raise DubbingError(f"the manifest has no {kind} {name}", str(path), "run it again")
-    wanted = named[name]
-    people = {
-        whose: identity_job(manifest, whose, identity, device, identity.films)
-        for whose in (wanted.people if isinstance(wanted, Dub) else (name,))
-        if (identity := manifest.identities[whose])
-    }
-    return _found(manifest, wanted, people, device) if isinstance(wanted, Dub) else people[name]
+    named = chosen_names(only, [*production.people, *production.dubs])
+    return [
+        dub
+        for dub in production.dubs.values()
+        if {dub.name, *(person.name for person in dub.people)} & named
+    ]
 
 
-def _found(manifest: Manifest, dub: Dub, people: Mapping[str, Job], device: str) -> Job:
-    """The job of a dub: where it lies under the name it had before, in the folder of that name."""
-    job = dub_job(manifest, dub, people, device)
-    folders = dub_folder(manifest, dub.name).parent
-    if not job.stages or not folders.is_dir() or dub_folder(manifest, dub.name).exists():
+def with_others(production: Production, planned: Jobs) -> Jobs:
+    """The planned jobs, and all others of their production."""
+    if len(planned.by_label) == len(production.people) + len(production.dubs):
+        return planned
+    return build(production)
+
+
+def _found(
+    production: Production, dub: Dub, people: Mapping[str, Job], device: str, adopt: bool
+) -> Job:
+    """The job of a dub, in the folder of the name that it had before, if it was renamed."""
+    job = dub_job(dub, people, production.work, device)
+    folders = job.folder.parent
+    if not job.stages or not folders.is_dir() or job.folder.exists():
         return job
-    named = {other.name for other in manifest.dubs}
-    for folder in sorted(p for p in folders.iterdir() if p.is_dir() and p.name not in named):
-        renamed = dub_job(manifest, dub, people, device, folder)
+    for folder in sorted(p for p in folders.iterdir() if p.is_dir()):
+        if folder.name in production.dub_names:
+            continue
+        renamed = dub_job(dub, people, production.work, device, folder.name)
         if not any(stage.changes() for stage in renamed.stages.values()):
-            return renamed
+            at_work = any(folder.rglob(f"*{claims.SUFFIX}"))  # another run, which needs its name
+            if not adopt or at_work:
+                return renamed
+            with suppress(FileNotFoundError):  # another run was quicker
+                folder.rename(job.folder)
+            return job
     return job
 
 
@@ -79,13 +90,13 @@ def chosen_names(only: Sequence[str], names: Sequence[str]) -> set[str]:
         only: names, or patterns of names as a shell's: ``shot1_*``. A name goes before a pattern.
 
     Raises:
-        DubbingError: one of ``only`` selects nothing.
+        ExplainedError: one of ``only`` selects nothing.
     """
     chosen: set[str] = set() if only else {*names}
     for pattern in only:
         found = {pattern} & {*names} or {name for name in names if fnmatchcase(name, pattern)}
         if not found:
             there = ", ".join(names[:MOST_NAMED]) + (", ..." if len(names) > MOST_NAMED else "")
-            raise DubbingError(f"nothing is called {pattern}", "--only", f"there is {there}")
+            raise ExplainedError(f"nothing is called {pattern}", "--only", f"there is {there}")
         chosen |= found
     return chosen

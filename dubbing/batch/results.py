@@ -1,4 +1,4 @@
-"""Whose the files in an output folder are: a result is replaced only if it is this manifest's.
+"""Owners of the files in an output folder: a run replaces only results of its own manifest.
 
 ``work/results.json`` there names every result: the manifest that made it, and its digest. It is
 written before a result is put in its place. So what it does not know is somebody else's file. The
@@ -14,10 +14,9 @@ from typing import Any
 
 from typing_extensions import TypedDict
 
-from dubbing import json_records
-from dubbing.engine.stage import digest_of
-from dubbing.errors import DubbingError, ManifestError, Problem
-from dubbing.files import (
+from dubbing.engine import json_records
+from dubbing.engine.file_digests import digest_of
+from dubbing.engine.files import (
     atomic_path,
     atomic_write_bytes,
     atomic_write_json,
@@ -25,12 +24,11 @@ from dubbing.files import (
     remove_torn,
     writing,
 )
-from dubbing.manifest.entries import Dub
-from dubbing.manifest.manifest import Manifest
-from dubbing.manifest.overwriting import REPORTS, previous_of, results_of
-from dubbing.manifest.yaml_lines import key_path
+from dubbing.errors import ExplainedError, ManifestError, Problem
 from dubbing.media import SUFFIX
 from dubbing.pipeline import dub_folder
+from dubbing.production.dub import Dub
+from dubbing.production.production import REPORTS, Production
 
 LEDGER = "results.json"
 VIDEO = "video"  # of the kinds of results: where it stays, the results of before are not kept
@@ -52,19 +50,19 @@ class Report(TypedDict):
 
 @dataclass
 class Ledger:
-    """The results in the output folder of a manifest."""
+    """The results in the output folder of a production."""
 
-    manifest: Manifest
+    production: Production
     entries: dict[str, Entry]
 
     @property
     def own(self) -> str:
         """How it names the manifest."""
-        return self.named(self.manifest.path)
+        return self.named(self.production.manifest)
 
     def named(self, manifest: Path) -> str:
         """A manifest as it is seen from the output folder: both may be moved together."""
-        return Path(os.path.relpath(manifest, self.manifest.output)).as_posix()
+        return Path(os.path.relpath(manifest, self.production.output)).as_posix()
 
     def others(self) -> list[str]:
         """The other manifests that results are of, which are still there."""
@@ -73,14 +71,14 @@ class Ledger:
 
     def problem(self, name: str) -> str:
         """Why a result must not be replaced; empty where it may be, or is not there."""
-        target = self.manifest.output / name
+        target = self.production.output / name
         if not os.path.lexists(target) or target.is_dir():  # which cannot be replaced
             return ""
         entry = self.entries.get(name)
         if entry is None:
             return f"{target} was not made by this tool, and is not replaced: move it away"
         if self._other(entry["manifest"]):
-            other = os.path.normpath(self.manifest.output / entry["manifest"])
+            other = os.path.normpath(self.production.output / entry["manifest"])
             return f"{target} is a result of {other}: choose another name or output"
         exchanged = entry["digest"] not in ("", digest_of(target)) and not self._in_work(target)
         if exchanged and target.suffix in SUFFIX.values():
@@ -96,86 +94,86 @@ class Ledger:
 
     def keep(self) -> None:
         """Write it."""
-        path = self.manifest.work / LEDGER
+        path = self.production.work / LEDGER
         remove_torn(path)
         atomic_write_json(path, dict(sorted(self.entries.items())))  # the same from every run
 
     def _in_work(self, target: Path) -> bool:
         """Whether it is a file of a stage, too: then that stage sees what became of it."""
-        return any(target.samefile(p) for p in (self.manifest.work / "dubs").glob("*/*/*"))
+        return any(target.samefile(p) for p in (self.production.work / "dubs").glob("*/*/*"))
 
     def _other(self, manifest: str) -> bool:
-        return manifest != self.own and (self.manifest.output / manifest).is_file()
+        return manifest != self.own and (self.production.output / manifest).is_file()
 
 
-def ledger_of(manifest: Manifest) -> Ledger:
+def ledger_of(production: Production) -> Ledger:
     """The ledger of the output folder of a manifest.
 
     Raises:
-        DubbingError: its ledger holds something else.
+        ExplainedError: its ledger holds something else.
     """
-    path = manifest.work / LEDGER
+    path = production.work / LEDGER
     if os.path.lexists(path):
         found = json_records.read(path, dict[str, Entry], "the list of results", "move it away")
-        return Ledger(manifest, found)
-    ledger = Ledger(manifest, {})
+        return Ledger(production, found)
+    ledger = Ledger(production, {})
     # It was removed with `work`, or never kept by the version that made them.
     try:
-        report = json_records.read(manifest.output / REPORTS[-1], Report, "report")
-    except DubbingError:
+        report = json_records.read(production.output / REPORTS[-1], Report, "report")
+    except ExplainedError:
         report = Report(manifest="", dubs={})
-    made_by = Path(report["manifest"] or manifest.path)
-    same = made_by.name == manifest.path.name  # all of it may have been moved or copied
+    made_by = Path(report["manifest"] or production.manifest)
+    same = made_by.name == production.manifest.name  # all of it may have been moved or copied
     known = ledger.own if same else ledger.named(made_by)
-    for dub in manifest.dubs:
-        if dub.name in report["dubs"] or dub_folder(manifest, dub.name).is_dir():
+    for dub in production.dubs.values():
+        if dub.name in report["dubs"] or dub_folder(production.work, dub.name).is_dir():
             ledger.entries |= {name: Entry(manifest=known, digest="") for name in _names(dub)}
     if ledger.entries:
         ledger.entries |= {name: Entry(manifest=known, digest="") for name in REPORTS}
     return ledger
 
 
-def check(manifest: Manifest, dubs: Iterable[str]) -> None:
+def check(production: Production, dubs: Iterable[Dub]) -> None:
     """Before a run: nothing that is not its own would be replaced.
 
     Raises:
         ManifestError: something would.
     """
     try:
-        ledger = ledger_of(manifest)
-    except DubbingError as error:
-        raise ManifestError(str(manifest.path), [Problem(0, "output", str(error))]) from error
-    wanted = {*dubs}
+        ledger = ledger_of(production)
+    except ExplainedError as error:
+        raise ManifestError(str(production.manifest), [Problem(0, "output", str(error))]) from error
+    wanted = {dub.name for dub in dubs}
     problems = []
-    for place, dub in enumerate(manifest.dubs):
+    for place, dub in enumerate(production.dubs.values()):
         for name in _names(dub) if dub.name in wanted else ():
             if problem := ledger.problem(name):
-                problems.append(Problem(0, key_path(("dubs", place)), problem))
+                problems.append(Problem(0, f"dubs[{place}]", problem))
     for name in REPORTS:
         if name not in ledger.entries and (problem := ledger.problem(name)):
             problems.append(Problem(0, "output", problem))
     if problems:
-        raise ManifestError(str(manifest.path), problems)
+        raise ManifestError(str(production.manifest), problems)
 
 
-def warnings(manifest: Manifest, made_again: Iterable[str]) -> Iterator[str]:
+def warnings(production: Production, made_again: Iterable[str]) -> Iterator[str]:
     """Warnings of earlier results that a run replaces.
 
     Args:
         made_again: dubs whose video will be made.
     """
-    ledger = ledger_of(manifest)
+    ledger = ledger_of(production)
     for other in ledger.others():
         yield (
-            f"output: holds results of {os.path.normpath(manifest.output / other)}, too; people of "
-            "one name take the place of one another there, and report.html is of the last run"
+            f"output: holds results of {os.path.normpath(production.output / other)}, too; people "
+            "of one name take the place of one another there, and report.html is of the last run"
         )
     again = {*made_again}
-    for dub in manifest.dubs:
-        video = results_of(dub)[VIDEO]
-        if dub.name in again and (manifest.output / video).exists():
-            before = previous_of(dub, video)
-            lost = ", in place of the one there" if (manifest.output / before).exists() else ""
+    for dub in production.dubs.values():
+        video = dub.results()[VIDEO]
+        if dub.name in again and (production.output / video).exists():
+            before = dub.previous(video)
+            lost = ", in place of the one there" if (production.output / before).exists() else ""
             yield f"{dub.name}: {video} is made again; that of now is kept as {before}{lost}"
 
 
@@ -186,9 +184,9 @@ def put(ledger: Ledger, dub: Dub, files: Mapping[str, Path], texts: Mapping[str,
         files, texts: by kind, as `results_of` names them.
 
     Raises:
-        DubbingError: one of them is not ours to replace, or nothing can be written.
+        ExplainedError: one of them is not ours to replace, or nothing can be written.
     """
-    output, names = ledger.manifest.output, results_of(dub)
+    output, names = ledger.production.output, dub.results()
     contents = {kind: text.encode(errors="backslashreplace") for kind, text in texts.items()}
     made = {
         names[kind]: digest_bytes(contents[kind]) if kind in contents else digest_of(files[kind])
@@ -197,11 +195,11 @@ def put(ledger: Ledger, dub: Dub, files: Mapping[str, Path], texts: Mapping[str,
     for name in _names(dub):
         if problem := ledger.problem(name):
             what, _, remedy = problem.rpartition(": ")
-            raise DubbingError(what, remedy=remedy)
+            raise ExplainedError(what, remedy=remedy)
         remove_torn(output / name)
     there = {name: digest_of(output / name) for name in names.values()}
     if there[names[VIDEO]] not in ("", made[names[VIDEO]]):
-        before = {name: previous_of(dub, name) for name, digest in there.items() if digest}
+        before = {name: dub.previous(name) for name, digest in there.items() if digest}
         ledger.enter({before[name]: there[name] for name in before})
         for name, last in before.items():
             _link(output / name, output / last)
@@ -217,8 +215,8 @@ def put(ledger: Ledger, dub: Dub, files: Mapping[str, Path], texts: Mapping[str,
 
 def _names(dub: Dub) -> Iterator[str]:
     """Its results, and those of before."""
-    for name in results_of(dub).values():
-        yield from (name, previous_of(dub, name))
+    for name in dub.results().values():
+        yield from (name, dub.previous(name))
 
 
 def _link(source: Path, target: Path) -> None:

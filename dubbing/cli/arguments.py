@@ -1,13 +1,13 @@
-"""What several commands share: arguments, their checks, and printing."""
+"""Arguments that several commands share, their checks, and printing."""
 
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from dubbing.errors import CallError, DubbingError
+from dubbing.errors import CallError, ExplainedError
 from dubbing.printable import visible
-from dubbing.stages.kinds import STAGES
+from dubbing.stages import KINDS
 
 
 def file_argument(metavar: str, text: str) -> Any:
@@ -29,7 +29,7 @@ Only = Annotated[
 ]
 Force = Annotated[
     list[str] | None,
-    typer.Option("--force", metavar="STAGE", help=f"Do again: {', '.join(STAGES)}."),
+    typer.Option("--force", metavar="STAGE", help=f"Do again: {', '.join(KINDS)}."),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Device = Annotated[str, typer.Option("--device", help="auto, cpu or cuda.")]
@@ -42,15 +42,15 @@ def checked_device(name: str, *, here: bool = True) -> str:
         here: whether this machine does the work.
 
     Raises:
-        DubbingError: there is no device of that name, or not here.
+        ExplainedError: there is no device of that name, or not here.
     """
     if name not in ("auto", "cpu", "cuda"):
-        raise DubbingError(f"no device {name!r}", "--device", "use auto, cpu or cuda")
+        raise ExplainedError(f"no device {name!r}", "--device", "use auto, cpu or cuda")
     if name == "cuda" and here:
         import torch  # only to ask for a GPU: the command line is quick without it
 
         if not torch.cuda.is_available():
-            raise DubbingError("torch sees no GPU here", "--device cuda", "use auto or cpu")
+            raise ExplainedError("torch sees no GPU here", "--device cuda", "use auto or cpu")
     return name
 
 
@@ -58,13 +58,13 @@ def checked_size(size: int) -> int:
     """The requested side of the head crop, pixels.
 
     Raises:
-        DubbingError: a manifest does not allow it.
+        ExplainedError: a manifest does not allow it.
     """
     from dubbing.manifest.values import SIZES
 
     if size not in SIZES:
         remedy = f"use {SIZES.start} to {SIZES[-1]} in steps of {SIZES.step}"
-        raise DubbingError(f"no head crop of {size} px", "--size", remedy)
+        raise ExplainedError(f"no head crop of {size} px", "--size", remedy)
     return size
 
 
@@ -76,13 +76,13 @@ def checked_output(file: Path, *read: Path) -> Path:
 
     Raises:
         CallError: it is one of the files that are read.
-        DubbingError: it is a folder, or nothing may be written where it is to lie.
+        ExplainedError: it is a folder, or nothing may be written where it is to lie.
     """
-    from dubbing.files import make_folder
+    from dubbing.engine.files import make_folder
 
     checked_path(file)
     if file.is_dir():
-        raise DubbingError("a folder, not a file to write", str(file), "give a file's name")
+        raise ExplainedError("a folder, not a file to write", str(file), "give a file's name")
     for other in read:
         if file.resolve() == other.resolve() or (file.exists() and file.samefile(other)):
             raise CallError("it is read, so it cannot be written", str(file), "give another name")
@@ -109,13 +109,13 @@ def checked_seconds(seconds: float | None) -> float | None:
     """The requested length in seconds.
 
     Raises:
-        DubbingError: it is not a length.
+        ExplainedError: it is not a length.
     """
     from dubbing.manifest.values import LONGEST_SECONDS
 
     if seconds is not None and not 0 < seconds <= LONGEST_SECONDS:
         remedy = f"use a number up to {LONGEST_SECONDS:g}"
-        raise DubbingError(f"{seconds:g} s is no length", "--seconds", remedy)
+        raise ExplainedError(f"{seconds:g} s is no length", "--seconds", remedy)
     return seconds
 
 
@@ -123,11 +123,11 @@ def checked_stages(names: list[str] | None) -> tuple[str, ...]:
     """The stages that ``--force`` names.
 
     Raises:
-        DubbingError: one of them does not exist.
+        ExplainedError: one of them does not exist.
     """
     for name in names or ():
-        if name not in STAGES:
-            raise DubbingError(f"no stage {name!r}", "--force", f"use {', '.join(STAGES)}")
+        if name not in KINDS:
+            raise ExplainedError(f"no stage {name!r}", "--force", f"use {', '.join(KINDS)}")
     return tuple(names or ())
 
 

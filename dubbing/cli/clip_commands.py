@@ -15,7 +15,7 @@ from dubbing.cli.arguments import (
     file_option,
     print_line,
 )
-from dubbing.errors import CallError, DubbingError
+from dubbing.errors import CallError, ExplainedError
 
 
 def prepare(
@@ -34,11 +34,11 @@ def prepare(
 
     size, clip = checked_size(size), checked_path(clip.resolve())
     if out is not None and not out.strip():
-        raise DubbingError("names no folder", "--out", "name one, or leave --out away")
+        raise ExplainedError("names no folder", "--out", "name one, or leave --out away")
     folder = checked_path(Path(out) if out else clip.with_suffix(".prepared"))
     with claimed(folder, clip), live.progress_bar(f"prepare {clip.name}") as progress:
         found = work(clip, folder, size=size, progress=progress)
-    for warning in found.warnings:
+    for warning in (*found.face_warnings, *found.warnings):
         print_line(f"warning: {warning}")
     print_line(f"{folder / 'contact_sheet.png'}: residual shift {found.residual_shift:.3f} px")
 

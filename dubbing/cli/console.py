@@ -1,4 +1,4 @@
-"""What the commands print at their end: lines and tables. `live` shows how work goes on."""
+"""Output at the end of commands: lines and tables. `live` shows the progress of work."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from dubbing.printable import visible
 # `dfrf doctor` prints without the packages that these import.
 if TYPE_CHECKING:
     from dubbing.batch.batch import Result
-    from dubbing.batch.estimates import Estimate, Rate
     from dubbing.cli.doctor import Finding
+    from dubbing.engine.estimates import Estimate
     from dubbing.engine.planner import Row
+    from dubbing.engine.stage import Rate
     from dubbing.identity.learned import Learned
 
 COLOURS = {
@@ -85,7 +86,7 @@ def plan(
 
     if as_json:
         entries = [
-            {"kind": row.job.kind, "name": row.job.name, "stage": row.stage, "state": row.state}
+            {"kind": row.job.kind, "name": row.job.name, "stage": row.name, "state": row.state}
             | {"reasons": row.reasons}
             for row in rows
         ]
@@ -96,7 +97,7 @@ def plan(
     for row in rows:
         state = _cell(row.state, COLOURS.get(row.state, "default"))
         name = _cell(f"{row.job.kind} {row.job.name}")
-        table.add_row(name, row.stage, state, _cell("; ".join(row.reasons)))
+        table.add_row(name, row.name, state, _cell("; ".join(row.reasons)))
     for warning in warnings:
         line(out, f"warning: {warning}", "yellow")
     out.print(table)
@@ -115,10 +116,6 @@ def plan(
 
 
 def _needed(needed: Estimate) -> None:
-    if needed.unknown:
-        names = ", ".join(needed.unknown)
-        text = f"how long {names} take is not known here: run dfrf doctor --calibrate"
-        line(out, text, "yellow")
     if needed.seconds:
         out.print(
             f"about {duration(needed.seconds)}; {duration(needed.two)} with --jobs 2; "
@@ -203,7 +200,7 @@ def medians(found: dict[str, dict[str, dict[str, Any]]]) -> dict[str, dict[str, 
 
 
 def doctor(findings: Sequence[Finding]) -> None:
-    """What the machine has and lacks."""
+    """Print the findings of `doctor`."""
     table = _table("what", "state", "found")
     for finding in findings:
         state = _cell(finding.state, COLOURS.get(finding.state, "default"))

@@ -1,4 +1,4 @@
-"""What this machine has and lacks. What may be missing is imported late."""
+"""Checks of this machine. Packages that may be missing are imported late."""
 
 import importlib.util
 import os

@@ -52,33 +52,32 @@ def dub(
         raise CallError("the workers are those of the scheduler", "--jobs", "leave it away")
     packages.require("cluster" if scheduler else None)
     from dubbing.batch import batch
+    from dubbing.batch.task import program
     from dubbing.cli import console, live
-    from dubbing.engine.executors import InLine, Processes, Source
+    from dubbing.engine.executors import InLine, Processes
     from dubbing.engine.runner import Options
     from dubbing.manifest.manifest import load
 
-    options, loaded = (
+    options, production = (
         Options(force=checked_stages(force), keep_going=keep_going),
         load(manifest, from_base=True),
     )
-    if not loaded.dubs:
-        raise CallError(WITHOUT_DUBS, str(loaded.path), "name new speech for somebody there")
-    source = Source(loaded.path, checked_device(device, here=scheduler is None))
+    if not production.dubs:
+        raise CallError(WITHOUT_DUBS, str(production.manifest), "name new speech for somebody")
+    worker = program(production.manifest, checked_device(device, here=scheduler is None))
     if scheduler:
         from dubbing.engine.cluster import Cluster
 
-        executor: Executor = Cluster(source, scheduler)
+        executor: Executor = Cluster(worker, scheduler)
     else:
-        executor = Processes(source, jobs) if jobs > 1 else InLine()
-    left = batch.time_left(
-        loaded, options, only=tuple(only or ()), workers=jobs, parts=bool(scheduler) or jobs > 1
-    )
-    shown = live.JsonLines if as_json else live.Bars
-    reporter: live.JsonLines | live.Bars = shown(loaded.warnings, left)
-    with closing(executor), reporter:
-        result = batch.dub(
-            loaded, reporter, options, only=tuple(only or ()), device=device, executor=executor
-        )
+        executor = Processes(worker, jobs) if jobs > 1 else InLine()
+    with closing(executor):
+        planned = batch.begin(production, only=tuple(only or ()), device=device)
+        parts = bool(scheduler) or jobs > 1
+        left = batch.time_left(planned, options, workers=jobs, parts=parts)
+        reporter = (live.JsonLines if as_json else live.Bars)(production.warnings, left)
+        with reporter:
+            result = batch.dub(production, planned, reporter, options, executor)
     (console.result_line if as_json else console.summary)(result)
     raise typer.Exit(result.code)
 
@@ -90,30 +89,40 @@ def plan(
 
     Writes nothing.
     """
-    from dubbing.batch import estimates, jobs, results
+    from dubbing.batch import jobs, results
+    from dubbing.batch.rates import calibrated
     from dubbing.cli import console
+    from dubbing.engine import estimates
     from dubbing.engine import planner as planning
     from dubbing.identity.learned import learned_if_known
     from dubbing.manifest.manifest import load
+    from dubbing.pipeline import DUB, PERSON
     from dubbing.report.lines import undubbed_of
-    from dubbing.report.report import found_by_looks
+    from dubbing.report.report import face_warnings
+    from dubbing.stages.composite import Composite
+    from dubbing.stages.finetune import Finetune
 
-    loaded = load(manifest, from_base=True)
-    planned = jobs.build(loaded, only=tuple(only or ()))
-    results.check(loaded, planned.dubs)
+    production = load(manifest, from_base=True)
+    planned = jobs.build(production, only=tuple(only or ()))
+    results.check(production, jobs.chosen_dubs(production, tuple(only or ())))
     rows = planning.rows(planned, checked_stages(force))
-    again = [row.job.name for row in rows if row.stage == "composite" and row.state != "up to date"]
+    again = [
+        row.job.name
+        for row in rows
+        if isinstance(row.stage, Composite) and row.state != planning.UP_TO_DATE
+    ]
     absent = packages.missing()
-    warnings = [*loaded.warnings, *results.warnings(loaded, again), *found_by_looks(planned)]
-    warnings += [] if loaded.dubs else [f"{WITHOUT_DUBS}: dfrf dub refuses it"]
+    warnings = [*production.warnings, *results.warnings(production, again)]
+    warnings += face_warnings(planned)
+    warnings += [] if production.dubs else [f"{WITHOUT_DUBS}: dfrf dub refuses it"]
     warnings += [str(packages.lacking(absent))] if absent else []
     learned = {
         name: clips
-        for name, job in planned.identities.items()
-        if (clips := learned_if_known(job.stages["finetune"].folder))
+        for name, job in planned.named(PERSON).items()
+        if (clips := learned_if_known(job.stage(Finetune).folder))
     }
-    undubbed = {name: undubbed_of(loaded, name) for name in planned.dubs}
-    needed = estimates.estimate(loaded, planned, rows)
+    undubbed = {name: undubbed_of(production.dubs[name]) for name in planned.named(DUB)}
+    needed = estimates.estimate(planned, rows, calibrated())
     console.plan(rows, warnings, needed, learned, undubbed, as_json=as_json)
 
 

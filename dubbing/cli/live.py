@@ -14,15 +14,16 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 from tqdm import tqdm
 
-from dubbing.batch.time_left import TimeLeft
 from dubbing.cli.console import duration, line
-from dubbing.engine.graph import kind_of
+from dubbing.engine.stage import Progress
+from dubbing.engine.time_left import TimeLeft
 from dubbing.printable import visible
 
 if TYPE_CHECKING:
     from dubbing.engine.graph import Job
     from dubbing.engine.outcome import Failure
     from dubbing.engine.stage import Stage
+    from dubbing.engine.stage_id import StageId
 
 QUIET = 30.0  # seconds without a line in a log, at most
 REFRESHED = 1.0  # seconds in which bars are drawn anew
@@ -69,7 +70,7 @@ class Pulse:
 
 
 @contextmanager
-def progress_bar(title: str) -> Iterator[Callable[[str, float], None]]:
+def progress_bar(title: str) -> Iterator[Progress]:
     """A bar, as a progress function; in a log, a line every `QUIET` seconds."""
     last = ("", 0.0)
     with _bar(title, ", left {remaining}") as bar:
@@ -96,7 +97,7 @@ class Bars:
     """
 
     def __init__(self, warnings: Sequence[str], left: TimeLeft | None = None) -> None:
-        self._left = left or TimeLeft({}, kind_of, time.monotonic)
+        self._left = left or TimeLeft({}, time.monotonic)
         self._bars: dict[Path, tqdm] = {}  # by the folder of the stage
         self._said: dict[Path, str] = {}  # how far it is
         self._overall: tqdm | None = None
@@ -136,25 +137,25 @@ class Bars:
         _advance(self._overall, f"{self._counted}{left}", done / total)
 
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
-        title = f"{job.name}: {job.name_of(stage)}"
-        self._left.begin(_key(job, stage))
+        title = f"{job.name}: {stage.id.name}"
+        self._left.begin(stage.id)
         self._bars[stage.folder], self._said[stage.folder] = _bar(title), title
         if not screen.is_terminal:
             line(screen, f"{title} ({', '.join(reasons)})")
 
     def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
-        key = _key(job, stage)
+        key = stage.id
         self._left.progress(key, share)
-        self._said[stage.folder] = f"{job.name}: {job.name_of(stage)}: {share:.0%} {message}"
+        self._said[stage.folder] = f"{job.name}: {stage.id.name}: {share:.0%} {message}"
         left = self._left.of(key)
         text = message if left is None else f"left {tqdm.format_interval(left)}, {message}"
         _advance(self._bars[stage.folder], text, share)
 
     def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
-        self._left.end(_key(job, stage))
+        self._left.end(stage.id)
         self._bars.pop(stage.folder).close()
         del self._said[stage.folder]
-        title = f"{job.name}: {job.name_of(stage)}"
+        title = f"{job.name}: {stage.id.name}"
         with tqdm.external_write_mode(file=screen.file):  # a line above the bars of other stages
             if failure:
                 line(screen, f"{title} failed: {failure}", "red")
@@ -171,8 +172,8 @@ class JsonLines:
     def __init__(self, warnings: Sequence[str], left: TimeLeft | None = None) -> None:
         self._last: dict[Path, float] = {}  # by the folder of the stage
         self._warnings = warnings
-        self._left = left or TimeLeft({}, kind_of, time.monotonic)
-        self._running: list[str] = []
+        self._left = left or TimeLeft({}, time.monotonic)
+        self._running: list[StageId] = []
         self._pulse = Pulse(self.say, QUIET)
 
     def __enter__(self) -> JsonLines:
@@ -187,34 +188,29 @@ class JsonLines:
     def say(self) -> None:
         """The stages that are running."""
         if self._running:
-            _event("alive", stages=[*self._running], left=self._left.all())
+            _event("alive", stages=[*map(str, self._running)], left=self._left.all())
 
     def overall(self, done: int, total: int) -> None:
         _event("overall", done=done, total=total)
 
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
-        self._left.begin(_key(job, stage))
-        self._running.append(_key(job, stage))
-        _event("begin", job=job.label, stage=job.name_of(stage), reasons=reasons)
+        self._left.begin(stage.id)
+        self._running.append(stage.id)
+        _event("begin", job=job.label, stage=stage.id.name, reasons=reasons)
 
     def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
-        self._left.progress(_key(job, stage), share)
+        self._left.progress(stage.id, share)
         now = time.monotonic()
         if now - self._last.get(stage.folder, 0.0) >= 1.0:
             self._last[stage.folder] = now
-            name = job.name_of(stage)
+            name = stage.id.name
             _event("progress", job=job.label, stage=name, message=message, share=share)
 
     def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
-        self._left.end(_key(job, stage))
-        self._running.remove(_key(job, stage))
+        self._left.end(stage.id)
+        self._running.remove(stage.id)
         why = asdict(failure) if failure else None
-        _event("end", job=job.label, stage=job.name_of(stage), failure=why)
-
-
-def _key(job: Job, stage: Stage) -> str:
-    """The name of a stage in the graph."""
-    return f"{job.label}/{job.name_of(stage)}"
+        _event("end", job=job.label, stage=stage.id.name, failure=why)
 
 
 def _left(seconds: float | None) -> str:

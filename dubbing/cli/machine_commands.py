@@ -14,16 +14,16 @@ def doctor(
         typer.Option("--calibrate", help="Measure for `plan` how fast this machine is: a minute."),
     ] = False,
 ) -> None:
-    """What this machine has and lacks, and the command that mends it."""
+    """Check this machine: versions, devices, and the command that mends what is missing."""
     from dubbing.cli import console
 
     if calibrate:
         packages.require("synthetic")
-        from dubbing.batch import estimates
+        from dubbing.batch.rates import rates_file
         from dubbing.cli import live
         from dubbing.workshop.bench.calibration import calibrate as work
 
-        if (file := estimates.rates_file()) is None:
+        if (file := rates_file()) is None:
             raise CallError("this user has no home folder", remedy="set XDG_CACHE_HOME to one")
         with live.progress_bar("calibrate") as progress:
             found = work(progress)

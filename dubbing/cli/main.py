@@ -24,8 +24,8 @@ from dubbing.cli import (
     training_commands,
 )
 from dubbing.cli.arguments import print_line
-from dubbing.errors import CallError, DubbingError, LockedError, ManifestError
-from dubbing.memory import ROOM, SHORT, short_of_memory
+from dubbing.engine.memory import ROOM, SHORT, short_of_memory
+from dubbing.errors import CallError, ExplainedError, LockedError, ManifestError
 
 FAILED, WRONG_CALL, INTERRUPTED = 1, 2, 130
 WRONG_CALLS = (CallError, LockedError, ManifestError)
@@ -99,15 +99,15 @@ def main() -> None:
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()
-    except DubbingError as error:
+    except ExplainedError as error:
         wrong_call = isinstance(error, WRONG_CALLS) or error.where.startswith("--")
         _end(str(error), WRONG_CALL if wrong_call else FAILED)
     except (MemoryError, RuntimeError) as error:
         if not short_of_memory(error):
             raise
-        _end(str(DubbingError(SHORT, remedy=ROOM)), FAILED)
+        _end(str(ExplainedError(SHORT, remedy=ROOM)), FAILED)
     except OSError as error:  # of what is printed, too: `> /dev/full`
-        from dubbing.files import system_error
+        from dubbing.engine.files import system_error
 
         _end(str(system_error(error)), FAILED)
     except SystemExit as end:

@@ -17,7 +17,7 @@ from dubbing.cli.arguments import (
     file_option,
     print_line,
 )
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 
 
 def evaluate(
@@ -92,5 +92,5 @@ def import_checkpoint(
     try:
         work(file, checked_output(out, file))
     except CheckpointError as error:
-        raise DubbingError(str(error)) from error
+        raise ExplainedError(str(error)) from error
     print_line(f"wrote {out}")

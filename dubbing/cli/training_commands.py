@@ -78,7 +78,7 @@ def train_base(
     from dubbing.workshop.training.base import train_base as work
 
     loaded, chosen = load(manifest), checked_device(device)
-    clips = (identity.clip for identity in loaded.identities.values())
+    clips = (person.clip.path for person in loaded.people.values())
     out = checked_output(out, manifest, *clips, *([init] if init else []))
     with live.progress_bar("train-base") as progress:
         work(

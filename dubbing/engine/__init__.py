@@ -1,1 +1,7 @@
-"""How any graph of stages is brought up to date: by one process, by several, on other machines."""
+"""Brings a graph of stages up to date: in one process, in several, or on other machines.
+
+It knows nothing of what the stages do, and imports nothing outside of this folder but packages
+from elsewhere: pydantic, and for `cluster` Dask's `distributed`. To use it in another project, copy
+the folder, derive classes from `stage.Stage` in a module that other processes can import, and
+collect them in jobs (`graph.Job`).
+"""

@@ -1,4 +1,4 @@
-"""Who works on what: a claim is a folder that one process alone can make, with a heartbeat in it.
+"""Claims on stages: a claim is a folder that one process alone can make, with a heartbeat in it.
 
     model.claim/<token>     beside the stage folder `model`: who holds it, and how far the work is
 
@@ -20,17 +20,17 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from uuid import uuid4
 
-from dubbing.engine import heartbeat
-from dubbing.engine.heartbeat import Heartbeat
-from dubbing.errors import DubbingError, LockedError, StageError
-from dubbing.files import make_folder, writing
+from . import heartbeat
+from .errors import ExplainedError, LockedError, StageError
+from .files import make_folder, writing
+from .heartbeat import Heartbeat
 
 SUFFIX = ".claim"
-BEAT = 2.0  # seconds between heartbeats
+HEARTBEAT_S = 2.0  # between heartbeats
 TAKEN_OVER = "this process gave no sign of life, and another run took the work over"
 DENIED = (errno.EACCES, errno.EPERM, errno.EROFS)
-STALE = 30.0  # seconds without one, by the clock of who looks, until a claim is taken over
-PACE = 0.25  # seconds between looks at what changes
+STALE_S = 30.0  # without a heartbeat, by the clock of who looks, until a claim is taken over
+POLL_S = 0.25  # between looks at claims and folders that change
 
 
 def place_of(path: Path) -> Path:
@@ -78,8 +78,8 @@ class Claim:
 
     def _beat(self) -> None:
         count, last = 0, time.monotonic()
-        while not self._end.wait(PACE):
-            if not self._changed and time.monotonic() - last < BEAT:
+        while not self._end.wait(POLL_S):
+            if not self._changed and time.monotonic() - last < HEARTBEAT_S:
                 continue
             count, last, self._changed = count + 1, time.monotonic(), False
             try:
@@ -97,7 +97,7 @@ def take(path: Path) -> Claim:
 
     Raises:
         LockedError: somebody holds it, or did so and has left what cannot be removed.
-        DubbingError: nothing can be written there, or something else lies there.
+        ExplainedError: nothing can be written there, or something else lies there.
     """
     place, token = place_of(path), uuid4().hex
     ours = place.with_name(f".{place.name}.{token}")
@@ -111,13 +111,13 @@ def take(path: Path) -> Claim:
                 os.rename(ours, place)
             if (place / token).exists():
                 break
-        except DubbingError as error:
+        except ExplainedError as error:
             shutil.rmtree(ours, ignore_errors=True)
             cause = error.__cause__
             if not isinstance(cause, OSError) or cause.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                 raise
             if not (found := _read(place)):
-                time.sleep(PACE)  # over NFS a folder may be seen as it was
+                time.sleep(POLL_S)  # over NFS a folder may be seen as it was
                 continue
             file, life = found
             if life.here and not life.alive:
@@ -160,7 +160,7 @@ class Watch:
             self._last, self._since = found, time.monotonic()
         if life.here:
             self.alive = life.alive
-        elif time.monotonic() - self._since > STALE:
+        elif time.monotonic() - self._since > STALE_S:
             self.alive = False
         else:
             return False
@@ -178,7 +178,7 @@ def hold(path: Path, *, wait: bool = False) -> Iterator[Claim]:
 
     Raises:
         LockedError: somebody holds it, and gives signs of life.
-        DubbingError: nothing can be written there, or something else lies there.
+        ExplainedError: nothing can be written there, or something else lies there.
     """
     make_folder(path.parent)
     watch = Watch(path)
@@ -190,7 +190,7 @@ def hold(path: Path, *, wait: bool = False) -> Iterator[Claim]:
             while not watch.free():
                 if watch.alive and not wait:
                     raise
-                time.sleep(PACE)
+                time.sleep(POLL_S)
     try:
         yield claim
     finally:

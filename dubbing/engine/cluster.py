@@ -15,13 +15,12 @@ from uuid import uuid4
 from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
-from dubbing import json_records, packages
-from dubbing.engine import claims
-from dubbing.engine.executors import FAILED, KILLED, TASK, Done, Source, Task, result
-from dubbing.engine.graph import kind_of
-from dubbing.engine.outcome import Failure
-from dubbing.environment import of_children, python
-from dubbing.errors import CallError, DubbingError
+from . import claims, json_records
+from .environment import of_children, python
+from .errors import CallError, ExplainedError
+from .executors import FAILED, KILLED, Done, Program, Task, result
+from .outcome import Failure
+from .stage_id import StageId
 
 ANSWER = "15s"  # time that a scheduler has to answer
 CLOSING = 5  # seconds that leaving it may take
@@ -37,10 +36,10 @@ class SchedulerFile(TypedDict):
     address: str
 
 
-def call(arguments: list[str]) -> tuple[int, str, str]:
-    """What a worker does: exit code, stdout and stderr of a process."""
+def call(module: str, argument: str) -> tuple[int, str, str]:
+    """Run a `Program` on a worker: exit code, stdout and stderr of its process."""
     done = subprocess.run(
-        [*python(TASK), *arguments],
+        [*python(module), argument],
         check=False,
         stdin=subprocess.DEVNULL,
         capture_output=True,
@@ -58,46 +57,43 @@ class Cluster:
         scheduler: its address, or the file that it has written it to.
 
     Raises:
-        DubbingError: the extra `cluster` is not installed.
         CallError: no scheduler answers.
     """
 
     here = False
 
-    def __init__(self, source: Source, scheduler: str) -> None:
-        packages.require("cluster")
+    def __init__(self, program: Program, scheduler: str) -> None:
         from distributed import Client
 
-        remedy = "start one with `dask scheduler`; see docs/cluster.md"
+        remedy = "start one with `dask scheduler`"
         address, self._where = scheduler, scheduler
         try:
             if Path(scheduler).is_file():
                 found = json_records.read(Path(scheduler), SchedulerFile, "the scheduler's file")
                 address = found["address"]
             self._client = Client(address=address, timeout=ANSWER, set_as_default=False)
-        except DubbingError as error:
+        except ExplainedError as error:
             raise CallError(error.what, scheduler, remedy) from error
         except Exception as error:  # whatever Dask makes of an odd address or answer
             raise CallError("no Dask scheduler answers", scheduler, remedy) from error
-        self._source = source
-        self._futures: dict[str, Any] = {}
-        self._done: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+        self._program = program
+        self._futures: dict[StageId, Any] = {}
+        self._done: SimpleQueue[tuple[StageId, Any]] = SimpleQueue()
 
     def submit(self, task: Task) -> None:
-        """Take on a task whose needs are met; of CUDA, for workers with the resource GPU alone."""
+        """Take on a task whose needs are met; see `Stage.needs_gpu`: of workers' resource GPU."""
         if self._client.status == "closed":
-            raise DubbingError(LOST, self._where, AGAIN)
-        cuda = getattr(task.stage.produce, "device", "") == "cuda"
+            raise ExplainedError(LOST, self._where, AGAIN)
         future = self._client.submit(
             call,
-            self._source.command(task),
-            key=f"{task.key}-{uuid4().hex[:8]}",
+            *self._program.call(task),
+            key=f"{task.id}-{uuid4().hex[:8]}",
             priority=-task.rank,
-            resources={"GPU": 1} if cuda else None,
+            resources={"GPU": 1} if task.stage.needs_gpu() else None,
             pure=False,
         )
-        self._futures[task.key] = future
-        future.add_done_callback(lambda ended: self._done.put((task.key, ended)))
+        self._futures[task.id] = future
+        future.add_done_callback(lambda ended: self._done.put((task.id, ended)))
 
     def wait(self, seconds: float) -> list[Done]:
         try:
@@ -111,23 +107,23 @@ class Cluster:
             return [result(key, *future.result())]
         if future.status != "error":
             while self._client.status == "connecting":  # for as long as `ANSWER`
-                time.sleep(claims.PACE)
+                time.sleep(claims.POLL_S)
             if self._client.status != "running":
-                return [Done(key, FAILED, failure=Failure(kind_of(key), LOST, self._where, AGAIN))]
+                return [Done(key, FAILED, failure=Failure(key.kind, LOST, self._where, AGAIN))]
             return [Done(key, KILLED)]  # the scheduler has lost or cancelled it
         error = future.exception()
         remedy = "see the log of the workers, then run again"
         what = f"its worker could not do it: {type(error).__name__}: {error}"
-        return [Done(key, FAILED, failure=Failure(kind_of(key), what, remedy=remedy))]
+        return [Done(key, FAILED, failure=Failure(key.kind, what, remedy=remedy))]
 
     def _lost(self) -> list[Done]:
-        """All that was begun, where Dask has given its scheduler up: no call tells of it."""
-        failures = {key: Failure(kind_of(key), LOST, self._where, AGAIN) for key in self._futures}
+        """Failures of all tasks that were begun, where Dask has given its scheduler up."""
+        failures = {key: Failure(key.kind, LOST, self._where, AGAIN) for key in self._futures}
         self._futures = {}
         return [Done(key, FAILED, failure=failure) for key, failure in failures.items()]
 
-    def drop(self) -> list[str]:
-        """Forget all that has not ended; its keys. What a worker has begun it brings to its end."""
+    def drop(self) -> list[StageId]:
+        """Forget all that has not ended; gives the stages. Workers finish what they have begun."""
         dropped, futures = [*self._futures], [*self._futures.values()]
         self._futures = {}
         if futures and self._client.status == "running":

@@ -1,65 +1,86 @@
-"""Which code makes a result: a digest of a module and of everything of ours that it imports.
+"""Digest of the code that makes a result: of a module, and of what it imports of some packages.
 
-A stage whose equations change is out of date by itself. A comment, a docstring or the layout of a
-line changes no digest; another minor version of Python may.
+A stage whose equations change is out of date by itself. A comment, a docstring, the layout of a
+line or an import for type checkers changes no digest; another minor version of Python may.
 """
 
 import ast
 import hashlib
+import sys
 from collections.abc import Iterator
 from functools import lru_cache
-from importlib.util import find_spec
+from importlib.util import find_spec, resolve_name
 from pathlib import Path
 
-OURS = ("dfrf", "dubbing")
-WITHOUT_EFFECT = ("dubbing.errors",)  # words for people: no result depends on them
+Names = tuple[str, ...]
 
 
 @lru_cache(maxsize=64)
-def code_version(module: str) -> str:
-    """Digest of a module, named as Python imports it, with all that it imports of our packages.
+def code_version(module: str, packages: Names = (), without: Names = ()) -> str:
+    """Digest of a module, named as Python imports it, with all that it imports of packages.
 
     Imports inside of functions count. Nothing is executed.
+
+    Args:
+        packages: top packages whose modules count.
+        without: modules that do not count, with all that lies in them.
     """
     hasher = hashlib.blake2b(digest_size=16)
-    for name in sorted(_reachable(module)):
+    for name in sorted(reachable(module, packages, without)):
         hasher.update(f"{name}\n{_parsed(name)[0]}\n".encode())
     return hasher.hexdigest()
 
 
-def _reachable(module: str) -> set[str]:
+def reachable(module: str, packages: Names, without: Names = ()) -> set[str]:
+    """A module and all modules that it imports of packages; see `code_version`."""
     found: set[str] = set()
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        if name not in found and name not in WITHOUT_EFFECT:
+        if name not in found and not _lies_in(name, without):
             found.add(name)
-            waiting += _parsed(name)[1]
+            waiting += [one for one in _parsed(name)[1] if one.split(".")[0] in packages]
     return found
 
 
+def _lies_in(name: str, modules: Names) -> bool:
+    return any(name == module or name.startswith(f"{module}.") for module in modules)
+
+
 @lru_cache(maxsize=1024)
-def _parsed(module: str) -> tuple[str, tuple[str, ...]]:
-    """Digest of one module's code, and the modules of ours that it imports."""
-    path = _file(module)
+def _parsed(module: str) -> tuple[str, Names]:
+    """Digest of one module's code, and the modules that it imports."""
+    path = file_of(module)
     assert path is not None, module
-    tree = ast.parse(path.read_bytes())
-    imported = tuple(dict.fromkeys(_imported(tree)))
+    tree = _WithoutHints().visit(ast.parse(path.read_bytes()))
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    imported = tuple(dict.fromkeys(_imported(tree, package)))
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and _documented(node):
             node.body = node.body[1:]
     return hashlib.blake2b(ast.dump(tree).encode(), digest_size=16).hexdigest(), imported
 
 
-def _imported(tree: ast.AST) -> Iterator[str]:
+class _WithoutHints(ast.NodeTransformer):
+    """Removes what is imported for type checkers alone."""
+
+    def visit_If(self, node: ast.If) -> ast.AST | None:
+        if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
+            return None
+        return self.generic_visit(node)
+
+
+def _imported(tree: ast.AST, package: str) -> Iterator[str]:
+    """Modules that a module in a package imports."""
     for node in ast.walk(tree):
         names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
+        elif isinstance(node, ast.ImportFrom):
             # What is imported from a package is one of its modules, or comes from its __init__.
-            names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-        yield from (n for n in names if n.split(".")[0] in OURS and _file(n) is not None)
+            base = resolve_name("." * node.level + (node.module or ""), package)
+            names = [base, *(f"{base}.{alias.name}" for alias in node.names)]
+        yield from (name for name in names if file_of(name) is not None)
 
 
 def _documented(node: ast.Module | ast.ClassDef | ast.FunctionDef) -> bool:
@@ -67,12 +88,15 @@ def _documented(node: ast.Module | ast.ClassDef | ast.FunctionDef) -> bool:
 
 
 @lru_cache(maxsize=4096)
-def _file(module: str) -> Path | None:
-    """Source of a module or package of ours; None where there is no such module."""
-    package, *rest = module.split(".")
-    spec = find_spec(package)
-    assert spec is not None
-    assert spec.submodule_search_locations
+def file_of(module: str) -> Path | None:
+    """Source of a module or package; None where there is no such file."""
+    top, *rest = module.split(".")
+    spec = find_spec(top) if top not in sys.builtin_module_names else None
+    if spec is None:
+        return None
+    if not spec.submodule_search_locations:
+        alone = Path(spec.origin or "")
+        return alone if alone.suffix == ".py" and not rest else None
     base = Path(next(iter(spec.submodule_search_locations)), *rest)
     for path in (base.with_suffix(".py"), base / "__init__.py"):
         if path.is_file():

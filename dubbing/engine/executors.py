@@ -1,7 +1,7 @@
-"""Where stages are brought up to date: in this process, or in processes of this machine.
+"""Executors: they bring stages up to date in this process, or in processes of this machine.
 
 Every executor takes tasks whose needs are met, does those of the lowest rank first, and gives back
-what became of them. `dubbing.engine.cluster` has the third, on other machines.
+their outcomes. `cluster` has the third, on other machines.
 """
 
 import heapq
@@ -11,21 +11,19 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from queue import Empty, PriorityQueue, SimpleQueue
 from typing import Protocol
 
-from dubbing.engine.graph import kind_of
-from dubbing.engine.outcome import Failure, failure_of
-from dubbing.engine.stage import Progress, Stage
-from dubbing.engine.update import run_stage
-from dubbing.environment import of_children, python
-from dubbing.errors import LockedError
+from .environment import of_children, python
+from .errors import LockedError
+from .outcome import Failure, failure_of
+from .stage import Progress, Stage
+from .stage_id import StageId
+from .update import run_stage
 
 MADE, KEPT, FAILED, HELD, KILLED = "made", "kept", "failed", "held", "killed"
-TASK = "dubbing.engine.task"  # which a process of its own runs
-PIPELINE = "dubbing.batch.jobs"  # the module that declares the graph of a manifest again
 OUT_OF_MEMORY = 128 + signal.SIGKILL  # exit code of a shell or container whose process was killed
 
 
@@ -35,30 +33,33 @@ class Task:
 
     Attributes:
         rank: the lowest goes first.
-        key: of its node in the graph.
         began: digests of the files that it goes back to, when the run began.
         begin: called when the work begins, where that is in this process.
     """
 
     rank: int
-    key: str
     stage: Stage = field(compare=False)
     force: bool = field(compare=False)
     began: Mapping[Path, str] = field(compare=False, repr=False)
     begin: Callable[[], None] = field(compare=False, repr=False)
     progress: Progress = field(compare=False, repr=False)
 
+    @property
+    def id(self) -> StageId:
+        """Names its stage."""
+        return self.stage.id
+
 
 @dataclass(frozen=True)
 class Done:
-    """What became of a task.
+    """The outcome of a task.
 
     Attributes:
         state: made, kept (it was up to date), failed, held (another run is at work on it) or
             killed (with its process; it may go better the next time).
     """
 
-    key: str
+    id: StageId
     state: str
     seconds: float = 0.0
     failure: Failure | None = None
@@ -73,13 +74,13 @@ class Executor(Protocol):
         """Take on a task whose needs are met."""
 
     def wait(self, seconds: float) -> list[Done]:
-        """What ended, waited for so long at most."""
+        """Tasks that ended; waits for so long at most."""
 
-    def drop(self) -> list[str]:
-        """Forget what has not begun; its keys."""
+    def drop(self) -> list[StageId]:
+        """Forget the tasks that have not begun; gives their stages."""
 
     def close(self) -> None:
-        """End what still runs; it goes on there the next time."""
+        """End the tasks that still run; the next run continues them."""
 
 
 def attempt(task: Task) -> Done:
@@ -92,8 +93,8 @@ def attempt(task: Task) -> Done:
     except LockedError:
         state = HELD
     except Exception as error:  # whatever a library raises at odd data: its trace is kept
-        state, failure = FAILED, failure_of(task.stage.name, error)
-    return Done(task.key, state, round(time.perf_counter() - started, 2), failure)
+        state, failure = FAILED, failure_of(task.id.kind, error)
+    return Done(task.id, state, round(time.perf_counter() - started, 2), failure)
 
 
 class InLine:
@@ -116,8 +117,8 @@ class InLine:
         task.begin()
         return [attempt(task)]
 
-    def drop(self) -> list[str]:
-        dropped, self._waiting = [task.key for task in self._waiting], []
+    def drop(self) -> list[StageId]:
+        dropped, self._waiting = [task.id for task in self._waiting], []
         return dropped
 
     def close(self) -> None:
@@ -125,38 +126,55 @@ class InLine:
 
 
 @dataclass(frozen=True)
-class Source:
-    """Where another process finds the graph again.
+class Program:
+    """The program that does one task in a process of its own; it calls `task.main`.
 
     Attributes:
-        manifest: as the pipeline takes it.
-        device: auto, cpu or cuda.
+        module: that Python runs.
+        arguments: plain data from which it makes the jobs again.
     """
 
-    manifest: Path
-    device: str = "auto"
+    module: str
+    arguments: tuple[str, ...]
 
-    def command(self, task: Task) -> list[str]:
-        """The arguments of `dubbing.engine.task` for a task."""
-        label, _, stage = task.key.rpartition("/")
-        more = [*(["--force"] if task.force else []), "--pipeline", PIPELINE]
-        more += ["--expect", json.dumps(task.stage.fingerprints()), "--device", self.device]
-        return [str(self.manifest), label, stage, *more]
+    def call(self, task: Task) -> list[str]:
+        """Module and argument of a process that does a task."""
+        expected = task.stage.fingerprints()
+        call = Call(self.arguments, asdict(task.id), task.force, expected)
+        return [self.module, json.dumps(asdict(call))]
 
 
-def result(key: str, code: int, out: str, error: str) -> Done:
-    """What a process of `dubbing.engine.task` came to, by its exit code and what it printed."""
-    stage = kind_of(key)
+@dataclass(frozen=True)
+class Call:
+    """The argument of a `Program`, written as JSON.
+
+    Attributes:
+        arguments: see `Program`.
+        stage: fields of a `StageId`.
+        force: do it again.
+        expected: the stage's fingerprints where the run was started.
+    """
+
+    arguments: tuple[str, ...]
+    stage: dict[str, str]
+    force: bool
+    expected: dict[str, str]
+
+
+def result(stage: StageId, code: int, out: str, error: str) -> Done:
+    """The outcome of a process of a `Program`, from its exit code and its output."""
     if code < 0 or code == OUT_OF_MEMORY:
-        return Done(key, KILLED)
+        return Done(stage, KILLED)
     try:
-        found = json.loads(out.splitlines()[-1])
-        failure = found["failure"] and Failure(**found["failure"])
-        return Done(key, found["state"], found["seconds"], failure)
+        told = json.loads(out.splitlines()[-1])
+        failure = told["failure"] and Failure(**told["failure"])
+        return Done(stage, told["state"], told["seconds"], failure)
     except (IndexError, KeyError, TypeError, ValueError):
         what = f"its process ended with code {code}"
-        failure = Failure(stage, what, "not foreseen", "see the trace; please report it", error)
-        return Done(key, FAILED, failure=failure)
+        failure = Failure(
+            stage.kind, what, "not foreseen", "see the trace; please report it", error
+        )
+        return Done(stage, FAILED, failure=failure)
 
 
 class Processes:
@@ -164,8 +182,8 @@ class Processes:
 
     here = False
 
-    def __init__(self, source: Source, count: int) -> None:
-        self._source = source
+    def __init__(self, program: Program, count: int) -> None:
+        self._program = program
         self._waiting: PriorityQueue[Task] = PriorityQueue()
         self._done: SimpleQueue[Done] = SimpleQueue()
         self._running: set[subprocess.Popen[str]] = set()
@@ -183,11 +201,11 @@ class Processes:
         except Empty:
             return []
 
-    def drop(self) -> list[str]:
+    def drop(self) -> list[StageId]:
         dropped = []
         while True:
             try:
-                dropped.append(self._waiting.get_nowait().key)
+                dropped.append(self._waiting.get_nowait().id)
             except Empty:
                 return dropped
 
@@ -208,13 +226,13 @@ class Processes:
             try:
                 self._done.put(self._run(task))
             except Exception as error:  # for one, no process can be started
-                failure = failure_of(task.stage.name, error)
-                self._done.put(Done(task.key, FAILED, failure=failure))
+                failure = failure_of(task.id.kind, error)
+                self._done.put(Done(task.id, FAILED, failure=failure))
 
     def _run(self, task: Task) -> Done:
-        call = [*python(TASK), *self._source.command(task)]
+        module, argument = self._program.call(task)
         with subprocess.Popen(
-            call,
+            [*python(module), argument],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -228,4 +246,4 @@ class Processes:
                 out, error = process.communicate()
             finally:
                 self._running.discard(process)
-        return result(task.key, process.returncode, out, error)
+        return result(task.id, process.returncode, out, error)

@@ -1,64 +1,104 @@
-"""Jobs: what one identity or one dub needs done; and the graph of all their stages."""
+"""Jobs: the stages of one person or one film; and the graph of the stages of all jobs."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TypeVar, cast
 
-from dubbing.engine.part import Part, part_of
-from dubbing.engine.stage import Stage
-from dubbing.errors import DubbingError
+from .errors import ExplainedError
+from .part import Part
+from .stage import Stage
+from .stage_id import StageId
+
+AnyStage = TypeVar("AnyStage", bound=Stage)
 
 
-@dataclass(frozen=True)
+@dataclass
 class Job:
-    """One identity or one dub: its stages in order.
+    """The stages of one thing to be made, in their order.
 
     Attributes:
-        kind: ``identity`` or ``dub``.
-        stages: by what each is of, as ``render`` or ``render host_0000010-0000050``; several may
-            be of one kind, which is the stage's name.
-        waits_for: names of the identities a dub needs.
-        blocked: why it cannot be done at all (a damaged file, speech too long), known beforehand.
+        kind, name: of the thing, as ``dub`` and ``host_it``: things of two kinds may share a name.
+        folder: where its stages lie, each in a folder of its kind's name.
+        parts: folder inside of that for the stages of which there are several of a kind.
+        waits_for: labels of the jobs whose results it reads.
+        blocked: why it cannot be done at all, known beforehand.
     """
 
     kind: str
     name: str
-    stages: dict[str, Stage]
+    folder: Path
+    parts: str = "parts"
     waits_for: tuple[str, ...] = ()
-    blocked: DubbingError | None = None
+    blocked: ExplainedError | None = None
+    stages: dict[StageId, Stage] = field(default_factory=dict)
 
     @property
     def label(self) -> str:
-        """``identity/host``, ``dub/host_it``: identities and dubs may share a name."""
+        """Names it among all jobs: ``dub/host_it``."""
         return f"{self.kind}/{self.name}"
 
-    def name_of(self, stage: Stage) -> str:
-        """What it calls a stage: its kind, and which one it is where there are several."""
-        whole, of = (stage.whole, f" {stage.of}") if isinstance(stage, Part) else (stage, "")
-        return next((name for name, own in self.stages.items() if own is whole), stage.name) + of
+    def add(self, stage: AnyStage, of: str = "") -> AnyStage:
+        """Add the next stage; gives it with its name and folder.
 
-    def stage(self, name: str) -> Stage:
-        """The stage, or the part of one, that it calls so.
+        Args:
+            of: which one it is, where there are several of a kind.
+        """
+        folder = self.folder / self.parts / of if of else self.folder
+        placed = replace(stage, id=StageId(self.label, stage.kind, of), folder=folder / stage.kind)
+        self.stages[placed.id] = placed
+        return placed
+
+    def stage(self, kind: type[AnyStage], of: str = "") -> AnyStage:
+        """The stage of a class.
+
+        Args:
+            of: which one, where there are several.
 
         Raises:
             KeyError: it has none.
         """
-        if name in self.stages:
-            return self.stages[name]
-        whole, _, of = name.rpartition(" ")
-        return part_of(self.stages[whole], of)
+        return cast(AnyStage, self.stages[StageId(self.label, kind.kind, of)])
+
+    def all_of(self, kind: type[AnyStage]) -> list[AnyStage]:
+        """All stages of a class."""
+        return [stage for stage in self.stages.values() if isinstance(stage, kind)]
+
+    def find(self, name: StageId) -> Stage:
+        """A stage, or a part of one.
+
+        Raises:
+            KeyError: it has none.
+        """
+        whole = self.stages[name.whole]
+        return Part.of(whole, name.part) if name.part else whole
 
 
 @dataclass(frozen=True)
 class Jobs:
-    """All jobs of a run."""
+    """All jobs of a run, each after those that it waits for."""
 
-    identities: dict[str, Job]
-    dubs: dict[str, Job]
+    by_label: Mapping[str, Job]
+
+    @classmethod
+    def of(cls, jobs: Iterable[Job]) -> Jobs:
+        """Jobs in their order."""
+        return cls({job.label: job for job in jobs})
 
     def all(self) -> list[Job]:
-        """Identities first: dubs wait for them."""
-        return [*self.identities.values(), *self.dubs.values()]
+        """All of them, in their order."""
+        return [*self.by_label.values()]
+
+    def named(self, kind: str) -> dict[str, Job]:
+        """The jobs of a kind, by name."""
+        return {job.name: job for job in self.all() if job.kind == kind}
+
+    def blocked(self, job: Job) -> ExplainedError | None:
+        """Why a job, or one that it waits for, cannot be done; None where all can."""
+        errors = (one.blocked for one in (job, *(self.by_label[of] for of in job.waits_for)))
+        return next(filter(None, errors), None)
 
 
 @dataclass(frozen=True)
@@ -66,57 +106,36 @@ class Node:
     """One stage of one job in the graph.
 
     Attributes:
-        name: what its job calls it.
         rank: its place in the order of a run that does one at a time.
-        needs: keys of the stages whose results it reads.
+        needs: the stages whose results it reads.
     """
 
     job: Job
-    name: str
     stage: Stage
     rank: int
-    needs: tuple[str, ...]
-
-    @property
-    def key(self) -> str:
-        """``identity/host/prepare``, ``dub/it/render host_0000010-0000050``: names the node."""
-        return f"{self.job.label}/{self.name}"
+    needs: tuple[StageId, ...]
 
 
-def kind_of(key: str) -> str:
-    """The kind of the stage that a node's key names."""
-    return key.rpartition("/")[2].partition(" ")[0]
+def nodes(jobs: Jobs, split: Callable[[Stage], bool] = lambda stage: False) -> dict[StageId, Node]:
+    """The graph of the stages of all jobs that can be done, each after those that it needs.
 
+    A stage that is split stands there after its parts, which need the same stages.
 
-def nodes(jobs: Jobs, split: Callable[[Stage], bool] = lambda stage: False) -> dict[str, Node]:
-    """The graph of the stages of all jobs that can be done, by key, each after what it needs.
-
-    A stage that is split stands there after its parts, which need what it needs.
-
-    Ranked by kind of stage, one kind over all jobs and then the next: what many wait for comes
-    first, and one large model is in memory at a time.
+    Ranked by kind of stage, one kind over all jobs of a kind and then the next: results that many
+    wait for come first, and one large model is in memory at a time.
     """
-    found: dict[str, Node] = {}
-    keys: dict[Path, str] = {}  # folder -> key of the stage that fills it
-    for some in (jobs.identities, jobs.dubs):
-        sound = [
-            (job, name, stage)
-            for job in some.values()
-            if not (job.blocked or any(jobs.identities[p].blocked for p in job.waits_for))
-            for name, stage in job.stages.items()
-        ]
-        for kind in dict.fromkeys(stage.name for _, _, stage in sound):
-            for job, name, stage in sound:
-                if stage.name == kind:
-                    sources = [s for s in stage.inputs.values() if isinstance(s, Stage)]
-                    needs = tuple(dict.fromkeys(keys[s.folder] for s in sources))
-                    parts = []
-                    for of in stage.parts if split(stage) else ():
-                        part = part_of(stage, of)
-                        node = Node(job, job.name_of(part), part, len(found), needs)
-                        found[node.key] = node
-                        parts.append(node.key)
-                    node = Node(job, name, stage, len(found), (*needs, *parts))
-                    found[node.key] = node
-                    keys[stage.folder] = node.key
-    return found
+    graph: dict[StageId, Node] = {}
+    for job_kind in dict.fromkeys(job.kind for job in jobs.all()):
+        some = [job for job in jobs.named(job_kind).values() if jobs.blocked(job) is None]
+        stages = [(job, stage) for job in some for stage in job.stages.values()]
+        for kind in dict.fromkeys(stage.kind for _, stage in stages):
+            for job, stage in stages:
+                if stage.kind == kind:
+                    sources = [s.id for s in stage.inputs.values() if isinstance(s, Stage)]
+                    needs, parts = tuple(dict.fromkeys(sources)), []
+                    for name in stage.parts() if split(stage) else ():
+                        part = Part.of(stage, name)
+                        graph[part.id] = Node(job, part, len(graph), needs)
+                        parts.append(part.id)
+                    graph[stage.id] = Node(job, stage, len(graph), (*needs, *parts))
+    return graph

@@ -1,14 +1,14 @@
-"""What became of a stage and of a job, and what shows it."""
+"""The outcome of a stage and of a job, and the interface of displays."""
 
 import traceback
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from dubbing.engine.graph import Job
-from dubbing.engine.stage import Stage
-from dubbing.errors import DubbingError
-from dubbing.files import system_error
-from dubbing.memory import ROOM, SHORT, short_of_memory
+from .errors import ExplainedError
+from .files import system_error
+from .graph import Job
+from .memory import ROOM, SHORT, short_of_memory
+from .stage import Stage
 
 
 @dataclass(frozen=True)
@@ -22,18 +22,18 @@ class Failure:
     trace: str = ""
 
     def __str__(self) -> str:
-        return str(DubbingError(self.what, self.where, self.remedy))
+        return str(ExplainedError(self.what, self.where, self.remedy))
 
 
 @dataclass
 class Outcome:
-    """What became of one job in this run.
+    """The outcome of one job in this run.
 
     Attributes:
-        state: made, kept (all was up to date), failed, skipped (its identity failed), or stopped
+        state: made, kept (all was up to date), failed, skipped (a job before it failed), or stopped
             (not finished because another failed and ``keep_going`` was off).
-        reasons: stage -> why it had to run.
-        seconds: stage -> how long it took.
+        reasons: kind of stage -> why it had to run.
+        seconds: kind of stage -> how long it took.
     """
 
     state: str = "kept"
@@ -43,7 +43,7 @@ class Outcome:
 
 
 class Reporter(Protocol):
-    """What shows how the work goes on."""
+    """Shows how the work goes on."""
 
     def overall(self, done: int, total: int) -> None:
         """So many of all stages are done."""
@@ -60,7 +60,7 @@ class Reporter(Protocol):
 
 def failure_of(stage: str, error: BaseException) -> Failure:
     """An error as something to show to people."""
-    if isinstance(error, DubbingError):
+    if isinstance(error, ExplainedError):
         return Failure(stage, error.what, error.where, error.remedy)
     trace = "".join(traceback.format_exception(error))
     what = f"{type(error).__name__}: {error}"

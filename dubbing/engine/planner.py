@@ -1,48 +1,67 @@
-"""What a run would do, and why; nothing is written and no torch is loaded."""
+"""The work of a run, and the reasons for it; nothing is written and nothing heavy is loaded."""
+
+from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.stage import Stage
+from .graph import Job, Jobs
+from .stage import Stage
+from .stage_id import StageId
+
+UP_TO_DATE, RUN, AFTER, BLOCKED = "up to date", "run", "after", "blocked"
 
 
 @dataclass(frozen=True)
 class Row:
-    """One stage of one job. ``state``: up to date, run, after (a stage before it runs), blocked."""
+    """One stage of one job, or a job that is blocked.
+
+    Attributes:
+        stage: None for a job that is blocked.
+        state: up to date, run, after (a stage before it runs) or blocked.
+    """
 
     job: Job
-    stage: str
+    stage: Stage | None
     state: str
     reasons: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The stage as people read it."""
+        return self.stage.id.name if self.stage else "all"
 
 
 def rows(jobs: Jobs, force: tuple[str, ...] = ()) -> list[Row]:
     """All stages in the order in which a run looks at them, job by job."""
-    runs: set[str] = set()
+    runs: set[StageId] = set()
     found: list[Row] = []
     for job in jobs.all():
-        people = (jobs.identities[name].blocked for name in job.waits_for)
-        error = job.blocked or next(filter(None, people), None)
-        if error:
-            found.append(Row(job, "all", "blocked", (str(error),)))
+        if error := jobs.blocked(job):
+            found.append(Row(job, None, BLOCKED, (str(error),)))
             continue
-        for name, stage in job.stages.items():
-            row = _row(job, name, stage, runs, force)
+        for stage in job.stages.values():
+            row = _row(job, stage, runs, force)
             found.append(row)
-            if row.state != "up to date":
-                runs.add(str(stage.folder))
+            if row.state != UP_TO_DATE:
+                runs.add(stage.id)
     return found
 
 
-def _row(job: Job, name: str, stage: Stage, runs: set[str], force: tuple[str, ...]) -> Row:
+def to_do(rows: list[Row]) -> set[StageId]:
+    """The stages that will run, or may have to."""
+    return {row.stage.id for row in rows if row.stage and row.state in (RUN, AFTER)}
+
+
+def _row(job: Job, stage: Stage, runs: set[StageId], force: tuple[str, ...]) -> Row:
     before = [
-        source.name
+        source.kind
         for source in stage.inputs.values()
-        if isinstance(source, Stage) and str(source.folder) in runs
+        if isinstance(source, Stage) and source.id in runs
     ]
-    reasons = ["forced"] if stage.name in force else stage.changes()
+    reasons = ["forced"] if stage.kind in force else stage.changes()
     if reasons:
-        return Row(job, name, "run", tuple(reasons))
+        return Row(job, stage, RUN, tuple(reasons))
     if before:
-        return Row(job, name, "after", (f"if {' or '.join(before)} gives another result",))
-    return Row(job, name, "up to date")
+        kinds = " or ".join(dict.fromkeys(before))
+        return Row(job, stage, AFTER, (f"if {kinds} gives another result",))
+    return Row(job, stage, UP_TO_DATE)

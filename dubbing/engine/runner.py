@@ -13,24 +13,25 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from dubbing.engine import claims
-from dubbing.engine.claims import Watch
-from dubbing.engine.executors import FAILED, HELD, KILLED, MADE, Done, Executor, InLine, Task
-from dubbing.engine.graph import Jobs, Node, nodes
-from dubbing.engine.outcome import Failure, Outcome, Reporter, failure_of
-from dubbing.engine.part import Part
-from dubbing.engine.stage import Stage
-from dubbing.engine.update import check_unchanged
-from dubbing.errors import StageError
+from . import claims
+from .claims import Watch
+from .errors import StageError
+from .executors import FAILED, HELD, KILLED, MADE, Done, Executor, InLine, Task
+from .graph import Job, Jobs, Node, nodes
+from .outcome import Failure, Outcome, Reporter, failure_of
+from .part import Part
+from .stage import Stage
+from .stage_id import StageId
+from .update import check_unchanged
 
 TRIES = 3  # of a stage whose process is killed
-LOOK = 1.0  # seconds between looks at other processes; longer where there are hundreds
-SEEN = 60.0  # seconds until a result of another machine is visible here, at most
+LOOK_S = 1.0  # between looks at other processes; longer where there are hundreds
+VISIBILITY_TIMEOUT_S = 60.0  # until a result of another machine is visible here, at most
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a run behaves. ``force``: stage names to do again."""
+    """Options of a run. ``force``: kinds of stages to do again."""
 
     force: tuple[str, ...] = ()
     keep_going: bool = True
@@ -39,7 +40,7 @@ class Options:
 def run(
     jobs: Jobs, options: Options, reporter: Reporter, executor: Executor | None = None
 ) -> dict[str, Outcome]:
-    """Do everything that is not up to date; outcomes by ``kind/name``.
+    """Do everything that is not up to date; outcomes by the label of the job.
 
     Args:
         executor: where it is done; in this process by default.
@@ -64,20 +65,20 @@ class _Runner:
         self.jobs, self.options, self.outcomes = jobs, options, outcomes
         self.reporter, self.executor = reporter, executor
         # Parts are done side by side; a stage that is done afresh is done in one go.
-        self.graph = nodes(jobs, lambda s: not executor.here and s.name not in options.force)
+        self.graph = nodes(jobs, lambda s: not executor.here and s.kind not in options.force)
         self.unmet = {key: {*node.needs} for key, node in self.graph.items()}
-        self.readers: dict[str, list[str]] = {key: [] for key in self.graph}
+        self.readers: dict[StageId, list[StageId]] = {key: [] for key in self.graph}
         for key, node in self.graph.items():
             for source in node.needs:
                 self.readers[source].append(key)
         self.ready = sorted((node.rank, key) for key, node in self.graph.items() if not node.needs)
-        self.running: set[str] = set()
-        self.elsewhere: dict[str, Watch] = {}  # at work in another run
-        self.settled: set[str] = set()
-        self.lost: set[Path] = set()  # folders of stages that failed
-        self.begun: set[str] = set()
-        self.reasons: dict[str, list[str]] = {}
-        self.tries: dict[str, int] = {}
+        self.running: set[StageId] = set()
+        self.elsewhere: dict[StageId, Watch] = {}  # at work in another run
+        self.settled: set[StageId] = set()
+        self.lost: set[StageId] = set()  # stages that failed
+        self.begun: set[StageId] = set()
+        self.reasons: dict[StageId, list[str]] = {}
+        self.tries: dict[StageId, int] = {}
         self.looked = 0.0
         # The whole run uses the inputs as they are now.
         self.began: dict[Path, str] = {}
@@ -91,11 +92,11 @@ class _Runner:
         try:
             yield
         except Exception as error:
-            self._lose(node, failure_of(node.stage.name, error))
+            self._lose(node, failure_of(node.stage.id.kind, error))
 
     def _lose(self, node: Node, failure: Failure) -> None:
         """Record the failure of a stage; a job keeps the first one."""
-        self.lost.add(node.stage.folder)
+        self.lost.add(node.stage.id)
         outcome = self.outcomes[node.job.label]
         if outcome.failure is None:
             outcome.state, outcome.failure = FAILED, failure
@@ -104,8 +105,8 @@ class _Runner:
         """Submit and settle stages until none is left that can be done."""
         self._submit_ready()
         while self.running or self.elsewhere:
-            for done in self.executor.wait(claims.PACE):
-                self._settle(self.graph[done.key], done)
+            for done in self.executor.wait(claims.POLL_S):
+                self._settle(self.graph[done.id], done)
             self._look()
             self._submit_ready()
         self._mark_unfinished()
@@ -118,10 +119,10 @@ class _Runner:
         while self.ready:
             _, key = heapq.heappop(self.ready)
             node = self.graph[key]
-            if node.stage.folder in self.lost:
+            if node.stage.id in self.lost:
                 continue
             with self._failing(node):
-                forced = node.stage.name in self.options.force
+                forced = node.stage.id.kind in self.options.force
                 reasons = ["forced"] if forced else node.stage.changes()
                 if not reasons:
                     self._finish(node)
@@ -132,27 +133,27 @@ class _Runner:
 
     def _submit(self, node: Node, reasons: list[str]) -> None:
         check_unchanged(node.stage, node.stage.sources(), self.began)
-        self.reasons[node.key] = reasons
-        self.running.add(node.key)
+        self.reasons[node.stage.id] = reasons
+        self.running.add(node.stage.id)
         progress = partial(self.reporter.progress, node.job, node.stage)
-        forced = node.stage.name in self.options.force
+        forced = node.stage.id.kind in self.options.force
         begin = partial(self._begin, node)
-        task = Task(node.rank, node.key, node.stage, forced, self.began, begin, progress)
+        task = Task(node.rank, node.stage, forced, self.began, begin, progress)
         self.executor.submit(task)
 
     def _wait_for(self, node: Node, watch: Watch) -> None:
-        self.reasons.setdefault(node.key, ["another run is at work on it"])
-        self.elsewhere[node.key] = watch
+        self.reasons.setdefault(node.stage.id, ["another run is at work on it"])
+        self.elsewhere[node.stage.id] = watch
 
     def _begin(self, node: Node) -> None:
-        if node.key not in self.begun:
-            self.begun.add(node.key)
-            self.reporter.begin(node.job, node.stage, self.reasons[node.key])
+        if node.stage.id not in self.begun:
+            self.begun.add(node.stage.id)
+            self.reporter.begin(node.job, node.stage, self.reasons[node.stage.id])
 
     def _look(self) -> None:
         """Report how far the stages of other processes are, and free those that ended."""
         others = [*self.elsewhere, *(() if self.executor.here else self.running)]
-        if time.monotonic() - self.looked < max(LOOK, len(others) * LOOK / 100):
+        if time.monotonic() - self.looked < max(LOOK_S, len(others) * LOOK_S / 100):
             return
         self.looked = time.monotonic()
         for key in others:
@@ -162,7 +163,7 @@ class _Runner:
                 self.reporter.progress(node.job, node.stage, life.message, life.share)
             if key in self.elsewhere and self._free(node, self.elsewhere[key]):
                 del self.elsewhere[key]
-                if node.stage.folder not in self.lost:
+                if node.stage.id not in self.lost:
                     heapq.heappush(self.ready, (node.rank, key))
 
     def _free(self, node: Node, watch: Watch) -> bool:
@@ -172,25 +173,25 @@ class _Runner:
         return True
 
     def _settle(self, node: Node, done: Done) -> None:
-        self.running.discard(node.key)
+        self.running.discard(node.stage.id)
         failure = done.failure
         if done.state == HELD:
             self._wait_for(node, Watch(node.stage.folder))
             return
         if done.state == KILLED:
             self._free(node, Watch(node.stage.folder))  # which sweeps its claim away
-            self.tries[node.key] = self.tries.get(node.key, 0) + 1
-            if self.tries[node.key] < TRIES:
-                heapq.heappush(self.ready, (node.rank, node.key))
+            self.tries[node.stage.id] = self.tries.get(node.stage.id, 0) + 1
+            if self.tries[node.stage.id] < TRIES:
+                heapq.heappush(self.ready, (node.rank, node.stage.id))
                 return
             remedy = "run again, with fewer --jobs if memory ran short"
             what = f"its process was killed, {TRIES} times"
-            failure = Failure(node.stage.name, what, remedy=remedy)
+            failure = Failure(node.stage.id.kind, what, remedy=remedy)
         self._begin(node)
         outcome = self.outcomes[node.job.label]
         if done.state == MADE or failure:
-            kind = node.stage.name
-            outcome.reasons.setdefault(kind, self.reasons[node.key])
+            kind = node.stage.id.kind
+            outcome.reasons.setdefault(kind, self.reasons[node.stage.id])
             outcome.seconds[kind] = outcome.seconds.get(kind, 0.0) + done.seconds
             outcome.state = "made" if outcome.state == "kept" else outcome.state
         if failure:
@@ -204,27 +205,27 @@ class _Runner:
 
     def _await_result(self, stage: Stage) -> None:
         """Wait until the result is visible here: a network may show an older state of a folder."""
-        waited = time.monotonic() + SEEN
+        waited = time.monotonic() + VISIBILITY_TIMEOUT_S
         while (record := stage.record()) is None or record["key"] != stage.key():
             if time.monotonic() > waited:
                 what = "it was made, but cannot be seen from here"
                 raise StageError(what, str(stage.folder), "share the output folder, then run again")
             with suppress(OSError):
                 os.listdir(stage.folder.parent)
-            time.sleep(claims.PACE)
+            time.sleep(claims.POLL_S)
 
     def _finish(self, node: Node) -> None:
         """A stage is up to date: stages that need it may be ready now."""
-        self.settled.add(node.key)
+        self.settled.add(node.stage.id)
         self._end(node, None)
-        for key in self.readers[node.key]:
-            self.unmet[key].discard(node.key)
+        for key in self.readers[node.stage.id]:
+            self.unmet[key].discard(node.stage.id)
             if not self.unmet[key]:
                 heapq.heappush(self.ready, (self.graph[key].rank, key))
 
     def _end(self, node: Node, failure: Failure | None) -> None:
-        if node.key in self.begun:
-            self.begun.remove(node.key)
+        if node.stage.id in self.begun:
+            self.begun.remove(node.stage.id)
             self.reporter.end(node.job, node.stage, failure)
         self.reporter.overall(len(self.settled), len(self.graph))
 
@@ -235,21 +236,25 @@ class _Runner:
         )
 
     def _mark_unfinished(self) -> None:
-        """Mark jobs that are neither done nor failed: their identity failed, or the run stopped."""
+        """Mark jobs that are neither done nor failed: one before failed, or the run stopped."""
         for job in self.jobs.all():
             outcome = self.outcomes[job.label]
-            left = [s for n, s in job.stages.items() if f"{job.label}/{n}" not in self.settled]
+            left = [stage for name, stage in job.stages.items() if name not in self.settled]
             if outcome.failure or (job.stages and not left):
                 continue
-            lost = self.lost & {folder for stage in left for folder in stage.ancestors()}
-            for person in (self.jobs.identities[name] for name in job.waits_for):
-                failure = self.outcomes[person.label].failure
-                own = {stage.folder for stage in person.stages.values()}
-                if failure and (person.blocked or lost & own):
-                    what = f"identity {person.name} failed: {failure.what}"
-                    outcome.failure = replace(failure, what=what, trace="")
-                    outcome.state = "skipped"
-                    break
-            else:
-                if not self.options.keep_going:
-                    outcome.state = "stopped"
+            if (failed := self._failed_before(job, left)) is not None:
+                failure = self.outcomes[failed.label].failure
+                assert failure is not None
+                what = f"{failed.kind} {failed.name} failed: {failure.what}"
+                outcome.failure = replace(failure, what=what, trace="")
+                outcome.state = "skipped"
+            elif not self.options.keep_going:
+                outcome.state = "stopped"
+
+    def _failed_before(self, job: Job, left: list[Stage]) -> Job | None:
+        """The job whose failure keeps a job from being done."""
+        lost = self.lost & {name for stage in left for name in stage.ancestors()}
+        for other in (self.jobs.by_label[label] for label in job.waits_for):
+            if self.outcomes[other.label].failure and (other.blocked or lost & {*other.stages}):
+                return other
+        return None

@@ -1,10 +1,11 @@
-"""How long a graph of stages takes on so many workers, from how long each stage takes."""
+"""Time that a graph of stages takes on several workers, from the time of each stage."""
 
 import heapq
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from dubbing.engine.graph import Node
+from .graph import Node
+from .stage_id import StageId
 
 
 @dataclass(frozen=True)
@@ -14,28 +15,30 @@ class Schedule:
     Attributes:
         seconds: from its start to its end.
         idle: share of the workers' time in which they wait.
-        critical: keys of the longest chain of stages, each of which needs the one before it.
+        critical: the longest chain of stages, each of which needs the one before it.
     """
 
     seconds: float
     idle: float
-    critical: tuple[str, ...]
+    critical: tuple[StageId, ...]
 
 
-def simulate(graph: Mapping[str, Node], seconds: Mapping[str, float], workers: int) -> Schedule:
-    """Every worker does what is ready, the lowest rank first, as `dubbing.engine.runner` does.
+def simulate(
+    graph: Mapping[StageId, Node], seconds: Mapping[StageId, float], workers: int
+) -> Schedule:
+    """Every worker does what is ready, the lowest rank first, as `runner` does.
 
     Args:
-        seconds: of each stage by its key; of none where it takes no time.
+        seconds: of each stage; none of those that take no time.
     """
     unmet = {key: len(set(node.needs)) for key, node in graph.items()}
-    readers: dict[str, list[str]] = {key: [] for key in graph}
+    readers: dict[StageId, list[StageId]] = {key: [] for key in graph}
     for key, node in graph.items():
         for source in set(node.needs):
             readers[source].append(key)
     ready = [(graph[key].rank, key) for key, count in unmet.items() if not count]
     heapq.heapify(ready)
-    running: list[tuple[float, str]] = []
+    running: list[tuple[float, StageId]] = []
     now = 0.0
     while ready or running:
         while ready and len(running) < workers:
@@ -51,17 +54,19 @@ def simulate(graph: Mapping[str, Node], seconds: Mapping[str, float], workers: i
     return Schedule(now, idle, critical_path(graph, seconds))
 
 
-def critical_path(graph: Mapping[str, Node], seconds: Mapping[str, float]) -> tuple[str, ...]:
-    """Keys of the longest chain, the first first. The graph names a stage after what it needs."""
-    ends: dict[str, float] = {}
-    before: dict[str, str] = {}
+def critical_path(
+    graph: Mapping[StageId, Node], seconds: Mapping[StageId, float]
+) -> tuple[StageId, ...]:
+    """The longest chain, the first first. The graph has a stage after those that it needs."""
+    ends: dict[StageId, float] = {}
+    before: dict[StageId, StageId | None] = {}
     for key, node in graph.items():
-        last = max(node.needs, key=ends.__getitem__, default="")
-        ends[key] = seconds.get(key, 0.0) + ends.get(last, 0.0)
+        last = max(node.needs, key=ends.__getitem__, default=None)
+        ends[key] = seconds.get(key, 0.0) + (0.0 if last is None else ends[last])
         before[key] = last
-    key = max(ends, key=ends.__getitem__, default="")
+    at = max(ends, key=ends.__getitem__, default=None)
     chain = []
-    while key:
-        chain.append(key)
-        key = before[key]
+    while at is not None:
+        chain.append(at)
+        at = before[at]
     return tuple(reversed(chain))

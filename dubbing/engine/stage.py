@@ -1,28 +1,49 @@
-"""A stage: a folder of results with a record, written last, of how they were made.
+"""A stage: one piece of work that declares what it depends on, and the folder of its results.
 
-A stage is done only if its record holds: same version, parameters and inputs, and every output
-as it was. ``Stage.changes`` lists what does not hold. Work in progress lives in a sibling folder
-named after the key (a digest of version, parameters and inputs): a rerun with the same key goes on
-there, other settings never pick it up, and the last good result stays until the new one is whole.
+    @dataclass(frozen=True, kw_only=True)
+    class Render(Stage):
+        model: Stage          # an input: another stage, whose results are read
+        audio: Path           # an input: a file, whose content counts and whose path does not
+        first: int            # a parameter: plain data
+        device: Setting[str]  # a setting: no byte of the results depends on it
+
+        def run(self, out: Path, progress: Progress) -> None: ...
+
+Files and stages count as inputs wherever they stand in a field: in tuples, mappings and
+dataclasses, too. Everything else in there is a parameter, unless it is marked as a setting. The
+code of the class's module, and of all modules that it imports, counts as well. So a stage that
+uses its fields alone cannot depend on anything that is not part of its key, but for its settings.
+
+A stage is done only if its record holds: same code, parameters and inputs, and every output as it
+was. ``Stage.changes`` lists what does not hold. Work in progress lives in a sibling folder named
+after the key (a digest of code, parameters and inputs): a rerun with the same key continues there,
+other settings never pick it up, and the last good result stays until the new one is whole.
 """
 
 from __future__ import annotations
 
 import os
-import stat
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Self
 
 from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
-from dubbing import json_records
-from dubbing.errors import DubbingError
-from dubbing.files import PARTIAL, digest_data, digest_file, while_unchanged
+from . import json_records
+from .code_version import code_version
+from .errors import ExplainedError
+from .fields import INPUT, Setting, counted, differences, without_inputs
+from .file_digests import digest_of
+from .files import PARTIAL, digest_data
+from .stage_id import StageId
 
 RECORD = "stage.json"
+Progress = Callable[[str, float], None]  # called with a message, and the share of the work done
+ReportShare = Callable[[float], None]  # called with the share of the work done
 
 
 class Output(TypedDict):
@@ -33,7 +54,7 @@ class Output(TypedDict):
 
 
 class Record(TypedDict):
-    """What of a stage's record is read again."""
+    """The part of a stage's record that is read again."""
 
     __pydantic_config__ = ConfigDict(extra="allow")  # type: ignore[misc]
 
@@ -45,32 +66,98 @@ class Record(TypedDict):
     seconds: float
 
 
-Progress = Callable[[str, float], None]
-Produce = Callable[[Path, Progress], None]
-
-
 @dataclass(frozen=True)
+class Rate:
+    """Cost of one unit of a stage's amount: seconds, and bytes of its results."""
+
+    seconds: float
+    bytes: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Stage:
-    """One piece of work.
+    """Base class of stages; see the module.
 
     Attributes:
-        name: what is done, as ``--force`` names it: prepare, finetune, render, ...
-        folder: where its results lie.
-        version: of the code that does it; see `code_version`.
-        parameters: plain data the results depend on.
-        inputs: what it reads: name -> a file, or an earlier stage.
-        produce: called with an empty or half-done folder to fill.
-        parts: of that work, which can be done before it, at once and by several machines: name ->
-            called with the same folder. See `dubbing.engine.part`.
+        id, folder: given by the job that it is added to; see `graph.Job.add`.
+        kind: of the class: its name in lower case, ``refine_poses``, as ``--force`` takes it.
+        packages: top packages whose code counts.
+        without_effect: modules of these whose code does not count, with all that lies in them.
+        typical: cost of one unit of `amount` where nothing is measured.
     """
 
-    name: str
-    folder: Path
-    version: str
-    parameters: Mapping[str, Any]
-    inputs: Mapping[str, Path | Stage]
-    produce: Produce = field(repr=False, compare=False)
-    parts: Mapping[str, Produce] = field(default_factory=dict, repr=False, compare=False)
+    id: Setting[StageId] = field(default=StageId(), compare=False)
+    folder: Setting[Path] = field(default=Path(), compare=False)
+
+    kind: ClassVar[str]
+    packages: ClassVar[tuple[str, ...]] = ()
+    without_effect: ClassVar[tuple[str, ...]] = ()
+    typical: ClassVar[Rate] = Rate(1.0)
+
+    def __init_subclass__(cls) -> None:
+        cls.kind = re.sub(r"(?<!^)(?=[A-Z])", "_", cls.__name__).lower()
+
+    def run(self, out: Path, progress: Progress) -> None:
+        """Fill a folder with the results.
+
+        Args:
+            out: empty, or as an interrupted run left it.
+        """
+        raise NotImplementedError
+
+    def amount(self) -> float:
+        """How much work it is: what the time that it takes grows with."""
+        return 1.0
+
+    def memory(self) -> float:
+        """Bytes that its process needs."""
+        return 0.0
+
+    def rate_kind(self) -> str:
+        """Name of the rate that it goes by: stages of one name take the same time a unit."""
+        return self.kind
+
+    def typical_rate(self) -> Rate:
+        """Cost of one unit of its amount where nothing is measured."""
+        return self.typical
+
+    def needs_gpu(self) -> bool:
+        """Whether only a machine with a GPU can do it."""
+        return False
+
+    def parts(self) -> Mapping[str, Self]:
+        """The same work in parts that several machines can do at once; none by default.
+
+        Each differs from the whole in settings alone. See `part`.
+        """
+        return {}
+
+    @classmethod
+    def versions(cls) -> dict[str, str]:
+        """Versions of packages and programs, for the record."""
+        return {}
+
+    @property
+    def version(self) -> str:
+        """Digest of the code that does the work."""
+        return code_version(type(self).__module__, self.packages, self.without_effect)
+
+    @property
+    def parameters(self) -> Mapping[str, Any]:
+        """Plain data that the results depend on, by field."""
+        return self._declared[1]
+
+    @property
+    def inputs(self) -> Mapping[str, Path | Stage]:
+        """The files and stages that it reads, by field, and place in the field."""
+        return self._declared[0]
+
+    @cached_property
+    def _declared(self) -> tuple[dict[str, Path | Stage], dict[str, Any]]:
+        """Inputs and parameters, as its fields hold them."""
+        inputs: dict[str, Any] = {}
+        plain = without_inputs("", counted(self), inputs, (Path, Stage))
+        return inputs, {} if plain is INPUT else plain
 
     def digests(self) -> dict[str, str]:
         """Digest of every input, as it is now."""
@@ -86,12 +173,12 @@ class Stage:
             found |= source.sources() if isinstance(source, Stage) else {source: digest_of(source)}
         return found
 
-    def ancestors(self) -> set[Path]:
-        """Folders of all stages that its results go back to."""
-        found: set[Path] = set()
+    def ancestors(self) -> set[StageId]:
+        """All stages that its results go back to."""
+        found: set[StageId] = set()
         for source in self.inputs.values():
             if isinstance(source, Stage):
-                found |= {source.folder, *source.ancestors()}
+                found |= {source.id, *source.ancestors()}
         return found
 
     def result(self) -> str:
@@ -101,7 +188,7 @@ class Stage:
 
     def key(self) -> str:
         """Names one way to do this stage: the same key gives the same results."""
-        return digest_data([self.name, self.version, dict(self.parameters), self.digests()])
+        return digest_data([self.kind, self.version, dict(self.parameters), self.digests()])
 
     def fingerprint(self) -> str:
         """All `fingerprints` in one."""
@@ -112,7 +199,7 @@ class Stage:
 
         Its code, each of its parameters, and all files that it goes back to.
         """
-        files = [self.name, self.digests(), {str(k): v for k, v in self.sources().items()}]
+        files = [self.kind, self.digests(), {str(k): v for k, v in self.sources().items()}]
         meant = {"code": self.version, "files": files, **self.parameters}
         return {name: digest_data(value)[:12] for name, value in meant.items()}
 
@@ -120,9 +207,9 @@ class Stage:
         """The record of a finished run, or None: one of another shape is no record."""
         try:
             return json_records.read(
-                (folder or self.folder) / RECORD, Record, f"record of {self.name}"
+                (folder or self.folder) / RECORD, Record, f"record of {self.kind}"
             )
-        except DubbingError:
+        except ExplainedError:
             return None
 
     def partial(self) -> Path:
@@ -140,10 +227,7 @@ class Stage:
         reasons = []
         if record["version"] != self.version:
             reasons.append("the code of the stage changed")
-        for name in sorted({*record["parameters"], *self.parameters}):
-            before, now = record["parameters"].get(name), self.parameters.get(name)
-            if before != now:
-                reasons.append(f"{name}: {before} before, {now} now")
+        reasons += differences(record["parameters"], self.parameters)
         digests = self.digests()
         changed = [
             n for n in {*record["inputs"], *digests} if record["inputs"].get(n) != digests.get(n)
@@ -159,17 +243,3 @@ class Stage:
 
     def _inputs_ready(self) -> bool:
         return all(not isinstance(s, Stage) or s.record() for s in self.inputs.values())
-
-
-def digest_of(path: Path) -> str:
-    """Digest of a file, read once as long as it does not change; '' where there is none."""
-    try:
-        regular = stat.S_ISREG(os.stat(path).st_mode)
-    except FileNotFoundError:
-        return ""
-    return _digest(path) if regular else ""  # a pipe in its place would block whoever reads it
-
-
-@while_unchanged(65536)
-def _digest(path: Path) -> str:
-    return digest_file(path)

@@ -1,13 +1,9 @@
-"""One stage of a manifest brought up to date, in a process of its own.
+"""One stage brought up to date in a process of its own; see `executors.Program`.
 
-    python -m dubbing.engine.task MANIFEST JOB STAGE
-
-JOB is ``identity/NAME`` or ``dub/NAME``; STAGE is what it calls the stage, as ``render`` or
-``render host_0000010-0000050``. The last line on stdout is its result, as JSON.
-Exit code 0: it is up to date; 1: it failed; 75: another run is at work on it.
+The last line on stdout is its outcome, as JSON. Exit code 0: it is up to date; 1: it failed; 75:
+another run is at work on it; 130: interrupted.
 """
 
-import argparse
 import json
 import os
 import signal
@@ -15,76 +11,68 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict
-from importlib import import_module
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from dubbing.engine.executors import FAILED, HELD, PIPELINE, Done, Task, attempt
-from dubbing.engine.graph import Job, kind_of
-from dubbing.engine.outcome import failure_of
-from dubbing.engine.stage import Stage
-from dubbing.errors import StageError
+from . import json_records
+from .errors import StageError
+from .executors import FAILED, HELD, Call, Done, Task, attempt
+from .graph import Job
+from .outcome import failure_of
+from .stage import Stage
+from .stage_id import StageId
 
 CODES = {FAILED: 1, HELD: os.EX_TEMPFAIL}
 INTERRUPTED = 130
-KEY = "the key of the invisible mark"
-SHARE_KEY = (
-    "copy mark.key from the settings folder of where the run was started into the one here, or "
-    "name a key in the manifest, `mark: {key: FILE}`; see docs/cluster.md"
-)
-WORDS = {"code": "the code", "files": "a file that it reads", "mark": KEY}
-LOOKS = 5  # one a second, until results of another machine are seen here
+LOOKS = 5  # one a second, until results of another machine are visible here
+Find = Callable[..., Job]
+Difference = tuple[str, str]  # what differs, and a remedy
 
 
-def main() -> int:
-    """Does one task; gives the exit code."""
-    parser = argparse.ArgumentParser(description="Bring one stage of a manifest up to date.")
-    parser.add_argument("manifest", type=Path)
-    parser.add_argument("job", help="identity/NAME or dub/NAME")
-    parser.add_argument("stage", help="by its name in the job")
-    parser.add_argument("--device", default="auto", help="auto, cpu or cuda")
-    parser.add_argument("--force", action="store_true", help="do it again")
-    parser.add_argument("--expect", help="the stage's fingerprints where the run was started")
-    parser.add_argument("--pipeline", default=PIPELINE, help="module that declares the stages")
-    chosen = parser.parse_args()
+def main(argument: str, job_of: Find, known: Mapping[str, Difference] | None = None) -> int:
+    """Do the task of one call; gives the exit code.
+
+    Args:
+        argument: a `Call` as JSON.
+        job_of: makes a job again from its label, and the arguments of the `Program`.
+        known: for parameters that depend on the machine: the error where one differs here.
+    """
     signal.signal(signal.SIGTERM, _interrupt)
     _end_with_parent()
     printed, sys.stdout = sys.stdout, sys.stderr  # libraries print, too
     try:
-        done = _done(chosen)
+        done = _done(argument, job_of, known or {})
     except KeyboardInterrupt:
         return INTERRUPTED
     print(json.dumps(asdict(done)), file=printed, flush=True)
     return CODES.get(done.state, 0)
 
 
-def _done(chosen: argparse.Namespace) -> Done:
-    key = f"{chosen.job}/{chosen.stage}"
+def _done(argument: str, job_of: Find, known: Mapping[str, Difference]) -> Done:
+    call = json_records.parse(argument, Call, "call", "its argument", "let a run make it")
+    name = StageId(**call.stage)
     try:
-        job_of: Callable[[Path, str, str], Job] = import_module(chosen.pipeline).job_of
-        job = job_of(chosen.manifest, chosen.job, chosen.device)
+        job = job_of(name.job, *call.arguments)
         if job.blocked:
             raise job.blocked
-        stage = job.stage(chosen.stage)
-        if chosen.expect:
-            _expect(stage, json.loads(chosen.expect))
+        stage = job.find(name)
+        _expect(stage, call.expected, known)
     except Exception as error:
-        return Done(key, FAILED, failure=failure_of(kind_of(key), error))
-    return attempt(Task(0, key, stage, chosen.force, {}, _nothing, _nothing))
+        return Done(name, FAILED, failure=failure_of(name.kind, error))
+    return attempt(Task(0, stage, call.force, {}, _nothing, _nothing))
 
 
-def _expect(stage: Stage, fingerprints: dict[str, str]) -> None:
+def _expect(stage: Stage, expected: dict[str, str], known: Mapping[str, Difference]) -> None:
     """Raises StageError where the stage is not the one that the run means.
 
     A folder over a network may be seen as it was some seconds ago: listing it brings it up to date.
     """
     for _ in range(LOOKS):
         here = stage.fingerprints()
-        other = [n for n in {**fingerprints, **here} if fingerprints.get(n) != here.get(n)]
+        other = [n for n in {**expected, **here} if expected.get(n) != here.get(n)]
         if not other:
             return
         for source in stage.inputs.values():
@@ -92,16 +80,18 @@ def _expect(stage: Stage, fingerprints: dict[str, str]) -> None:
                 with suppress(OSError):
                     os.listdir(source.folder.parent)
         time.sleep(1)
-    where = f"{stage.name} on {socket.gethostname()}"
-    if other == ["mark"]:
-        raise StageError(f"{KEY} is another one here, or missing", where, SHARE_KEY)
-    named = ", ".join(WORDS.get(name, name) for name in other)
+    where = f"{stage.id.kind} on {socket.gethostname()}"
+    if len(other) == 1 and other[0] in known:
+        what, remedy = known[other[0]]
+        raise StageError(f"{what} is another one here, or missing", where, remedy)
+    words = {"code": "the code", "files": "a file that it reads"}
+    named = ", ".join(known[name][0] if name in known else words.get(name, name) for name in other)
     what = f"not what it was where the run was started: {named}"
     raise StageError(what, where, "run it again")
 
 
 def _nothing(*_arguments: Any) -> None:
-    """Who wants to know looks at the claim."""
+    """Whoever wants to know looks at the claim."""
 
 
 def _interrupt(_signal: int, _frame: FrameType | None) -> None:
@@ -118,7 +108,3 @@ def _end_with_parent() -> None:
         os._exit(INTERRUPTED)
 
     threading.Thread(target=watch, daemon=True).start()
-
-
-if __name__ == "__main__":
-    sys.exit(main())

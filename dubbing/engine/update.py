@@ -5,18 +5,13 @@ import shutil
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from functools import lru_cache
-from importlib import metadata
 from pathlib import Path
 from uuid import uuid4
 
-from dubbing import json_records
-from dubbing.engine import claims
-from dubbing.engine.claims import TAKEN_OVER, Claim, Watch
-from dubbing.engine.part import MARKS, Part
-from dubbing.engine.stage import RECORD, Progress, Stage
-from dubbing.errors import StageError
-from dubbing.files import (
+from . import claims, json_records
+from .claims import TAKEN_OVER, Claim, Watch
+from .errors import StageError
+from .files import (
     DIGESTS,
     PARTIAL,
     atomic_write_json,
@@ -25,13 +20,13 @@ from dubbing.files import (
     sync_file,
     system_error,
 )
-from dubbing.media import ffmpeg
+from .part import MARKS, Part
+from .stage import RECORD, Progress, Stage
 
 # Where another process has moved what was to be moved, or has put its own in the place.
 OVERTAKEN = (errno.ENOENT, errno.ENOTEMPTY, errno.EEXIST)
 READY = ".ready-"  # in the name of a folder of finished work that is being put in its place
 TEMPORARY = ".*.tmp*"  # names given by files.atomic_path
-PACKAGES = ("dfrf", "torch", "numpy")
 
 
 def run_stage(
@@ -49,7 +44,7 @@ def run_stage(
         wait: for another run that is at work on it.
 
     Raises:
-        DubbingError: it failed. The last good result and the partial work stay.
+        ExplainedError: it failed. The last good result and the partial work stay.
         StageError: a file that its results go back to changed; what was made of it is gone.
         LockedError: another run is at work on it.
     """
@@ -112,7 +107,7 @@ def _await_parts(stage: Stage) -> None:
     for place in stage.folder.parent.glob(f"{stage.folder.name}.*{claims.SUFFIX}"):
         watch = Watch(place.with_name(place.name.removesuffix(claims.SUFFIX)))
         while not watch.free():
-            time.sleep(claims.PACE)
+            time.sleep(claims.POLL_S)
 
 
 def _produce(
@@ -125,13 +120,13 @@ def _produce(
     """Do the work; gives the seconds it took. Its sources must not change meanwhile."""
     started = time.perf_counter()
     try:
-        stage.produce(partial, progress)
+        stage.run(partial, progress)
     except Exception:
         check_unchanged(stage, stage.sources(), sources, partial)  # its error follows from that
         raise
     check_unchanged(stage, stage.sources(), sources, partial)
     if stage.digests() != digests:
-        raise StageError("a stage before it changed meanwhile", stage.name, "run it again")
+        raise StageError("a stage before it changed meanwhile", stage.id.name, "run it again")
     return time.perf_counter() - started
 
 
@@ -141,10 +136,10 @@ def check_unchanged(
     """Raises StageError, and removes the partial work, where a file is not what it was before."""
     for path, digest in now.items():
         if before[path] != digest:
-            if partial is not None:  # else it would be gone on with, should the old file return
+            if partial is not None:  # otherwise a rerun would resume it, should the old file return
                 shutil.rmtree(partial, ignore_errors=True)
             what = f"{path.name} changed while the run was going on"
-            raise StageError(what, stage.name, "run it again")
+            raise StageError(what, stage.id.name, "run it again")
 
 
 def recover(stage: Stage) -> None:
@@ -183,13 +178,13 @@ def _seal(stage: Stage, folder: Path, *, key: str, digests: dict[str, str], seco
         name = path.relative_to(folder).as_posix()
         outputs[name] = {"bytes": path.stat().st_size, "digest": digest_file(path)}
     record = {
-        "stage": stage.name,
+        "stage": stage.kind,
         "version": stage.version,
         "key": key,
         "parameters": dict(stage.parameters),
         "inputs": digests,
         "outputs": outputs,
-        "versions": {**versions(), "ffmpeg": ffmpeg.version()},
+        "versions": stage.versions(),
         "seconds": round(seconds, 2),
     }
     atomic_write_json(folder / RECORD, record)
@@ -227,15 +222,3 @@ def _swap(stage: Stage, partial: Path) -> None:
 
 def _old(stage: Stage) -> Path:
     return stage.folder.with_name(f"{stage.folder.name}.old")
-
-
-@lru_cache(maxsize=1)
-def versions() -> dict[str, str]:
-    """Versions of what the results depend on, without importing any of it."""
-    found = {}
-    for package in PACKAGES:
-        try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
-            continue
-    return found

@@ -118,7 +118,7 @@ def load_identity(
 
     Raises:
         TrainingError: no frame shows a face.
-        DubbingError: the folder's disk is full.
+        ExplainedError: the folder's disk is full.
     """
     first = clips[0].clip
     ends = np.cumsum([0, *(len(one.with_face) for one in clips)])

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dubbing.files import make_folder, writing
+from dubbing.engine.files import make_folder, writing
 
 
 class ImageStore:
@@ -42,7 +42,7 @@ class ImageStore:
         """Adds the images (S, S) or (S, S, 3) uint8 of the next frame, one of each kind.
 
         Raises:
-            DubbingError: they cannot be written, as on a full disk.
+            ExplainedError: they cannot be written, as on a full disk.
         """
         for name, image in images.items():
             if self._folder is None:

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from typing_extensions import TypedDict
 
-from dubbing import json_records as kept
-from dubbing.errors import DubbingError
+from dubbing.engine import json_records as kept
+from dubbing.errors import ExplainedError
 
-SUMMARY_FILE = "finetune.json"  # beside a model: how it was fine-tuned
+# Beside a model: how it was fine-tuned, and its loss curve.
+SUMMARY_FILE, CURVE_FILE = "finetune.json", "loss.csv"
 
 Seconds = list[tuple[float, float]]  # first and last second of each part
 Learned = Sequence[tuple[str, Seconds]]  # file names of clips, the main one first, with seconds
@@ -31,7 +32,7 @@ def learned(finetune: Path) -> Learned:
         finetune: the stage's folder.
 
     Raises:
-        DubbingError: its summary cannot be read.
+        ExplainedError: its summary cannot be read.
     """
     summary = kept.read(finetune / SUMMARY_FILE, Summary, "summary of finetune")
     return [(summary["clip"], summary["learned"]), *summary["beside"]]
@@ -41,7 +42,7 @@ def learned_if_known(finetune: Path) -> Learned:
     """The same; empty before the fine-tune."""
     try:
         return learned(finetune)
-    except DubbingError:
+    except ExplainedError:
         return []
 
 

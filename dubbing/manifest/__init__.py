@@ -1,1 +1,1 @@
-"""What a manifest contains, and what is wrong with it."""
+"""Manifests: their keys, their mistakes, and the production that they describe."""

@@ -6,11 +6,12 @@ from itertools import pairwise
 from pathlib import Path
 
 from dubbing.manifest.entries import Dub
-from dubbing.manifest.findings import Findings, Undubbed
+from dubbing.manifest.findings import Findings
 from dubbing.manifest.messages import some
 from dubbing.manifest.reels import REMEDY
 from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
+from dubbing.production.dub import Undubbed
 from dubbing.script.line import Line
 from dubbing.script.speakers import Names
 from dubbing.script.timeline import Cue

@@ -5,103 +5,28 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Field,
     PrivateAttr,
-    ValidationInfo,
 )
-from pydantic.json_schema import SkipJsonSchema
 
-from dubbing.errors import DubbingError
-from dubbing.files import read_bounded
-from dubbing.manifest import yaml_lines
+from dubbing.manifest.consent_entry import Consent, read_form
+from dubbing.manifest.entry import Entry
 from dubbing.manifest.values import (
     BEST,
     LEARNED_SECONDS,
     LONGEST_SECONDS,
     SIZES,
-    Day,
     FilePath,
-    Filled,
-    Film,
     Language,
     LearnedSeconds,
     Name,
     PathText,
     ReelTime,
     Seconds,
-    Sha256,
     Sounds,
     check_words,
-    resolve,
 )
-
-MOST_BYTES_OF_FORM = 10**5
-
-
-class Entry(BaseModel):
-    """Frozen, of exact types, without unknown keys.
-
-    The text below a field is its description, in the schema and in the reference.
-    """
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True
-    )
-
-
-class Consent(Entry):
-    """Who agreed to be dubbed, when, to what, and where that is written down."""
-
-    by: Filled
-    """First and last name of who agreed."""
-    date: Day | None = None
-    """The day on which they agreed; no day to come."""
-    reference: Filled
-    """Where the signed copy is kept."""
-    languages: Annotated[tuple[Language, ...], Field(min_length=1, strict=False)] | None = None
-    """Languages that they agreed to, as `it` or `pt-BR`; any if left out."""
-    until: Day | None = None
-    """The last day on which a dub may be made; no end if left out."""
-    films: Annotated[tuple[Film, ...], Field(min_length=1, strict=False)] | None = None
-    """Films that they agreed to: files, or SHA-256 of files; any if left out."""
-    file: FilePath | None = None
-    """The signed copy, as a file."""
-    sha256: Sha256 | None = None
-    """SHA-256 of `file`; a file with another one is refused."""
-    form: SkipJsonSchema[FilePath | None] = None
-    """The form that these terms were read from; no key of a manifest."""
-
-    def terms(self) -> dict[str, Any]:
-        """Everything but where files lie, as plain data; what was left open is left out."""
-        terms = self.model_dump(mode="json", exclude={"file", "films", "form"}, exclude_none=True)
-        films = [film.name if isinstance(film, Path) else film for film in self.films or ()]
-        return {"date": None, **terms, **({"films": films} if films else {})}
-
-
-def _consent(value: Any, info: ValidationInfo) -> Any:
-    """A form that was filled in, where consent is the path of one."""
-    if isinstance(value, dict) and "form" in value:
-        raise ValueError("form is no key: give the path of a form in place of the keys")
-    if not isinstance(value, str):
-        return value
-    path: Path = resolve(value, info)
-    try:
-        document = yaml_lines.read(read_bounded(path, MOST_BYTES_OF_FORM).decode())
-    except (OSError, ValueError, DubbingError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise ValueError(f"the form {path} cannot be read: {reason}") from error
-    if document.problems or not isinstance(document.data, dict):
-        why = "; ".join(map(str, document.problems)) or "it holds no keys"
-        raise ValueError(f"the form {path} cannot be read: {why}")
-    if "form" in document.data:
-        raise ValueError(f"the form {path} cannot name another")
-    for key, written in document.data.items():
-        if written in (None, "", []):
-            raise ValueError(f"{key} is blank in {path}: fill it in, or delete its line")
-    return {**document.data, "form": str(path)}
 
 
 class Mark(Entry):
@@ -127,7 +52,7 @@ class Credits(Entry):
 
 
 class Label(Entry):
-    """What viewers can read."""
+    """Labels that viewers can read."""
 
     mark: bool = True
     """Write `AI-dubbed` over the image."""
@@ -192,7 +117,7 @@ class Identity(Entry):
     seconds: LearnedSeconds = LEARNED_SECONDS
     """How many seconds to learn from, or `best`: the 15 s of all clips that vary most."""
     consent: Annotated[
-        Consent, BeforeValidator(_consent, json_schema_input_type=PathText | Consent)
+        Consent, BeforeValidator(read_form, json_schema_input_type=PathText | Consent)
     ]
     """Who agreed to be dubbed, or the path of a form that `dfrf consent` wrote."""
     preset: Literal["fast", "paper", "ad-nerf", "nerf"] = "fast"

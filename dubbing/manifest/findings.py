@@ -1,4 +1,4 @@
-"""What was found in the files that a manifest names."""
+"""Contents of the files that a manifest names, and mistakes in how they are used."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -7,19 +7,8 @@ from dubbing.errors import MediaError
 from dubbing.manifest.entries import Identity
 from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo, probe
+from dubbing.production.dub import Undubbed
 from dubbing.script.timeline import Cue
-
-
-@dataclass(frozen=True)
-class Undubbed:
-    """A line of a script that nobody dubs, in frames of the film, and why not."""
-
-    number: int
-    first: int
-    stop: int
-    speaker: str
-    words: str
-    why: str
 
 
 @dataclass(frozen=True)
@@ -29,13 +18,21 @@ class Scene:
     Attributes:
         clip: the film.
         cues: in the order of their times.
+        length: frames of the dub.
+        first: frame of the film under its first frame.
+        on_longer_audio: see `timeline.pose_index`.
+        film_heard: whether the film's own sound lies under the voices.
         left: frames (first, stop) in which people speak who are not dubbed.
         undubbed: the lines of these frames, and all others of the film that nobody dubs.
         elsewhere: how many lines of the script are of other shots than this film.
     """
 
     clip: Path
-    cues: tuple[Cue, ...]
+    cues: tuple[Cue, ...] = ()
+    length: int = 0
+    first: int = 0
+    on_longer_audio: str = "cut"
+    film_heard: bool = False
     left: tuple[tuple[int, int], ...] = ()
     undubbed: tuple[Undubbed, ...] = ()
     elsewhere: int = 0
@@ -43,12 +40,13 @@ class Scene:
 
 @dataclass
 class Findings:
-    """What the files hold, the damaged ones, and what is wrong with how they are used.
+    """Contents of the files, damaged files, and mistakes in how they are used.
 
     ``baseless``: what is wrong with learning people from a base, which not every command does.
 
     ``scenes``: by the place of the dub in the list, of those whose files are good; ``blocked``: a
-    damaged file of the others. ``identities``: with the clip that each learns from.
+    damaged file of the others. ``identities``: with the clip that each learns from. ``dubs``:
+    places of those that were looked into.
     """
 
     media: dict[Path, MediaInfo] = field(default_factory=dict)
@@ -58,6 +56,7 @@ class Findings:
     warnings: list[str] = field(default_factory=list)
     scenes: dict[int, Scene] = field(default_factory=dict)
     identities: dict[str, Identity] = field(default_factory=dict)
+    dubs: set[int] = field(default_factory=set)
     blocked: dict[int, MediaError] = field(default_factory=dict)
 
     def look(self, path: Path, key: KeyPath) -> MediaInfo | None:
@@ -75,5 +74,5 @@ class Findings:
         return self.media.get(path)
 
     def add(self, key: KeyPath, message: str) -> None:
-        """Something is wrong at a key."""
+        """Add a problem at a key."""
         self.problems.append((key, message))

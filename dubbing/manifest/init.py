@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 
-from dubbing.errors import DubbingError, ManifestError, MediaError, Problem
-from dubbing.files import atomic_write_text, make_folder
+from dubbing.engine.files import atomic_write_text, make_folder
+from dubbing.errors import ExplainedError, ManifestError, MediaError, Problem
 from dubbing.manifest.schema import shipped_uri
 from dubbing.media import MediaInfo, probe
 from dubbing.script.reading import READERS, read_lines
@@ -40,7 +40,7 @@ def write_manifest(folder: Path, say: Callable[[str], None] = lambda _: None) ->
 
     Raises:
         ManifestError: there is a manifest already, or nothing to write one from.
-        DubbingError: nothing can be written there.
+        ExplainedError: nothing can be written there.
     """
     make_folder(folder)
     target = folder / NAME
@@ -159,7 +159,7 @@ def _scene(script: Path, found: _Found, *, pair: bool) -> tuple[list[str], str]:
     info = found.clips[clip]
     try:
         lines = read_lines(script, info.rate or Fraction(25), None)
-    except DubbingError as error:
+    except ExplainedError as error:
         return keys, f"  # {' '.join(str(error).split())}"
     names = list(dict.fromkeys(line.speaker for line in lines))
     speaker = names[0] if len(names) == 1 else next((n for n in names if _key(n) == _key(clip)), "")

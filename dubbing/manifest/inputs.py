@@ -4,7 +4,7 @@ import datetime
 from collections.abc import Mapping
 from pathlib import Path
 
-from dubbing.errors import DubbingError, MediaError
+from dubbing.errors import ExplainedError, MediaError
 from dubbing.manifest import preset_checks as published
 from dubbing.manifest import provenance_checks, sound_checks, terms
 from dubbing.manifest.entries import Dub, Identity
@@ -30,6 +30,7 @@ def inspect(identities: Mapping[str, Identity], dubs: Mapping[int, Dub]) -> Find
         _identity(findings, name, findings.identities[name])
         sound_checks.of_learning(findings, name, findings.identities[name])
     for place, dub in dubs.items():
+        findings.dubs.add(place)
         _dub(findings, place, dub, findings.identities)
     for info in findings.media.values():
         sound_checks.of_tracks(findings, info)
@@ -108,7 +109,7 @@ def _faces(findings: Findings, at: KeyPath, identity: Identity) -> None:
 
 
 def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> None:
-    """What results cannot keep of a clip's picture: a problem, or a warning if it looks right."""
+    """Properties of a clip that results cannot keep: problems, or warnings if it looks right."""
     picture = info.picture
     assert picture is not None  # a clip has one
     if info.variable_rate:
@@ -161,7 +162,7 @@ def _speech(findings: Findings, at: KeyPath, identity: Identity) -> None:
         return
     try:
         file = features.weights_file(name, weights)
-    except DubbingError as error:
+    except ExplainedError as error:
         key = "speech" if weights is None else "speech_weights"
         findings.add((*at, key), str(error))
         return
@@ -223,7 +224,7 @@ def _whole_audio(
 
 
 def _music(findings: Findings, at: KeyPath, dub: Dub) -> None:
-    """What lies under the voices of a scene."""
+    """Check the music and effects under the voices of a scene."""
     if dub.music_effects is None:
         return
     key = (*at, "music_effects")

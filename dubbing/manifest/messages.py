@@ -1,4 +1,4 @@
-"""What pydantic found wrong with a manifest, in the words of its reader."""
+"""Mistakes that pydantic finds in a manifest, in words for its author."""
 
 import difflib
 import reprlib

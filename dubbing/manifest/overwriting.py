@@ -5,31 +5,13 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from dubbing.files import LONGEST_NAME, same_on_disk
+from dubbing.engine.files import same_on_disk
 from dubbing.manifest.entries import Dub, Entry, Identity
 from dubbing.manifest.yaml_lines import KeyPath, key_path
-from dubbing.media import SUFFIX
+from dubbing.production.dub import previous_of, results_of
+from dubbing.production.production import REPORTS, WORK
 
-WORK = "work"  # folder of the stages, in the output folder
-REPORTS = ("report.html", "report.json")
 OF_ALL = (*REPORTS, "evaluate.json")
-
-
-def results_of(dub: Dub) -> dict[str, str]:
-    """The names of the files that a dub becomes, by what they are."""
-    found = {"video": f"{dub.name}{SUFFIX[dub.codec]}", "sync": f"{dub.name}.sync.json"}
-    if dub.codec != "h264":
-        found["proxy"] = f"{dub.name}.proxy.mp4"
-    if dub.lines is not None:
-        found |= {kind: f"{dub.name}.{kind}" for kind in ("lines.csv", "lines.jsonl", "edl")}
-    return found
-
-
-def previous_of(dub: Dub, name: str) -> str:
-    """Name of the last result of a dub, kept beside the new one: `it.previous.mp4`."""
-    suffix = f".previous{name.removeprefix(dub.name)}"
-    room = LONGEST_NAME - len(suffix.encode())
-    return dub.name.encode()[:room].decode(errors="ignore") + suffix
 
 
 def problems(
@@ -60,8 +42,8 @@ def problems(
     known = {one: name for path, name in inputs.items() for one in _identities(path)}
     results: list[tuple[KeyPath, str]] = [(("output",), name) for name in OF_ALL]
     for place, dub in dubs.items():
-        for name in results_of(dub).values():
-            results += [(("dubs", place), name), (("dubs", place), previous_of(dub, name))]
+        for name in results_of(dub.name, dub.codec).values():
+            results += [(("dubs", place), name), (("dubs", place), previous_of(dub.name, name))]
     yield from _clashes(dubs)
     for at, name in results:
         if (output / name).is_dir():
@@ -75,8 +57,8 @@ def problems(
 def _clashes(dubs: Mapping[int, Dub]) -> Iterator[tuple[KeyPath, str]]:
     taken: dict[str, Dub] = {}
     for place, dub in dubs.items():
-        own = [*results_of(dub).values()]
-        for name in (*own, *(previous_of(dub, one) for one in own)):
+        own = [*results_of(dub.name, dub.codec).values()]
+        for name in (*own, *(previous_of(dub.name, one) for one in own)):
             before = taken.setdefault(same_on_disk(name), dub)
             # Where their names are one, `Reader` says so.
             if same_on_disk(before.name) != same_on_disk(dub.name):
@@ -115,7 +97,7 @@ def unwritable(folder: Path) -> str:
 
 
 def _identities(path: Path) -> Iterator[object]:
-    """What a file is known by: its path without links, and where there is one its inode."""
+    """Names of a file that tell it apart: its path without links, and its inode, if it exists."""
     yield Path(os.path.realpath(path))  # of a link to itself, too
     try:
         status = os.stat(path)

@@ -1,4 +1,4 @@
-"""What `plan` finds out about people learned by the `paper` preset: it is slow, and what
+"""Checks of bases for `plan`, and of people with the `paper` preset: it is slow, and what
 it starts from. Loads no torch.
 """
 
@@ -10,19 +10,17 @@ from typing import Any
 from safetensors import SafetensorError, safe_open
 
 from dfrf.config import FORMATS, PUBLISHED_SPEECH, STEPS, family
-from dubbing import json_records
-from dubbing.errors import DubbingError
+from dubbing.engine import json_records
+from dubbing.errors import ExplainedError
 from dubbing.manifest.entries import Identity
 from dubbing.script.timeline import frame_count
 from dubbing.shipped.base import shipped_base
 from dubbing.speech import features
+from dubbing.stages.finetune import PAPER_FEATURES_SECONDS, PAPER_RAYS_SECONDS
+from dubbing.stages.render import PAPER_FRAME_SECONDS
 
 PRESET = "paper"
-# On two processor cores at 512 pixels (docs/development/performance.md): a frame as measured
-# without the noise of its slots, 744 s, times 1.55, what that costs on 256 rays; a step as half of
-# what one core took, for its rays and for the references' features.
 SIZE = 512
-FRAME_SECONDS, RAYS_SECONDS, FEATURES_SECONDS = 1150.0, 12.0, 22.0
 HOUR, DAY = 3600.0, 86400.0
 
 
@@ -32,7 +30,7 @@ def base_header(base: Path) -> dict[str, Any]:
         with safe_open(str(base), framework="numpy") as file:
             text = (file.metadata() or {}).get("dfrf", "{}")
         return json_records.parse(text, dict[str, Any], "header", str(base), "name another base")
-    except (OSError, SafetensorError, DubbingError):
+    except (OSError, SafetensorError, ExplainedError):
         return {}
 
 
@@ -62,18 +60,18 @@ def speech_problem(identity: Identity) -> str | None:
     )
     if heard != identity.speech:
         return f"{what} hears {heard}, but the identity has speech: {identity.speech}: {remedy}"
-    with suppress(DubbingError, OSError):  # weights that are not there are reported as such
+    with suppress(ExplainedError, OSError):  # weights that are not there are reported as such
         if weights != (features.fingerprint(identity.speech, identity.speech_weights) or None):
             return f"{what} was trained with other weights of {heard}: {remedy}"
     return None
 
 
 def identity_notes(identity: Identity) -> list[str]:
-    """What to know before somebody is learned."""
+    """Notes on the time that learning a person takes, and on its start."""
     if identity.preset != PRESET:
         return []
     steps = identity.finetune.iterations or STEPS[PRESET]
-    each = RAYS_SECONDS + FEATURES_SECONDS * (identity.size / SIZE) ** 2
+    each = PAPER_RAYS_SECONDS + PAPER_FEATURES_SECONDS * (identity.size / SIZE) ** 2
     notes = [f"preset {PRESET} learns {steps} steps in {lasts(steps * each)}"]
     if identity.base is None:
         notes.append(
@@ -94,7 +92,7 @@ def dub_note(name: str, identity: Identity, rate: Fraction, seconds: float) -> s
     if identity.preset != PRESET:
         return None
     frames = frame_count(seconds, rate)
-    each = FRAME_SECONDS * (identity.size / SIZE) ** 2
+    each = PAPER_FRAME_SECONDS * (identity.size / SIZE) ** 2
     return f"{name}: preset {PRESET} renders {frames} frames in {lasts(frames * each)}"
 
 

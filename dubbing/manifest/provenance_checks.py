@@ -5,15 +5,15 @@
 
 from pathlib import Path
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.manifest.entries import Dub
 from dubbing.manifest.findings import Findings
 from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import SUFFIX
 from dubbing.packages import missing_of
 from dubbing.provenance import credentials
-from dubbing.provenance.credentials import Signer
 from dubbing.provenance.mark_key import HOMELESS, REMEDY, installation_file, read_key
+from dubbing.provenance.signer import Signer
 
 
 def signer_of(dub: Dub) -> Signer | None:
@@ -26,7 +26,7 @@ def inspect_keys(findings: Findings, at: KeyPath, dub: Dub) -> None:
     if dub.mark is not None and dub.mark.key is not None:
         try:
             read_key(dub.mark.key)
-        except DubbingError as error:
+        except ExplainedError as error:
             findings.add((*at, "mark", "key"), str(error))
     if (signer := signer_of(dub)) is not None:
         if problem := credentials.problem(signer, SUFFIX[dub.codec]):

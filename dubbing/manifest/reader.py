@@ -6,14 +6,15 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from dubbing.engine.files import same_on_disk
 from dubbing.errors import Problem
-from dubbing.files import same_on_disk
 from dubbing.manifest import inputs, overwriting, yaml_lines
 from dubbing.manifest.entries import Dub, Entry, Identity
 from dubbing.manifest.findings import Findings
 from dubbing.manifest.messages import describe, plain, suggestion
 from dubbing.manifest.values import check_name, place_of
 from dubbing.manifest.yaml_lines import KeyPath
+from dubbing.production.production import WORK
 
 TOP = ("version", "output", "defaults", "identities", "dubs")
 # Stands in for a wrong value, so that the rest of its entry can be checked too.
@@ -94,7 +95,7 @@ class Reader:
         except ValueError as error:
             self._add(("output",), str(error))
             return None
-        for folder in (output, output / overwriting.WORK):
+        for folder in (output, output / WORK):
             if problem := overwriting.unwritable(folder):
                 self._add(("output",), problem)
                 break

@@ -6,7 +6,7 @@ A dub without lines is a scene of one speaker, whose one cue is the whole audio.
 from collections.abc import Mapping
 from itertools import groupby
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.manifest import reels
 from dubbing.manifest.cues import CUE, SceneCues
 from dubbing.manifest.entries import Dub, Identity
@@ -38,7 +38,7 @@ def inspect_scene(
         return
     try:
         every = read_lines(dub.lines, film.timecode_rate, _speakers(dub))
-    except DubbingError as error:
+    except ExplainedError as error:
         findings.add((*at, "lines"), str(error))
         return
     dealt = reels.of_film(findings, at, dub, film, every)
@@ -50,7 +50,13 @@ def inspect_scene(
         scene.warn(len(dealt.lines))
         cues = tuple(sorted(scene.cues, key=lambda cue: cue.first))
         findings.scenes[place] = Scene(
-            film.path, cues, tuple(scene.left), tuple(scene.undubbed), dealt.elsewhere
+            film.path,
+            cues,
+            length=film.frames,
+            film_heard=True,
+            left=tuple(scene.left),
+            undubbed=tuple(scene.undubbed),
+            elsewhere=dealt.elsewhere,
         )
 
 
@@ -129,4 +135,5 @@ def whole_audio(dub: Dub, film: MediaInfo, sound: MediaInfo) -> Scene:
     seconds = min(left, dub.audio_seconds) if dub.audio_seconds else left
     frames = timeline.frame_count(seconds, film.rate)
     cue = Cue(dub.identity, 0, frames, sound.path, dub.audio_start, seconds)
-    return Scene(film.path, (cue,))
+    first = timeline.first_frame(dub.video_start, film.rate)
+    return Scene(film.path, (cue,), frames, first, dub.on_longer_audio)

@@ -15,7 +15,6 @@ from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
 from dubbing.media.opening import LAYOUTS
 from dubbing.media.voice_channel import are_silent, is_silent, voice_channel
-from dubbing.script import timeline
 from dubbing.script.timeline import Cue
 
 MOST_CHANNELS = max(LAYOUTS)  # of the bed of a scene
@@ -58,16 +57,15 @@ def of_dub(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
             found = zip(cues, are_silent(info, stretches), strict=True)
             silent += [str(cue.number) for cue, is_so in found if is_so]
             _channels(findings, dub.name, info, stretches[:: 1 + len(stretches) // LOOKED_AT])
-    if silent and dub.lines is None:
-        findings.warnings.append(f"{dub.name}: nothing can be heard in {dub.audio}")
+    if silent and len(scene.cues) == 1:
+        findings.warnings.append(f"{dub.name}: nothing can be heard in {scene.cues[0].audio}")
     elif silent:
         what = f"nothing can be heard in the sound of lines {some(silent)}"
         findings.warnings.append(f"{dub.name}: {what}: mouths stay shut, and they are silent")
     film = findings.media[scene.clip]
-    if dub.lines is not None:
+    if scene.film_heard:
         _bed(findings, at, dub, film, speaks=bool(scene.left))
-    else:
-        _longer(findings, dub, scene, film)
+    _longer(findings, dub.name, scene, film)
 
 
 def _channels(
@@ -100,15 +98,14 @@ def _bed(findings: Findings, at: KeyPath, dub: Dub, film: MediaInfo, *, speaks: 
             findings.add((*at, key), f"{count}: a scene takes {MOST_CHANNELS} at most; mix it down")
 
 
-def _longer(findings: Findings, dub: Dub, scene: Scene, film: MediaInfo) -> None:
-    """Say what becomes of speech that is longer than its film."""
-    frames = scene.cues[-1].stop
-    over = frames - (film.frames - timeline.first_frame(dub.video_start, film.rate))
-    if over > 0 and dub.on_longer_audio in AT_THE_END:
+def _longer(findings: Findings, name: str, scene: Scene, film: MediaInfo) -> None:
+    """Warn of speech that is longer than its film."""
+    over = scene.length - (film.frames - scene.first)
+    if over > 0 and scene.on_longer_audio in AT_THE_END:
         count = f"{over} frame{'s' * (over > 1)}"
-        what = AT_THE_END[dub.on_longer_audio].format(count)
-        longer = f"{dub.name}: the speech is {float(over / film.rate):.2f} s longer than the film"
-        policy = f"on_longer_audio: {dub.on_longer_audio}"
+        what = AT_THE_END[scene.on_longer_audio].format(count)
+        longer = f"{name}: the speech is {float(over / film.rate):.2f} s longer than the film"
+        policy = f"on_longer_audio: {scene.on_longer_audio}"
         findings.warnings.append(f"{longer}: {what} ({policy})")
 
 

@@ -1,17 +1,16 @@
-"""What lies outside of a consent, which may be limited to days, languages and films."""
+"""Checks of consent: its days, its languages, its films."""
 
 import datetime
-import hashlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from dubbing.files import while_unchanged
+from dubbing.digests import sha256_of
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.yaml_lines import KeyPath
 
 
 def of_identity(identity: Identity, today: datetime.date) -> Iterator[tuple[KeyPath, str]]:
-    """What is wrong with the consent of a person itself, with the keys in their entry."""
+    """Problems of the consent of a person itself, with the keys in their entry."""
     consent = identity.consent
     if consent.date is not None and consent.date > today:
         yield ("consent", "date"), f"{consent.date} is still to come: it was given on no such day"
@@ -59,13 +58,6 @@ def covers_film(films: tuple[Path | str, ...], clip: Path) -> bool:
         return True
     digests = {film.casefold() for film in films if isinstance(film, str)}
     return bool(digests) and clip.is_file() and sha256_of(clip) in digests
-
-
-@while_unchanged(256)
-def sha256_of(path: Path) -> str:
-    """SHA-256 of a file in hexadecimal, which other tools report, too."""
-    with open(path, "rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def _same(one: Path, other: Path) -> bool:

@@ -17,7 +17,7 @@ from typing import IO, Any
 
 import imageio_ffmpeg
 
-from dubbing import environment
+from dubbing.engine import environment
 from dubbing.errors import MediaError
 
 REMEDY = "unset DFRF_FFMPEG to use the one that came with imageio-ffmpeg"

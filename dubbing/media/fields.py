@@ -9,8 +9,8 @@ from pathlib import Path
 import av
 import numpy as np
 
+from dubbing.engine.files import while_unchanged
 from dubbing.errors import MediaError
-from dubbing.files import while_unchanged
 from dubbing.media.opening import opened
 
 # Frames whose flags are read: so many pixels in all, within bounds.

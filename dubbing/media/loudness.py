@@ -8,8 +8,8 @@ import av
 import av.filter
 import numpy as np
 
+from dubbing.engine.files import atomic_path
 from dubbing.errors import MediaError
-from dubbing.files import atomic_path
 from dubbing.media.ffmpeg import run
 from dubbing.media.opening import LAYOUTS, into, source
 

@@ -7,8 +7,8 @@ from fractions import Fraction
 from itertools import accumulate, pairwise
 from pathlib import Path
 
+from dubbing.engine.files import atomic_path
 from dubbing.errors import MediaError
-from dubbing.files import atomic_path
 from dubbing.media.ffmpeg import run
 from dubbing.media.opening import LAYOUTS, Stream, address, into, joined, sound_of, source
 from dubbing.media.probing import probe

@@ -11,8 +11,8 @@ from pathlib import Path
 import av
 import numpy as np
 
+from dubbing.engine.files import while_unchanged
 from dubbing.errors import MediaError
-from dubbing.files import while_unchanged
 from dubbing.media.colour import colour_of
 from dubbing.media.fields import is_flagged
 from dubbing.media.frame_rate import choose_rate

@@ -15,8 +15,8 @@ from pathlib import Path
 import av
 import numpy as np
 
+from dubbing.engine.files import while_unchanged
 from dubbing.errors import MediaError
-from dubbing.files import while_unchanged
 from dubbing.media.info import MediaInfo
 from dubbing.media.opening import opened
 

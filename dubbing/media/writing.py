@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from dubbing.engine.files import atomic_path
 from dubbing.errors import MediaError
-from dubbing.files import atomic_path
 from dubbing.media.colour import Colour
 from dubbing.media.ffmpeg import Process
 from dubbing.media.opening import Graph, into, piped

@@ -13,23 +13,20 @@ import numpy as np
 import soundfile
 
 from dubbing import media
-from dubbing.files import atomic_path
+from dubbing.engine.files import atomic_path
 from dubbing.media.loudness import Loudness, limit, measure
+from dubbing.mixing.sound import SOUND, VOICES, Sound
 from dubbing.mixing.voices import FADE, MAX_PEAK, RATE, TARGETS, Voice, measured, placed, sample_of
-from dubbing.script.timeline import Cue
 
 BLOCK = 10 * RATE  # samples
-VOICES, SOUND = "voices.flac", "sound.flac"
-STEREO = 2  # channels where neither the film nor the music has audio
-# Channels that dialogue goes to, by the number of channels; else the third, which is the centre.
+STEREO = 2  # channels where neither the film nor the music has a count
+# Channels that dialogue goes to, by how many there are; else the third, which is the centre.
 FRONT = {1: (0,), 2: (0, 1), 4: (0, 1)}
 CENTRE = 2
 Spans = Sequence[tuple[int, int]]
 
 
-def mix(
-    cues: Sequence[Cue], film: Path, out: Path, *, music: Path | None, left: Spans, loudness: str
-) -> dict[str, Any]:
+def mix(sound: Sound, film: Path, out: Path) -> dict[str, Any]:
     """Write OUT/voices.flac, the new voices only, and OUT/sound.flac, the whole mix.
 
     The bed is the music and effects; while a person speaks who is not dubbed, it is the film's own
@@ -37,9 +34,6 @@ def mix(
 
     Args:
         film: gives the length; it may have no audio.
-        music: file of music and effects; None without.
-        left: frames (first, stop) in which people speak who are not dubbed.
-        loudness: r128, streaming or none, see `dubbing.mixing.voices`.
 
     Returns:
         Measurements of the result: loudness and true peak of every cue and of the whole.
@@ -49,8 +43,10 @@ def mix(
     """
     info = media.probe(film)
     length = sample_of(info.frames, info.rate)
-    voices = placed(cues, info.rate, loudness)
-    bed = _Bed(film if info.audio_rate else None, music, voices, _samples(left, info.rate))
+    loudness = sound.loudness
+    voices = placed(sound.cues, info.rate, loudness)
+    own = film if info.audio_rate else None
+    bed = _Bed(own, sound.music, voices, _samples(sound.left, info.rate))
     speech = _Speech(voices)
     with ExitStack() as stack:
         files = [stack.enter_context(atomic_path(out / name)) for name in (VOICES, SOUND)]

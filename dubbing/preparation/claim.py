@@ -5,9 +5,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from dubbing.engine import claims
+from dubbing.engine.files import make_folder
 from dubbing.engine.update import TEMPORARY
 from dubbing.errors import CallError
-from dubbing.files import make_folder
 from dubbing.preparation.prepared import BACKGROUND, CONTACT_SHEET, MATTE, SUMMARY, TRACK
 
 MARKS = (SUMMARY, "steps/key.json")  # files of `prepare`: one of them lies in a folder it has used
@@ -22,7 +22,7 @@ def claimed(folder: Path, clip: Path) -> Iterator[None]:
     Raises:
         CallError: it holds other files, or the clip would be overwritten.
         LockedError: another run prepares a clip there.
-        DubbingError: it cannot be made.
+        ExplainedError: it cannot be made.
     """
     if clip.resolve() in {(folder / name).resolve() for name in WRITTEN}:
         raise CallError("the clip itself would be overwritten", str(clip), "choose another folder")

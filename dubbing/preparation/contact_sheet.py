@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dubbing.files import atomic_write_bytes
+from dubbing.engine.files import atomic_write_bytes
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.prepared import PreparedClip

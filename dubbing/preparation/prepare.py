@@ -7,15 +7,16 @@ resumes after the last finished step, and the result is the same bit for bit.
 
 import json
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from dubbing.engine.files import digest_file, make_folder
+from dubbing.engine.stage import Progress, ReportShare
 from dubbing.errors import PreparationError
-from dubbing.files import digest_file, make_folder
 from dubbing.media import MediaInfo, probe
 from dubbing.preparation.alignment.bundle import Observations
 from dubbing.preparation.alignment.camera import Poses
@@ -27,7 +28,6 @@ from dubbing.preparation.crops.tracked_crops import (
     CROPS,
     OPACITY,
     PERSON,
-    ReportShare,
     TrackedCrops,
     open_images,
 )
@@ -47,7 +47,7 @@ from dubbing.preparation.tracking.occlusion import covered_step
 from dubbing.preparation.tracking.overlay import Overlay, overlay_step
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.tracking import Arrays
-from dubbing.preparation.tracking.warnings import warnings_of
+from dubbing.preparation.tracking.warnings import face_warnings_of, warnings_of
 
 
 def prepare(
@@ -56,7 +56,7 @@ def prepare(
     *,
     size: int = 512,
     people: Sequence[Portrait] = (),
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> PreparedClip:
     """Track, matte and restore the background of a clip.
 
@@ -69,7 +69,7 @@ def prepare(
         progress: called with the name of the step and the share of all that is done.
 
     Raises:
-        DubbingError: `out` cannot be made.
+        ExplainedError: `out` cannot be made.
         MediaError: the clip cannot be read.
         PreparationError: no face, or too little of it to work with.
     """
@@ -178,6 +178,7 @@ def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> Prepar
         near=float(distance.min() - HEAD_RADIUS),
         far=float(distance.max() + HEAD_RADIUS),
         warnings=warnings_of(info, tracked.size, surveyed, detected, poses),
+        face_warnings=face_warnings_of(info, surveyed),
         residual_shift=root_mean_square(tracked.track["residual_shift"]),
         rotation=poses.rotation,
         translation=poses.translation,

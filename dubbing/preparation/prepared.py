@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 from typing_extensions import TypedDict
 
-from dubbing import json_records
-from dubbing.errors import DubbingError, PreparationError
-from dubbing.files import atomic_path, atomic_write_json
+from dubbing.engine import json_records
+from dubbing.engine.files import atomic_path, atomic_write_json
+from dubbing.errors import ExplainedError, PreparationError
 from dubbing.media import read_frames
 from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.tracking import cropping
 
-VERSION = 7
+VERSION = 8
 HEAD_RADIUS = 1.7  # units (10 cm), the largest extent of a head from its origin
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 OVERLAY = "overlay.mkv"  # masks of all frames, if something lies over the face in any
@@ -32,7 +32,16 @@ CONTACT_SHEET, SUMMARY = "contact_sheet.png", "prepared.json"
 # Raised when a file of arrays cannot be read.
 UNREADABLE = (EOFError, OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
 # Fields of a prepared clip that its summary holds under their names, and its arrays.
-FIELDS = ("size", "source_size", "focal", "near", "far", "residual_shift", "warnings")
+FIELDS = (
+    "size",
+    "source_size",
+    "focal",
+    "near",
+    "far",
+    "residual_shift",
+    "warnings",
+    "face_warnings",
+)
 ARRAYS = (
     *("rotation", "translation", "centre", "crop", "valid", "covered", "over", "segment"),
     *("shown", "haze", "landmarks", "shape"),
@@ -58,6 +67,7 @@ class Summary(Version):
     far: float
     residual_shift: float
     warnings: list[str]
+    face_warnings: list[str]
 
 
 @dataclass(frozen=True)
@@ -93,6 +103,7 @@ class PreparedClip:
         focal: px of the crop, the same in every frame.
         near, far: bounds of the head along the rays, in units of 10 cm.
         warnings: what may have gone wrong, in words.
+        face_warnings: whose face was taken, where there are several.
         residual_shift: motion of the upper face that remains once the poses are removed, px.
         rotation, translation: (T, 3, 3), (T, 3) OpenCV head pose, X_cam = R X + t, units of 10 cm.
         centre: (T, 2) principal point in px of the crop: one camera of the full frame, seen
@@ -117,6 +128,7 @@ class PreparedClip:
     near: float
     far: float
     warnings: list[str]
+    face_warnings: list[str]
     residual_shift: float
     rotation: np.ndarray
     translation: np.ndarray
@@ -151,7 +163,7 @@ class PreparedClip:
                 summary: Any = json_records.read(folder / SUMMARY, Summary, "summary")
                 with np.load(folder / TRACK, allow_pickle=False) as stored:
                     arrays = {name: stored[name] for name in ARRAYS}
-        except (DubbingError, *UNREADABLE) as error:
+        except (ExplainedError, *UNREADABLE) as error:
             raise PreparationError(
                 f"not a prepared clip: {error}", str(folder), "run `dfrf prepare` again"
             ) from error

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from dubbing import json_records
-from dubbing.errors import DubbingError, PreparationError
-from dubbing.files import atomic_path, atomic_write_json, digest_file, note_digest
-from dubbing.preparation.crops.tracked_crops import ReportShare
+from dubbing.engine import json_records
+from dubbing.engine.files import atomic_path, atomic_write_json, digest_file, note_digest
+from dubbing.engine.stage import Progress, ReportShare
+from dubbing.errors import ExplainedError, PreparationError
 from dubbing.preparation.prepared import SUMMARY, VERSION
 from dubbing.preparation.tracking.tracking import Arrays
 
@@ -34,7 +34,7 @@ def _key(path: Path) -> dict[str, Any]:
     """The key of the steps in a folder; empty where there is none."""
     try:
         return json_records.read(path, dict[str, Any], "key of the steps")
-    except DubbingError:
+    except ExplainedError:
         return {}
 
 
@@ -49,7 +49,7 @@ class Steps:
         folder: Path,
         clip: Path,
         settings: Mapping[str, Any],
-        progress: Callable[[str, float], None],
+        progress: Progress,
     ) -> None:
         self.folder, self._clip, self._report = folder, clip, progress
         key = {"clip": digest_file(clip), **settings, "version": VERSION, "layout": LAYOUT}

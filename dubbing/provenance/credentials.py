@@ -12,10 +12,11 @@ from typing import Any
 
 from PIL import Image
 
-from dubbing.errors import DubbingError, RenderingError, StageError
-from dubbing.files import atomic_path, read_bounded, while_unchanged
+from dubbing.engine.files import atomic_path, read_bounded, while_unchanged
+from dubbing.errors import ExplainedError, RenderingError, StageError
 from dubbing.packages import lacking, missing_of
 from dubbing.provenance.provenance import SOURCE_TYPE, made_by
+from dubbing.provenance.signer import Signer
 
 FORMATS = {".mp4": "video/mp4", ".m4v": "video/mp4", ".mov": "video/quicktime"}
 MOST_BYTES = 10**6  # of a certificate chain or a key
@@ -23,14 +24,6 @@ FILM, DUBBED = "film", "org.dfrf.dub"
 UNKNOWN_SIGNER = "signingCredential.untrusted"
 OFFLINE = {"verify": {"remote_manifest_fetch": False, "ocsp_fetch": False}}
 ALGORITHMS = {"secp256r1": b"es256", "secp384r1": b"es384", "secp521r1": b"es512"}
-
-
-@dataclass(frozen=True)
-class Signer:
-    """Who signs: a PEM chain, the signer's certificate first, and its private key in PEM."""
-
-    certificate: Path
-    key: Path
 
 
 @dataclass(frozen=True)
@@ -122,7 +115,7 @@ def problem(signer: Signer, suffix: str) -> str:
         signed.seek(0)
         with c2pa.Reader("image/png", signed, context=_context()) as reader:
             result = _parse(json.loads(reader.json()), str(reader.get_validation_state()))
-    except (c2pa.C2paError, DubbingError) as error:
+    except (c2pa.C2paError, ExplainedError) as error:
         return f"cannot sign: {error}"
     return "" if result.state != "Invalid" else f"cannot sign: {'; '.join(result.problems)}"
 

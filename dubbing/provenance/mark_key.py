@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.errors import CallError, DubbingError
-from dubbing.files import digest_data, make_folder, read_bounded, sync_file, writing
+from dubbing.engine.fields import Setting
+from dubbing.engine.files import digest_data, make_folder, read_bounded, sync_file, writing
+from dubbing.errors import CallError, ExplainedError
 from dubbing.homes import settings_folder
 
 BYTES = 32
@@ -28,7 +29,7 @@ class Marking:
         id: the 64 bits in hexadecimal.
     """
 
-    key_file: Path | None
+    key_file: Setting[Path | None]
     fingerprint: str
     id: str
 
@@ -36,13 +37,13 @@ class Marking:
         """The key.
 
         Raises:
-            DubbingError: it cannot be read, or is another one than ``fingerprint`` names.
+            ExplainedError: it cannot be read, or is another one than ``fingerprint`` names.
         """
         if self.key_file is None:
-            raise DubbingError(HOMELESS, remedy=REMEDY)
+            raise ExplainedError(HOMELESS, remedy=REMEDY)
         key = read_key(self.key_file)
         if fingerprint_of(key) != self.fingerprint:
-            raise DubbingError("another key than when the run began", str(self.key_file), REMEDY)
+            raise ExplainedError("another key than when the run began", str(self.key_file), REMEDY)
         return key
 
 
@@ -69,7 +70,7 @@ def make_installation_key() -> Path:
 
     Raises:
         CallError: the user has no home.
-        DubbingError: it cannot be made.
+        ExplainedError: it cannot be made.
     """
     file = installation_file()
     if file is None:
@@ -77,7 +78,7 @@ def make_installation_key() -> Path:
     if not file.exists():
         try:
             make_folder(file.parent)
-        except DubbingError as error:
+        except ExplainedError as error:
             what = f"the key of the invisible mark cannot be made: {error.what}"
             raise CallError(what, error.where, REMEDY) from error
         temporary = file.with_name(f".{file.name}.{os.getpid()}")
@@ -103,16 +104,16 @@ def read_key(file: Path) -> bytes:
     """The key in a file: a digest of all that the file holds.
 
     Raises:
-        DubbingError: there is none, or it is too short to be a secret.
+        ExplainedError: there is none, or it is too short to be a secret.
     """
     try:
         content = read_bounded(file, MAX_BYTES)
     except OSError as error:
         what = f"the mark's key cannot be read: {error.strerror}"
-        raise DubbingError(what, str(file), REMEDY) from error
+        raise ExplainedError(what, str(file), REMEDY) from error
     if len(content) < MIN_BYTES:
         what = f"the mark's key has {len(content)} bytes, it needs {MIN_BYTES} at least"
-        raise DubbingError(what, str(file), "fill it with random bytes")
+        raise ExplainedError(what, str(file), "fill it with random bytes")
     return hashlib.blake2b(content, digest_size=BYTES).digest()
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import av
 
 from dubbing import media
-from dubbing.errors import DubbingError, MediaError
+from dubbing.errors import ExplainedError, MediaError
 from dubbing.media.opening import opened
 from dubbing.packages import lacking, missing_of
 from dubbing.provenance import credentials, mark_search
@@ -77,7 +77,7 @@ def verify(video: Path, keys: Sequence[Path]) -> Verified:
 
     Raises:
         MediaError: it is no video, or it breaks off.
-        DubbingError: a key cannot be read.
+        ExplainedError: a key cannot be read.
     """
     secrets = [read_key(file) for file in keys]
     info = media.probe(video)
@@ -97,7 +97,7 @@ def _credentials(video: Path) -> tuple[credentials.Credentials | None, str, bool
         return None, str(lacking(gone)), False
     try:
         signed = credentials.read(video)
-    except DubbingError as error:
+    except ExplainedError as error:
         return None, str(error), True
     return signed, "", signed is not None and signed.state == "Invalid"
 

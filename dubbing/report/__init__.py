@@ -1,1 +1,1 @@
-"""What a run reports: pages and tables."""
+"""Reports of a run: pages and tables."""

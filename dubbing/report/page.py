@@ -24,7 +24,9 @@ def page_of(found: dict[str, Any]) -> str:
     )
     environment.filters |= {"curve": curve, "worst_first": worst_first}
     template = Path(__file__).with_name("page.html").read_text(encoding="utf-8")
-    return environment.from_string(template).render(found, first_line=first_line(found))
+    return environment.from_string(template).render(
+        found, first_line=first_line(found), in_table=in_table
+    )
 
 
 def first_line(found: dict[str, Any]) -> str:
@@ -34,6 +36,11 @@ def first_line(found: dict[str, Any]) -> str:
     total = sum(counts.values())
     words = ", ".join(f"{counts[verdict]} {verdict}" for verdict in named)
     return f"{total} dub{'' if total == 1 else 's'}: {words}"
+
+
+def in_table(dub: dict[str, Any]) -> bool:
+    """Whether the page has a table of a dub's lines: not of one recording, which has no words."""
+    return len(dub["lines"]) > 1 or any(line["words"] for line in dub["lines"])
 
 
 def worst_first(dubs: dict[str, Any]) -> list[tuple[str, Any]]:

@@ -4,20 +4,21 @@ import csv
 import os
 import platform
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
-from dubbing import json_records
+from dubbing.engine import json_records
+from dubbing.engine.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
 from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.outcome import Outcome
-from dubbing.errors import DubbingError
-from dubbing.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
-from dubbing.identity.learned import in_words, learned_if_known
-from dubbing.manifest.manifest import Manifest
-from dubbing.manifest.overwriting import results_of
+from dubbing.errors import ExplainedError
+from dubbing.identity.learned import CURVE_FILE, in_words, learned_if_known
 from dubbing.packages import missing_of
+from dubbing.pipeline import DUB, PERSON
+from dubbing.preparation.prepared import CONTACT_SHEET, SUMMARY
+from dubbing.production.production import REPORTS, Production
 from dubbing.provenance import credentials
 from dubbing.report import lines
 from dubbing.report.page import (
@@ -32,14 +33,18 @@ from dubbing.report.page import (
 )
 from dubbing.report.peak_memory import peak_memory
 from dubbing.report.sources import relative, shown, source_of
-from dubbing.stages.kinds import SYNC_FILE
-from dubbing.tasks import dependencies
+from dubbing.stages.check import Check
+from dubbing.stages.check_source import CheckSource
+from dubbing.stages.finetune import Finetune
+from dubbing.stages.prepare import Prepare
+from dubbing.stages.sign import Sign
+from dubbing.sync.records import SYNC_FILE
 
-SUMMARY = "prepared.json"
-# In warnings of preparation that say whose face was taken.
-OF_FACES = ("faces in a frame", "found by looks", "not found in the shots")
-DATA, PAGE = "report.json", "report.html"
+PAGE, DATA = REPORTS
 OF_SYNC = {"pass": PASSED, "warn": WARNED, "fail": FAILED}  # by the verdict of the sync check
+
+
+WarningKey = Literal["warnings", "face_warnings"]
 
 
 class Sync(TypedDict, total=False):
@@ -62,11 +67,17 @@ class Prepared(TypedDict, total=False):
     """The part of a prepared clip's summary that the report reads."""
 
     warnings: list[str]
+    face_warnings: list[str]
     residual_shift: float | None
 
 
 def write(
-    manifest: Manifest, everything: Jobs, outcomes: dict[str, Outcome], *, code: int, seconds: float
+    production: Production,
+    everything: Jobs,
+    outcomes: dict[str, Outcome],
+    *,
+    code: int,
+    seconds: float,
 ) -> Path:
     """Write ``report.json`` and ``report.html`` into the output folder; gives the page's path.
 
@@ -74,10 +85,10 @@ def write(
         everything: all jobs of the manifest, those left out by ``--only`` included.
 
     Raises:
-        DubbingError: they cannot be written there.
+        ExplainedError: they cannot be written there.
     """
-    found = collect(manifest, everything, outcomes, code=code, seconds=seconds)
-    data, page = manifest.output / DATA, manifest.output / PAGE
+    found = collect(production, everything, outcomes, code=code, seconds=seconds)
+    data, page = production.output / DATA, production.output / PAGE
     for file in (data, page):
         remove_torn(file)
     atomic_write_json(data, found)
@@ -86,7 +97,7 @@ def write(
 
 
 def verdict_of(state: str, sync: Sync) -> str:
-    """What a dub comes to, of `VERDICTS`: that of its sync check, where it could be made."""
+    """Verdict of a dub, of `VERDICTS`: that of its sync check, if it could be made."""
     if state in ("failed", "skipped"):
         return FAILED
     if state == "stopped" or not sync:
@@ -95,26 +106,31 @@ def verdict_of(state: str, sync: Sync) -> str:
 
 
 def collect(
-    manifest: Manifest, everything: Jobs, outcomes: dict[str, Outcome], *, code: int, seconds: float
+    production: Production,
+    everything: Jobs,
+    outcomes: dict[str, Outcome],
+    *,
+    code: int,
+    seconds: float,
 ) -> dict[str, Any]:
-    """The contents of the report, as plain data; see `write`."""
+    """Contents of the report, as plain data; see `write`."""
     absent = Outcome(state="not in this run")
     peak = peak_memory()
     dubs = {
-        name: {**_dub(manifest, job, outcomes.get(job.label, absent)), "place": place}
-        for place, (name, job) in enumerate(everything.dubs.items())
+        name: {**_dub(production, job, outcomes.get(job.label, absent)), "place": place}
+        for place, (name, job) in enumerate(everything.named(DUB).items())
     }
     verdicts = [dub["verdict"] for dub in dubs.values()]
     return {
-        "manifest": shown(manifest, manifest.path),
+        "manifest": shown(production, production.manifest),
         "code": code,
         "seconds": round(seconds, 1),
         "peak_memory_mb": None if peak is None else peak // 2**20,
         "machine": {"cores": os.cpu_count(), "system": platform.platform()},
-        "warnings": list(manifest.warnings),
+        "warnings": list(production.warnings),
         "identities": {
-            name: _identity(manifest, job, outcomes.get(job.label, absent))
-            for name, job in everything.identities.items()
+            name: _person(production, job, outcomes.get(job.label, absent))
+            for name, job in everything.named(PERSON).items()
         },
         "counts": {verdict: verdicts.count(verdict) for verdict in VERDICTS},
         "dubs": dubs,
@@ -122,79 +138,85 @@ def collect(
 
 
 def sync_of(job: Job) -> Sync:
-    """What the sync check of a job found; empty where there is none, or a damaged one."""
-    stage = job.stages.get("check") or job.stages.get("check_source")
-    return _read(stage.folder / SYNC_FILE, Sync, "sync check", []) if stage else {}
+    """The result of a job's sync check; empty where there is none, or a damaged one."""
+    check = next(iter([*job.all_of(Check), *job.all_of(CheckSource)]), None)
+    return _read(check.folder / SYNC_FILE, Sync, "sync check", []) if check else {}
 
 
-def _identity(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
-    identity = manifest.identities[job.name]
-    prepared, model = job.stages["prepare"].folder, job.stages["finetune"].folder
+def _person(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
+    person = production.people[job.name]
+    prepared, model = job.stage(Prepare).folder, job.stage(Finetune).folder
     damaged: list[str] = []
     summary = _read(prepared / SUMMARY, Prepared, "prepared clip", damaged)
-    curves = {name: _column(model / "loss.csv", name, damaged) for name in ("loss", "psnr")}
-    sheet = prepared / "contact_sheet.png"
+    curves = {name: _column(model / CURVE_FILE, name, damaged) for name in ("loss", "psnr")}
+    sheet = prepared / CONTACT_SHEET
     return {
         **_common(job, outcome),
-        "clip": shown(manifest, identity.clip),
-        "consent": dependencies.consent_of(identity),
-        "warnings": [*clip_warnings(job, damaged), *dict.fromkeys(damaged)],
+        "clip": shown(production, person.clip.path),
+        "consent": person.consent.record(),
+        "warnings": [
+            *clip_warnings(job, damaged, "face_warnings"),
+            *clip_warnings(job, damaged),
+            *dict.fromkeys(damaged),
+        ],
         "residual_shift": summary.get("residual_shift"),
         "learned": in_words(learned) if (learned := learned_if_known(model)) else None,
-        "contact_sheet": relative(manifest, sheet) if sheet.is_file() else None,
+        "contact_sheet": relative(production, sheet) if sheet.is_file() else None,
         **curves,
         "sync": _brief(sync_of(job)),
     }
 
 
-def clip_warnings(job: Job, damaged: list[str]) -> list[str]:
-    """Warnings of preparation about all clips of a person."""
+def clip_warnings(job: Job, damaged: list[str], key: WarningKey = "warnings") -> list[str]:
+    """Warnings of preparation about all clips of a person.
+
+    Args:
+        damaged: gets the errors of files that cannot be read.
+        key: all warnings, or those that say whose face was taken.
+    """
     found = []
-    for name, stage in job.stages.items():
-        if stage.name == "prepare":
-            summary = _read(stage.folder / SUMMARY, Prepared, "prepared clip", damaged)
-            of = name.removeprefix("prepare").strip()
-            found += [f"{of}: {w}" if of else w for w in summary.get("warnings", [])]
+    for stage in job.all_of(Prepare):
+        summary = _read(stage.folder / SUMMARY, Prepared, "prepared clip", damaged)
+        of = stage.id.of
+        found += [f"{of}: {w}" if of else w for w in summary.get(key, [])]
     return found
 
 
-def found_by_looks(planned: Jobs) -> list[str]:
-    """Whose face was taken in the clips that are prepared: of several, by looks and how surely."""
+def face_warnings(planned: Jobs) -> list[str]:
+    """Warnings that say whose face was taken in clips that are prepared."""
     return [
         f"{name}: {warning}"
-        for name, job in planned.identities.items()
-        for warning in clip_warnings(job, [])
-        if any(words in warning for words in OF_FACES)
+        for name, job in planned.named(PERSON).items()
+        for warning in clip_warnings(job, [], "face_warnings")
     ]
 
 
-def _dub(manifest: Manifest, job: Job, outcome: Outcome) -> dict[str, Any]:
-    dub = next(dub for dub in manifest.dubs if dub.name == job.name)
-    scene = manifest.scenes.get(job.name)
-    clip = scene.clip if scene else manifest.identities[dub.people[0]].clip
+def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
+    dub = production.dubs[job.name]
     # One of another codec may lie beside it, from before the manifest was changed.
-    names = results_of(dub)
-    video = manifest.output / names.get("proxy", names["video"])
-    sync = sync_of(job)
-    rows = lines.lines_of(manifest, dub, job)
+    names = dub.results()
+    video = production.output / names.get("proxy", names["video"])
+    sync, picture = sync_of(job), lines.picture_of(job)
+    rows, mark = lines.lines_of(dub, job), dub.marking()
     verdicts = [row["verdict"] or "unjudged" for row in rows]
+    start = float(dub.first / dub.film.rate) if dub.cues else 0.0
     return {
         **_common(job, outcome),
-        "identity": ", ".join(job.waits_for),
+        "identity": ", ".join(person.name for person in dub.people),
         "verdict": verdict_of(outcome.state, sync),
-        "video": relative(manifest, video) if video.is_file() else None,
-        **source_of(manifest, clip, dub.video_start),
-        "undubbed": lines.undubbed_of(manifest, job.name),
+        "video": relative(production, video) if video.is_file() else None,
+        **source_of(production, dub.film.path, start),
+        "undubbed": lines.undubbed_of(dub),
         "lines": rows,
         "line_counts": {v: verdicts.count(v) for v in lines.COLOURS if v in verdicts},
         "untouched": lines.scene_of(job).get("untouched"),
-        "kept": [] if rows else in_frames(lines.picture_of(job).get("own_pixels")),
-        "overlaid": [] if rows else in_frames(lines.picture_of(job).get("overlaid")),
-        "mark_found": (lines.picture_of(job).get("mark") or {}).get("found"),
-        "label": dub.label.mark,
-        "signed": "sign" in job.stages,
-        "film_credentials": _film_credentials(job, clip),
-        "mark": mark.id if scene and (mark := dependencies.mark_of(dub, scene)) else None,
+        "kept": in_frames(picture.get(lines.OWN_PIXELS)),
+        "overlaid": in_frames(picture.get(lines.OVERLAID)),
+        "mark_found": (picture.get("mark") or {}).get("found"),
+        "label": dub.settings.label,
+        "signed": bool(job.all_of(Sign)),
+        "film_credentials": _film_credentials(job, dub.film.path),
+        "mark": mark.id if mark else None,
         "sync": _brief(sync),
     }
 
@@ -206,7 +228,7 @@ def in_frames(parts: list[dict[str, Any]] | None) -> list[str]:
 
 def _film_credentials(job: Job, film: Path) -> str:
     """Problem of the credentials of the film that a dub was signed over; empty without one."""
-    if "sign" not in job.stages or missing_of("c2pa") or not film.is_file():
+    if not job.all_of(Sign) or missing_of("c2pa") or not film.is_file():
         return ""
     return credentials.film_problem(film)[0]
 
@@ -222,14 +244,14 @@ def _common(job: Job, outcome: Outcome) -> dict[str, Any]:
                 "reasons": outcome.reasons.get(kind, []),
                 "recorded_seconds": _recorded(job, kind),
             }
-            for kind in dict.fromkeys(stage.name for stage in job.stages.values())
+            for kind in dict.fromkeys(stage.kind for stage in job.stages.values())
         },
     }
 
 
 def _recorded(job: Job, kind: str) -> float | None:
     """Seconds that the stages of a kind took when they were made; None where one is not made."""
-    records = [stage.record() for stage in job.stages.values() if stage.name == kind]
+    records = [stage.record() for stage in job.stages.values() if stage.kind == kind]
     seconds = [record["seconds"] for record in records if record]
     return round(sum(seconds), 2) if len(seconds) == len(records) else None
 
@@ -248,7 +270,7 @@ def _column(path: Path, name: str, damaged: list[str]) -> list[float]:
     try:
         text = read_bounded(path, json_records.MOST_BYTES).decode()
         values = [float(row[name]) for row in csv.DictReader(text.splitlines())]
-    except (DubbingError, OSError, KeyError, TypeError, ValueError, csv.Error):
+    except (ExplainedError, OSError, KeyError, TypeError, ValueError, csv.Error):
         damaged.append(f"{path}: is no curve of a training: run with --force finetune")
         return []
     return values[:: max(1, len(values) // MOST_POINTS)]
@@ -260,6 +282,6 @@ def _read(path: Path, shape: Any, whose: str, damaged: list[str]) -> Any:
         return {}
     try:
         return json_records.read(path, shape, whose)
-    except DubbingError as error:
+    except ExplainedError as error:
         damaged.append(str(error))
         return {}

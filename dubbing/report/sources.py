@@ -7,11 +7,11 @@ from typing import Any
 import av
 
 from dubbing import media
-from dubbing.engine.stage import digest_of
-from dubbing.errors import DubbingError
-from dubbing.files import make_folder
-from dubbing.manifest.manifest import Manifest
+from dubbing.engine.file_digests import digest_of
+from dubbing.engine.files import make_folder
+from dubbing.errors import ExplainedError
 from dubbing.media.opening import opened
+from dubbing.production.production import Production
 
 PROXIES = "sources"  # folder of copies, in that of the stages
 CONTAINERS = (".mp4", ".m4v", ".mov", ".webm")
@@ -33,7 +33,7 @@ def is_played(film: Path) -> bool:
         with opened(film) as container:
             picture = container.streams.video[0].codec_context
             return picture.pix_fmt in PLAYED.get(picture.name, ())
-    except (av.FFmpegError, DubbingError, LookupError):
+    except (av.FFmpegError, ExplainedError, LookupError):
         return False
 
 
@@ -44,25 +44,25 @@ def proxy_of(film: Path, work: Path) -> Path | None:
         try:
             make_folder(path.parent)
             media.proxy(film, path, {})
-        except DubbingError:
+        except ExplainedError:
             return None
     return path
 
 
-def source_of(manifest: Manifest, film: Path, start: float) -> dict[str, Any]:
+def source_of(production: Production, film: Path, start: float) -> dict[str, Any]:
     """The film under a dub, for the page; or a copy of it, where no browser plays it."""
     source: Path | None = film if film.is_file() else None
     if source is not None and not is_played(film):
-        source = proxy_of(film, manifest.work)
-    return {"source": relative(manifest, source) if source else None, "source_start": start}
+        source = proxy_of(film, production.work)
+    return {"source": relative(production, source) if source else None, "source_start": start}
 
 
-def shown(manifest: Manifest, path: Path) -> str:
+def shown(production: Production, path: Path) -> str:
     """A path as the report names it: relative to its folder, if it lies below it or beside it."""
-    near = path.is_relative_to(manifest.output.parent)
-    return relative(manifest, path) if near else str(path)
+    near = path.is_relative_to(production.output.parent)
+    return relative(production, path) if near else str(path)
 
 
-def relative(manifest: Manifest, path: Path) -> str:
+def relative(production: Production, path: Path) -> str:
     """The way from the page to a file, which may lie elsewhere."""
-    return Path(os.path.relpath(path, manifest.output)).as_posix()
+    return Path(os.path.relpath(path, production.output)).as_posix()

@@ -6,8 +6,8 @@ from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
-from dubbing.errors import DubbingError
-from dubbing.files import read_bounded
+from dubbing.engine.files import read_bounded
+from dubbing.errors import ExplainedError
 from dubbing.script import substation, subtitles, ttml
 from dubbing.script.line import LONGEST, Line, is_timecode, seconds_of
 from dubbing.script.speakers import Names, guessed, is_sound, turns
@@ -29,28 +29,28 @@ def read_lines(path: Path, rate: Fraction, names: Collection[str] | None = ()) -
         names: of speakers in the manifest; None to guess them from the script.
 
     Raises:
-        DubbingError: it cannot be read, a time in it is invalid, or it has no lines.
+        ExplainedError: it cannot be read, a time in it is invalid, or it has no lines.
     """
     kind = path.suffix.lower()
     if kind not in READERS:
         known = ", ".join(READERS)
-        raise DubbingError(f"no kind of script: {path.suffix!r}", path.name, f"one of {known}")
+        raise ExplainedError(f"no kind of script: {path.suffix!r}", path.name, f"one of {known}")
     try:
         text = read_bounded(path, MOST_BYTES).decode("utf-8-sig")
         lines = READERS[kind](text, rate)
     except UnicodeDecodeError as error:
-        raise DubbingError("it is not UTF-8", path.name, "save it as UTF-8") from error
+        raise ExplainedError("it is not UTF-8", path.name, "save it as UTF-8") from error
     except (ValueError, OSError, csv.Error) as error:
-        raise DubbingError(str(error), path.name, "correct it there") from error
+        raise ExplainedError(str(error), path.name, "correct it there") from error
     if not lines:
-        raise DubbingError("it holds no line", path.name)
+        raise ExplainedError("it holds no line", path.name)
     if len(lines) > MOST_LINES:
         what = f"it holds {len(lines)} lines; {MOST_LINES} are read at most"
-        raise DubbingError(what, path.name, "cut it into parts")
+        raise ExplainedError(what, path.name, "cut it into parts")
     for place, line in enumerate(lines, 1):
         if problem := _problem(line):
             what = f"line {line.number or place} {problem}"
-            raise DubbingError(what, path.name, "correct it there")
+            raise ExplainedError(what, path.name, "correct it there")
     if names is None:
         names = guessed(line.words for line in lines)
     spoken = list(_once(_spoken(lines, Names(names))))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dubbing.engine.fields import Setting
 from dubbing.errors import RenderingError
 
 FADE = 3  # frames at a cue's edges over which the rendered head fades in and out
@@ -23,7 +24,7 @@ class Cue:
         identity: the person.
         first, stop: frames first .. stop of the dub.
         audio, audio_start, seconds: the speech: file, first second and length.
-        number, speaker, words: of the line, where there are lines.
+        number, speaker, words: of the line. No image or audio depends on them.
     """
 
     identity: str
@@ -32,9 +33,9 @@ class Cue:
     audio: Path
     audio_start: float
     seconds: float
-    number: int = 1
-    speaker: str = ""
-    words: str = ""
+    number: Setting[int] = 1
+    speaker: Setting[str] = ""
+    words: Setting[str] = ""
 
     @property
     def name(self) -> str:

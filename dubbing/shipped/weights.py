@@ -7,8 +7,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from dubbing.errors import DubbingError
-from dubbing.files import atomic_path
+from dubbing.engine.files import atomic_path
+from dubbing.errors import ExplainedError
 
 
 def save_half(tensors: Mapping[str, Tensor], path: Path, header: dict[str, str]) -> None:
@@ -21,7 +21,7 @@ def save_half(tensors: Mapping[str, Tensor], path: Path, header: dict[str, str])
 
 
 def load_float(
-    path: Path, form: str, what: str, remedy: str, error: type[DubbingError] = DubbingError
+    path: Path, form: str, what: str, remedy: str, error: type[ExplainedError] = ExplainedError
 ) -> tuple[dict[str, Tensor], dict[str, str]]:
     """Read tensors as float32, and the header.
 
@@ -30,7 +30,7 @@ def load_float(
         what: name of the network, for messages: speech, sync.
 
     Raises:
-        DubbingError: of the class `error`: the file is missing, damaged or of another format.
+        ExplainedError: of the class `error`: the file is missing, damaged or of another format.
     """
     try:
         with safe_open(path, "pt") as file:

@@ -2,5 +2,19 @@
 
 from pathlib import Path
 
+from dubbing.speech.features import weights_files
+from dubbing.speech.weight_paths import voice_detector_weights
+
 ENCODER_WEIGHTS = Path(__file__).with_name("encoder.safetensors")
 FILTER_WEIGHTS = Path(__file__).with_name("filter.safetensors")
+
+
+def speech_weights(name: str, weights: Path | None) -> dict[str, Path]:
+    """The weights that turn speech into features and lips, by name.
+
+    Args:
+        name: of the features; weights: the user's own for them.
+    """
+    own = {f"features {of}".strip(): path for of, path in weights_files(name, weights).items()}
+    lips = {"lip_encoder": ENCODER_WEIGHTS, "lip_filter": FILTER_WEIGHTS}
+    return {**own, **lips, **voice_detector_weights()}

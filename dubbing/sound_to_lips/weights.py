@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 from torch import nn
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.shipped.weights import load_float, save_half
 from dubbing.sound_to_lips.encoder import SpeechEncoder
 from dubbing.sound_to_lips.lip_network import LipFilter, LipNetwork
@@ -28,13 +28,15 @@ def loaded(network: NetworkT, path: Path, form: str, what: str, remedy: str) -> 
         what: name of the network, for messages.
 
     Raises:
-        DubbingError: the file is missing, damaged or of another format.
+        ExplainedError: the file is missing, damaged or of another format.
     """
     tensors, _ = load_float(path, form, what, remedy)
     try:
         network.load_state_dict(tensors)
     except RuntimeError as problem:
-        raise DubbingError(f"{what} weights do not fit the network", str(path), remedy) from problem
+        raise ExplainedError(
+            f"{what} weights do not fit the network", str(path), remedy
+        ) from problem
     return network.eval()
 
 

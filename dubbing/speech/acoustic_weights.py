@@ -53,7 +53,7 @@ def load_model(path: Path = DEFAULT_WEIGHTS) -> SpeechModel:
     """The model in evaluation mode, float32.
 
     Raises:
-        DubbingError: the file is missing, damaged or of another format.
+        ExplainedError: the file is missing, damaged or of another format.
     """
     remedy = "make one with 'dfrf train-speech', or reinstall the package"
     tensors, _ = load_float(path, FORMAT, "speech", remedy)

@@ -12,8 +12,8 @@ from typing import Protocol
 import numpy as np
 
 from dfrf.config import PUBLISHED_SPEECH as DEEPSPEECH
-from dubbing.errors import DubbingError
-from dubbing.files import digest_data, digest_file
+from dubbing.engine.files import digest_data, digest_file
+from dubbing.errors import ExplainedError
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.mel_features import MelFeatures
 from dubbing.speech.weight_paths import DEEPSPEECH_GRAPH, DEFAULT_WEIGHTS, files_of
@@ -79,11 +79,11 @@ def features_by_name(name: str, weights: Path | None = None) -> SpeechFeatures:
     """The kind of speech feature called `name`, with the user's own weights or the shipped ones.
 
     Raises:
-        DubbingError: there is none of that name, or its weights cannot be used.
+        ExplainedError: there is none of that name, or its weights cannot be used.
     """
     if name not in FEATURES:
         known = ", ".join(sorted(FEATURES))
-        raise DubbingError(f"unknown speech features {name!r}", remedy=f"choose one of: {known}")
+        raise ExplainedError(f"unknown speech features {name!r}", remedy=f"choose one of: {known}")
     return FEATURES[name](weights)
 
 
@@ -91,7 +91,7 @@ def weights_file(name: str, weights: Path | None = None) -> Path | None:
     """The file that the features depend on; None for those without weights.
 
     Raises:
-        DubbingError: weights are needed and missing.
+        ExplainedError: weights are needed and missing.
     """
     if name in WITHOUT_WEIGHTS:
         return None
@@ -123,7 +123,7 @@ def fingerprint(name: str, weights: Path | None = None) -> str:
 def _named(name: str, weights: Path | None) -> Path:
     if weights is None:
         what = DEEPSPEECH_GRAPH if name == DEEPSPEECH else "the folder of a model"
-        raise DubbingError(
+        raise ExplainedError(
             f"{name} features need weights of your own",
             remedy=f"set speech_weights to {what}, or choose speech: rnn",
         )

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.rnn_features import voice_gate
 from dubbing.speech.weight_paths import weights_file
@@ -35,7 +35,7 @@ class TransformerFeatures:
         """Reads the model.
 
         Raises:
-            DubbingError: the folder holds no such model, or transformers is not installed.
+            ExplainedError: the folder holds no such model, or transformers is not installed.
         """
         weights_file(folder, name)
         self.name = name
@@ -72,7 +72,7 @@ def _load(name: str, folder: Path) -> Any:
     try:
         transformers = importlib.import_module("transformers")
     except ImportError as error:
-        raise DubbingError(
+        raise ExplainedError(
             f"{name} features need the transformers package: {error}",
             remedy="pip install 'dfrf[hubert]', or choose speech: rnn",
         ) from error
@@ -80,7 +80,7 @@ def _load(name: str, folder: Path) -> Any:
     try:
         return kind.from_pretrained(str(folder), local_files_only=True).eval()
     except (OSError, ValueError, RuntimeError) as error:
-        raise DubbingError(f"the model cannot be read: {error}", str(folder)) from error
+        raise ExplainedError(f"the model cannot be read: {error}", str(folder)) from error
 
 
 def _level(blocks: Iterable[np.ndarray]) -> tuple[float, float, int]:

@@ -57,7 +57,7 @@ def load() -> VoiceDetector:
     """The detector with its weights.
 
     Raises:
-        DubbingError: the package is not installed.
+        ExplainedError: the package is not installed.
     """
     files = voice_detector_weights()
     if not files:

@@ -1,11 +1,11 @@
 """Paths of the weights of speech features; a module without torch, so that manifests load fast."""
 
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from dubbing import json_records
-from dubbing.errors import DubbingError
+from dubbing.engine import json_records
+from dubbing.errors import ExplainedError
+from dubbing.shipped.package_files import of_package
 
 DEFAULT_WEIGHTS = Path(__file__).with_name("acoustic_weights.safetensors")
 DEEPSPEECH_GRAPH = "output_graph.pb of DeepSpeech 0.1.0 (deepspeech-0_1_0-b90017e8.pb)"
@@ -17,28 +17,20 @@ def voice_detector_weights() -> dict[str, Path]:
     return of_package("silero_vad", "data/silero_vad_16k.safetensors")
 
 
-def of_package(package: str, *files: str) -> dict[str, Path]:
-    """Weights that come with another package, by name; it is not imported."""
-    spec = find_spec(package)
-    if spec is None or spec.origin is None:
-        return {}
-    return {f"{package} {Path(name).stem}": Path(spec.origin).parent / name for name in files}
-
-
 def weights_file(folder: Path, name: str) -> Path:
     """The file with the weights in `folder`.
 
     Raises:
-        DubbingError: it is missing, or of another kind of network.
+        ExplainedError: it is missing, or of another kind of network.
     """
     remedy = f"name the folder of a {name} model written by transformers' save_pretrained"
     config = folder / "config.json"
     present = [folder / file for file in WEIGHT_FILES if (folder / file).is_file()]
     if not config.is_file() or not present:
-        raise DubbingError(f"no {name} weights there", str(folder), remedy)
+        raise ExplainedError(f"no {name} weights there", str(folder), remedy)
     kind = json_records.read(config, dict[str, Any], "config.json", remedy).get("model_type")
     if kind != name:
-        raise DubbingError(f"holds a model of type {kind!r}, not {name!r}", str(folder), remedy)
+        raise ExplainedError(f"holds a model of type {kind!r}, not {name!r}", str(folder), remedy)
     return present[0]
 
 

@@ -1,210 +1,113 @@
-"""The video stage: heads onto the film, the mark, the encoder, the sound, and a last check.
+"""The stage `composite`: heads onto the film, marks and sound: the finished video."""
 
-Frames stream from the decoders through the compositor to the encoder, in segments of their own
-files, so memory does not grow with the length and a kill costs one segment. S side of the crop.
-"""
+from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Sequence
-from contextlib import closing
-from dataclasses import dataclass
-from fractions import Fraction
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-import numpy as np
+from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.mixing.sound import Sound
+from dubbing.provenance.mark_key import Marking
+from dubbing.stages.base import DubbingStage, Prepared
+from dubbing.video.settings import VideoSettings
 
-from dubbing import json_records, media
-from dubbing.errors import RenderingError
-from dubbing.files import atomic_write_json
-from dubbing.media.colour import Colour
-from dubbing.media.overlap import ahead, behind
-from dubbing.mixing.mix import SOUND, mix
-from dubbing.provenance import provenance
-from dubbing.provenance.mark_key import Marking, id_of
-from dubbing.provenance.mark_search import search
-from dubbing.script import timeline
-from dubbing.stages.composer import Composer, Heads, VideoSettings
-from dubbing.stages.kinds import PICTURE_FILE, PROXY_FILE, SCENE_FILE
-from dubbing.stages.untouched import compare
+if TYPE_CHECKING:
+    import numpy as np
 
-SEGMENT = 250  # frames a file
-SUFFIX = ".mov"  # a container with exact time stamps and colours, to be joined without decoding
-MIXED = "mixed.json"
-MARKED_SECONDS = 20  # of the finished file that are searched for its mark, at most
-TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
+    from dubbing.preparation.prepared import PreparedClip
+    from dubbing.production.dub import Dub
 
 
 @dataclass(frozen=True)
-class Sound:
-    """The sound of a dub: so many seconds of a file from ``start`` on."""
+class PersonOnFilm:
+    """The stages of a person that a dub reads.
 
-    path: Path
-    start: float
-    seconds: float
-
-
-@dataclass(frozen=True)
-class SceneSound:
-    """The sound of a scene, to be mixed; see `dubbing.mixing.mix`."""
-
-    cues: tuple[timeline.Cue, ...]
-    music: Path | None
-    left: tuple[tuple[int, int], ...]
-    loudness: str
-
-
-def make(
-    heads: Sequence[Heads],
-    sound: Sound | SceneSound,
-    out: Path,
-    *,
-    pose_index: np.ndarray,
-    settings: VideoSettings,
-    progress: Callable[[str, float], None],
-) -> Path:
-    """Write OUT/video.<suffix>: composited, marked, encoded, with its sound; checked by decoding.
-
-    Where there is to be a card of credits it follows the last frame, in silence.
-
-    It has the colours of the film, and its timecode. What no browser plays gets OUT/proxy.mp4.
-    OUT/picture.json says where faces stay the film's own, where something lies over them, and
-    whether the invisible mark is found in the finished file.
-
-    Frames without new speech are the film's own. Of a scene there is also
-    OUT/voices.flac, and OUT/scene.json: how loud it is, and what proves that.
-
-    Args:
-        heads: of all cues; their clips are of one film.
-        pose_index: (F,) frame of the film under every frame of the dub.
-
-    Raises:
-        MediaError: a file broke off, or ffmpeg failed.
-        RenderingError: fewer heads than frames, or the finished file is not what it should be.
+    Attributes:
+        prepared: the film.
+        learned: the clips that the model was learned from, in the order of its summary.
     """
-    result = out / f"video{media.SUFFIX[settings.codec]}"
-    segments = out / "segments"
-    film, card = heads[0].clip, settings.card
-    rate = film.rate
-    frames = len(pose_index) + (card.frames if card else 0)
-    source = media.probe(film.clip)
-    composer = Composer(heads, pose_index, settings)
-    if not result.exists():
-        parts = _pictures(composer, segments, settings, source.colour, progress)
-        progress("muxing", 1.0)
-        if isinstance(sound, SceneSound):
-            figures = mix(
-                sound.cues,
-                film.clip,
-                out,
-                music=sound.music,
-                left=sound.left,
-                loudness=sound.loudness,
-            )
-            atomic_write_json(out / MIXED, figures)
-            sound = Sound(out / SOUND, 0.0, float(len(pose_index) / rate))
-        # The sound has its requested length, unless the dub was cut to the clip.
-        longest = float((len(pose_index) + Fraction(1, 2)) / rate)
-        media.mux(
-            parts,
-            sound.path,
-            result,
-            audio_start=sound.start,
-            seconds=min(sound.seconds, longest),
-            silent_until=float(frames / rate) if card else None,
-            audio_codec=media.SOUND[settings.codec],
-            audio_rate=settings.audio_rate,
-            metadata=provenance.tags(),
-            timecode=source.full_timecode_at(int(pose_index[0])),
+
+    prepared: Prepared
+    learned: tuple[Prepared, ...]
+    model: Stage
+
+    def kept(self, clip: PreparedClip) -> np.ndarray:
+        """Numbers (T,) of the reasons why frames of the film keep their own face."""
+        import numpy as np
+
+        from dubbing.identity.learned import learned
+        from dubbing.video.own_pixels import learned_views, reasons
+
+        seconds = learned(self.model.folder)
+        parts = zip(self.learned, seconds, strict=True)
+        views = [learned_views(of.load(), stretches) for of, (_, stretches) in parts]
+        return reasons(clip, np.concatenate(views))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Composite(DubbingStage):
+    """Makes the video; see `dubbing.video.assembly`.
+
+    Attributes:
+        heads: the stages that rendered them, by cue.
+        people: by name.
+        length, first, on_longer_audio: frames of the film under the dub; see `Dub`.
+        consent: who agreed. No pixel depends on it, but a result records it.
+    """
+
+    film: Path
+    sound: Sound
+    heads: Mapping[str, Stage]
+    people: Mapping[str, PersonOnFilm]
+    length: int
+    first: int
+    on_longer_audio: str
+    settings: VideoSettings
+    mark: Marking | None
+    consent: Any
+
+    typical: ClassVar[Rate] = Rate(0.04, 3e3)
+
+    @classmethod
+    def of(cls, dub: Dub, heads: Mapping[str, Stage], people: Mapping[str, PersonOnFilm]) -> Self:
+        """The stage for a dub."""
+        return cls(
+            film=dub.film.path,
+            sound=dub.sound,
+            heads=heads,
+            people=people,
+            length=dub.length,
+            first=dub.first,
+            on_longer_audio=dub.on_longer_audio,
+            settings=dub.settings,
+            mark=dub.marking(),
+            consent=dub.consent(),
         )
-    progress("decoding the result", 1.0)
-    verify(result, frames, rate)
-    picture: dict[str, Any] = {
-        "own_pixels": composer.own_pixels(),
-        "overlaid": composer.overlaid(),
-    }
-    if settings.mark is not None:
-        progress("looking for the invisible mark", 1.0)
-        picture["mark"] = found_again(result, settings.mark, *composer.replaced(), rate)
-    atomic_write_json(out / PICTURE_FILE, picture)
-    if settings.codec != "h264":
-        progress("proxy", 1.0)
-        media.proxy(result, out / PROXY_FILE, provenance.tags())
-    if (out / MIXED).is_file():
-        progress("comparing with the film", 1.0)
-        own = composer.untouched()
-        proof = compare(film.clip, result, own, rate) if own.any() else None
-        figures = json_records.read(out / MIXED, dict[str, Any], "figures of the mix")
-        atomic_write_json(out / SCENE_FILE, {"sound": figures, "untouched": proof})
-        (out / SOUND).unlink(missing_ok=True)
-        (out / MIXED).unlink()
-    shutil.rmtree(segments, ignore_errors=True)
-    return result
 
+    def run(self, out: Path, progress: Progress) -> None:
+        from dubbing.script import timeline
+        from dubbing.video.assembly import make
+        from dubbing.video.composer import Heads
 
-def _pictures(
-    composer: Composer,
-    folder: Path,
-    settings: VideoSettings,
-    colour: Colour,
-    progress: Callable[[str, float], None],
-) -> list[tuple[Path, Fraction]]:
-    """Encode the frames, then the card of credits: files with their lengths in seconds."""
-    rate, poses = composer.film.rate, composer.poses
-    frames = len(poses)
-    parts = []
+        clips = {name: person.prepared.load() for name, person in self.people.items()}
+        kept = {name: person.kept(clips[name]) for name, person in self.people.items()}
+        segment = next(iter(clips.values())).segment
+        heads = [
+            Heads(
+                folder=self.heads[cue.name].folder,
+                clip=clips[cue.identity],
+                first=cue.first,
+                stop=cue.stop,
+                kept=kept[cue.identity],
+                name=cue.name,
+            )
+            for cue in self.sound.cues
+        ]
+        poses = timeline.pose_index(self.length, segment, self.first, self.on_longer_audio)
+        settings = replace(self.settings, mark=self.mark)
+        make(heads, self.sound, out, pose_index=poses, settings=settings, progress=progress)
 
-    def writer(part: Path) -> media.VideoWriter:
-        return media.VideoWriter(part, *composer.size, rate, settings.codec, colour)
-
-    for first in range(0, frames, SEGMENT):
-        stop = min(first + SEGMENT, frames)
-        part = folder / f"{first:06d}{SUFFIX}"
-        parts.append((part, (stop - first) / rate))
-        if not part.exists():
-            encoder = writer(part)
-            read = composer.read(first, stop)
-            with encoder, behind(encoder.write) as write, closing(ahead(read)) as ready:
-                for done, (image, faces) in enumerate(ready, first):
-                    write(composer.frame(image, faces, int(poses[done]), done))
-                    progress("compositing", done / frames)
-    if settings.card is not None:
-        part = folder / f"card{SUFFIX}"
-        parts.append((part, settings.card.frames / rate))
-        picture = composer.card(settings.card.text)
-        with writer(part) as encoder:
-            for _ in range(settings.card.frames):
-                encoder.write(picture)
-    return parts
-
-
-def found_again(
-    path: Path, marking: Marking, first: int, stop: int, rate: Fraction
-) -> dict[str, Any]:
-    """Whether the mark is found in frames first .. stop of the finished file, or some of them."""
-    stop = min(stop, first + round(MARKED_SECONDS * rate))
-    frames = media.read_frames(path, start=first, count=stop - first, pixels="gray")
-    (seen,) = search(frames if stop > first else (), rate, [marking.key()], everywhere=False)
-    return {
-        "found": seen.present and id_of(seen.bits) == marking.id,
-        "statistic": round(seen.statistic, 1),
-        "threshold": round(seen.threshold, 1),
-        "frames": seen.frames,
-    }
-
-
-def verify(path: Path, frames: int, rate: Fraction) -> None:
-    """Decode a finished video: its frames, its rate, and that sound and picture begin together.
-
-    Raises:
-        RenderingError: something differs.
-    """
-    info = media.probe(path)
-    found = media.count_frames(path)
-    if found != frames:
-        raise RenderingError(f"the file holds {found} frames instead of {frames}", path.name)
-    if info.rate != rate:
-        raise RenderingError(f"the file runs at {info.rate} instead of {rate}", path.name)
-    if abs(info.video_start - info.audio_start) > TOLERANCE:
-        late = 1000 * (info.audio_start - info.video_start)
-        raise RenderingError(f"the sound begins {late:.1f} ms after the picture", path.name)
+    def amount(self) -> float:
+        return self.length

@@ -1,229 +1,108 @@
-"""Fine-tuning one person from the shared base checkpoint."""
+"""The stage `finetune`: a person's model, from the base and prepared clips."""
 
 from __future__ import annotations
 
-import shutil
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-import numpy as np
-import torch
+from dfrf.config import family
+from dubbing.engine.fields import Setting
+from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.identity.finetune_settings import FinetuneSettings
+from dubbing.stages.base import DubbingStage, Prepared
 
-from dfrf import checkpoint, presets, saved_models
-from dfrf.config import TrainConfig
-from dfrf.data.dataset import HeadDataset
-from dfrf.method_interface import Method
-from dfrf.model_interface import HeadModel
-from dfrf.presets import method_of
-from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
-from dfrf.training.progress import Curve, TrainingProgress
-from dubbing import media
-from dubbing.errors import TrainingError
-from dubbing.files import atomic_write_json
-from dubbing.identity.best_seconds import choose_frames, parts_of
-from dubbing.identity.clip_frames import ClipFrames
-from dubbing.identity.dataset import load_identity
-from dubbing.identity.learned import SUMMARY_FILE
-from dubbing.identity.reference_choice import choose_references, turns_far
-from dubbing.media.voice_channel import is_silent
-from dubbing.preparation.prepared import PreparedClip
-from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
-from dubbing.speech import features
-from dubbing.stages.curve import CURVE_FILE, write_curve, write_events
-from dubbing.stages.initial_model import FinetuneSettings, init_from_base
-from dubbing.stages.refine_poses import refined, refines
+if TYPE_CHECKING:
+    from dubbing.production.person import Person
 
-MODEL_FILE = "model.safetensors"
-RESUME_FOLDER = "resume"
-PICTURES_FOLDER = "pictures"  # in it: what is learned from, so that a long clip needs no memory
-POSING = 0.25  # of the steps: then the model knows the head well enough to refine its poses
+REFINED = 0.5  # steps of learning that refining the poses of one full head crop is worth
+# A step of preset `paper` on two processor cores at 512 px, half of the time that
+# one core took: its rays, and the features of its references (see the page on performance).
+PAPER_RAYS_SECONDS, PAPER_FEATURES_SECONDS = 12.0, 22.0
+PIXEL_BYTES = 24  # of memory, for each pixel of a learned crop
+FULL_CROP = 512**2  # pixels
 
 
-def finetune(
-    films: Sequence[tuple[PreparedClip, int]],
-    out: Path,
-    *,
-    start: float | None,
-    seconds: float,
-    settings: FinetuneSettings,
-    base: Path | None,
-    device: str = "auto",
-    progress: Callable[[TrainingProgress], None] | None = None,
-) -> None:
-    """Writes OUT/model.safetensors, OUT/finetune.json and the curve, see `dubbing.stages.curve`.
+@dataclass(frozen=True)
+class LearnedClip:
+    """A prepared clip to learn from, and the check of its lip sync, which knows its offset."""
 
-    Until then OUT/resume holds the state, from which the next call goes on, and the pictures.
+    prepared: Prepared
+    source: Stage
 
-    Args:
-        films: what `prepare` made of each of the person's clips to learn from, and the frames by
-            which its sound comes early; see `clip_speech`. Camera and face shape of the model are
-            those of the first.
-        out: folder; what an interrupted run left there is continued.
-        start, seconds: see `choose_frames`.
-        settings: see `FinetuneSettings`.
-        base: checkpoint to start from; None starts from random weights.
-        device: auto, cpu or cuda.
-        progress: called after every step.
 
-    Raises:
-        TrainingError: no face in that part, no sound, or the loss diverged.
-        CheckpointError: the base does not fit.
+@dataclass(frozen=True, kw_only=True)
+class Finetune(DubbingStage):
+    """Fine-tunes a person; see `dubbing.heads.fine_tuning`.
+
+    Attributes:
+        clips: to learn from, the main one first.
+        start, seconds: see `Person`.
+        base: checkpoint to start from; None for random weights.
+        weights: the files behind the speech features of the settings.
+        crops: learned frames, each as a share of a full head crop.
     """
-    clips = [clip for clip, _ in films]
-    speeches = [
-        clip_speech(clip, settings.speech, settings.weights, offset) for clip, offset in films
-    ]
-    footage = choose_frames(clips, speeches, start, seconds)
-    pictures = out / RESUME_FOLDER / PICTURES_FOLDER
-    person = load_identity(clips[0].clip.stem, footage, folder=pictures)
-    model = init_from_base(base, settings)
-    trainings = presets.trainings(settings.preset)
-    config = settings.training(trainings.from_scratch if base is None else trainings.finetune)
-    method = method_of(model)
-    landmarks = np.concatenate([one.landmarks(person.focal) for one in footage])
-    references = reference_frames(person, landmarks, method)
-    try:
-        person, curve = learn(
-            model,
-            person,
-            footage,
-            config,
-            references,
-            out / RESUME_FOLDER,
-            device,
-            progress,
+
+    clips: tuple[LearnedClip, ...]
+    start: float | None
+    seconds: float
+    settings: FinetuneSettings
+    base: Path | None
+    weights: Mapping[str, Path]
+    crops: Setting[float]
+    device: Setting[str]
+
+    typical: ClassVar[Rate] = Rate(0.30, 10e3)
+
+    @classmethod
+    def of(cls, person: Person, clips: Sequence[LearnedClip], device: str) -> Self:
+        """The stage for a person."""
+        return cls(
+            clips=tuple(clips),
+            start=person.start,
+            seconds=person.seconds,
+            settings=person.settings,
+            base=person.base,
+            weights=person.speech_files,
+            crops=person.learned_frames * person.crops(person.clip),
+            device=device,
         )
-    except TrainingDivergedError as error:
-        raise TrainingError(
-            str(error), person.name, "lower the learning rate or change the seed"
-        ) from error
-    views = None if references is None else method.reference_views(person, references)
-    method.finish(person, views, config.seed)
-    header = {
-        **settings.speech_header(),
-        "steps": config.iterations,
-        "settings": asdict(settings),
-        "clip": clips[0].clip.name,
-    }
-    saved_models.save_person(out / MODEL_FILE, model.cpu(), views, header)
-    write_curve(out / CURVE_FILE, curve)
-    write_events(out, curve)
-    learned, *beside = [learned_parts(one) for one in footage]
-    summary = {
-        "train": asdict(config),
-        "frames": person.frames,
-        "seconds": curve.seconds,
-        "learned": learned,
-        "beside": [[c.clip.name, parts] for c, parts in zip(clips[1:], beside, strict=True)],
-    }
-    atomic_write_json(out / SUMMARY_FILE, {**header, **summary})
-    shutil.rmtree(out / RESUME_FOLDER)
 
+    def run(self, out: Path, progress: Progress) -> None:
+        from dubbing.heads.fine_tuning import finetune
+        from dubbing.sync.records import offset_of
 
-def learn(
-    model: HeadModel,
-    person: HeadDataset,
-    footage: Sequence[ClipFrames],
-    config: TrainConfig,
-    references: torch.Tensor | None,
-    resume: Path,
-    device: str,
-    progress: Callable[[TrainingProgress], None] | None,
-) -> tuple[HeadDataset, Curve]:
-    """Trains a person's model in place: some steps, then the poses they refine, then the rest.
+        def step(state: Any) -> None:
+            message = str(state).rpartition(", ")[0]  # without its own guess of the time left
+            progress(message, state.step / state.iterations)
 
-    Args:
-        footage: that the person's pictures are of.
-        config: of all steps together.
-        references: reference frames of the person.
-        resume: folder for the state.
-
-    Returns:
-        The person with the poses that were learned with, and the curve of all steps.
-
-    Raises:
-        TrainingDivergedError: see `fit`.
-    """
-    curve = Curve()
-
-    def part(folder: Path, steps: TrainConfig) -> None:
-        done, before = len(curve.rows), curve.seconds
-        if checkpoint.state_is_damaged(folder):
-            shutil.rmtree(folder)
-
-        def notify(state: TrainingProgress) -> None:
-            if progress is not None:
-                progress(state.within(done, config.iterations))
-
-        made = fit(
-            method_of(model),
-            [person],
-            steps,
-            references=None if references is None else {person.name: references},
-            options=FitOptions(resume=str(folder), progress=notify, device=device),
+        finetune(
+            [(clip.prepared.load(), offset_of(clip.source.folder)) for clip in self.clips],
+            out,
+            start=self.start,
+            seconds=self.seconds,
+            settings=self.settings,
+            base=self.base,
+            device=self.device,
+            progress=step,
         )
-        for step, loss, psnr, seconds in made.rows:
-            curve.add(done + step, loss, psnr, before + seconds)
 
-    first = round(POSING * config.iterations) if refines(model) else 0
-    if first:
-        part(resume / "posing", presets.with_iterations(config, first))
-        method = method_of(model)
-        maps = (
-            None if references is None else method.maps(method.reference_views(person, references))
-        )
-        posed = np.concatenate(
-            [refined(model, maps, one.clip, one.with_face).c2w()[one.with_face] for one in footage]
-        )
-        person = replace(person, c2w=torch.from_numpy(posed).float())
-    rest = presets.with_iterations(config, config.iterations - first)
-    # Speech is learned once, and coarse steps come first.
-    part(resume, rest if not first else replace(rest, coarse_iterations=0, lip_iterations=0))
-    return person, curve
+    def amount(self) -> float:
+        return self.settings.iterations + REFINED * self.crops
 
+    def memory(self) -> float:
+        return super().memory() + PIXEL_BYTES * FULL_CROP * self.crops
 
-def learned_parts(footage: ClipFrames) -> list[tuple[float, float]]:
-    """From which second to which of its clip it is."""
-    rate = float(footage.clip.rate)
-    return [(first / rate, (first + n) / rate) for first, n in parts_of(footage.frames)]
+    def rate_kind(self) -> str:
+        return f"{self.kind} paper" if self._is_paper else self.kind
 
+    def typical_rate(self) -> Rate:
+        if not self._is_paper:
+            return self.typical
+        return Rate(PAPER_RAYS_SECONDS + PAPER_FEATURES_SECONDS, self.typical.bytes)
 
-def clip_speech(
-    clip: PreparedClip, speech: str, weights: Path | None = None, offset: int = 0
-) -> SpeechFrames:
-    """What is heard at every frame of a clip, from its own sound.
-
-    Args:
-        offset: frames by which the sound comes early: what belongs to frame i is heard at
-            frame i - offset. A person learned with it is dubbed in sync.
-
-    Raises:
-        TrainingError: the clip has no sound, or a silent one.
-    """
-    info = media.probe(clip.clip)
-    if info.audio_rate is None or is_silent(info, 0.0, info.sound_seconds):
-        none = "has no sound" if info.audio_rate is None else "is silent"
-        raise TrainingError(
-            f"{none}, so there is nothing to learn the mouth from",
-            clip.clip.name,
-            "use a clip of the person speaking, with its sound",
-        )
-    heard, _ = features.features_of_file(clip.clip, features.features_by_name(speech, weights))
-    lips = lips_of_file(clip.clip)
-    return at_frames(heard, lips, clip.frames_count, clip.rate, first=-offset)
-
-
-def reference_frames(
-    person: HeadDataset, landmarks: np.ndarray, method: Method[Any, Any]
-) -> torch.Tensor | None:
-    """Which frames are a person's references; None for a method without references.
-
-    Their landmarks (T, 478, 2) are in pixels. As many as a frame looks at, all of them the same for
-    every frame; more to choose the nearest from where the head turns far.
-    """
-    if not method.references:
-        return None
-    count = method.reference_pool_size if turns_far(person) else method.references
-    return choose_references(person, landmarks, count)
+    @property
+    def _is_paper(self) -> bool:
+        """Whether the preset takes a hundred times as long for a step."""
+        return family(self.settings.preset) == "paper"

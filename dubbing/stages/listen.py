@@ -1,98 +1,69 @@
-"""The speech stage: what the model will hear, and how many frames that makes."""
+"""The stage `listen`: speech features of a cue."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Self
 
-import numpy as np
-from safetensors.numpy import load_file, save
-from typing_extensions import TypedDict
+from dubbing.engine.fields import Setting
+from dubbing.engine.stage import Progress, Rate
+from dubbing.stages.base import DubbingStage
 
-from dubbing import json_records
-from dubbing.errors import RenderingError
-from dubbing.files import atomic_write_bytes, atomic_write_json
-from dubbing.script import timeline
-from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
-from dubbing.speech import features
-
-TENSORS, SUMMARY = "features.safetensors", "speech.json"
+if TYPE_CHECKING:
+    from dubbing.production.person import Person
+    from dubbing.script.timeline import Cue
 
 
-class Summary(TypedDict):
-    """What is kept of speech beside its features."""
+@dataclass(frozen=True, kw_only=True)
+class Listen(DubbingStage):
+    """Makes speech features; see `dubbing.sound_to_lips.cue_speech`.
 
-    name: str
-    frames: int
-    rate: Fraction
-    seconds: float
-
-
-@dataclass(frozen=True)
-class Speech:
-    """Features (T, D), voice activity (T,) and predicted lips (T, P) of F frames of speech.
-
-    50 a second.
+    Attributes:
+        audio_start, seconds: of the recording.
+        speech: name of the features; weights: their files, and those of the user's own
+            `speech_weights`.
+        rate: frames a second of the film.
     """
 
-    name: str
-    frames: int
-    rate: Fraction
+    audio: Path
+    audio_start: float
     seconds: float
-    features: np.ndarray
-    voice: np.ndarray
-    lips: np.ndarray
+    speech: str
+    rate: Fraction
+    weights: Mapping[str, Path]
+    speech_weights: Setting[Path | None]  # `weights` holds its files
 
-    @staticmethod
-    def load(folder: Path) -> Speech:
-        """Read what ``listen`` wrote.
+    typical: ClassVar[Rate] = Rate(0.1, 18e3)
 
-        Raises:
-            DubbingError: its summary is something else.
-        """
-        summary = json_records.read(folder / SUMMARY, Summary, "speech", "run with --force listen")
-        return Speech(**summary, **load_file(folder / TENSORS))
-
-    def part(self, first: int, count: int) -> SpeechFrames:
-        """What is heard at the video frames first .. first + count."""
-        return at_frames(self.features, self.lips, count, self.rate, first)
-
-
-def listen(
-    audio: Path,
-    out: Path,
-    *,
-    name: str,
-    weights: Path | None = None,
-    rate: Fraction,
-    start: float,
-    seconds: float,
-) -> None:
-    """Write OUT/features.safetensors and OUT/speech.json.
-
-    Args:
-        audio: anything with sound.
-        name: kind of speech features.
-        weights: of the user's own for them.
-        rate: frames a second of the dub.
-        start, seconds: the part of the sound to speak.
-
-    Raises:
-        MediaError: the sound cannot be read.
-        RenderingError: there is next to nothing of it.
-    """
-    kind = features.features_by_name(name, weights)
-    found, voice = features.features_of_file(audio, kind, start=start, seconds=seconds)
-    if not len(found):
-        raise RenderingError(
-            "no sound there", f"{audio.name} from {start:g} s", "change audio_start"
+    @classmethod
+    def of(cls, cue: Cue, person: Person, rate: Fraction) -> Self:
+        """The stage for a cue of a person."""
+        return cls(
+            audio=cue.audio,
+            audio_start=cue.audio_start,
+            seconds=cue.seconds,
+            speech=person.settings.speech,
+            rate=rate,
+            weights=person.speech_files,
+            speech_weights=person.settings.weights,
         )
-    lips = lips_of_file(audio, start=start, seconds=seconds)
-    tensors = {"features": found, "voice": voice, "lips": lips}
-    atomic_write_bytes(
-        out / TENSORS, save({k: np.ascontiguousarray(v) for k, v in tensors.items()})
-    )
-    frames = timeline.frame_count(seconds, rate)
-    summary = {"name": name, "frames": frames, "rate": str(rate), "seconds": seconds}
-    atomic_write_json(out / SUMMARY, summary)
+
+    def run(self, out: Path, progress: Progress) -> None:
+        from dubbing.sound_to_lips.cue_speech import listen
+
+        progress("listening", 0.0)
+        listen(
+            self.audio,
+            out,
+            name=self.speech,
+            weights=self.speech_weights,
+            rate=self.rate,
+            start=self.audio_start,
+            seconds=self.seconds,
+        )
+
+    def amount(self) -> float:
+        return self.seconds

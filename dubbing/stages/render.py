@@ -1,149 +1,122 @@
-"""Rendering a person's head for every frame of new speech, in segments that survive a kill."""
+"""The stage `render`: the head of a person for every frame of a cue."""
 
-from collections.abc import Callable, Iterator
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Self
 
-import numpy as np
-import torch
-from torch import Tensor
+from dfrf.config import family
+from dubbing.engine.fields import Setting
+from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.script import timeline
+from dubbing.stages.base import DubbingStage, Prepared
 
-from dfrf import checkpoint, saved_models
-from dfrf import device as devices
-from dfrf.data.dataset import neighbour_windows
-from dfrf.field.audio import NEIGHBOURS
-from dfrf.method_interface import FrameInputs, Maps
-from dfrf.model_interface import HeadModel
-from dfrf.presets import method_of
-from dubbing.compositing.face_mask import rendered_region
-from dubbing.errors import CheckpointError
-from dubbing.identity.dataset import upper_face_expression
-from dubbing.media import VideoWriter
-from dubbing.preparation.prepared import PreparedClip
-from dubbing.sound_to_lips.speech_frames import SpeechFrames
+if TYPE_CHECKING:
+    from dubbing.production.dub import Dub
+    from dubbing.script.timeline import Cue
 
-# What is heard at `count` frames from `first` on.
-SpeechPart = Callable[[int, int], SpeechFrames]
+PART = 250  # frames that are rendered on one machine: a multiple of every method's segment
+# A frame of preset `paper` on two processor cores at 512 px: 744 s without the noise of its slots,
+# times 1.55, the cost of that noise on 256 rays.
+PAPER_FRAME_SECONDS = 1150.0
 
 
-def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dict[str, object]]:
-    """A person's model on a device with its reference maps, computed once; and its header.
+@dataclass(frozen=True, kw_only=True)
+class Render(DubbingStage):
+    """Renders heads; see `dubbing.heads.rendering`.
 
-    Raises:
-        CheckpointError: the file cannot be used.
+    Attributes:
+        poses: the stage that refined them.
+        speech: the stage that made the speech features of the cue.
+        first, stop: frames of the cue in the dub.
+        film_first, on_longer_audio: frames of the film under the dub; see `timeline.pose_index`.
+        crop: area of the head crop as a share of a full one.
+        part: first and stop of those of the cue's frames that are rendered; None for all.
     """
-    try:
-        person, views, header = saved_models.load_person(model)
-    except checkpoint.CheckpointError as error:
-        raise CheckpointError(str(error), remedy="run with --force finetune") from error
-    target = devices.choose(device)
-    person.to(target).eval()
-    maps = None if views is None else method_of(person).maps(views)
-    return person, maps, header
 
+    model: Stage
+    prepared: Prepared
+    poses: Stage
+    speech: Stage
+    first: int
+    stop: int
+    film_first: int
+    on_longer_audio: str
+    preset: Setting[str]  # part of the model
+    crop: Setting[float]
+    device: Setting[str]
+    part: Setting[tuple[int, int] | None] = None
 
-def render(
-    model: Path,
-    clip: PreparedClip,
-    speech: SpeechPart,
-    out: Path,
-    *,
-    pose_index: np.ndarray,
-    part: tuple[int, int] | None = None,
-    device: str = "auto",
-    progress: Callable[[str, float], None] | None = None,
-) -> None:
-    """Writes OUT/000000.mkv, OUT/000050.mkv ...: premultiplied colour and opacity (FFV1 RGBA).
+    typical: ClassVar[Rate] = Rate(0.32, 15e3)
 
-    Of each head there is what the dub shows of it; see `dubbing.compositing.face_mask`.
+    @classmethod
+    def of(
+        cls,
+        dub: Dub,
+        cue: Cue,
+        prepared: Prepared,
+        model: Stage,
+        poses: Stage,
+        speech: Stage,
+        device: str,
+    ) -> Self:
+        """The stage for a cue of a dub."""
+        person = dub.person(cue)
+        return cls(
+            model=model,
+            prepared=prepared,
+            poses=poses,
+            speech=speech,
+            first=cue.first,
+            stop=cue.stop,
+            film_first=dub.first,
+            on_longer_audio=dub.on_longer_audio,
+            preset=person.settings.preset,
+            crop=person.crops(dub.film),
+            device=device,
+        )
 
-    A file appears only when it is whole, and one that is there is not rendered again. It holds
-    `dfrf.method_interface.Method.segment` frames: of a slow preset every single one is kept.
+    def run(self, out: Path, progress: Progress) -> None:
+        from dubbing.heads.fine_tuning import MODEL_FILE
+        from dubbing.heads.pose_refinement import with_refined_poses
+        from dubbing.heads.rendering import render
+        from dubbing.sound_to_lips.cue_speech import Speech
 
-    Args:
-        model: of the person, written by `finetune`.
-        clip: whose poses are taken, refined with the model; see `refine_poses`.
-        speech: of the frames to render; called for a segment at a time.
-        out: folder.
-        pose_index: (T,) frame of the clip each frame takes its pose from.
-        part: first and stop of those of the T frames to render; all by default.
-        device: auto, cpu or cuda.
-        progress: called with a message and the share done.
+        speech = Speech.load(self.speech.folder)
+        clip = with_refined_poses(self.prepared.load(), self.poses.folder)
+        poses = timeline.pose_index(self.stop, clip.segment, self.film_first, self.on_longer_audio)
+        render(
+            self.model.folder / MODEL_FILE,
+            clip,
+            speech.part,
+            out,
+            pose_index=poses[self.first :],
+            part=self.part,
+            device=self.device,
+            progress=progress,
+        )
 
-    Raises:
-        CheckpointError: the model cannot be used.
-    """
-    count = len(pose_index)
-    person, maps, _ = load(model, device)
-    out.mkdir(parents=True, exist_ok=True)
+    def amount(self) -> float:
+        first, stop = self.part or (self.first, self.stop)
+        return (stop - first) * self.crop
 
-    begin, end = part or (0, count)
+    def parts(self) -> Mapping[str, Self]:
+        """Ranges of `PART` frames, where there are several."""
+        count = self.stop - self.first
+        ranges = [(k, min(k + PART, count)) for k in range(0, count, PART)]
+        if len(ranges) < 2:
+            return {}
+        return {f"{first}-{stop}": replace(self, part=(first, stop)) for first, stop in ranges}
 
-    def notify(done: int) -> None:
-        if progress is not None:
-            progress(f"frame {done} of {count}", (done - begin) / (end - begin))
+    def rate_kind(self) -> str:
+        return f"{self.kind} paper" if self._is_paper else self.kind
 
-    segment = method_of(person).segment
-    around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
-    for first in range(begin, end, segment):
-        stop = min(first + segment, end)
-        path = out / f"{first:06d}.mkv"
-        if not path.exists():
-            with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
-                low, high = max(0, first - around), min(count, stop + around)
-                some = (speech(low, high - low), pose_index[low:high])
-                needed = regions_of(clip, pose_index[first:stop])
-                heads = frames(person, maps, clip, *some, first - low, stop - low, needed)
-                for done, (colour, opacity) in enumerate(heads, first + 1):
-                    video.write(to_rgba(colour, opacity))
-                    notify(done)
-        else:
-            notify(stop)
+    def typical_rate(self) -> Rate:
+        return Rate(PAPER_FRAME_SECONDS, self.typical.bytes) if self._is_paper else self.typical
 
-
-def frames(
-    model: HeadModel,
-    maps: Maps | None,
-    clip: PreparedClip,
-    speech: SpeechFrames,
-    pose_index: np.ndarray,
-    first: int,
-    stop: int,
-    regions: np.ndarray | None = None,
-) -> Iterator[tuple[Tensor, Tensor]]:
-    """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop.
-
-    Of the whole head, or of what of it lies in regions (stop - first, S, S) bool at least.
-    """
-    device = model.device
-    method = method_of(model)
-    # Speech does not stop at a cut of the picture, so all frames count as one run.
-    one_run, own = torch.zeros(len(speech)), torch.arange(first, stop)
-    near = neighbour_windows(torch.from_numpy(speech.windows).float(), one_run, own)
-    around = np.arange(first - method.reach, stop + method.reach).clip(0, len(speech) - 1)
-    poses = pose_index[first:stop]
-    inputs = FrameInputs(
-        torch.from_numpy(clip.c2w()[poses]).float().to(device),
-        float(clip.focal),
-        torch.from_numpy(clip.centre[poses]).float().to(device),
-        near.to(device),
-        torch.from_numpy(speech.lips[around]).float().to(device),
-        torch.from_numpy(upper_face_expression(clip)[poses]).float().to(device),
-        clip.size,
-        None if regions is None else torch.from_numpy(regions).to(device),
-    )
-    yield from method.render_frames(inputs, maps)
-
-
-def regions_of(clip: PreparedClip, poses: np.ndarray) -> np.ndarray:
-    """What a dub shows of heads over frames `poses` (F,): (F, S, S) bool, none without a face."""
-    regions = np.zeros((len(poses), clip.size, clip.size), bool)
-    for region, pose in zip(regions, poses, strict=True):
-        if clip.valid[pose]:
-            region[:] = rendered_region(clip.landmarks[pose], clip.size)
-    return regions
-
-
-def to_rgba(colour: Tensor, opacity: Tensor) -> np.ndarray:
-    """(S, S, 4) uint8 from premultiplied colour and opacity in 0..1."""
-    both = torch.cat([colour, opacity[..., None]], -1).float()
-    return (both.clamp(0, 1) * 255).round().to(torch.uint8).cpu().numpy()
+    @property
+    def _is_paper(self) -> bool:
+        """Whether the preset takes a thousand times as long for a frame."""
+        return family(self.preset) == "paper"

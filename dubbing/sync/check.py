@@ -1,6 +1,6 @@
 """The sync check: offset between the sound and the mouth of a video, and how well they fit."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from dubbing import media
+from dubbing.engine.stage import ReportShare
 from dubbing.speech.voice_activity import STEP_RATE, at_times
 from dubbing.sync.curves import MAX_OFFSET, CurveSum, distances, estimate
 from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
@@ -159,7 +160,7 @@ def check(
     sound_from: Path | None = None,
     parts: Parts | None = None,
     leave_out: int = 0,
-    progress: Callable[[float], None] | None = None,
+    progress: ReportShare | None = None,
 ) -> SyncResult:
     """Lip sync of a video, of any length, size, rate and number of faces.
 
@@ -169,7 +170,8 @@ def check(
         video: with picture and sound.
         source: result of the clip that the video was made from, to compare the confidence with.
         sound_from: another file to take the sound from, starting together with the video.
-        parts: the only frames (first, stop) to check; they become the segments.
+        parts: the only frames (first, stop) to check; they become the segments, unless they are
+            the whole video.
         leave_out: frames at the end whose picture and sound are ignored.
         progress: called with the share done, 0..1.
 
@@ -178,6 +180,8 @@ def check(
     """
     info = media.probe(video)
     info = replace(info, frames=info.frames - leave_out)
+    if parts is not None and [*parts] == [(0, info.frames)]:
+        parts = None
     sound = info if sound_from is None else media.probe(sound_from)
     if sound.audio_rate is None:
         facts = Media(info.frames, str(info.rate), info.duration, 0.0, 0.0, 0.0)

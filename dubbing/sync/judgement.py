@@ -14,11 +14,11 @@ FAIL_MS = 125.0
 PASS_SHARE = 0.6
 FAIL_SHARE = 0.3
 # Used in place of the source's confidence without a source: 60 % of it is the 95th percentile of
-# unrelated speech, on people left out of training (docs/sync.md).
+# unrelated speech, on people left out of training (docs/development/sync.md).
 TYPICAL_CONFIDENCE = 0.15
-# The highest confidence of people that the network was not trained on (docs/sync.md). People of the
-# training data, and the synthetic speaker, can have .4. 60 % of that is more than most people have
-# in their own clips, so a dub needs at most 60 % of this.
+# The highest confidence of people that the network was not trained on (docs/development/sync.md).
+# People of the training data, and the synthetic speaker, can have .4. 60 % of that is more than
+# most people have in their own clips, so a dub needs at most 60 % of this.
 CLEAREST_CONFIDENCE = 0.28
 MIN_SECONDS = 3.0
 MIN_SPEECH_SECONDS = 1.0

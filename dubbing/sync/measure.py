@@ -8,7 +8,7 @@ Letters: F frames of a block, M mouth points, R rows and C columns of a crop, T 
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import islice, pairwise
@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from dubbing import media
+from dubbing.engine.stage import ReportShare
 from dubbing.face.face_tracker import FaceTracker
 from dubbing.face.mouth_crop import COLUMNS, ROWS, mouth_crop
 from dubbing.face.mouth_shape import MOUTH, mouth_shape
@@ -118,7 +119,7 @@ def measure(
     *,
     sound_from: Path | None = None,
     leave_out: int = 0,
-    progress: Callable[[float], None] | None = None,
+    progress: ReportShare | None = None,
 ) -> Iterator[Block]:
     """Blocks of a video from its beginning to its end.
 

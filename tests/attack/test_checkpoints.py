@@ -15,14 +15,17 @@ from hypothesis import strategies as st
 from dfrf import presets
 from dfrf.checkpoint import read_tensors
 from dfrf.saved_models import save_model
-from dubbing import tasks
-from dubbing.stages import initial_model
+from dubbing.heads import initial_model
+from dubbing.stages.finetune import Finetune
 from tests.attack import rule
 from tests.attack.conftest import Room
 from tests.attack.odd import cases, damaged, names, numbers, spoilt
 from tests.attack.test_manifests import WHOLE
 from tests.attack.test_media import pieces
 from tests.dfrf.people import small_config
+
+pytestmark = pytest.mark.medium
+
 
 ODD_FLOATS = (float("nan"), float("inf"), 1e38, -1e38, 0.0)
 DTYPES = ("F32", "F16", "BF16", "F64", "I64", "U8", "BOOL", "F8_E4M3", "X9")
@@ -40,18 +43,15 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def loading(stand_ins: None, monkeypatch: pytest.MonkeyPatch) -> None:
     """The fine-tune loads the base that it is given, and learns nothing."""
-    learnt = tasks.Finetune.__call__
+    learnt = Finetune.run
 
-    def load(self: tasks.Finetune, out: Path, progress: Any) -> None:
-        settings = initial_model.FinetuneSettings(
-            preset=self.identity.preset, speech=self.identity.speech
-        )
-        initial_model.init_from_base(self.base, settings)
+    def load(self: Finetune, out: Path, progress: Any) -> None:
+        initial_model.init_from_base(self.base, self.settings)
         learnt(self, out, progress)
 
     config = small_config(speech_dim=80)
     monkeypatch.setattr(presets, "model_config", lambda *_: config)
-    monkeypatch.setattr(tasks.Finetune, "__call__", load)
+    monkeypatch.setattr(Finetune, "run", load)
 
 
 def parts(path: Path) -> tuple[dict[str, Any], dict[str, Any], bytes]:

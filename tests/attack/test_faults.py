@@ -26,6 +26,9 @@ from tests.attack.test_manifests import WHOLE
 from tests.dubbing.batch.test_interruptions import tree
 from tests.dubbing.batches import ROOT
 
+pytestmark = pytest.mark.medium
+
+
 KILLS = 20 * TIMES or 4
 # Each is a line of a shell script that stands in for ffmpeg; `real` is the true one.
 LIES = {

@@ -14,6 +14,9 @@ from tests.attack import rule
 from tests.attack.conftest import Room
 from tests.attack.odd import cases, damaged, names, spoilt
 
+pytestmark = pytest.mark.medium
+
+
 WHOLE: dict[str, Any] = {
     "version": 1,
     "output": "out",

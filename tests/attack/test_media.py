@@ -15,12 +15,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dubbing import media
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from tests import clips
 from tests.attack import rule
 from tests.attack.conftest import Room
 from tests.attack.odd import cases, damaged
 from tests.attack.test_manifests import WHOLE
+
+pytestmark = pytest.mark.medium
+
 
 CONTAINERS = ("mp4", "mov", "mkv", "avi", "ts", "mpg", "ogg", "flv", "nut", "webm", "wav", "flac")
 SUFFIXES = (*CONTAINERS, "mp3", "m3u8", "txt", "gif", "yaml", "sdp", "")
@@ -104,12 +107,12 @@ def planned(kind: str, room: Room, content: bytes, suffix: str, key: str) -> Non
         path = plan_with(folder, f"x.{suffix}", key)
         rule.judge(kind, folder, "plan", path, reads_only=True)
         # What a stage would do with it: pictures and sound, or an error of ours.
-        with contextlib.suppress(DubbingError):
+        with contextlib.suppress(ExplainedError):
             info = media.probe(folder / f"x.{suffix}")
             if info.frames and info.width <= 256:
                 for _ in zip(media.read_frames(info.path), range(40), strict=False):
                     pass
-        with contextlib.suppress(DubbingError):
+        with contextlib.suppress(ExplainedError):
             media.read_audio(folder / f"x.{suffix}")
 
 
@@ -136,7 +139,7 @@ def test_texts_that_name_other_files(room: Room, text: str, suffix: str, key: st
         (folder / f"x.{suffix}").write_bytes((folder / "list").read_bytes())
         path = plan_with(folder, f"x.{suffix}", key)
         rule.judge("media: playlists", folder, "plan", path, reads_only=True)
-        with contextlib.suppress(DubbingError):  # at most a text is taken for raw sound
+        with contextlib.suppress(ExplainedError):  # at most a text is taken for raw sound
             assert not media.probe(folder / f"x.{suffix}").frames
             assert not media.read_audio(folder / f"x.{suffix}").any()
 

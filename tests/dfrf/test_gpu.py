@@ -24,6 +24,9 @@ from dfrf.training.validation import Validation
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
 from tests.dfrf.stand_in_gpu import CPU, GPU, MixedDevicesError, StandInGpu
 
+pytestmark = pytest.mark.medium
+
+
 CONFIG = TrainConfig(
     iterations=2, rays=256, frames=4, warmup=1, occupancy_every=1, lip_iterations=2
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from dubbing.batch import batch
+from dubbing.engine.executors import Executor
 from dubbing.engine.graph import Job
 from dubbing.engine.outcome import Failure
 from dubbing.engine.runner import Options
@@ -25,7 +26,7 @@ class Listener:
         assert 0 <= done <= total
 
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
-        self.began.append(f"{job.name}:{stage.name}")
+        self.began.append(f"{job.name}:{stage.kind}")
 
     def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
         assert 0 <= share <= 1
@@ -47,8 +48,17 @@ def manifest_of(footage: Path, folder: Path, people: dict[str, str], extra: str 
     return path
 
 
-def dub(path: Path, **options: object) -> tuple[batch.Result, list[str]]:
-    listener = Listener()
-    only = options.pop("only", ())
-    result = batch.dub(load(path), listener, Options(**options), only=only)  # type: ignore[arg-type]
-    return result, listener.began
+def dub(
+    path: Path,
+    *,
+    only: tuple[str, ...] = (),
+    listener: Listener | None = None,
+    executor: Executor | None = None,
+    **options: object,
+) -> tuple[batch.Result, list[str]]:
+    """Run a batch; gives its result, and the stages that ran."""
+    listener = listener or Listener()
+    production = load(path)
+    planned = batch.begin(production, only=only)
+    chosen = Options(**options)  # type: ignore[arg-type]
+    return batch.dub(production, planned, listener, chosen, executor), listener.began

@@ -21,10 +21,10 @@ WORDS = (
 )
 # Files that a stage in the middle of its work gives their names: the run is killed just before.
 MOMENTS = (
-    r"identities/someone/prepared\.partial-",
-    r"identities/someone/model\.partial-.*/resume/.*state\.safetensors",
-    r"dubs/words/render\.partial-.*/000000\.mkv",
-    r"dubs/words/video\.partial-",
+    r"identities/someone/prepare\.partial-",
+    r"identities/someone/finetune\.partial-.*/resume/.*state\.safetensors",
+    r"dubs/words/cues/.*/render\.partial-.*/000000\.mkv",
+    r"dubs/words/composite\.partial-",
 )
 KILLED = """
 import os, re, signal, sys

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing import environment
+from dubbing.engine import environment
 from dubbing.errors import CallError
 from dubbing.face import mediapipe_graph
 from dubbing.provenance import card
@@ -33,7 +33,9 @@ def test_no_search_path_of_a_child_holds_the_current_folder(
 
 def test_opencv_leaves_no_empty_entry_behind(tmp_path: Path) -> None:
     """It puts its folder and a colon before what stands in LD_LIBRARY_PATH."""
-    code = "from dubbing import environment as e; e.settle(); import cv2, os; print(os.environ)"
+    code = (
+        "from dubbing.engine import environment as e; e.settle(); import cv2, os; print(os.environ)"
+    )
     call = [sys.executable, "-c", f"{code}; print('|', os.environ.get('LD_LIBRARY_PATH'))"]
     own = {name: value for name, value in os.environ.items() if name != "LD_LIBRARY_PATH"}
     done = subprocess.run(call, capture_output=True, text=True, check=True, env=own)

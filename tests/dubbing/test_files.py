@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.errors import DubbingError, ManifestError, Problem
-from dubbing.files import (
+from dubbing.engine.files import (
     atomic_path,
     atomic_write_text,
     digest_data,
@@ -15,6 +14,7 @@ from dubbing.files import (
     remove_torn,
     sync_file,
 )
+from dubbing.errors import ExplainedError, ManifestError, Problem
 
 
 def test_a_file_appears_whole_or_not_at_all(tmp_path: Path) -> None:
@@ -47,11 +47,11 @@ def test_a_folder_that_cannot_be_written_to_is_reported(
     assert (tmp_path / "a" / "b").is_dir()
     (tmp_path / "file").touch()
     for path, message in (("file", "File exists"), ("file/out", "Not a directory")):
-        with pytest.raises(DubbingError, match=rf"{message} .*: choose another folder"):
+        with pytest.raises(ExplainedError, match=rf"{message} .*: choose another folder"):
             make_folder(tmp_path / path)
     # Whoever runs the tests may be allowed everything.
     monkeypatch.setattr(os, "access", lambda *_: False)
-    with pytest.raises(DubbingError, match="nothing may be written there"):
+    with pytest.raises(ExplainedError, match="nothing may be written there"):
         make_folder(tmp_path / "a")
 
 
@@ -72,14 +72,14 @@ def test_what_the_disk_refuses_is_reported(
     for what in ("os.replace", "os.fsync", "pathlib.Path.write_bytes"):
         with monkeypatch.context() as patch:
             patch.setattr(what, refused)
-            with pytest.raises(DubbingError, match=message):
+            with pytest.raises(ExplainedError, match=message):
                 atomic_write_text(tmp_path / "a", "new")
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("a", "old")]
 
 
 def test_a_folder_in_the_place_of_a_file_is_reported(tmp_path: Path) -> None:
     (tmp_path / "a").mkdir()
-    with pytest.raises(DubbingError, match=r"a folder lies where .*: move it away"):
+    with pytest.raises(ExplainedError, match=r"a folder lies where .*: move it away"):
         atomic_write_text(tmp_path / "a", "x")
     assert [p.name for p in tmp_path.iterdir()] == ["a"]
 
@@ -104,7 +104,7 @@ def test_digests(tmp_path: Path) -> None:
 def test_errors_survive_a_worker_process() -> None:
     import pickle
 
-    error = pickle.loads(pickle.dumps(DubbingError("what", "where", "remedy")))
+    error = pickle.loads(pickle.dumps(ExplainedError("what", "where", "remedy")))
     assert (error.what, error.where, error.remedy) == ("what", "where", "remedy")
     assert str(error) == "what (where): remedy"
     problems = [Problem(2, "b", "x"), Problem(1, "a", "y")]

@@ -14,8 +14,11 @@ import pytest
 
 from dubbing import __main__ as program
 from dubbing import packages
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from tests import clips
+
+pytestmark = pytest.mark.medium
+
 
 ROOT = Path(__file__).resolve().parents[2]
 TRACKER = f"{shlex.quote(sys.executable)} -m pip install --no-deps mediapipe==0.10.21"
@@ -82,7 +85,7 @@ def test_plan_and_doctor_report_it_too(
 def test_every_declared_package_is_looked_for(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     packages.require()  # all are there
     monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(DubbingError) as error:
+    with pytest.raises(ExplainedError) as error:
         packages.require()
     assert error.value.what == f"not installed: {name}"
     assert error.value.remedy.endswith(f" -m pip install {packages.DECLARED[name]}")
@@ -95,7 +98,7 @@ def test_the_packages_of_an_extra_are_looked_for_by_who_needs_them(
     name, pinned = next(iter(packages.EXTRAS[extra].items()))
     monkeypatch.setitem(sys.modules, name, None)
     packages.require()  # a dub does without
-    with pytest.raises(DubbingError) as error:
+    with pytest.raises(ExplainedError) as error:
         packages.require(extra)
     assert error.value.what == f"not installed: {name}"
     assert error.value.remedy.endswith(f" -m pip install {pinned}")
@@ -120,8 +123,9 @@ def test_a_dub_imports_no_package_of_an_extra() -> None:
         "for name in ('embreex', 'espeakng_loader', 'pocketsphinx', 'distributed'):\n"
         "    sys.modules[name] = None\n"
         "import dubbing.batch.batch, dubbing.workshop.lab.evaluation, dubbing.preparation.prepare\n"
-        "import dubbing.stages.composite, dubbing.stages.finetune, dubbing.stages.listen\n"
-        "import dubbing.stages.refine_poses, dubbing.stages.render, dubbing.sync.check\n"
+        "import dubbing.video.assembly, dubbing.heads.fine_tuning\n"
+        "import dubbing.sound_to_lips.cue_speech\n"
+        "import dubbing.heads.pose_refinement, dubbing.heads.rendering, dubbing.sync.check\n"
         "import dubbing.speech.rnn_features, dubbing.workshop.training.base"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -17,6 +17,9 @@ from dfrf.saved_models import save_person
 from tests import clips, fakes
 from tests.dfrf.people import person, small_config
 
+pytestmark = pytest.mark.medium
+
+
 PAGE = Path(__file__).parents[2] / "docs" / "development" / "researchers.md"
 BLOCKS = [
     part.split("```")[0] for part in PAGE.read_text(encoding="utf-8").split("```python\n")[1:]

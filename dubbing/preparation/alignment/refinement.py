@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dubbing.engine.stage import ReportShare
 from dubbing.face.mesh_points import EYE_CORNERS
 from dubbing.preparation.alignment import silhouette
 from dubbing.preparation.alignment.banded import DOF, NormalEquations, huber_weight, solve_band
@@ -25,7 +26,6 @@ from dubbing.preparation.alignment.bundle import (
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.alignment.photometric import Alignment, View, dot, in_chunks
 from dubbing.preparation.alignment.texture import Texture
-from dubbing.preparation.crops.tracked_crops import ReportShare
 
 STEPS = 8  # of Gauss-Newton, at most
 REST = 0.02  # px rms: a step that moves landmarks by less ends the iteration

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dubbing.engine.stage import ReportShare
 from dubbing.preparation.alignment.banded import DOF, NormalEquations, solve_bordered
 from dubbing.preparation.alignment.bundle import Observations, smoothed_system
 from dubbing.preparation.alignment.camera import Poses
@@ -25,7 +26,6 @@ from dubbing.preparation.alignment.photometric import Alignment
 from dubbing.preparation.alignment.refinement import beside_pixels, pixel_equations
 from dubbing.preparation.alignment.skin import Skin
 from dubbing.preparation.alignment.texture import Texture, texture_of
-from dubbing.preparation.crops.tracked_crops import ReportShare
 
 SPACING = 0.3  # between bumps, and their spread
 BUMP_SIGMA = 0.05

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dubbing.engine.stage import ReportShare
 from dubbing.media import VideoWriter, read_frames
 from dubbing.preparation.background.neck import neck, neck_profile, smooth_profiles
 from dubbing.preparation.background.pixels import box_of, chosen
@@ -16,7 +17,7 @@ from dubbing.preparation.background.rim import CONTEXT_PX, restore, rim
 from dubbing.preparation.background.torso import Torso, torso
 from dubbing.preparation.background.wall import background_pixels, plate, slow_difference
 from dubbing.preparation.crops.threads import in_order
-from dubbing.preparation.crops.tracked_crops import ReportShare, TrackedCrops
+from dubbing.preparation.crops.tracked_crops import TrackedCrops
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, covered, inpaint_mask
 
 PLATE_FRAMES = 40

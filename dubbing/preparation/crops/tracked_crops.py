@@ -8,7 +8,6 @@ long as the preparation takes.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +16,6 @@ import numpy as np
 from dubbing.media import MediaInfo
 
 CROPS, PERSON, OPACITY = "crops.npy", "person.npy", "opacity.npy"
-ReportShare = Callable[[float], None]  # called with the share of the work that is done
 
 
 def create_images(path: Path, *shape: int) -> np.ndarray:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dubbing.engine.stage import ReportShare
 from dubbing.face.mesh_points import EYE_CORNERS, NOSE_BRIDGE
 from dubbing.media import VideoWriter
 from dubbing.preparation.alignment.silhouette import measure
@@ -14,7 +15,6 @@ from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.crops.tracked_crops import (
     OPACITY,
     PERSON,
-    ReportShare,
     TrackedCrops,
     create_images,
 )

@@ -9,9 +9,9 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 
+from dubbing.engine.stage import ReportShare
 from dubbing.face.mesh_points import NOSE_BASE, NOSE_BRIDGE, RIGID
 from dubbing.face.mouth_shape import INNER_LIP
-from dubbing.preparation.crops.tracked_crops import ReportShare
 from dubbing.preparation.tracking.light import Light, coarse_gain, light_of, sampled
 
 HALF_WIDTH = 0.42  # units of 10 cm from the middle of the face: beyond, cheeks turn away

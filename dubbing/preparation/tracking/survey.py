@@ -10,10 +10,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from dubbing.engine.stage import ReportShare
 from dubbing.errors import PreparationError
 from dubbing.face.landmarks import MOST_FACES, FaceMesh
 from dubbing.media import MediaInfo, probe, read_frames
-from dubbing.preparation.crops.tracked_crops import ReportShare
 from dubbing.preparation.tracking.cuts import (
     LEAST_DIFFERENCE,
     REPEATED,

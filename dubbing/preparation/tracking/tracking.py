@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from dubbing.engine.stage import ReportShare
 from dubbing.errors import PreparationError
 from dubbing.face.landmarks import TwoModes, two_modes
 from dubbing.face.mesh_points import JAW, RIGID
@@ -23,7 +24,7 @@ from dubbing.preparation.alignment.relief import solve_relief
 from dubbing.preparation.alignment.score import residual_shift
 from dubbing.preparation.alignment.skin import reference_frame, skin_points
 from dubbing.preparation.crops.threads import in_order
-from dubbing.preparation.crops.tracked_crops import CROPS, ReportShare, create_images
+from dubbing.preparation.crops.tracked_crops import CROPS, create_images
 from dubbing.preparation.matting.masks import People
 from dubbing.preparation.matting.person_masks import PersonMasks
 from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop

@@ -9,7 +9,6 @@ from dubbing.preparation.tracking.likeness import FARTHEST
 from dubbing.preparation.tracking.tracking import APART, HIDDEN, Arrays
 
 SMALL_FACE = 64  # source px: the landmarks are 1.7 px off
-SEVERAL = "faces in a frame"
 LARGE_YAW = 35.0  # degrees
 
 
@@ -51,9 +50,6 @@ def warnings_of(
             f"the landmarks are unsure in {len(unsure)} frames, the first at "
             f"{seconds(info, unsure[0])}; their poses lean on the frames around them"
         )
-    if int(surveyed["most_faces"]) > 1:
-        out.append(several_faces(info, surveyed))
-    out += matched_shots(surveyed)
     dissolved = np.flatnonzero(surveyed["shown"] < 1)
     if len(dissolved):
         out.append(
@@ -85,11 +81,17 @@ def warnings_of(
     return out
 
 
+def face_warnings_of(info: MediaInfo, surveyed: Arrays) -> list[str]:
+    """Sentences that say whose face was taken; empty where a clip shows one face alone."""
+    several = [several_faces(info, surveyed)] if int(surveyed["most_faces"]) > 1 else []
+    return several + matched_shots(surveyed)
+
+
 def several_faces(info: MediaInfo, surveyed: Arrays) -> str:
     """Which of several faces was followed, and how to choose another."""
     text = (
-        f"up to {int(surveyed['most_faces'])} {SEVERAL}; the contact sheet shows the one that was "
-        "followed in each shot"
+        f"up to {int(surveyed['most_faces'])} faces in a frame; the contact sheet shows the one "
+        "that was followed in each shot"
     )
     if np.isnan(surveyed["other"]).any():
         return text

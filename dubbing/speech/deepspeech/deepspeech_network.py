@@ -14,7 +14,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.speech.deepspeech.cepstra import INPUTS
 from dubbing.speech.deepspeech.graph_constants import constants
 
@@ -63,7 +63,7 @@ def load(path: Path) -> DeepSpeech:
     """The network with the weights of a frozen graph, for use.
 
     Raises:
-        DubbingError: the file cannot be read, or is no such graph.
+        ExplainedError: the file cannot be read, or is no such graph.
     """
     weights = constants(path, NAMES)
     try:
@@ -72,12 +72,12 @@ def load(path: Path) -> DeepSpeech:
         state = _state(weights, cells)
     except (KeyError, IndexError, TypeError, ValueError) as error:
         missing = f"no {error}" if isinstance(error, KeyError) else "tensors of other shapes"
-        raise DubbingError(f"holds {missing}", str(path), WANTED) from error
+        raise ExplainedError(f"holds {missing}", str(path), WANTED) from error
     with torch.device("meta"):
         network = DeepSpeech((first, second, third, fifth), cells)
     shapes = {name: tuple(p.shape) for name, p in network.named_parameters()}
     if other := [name for name, array in state.items() if array.shape != shapes[name]]:
-        raise DubbingError(f"is another network: {other[0]} does not fit", str(path), WANTED)
+        raise ExplainedError(f"is another network: {other[0]} does not fit", str(path), WANTED)
     network.to_empty(device="cpu")
     with torch.no_grad():
         for name, parameter in network.named_parameters():

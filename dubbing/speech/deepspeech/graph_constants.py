@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 
 # Numbers of the fields in TensorFlow's graph.proto, node_def.proto, attr_value.proto, tensor.proto.
 NODE = 1
@@ -29,7 +29,7 @@ def constants(path: Path, wanted: Collection[str]) -> dict[str, np.ndarray]:
     """The wanted float32 constants that a graph has, by name; views of the file, read-only.
 
     Raises:
-        DubbingError: the file cannot be read, or is no graph.
+        ExplainedError: the file cannot be read, or is no graph.
     """
     try:
         with open(path, "rb") as file:
@@ -37,9 +37,9 @@ def constants(path: Path, wanted: Collection[str]) -> dict[str, np.ndarray]:
         named = [(bytes(_last(node, NAME)).decode(), node) for node in _messages(data, NODE)]
         arrays = [(name, _constant(node)) for name, node in named if name in wanted]
     except OSError as error:
-        raise DubbingError(f"cannot be read: {error.strerror}", str(path)) from error
+        raise ExplainedError(f"cannot be read: {error.strerror}", str(path)) from error
     except ValueError as error:
-        raise DubbingError(f"is no frozen TensorFlow graph: {error}", str(path)) from error
+        raise ExplainedError(f"is no frozen TensorFlow graph: {error}", str(path)) from error
     return {name: numbers for name, numbers in arrays if numbers is not None}
 
 

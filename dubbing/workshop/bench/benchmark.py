@@ -22,15 +22,18 @@ from torch import nn
 from dfrf import device as devices
 from dfrf.fast.fast_model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
-from dubbing import tasks
-from dubbing.batch import jobs
-from dubbing.errors import DubbingError
-from dubbing.files import atomic_write_json
+from dubbing.engine.files import atomic_write_json
+from dubbing.errors import ExplainedError
+from dubbing.heads import rendering as heads
+from dubbing.heads.fine_tuning import MODEL_FILE, clip_speech
 from dubbing.manifest.manifest import load
+from dubbing.pipeline import person_job
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.report.peak_memory import peak_memory
-from dubbing.stages import render as heads
-from dubbing.stages.finetune import MODEL_FILE, clip_speech
+from dubbing.stages.check_source import CheckSource
+from dubbing.stages.finetune import Finetune
+from dubbing.stages.prepare import Prepare
+from dubbing.sync.records import offset_of
 from dubbing.workshop.bench import other_networks as others
 from dubbing.workshop.bench.timing import (
     Row,
@@ -125,17 +128,17 @@ def main() -> None:
     parser.add_argument("--device", default="auto")
     arguments = parser.parse_args()
     try:
-        manifest = load(arguments.manifest)
-        people = manifest.identities
+        production = load(arguments.manifest)
+        people = production.people
         if arguments.identity not in people:
             parser.error(f"no identity {arguments.identity!r}; there is {', '.join(people)}")
         person = people[arguments.identity]
-        stages = jobs.build(manifest).identities[arguments.identity].stages
-        clip = PreparedClip.load(stages["prepare"].folder, person.clip)
-        model, maps, _ = heads.load(stages["finetune"].folder / MODEL_FILE, arguments.device)
-        offset = tasks.offset_of(stages["check_source"].folder)
-        speech = clip_speech(clip, person.speech, person.speech_weights, offset)
-    except DubbingError as error:
+        job = person_job(person, production.work)
+        clip = PreparedClip.load(job.stage(Prepare).folder, person.clip.path)
+        model, maps, _ = heads.load(job.stage(Finetune).folder / MODEL_FILE, arguments.device)
+        offset = offset_of(job.stage(CheckSource).folder)
+        speech = clip_speech(clip, person.settings.speech, person.settings.weights, offset)
+    except ExplainedError as error:
         parser.error(str(error))
     if not (isinstance(model, FastModel) and isinstance(maps, ReferenceMaps | None)):
         parser.error(f"{arguments.identity!r} is a person of preset 'paper'; choose one of 'fast'")

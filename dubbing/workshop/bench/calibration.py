@@ -4,27 +4,26 @@ from __future__ import annotations
 
 import json
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 from dubbing import packages
-from dubbing.batch import batch, estimates, jobs
-from dubbing.batch.estimates import Rate
+from dubbing.batch import batch, rates
+from dubbing.engine.estimates import measured
 from dubbing.engine.graph import Job, nodes
 from dubbing.engine.outcome import Failure
-from dubbing.engine.stage import Stage
-from dubbing.errors import DubbingError
+from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.errors import ExplainedError
 from dubbing.manifest.manifest import load
 
 TEXT = "Good morning, my friends."
 SIZE, SECONDS, STEPS, DUBBED = 192, 3.0, 40, 1.0  # of the clip, the fine-tune and the dub
 
 
-def calibrate(progress: Callable[[str, float], None]) -> dict[str, Rate]:
-    """Measure the rates of this machine and keep them; see `dubbing.batch.estimates`.
+def calibrate(progress: Progress) -> dict[str, Rate]:
+    """Measure the rates of this machine and keep them; see `dubbing.batch.rates`.
 
     Raises:
-        DubbingError: the synthetic speaker is not installed, or a stage failed.
+        ExplainedError: the synthetic speaker is not installed, or a stage failed.
     """
     packages.require("synthetic")
     from dubbing.workshop.synthetic.speaker import make_speaker
@@ -45,20 +44,21 @@ def calibrate(progress: Callable[[str, float], None]) -> dict[str, Rate]:
         }
         path = folder / "manifest.yaml"
         path.write_text(json.dumps(content), encoding="utf-8")  # which is YAML, too
-        manifest = load(path)
-        result = batch.dub(manifest, _Shown(progress))
+        production = load(path)
+        planned = batch.begin(production)
+        result = batch.dub(production, planned, _Shown(progress))
         for outcome in result.outcomes.values():
             if outcome.failure:
-                raise DubbingError(f"the calibration failed: {outcome.failure}")
-        rates = estimates.measured(manifest, nodes(jobs.build(manifest)))
-    estimates.keep(rates)
-    return rates
+                raise ExplainedError(f"the calibration failed: {outcome.failure}")
+        found = measured(nodes(planned))
+    rates.keep(found)
+    return found
 
 
 class _Shown:
     """The stages of the dub on one bar."""
 
-    def __init__(self, progress: Callable[[str, float], None]) -> None:
+    def __init__(self, progress: Progress) -> None:
         self._progress = progress
         self._done = 0.0
 
@@ -68,7 +68,7 @@ class _Shown:
 
     def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
         """A stage starts."""
-        self._progress(stage.name, self._done)
+        self._progress(stage.kind, self._done)
 
     def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
         """Stages are many and short: they count as a whole."""

@@ -33,13 +33,13 @@ from dfrf.rendering.volume_rendering import evaluate
 from dfrf.training.fit import FitOptions, fit
 from dubbing.compositing.composite import replacement
 from dubbing.compositing.face_mask import rendered_region
+from dubbing.heads import rendering as heads
+from dubbing.heads.fine_tuning import reference_frames
+from dubbing.heads.pose_refinement import observations_of
 from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import load_identity, upper_face_expression
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from dubbing.stages import render as heads
-from dubbing.stages.finetune import reference_frames
-from dubbing.stages.refine_poses import observations_of
 
 PAPER_RAYS = 96
 IN_A_ROW = 8  # frames

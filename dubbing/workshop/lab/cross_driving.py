@@ -6,7 +6,7 @@ the compositor of a dub. There is no true image, but the true lips of that speec
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict
 from itertools import pairwise
@@ -14,17 +14,18 @@ from pathlib import Path
 
 import numpy as np
 
+from dubbing.engine.stage import Progress
 from dubbing.face.landmarks import FaceMesh
+from dubbing.heads import rendering as heads
+from dubbing.heads.pose_refinement import refined
 from dubbing.identity.best_seconds import Part
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import cropping
 from dubbing.script import timeline
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from dubbing.stages import composer
-from dubbing.stages import render as heads
-from dubbing.stages.refine_poses import refined
 from dubbing.sync.sync_network import load_network
+from dubbing.video import composer
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.chin import ChinFigures, chin_figures, chin_ratios
 from dubbing.workshop.lab.measuring import first_of, write_csv
@@ -60,7 +61,7 @@ def measure_dub(
     out: Path,
     *,
     device: str = "auto",
-    progress: Callable[[str, float], None],
+    progress: Progress,
 ) -> dict[str, float]:
     """Dubs the learned images with other speech and compares the lips with those of that speech.
 
@@ -129,7 +130,7 @@ def dubbed(
     parts: Iterable[Part],
     under: np.ndarray,
     device: str,
-    progress: Callable[[str, float], None],
+    progress: Progress,
 ) -> Iterator[tuple[np.ndarray, np.ndarray, int]]:
     """Head crops (S, S, 3) uint8 of finished frames and of the film's under them, and its number.
 

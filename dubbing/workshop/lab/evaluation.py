@@ -7,7 +7,7 @@ case of a dub: their speech over pictures from elsewhere, see `dubbing.workshop.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,22 +16,27 @@ from typing_extensions import TypedDict
 
 from dfrf import device as devices
 from dfrf.checkpoint import CheckpointError
-from dfrf.config import family
+from dfrf.config import STEPS, family
 from dfrf.metrics import lpips
 from dfrf.metrics.lpips import Lpips
-from dubbing import json_records as kept
-from dubbing import pipeline, tasks
 from dubbing.batch.jobs import chosen_names
 from dubbing.engine import claims
-from dubbing.engine.stage import Stage
+from dubbing.engine import json_records as kept
+from dubbing.engine.files import atomic_write_json, remove_torn
+from dubbing.engine.stage import Progress, Stage
 from dubbing.engine.update import run_stage
-from dubbing.errors import DubbingError
-from dubbing.files import atomic_write_json, remove_torn
+from dubbing.errors import ExplainedError
+from dubbing.heads.fine_tuning import MODEL_FILE, clip_speech
 from dubbing.identity.learned import SUMMARY_FILE
-from dubbing.manifest.entries import Identity
-from dubbing.manifest.manifest import Manifest
+from dubbing.pipeline import person_job
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.stages.finetune import MODEL_FILE, clip_speech
+from dubbing.production.person import Person
+from dubbing.production.production import Production
+from dubbing.shipped.base import shipped_base
+from dubbing.stages.check_source import CheckSource
+from dubbing.stages.finetune import Finetune
+from dubbing.stages.prepare import Prepare
+from dubbing.sync.records import offset_of
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.cross_driving import measure_dub
 from dubbing.workshop.lab.held_out import frames_to_test, supposed
@@ -58,7 +63,6 @@ PROTOCOLS = {"p15": ("p15",), "p15x": ("p15x",), "both": ("p15", "p15x")}
 REFERENCES_OF_METHOD = {"dfrf-1": 1, "dfrf-2": 2, "dfrf-4": 4, "dfrf-6": 6}
 
 FEWEST = 50  # frames of a protocol whose figures mean something: two seconds
-Progress = Callable[[str, float], None]
 Figures = dict[str, dict[str, dict[str, Any]]]  # identity -> method -> figure -> value
 
 
@@ -71,7 +75,7 @@ class Learned(TypedDict):
 
 
 def evaluate(
-    manifest: Manifest,
+    production: Production,
     *,
     methods: tuple[str, ...] = ("dfrf",),
     only: tuple[str, ...] = (),
@@ -88,7 +92,7 @@ def evaluate(
     so do those of the other protocol, if they are of the same model.
 
     Args:
-        manifest: its dubs are not needed.
+        production: its dubs are not needed.
         methods: dfrf (the `fast` preset), dfrf-nowarp, dfrf-alone (without a base), dfrf-1, -2, -4,
             -6 (so many references, the same in every frame), paper, ad-nerf, ad-nerf-nolips (its
             speech networks learn from pictures alone), nerf.
@@ -105,36 +109,37 @@ def evaluate(
         identity -> method -> figure -> value: what the file then holds.
 
     Raises:
-        DubbingError: an unknown method, identity or protocol, other weights, nothing held out,
+        ExplainedError: an unknown method, identity or protocol, other weights, nothing held out,
             another evaluate.json, or a stage failed.
         LockedError: another run evaluates in the manifest's output.
     """
     if unknown := [m for m in methods if m not in PRESET_OF_METHOD]:
-        raise DubbingError(
+        raise ExplainedError(
             f"no method is called {', '.join(unknown)}",
             "--method",
             f"there is {', '.join(PRESET_OF_METHOD)}",
         )
-    chosen = chosen_names(only, list(manifest.identities))
+    chosen = chosen_names(only, list(production.people))
     if protocol not in PROTOCOLS:
-        raise DubbingError(
+        raise ExplainedError(
             f"no protocol is called {protocol}", "--protocol", f"there is {', '.join(PROTOCOLS)}"
         )
     protocols = PROTOCOLS[protocol]
-    names = [name for name in manifest.identities if name in chosen]
+    names = [name for name in production.people if name in chosen]
     for name in names:  # before anybody is learned
-        frames_to_test(manifest, name, [supposed(manifest.identities[name])], seconds, protocols)
+        person = production.people[name]
+        frames_to_test(person, [supposed(person)], seconds, protocols)
     network = None
     if lpips_weights is not None:
         try:
             network = lpips.load(lpips_weights, devices.choose(device))
         except CheckpointError as error:
-            raise DubbingError(str(error), "--lpips-weights") from error
-    path = manifest.output / RESULT_FILE
+            raise ExplainedError(str(error), "--lpips-weights") from error
+    path = production.output / RESULT_FILE
     found: Figures = {}
     if os.path.lexists(path):
         found = kept.read(path, Figures, "earlier figures", "move it away")
-    with claims.hold(manifest.work / EVALUATION):
+    with claims.hold(production.work / EVALUATION):
         remove_torn(path)
         for name in names:
             for method in methods:
@@ -143,7 +148,7 @@ def evaluate(
                     progress(f"{title}: {message}", share)
 
                 figures = evaluate_one(
-                    manifest, name, method, (seconds, protocols), every, network, device, notify
+                    production, name, method, (seconds, protocols), every, network, device, notify
                 )
                 before = found.setdefault(name, {}).get(method, {})
                 found[name][method] = merged(before, figures)
@@ -172,26 +177,28 @@ def merged(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
     return {**kept, **now}
 
 
-def learned_by(method: str, own: Identity) -> Identity:
-    """An identity as a method learns it.
+def learned_by(method: str, own: Person) -> Person:
+    """A person as a method learns them.
 
-    A base of the identity's own serves its own family of presets, a number of references the
-    method `dfrf`.
+    A base of the person's own serves its own family of presets, a number of references the method
+    `dfrf`.
     """
-    preset = PRESET_OF_METHOD[method]
-    references = REFERENCES_OF_METHOD.get(
-        method, own.finetune.references if method == "dfrf" else None
+    preset, settings = PRESET_OF_METHOD[method], own.settings
+    keeps_base = own.own_base and family(preset) == family(settings.preset)
+    changed = replace(
+        settings,
+        preset=preset,
+        references=REFERENCES_OF_METHOD.get(
+            method, settings.references if method == "dfrf" else None
+        ),
+        iterations=settings.iterations if own.own_iterations else STEPS[family(preset)],
     )
-    changed = {
-        "preset": preset,
-        "base": own.base if family(preset) == family(own.preset) else None,
-        "finetune": own.finetune.model_copy(update={"references": references}),
-    }
-    return own.model_copy(update=changed)
+    base = own.base if keeps_base else shipped_base(preset)
+    return replace(own, settings=changed, base=base, own_base=keeps_base)
 
 
 def evaluate_one(
-    manifest: Manifest,
+    production: Production,
     name: str,
     method: str,
     tested: tuple[float | None, tuple[str, ...]],
@@ -205,25 +212,23 @@ def evaluate_one(
     Args:
         tested: seconds and protocols, see `frames_to_test`. every: one of so many, in P15.
     """
-    own = manifest.identities[name]
-    identity = learned_by(method, own)
-    job = pipeline.identity_job(manifest, name, identity, device)
-    prepare, source, finetune = (job.stages[n] for n in ("prepare", "check_source", "finetune"))
-    needed = [read for read in finetune.inputs.values() if isinstance(read, Stage)]
-    if (identity.preset, identity.finetune) != (own.preset, own.finetune):
+    own = production.people[name]
+    person = learned_by(method, own)
+    job = person_job(person, production.work, device=device)
+    prepare, source, finetune = (job.stage(kind) for kind in (Prepare, CheckSource, Finetune))
+    if person.settings != own.settings:
         # The model of the dubs stays where it is.
-        finetune = replace(finetune, folder=finetune.folder.with_name(f"model-{method}"))
+        finetune = replace(finetune, folder=finetune.folder.with_name(f"finetune-{method}"))
     began = finetune.sources()
-    for stage in (*needed, finetune):
+    for stage in (*(one for one in finetune.inputs.values() if isinstance(one, Stage)), finetune):
         run_stage(stage, progress, began=began)
-    clip = PreparedClip.load(prepare.folder, identity.clip)
+    clip = PreparedClip.load(prepare.folder, person.clip.path)
     learned = kept.read(finetune.folder / SUMMARY_FILE, Learned, "summary of finetune")
-    part = frames_to_test(manifest, name, learned["learned"], *tested)
+    part = frames_to_test(person, learned["learned"], *tested)
     model = finetune.folder / MODEL_FILE
-    speech = clip_speech(
-        clip, identity.speech, identity.speech_weights, tasks.offset_of(source.folder)
-    )
-    out = manifest.work / EVALUATION / name / method
+    offset = offset_of(source.folder)
+    speech = clip_speech(clip, person.settings.speech, person.settings.weights, offset)
+    out = production.work / EVALUATION / name / method
     found: dict[str, Any] = {}
     if part.p15 is not None:
         first, count = part.p15

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.identity.best_seconds import Part
-from dubbing.manifest.entries import Identity
-from dubbing.manifest.manifest import Manifest
+from dubbing.production.person import Person
 
 LONG_CLIP = 30.0  # seconds; a longer clip is tested on more of it
 
@@ -29,38 +28,33 @@ class Tested:
     p15x: list[Part]
 
 
-def supposed(identity: Identity) -> tuple[float, float]:
-    """From which second to which it learns; of the best only how many they are is known."""
-    start = identity.learned_start or 0.0
-    return start, start + identity.learned_seconds
+def supposed(person: Person) -> tuple[float, float]:
+    """From which second to which they are learned; of the best only how many they are is known."""
+    start = person.start or 0.0
+    return start, start + person.seconds
 
 
 def frames_to_test(
-    manifest: Manifest,
-    name: str,
+    person: Person,
     learned: Sequence[tuple[float, float]],
     seconds: float | None,
     protocols: tuple[str, ...],
 ) -> Tested:
-    """Frames of an identity's clip to test on, `seconds` of each protocol at most.
+    """Frames of a person's clip to test on, `seconds` of each protocol at most.
 
     Args:
         learned: from which second to which it was learned from.
 
     Raises:
-        DubbingError: the clip is damaged, or nothing of it is held out.
+        ExplainedError: the clip is damaged, or nothing of it is held out.
     """
-    identity = manifest.identities[name]
-    if damaged := manifest.damaged.get(identity.clip):
-        raise damaged
-    clip = manifest.media[identity.clip]
-    assert clip.rate is not None  # a clip without a picture is no valid manifest
+    clip = person.clip.probed
     frames = [(round(a * clip.rate), round((b - a) * clip.rate)) for a, b in learned]
     others = unlearned(clip.frames, clip.rate, frames)
     if not others:
-        raise DubbingError(
-            f"nothing of the clip is held out beside {identity.learned_seconds:g} s",
-            name,
+        raise ExplainedError(
+            f"nothing of the clip is held out beside {person.seconds:g} s",
+            person.name,
             "learn fewer seconds, or use a longer clip",
         )
     return Tested(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, fields
 from itertools import chain
@@ -17,16 +17,17 @@ from torch import Tensor
 from dfrf.metrics import image as metrics
 from dfrf.metrics.lpips import Lpips
 from dfrf.training.warp_penalty import PAPER_SIZE
+from dubbing.engine.files import atomic_write_text
+from dubbing.engine.stage import Progress
 from dubbing.face.landmarks import FaceMesh
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
 from dubbing.face.mouth_shape import OUTER_LIP
-from dubbing.files import atomic_write_text
+from dubbing.heads import rendering as heads
+from dubbing.heads.pose_refinement import refined
 from dubbing.identity.dataset import mouth_boxes
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from dubbing.stages import render as heads
-from dubbing.stages.refine_poses import refined
 from dubbing.sync.sync_network import load_network
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.flicker import Flicker, brow_skin
@@ -71,7 +72,7 @@ def measure(
     every: int = 1,
     lpips: Lpips | None = None,
     device: str = "auto",
-    progress: Callable[[str, float], None],
+    progress: Progress,
 ) -> dict[str, float]:
     """Renders held-out frames over their own background and compares them with the source.
 

@@ -12,19 +12,22 @@ import os
 import platform
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import torch
 
 from dfrf import device as devices
-from dubbing import json_records as kept
-from dubbing import pipeline
 from dubbing.engine import claims
+from dubbing.engine import json_records as kept
 from dubbing.engine.code_version import code_version
-from dubbing.errors import DubbingError
-from dubbing.files import atomic_write_json, atomic_write_text, digest_data
-from dubbing.manifest.manifest import Manifest, load
+from dubbing.engine.files import atomic_write_json, atomic_write_text, digest_data
+from dubbing.errors import ExplainedError
+from dubbing.manifest.manifest import load
+from dubbing.pipeline import person_job
+from dubbing.production.production import Production
+from dubbing.stages.finetune import Finetune
+from dubbing.stages.prepare import Prepare
 from dubbing.workshop.lab.evaluation import EVALUATION, RESULT_FILE, Figures, Progress, evaluate
 from dubbing.workshop.lab.result_tables import P15, P15X, table
 
@@ -46,42 +49,47 @@ class Request:
     commit: str
 
 
-def with_seed(manifest: Manifest, seed: int) -> Manifest:
+def with_seed(production: Production, seed: int) -> Production:
     """The same people, learned with another seed into a folder of their own."""
-    people = {n: i.model_copy(update={"seed": seed}) for n, i in manifest.identities.items()}
-    output = manifest.output / "seeds" / str(seed)
-    return manifest.model_copy(update={"output": output, "identities": people})
+    people = {
+        name: replace(person, settings=replace(person.settings, seed=seed))
+        for name, person in production.people.items()
+    }
+    return replace(production, output=production.output / "seeds" / str(seed), people=people)
 
 
-def measure_seeds(manifest: Manifest, request: Request, progress: Progress) -> list[Figures]:
+def measure_seeds(production: Production, request: Request, progress: Progress) -> list[Figures]:
     """The figures of each seed: identity -> method -> figure -> value.
 
     Raises:
-        DubbingError: as `evaluate` does.
+        ExplainedError: as `evaluate` does.
     """
-    with claims.hold(manifest.work / EVALUATION):
-        first = with_seed(manifest, request.seeds[0])
+    with claims.hold(production.work / EVALUATION):
+        first = with_seed(production, request.seeds[0])
         return [
-            _measure(with_seed(manifest, seed), first, request, progress) for seed in request.seeds
+            _measure(with_seed(production, seed), first, request, progress)
+            for seed in request.seeds
         ]
 
 
-def _measure(manifest: Manifest, first: Manifest, request: Request, progress: Progress) -> Figures:
-    path = manifest.output / DONE_FILE
+def _measure(
+    production: Production, first: Production, request: Request, progress: Progress
+) -> Figures:
+    path = production.output / DONE_FILE
     done = kept.read(path, dict[str, str], "list of what was measured") if path.exists() else {}
-    for name, person in manifest.identities.items():
-        finetune = pipeline.identity_job(manifest, name, person, request.device).stages["finetune"]
-        read = sorted(finetune.sources().values())
-        settings = person.model_dump(mode="json")
+    for name, person in production.people.items():
+        finetune = person_job(person, production.work).stage(Finetune)
+        read, settings = sorted(finetune.sources().values()), dict(finetune.parameters)
         how = [request.every, request.seconds, request.lpips_weights is not None]
-        way = digest_data([code_version(CODE), how, settings, read])
+        code = code_version(CODE, finetune.packages, finetune.without_effect)
+        way = digest_data([code, how, person.size, settings, read])
         for method in request.methods:
             key = f"{name}/{method}"
             if done.get(key) == way:
                 continue
-            _share_prepared(first, manifest, name, request.device)
+            _share_prepared(first, production, name)
             evaluate(
-                manifest,
+                production,
                 methods=(method,),
                 only=(name,),
                 every=request.every,
@@ -92,15 +100,14 @@ def _measure(manifest: Manifest, first: Manifest, request: Request, progress: Pr
             )
             done[key] = way
             atomic_write_json(path, done)
-    found = kept.read(manifest.output / RESULT_FILE, Figures, "figures")
-    return {n: {m: found[n][m] for m in request.methods} for n in manifest.identities}
+    found = kept.read(production.output / RESULT_FILE, Figures, "figures")
+    return {n: {m: found[n][m] for m in request.methods} for n in production.people}
 
 
-def _share_prepared(first: Manifest, manifest: Manifest, name: str, device: str) -> None:
+def _share_prepared(first: Production, production: Production, name: str) -> None:
     """Preparing a clip knows no seed: its results are linked from the first one's folder."""
     there, here = (
-        pipeline.identity_job(m, name, m.identities[name], device).stages["prepare"]
-        for m in (first, manifest)
+        person_job(one.people[name], one.work).stage(Prepare) for one in (first, production)
     )
     if there.record() not in (None, here.record()):
         shutil.rmtree(here.folder, ignore_errors=True)
@@ -111,12 +118,14 @@ def document(text: str, request: Request, runs: Sequence[Figures], today: dateti
     """A document whose part between the markers holds the tables, and how they were made.
 
     Raises:
-        DubbingError: it has no such part.
+        ExplainedError: it has no such part.
     """
     head, begin, rest = text.partition(BEGIN)
     _, end, tail = rest.partition(END)
     if not (begin and end):
-        raise DubbingError("the document has no place for tables", remedy=f"add {BEGIN} and {END}")
+        raise ExplainedError(
+            "the document has no place for tables", remedy=f"add {BEGIN} and {END}"
+        )
     seeds = ", ".join(map(str, request.seeds))
     frames = "every frame" if request.every == 1 else f"one frame of {request.every} (P15)"
     if request.seconds is not None:
@@ -156,16 +165,17 @@ def machine(device: str) -> str:
     return f"{os.cpu_count()} cores of {processor}, torch threads: {torch.get_num_threads()}, {gpu}"
 
 
-class Lines:
-    """Prints what is being done, once each: the same message comes again with its share."""
+def printer() -> Progress:
+    """Prints messages, once each: the same one comes again with its share."""
+    last = ""
 
-    def __init__(self) -> None:
-        self._last = ""
-
-    def __call__(self, message: str, _: float) -> None:
-        if message != self._last:
+    def show(message: str, _share: float) -> None:
+        nonlocal last
+        if message != last:
             print(message, flush=True)
-            self._last = message
+            last = message
+
+    return show
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -197,15 +207,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         text = given.document.read_text(encoding="utf-8")
         document(text, request, [{} for _ in seeds], datetime.date.min)  # before hours of work
-        manifests = [load(path) for path in given.manifests]
-        names = [name for manifest in manifests for name in manifest.identities]
+        productions = [load(path) for path in given.manifests]
+        names = [name for production in productions for name in production.people]
         if twice := [name for name in names if names.count(name) > 1]:
             parser.error(f"{twice[0]!r} is in two manifests: give it another name")
         runs: list[Figures] = [{} for _ in seeds]
-        for manifest in manifests:
-            found = measure_seeds(manifest, request, Lines())
+        for production in productions:
+            found = measure_seeds(production, request, printer())
             runs = [{**run, **more} for run, more in zip(runs, found, strict=True)]
-    except (OSError, ValueError, DubbingError) as error:
+    except (OSError, ValueError, ExplainedError) as error:
         parser.error(str(error))
     atomic_write_text(given.document, document(text, request, runs, datetime.date.today()))
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from tqdm import tqdm
 
 from dubbing import packages
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 
 VOICES = ("en-us", "en-us+f2", "en-gb-x-rp+m3", "en-us+f4", "en-gb-scotland+f3", "en-us+m7")
 
@@ -50,7 +50,7 @@ def main() -> int:
     try:
         packages.require("synthetic")  # before anything of it is imported
         identities(call.out, call.identities, call.size, call.seconds)
-    except DubbingError as error:
+    except ExplainedError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0

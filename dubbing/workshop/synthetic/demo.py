@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from dubbing.files import atomic_path
+from dubbing.engine.files import atomic_path
 
 CLONED = Path(__file__).parents[3] / "manifests"
 INSTALLED = Path(sysconfig.get_path("data"), "share", "dfrf", "manifests")
@@ -35,7 +35,7 @@ def write_demo(folder: Path, size: int = 320) -> Path:
         The manifest to dub.
 
     Raises:
-        DubbingError: the speaker cannot be made, or the folder cannot be written.
+        ExplainedError: the speaker cannot be made, or the folder cannot be written.
     """
     from dubbing.workshop.synthetic.speaker import make_speaker
     from dubbing.workshop.synthetic.voice import speak

@@ -2,7 +2,6 @@
 
 import io
 import tempfile
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -10,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
-from dubbing.errors import DubbingError
-from dubbing.files import atomic_path, atomic_write_bytes
+from dubbing.engine.files import atomic_path, atomic_write_bytes
+from dubbing.engine.stage import Progress
+from dubbing.errors import ExplainedError
 from dubbing.media import VideoWriter, mux
 from dubbing.workshop.synthetic.anatomy.face import Face, face_by_name
 from dubbing.workshop.synthetic.anatomy.lips import MouthShape
@@ -115,18 +115,18 @@ def make_speaker(
     seed: int = 0,
     motion: float = 1.0,
     offset_frames: int = 0,
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
 ) -> SpeakerTruth:
     """Writes out/clip.mp4 (picture and voice), out/speech.wav and out/truth.npz.
 
     The clip lasts as long as the text takes, or `seconds`: longer speech is cut there, shorter is
     followed by silence. `offset_frames` moves the sound against the picture (positive: the sound
     comes early). `motion` scales the motion of the head. The same call gives the same files.
-    Raises `DubbingError` for an unknown face or voice, or a size ffmpeg cannot encode.
+    Raises `ExplainedError` for an unknown face or voice, or a size ffmpeg cannot encode.
     """
     person = face_by_name(face)
     if size < 64 or size % 2:
-        raise DubbingError(f"a clip cannot be {size} px wide", remedy="an even size from 64 on")
+        raise ExplainedError(f"a clip cannot be {size} px wide", remedy="an even size from 64 on")
     samples, sound_rate, phones = synthesise(text, voice)
     spoken = len(samples) / sound_rate
     length = spoken + TAIL if seconds is None else seconds

@@ -8,8 +8,8 @@ from pathlib import Path
 import espeakng_loader
 import numpy as np
 
-from dubbing.errors import DubbingError
-from dubbing.files import atomic_path
+from dubbing.engine.files import atomic_path
+from dubbing.errors import ExplainedError
 from dubbing.workshop.synthetic.visemes import Phone
 
 # From speak_lib.h of espeak-ng.
@@ -50,7 +50,7 @@ def synthesise(
 
     `voice` is an espeak-ng voice with an optional variant, such as "it+f3". The phones cover the
     sound from 0 to its end without gaps. The same call gives the same samples.
-    Raises `DubbingError` for an unknown voice or a text without sound.
+    Raises `ExplainedError` for an unknown voice or a text without sound.
     """
     library, folder = _fresh_library()
     try:
@@ -61,12 +61,12 @@ def synthesise(
             _PHONEME_EVENTS_IPA,
         )
         if rate <= 0:
-            raise DubbingError("espeak-ng did not start", remedy="reinstall espeakng-loader")
+            raise ExplainedError("espeak-ng did not start", remedy="reinstall espeakng-loader")
         # Starting seeds the random numbers, from which breath is made, by the clock.
         library.espeak_ng_SetRandSeed(ctypes.c_long(1))
         ctypes.CDLL(None).srand(1)
         if library.espeak_SetVoiceByName(voice.encode()) != 0:
-            raise DubbingError(
+            raise ExplainedError(
                 f"espeak-ng has no voice {voice!r}", remedy="name one such as en-us, it+f3 or de+m4"
             )
         library.espeak_SetParameter(_PARAMETER_RATE, words_per_minute, 0)
@@ -76,7 +76,7 @@ def synthesise(
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     if not sound or not any(symbol for _, symbol in events):
-        raise DubbingError(f"no words in {text!r}", remedy="give a text with words")
+        raise ExplainedError(f"no words in {text!r}", remedy="give a text with words")
     samples = np.frombuffer(bytes(sound), dtype=np.int16).astype(np.float32) / 32768.0
     return samples, rate, _phones(events, rate, len(samples))
 

@@ -4,7 +4,6 @@ import csv
 import io
 import math
 import shutil
-from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -15,30 +14,35 @@ from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import TrainingProgress
 from dfrf.training.validation import Validation
-from dubbing import pipeline, tasks
+from dubbing.engine.files import atomic_write_json, atomic_write_text, digest_file
+from dubbing.engine.stage import Progress
 from dubbing.engine.update import run_stage
-from dubbing.errors import CheckpointError, DubbingError, TrainingError
-from dubbing.files import atomic_write_json, atomic_write_text, digest_file
+from dubbing.errors import CheckpointError, ExplainedError, TrainingError
+from dubbing.heads.curve import write_curve
+from dubbing.heads.fine_tuning import clip_speech
+from dubbing.heads.initial_model import init_from_base
 from dubbing.identity.best_seconds import choose_frames
 from dubbing.identity.dataset import load_identity
-from dubbing.manifest.manifest import Manifest
+from dubbing.identity.finetune_settings import FinetuneSettings
+from dubbing.pipeline import person_job
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.stages.curve import write_curve
-from dubbing.stages.finetune import clip_speech
-from dubbing.stages.initial_model import FinetuneSettings, init_from_base
+from dubbing.production.production import Production
+from dubbing.stages.check_source import CheckSource
+from dubbing.stages.prepare import Prepare
+from dubbing.sync.records import offset_of
 
 MOST_FRAMES = 240  # of one identity: more show little that is new, and memory is finite
 
 
 def train_base(
-    manifest: Manifest,
+    production: Production,
     out: Path,
     *,
     device: str = "auto",
     iterations: int | None = None,
     init: Path | None = None,
     hold_out: tuple[str, ...] = (),
-    progress: Callable[[str, float], None],
+    progress: Progress,
 ) -> None:
     """Writes OUT and, beside it, its curve (.csv) and its history (.json).
 
@@ -50,7 +54,7 @@ def train_base(
     must agree in them.
 
     Args:
-        manifest: `start` and `seconds` of each identity select what is learned of its clip.
+        production: `start` and `seconds` of each identity select what is learned of its clip.
         out: the checkpoint to write.
         device: auto, cpu or cuda.
         iterations: optimiser steps in all; three quarters of them without the warp, as the paper
@@ -60,14 +64,14 @@ def train_base(
         progress: called with a message and the share done.
 
     Raises:
-        DubbingError: an unknown name is held out, or nobody is left to learn from.
+        ExplainedError: an unknown name is held out, or nobody is left to learn from.
         TrainingError: the identities disagree, one has no usable frame, or the loss diverged.
         CheckpointError: `init` does not fit, or OUT.resume is of another run.
     """
-    learned, unseen = learned_names(manifest, hold_out), sorted(set(hold_out))
-    settings = common_settings(manifest)
+    learned, unseen = learned_names(production, hold_out), sorted(set(hold_out))
+    settings = common_settings(production)
     people, held = (
-        [load_person(manifest, name, device, settings, progress) for name in names]
+        [load_person(production, name, device, settings, progress) for name in names]
         for names in (learned, unseen)
     )
     model = init_from_base(init, settings)
@@ -94,7 +98,7 @@ def train_base(
                 validation=validation,
                 about={
                     **settings.speech_header(),
-                    "people": [person_key(manifest, name) for name in (*learned, *unseen)],
+                    "people": [person_key(production, name) for name in (*learned, *unseen)],
                     "init": "" if init is None else digest_file(init),
                 },
             ),
@@ -125,23 +129,23 @@ def train_base(
     shutil.rmtree(resume)
 
 
-def person_key(manifest: Manifest, name: str) -> list[Any]:
+def person_key(production: Production, name: str) -> list[Any]:
     """What of an identity is learned or measured on: name, digest of the clip, and which part."""
-    identity = manifest.identities[name]
-    return [name, digest_file(identity.clip), identity.size, identity.start, identity.seconds]
+    person = production.people[name]
+    return [name, digest_file(person.clip.path), person.size, person.start, person.seconds]
 
 
-def learned_names(manifest: Manifest, hold_out: tuple[str, ...]) -> list[str]:
+def learned_names(production: Production, hold_out: tuple[str, ...]) -> list[str]:
     """Identities that are learned from, in the order of their names.
 
     Raises:
-        DubbingError: an unknown name is held out, or nobody is left.
+        ExplainedError: an unknown name is held out, or nobody is left.
     """
-    if unknown := [name for name in hold_out if name not in manifest.identities]:
-        raise DubbingError(f"no identity is called {', '.join(unknown)}", "--hold-out")
-    learned = sorted(set(manifest.identities) - set(hold_out))
+    if unknown := [name for name in hold_out if name not in production.people]:
+        raise ExplainedError(f"no identity is called {', '.join(unknown)}", "--hold-out")
+    learned = sorted(set(production.people) - set(hold_out))
     if not learned:
-        raise DubbingError("everyone is held out", "--hold-out", "leave somebody to learn from")
+        raise ExplainedError("everyone is held out", "--hold-out", "leave somebody to learn from")
     return learned
 
 
@@ -154,7 +158,7 @@ def write_validation(path: Path, validation: Validation) -> None:
     atomic_write_text(path, text.getvalue())
 
 
-def common_settings(manifest: Manifest) -> FinetuneSettings:
+def common_settings(production: Production) -> FinetuneSettings:
     """Preset, seed and speech features that all identities share.
 
     Raises:
@@ -162,40 +166,40 @@ def common_settings(manifest: Manifest) -> FinetuneSettings:
     """
     found = {
         FinetuneSettings(
-            preset=i.preset,
-            seed=i.seed,
-            speech=i.speech,
-            speech_weights=None if i.speech_weights is None else str(i.speech_weights),
+            preset=own.preset,
+            seed=own.seed,
+            speech=own.speech,
+            speech_weights=own.speech_weights,
         )
-        for i in manifest.identities.values()
+        for own in (person.settings for person in production.people.values())
     }
     if len(found) != 1:
         raise TrainingError(
             "the identities differ in preset, seed or speech",
-            manifest.path.name,
+            production.manifest.name,
             "a base is trained with one of each: set them under defaults",
         )
     return found.pop()
 
 
 def load_person(
-    manifest: Manifest,
+    production: Production,
     name: str,
     device: str,
     settings: FinetuneSettings,
-    progress: Callable[[str, float], None],
+    progress: Progress,
 ) -> HeadDataset:
     """Prepares an identity where that is not done yet, and loads what is learned from it."""
-    identity = manifest.identities[name]
-    job = pipeline.identity_job(manifest, name, identity, device)
+    person = production.people[name]
+    job = person_job(person, production.work, device=device)
     if job.blocked is not None:
         raise job.blocked
-    prepare, source = job.stages["prepare"], job.stages["check_source"]
+    prepare, source = job.stage(Prepare), job.stage(CheckSource)
     for stage in (prepare, source):
         run_stage(stage, lambda message, share: progress(f"{name}: {message}", share))
-    clip = PreparedClip.load(prepare.folder, identity.clip)
-    offset = tasks.offset_of(source.folder)
+    clip = PreparedClip.load(prepare.folder, person.clip.path)
+    offset = offset_of(source.folder)
     speech = clip_speech(clip, settings.speech, settings.weights, offset)
-    footage = choose_frames([clip], [speech], identity.learned_start, identity.learned_seconds)
+    footage = choose_frames([clip], [speech], person.start, person.seconds)
     every = max(1, math.ceil(len(footage[0].frames) / MOST_FRAMES))
     return load_identity(name, footage, every=every)

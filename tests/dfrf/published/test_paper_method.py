@@ -26,6 +26,9 @@ from dfrf.workers import Workers
 from tests.dfrf.people import FOCAL, SIZE, person
 from tests.dfrf.runs import run_fit
 
+pytestmark = pytest.mark.medium
+
+
 TINY = PaperConfig(
     speech_dim=8,
     code_dim=8,

@@ -20,6 +20,8 @@ from dfrf.rendering.ray_marching import PackedSamples
 from dfrf.rendering.volume_rendering import PointField, evaluate, render_rays
 from tests.dfrf.people import FOCAL, SIZE, person, random_model
 
+pytestmark = pytest.mark.medium
+
 
 def camera(times: int = 1) -> Camera:
     """The camera of a frame, with so many times as many pixels a side."""

@@ -1,5 +1,6 @@
 """Poses that lay a known head on its own picture."""
 
+import pytest
 import torch
 
 from dfrf import presets
@@ -10,6 +11,8 @@ from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equations
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
+
+pytestmark = pytest.mark.medium
 
 
 def fixed_model() -> tuple[FastModel, ReferenceMaps]:

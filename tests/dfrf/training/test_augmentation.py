@@ -19,6 +19,9 @@ from dfrf.training.ray_share import RayShare, draw_shares
 from tests.dfrf.people import SIZE, person, small_config
 from tests.dfrf.runs import run_fit
 
+pytestmark = pytest.mark.medium
+
+
 PLAIN = Augmentation(False, 1.0, torch.eye(3), 1.0, (0, 0, 0, 0))
 CONFIG = TrainConfig(rays=192, frames=4)
 POINTS = torch.tensor([[0.3, 0.2, 0.6], [-0.5, 0.4, 0.3], [0.1, -0.6, 0.5]])

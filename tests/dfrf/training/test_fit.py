@@ -19,6 +19,9 @@ from dfrf.training.fit import FitOptions, Run, TrainingDivergedError, fit, learn
 from tests.dfrf.people import person, small_config
 from tests.dfrf.runs import run_fit
 
+pytestmark = pytest.mark.medium
+
+
 CONFIG = TrainConfig(
     iterations=4, coarse_iterations=2, rays=96, frames=2, warmup=2, occupancy_every=2
 )

@@ -22,6 +22,8 @@ from dfrf.training.lip_supervision import (
 )
 from tests.dfrf.people import person, small_config
 
+pytestmark = pytest.mark.medium
+
 
 def talking(seed: int, frames: int = 60) -> HeadDataset:
     """Someone whose lips follow two features of the speech, and a third that is theirs alone."""

@@ -18,6 +18,9 @@ from dfrf.training.step import step_outcome
 from dfrf.workers import Workers
 from tests.dfrf.people import person, small_config
 
+pytestmark = pytest.mark.medium
+
+
 CPU = torch.device("cpu")
 CONFIG = TrainConfig(iterations=3, rays=192, frames=4, warmup=2, occupancy_every=2)
 

@@ -17,6 +17,9 @@ from dfrf.training.validation import HeldOutRays, Validation, draw_held_out_rays
 from tests.dfrf.people import person, small_config
 from tests.dfrf.runs import run_fit
 
+pytestmark = pytest.mark.medium
+
+
 CONFIG = TrainConfig(
     iterations=12, coarse_iterations=2, rays=96, frames=2, occupancy_every=2, checkpoint_every=2
 )

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 
 from dubbing import media
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from tests import clips
 from tests.dubbing.batches import dub, manifest_of
 
-pytestmark = pytest.mark.usefixtures("stand_ins")
+pytestmark = [pytest.mark.medium, pytest.mark.usefixtures("stand_ins")]
 
 
 def test_a_dub_from_end_to_end(footage: Path, tmp_path: Path) -> None:
@@ -56,7 +56,7 @@ def test_the_report_shows_the_codec_that_was_requested(footage: Path, tmp_path: 
 
 def test_consent_is_in_the_record_of_a_dub(footage: Path, tmp_path: Path) -> None:
     path = manifest_of(footage, tmp_path, {"ann": "ann.mp4"})
-    record = tmp_path / "out" / "work" / "dubs" / "ann_it" / "video" / "stage.json"
+    record = tmp_path / "out" / "work" / "dubs" / "ann_it" / "composite" / "stage.json"
     dub(path)
     consent = json.loads(record.read_text())["parameters"]["consent"]
     assert consent == {"by": "the person on film", "date": None, "reference": "form 17"}
@@ -86,7 +86,7 @@ def test_only(footage: Path, tmp_path: Path) -> None:
     assert result.code == 0
     report = json.loads((tmp_path / "out" / "report.json").read_text())
     assert report["dubs"]["ann_it"]["state"] == "not in this run"
-    with pytest.raises(DubbingError, match="nothing is called nobody"):
+    with pytest.raises(ExplainedError, match="nothing is called nobody"):
         dub(path, only=("nobody",))
 
 

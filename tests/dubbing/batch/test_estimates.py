@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from dubbing.batch import batch, estimates, jobs
-from dubbing.batch.estimates import Estimate, Rate
-from dubbing.engine import planner
+from dubbing.batch import jobs, rates
+from dubbing.engine import estimates, planner
+from dubbing.engine.estimates import Estimate
 from dubbing.engine.graph import nodes
+from dubbing.engine.stage import Rate
 from dubbing.manifest.manifest import load
-from dubbing.stages.kinds import STAGES
+from dubbing.pipeline import STAGES
+from dubbing.stages import KINDS
+from dubbing.stages.base import PROCESS_BYTES
+from dubbing.stages.finetune import Finetune
+from dubbing.stages.render import Render
 from tests import clips, fakes
-from tests.dubbing.batches import Listener, manifest_of
+from tests.dubbing.batches import dub, manifest_of
+
+pytestmark = pytest.mark.medium
 
 
 @pytest.fixture
@@ -28,9 +36,13 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def needed(path: Path) -> Estimate:
-    manifest = load(path)
-    made = jobs.build(manifest)
-    return estimates.estimate(manifest, made, planner.rows(made))
+    made = jobs.build(load(path))
+    return estimates.estimate(made, planner.rows(made), rates.calibrated())
+
+
+def amounts_of(path: Path) -> dict[str, float]:
+    """Amounts by the names of stages."""
+    return {str(name): n.stage.amount() for name, n in nodes(jobs.build(load(path))).items()}
 
 
 # What a first dub took on two cores: a clip of 20 s, 15 s learned from, 10 s of speech, 512 px.
@@ -46,44 +58,37 @@ FIRST = {
 }
 
 
-def test_a_first_run_is_known_within_a_factor_of_two(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    manifest = load(path)
-    graph = nodes(jobs.build(manifest))
-    monkeypatch.setattr(estimates, "_area", lambda *_: 1.0)
-    monkeypatch.setattr(estimates, "_learned", lambda *_: 375)
+def test_a_first_run_is_known_within_a_factor_of_two(path: Path) -> None:
     frames = {"prepare": 500, "check_source": 500, "refine_poses": 500, "listen": 10}
     found = {}
-    for node in graph.values():
-        many: float = frames.get(node.stage.name, 250)
-        if node.stage.name == "finetune":
-            many = estimates.amount(manifest, node)
-        found[node.stage.name] = estimates.TYPICAL[node.stage.name].seconds * many
+    for node in nodes(jobs.build(load(path))).values():
+        stage, many = node.stage, float(frames.get(node.stage.kind, 250))
+        if isinstance(stage, Finetune):
+            many = replace(stage, crops=375.0).amount()
+        found[stage.kind] = stage.typical.seconds * many
     assert found.keys() == FIRST.keys()
-    for stage, seconds in FIRST.items():
-        assert seconds / 1.5 < found[stage] < seconds * 1.5, stage
+    for kind, seconds in FIRST.items():
+        assert seconds / 1.5 < found[kind] < seconds * 1.5, kind
     needs = needed(path)
     assert needs.seconds > 0
-    assert needs.unknown == ()
-    assert needs.memory > estimates.HELD
+    assert needs.memory > PROCESS_BYTES
 
 
-def test_every_stage_has_a_rate() -> None:
-    assert [*estimates.TYPICAL] == [*STAGES]
+def test_every_stage_has_a_rate_of_its_own() -> None:
+    assert all("typical" in vars(stage) for stage in STAGES)
 
 
 def test_what_was_made_of_something_else_says_nothing(path: Path) -> None:
     """A fine-tune of so many steps is no measure of one of others."""
-    batch.dub(load(path), Listener())
+    dub(path)
     graph = nodes(jobs.build(load(path)))
-    assert set(estimates.measured(load(path), graph)) > {"finetune", "prepare", "render"}
+    assert set(estimates.measured(graph)) > {"finetune", "prepare", "render"}
     path.write_text(
         path.read_text().replace("seconds: 1,", "seconds: 1, finetune: {iterations: 9},")
     )
     clips.write_sound(path.parent / "it.wav", 0.8)
     graph = nodes(jobs.build(load(path)))
-    found = estimates.measured(load(path), graph)
+    found = estimates.measured(graph)
     assert "prepare" in found
     assert not {"finetune", "listen"} & set(found)
 
@@ -95,37 +100,36 @@ def test_the_slow_preset_has_rates_of_its_own(path: Path) -> None:
 
 
 def test_a_calibration_is_used_and_finished_stages_refine_it(path: Path) -> None:
-    estimates.keep({name: Rate(1.0, 10.0) for name in STAGES})
-    manifest = load(path)
-    graph = nodes(jobs.build(manifest))
-    amounts = {key: estimates.amount(manifest, node) for key, node in graph.items()}
+    rates.keep({name: Rate(1.0, 10.0) for name in KINDS})
+    amounts = amounts_of(path)
     area = amounts["identity/ann/prepare"] / 30
     assert 0 < area < 1
-    assert amounts["dub/ann_it/render"] == pytest.approx(40 * area)
-    assert amounts["dub/ann_it/listen"] == pytest.approx(1.6)
+    assert amounts["dub/ann_it/render ann_0000000-0000040"] == pytest.approx(40 * area)
+    assert amounts["dub/ann_it/listen ann_0000000-0000040"] == pytest.approx(1.6)
     found = needed(path)
     assert found.seconds == pytest.approx(sum(amounts.values()))
     assert found.disk == pytest.approx(10 * sum(amounts.values()))
     assert found.longest <= found.two <= found.seconds
     # A stage that is done needs nothing, and says how fast its kind is here.
-    batch.dub(manifest, Listener())
-    assert needed(path) == Estimate(0.0, 0.0, 0.0, 0.0, 0.0, ())
-    record = jobs.build(manifest).dubs["ann_it"].stages["render"].folder / "stage.json"
+    dub(path)
+    assert needed(path) == Estimate(0.0, 0.0, 0.0, 0.0, 0.0)
+    (render,) = jobs.build(load(path)).by_label["dub/ann_it"].all_of(Render)
+    record = render.folder / "stage.json"
     content = json.loads(record.read_text())
     record.write_text(json.dumps({**content, "seconds": 8.0}))
     path.write_text(path.read_text() + path.read_text().splitlines()[-1].replace("}", ", name: b}"))
-    assert estimates.measured(load(path), graph)["render"].seconds == pytest.approx(8 / 40 / area)
-    render = 40 * area * 8 / 40 / area
-    assert needed(path).seconds > render
+    graph = nodes(jobs.build(load(path)))
+    assert estimates.measured(graph)["render"].seconds == pytest.approx(8 / 40 / area)
+    assert needed(path).seconds > 8
 
 
 def test_ranges_of_a_long_dub_are_rendered_side_by_side(
     path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    estimates.keep({"render": Rate(1.0, 10.0)})
+    rates.keep({**dict.fromkeys(KINDS, Rate(0.0)), "render": Rate(1.0, 10.0)})
     whole = needed(path)
     assert whole.seconds == whole.two == whole.longest > 0
-    monkeypatch.setattr("dubbing.tasks.dub.PART", 10)  # of 40 frames
+    monkeypatch.setattr("dubbing.stages.render.PART", 10)  # of 40 frames
     parts = needed(path)
     assert parts.seconds == pytest.approx(whole.seconds)
     assert parts.disk == pytest.approx(whole.disk)
@@ -134,11 +138,11 @@ def test_ranges_of_a_long_dub_are_rendered_side_by_side(
 
 
 def test_a_damaged_calibration_is_none(path: Path) -> None:
-    estimates.keep({"render": Rate(1.0, 1.0)})
-    file = estimates.rates_file()
+    rates.keep({"render": Rate(1.0, 1.0)})
+    file = rates.rates_file()
     assert file is not None
     file.write_text("[3]")
-    assert estimates.calibrated() == {}
+    assert rates.calibrated() == {}
 
 
 def test_a_scene_takes_as_long_as_its_lines_and_a_person_as_all_their_clips(path: Path) -> None:
@@ -152,9 +156,7 @@ def test_a_scene_takes_as_long_as_its_lines_and_a_person_as_all_their_clips(path
     text = text.replace("audio:", "clip: ann.mp4, audio:")
     scene = "clip: two.mp4, lines: it.srt, speakers: {ANN: ann}, audio: it.wav"
     path.write_text(f"{text}  - {{{scene}}}\n")
-    manifest = load(path)
-    graph = nodes(jobs.build(manifest))
-    amounts = {key: estimates.amount(manifest, node) for key, node in graph.items()}
+    amounts = amounts_of(path)
     area = amounts["identity/ann/prepare"] / 30
     for stage in ("prepare", "refine_poses"):
         assert amounts[f"identity/ann/{stage} two"] == pytest.approx(50 * area)
@@ -166,5 +168,5 @@ def test_a_scene_takes_as_long_as_its_lines_and_a_person_as_all_their_clips(path
     assert amounts["dub/it/composite"] == 50
     assert amounts["dub/it/check"] == 15
     # What is not made yet is what the time is of: all of it.
-    estimates.keep({name: Rate(1.0, 10.0) for name in STAGES})
+    rates.keep({name: Rate(1.0, 10.0) for name in KINDS})
     assert needed(path).seconds == pytest.approx(sum(amounts.values()))

@@ -10,13 +10,12 @@ import pytest
 from dubbing import media
 from dubbing.batch import batch
 from dubbing.engine.graph import Job
-from dubbing.engine.runner import Options
 from dubbing.engine.stage import Stage
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.manifest.manifest import load
 from tests.dubbing.batches import Listener, dub, manifest_of
 
-pytestmark = pytest.mark.usefixtures("stand_ins")
+pytestmark = [pytest.mark.medium, pytest.mark.usefixtures("stand_ins")]
 
 
 @pytest.mark.parametrize("broken", ["noface.mp4", "damaged.mp4"])
@@ -60,10 +59,11 @@ def test_a_disk_that_is_full_at_the_end(
     people = {"ann": "ann.mp4", "bad": "noface.mp4", "bob": "bob.mp4"}
     path = manifest_of(footage, tmp_path, people)
     out = tmp_path / "out"
-    manifest = load(path)  # which would refuse what comes in the way now
+    production = load(path)  # which would refuse what comes in the way now
+    planned = batch.begin(production)
     (out / "ann_it.mp4").mkdir(parents=True)
     (out / "report.html").mkdir()
-    result = batch.dub(manifest, Listener())
+    result = batch.dub(production, planned, Listener())
     assert result.code == 1
     failure = result.outcomes["dub/ann_it"].failure
     assert failure is not None
@@ -73,7 +73,7 @@ def test_a_disk_that_is_full_at_the_end(
     bad = result.outcomes["identity/bad"].failure  # and the job's own failure is still there
     assert bad is not None
     assert bad.what == "no face found"
-    assert isinstance(result.report, DubbingError)
+    assert isinstance(result.report, ExplainedError)
     assert "report.html" in str(result.report)
     (out / "ann_it.mp4").rmdir()
     (out / "report.html").rmdir()
@@ -93,10 +93,10 @@ def test_a_clip_exchanged_between_stages_fails_its_job(
     class Exchange(Listener):
         def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
             super().begin(job, stage, reasons)
-            if stage.name == before and job.name.startswith("ann"):
+            if stage.kind == before and job.name.startswith("ann"):
                 clip.write_bytes((footage / "noface.mp4").read_bytes() + b"other")
 
-    result = batch.dub(load(manifest), Exchange(), Options())
+    result, _ = dub(manifest, listener=Exchange())
     assert result.code == 1
     label = "identity/ann" if before == "finetune" else "dub/ann_it"
     failure = result.outcomes[label].failure

@@ -17,7 +17,7 @@ from dubbing.engine import planner as planning
 from dubbing.manifest.manifest import load
 from tests.dubbing.batches import ROOT, dub, manifest_of
 
-pytestmark = pytest.mark.usefixtures("stand_ins")
+pytestmark = [pytest.mark.medium, pytest.mark.usefixtures("stand_ins")]
 
 
 def tree(folder: Path) -> dict[str, str]:
@@ -57,7 +57,7 @@ def test_kill_at_any_moment_then_run_again(footage: Path, tmp_path: Path) -> Non
         "import sys, os, pathlib; from dubbing.engine import claims\n"
         "claims.take(pathlib.Path(sys.argv[1])); os.kill(os.getpid(), 9)"
     )
-    prepared = killed / "out" / "work" / "identities" / "ann" / "prepared"
+    prepared = killed / "out" / "work" / "identities" / "ann" / "prepare"
     subprocess.run([sys.executable, "-c", code, str(prepared)], cwd=ROOT, check=False)
     assert tree(killed / "out") != undisturbed
     assert in_a_process(path) == 0
@@ -72,8 +72,9 @@ def test_publishing_that_was_killed_leaves_nothing_behind(footage: Path, tmp_pat
     for name in (".ann_it.sync.4711.tmp.json", ".report.4711.tmp.json", ".report.4711.tmp.html"):
         (out / name).write_text("half")
     dub(path)
-    expected = ["ann_it.mp4", "ann_it.sync.json", "report.html", "report.json", "work"]
-    assert sorted(p.name for p in out.iterdir()) == expected
+    lists = {f"ann_it.{kind}" for kind in ("edl", "lines.csv", "lines.jsonl")}
+    expected = {"ann_it.mp4", "ann_it.sync.json", *lists, "report.html", "report.json", "work"}
+    assert {p.name for p in out.iterdir()} == expected
 
 
 @pytest.mark.parametrize("content", ["[3]", '{"verdict": [], "warnings": 3, "outputs": {"a": []}}'])
@@ -84,11 +85,12 @@ def test_damaged_files_of_ours_do_not_end_a_run(
     path = manifest_of(footage, tmp_path, people)
     dub(path, only=("ann_it",))
     work = tmp_path / "out" / "work"
-    for name in ("check/sync.json", "speech/stage.json", "speech/speech.json"):
-        (work / "dubs" / "ann_it" / name).write_text(content)
-    for name in ("prepared/prepared.json", "model/stage.json"):
+    for name in ("check/sync.json", "cues/*/listen/stage.json", "cues/*/listen/speech.json"):
+        (file,) = (work / "dubs" / "ann_it").glob(name)
+        file.write_text(content)
+    for name in ("prepare/prepared.json", "finetune/stage.json"):
         (work / "identities" / "ann" / name).write_text(content)
-    (work / "identities" / "ann" / "model" / "loss.csv").write_text("step,loss,psnr\n1,x\n")
+    (work / "identities" / "ann" / "finetune" / "loss.csv").write_text("step,loss,psnr\n1,x\n")
     planning.rows(build(load(path)))
     result, _ = dub(path, only=("bob_it",))
     assert (result.code, result.outcomes["dub/bob_it"].state) == (0, "made")

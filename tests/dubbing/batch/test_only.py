@@ -1,7 +1,10 @@
 import pytest
 
 from dubbing.batch.jobs import chosen_names
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
+
+pytestmark = pytest.mark.medium
+
 
 NAMES = ["shot1", "shot10", "shot1_it", "shot1_de", "shot10_it", "a[1]"]
 
@@ -22,6 +25,6 @@ def test_names_and_patterns(only: list[str], chosen: list[str]) -> None:
 
 
 def test_a_pattern_that_fits_nothing_is_refused_with_some_of_the_names() -> None:
-    with pytest.raises(DubbingError, match=r"nothing is called x\*.*there is n0, n1") as caught:
+    with pytest.raises(ExplainedError, match=r"nothing is called x\*.*there is n0, n1") as caught:
         chosen_names(["n1", "x*"], [f"n{k}" for k in range(500)])
     assert len(str(caught.value)) < 300

@@ -7,11 +7,13 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.batch import batch, jobs, results
+from dubbing.batch import jobs, results
 from dubbing.errors import ManifestError
 from dubbing.manifest.manifest import load
 from tests import clips, fakes
 from tests.dubbing.batches import Listener, dub, manifest_of
+
+pytestmark = pytest.mark.medium
 
 
 @pytest.fixture
@@ -30,7 +32,7 @@ def again(path: Path, hertz: float) -> None:
 
 def warned(path: Path) -> list[str]:
     manifest = load(path)
-    return [*results.warnings(manifest, [one.name for one in manifest.dubs])]
+    return [*results.warnings(manifest, manifest.dubs)]
 
 
 def test_the_last_result_is_kept_beside_the_new_one(path: Path) -> None:
@@ -48,8 +50,9 @@ def test_the_last_result_is_kept_beside_the_new_one(path: Path) -> None:
     assert "in place of the one there" in warned(path)[0]
     again(path, 700)
     assert (out / "ann_it.previous.mp4").read_bytes() == second
-    names = ["ann_it.mp4", "ann_it.previous.mp4", "ann_it.previous.sync.json", "ann_it.sync.json"]
-    assert sorted(p.name for p in out.iterdir() if p.name.startswith("ann")) == names
+    kinds = ("edl", "lines.csv", "lines.jsonl", "mp4", "sync.json")
+    names = {f"ann_it.{previous}{kind}" for previous in ("", "previous.") for kind in kinds}
+    assert {p.name for p in out.iterdir() if p.name.startswith("ann")} == names
 
 
 @pytest.mark.parametrize("name", ["ann_it.mp4", "ann_it.sync.json", "ann_it.previous.mp4"])
@@ -59,7 +62,7 @@ def test_a_file_of_somebody_else_stays(path: Path, name: str) -> None:
     theirs.write_bytes(b"a year of work")
     listener = Listener()
     with pytest.raises(ManifestError, match=r"was not made by this tool.*move it away"):
-        batch.dub(load(path), listener)
+        dub(path, listener=listener)
     assert (theirs.read_bytes(), listener.began) == (b"a year of work", [])
     theirs.unlink()
     assert dub(path)[0].code == 0
@@ -82,7 +85,7 @@ def test_a_file_that_comes_while_the_run_goes_on_stays(path: Path) -> None:
         def overall(self, done: int, total: int) -> None:
             theirs.write_bytes(b"a year of work")
 
-    result = batch.dub(load(path), Stranger())
+    result, _ = dub(path, listener=Stranger())
     failure = result.outcomes["dub/ann_it"].failure
     assert (result.code, failure is not None and failure.stage) == (1, "publish")
     assert theirs.read_bytes() == b"a year of work"
@@ -112,4 +115,4 @@ def test_results_of_a_version_that_kept_no_list_are_ours(path: Path) -> None:
     assert (path.parent / "out" / "ann_it.previous.mp4").is_file()
     shutil.rmtree(path.parent / "out" / "work")
     assert dub(path)[0].code == 0
-    assert not jobs.build(load(path)).dubs["ann_it"].blocked
+    assert not jobs.build(load(path)).by_label["dub/ann_it"].blocked

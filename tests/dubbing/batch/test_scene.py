@@ -14,15 +14,19 @@ import numpy as np
 import pytest
 import soundfile
 
-from dubbing import media, tasks
-from dubbing.batch import batch, jobs
-from dubbing.engine.executors import Processes, Source
+from dubbing import media
+from dubbing.batch import jobs, task
+from dubbing.engine.executors import Processes
 from dubbing.engine.graph import nodes
 from dubbing.manifest.manifest import load
 from dubbing.script.timecode import frame_of
-from dubbing.stages import composite
+from dubbing.stages.check import Check
+from dubbing.video import assembly as composite
 from tests import clips, fakes
-from tests.dubbing.batches import Listener, dub
+from tests.dubbing.batches import dub
+
+pytestmark = pytest.mark.medium
+
 
 FPS = Fraction(24000, 1001)
 FRAMES = 90
@@ -97,7 +101,7 @@ def test_cues_are_dubbed_at_their_frames_and_the_film_is_left_alone(scene: Path)
         green = made[first : first + 5, 20, 24, 0].astype(int) - film[first, 20, 24, 0]
         assert (np.diff(np.abs(green))[:3] > 0).all()
     work = scene.parent / "out" / "work" / "dubs" / "it"
-    found = json.loads((work / "video" / "scene.json").read_text())
+    found = json.loads((work / "composite" / "scene.json").read_text())
     assert found["untouched"]["identical"]
     assert found["untouched"]["frames"] == FRAMES - 32
     assert found["untouched"]["source"] == found["untouched"]["result"]
@@ -164,10 +168,11 @@ def test_another_process_finds_each_stage_by_its_key(scene: Path) -> None:
     add_clips(scene)
     made = jobs.build(load(scene))
     graph = nodes(made)
-    assert {f"dub/second/render ann_{first:07d}-{stop:07d}" for first, stop in CUES} <= {*graph}
+    cues = {f"dub/second/render ann_{first:07d}-{stop:07d}" for first, stop in CUES}
+    assert cues <= {*map(str, graph)}
     assert len(graph) == sum(len(job.stages) for job in made.all())
     for job in made.all():
-        found = jobs.job_of(scene, job.label, "auto").stages
+        found = task.job_of(job.label, str(scene), "auto").stages
         for name, stage in job.stages.items():
             assert found[name].folder == stage.folder
             assert found[name].fingerprint() == stage.fingerprint()
@@ -181,12 +186,11 @@ def test_processes_make_a_scene_with_the_same_bytes(
     dub(scene)
     inline = (scene.parent / "out" / "it.mkv").read_bytes()
     shutil.rmtree(scene.parent / "out" / "work" / "dubs")
-    listener = Listener()
-    with closing(Processes(Source(scene), 2)) as executor:
-        result = batch.dub(load(scene), listener, executor=executor)
+    with closing(Processes(task.program(scene), 2)) as executor:
+        result, began = dub(scene, executor=executor)
     assert result.code == 0, result.outcomes
     kinds = ["listen", "render", "listen", "render", "composite", "check"]
-    assert sorted(listener.began) == sorted(f"it:{kind}" for kind in kinds)
+    assert sorted(began) == sorted(f"it:{kind}" for kind in kinds)
     assert (scene.parent / "out" / "it.mkv").read_bytes() == inline
 
 
@@ -194,7 +198,7 @@ def test_a_lossy_codec_is_described_by_its_worst_frame(scene: Path) -> None:
     scene.write_text(scene.read_text().replace(", codec: ffv1", ""))
     dub(scene)
     work = scene.parent / "out" / "work" / "dubs" / "it"
-    proof = json.loads((work / "video" / "scene.json").read_text())["untouched"]
+    proof = json.loads((work / "composite" / "scene.json").read_text())["untouched"]
     assert not proof["identical"]
     assert proof["psnr"] > 30
 
@@ -249,7 +253,7 @@ def test_short_clips_of_one_person_are_learned_from_together(scene: Path) -> Non
     assert result.code == 0, result.outcomes
     assert began.index("ann:finetune") > max(k for k, one in enumerate(began) if "prepare" in one)
     folder = scene.parent / "out" / "work" / "identities" / "ann"
-    ((beside, _),) = json.loads((folder / "model" / "finetune.json").read_text())["beside"]
+    ((beside, _),) = json.loads((folder / "finetune" / "finetune.json").read_text())["beside"]
     assert beside == "second.mp4"
     assert dub(scene)[1] == []
 
@@ -267,6 +271,4 @@ def test_a_card_comes_after_the_scene_and_is_no_part_of_it(scene: Path) -> None:
     assert all(np.array_equal(*pair) for pair in zip(made, plain, strict=False))
     assert report_of(scene)["untouched"]["identical"]
     assert report_of(scene)["untouched"]["of"] == FRAMES
-    task = jobs.job_of(scene, "dub/it", "auto").stages["check"].produce
-    assert isinstance(task, tasks.Check)
-    assert task.credits == 24
+    assert task.job_of("dub/it", str(scene), "auto").stage(Check).credits == 24

@@ -12,10 +12,14 @@ import numpy as np
 import pytest
 import soundfile
 
-from dubbing import media, tasks
+from dubbing import media
 from dubbing.script.timecode import frame_of
+from dubbing.stages.prepare import Prepare
 from tests import clips, fakes
 from tests.dubbing.batches import dub
+
+pytestmark = pytest.mark.medium
+
 
 FPS = Fraction(24000, 1001)
 SHOTS = (("alba", "chidi", "dora"), ("dora", "alba", "chidi"), ("chidi", "dora", "alba"))
@@ -23,7 +27,7 @@ LENGTH, SIDE = 20, 128  # of a shot, of a person
 PILLAR = np.arange(9, 12)  # stands before Alba
 # Lines by frame: who, first, stop. The third is Dora's, whom nobody dubs.
 LINES = (("alba", 2, 18), ("chidi", 23, 35), ("dora", 35, 38), ("alba", 44, 56))
-PREPARE = tasks.Prepare.__call__
+PREPARE = Prepare.run
 
 
 @pytest.fixture
@@ -61,7 +65,7 @@ def film(tmp_path: Path, people: dict[str, np.ndarray]) -> Path:
 @pytest.mark.slow
 def test_three_people_two_cuts_and_a_pillar(film: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fakes.install(monkeypatch.setattr)
-    monkeypatch.setattr(tasks.Prepare, "__call__", PREPARE)  # models alone are stand-ins
+    monkeypatch.setattr(Prepare, "run", PREPARE)  # models alone are stand-ins
     result, _ = dub(film)
     assert result.code == 0, result.outcomes
     out = film.parent / "out"
@@ -79,11 +83,11 @@ def test_three_people_two_cuts_and_a_pillar(film: Path, monkeypatch: pytest.Monk
     changed[around] = expected[around] = False
     np.testing.assert_array_equal(changed, expected)  # the right faces at the right times
 
-    scene = json.loads((out / "work" / "dubs" / "it" / "video" / "scene.json").read_text())
+    scene = json.loads((out / "work" / "dubs" / "it" / "composite" / "scene.json").read_text())
     assert scene["untouched"]["identical"]
     assert scene["untouched"]["frames"] == len(own) - 40
     assert [cue["loudness"] for cue in scene["sound"]["cues"]] == pytest.approx([-23] * 3, abs=0.5)
-    faces = json.loads((out / "work" / "dubs" / "it" / "video" / "picture.json").read_text())
+    faces = json.loads((out / "work" / "dubs" / "it" / "composite" / "picture.json").read_text())
     (behind,) = faces["own_pixels"]
     assert behind["reason"] in ("no face", "covered")
     kept = (behind["first"], behind["stop"])

@@ -11,7 +11,7 @@ from dubbing.engine import planner as planning
 from dubbing.manifest.manifest import load
 from tests.dubbing.batches import dub, manifest_of
 
-pytestmark = pytest.mark.usefixtures("stand_ins")
+pytestmark = [pytest.mark.medium, pytest.mark.usefixtures("stand_ins")]
 
 
 def test_a_second_run_has_nothing_to_do(footage: Path, tmp_path: Path) -> None:
@@ -82,7 +82,9 @@ def test_plan_prints_what_would_run_and_why(footage: Path, tmp_path: Path) -> No
 
     def states(force: tuple[str, ...] = ()) -> dict[str, str]:
         found = planning.rows(build(load(path)), force)
-        return {f"{row.job.name}:{row.stage}": f"{row.state}; {row.reasons}" for row in found}
+        return {
+            f"{row.job.name}:{row.name.split()[0]}": f"{row.state}; {row.reasons}" for row in found
+        }
 
     first = states()
     assert first["ann:prepare"].startswith("run; ('not made yet',)")

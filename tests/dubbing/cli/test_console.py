@@ -7,19 +7,23 @@ import pytest
 from rich.console import Console
 
 from dubbing.batch import batch
-from dubbing.batch.estimates import Estimate
 from dubbing.cli import console, live
+from dubbing.engine.estimates import Estimate
 from dubbing.engine.graph import Job
 from dubbing.engine.outcome import Failure, Outcome
 from dubbing.engine.planner import Row
 from dubbing.engine.stage import Stage
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 
 ODD = "[bold]a[/x] \x1b[31m"
 SHOWN = r"[bold]a[/x] \x1b[31m"
 
-NOTHING = Estimate(0.0, 0.0, 0.0, 0.0, 0.0, ())
+NOTHING = Estimate(0.0, 0.0, 0.0, 0.0, 0.0)
 FIGURES = dict.fromkeys(("psnr", "ssim", "haarpsi", "psnr_face", "psnr_mouth", "lmd"), 0.5)
+
+
+class Listen(Stage):
+    """Does nothing."""
 
 
 def test_figures_of_several_methods_are_readable_in_80_columns(
@@ -40,15 +44,14 @@ def test_markup_and_controls_in_names_are_shown_as_they_are(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(console.out, "_width", 200)
-    job = Job("dub", ODD, {})
-    console.plan(
-        [Row(job, "speech", "run", (f"{ODD} changed",))], [ODD], NOTHING, {}, as_json=False
-    )
+    job = Job("dub", ODD, Path())
+    row = Row(job, job.add(Listen()), "run", (f"{ODD} changed",))
+    console.plan([row], [ODD], NOTHING, {}, as_json=False)
     console.metrics({ODD: {ODD: {ODD: 1.0}}})
     measured = {"offset_frames": 0, "offset_ms": 0.0, "confidence": 1.0, "distance": 1.0}
     console.sync({"verdict": "pass", "reason": ODD, **measured})
-    failed = Outcome("failed", failure=Failure("speech", ODD))
-    result = batch.Result({ODD: failed}, 1, DubbingError(ODD), {ODD: {"reason": ODD}})
+    failed = Outcome("failed", failure=Failure("listen", ODD))
+    result = batch.Result({ODD: failed}, 1, ExplainedError(ODD), {ODD: {"reason": ODD}})
     console.summary(result)
     shown = capsys.readouterr().out
     assert "\x1b[31m" not in shown
@@ -58,12 +61,13 @@ def test_markup_and_controls_in_names_are_shown_as_they_are(
 def test_markup_and_controls_in_what_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Console(file=io.StringIO(), width=200, force_terminal=True)
     monkeypatch.setattr(live, "screen", terminal)
-    job, stage = Job("dub", ODD, {}), Stage("speech", Path(), "1", {}, {}, lambda *_: None)
+    job = Job("dub", ODD, Path())
+    stage = job.add(Listen())
     with live.Bars([ODD]) as bars:
         bars.begin(job, stage, [ODD])
         bars.progress(job, stage, ODD, 0.5)
         bars._bars[stage.folder].refresh()
-        bars.end(job, stage, Failure("speech", ODD))
+        bars.end(job, stage, Failure("listen", ODD))
     with live.progress_bar(ODD) as progress:
         progress(ODD, 0.5)
     assert isinstance(terminal.file, io.StringIO)

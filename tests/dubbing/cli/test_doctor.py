@@ -10,6 +10,8 @@ import pytest
 
 from dubbing import packages
 
+pytestmark = pytest.mark.medium
+
 
 def test_doctor_reports_what_is_there(dfrf) -> None:  # type: ignore[no-untyped-def]
     _, out, _ = dfrf("doctor")

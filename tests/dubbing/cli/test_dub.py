@@ -11,7 +11,9 @@ from typing import Any
 
 import pytest
 
-from dubbing import tasks
+from dubbing.stages.finetune import Finetune
+
+pytestmark = pytest.mark.medium
 
 
 def test_dub_then_plan(dfrf, manifest: Path) -> None:  # type: ignore[no-untyped-def]
@@ -94,7 +96,7 @@ def test_interrupted_is_130_and_goes_on_later(  # type: ignore[no-untyped-def]
     number: int,
 ) -> None:
 
-    finetune = tasks.Finetune.__call__
+    finetune = Finetune.run
     # Whoever starts the tests in the background has SIGINT ignored.
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     request.addfinalizer(lambda: signal.signal(signal.SIGINT, before))
@@ -104,9 +106,9 @@ def test_interrupted_is_130_and_goes_on_later(  # type: ignore[no-untyped-def]
         time.sleep(60)
         raise AssertionError("the signal did not interrupt the run")
 
-    monkeypatch.setattr(tasks.Finetune, "__call__", interrupted)
+    monkeypatch.setattr(Finetune, "run", interrupted)
     code, _, err = dfrf("dub", manifest)
     assert code == 130
     assert "run the same command again" in err
-    monkeypatch.setattr(tasks.Finetune, "__call__", finetune)
+    monkeypatch.setattr(Finetune, "run", finetune)
     assert dfrf("dub", manifest)[0] == 0

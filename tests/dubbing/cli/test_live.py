@@ -10,14 +10,20 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from dubbing.batch.time_left import TimeLeft
 from dubbing.cli import live
-from dubbing.engine.graph import Job, kind_of
+from dubbing.engine.graph import Job
 from dubbing.engine.stage import Stage
+from dubbing.engine.stage_id import StageId
+from dubbing.engine.time_left import TimeLeft
 
-STAGE = Stage("finetune", Path("model"), "1", {}, {}, lambda *_: None)
-JOB = Job("identity", "ann", {"finetune": STAGE})
-LEFT = {"identity/ann/finetune": 400.0, "dub/it/render": 80.0}
+
+class Finetune(Stage):
+    """Does nothing."""
+
+
+JOB = Job("identity", "ann", Path("ann"))
+STAGE = JOB.add(Finetune())
+LEFT = {STAGE.id: 400.0, StageId("dub/it", "render"): 80.0}
 
 
 @pytest.fixture
@@ -34,7 +40,7 @@ def written(console: Console) -> list[str]:
 
 def test_it_says_how_far_each_stage_is_and_what_is_left(log: Console) -> None:
     now = 0.0
-    with live.Bars([], TimeLeft(LEFT, kind_of, lambda: now)) as bars:
+    with live.Bars([], TimeLeft(LEFT, lambda: now)) as bars:
         bars.overall(0, 2)
         bars.begin(JOB, STAGE, ["not made yet"])
         bars.progress(JOB, STAGE, "step 500 of 1000", 0.5)
@@ -70,7 +76,7 @@ def test_so_are_commands_of_one_bar(log: Console, monkeypatch: pytest.MonkeyPatc
 
 def test_machines_are_told_which_stages_go_on(capsys: pytest.CaptureFixture[str]) -> None:
     now = 0.0
-    with live.JsonLines([], TimeLeft(LEFT, kind_of, lambda: now)) as lines:
+    with live.JsonLines([], TimeLeft(LEFT, lambda: now)) as lines:
         lines.begin(JOB, STAGE, [])
         lines.say()
         lines.end(JOB, STAGE, None)

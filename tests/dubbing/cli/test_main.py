@@ -11,13 +11,18 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from dubbing import tasks
 from dubbing.cli import main as cli
-from dubbing.stages.kinds import SYNC_FILE
+from dubbing.engine.stage import Stage
+from dubbing.stages.check import Check
+from dubbing.stages.check_source import CheckSource
 from dubbing.sync.curves import OFFSETS, Estimate
 from dubbing.sync.judgement import Measurement, conclude
+from dubbing.sync.records import SYNC_FILE
 from dubbing.sync.result import Media, SyncResult
 from tests import clips
+
+pytestmark = pytest.mark.medium
+
 
 COMMANDS = (
     "dub",
@@ -96,11 +101,15 @@ def test_the_module_of_the_name_is_the_tool_and_loads_no_torch() -> None:
     assert "MANIFEST" in done.stdout
 
 
+class Film(Stage):
+    """A video that lies there already."""
+
+
 @pytest.mark.parametrize("confidence", [0.05, 0.12, 0.25])
 def test_sync_beside_the_source_prints_what_the_report_has(
     footage: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, confidence: float
 ) -> None:
-    video = tmp_path / "dub.mp4"
+    video = tmp_path / "video.mp4"
     video.write_bytes((footage / "ann.mp4").read_bytes())
 
     def measured(path: Path, *, source: SyncResult | None = None, **_: Any) -> SyncResult:
@@ -110,14 +119,21 @@ def test_sync_beside_the_source_prints_what_the_report_has(
         return conclude(found, "ours", facts, source, tracked=True)
 
     monkeypatch.setattr("dubbing.sync.check.check", measured)
-    own = tmp_path / "own"
-    for folder, task in (
-        (own, tasks.Check(footage / "ann.mp4")),
-        (tmp_path, tasks.Check(video, own / SYNC_FILE)),
-    ):
-        folder.mkdir(exist_ok=True)
-        task(folder, lambda message, share: None)
-    in_report = json.loads((tmp_path / SYNC_FILE).read_text())
+    composite = Film(folder=tmp_path)
+    own = CheckSource(folder=tmp_path / "own", clip=footage / "ann.mp4", weights={}, frames=75)
+    stage = Check(
+        folder=tmp_path / "check",
+        video=composite,
+        source=own,
+        codec="h264",
+        spoken=((0, 75),),
+        credits=0,
+        weights={},
+    )
+    for one in (own, stage):
+        one.folder.mkdir()
+        one.run(one.folder, lambda message, share: None)
+    in_report = json.loads((stage.folder / SYNC_FILE).read_text())
     call = ["sync", str(video), "--source", str(footage / "ann.mp4"), "--json"]
     result = CliRunner().invoke(cli.app, call)
     assert json.loads(result.stdout) == in_report

@@ -12,6 +12,8 @@ import pytest
 
 from dubbing.cli import main as cli
 
+pytestmark = pytest.mark.medium
+
 
 def test_a_folder_that_cannot_be_made_is_reported(  # type: ignore[no-untyped-def]
     dfrf, manifest: Path, footage: Path, monkeypatch: pytest.MonkeyPatch

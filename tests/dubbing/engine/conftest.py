@@ -10,10 +10,9 @@ from typing import Any
 import pytest
 from distributed import LocalCluster
 
-from dubbing.engine import executors
 from dubbing.engine.cluster import Cluster
-from dubbing.engine.executors import Executor, InLine, Processes, Source
-from tests.dubbing.engine import small_graph
+from dubbing.engine.executors import Executor, InLine, Processes
+from tests.dubbing.engine.small_graph import program
 
 WORKERS = 2
 Make = Callable[[Path], Executor]
@@ -26,12 +25,6 @@ def scheduler() -> Iterator[Any]:
         yield cluster
 
 
-@pytest.fixture
-def small(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tasks of other processes are those of `small_graph`."""
-    monkeypatch.setattr(executors, "PIPELINE", small_graph.MODULE)
-
-
 @pytest.fixture(params=["in line", "processes", "dask"])
 def kind(request: pytest.FixtureRequest) -> str:
     """Which executor."""
@@ -39,17 +32,17 @@ def kind(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def executor(kind: str, small: None, request: pytest.FixtureRequest) -> Iterator[Make]:
+def executor(kind: str, request: pytest.FixtureRequest) -> Iterator[Make]:
     """Makes the executor of a manifest."""
     with ExitStack() as stack:
 
         def make(manifest: Path) -> Executor:
             made: Executor = InLine()
             if kind == "processes":
-                made = Processes(Source(manifest), WORKERS)
+                made = Processes(program(manifest), WORKERS)
             elif kind == "dask":
                 address = request.getfixturevalue("scheduler").scheduler_address
-                made = Cluster(Source(manifest), address)
+                made = Cluster(program(manifest), address)
             return stack.enter_context(closing(made))
 
         yield make

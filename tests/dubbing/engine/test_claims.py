@@ -16,16 +16,16 @@ from pathlib import Path
 import pytest
 
 from dubbing.engine import claims, heartbeat, runner
+from dubbing.engine.errors import ExplainedError, LockedError, StageError
 from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.stage import Stage
-from dubbing.errors import DubbingError, LockedError, StageError
-from tests.dubbing.batches import Listener
+from tests.dubbing.engine.listener import Listener
 
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     """Claims that beat and go stale in fractions of a second."""
-    for name, value in {"BEAT": 0.05, "STALE": 1.0, "PACE": 0.02}.items():
+    for name, value in {"HEARTBEAT_S": 0.05, "STALE_S": 1.0, "POLL_S": 0.02}.items():
         monkeypatch.setattr(claims, name, value)
 
 
@@ -131,7 +131,7 @@ def test_a_silent_claim_of_another_machine_is_taken_over_by_one(
     assert [watch.free() for watch in watches] == [False, False]
     with pytest.raises(LockedError, match="process 1 on farm7"):
         claims.take(path)
-    time.sleep(claims.STALE + 0.1)
+    time.sleep(claims.STALE_S + 0.1)
     assert watches[0].free()
     with claims.hold(path) as newer:
         assert not watches[1].free()  # the one it had watched is gone; this one is another
@@ -144,7 +144,7 @@ def test_a_silent_claim_of_another_machine_is_taken_over_by_one(
 def test_a_claim_of_another_machine_that_beats_is_respected(
     tmp_path: Path, quick: None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(claims, "STALE", 60.0)  # however busy this machine is
+    monkeypatch.setattr(claims, "STALE_S", 60.0)  # however busy this machine is
     path = tmp_path / "model"
     other = Elsewhere(path)
     with ThreadPoolExecutor(1) as pool:
@@ -163,7 +163,7 @@ def test_what_lies_in_its_place_is_reported_and_stays(tmp_path: Path, kind: str)
     other.mkdir()
     make = {"link": lambda: place.symlink_to(other), "file": place.touch}
     make.get(kind, lambda: os.mkfifo(place))()
-    with pytest.raises(DubbingError, match=r"model\.claim"), claims.hold(tmp_path / "model"):
+    with pytest.raises(ExplainedError, match=r"model\.claim"), claims.hold(tmp_path / "model"):
         pass
     assert left(tmp_path) == ["model.claim", "other"]
     assert left(other) == []
@@ -176,7 +176,7 @@ def test_a_disk_that_takes_nothing_is_reported(
         raise OSError(30, "Read-only file system")
 
     monkeypatch.setattr(os, "rename", refused)
-    with pytest.raises(DubbingError, match="Read-only file system"), claims.hold(tmp_path / "x"):
+    with pytest.raises(ExplainedError, match="Read-only file system"), claims.hold(tmp_path / "x"):
         pass
 
 
@@ -200,16 +200,20 @@ def test_a_dead_claim_that_may_not_be_removed_is_named(
     claims.sweep(tmp_path)  # which nobody waits for
 
 
+class Copy(Stage):
+    """Does nothing."""
+
+
 def test_a_run_ends_at_a_dead_claim_that_may_not_be_removed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def denied(*_: object, **__: object) -> bool:
         raise LockedError("a run that ended has left its claim", "model.claim/1", "remove it")
 
-    stage = Stage("copy", tmp_path / "model", "1", {}, {}, lambda out, progress: None)
-    jobs = Jobs({"ann": Job("identity", "ann", {"copy": stage})}, {})
+    job = Job("identity", "ann", tmp_path)
+    job.add(Copy())
     monkeypatch.setattr(claims.Watch, "free", denied)
-    outcome = runner.run(jobs, runner.Options(), Listener())["identity/ann"]
+    outcome = runner.run(Jobs.of([job]), runner.Options(), Listener())["identity/ann"]
     assert outcome.state == "failed"
     assert outcome.failure is not None
     assert outcome.failure.where == "model.claim/1"

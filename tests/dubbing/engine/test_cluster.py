@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from dubbing.batch.task import KNOWN
 from dubbing.engine import task as processes
-from dubbing.engine.executors import FAILED, KILLED, Source, Task
+from dubbing.engine.errors import CallError, ExplainedError, StageError
+from dubbing.engine.executors import FAILED, KILLED, Program, Task
+from dubbing.engine.fields import Setting
 from dubbing.engine.stage import Stage
-from dubbing.errors import CallError, DubbingError, StageError
+from dubbing.engine.stage_id import StageId
 
 distributed = pytest.importorskip("distributed")
 from dubbing.engine.cluster import LOST, Cluster  # noqa: E402
+
+pytestmark = pytest.mark.medium
+
+
+PROGRAM = Program("some.module", ("m.yaml",))
 
 
 class Client:
@@ -37,15 +46,28 @@ class Client:
             raise TimeoutError
 
 
+@dataclass(frozen=True, kw_only=True)
+class Composite(Stage):
+    """Does nothing."""
+
+    mark: tuple[str, str] = ("", "77")
+    codec: str = "h264"
+    code: Setting[str] = "1"
+
+    @property
+    def version(self) -> str:
+        return self.code
+
+
 def task(tmp_path: Path) -> Task:
-    stage = Stage("copy", tmp_path / "a", "1", {}, {}, print)
-    return Task(0, "dub/it/copy", stage, False, {}, print, print)
+    stage = Composite(id=StageId("dub/it", "composite"), folder=tmp_path / "a")
+    return Task(0, stage, False, {}, print, print)
 
 
 @pytest.fixture
 def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cluster:
     monkeypatch.setattr(distributed, "Client", Client)
-    return Cluster(Source(tmp_path / "m.yaml"), "tcp://10.0.0.1:8786")
+    return Cluster(PROGRAM, "tcp://10.0.0.1:8786")
 
 
 @pytest.mark.parametrize(
@@ -55,14 +77,14 @@ def test_an_odd_scheduler_file_is_a_wrong_call(tmp_path: Path, content: str) -> 
     file = tmp_path / "s.json"
     file.write_bytes(content.encode("latin-1"))
     with pytest.raises(CallError, match=r"s\.json.*start one with `dask scheduler`"):
-        Cluster(Source(tmp_path / "m.yaml"), str(file))
+        Cluster(PROGRAM, str(file))
 
 
 @pytest.mark.parametrize("address", ["", "x", "tcp://", "tcp://a:b", "foo://1:2", "tcp://[::1"])
 def test_an_odd_address_is_a_wrong_call(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("dubbing.engine.cluster.ANSWER", "1s")
     with pytest.raises(CallError, match="no Dask scheduler answers"):
-        Cluster(Source(Path("m.yaml")), address)
+        Cluster(PROGRAM, address)
 
 
 def test_a_scheduler_that_dies_fails_what_was_begun(cluster: Cluster, tmp_path: Path) -> None:
@@ -76,7 +98,7 @@ def test_a_scheduler_that_dies_fails_what_was_begun(cluster: Cluster, tmp_path: 
     assert (done.failure.what, done.failure.where) == (LOST, "tcp://10.0.0.1:8786")
     assert "run again" in done.failure.remedy
     assert cluster.wait(0.0) == []
-    with pytest.raises(DubbingError, match="is gone"):
+    with pytest.raises(ExplainedError, match="is gone"):
         cluster.submit(task(tmp_path))
     cluster.close()
 
@@ -98,15 +120,11 @@ def test_a_machine_without_the_marks_key_is_told_so(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(processes.time, "sleep", lambda _: None)
-    here = Stage("composite", tmp_path / "a", "1", {"mark": ["", "77"], "codec": "h264"}, {}, print)
-    there = Stage(
-        "composite", tmp_path / "a", "1", {"mark": ["ab", "77"], "codec": "h264"}, {}, print
-    )
-    processes._expect(here, here.fingerprints())
+    here = Composite(folder=tmp_path / "a")
+    there = replace(here, mark=("ab", "77"))
+    processes._expect(here, here.fingerprints(), KNOWN)
     with pytest.raises(StageError, match=r"the key of the invisible mark.*mark\.key"):
-        processes._expect(here, there.fingerprints())
-    other = Stage(
-        "composite", tmp_path / "a", "2", {"mark": ["", "77"], "codec": "ffv1"}, {}, print
-    )
+        processes._expect(here, there.fingerprints(), KNOWN)
+    other = replace(here, code="2", codec="ffv1")
     with pytest.raises(StageError, match="started: the code, codec"):
-        processes._expect(here, other.fingerprints())
+        processes._expect(here, other.fingerprints(), KNOWN)

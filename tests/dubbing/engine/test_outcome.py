@@ -7,8 +7,8 @@ import errno
 import numpy as np
 import pytest
 
+from dubbing.engine.errors import ExplainedError
 from dubbing.engine.outcome import failure_of
-from dubbing.errors import DubbingError
 
 SHORT = [
     MemoryError(),
@@ -38,5 +38,5 @@ def test_other_errors_are_not_taken_for_it() -> None:
     assert failure_of("render", ValueError("odd")).where == "not foreseen"
     refused = failure_of("render", OSError(errno.ENOSPC, "No space left on device", "x"))
     assert "free some space" in refused.remedy
-    known = DubbingError("no face found", "a.mp4", "film the face")
+    known = ExplainedError("no face found", "a.mp4", "film the face")
     assert failure_of("prepare", known).what == "no face found"

@@ -14,18 +14,22 @@ from dubbing.engine import claims, runner
 from dubbing.engine.executors import Executor, InLine
 from dubbing.engine.graph import nodes
 from dubbing.engine.outcome import Outcome
-from dubbing.engine.part import part_of
+from dubbing.engine.part import Part
 from dubbing.engine.runner import Options
 from dubbing.engine.update import run_stage
-from tests.dubbing.batches import Listener
+from tests.dubbing.engine.listener import Listener
 from tests.dubbing.engine.small_graph import (
     PARTS,
+    Render,
     begun,
     jobs_of,
     results,
     steps,
     write_manifest,
 )
+
+pytestmark = pytest.mark.medium
+
 
 Make = Callable[[Path], Executor]
 
@@ -48,6 +52,7 @@ def test_parts_give_the_same_bytes_and_in_line_there_are_none(
     path = write_manifest(tmp_path, ["ann"], {"it": "ann"}, PARTS)
     outcomes = run(path, executor(path))
     assert {outcome.state for outcome in outcomes.values()} == {"made"}
+    assert set(outcomes["dub/it"].seconds) == {"listen", "render"}  # a part counts as its stage
     assert results(path) == whole(tmp_path / "whole")
     rendered = [line for line in begun(path) if "render" in line]
     done = [line for line in steps(path) if "render" in line]
@@ -58,7 +63,7 @@ def test_parts_give_the_same_bytes_and_in_line_there_are_none(
     assert rendered[-1] == "it/render"
     of = ["it/render 0-1 0", "it/render 0-1 1", "it/render 2-3 2", "it/render 2-3 3"]
     assert sorted(done) == [*sorted(["it/render 4", *of])]
-    render = jobs_of(path).dubs["it"].stages["render"]
+    render = jobs_of(path).by_label["dub/it"].stage(Render)
     record = render.record()
     assert record is not None
     assert record["seconds"] >= 0
@@ -103,7 +108,7 @@ def test_a_part_that_fails_fails_its_dub_and_the_others_are_not_done_again(
     assert count == {"bad_it/render 0-1": 2, "bad_it/render 2-3": 1}
     # In line the rest is done in one go, and the seconds of all of it are kept.
     run(path, InLine())
-    record = jobs_of(path).dubs["bad_it"].stages["render"].record()
+    record = jobs_of(path).by_label["dub/bad_it"].stage(Render).record()
     assert record is not None
     assert not any("part" in name for name in record["outputs"])
 
@@ -112,10 +117,10 @@ def test_whoever_claims_a_stage_waits_for_its_parts_and_they_leave_it_alone(tmp_
     path = write_manifest(tmp_path, ["ann"], {"it": "ann"}, PARTS)
     jobs = jobs_of(path)
     for node in nodes(jobs).values():
-        if node.name != "render":
+        if not isinstance(node.stage, Render):
             run_stage(node.stage, lambda message, share: None)
-    render = jobs.dubs["it"].stages["render"]
-    part = part_of(render, PARTS[0])
+    render = jobs.by_label["dub/it"].stage(Render)
+    part = Part.of(render, PARTS[0])
     with claims.hold(render.folder):
         assert not run_stage(part, lambda message, share: None)
     with claims.hold(part.folder) as claim:

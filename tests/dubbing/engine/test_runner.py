@@ -10,21 +10,25 @@ from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
-from typing import Any
 
 import pytest
 
 from dubbing.engine import claims, runner
-from dubbing.engine.executors import Executor, InLine, Processes, Source
-from dubbing.engine.graph import Job, nodes
+from dubbing.engine.executors import Executor, InLine, Processes
+from dubbing.engine.fields import Setting
+from dubbing.engine.graph import Job, Node, nodes
 from dubbing.engine.outcome import Failure, Outcome
 from dubbing.engine.runner import Options
 from dubbing.engine.stage import Progress, Stage
-from tests.dubbing.batches import Listener
-from tests.dubbing.engine.small_graph import begun, jobs_of, results, write_manifest
+from tests.dubbing.engine import small_graph
+from tests.dubbing.engine.listener import Listener
+from tests.dubbing.engine.small_graph import LOG, begun, jobs_of, program, results, write_manifest
+
+pytestmark = pytest.mark.medium
+
 
 Make = Callable[[Path], Executor]
 PEOPLE = ["ann", "bob"]
@@ -53,12 +57,11 @@ def test_the_executors_give_the_same_bytes_and_do_each_stage_once(
     assert results(path) == undisturbed
     assert "claim" not in str(list(undisturbed))
     order = begun(path)
-    assert sorted(order) == sorted(f"{n.job.name}/{n.name}" for n in graph(path))
+    assert sorted(order) == sorted(name_of(node) for node in graph(path))
     assert "scene/render bob" in order
     for node in graph(path):
-        for key in node.needs:
-            needed = key.partition("/")[2]
-            assert order.index(needed) < order.index(f"{node.job.name}/{node.name}")
+        for needed in (n for n in graph(path) if n.stage.id in node.needs):
+            assert order.index(name_of(needed)) < order.index(name_of(node))
     kinds = [name.partition(" ")[0].replace("/", ":") for name in order]
     assert sorted(listener.began) == sorted(kinds)
     assert set(outcomes["dub/scene"].seconds) == {"listen", "render", "composite"}
@@ -67,8 +70,13 @@ def test_the_executors_give_the_same_bytes_and_do_each_stage_once(
     assert (set(states(again).values()), begun(path)) == ({"kept"}, order)
 
 
-def graph(path: Path) -> list[Any]:
+def graph(path: Path) -> list[Node]:
     return list(nodes(jobs_of(path)).values())
+
+
+def name_of(node: Node) -> str:
+    """The stage as the log has it."""
+    return f"{node.job.name}/{node.stage.id.name}"
 
 
 def test_one_that_fails_stops_only_what_needs_it(tmp_path: Path, executor: Make) -> None:
@@ -103,9 +111,9 @@ def test_one_line_that_fails_fails_its_scene_and_not_the_other_lines(
     tmp_path: Path, executor: Make
 ) -> None:
     path = write_manifest(tmp_path, PEOPLE, {"scene": "ann bob"})
-    folder = tmp_path / "out" / "dubs" / "scene"
+    folder = tmp_path / "out" / "dubs" / "scene" / "cues" / "ann"
     folder.mkdir(parents=True)
-    (folder / "listen ann.claim").touch()  # nobody can claim it
+    (folder / "listen.claim").touch()  # nobody can claim it
     outcomes = runner.run(jobs_of(path), Options(), Listener(), executor(path))
     assert states(outcomes) == {"ann": "made", "bob": "made", "scene": "failed"}
     failure = outcomes["dub/scene"].failure
@@ -145,7 +153,7 @@ def test_workers_killed_at_random_cost_their_own_stage_alone(
     people, dubs = ["slow_ann"], {"slow_it": "slow_ann"}
     path = write_manifest(tmp_path, people, dubs)
     monkeypatch.setattr(runner, "TRIES", 100)
-    folders = {f"{n.job.name}/{n.name}": n.stage.folder for n in graph(path)}
+    folders = {name_of(node): node.stage.folder for node in graph(path)}
     hit: Counter[str] = Counter()
     ended = threading.Event()
 
@@ -180,7 +188,7 @@ def test_workers_killed_at_random_cost_their_own_stage_alone(
 def test_two_runs_share_the_work(
     tmp_path: Path, executor: Make, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(runner, "LOOK", 0.05)
+    monkeypatch.setattr(runner, "LOOK_S", 0.05)
     path = write_manifest(tmp_path, ["slow_ann"], {"it": "slow_ann"})
 
     def run(made: Executor) -> dict[str, Outcome]:
@@ -201,12 +209,23 @@ def test_a_manifest_that_changed_meanwhile_fails_the_job(
 ) -> None:
     path = write_manifest(tmp_path, ["ann"])
     jobs = jobs_of(path)
-    stages = jobs.identities["ann"].stages
-    stages["prepare"] = replace(stages["prepare"], parameters={"seed": 3})
+    job = jobs.by_label["identity/ann"]
+    job.add(replace(job.stage(small_graph.Prepare), seed=3))
     outcomes = runner.run(jobs, Options(), Listener(), executor(path))
     failure = outcomes["identity/ann"].failure
     assert failure is not None
     assert "not what it was where the run was started" in failure.what
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepare(small_graph.Prepare):
+    """Reads a file, or fails with an error."""
+
+    clip: Path | None = None
+    error: Setting[type[BaseException]] = ValueError
+
+    def run(self, out: Path, progress: Progress) -> None:
+        raise self.error("odd data")
 
 
 class LibraryError(Exception):
@@ -220,12 +239,8 @@ ODD = [TypeError, AttributeError, ImportError, LibraryError, RecursionError, Per
 def test_whatever_a_library_raises_fails_its_own_job_alone(
     tmp_path: Path, error: type[BaseException]
 ) -> None:
-    def odd(out: Path, progress: Progress) -> None:
-        raise error("odd data")
-
     jobs = jobs_of(write_manifest(tmp_path, PEOPLE))
-    stages = jobs.identities["bob"].stages
-    stages["prepare"] = replace(stages["prepare"], produce=odd)
+    jobs.by_label["identity/bob"].add(Prepare(name="bob", log=tmp_path / LOG, error=error))
     outcomes = runner.run(jobs, Options(), Listener())
     assert outcomes["identity/ann"].state == "made"
     failure = outcomes["identity/bob"].failure
@@ -238,15 +253,14 @@ def test_inputs_that_cannot_be_looked_at_fail_their_own_job_alone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     jobs = jobs_of(write_manifest(tmp_path, PEOPLE))
-    stages = jobs.identities["bob"].stages
     locked = tmp_path / "odd.mp4"
     locked.touch()
-    stages["prepare"] = replace(stages["prepare"], inputs={"clip": locked})
+    jobs.by_label["identity/bob"].add(Prepare(name="bob", log=tmp_path / LOG, clip=locked))
 
     def refused(path: Path) -> str:
         raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr("dubbing.engine.stage.digest_file", refused)
+    monkeypatch.setattr("dubbing.engine.file_digests.digest_file", refused)
     outcomes = runner.run(jobs, Options(), Listener())
     failure = outcomes["identity/bob"].failure
     assert failure is not None
@@ -262,10 +276,10 @@ class Impatient(Listener):
 
 
 def test_an_interrupt_ends_what_runs_and_does_not_wait_for_the_rest(
-    tmp_path: Path, small: None
+    tmp_path: Path,
 ) -> None:
     path = write_manifest(tmp_path, [f"slow{k}" for k in range(10)])
-    with closing(Processes(Source(path), 2)) as made, pytest.raises(KeyboardInterrupt):
+    with closing(Processes(program(path), 2)) as made, pytest.raises(KeyboardInterrupt):
         runner.run(jobs_of(path), Options(), Impatient(), made)
     assert 1 <= len(begun(path)) <= 5
     assert not list((tmp_path / "out").rglob("*.claim"))
@@ -282,7 +296,7 @@ def test_a_claim_of_another_run_is_not_waited_for_before_the_rest_is_done(tmp_pa
             waited.extend(reasons if "another run is at work on it" in reasons else [])
 
     listener = Watching()
-    other = claims.hold(jobs.identities["ann"].stages["prepare"].folder)
+    other = claims.hold(jobs.by_label["identity/ann"].stage(small_graph.Prepare).folder)
     other.__enter__()
 
     def give_back() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from dubbing.engine.graph import nodes
 from dubbing.engine.schedule import simulate
+from dubbing.engine.stage_id import StageId
 from tests.dubbing.engine.small_graph import jobs_of, write_manifest
 
 # Of a person: prepare 3 | check_source 1 -> finetune 10; of a dub: listen 1 -> render 4.
@@ -28,9 +29,9 @@ SECONDS = {"prepare": 3.0, "check_source": 1.0, "finetune": 10.0, "listen": 1.0,
 def test_so_long_on_so_many_workers(tmp_path: Path, workers: int, expected: float) -> None:
     dubs = {"ann_it": "ann", "ann_de": "ann", "bob_it": "bob"}
     graph = nodes(jobs_of(write_manifest(tmp_path, ["ann", "bob"], dubs)))
-    seconds = {key: SECONDS[node.stage.name] for key, node in graph.items()}
+    seconds = {key: SECONDS[node.stage.kind] for key, node in graph.items()}
     found = simulate(graph, seconds, workers)
     assert found.seconds == expected
     assert found.idle == pytest.approx(1 - 43 / (expected * workers))
-    assert found.critical[0] == "identity/ann/prepare"
-    assert [key.rpartition("/")[2] for key in found.critical] == ["prepare", "finetune", "render"]
+    assert found.critical[0] == StageId("identity/ann", "prepare")
+    assert [key.kind for key in found.critical] == ["prepare", "finetune", "render"]

@@ -4,39 +4,79 @@ import json
 import os
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
 
 from dubbing.engine import claims, update
-from dubbing.engine import stage as stages
 from dubbing.engine.claims import Watch
-from dubbing.engine.stage import Stage
-from dubbing.errors import DubbingError, StageError
-from dubbing.files import atomic_write_text
+from dubbing.engine.errors import ExplainedError, StageError
+from dubbing.engine.fields import Setting
+from dubbing.engine.file_digests import digest_of
+from dubbing.engine.files import atomic_write_text
+from dubbing.engine.stage import Progress, Stage
+from dubbing.engine.stage_id import StageId
 
 
 def quiet(_message: str, _share: float) -> None:
     pass
 
 
+@dataclass
 class Work:
-    """Copies its input a piece at a time; can be made to fail, and counts the pieces it made."""
+    """How the work of a stage goes: it can be made to fail, and counts the pieces it made."""
 
-    def __init__(self, source: Path) -> None:
-        self.source = source
-        self.fail_at: int | None = None
-        self.made: list[str] = []
+    fail_at: int | None = None
+    made: list[str] = field(default_factory=list)
+    instead: Callable[[Path], None] | None = None
 
-    def __call__(self, out: Path, progress: Callable[[str, float], None]) -> None:
-        for k, letter in enumerate(self.source.read_text()):
-            if self.fail_at == k:
-                raise DubbingError("no more")
+
+@dataclass(frozen=True, kw_only=True)
+class Copy(Stage):
+    """Copies a text a piece at a time."""
+
+    text: Path
+    seed: int = 0
+    code: Setting[str] = "1"
+    work: Setting[Work]
+
+    def run(self, out: Path, progress: Progress) -> None:
+        if self.work.instead:
+            self.work.instead(out)
+            return
+        for k, letter in enumerate(self.text.read_text()):
+            if self.work.fail_at == k:
+                raise ExplainedError("no more")
             piece = out / f"{k}.txt"
             if not piece.exists():
                 atomic_write_text(piece, letter)
-                self.made.append(letter)
+                self.work.made.append(letter)
+
+    @classmethod
+    def versions(cls) -> dict[str, str]:
+        return {"copier": "1.2"}
+
+    @property
+    def version(self) -> str:
+        return self.code
+
+
+@dataclass(frozen=True, kw_only=True)
+class CopyMore(Copy):
+    """The same with one more parameter."""
+
+    x: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Later(Stage):
+    """Copies the first letter again."""
+
+    letters: Copy
+
+    def run(self, out: Path, progress: Progress) -> None:
+        (out / "0.txt").write_text((self.letters.folder / "0.txt").read_text())
 
 
 @pytest.fixture
@@ -47,21 +87,28 @@ def source(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def work(source: Path) -> Work:
-    return Work(source)
+def work() -> Work:
+    return Work()
 
 
 @pytest.fixture
-def stage(tmp_path: Path, source: Path, work: Work) -> Stage:
+def stage(tmp_path: Path, source: Path, work: Work) -> Copy:
     folder = tmp_path / "work" / "letters"
-    return Stage("copy", folder, "1", {"seed": 0}, {"text": source}, work)
+    return Copy(id=StageId("job/it", "copy"), folder=folder, text=source, work=work)
 
 
-def contents(stage: Stage) -> str:
+@pytest.fixture
+def later(tmp_path: Path, stage: Copy) -> Later:
+    """A stage that reads the first."""
+    folder = tmp_path / "work" / "later"
+    return Later(id=StageId("job/it", "later"), folder=folder, letters=stage)
+
+
+def contents(stage: Copy) -> str:
     return "".join(p.read_text() for p in sorted(stage.folder.glob("*.txt")))
 
 
-def test_a_stage_is_done_once(stage: Stage, work: Work) -> None:
+def test_a_stage_is_done_once(stage: Copy, work: Work) -> None:
     assert stage.changes() == ["not made yet"]
     assert update.run_stage(stage, quiet)
     assert stage.changes() == []
@@ -69,23 +116,24 @@ def test_a_stage_is_done_once(stage: Stage, work: Work) -> None:
     assert work.made == ["a", "b", "c"]
 
 
-def test_the_record_holds_how_it_was_made(stage: Stage, source: Path) -> None:
+def test_the_record_holds_how_it_was_made(stage: Copy, source: Path) -> None:
     update.run_stage(stage, quiet)
     record = json.loads((stage.folder / "stage.json").read_text())
     assert record["stage"] == "copy"
     assert record["version"] == "1"
     assert record["parameters"] == {"seed": 0}
-    assert record["inputs"] == {"text": stages.digest_of(source)}
+    assert record["inputs"] == {"text": digest_of(source)}
     assert sorted(record["outputs"]) == ["0.txt", "1.txt", "2.txt"]
-    assert {"torch", "numpy", "dfrf", "ffmpeg"} <= set(record["versions"])
+    assert record["versions"] == {"copier": "1.2"}
     assert record["seconds"] >= 0
 
 
-def test_it_is_stale_for_a_reason_and_reports_it(stage: Stage, source: Path) -> None:
+def test_it_is_stale_for_a_reason_and_reports_it(stage: Copy, source: Path) -> None:
     update.run_stage(stage, quiet)
-    assert replace(stage, parameters={"seed": 1}).changes() == ["seed: 0 before, 1 now"]
-    assert replace(stage, parameters={"seed": 0, "x": 2}).changes() == ["x: None before, 2 now"]
-    assert replace(stage, version="2").changes() == ["the code of the stage changed"]
+    assert replace(stage, seed=1).changes() == ["seed: 0 before, 1 now"]
+    more = CopyMore(folder=stage.folder, text=source, work=stage.work, x=2)
+    assert more.changes() == ["x: None before, 2 now"]
+    assert replace(stage, code="2").changes() == ["the code of the stage changed"]
     source.write_text("abcd")
     assert stage.changes() == ["text changed"]
     source.write_text("abc")
@@ -97,9 +145,9 @@ def test_it_is_stale_for_a_reason_and_reports_it(stage: Stage, source: Path) -> 
     assert contents(stage) == "abc"
 
 
-def test_a_failed_stage_goes_on_where_it_stopped(stage: Stage, work: Work) -> None:
+def test_a_failed_stage_goes_on_where_it_stopped(stage: Copy, work: Work) -> None:
     work.fail_at = 2
-    with pytest.raises(DubbingError):
+    with pytest.raises(ExplainedError):
         update.run_stage(stage, quiet)
     assert not stage.folder.exists()
     assert stage.changes() == ["interrupted: goes on where it stopped"]
@@ -109,12 +157,12 @@ def test_a_failed_stage_goes_on_where_it_stopped(stage: Stage, work: Work) -> No
     assert contents(stage) == "abc"
 
 
-def test_other_settings_do_not_pick_up_partial_work(stage: Stage, work: Work) -> None:
+def test_other_settings_do_not_pick_up_partial_work(stage: Copy, work: Work) -> None:
     work.fail_at = 2
-    with pytest.raises(DubbingError):
+    with pytest.raises(ExplainedError):
         update.run_stage(stage, quiet)
     work.fail_at = None
-    other = replace(stage, parameters={"seed": 5})
+    other = replace(stage, seed=5)
     assert other.changes() == ["not made yet"]
     update.run_stage(other, quiet)
     assert work.made == ["a", "b", "a", "b", "c"]
@@ -122,36 +170,36 @@ def test_other_settings_do_not_pick_up_partial_work(stage: Stage, work: Work) ->
     assert [p.name for p in stage.folder.parent.iterdir()] == ["letters"]
 
 
-def test_the_last_good_result_survives_a_failed_rerun(stage: Stage, work: Work) -> None:
+def test_the_last_good_result_survives_a_failed_rerun(stage: Copy, work: Work) -> None:
     update.run_stage(stage, quiet)
-    changed = replace(stage, parameters={"seed": 1})
+    changed = replace(stage, seed=1)
     work.fail_at = 1
-    with pytest.raises(DubbingError):
+    with pytest.raises(ExplainedError):
         update.run_stage(changed, quiet)
     assert contents(stage) == "abc"
     assert stage.changes() == []
 
 
-def test_force_starts_from_nothing(stage: Stage, work: Work) -> None:
+def test_force_starts_from_nothing(stage: Copy, work: Work) -> None:
     update.run_stage(stage, quiet)
     assert update.run_stage(stage, quiet, force=True)
     assert work.made == list("abcabc")
 
 
-def test_torn_files_of_a_killed_run_do_not_stay(stage: Stage) -> None:
+def test_torn_files_of_a_killed_run_do_not_stay(stage: Copy) -> None:
     stage.partial().mkdir(parents=True)
     (stage.partial() / ".0.4711.tmp.txt").write_text("half")
     update.run_stage(stage, quiet)
     assert sorted(p.name for p in stage.folder.iterdir())[0] == "0.txt"
 
 
-def test_a_swap_that_was_cut_short(stage: Stage) -> None:
+def test_a_swap_that_was_cut_short(stage: Copy) -> None:
     update.run_stage(stage, quiet)
-    changed = replace(stage, parameters={"seed": 1})
+    changed = replace(stage, seed=1)
     # As after: the new result sealed, the old one moved away, then a kill.
     partial = changed.partial()
     partial.mkdir()
-    changed.produce(partial, quiet)
+    changed.run(partial, quiet)
     update._seal(changed, partial, key=changed.key(), digests=changed.digests(), seconds=0)
     stage.folder.rename(stage.folder.with_name("letters.old"))
     update.recover(changed)
@@ -161,40 +209,40 @@ def test_a_swap_that_was_cut_short(stage: Stage) -> None:
     assert [p.name for p in stage.folder.parent.iterdir()] == ["letters"]
 
 
-def test_an_input_that_changes_meanwhile_is_noticed(stage: Stage, source: Path) -> None:
-    def produce(out: Path, _progress: stages.Progress) -> None:
+def test_an_input_that_changes_meanwhile_is_noticed(stage: Copy, source: Path) -> None:
+    def change(out: Path) -> None:
         (out / "x").write_text("x")
         source.write_text("other")
 
-    with pytest.raises(DubbingError, match=r"in\.txt changed while the run was going on .* again"):
-        update.run_stage(replace(stage, produce=produce), quiet)
+    stage.work.instead = change
+    with pytest.raises(ExplainedError, match=r"in\.txt changed while the run .* again"):
+        update.run_stage(stage, quiet)
     assert list(stage.folder.parent.iterdir()) == []  # what was made of it is of no use
 
 
-def test_an_input_that_goes_away_is_what_is_reported(stage: Stage, source: Path) -> None:
-    def produce(out: Path, _progress: stages.Progress) -> None:
+def test_an_input_that_goes_away_is_what_is_reported(stage: Copy, source: Path) -> None:
+    def lose(out: Path) -> None:
         source.unlink()
-        raise DubbingError("no such file")
+        raise ExplainedError("no such file")
 
-    with pytest.raises(DubbingError, match=r"in\.txt changed while the run was going on"):
-        update.run_stage(replace(stage, produce=produce), quiet)
+    stage.work.instead = lose
+    with pytest.raises(ExplainedError, match=r"in\.txt changed while the run was going on"):
+        update.run_stage(stage, quiet)
 
 
 def test_inputs_are_what_they_were_when_the_run_began(
-    stage: Stage, tmp_path: Path, source: Path
+    stage: Copy, later: Later, source: Path
 ) -> None:
     """Also those of the stages before, which a later stage may read once more."""
     update.run_stage(stage, quiet)
-    first = stage.folder / "0.txt"
-    later = Stage("later", tmp_path / "work" / "later", "1", {}, {"letters": stage}, Work(first))
     began = later.sources()
     assert list(began) == [source]
     source.write_text("xyz")
-    with pytest.raises(DubbingError, match=r"in\.txt changed while the run was going on \(later\)"):
+    with pytest.raises(ExplainedError, match=r"in\.txt changed while the run .* \(later\)"):
         update.run_stage(later, quiet, began=began)
     source.unlink()
     os.mkfifo(source)  # it is not waited for
-    with pytest.raises(DubbingError, match=r"in\.txt changed"):
+    with pytest.raises(ExplainedError, match=r"in\.txt changed"):
         update.run_stage(later, quiet, began=began)
 
 
@@ -209,7 +257,7 @@ def test_inputs_are_what_they_were_when_the_run_began(
         "pipe",
     ],
 )
-def test_a_record_of_another_shape_is_none(stage: Stage, record: str) -> None:
+def test_a_record_of_another_shape_is_none(stage: Copy, record: str) -> None:
     update.run_stage(stage, quiet)
     path = stage.folder / "stage.json"
     path.unlink()
@@ -222,9 +270,7 @@ def test_a_record_of_another_shape_is_none(stage: Stage, record: str) -> None:
     assert stage.changes() == []
 
 
-def test_a_stage_depends_on_what_another_made(stage: Stage, tmp_path: Path, source: Path) -> None:
-    first = stage.folder / "0.txt"
-    later = Stage("later", tmp_path / "work" / "later", "1", {}, {"letters": stage}, Work(first))
+def test_a_stage_depends_on_what_another_made(stage: Copy, later: Later, source: Path) -> None:
     update.run_stage(stage, quiet)
     update.run_stage(later, quiet)
     assert later.changes() == []
@@ -237,9 +283,9 @@ def test_a_stage_depends_on_what_another_made(stage: Stage, tmp_path: Path, sour
     assert later.changes() == []
 
 
-def test_a_damaged_file_of_an_interrupted_run_is_made_again(stage: Stage, work: Work) -> None:
+def test_a_damaged_file_of_an_interrupted_run_is_made_again(stage: Copy, work: Work) -> None:
     work.fail_at = 2
-    with pytest.raises(DubbingError):
+    with pytest.raises(ExplainedError):
         update.run_stage(stage, quiet)
     (stage.partial() / "0.txt").write_text("z")
     work.fail_at = None
@@ -249,7 +295,7 @@ def test_a_damaged_file_of_an_interrupted_run_is_made_again(stage: Stage, work: 
 
 
 def test_a_kill_between_a_file_and_its_digest_costs_nothing(
-    stage: Stage, work: Work, monkeypatch: pytest.MonkeyPatch
+    stage: Copy, work: Work, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A file that is written anew again and again, as a state: either of the two is whole."""
     file = stage.partial() / "state.txt"
@@ -267,7 +313,7 @@ def test_a_kill_between_a_file_and_its_digest_costs_nothing(
 
 
 def test_damaged_finished_work_is_not_put_in_its_place(
-    stage: Stage, work: Work, monkeypatch: pytest.MonkeyPatch
+    stage: Copy, work: Work, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def die(*_: object) -> None:
         raise KeyboardInterrupt
@@ -284,11 +330,11 @@ def test_damaged_finished_work_is_not_put_in_its_place(
 @pytest.mark.parametrize("asleep", range(3))
 @pytest.mark.parametrize("before", [False, True], ids=["first", "again"])
 def test_who_sleeps_at_the_swap_leaves_what_another_finished(
-    stage: Stage, monkeypatch: pytest.MonkeyPatch, asleep: int, before: bool
+    stage: Copy, monkeypatch: pytest.MonkeyPatch, asleep: int, before: bool
 ) -> None:
     """Before any of its moves: another process takes the work over, and finishes it."""
     if before:
-        update.run_stage(replace(stage, version="0"), quiet)
+        update.run_stage(replace(stage, code="0"), quiet)
     moves = 0
     move = Path.rename
 
@@ -319,7 +365,7 @@ def test_who_sleeps_at_the_swap_leaves_what_another_finished(
     assert [p.name for p in stage.folder.parent.iterdir()] == ["letters"]
 
 
-def test_a_file_put_back_with_its_time_stamp_is_seen(stage: Stage, source: Path) -> None:
+def test_a_file_put_back_with_its_time_stamp_is_seen(stage: Copy, source: Path) -> None:
     update.run_stage(stage, quiet)
     before = source.stat()
     source.write_text("xyz")
@@ -328,7 +374,7 @@ def test_a_file_put_back_with_its_time_stamp_is_seen(stage: Stage, source: Path)
 
 
 def test_results_are_on_the_disk_before_their_folder_has_its_name(
-    stage: Stage, flushed: list[tuple[str, Path]]
+    stage: Copy, flushed: list[tuple[str, Path]]
 ) -> None:
     for _ in range(2):  # the second replaces the first
         update.run_stage(stage, quiet, force=True)

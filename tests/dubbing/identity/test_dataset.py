@@ -12,7 +12,7 @@ from dfrf.cameras import project
 from dfrf.data.dataset import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
 from dfrf.field.mouth_pixels import LOWER_RIM, UPPER_RIM
 from dfrf.field.speaker_adaptation import NUMBERS
-from dubbing.errors import DubbingError, TrainingError
+from dubbing.errors import ExplainedError, TrainingError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.identity.clip_frames import ClipFrames
@@ -186,7 +186,7 @@ def test_a_folder_that_cannot_be_written_is_said(clip: PreparedClip, tmp_path: P
         np.zeros((FRAMES, 16, 2), np.float32), np.zeros((FRAMES, NUMBERS), np.float32)
     )
     (tmp_path / "file").write_text("")
-    with pytest.raises(DubbingError, match="file"):
+    with pytest.raises(ExplainedError, match="file"):
         load_identity(
             "someone",
             [ClipFrames(clip, speech, np.arange(1, 10))],
@@ -194,7 +194,7 @@ def test_a_folder_that_cannot_be_written_is_said(clip: PreparedClip, tmp_path: P
         )
     full = ImageStore({"images": (1, 99, 99)}, tmp_path / "full")
     (tmp_path / "full" / "images").symlink_to("/dev/full")
-    with pytest.raises(DubbingError, match="No space left on device"):
+    with pytest.raises(ExplainedError, match="No space left on device"):
         full.add(images=np.zeros((99, 99), np.uint8))
 
 

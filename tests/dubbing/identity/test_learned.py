@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.batch.estimates import Estimate
 from dubbing.cli import console
-from dubbing.files import atomic_write_json
+from dubbing.engine.estimates import Estimate
+from dubbing.engine.files import atomic_write_json
 from dubbing.identity.learned import in_words, learned_if_known
 
 
@@ -32,7 +32,7 @@ def test_several_clips_are_named() -> None:
 
 
 def test_a_plan_says_it(capsys: pytest.CaptureFixture[str]) -> None:
-    nothing = Estimate(0, 0, 0, 0, 0, ())
+    nothing = Estimate(0, 0, 0, 0, 0)
     learned = [("ann.mp4", [(3.0, 6.0), (21.04, 33.0)])]
     console.plan([], [], nothing, {"ann": learned}, as_json=False)
     assert "ann: learned from 3.0-6.0 s, 21.0-33.0 s" in capsys.readouterr().out

@@ -9,7 +9,8 @@ import pytest
 
 from dubbing.errors import ManifestError
 from dubbing.manifest import schema, yaml_lines
-from dubbing.manifest.manifest import Manifest, load
+from dubbing.manifest.manifest import load
+from dubbing.production.production import Production
 from tests import clips
 from tests.dubbing.manifest.json_schema import errors
 
@@ -23,7 +24,7 @@ dubs:
 """
 
 
-def read(folder: Path, text: str) -> Manifest:
+def read(folder: Path, text: str) -> Production:
     path = folder / "m.yaml"
     path.write_text(textwrap.dedent(text).lstrip("\n"))
     manifest = load(path)

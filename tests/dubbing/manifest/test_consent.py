@@ -14,7 +14,6 @@ from dubbing.cli.main import app
 from dubbing.errors import CallError, ManifestError
 from dubbing.manifest.manifest import load
 from dubbing.manifest.terms import covers
-from dubbing.tasks import dependencies
 from tests import clips
 from tests.dubbing.manifest.test_provenance import footage, problems, read
 
@@ -74,7 +73,7 @@ def test_a_dub_within_its_terms_is_accepted_and_its_terms_are_recorded(footage: 
         manifest = read(
             footage, "language: it-CH", f"{{{WHO}, {terms}, file: it.wav, sha256: {paper}}}"
         )
-        assert dependencies.consent_of(manifest.identities["host"]) == {
+        assert manifest.people["host"].consent.record() == {
             "by": "Ann Smith",
             "reference": "form 17",
             "date": str(TODAY),
@@ -122,7 +121,7 @@ def test_in_a_scene_everybodys_own_consent_counts(footage: Path) -> None:
 def test_a_form_is_recorded_beside_the_file_that_it_names(footage: Path) -> None:
     form = footage / "form.yaml"
     form.write_text('by: Ann\nreference: "17"\nfile: it.wav\n')
-    recorded = dependencies.consent_of(read(footage, consent="form.yaml").identities["host"])
+    recorded = read(footage, consent="form.yaml").people["host"].consent.record()
     digests = [hashlib.sha256((footage / name).read_bytes()) for name in ("form.yaml", "it.wav")]
     assert [recorded["sha256"], recorded["file_sha256"]] == [d.hexdigest() for d in digests]
     form.write_text('by: Ann\nreference: "17"\nform: it.wav\n')
@@ -156,7 +155,7 @@ def test_a_form_is_refused_until_it_is_filled_in(footage: Path) -> None:
     form.write_text("\n".join(kept).replace("languages: []", "languages: [it]"))
     (found,) = problems(footage, consent="ann.yaml")
     assert "dubs[0].language: is required" in found
-    recorded = dependencies.consent_of(read(footage, "language: it", "ann.yaml").identities["host"])
+    recorded = read(footage, "language: it", "ann.yaml").people["host"].consent.record()
     assert recorded["languages"] == ["it"]
     assert recorded["sha256"] == hashlib.sha256(form.read_bytes()).hexdigest()
     again = CliRunner().invoke(app, ["consent", str(form)])

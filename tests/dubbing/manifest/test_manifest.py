@@ -10,28 +10,31 @@ from safetensors.numpy import save_file
 
 from dfrf.config import STEPS
 from dubbing.batch import jobs
+from dubbing.engine.files import atomic_path
 from dubbing.engine.stage import Stage
 from dubbing.errors import ManifestError
-from dubbing.files import atomic_path
+from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.manifest.manifest import load
+from dubbing.provenance.card import CreditsCard
+from dubbing.stages.finetune import Finetune
 from tests import clips
 from tests.dubbing.manifest.made import GOOD, problems, read
 
 
 def test_a_good_manifest(folder: Path) -> None:
     manifest = read(folder, GOOD)
-    host, (dub,) = manifest.identities["host"], manifest.dubs
+    host, (dub,) = manifest.people["host"], manifest.dubs.values()
     assert manifest.output == (folder / "out").resolve()
-    assert host.clip == (folder / "host.mp4").resolve()
-    assert (host.preset, host.seed, host.start, host.finetune.iterations) == ("fast", 0, 0, None)
+    assert host.clip.path == (folder / "host.mp4").resolve()
+    assert (host.settings, host.start) == (FinetuneSettings(), 0)
     assert dub.name == "host_it"
-    assert (dub.on_longer_audio, dub.frame, dub.label.mark, dub.codec) == (
+    assert (dub.on_longer_audio, dub.settings.frame, dub.settings.label, dub.settings.codec) == (
         "bounce",
         "full",
         True,
         "h264",
     )
-    assert manifest.media[host.clip].frames == 75
+    assert host.clip.frames == dub.film.frames == 75
 
 
 def test_defaults_reach_identities_and_dubs_and_can_be_overruled(folder: Path) -> None:
@@ -51,10 +54,11 @@ def test_defaults_reach_identities_and_dubs_and_can_be_overruled(folder: Path) -
           - {{identity: b, audio: it.wav, label: true, name: other}}
         """,
     )
-    a, b = manifest.identities["a"], manifest.identities["b"]
-    assert (a.preset, a.seed, a.start, a.finetune.iterations) == ("nerf", 7, 0.5, 9)
-    assert (b.preset, b.seed, b.finetune.iterations) == ("nerf", 8, 5)
-    assert [d.label.mark for d in manifest.dubs] == [False, True]
+    a, b = manifest.people["a"], manifest.people["b"]
+    assert a.start == 0.5
+    assert a.settings == FinetuneSettings(preset="nerf", seed=7, iterations=9)
+    assert b.settings == FinetuneSettings(preset="nerf", seed=8, iterations=5)
+    assert [dub.settings.label for dub in manifest.dubs.values()] == [False, True]
 
 
 def test_everything_wrong_is_reported_at_once_with_key_and_line(folder: Path) -> None:
@@ -113,9 +117,9 @@ def test_everything_wrong_is_reported_at_once_with_key_and_line(folder: Path) ->
 
 def test_a_card_of_credits(folder: Path) -> None:
     label = "label: {mark: false, credits: {seconds: 0:02, text: Thanks}}"
-    (dub,) = read(folder, GOOD.replace("audio:", f"{label}, audio:")).dubs
-    assert dub.label.credits is not None
-    assert (dub.label.mark, dub.label.credits.seconds) == (False, 2)
+    (dub,) = read(folder, GOOD.replace("audio:", f"{label}, audio:")).dubs.values()
+    assert not dub.settings.label
+    assert dub.settings.card == CreditsCard("Thanks", 50)
     wrong = {
         "{credits: {seconds: 0}}": ".credits.seconds: must be greater than 0, not 0",
         "{credits: {seconds: 90}}": ".credits.seconds: must be less than or equal to 60, not 90",
@@ -169,12 +173,14 @@ def test_a_missing_manifest(tmp_path: Path) -> None:
 
 def test_a_damaged_file_is_no_mistake_of_the_manifest(folder: Path) -> None:
     manifest = read(folder, GOOD.replace("host.mp4", "damaged.mp4"))
-    assert list(manifest.damaged) == [(folder / "damaged.mp4").resolve()]
+    damaged = manifest.people["host"].clip.damaged
+    assert damaged is not None
+    assert damaged.where == str((folder / "damaged.mp4").resolve())
 
 
 def test_date_of_consent(folder: Path) -> None:
     text = GOOD.replace('"form 17"', '"form 17", date: 2026-11-02')
-    assert str(read(folder, text).identities["host"].consent.date) == "2026-11-02"
+    assert str(read(folder, text).people["host"].consent.terms["date"]) == "2026-11-02"
     (message,) = problems(folder, text.replace("2026-11-02", "yesterday"))
     assert message.startswith("line 4: identities.host.consent.date")
     (message,) = problems(folder, text.replace("2026-11-02", "2026-13-45"))
@@ -183,12 +189,12 @@ def test_date_of_consent(folder: Path) -> None:
 
 def test_a_changed_number_of_steps_is_seen(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def stage() -> Stage:
-        return jobs.build(read(folder, GOOD)).identities["host"].stages["finetune"]
+        return jobs.build(read(folder, GOOD)).by_label["identity/host"].stage(Finetune)
 
     before = stage()
-    assert before.parameters["iterations"] == STEPS["fast"]
+    assert before.parameters["settings"]["iterations"] == STEPS["fast"]
     monkeypatch.setitem(STEPS, "fast", 7)
-    assert stage().parameters["iterations"] == 7
+    assert stage().parameters["settings"]["iterations"] == 7
     assert stage().key() != before.key()
     monkeypatch.undo()
     assert stage().key() == before.key()
@@ -197,11 +203,12 @@ def test_a_changed_number_of_steps_is_seen(folder: Path, monkeypatch: pytest.Mon
 def test_what_a_researcher_changes_of_a_fine_tune(folder: Path) -> None:
     text = GOOD.replace("consent:", "finetune: {rays: 640, learning_rate: 1.0e-3}, consent:", 1)
     changed, plain = (
-        jobs.build(read(folder, t)).identities["host"].stages["finetune"] for t in (text, GOOD)
+        jobs.build(read(folder, one)).by_label["identity/host"].stage(Finetune)
+        for one in (text, GOOD)
     )
-    assert changed.parameters["rays"] == 640
-    assert changed.parameters["learning_rate"] == 1e-3
-    assert "rays" not in plain.parameters
+    assert changed.parameters["settings"]["rays"] == 640
+    assert changed.parameters["settings"]["learning_rate"] == 1e-3
+    assert plain.parameters["settings"]["rays"] is None
     assert changed.key() != plain.key()
 
 
@@ -226,7 +233,7 @@ def test_names_are_counted_in_bytes(folder: Path, length: int, fits: bool) -> No
     text = GOOD.replace("{identity: host,", f'{{name: "{"😀" * length}", identity: host,')
     if fits:
         manifest = read(folder, text)
-        with atomic_path(folder / f"{manifest.dubs[0].name}.sync.json") as temporary:
+        with atomic_path(folder / f"{next(iter(manifest.dubs))}.sync.json") as temporary:
             temporary.touch()
     else:
         (message,) = problems(folder, text)
@@ -253,4 +260,4 @@ def test_sound_that_is_no_number_fails_its_dub_before_anything_is_made(folder: P
     wave[100] = float("nan")
     soundfile.write(folder / "nan.wav", wave, 16000, subtype="FLOAT")
     manifest = read(folder, GOOD.replace("it.wav", "nan.wav"))
-    assert "not finite numbers" in str(manifest.damaged[(folder / "nan.wav").resolve()])
+    assert "not finite numbers" in str(manifest.dubs["host_nan"].blocked)

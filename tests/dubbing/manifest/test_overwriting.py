@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from dubbing.engine.files import LONGEST_NAME
 from dubbing.errors import ManifestError
-from dubbing.files import LONGEST_NAME
-from dubbing.manifest.entries import Dub
 from dubbing.manifest.manifest import load
-from dubbing.manifest.overwriting import previous_of
+from dubbing.production.dub import previous_of
 from tests import clips
 
 
@@ -134,8 +133,8 @@ def test_names_that_would_share_a_folder(folder: Path, names: tuple[str, str]) -
 
 
 def test_a_long_name_leaves_room_for_the_last_result() -> None:
-    dub = Dub.model_construct(name="\u00e9" * 115, codec="h264", lines=None)
-    name = previous_of(dub, f"{dub.name}.lines.jsonl")
+    dub = "\u00e9" * 115
+    name = previous_of(dub, f"{dub}.lines.jsonl")
     assert len(name.encode()) <= LONGEST_NAME
     assert name.startswith("\u00e9" * 100)
     assert name.endswith("\u00e9.previous.lines.jsonl")

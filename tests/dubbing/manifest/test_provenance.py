@@ -8,8 +8,10 @@ from pathlib import Path
 import pytest
 
 from dubbing.errors import ManifestError
-from dubbing.manifest.manifest import Manifest, load
+from dubbing.manifest.manifest import load
+from dubbing.production.production import Production
 from dubbing.provenance import credentials
+from dubbing.provenance.signer import Signer
 from tests import clips
 from tests.dubbing.provenance.chain import write_chain
 
@@ -24,7 +26,7 @@ def footage(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def read(folder: Path, dub: str = "", consent: str = CONSENT) -> Manifest:
+def read(folder: Path, dub: str = "", consent: str = CONSENT) -> Production:
     path = folder / "m.yaml"
     path.write_text(
         "version: 1\noutput: out\nidentities:\n"
@@ -60,17 +62,19 @@ def test_the_mark_is_on_unless_it_is_turned_off(footage: Path) -> None:
     key = footage / "own.key"
     key.write_bytes(bytes(range(32)))
     for written, file in (("", None), ("mark: true", None), ("mark: {key: own.key}", key)):
-        mark = read(footage, written).dubs[0].mark
-        assert mark is not None
-        assert mark.key == file
-    assert read(footage, "mark: false").dubs[0].mark is None
+        (dub,) = read(footage, written).dubs.values()
+        assert dub.marked
+        assert dub.mark_key == file
+    (dub,) = read(footage, "mark: false").dubs.values()
+    assert dub.marking() is None
 
 
 def test_credentials_that_cannot_be_signed(footage: Path) -> None:
     pytest.importorskip("c2pa")
     write_chain(footage)
     signed = "certificate: signer.pem, key: signer.key"
-    assert read(footage, signed).dubs[0].certificate == footage / "signer.pem"
+    (dub,) = read(footage, signed).dubs.values()
+    assert dub.signer == Signer(footage / "signer.pem", footage / "signer.key")
     for written, message in (
         ("certificate: signer.pem", "needs both"),
         (f"{signed}, codec: ffv1", ".mkv cannot carry credentials"),

@@ -9,10 +9,13 @@ from pathlib import Path
 import pytest
 
 from dubbing.errors import ManifestError
-from dubbing.manifest.findings import Scene
 from dubbing.manifest.manifest import load
+from dubbing.production.dub import Dub
 from dubbing.report.lines import undubbed_of
 from tests import clips
+
+pytestmark = pytest.mark.medium
+
 
 SRT = """1
 00:00:00,500 --> 00:00:01,000
@@ -62,8 +65,8 @@ def written(folder: Path, dub: str, clip: str = "film.mp4") -> Path:
     return path
 
 
-def scene_of(folder: Path, dub: str, clip: str = "film.mp4") -> Scene:
-    (scene,) = load(written(folder, dub, clip)).scenes.values()
+def scene_of(folder: Path, dub: str, clip: str = "film.mp4") -> Dub:
+    (scene,) = load(written(folder, dub, clip)).dubs.values()
     return scene
 
 
@@ -82,8 +85,8 @@ def test_one_track_beside_the_film(folder: Path) -> None:
         (1, "ANN", "One."),
         (3, "ANN", "Three."),
     ]
-    assert scene.left == ((30, 40),)  # Ben's
-    assert scene.clip == (folder / "film.mp4").resolve()
+    assert scene.sound.left == ((30, 40),)  # Ben's
+    assert scene.film.path == (folder / "film.mp4").resolve()
 
 
 def test_a_line_begins_and_ends_at_the_nearest_frames(folder: Path) -> None:
@@ -109,19 +112,19 @@ def test_a_file_a_cue_and_one_a_speaker(folder: Path) -> None:
 def test_an_identity_alone_speaks_every_line(folder: Path) -> None:
     scene = scene_of(folder, "name: x, identity: ann, lines: it.srt, audio: track.wav")
     assert [c.number for c in scene.cues] == [1, 2, 3]
-    assert not scene.left
+    assert not scene.sound.left
 
 
 def test_the_name_of_a_scene_is_that_of_its_lines(folder: Path) -> None:
     path = written(folder, "lines: it.srt, speakers: {ANN: ann}, audio: track.wav")
-    assert [dub.name for dub in load(path).dubs] == ["it"]
+    assert [*load(path).dubs] == ["it"]
 
 
 def test_times_that_count_from_the_films_timecode(folder: Path) -> None:
     dub = "lines: hour.srt, speakers: {ANN: ann}, audio: track.wav"
     manifest = load(written(folder, dub, "tc.mov"))
-    assert [(c.first, c.stop) for c in manifest.scenes["hour"].cues] == [(12, 25), (50, 62)]
-    assert manifest.media[(folder / "tc.mov").resolve()].timecode == "01:00:00:00"
+    assert [(c.first, c.stop) for c in manifest.dubs["hour"].cues] == [(12, 25), (50, 62)]
+    assert manifest.dubs["hour"].info.timecode == "01:00:00:00"
     assert any("count from 01:00:00:00" in warning for warning in manifest.warnings)
 
 
@@ -145,13 +148,13 @@ def test_every_line_that_nobody_dubs_is_listed(folder: Path) -> None:
     text = SRT.replace("BEN: Two.", "Somebody: Two.").replace("ANN: Three.", "BEN: Three.")
     (folder / "some.srt").write_text(text)
     manifest = load(written(folder, GOOD.replace("it.srt", "some.srt")))
-    scene = manifest.scenes["some"]
+    scene = manifest.dubs["some"]
     assert [(u.number, u.first, u.stop, u.speaker, u.words, u.why) for u in scene.undubbed] == [
         (2, 30, 40, "", "Somebody: Two.", "it names nobody"),
         (3, 50, 62, "BEN", "Three.", "BEN is not in speakers"),
     ]
     assert "some: nobody dubs 2 of 3 lines of some.srt" in manifest.warnings
-    assert undubbed_of(manifest, "some")[0] == {
+    assert undubbed_of(scene)[0] == {
         "line": 2,
         "in": "00:00:01:05",
         "out": "00:00:01:15",
@@ -164,12 +167,12 @@ def test_every_line_that_nobody_dubs_is_listed(folder: Path) -> None:
     assert [c.number for c in scene_of(folder, GOOD.replace("it.srt", "some.srt")).cues] == [1, 3]
     (folder / "some.srt").write_text(SRT.replace("ANN: Three.", "Three."))
     manifest = load(written(folder, GOOD.replace("it.srt", "some.srt")))
-    assert [u.number for u in manifest.scenes["some"].undubbed] == [2, 3]  # after BEN
+    assert [u.number for u in manifest.dubs["some"].undubbed] == [2, 3]  # after BEN
     (folder / "some.srt").write_text(
         SRT.replace("BEN: Two.", "Two.").replace("ANN: Three", "BEN: 3")
     )
     manifest = load(written(folder, GOOD.replace("it.srt", "some.srt")))
-    assert [c.number for c in manifest.scenes["some"].cues] == [1, 2]
+    assert [c.number for c in manifest.dubs["some"].cues] == [1, 2]
     assert any("lines 2 of some.srt name nobody" in warning for warning in manifest.warnings)
 
 
@@ -207,7 +210,7 @@ def test_the_lines_of_a_reel_are_dealt_to_its_shots(folder: Path) -> None:
     )
     for key, film in (("", "shot.mov"), (", reel_start: 1:00:10", "film.mp4")):
         manifest = load(written(folder, dub + key, film))
-        scene = manifest.scenes["reel"]
+        scene = manifest.dubs["reel"]
         assert [(c.number, c.first, c.stop) for c in scene.cues] == [(3, 12, 25)]
         assert [(u.number, u.first, u.stop) for u in scene.undubbed] == [(2, 0, 12), (4, 55, 65)]
         assert scene.undubbed[0].why == "it reaches beyond the film"
@@ -283,8 +286,8 @@ def test_longer_recordings_can_be_cut(folder: Path) -> None:
 
 def test_a_damaged_recording_fails_its_scene_alone(folder: Path) -> None:
     manifest = load(written(folder, GOOD.replace("track.wav", "damaged.wav")))
-    assert not manifest.scenes
-    assert "not a readable media file" in str(manifest.blocked["it"])
+    assert not manifest.dubs["it"].cues
+    assert "not a readable media file" in str(manifest.dubs["it"].blocked)
 
 
 def test_two_people_of_one_film(folder: Path) -> None:
@@ -293,8 +296,8 @@ def test_two_people_of_one_film(folder: Path) -> None:
     text = text.replace("clip: film.mp4,", "clip: film.mp4, face: {at: 0.5, x: 0.3, y: 0.5},")
     path.write_text(text)
     manifest = load(path)
-    assert [c.identity for c in manifest.scenes["it"].cues] == ["ann", "ben", "ann"]
-    assert [point.x for point in manifest.identities["ben"].face] == [0.3]
+    assert [c.identity for c in manifest.dubs["it"].cues] == ["ann", "ben", "ann"]
+    assert [x for _, x, _ in manifest.people["ben"].clip.portraits[0].points] == [0.3]
     path.write_text(text.replace("at: 0.5", "at: 3.5"))
     with pytest.raises(
         ManifestError, match=r"face\[0\].at: 3.5 s is past the end: the clip is 3.0"
@@ -314,10 +317,10 @@ def test_an_identity_of_several_clips(folder: Path) -> None:
         text.replace("clips: [film.mp4, tc.mov],", "clips: [film.mp4, tc.mov], seconds: 2,")
     )
     manifest = load(several)
-    ann = manifest.identities["ann"]
-    assert [path.name for path in ann.films] == ["film.mp4", "tc.mov"]
-    assert ann.clip.name == "film.mp4"  # the first that has two seconds
-    assert manifest.scenes["it"].clip.name == "tc.mov"
+    ann = manifest.people["ann"]
+    assert [clip.path.name for clip in ann.clips] == ["film.mp4", "tc.mov"]
+    assert ann.clip.path.name == "film.mp4"  # the first that has two seconds
+    assert manifest.dubs["it"].film.path.name == "tc.mov"
     for change, message in (
         (("clip: tc.mov", "label: true"), "dubs[0].clip: is required: ann has 2 clips"),
         (("clip: tc.mov", "clip: other.mp4"), "is no clip of ann"),
@@ -340,13 +343,13 @@ def test_the_clip_that_has_enough_is_learned_from(folder: Path) -> None:
         )
     )
     clips.write_video(folder / "silent.mp4", 75)
-    learned = load(path).identities["ann"].learned_clips
-    assert [clip.name for clip in learned] == ["film.mp4"]
+    learned = load(path).people["ann"].learned
+    assert [clip.path.name for clip in learned] == ["film.mp4"]
     # Where none has enough, all that have sound are learned from, the longest first.
     path.write_text(path.read_text().replace("seconds: 2", "seconds: 9"))
     manifest = load(path)
-    learned = manifest.identities["ann"].learned_clips
-    assert [clip.name for clip in learned] == ["film.mp4", "brief.mp4"]
+    learned = manifest.people["ann"].learned
+    assert [clip.path.name for clip in learned] == ["film.mp4", "brief.mp4"]
     assert any("all there is, instead of 9 s" in warning for warning in manifest.warnings)
 
 

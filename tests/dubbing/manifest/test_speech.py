@@ -13,6 +13,8 @@ from dubbing.batch import jobs
 from dubbing.errors import ManifestError
 from dubbing.manifest.manifest import load
 from dubbing.speech.weight_paths import DEFAULT_WEIGHTS
+from dubbing.stages.finetune import Finetune
+from dubbing.stages.listen import Listen
 from tests.dfrf.people import small_config
 from tests.dubbing.manifest.made import GOOD, problems, read
 
@@ -25,18 +27,19 @@ def test_speech_features_and_their_weights(folder: Path) -> None:
     (folder / "hubert").mkdir(exist_ok=True)
     (folder / "hubert" / "config.json").write_text('{"model_type": "hubert"}')
     (folder / "hubert" / "model.safetensors").write_bytes(b"")
-    host = read(folder, with_speech("speech: hubert, speech_weights: hubert")).identities["host"]
-    assert host.speech_weights == (folder / "hubert").resolve()
-    assert read(folder, with_speech("speech: rnn")).identities["host"].speech_weights is None
+    host = read(folder, with_speech("speech: hubert, speech_weights: hubert")).people["host"]
+    assert host.settings.weights == (folder / "hubert").resolve()
+    assert read(folder, with_speech("speech: rnn")).people["host"].settings.weights is None
 
 
 def test_results_depend_on_the_weights_of_the_features(folder: Path) -> None:
     """Other weights: the person is learned, and the sound heard, again."""
     built = jobs.build(read(folder, with_speech("speech: rnn")))
-    stages = [built.identities["host"].stages["finetune"], built.dubs["host_it"].stages["listen"]]
-    assert [stage.inputs["speech_weights"] for stage in stages] == [DEFAULT_WEIGHTS] * 2
-    mel = jobs.build(read(folder, with_speech("speech: mel"))).identities["host"].stages["finetune"]
-    assert "speech_weights" not in mel.inputs
+    host, dub = built.by_label["identity/host"], built.by_label["dub/host_it"]
+    stages = [host.stage(Finetune), *dub.all_of(Listen)]
+    assert [stage.inputs["weights features"] for stage in stages] == [DEFAULT_WEIGHTS] * 2
+    mel = jobs.build(read(folder, with_speech("speech: mel"))).by_label[host.label].stage(Finetune)
+    assert "weights features" not in mel.inputs
 
 
 def test_people_are_not_learned_from_a_base_that_hears_something_else(folder: Path) -> None:

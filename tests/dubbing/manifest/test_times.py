@@ -95,10 +95,10 @@ def test_the_best_seconds_are_looked_for_in_all_clips(folder: Path) -> None:
     best = GOOD.replace("seconds: 2", "seconds: best")
     several = best.replace("clip: host.mp4", "clips: [host.mp4, longer.mp4]")
     several = several.replace("audio: it.wav", "audio: it.wav, clip: host.mp4")
-    host = read(folder, several).identities["host"]
-    assert [clip.name for clip in host.learned_clips] == ["longer.mp4", "host.mp4"]
-    assert (host.learned_start, host.learned_seconds) == (None, 15.0)
-    assert read(folder, GOOD).identities["host"].learned_start == 0.0
+    host = read(folder, several).people["host"]
+    assert [clip.path.name for clip in host.learned] == ["longer.mp4", "host.mp4"]
+    assert (host.start, host.seconds) == (None, 15.0)
+    assert read(folder, GOOD).people["host"].start == 0.0
     (problem,) = problems(folder, best.replace("seconds: best", "start: 0.5, seconds: best"))
     assert "identities.host.start: leave it out" in problem
 

@@ -15,6 +15,8 @@ from dubbing.manifest import yaml_lines
 from dubbing.manifest.manifest import load
 from tests.dubbing.manifest.made import GOOD, problems, read
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.mark.parametrize(
     ("written", "reported"),
@@ -81,7 +83,7 @@ def test_keys_that_are_trees_cannot_explode(folder: Path) -> None:
 def test_a_mapping_that_merges_can_be_used_twice(folder: Path) -> None:
     text = GOOD + "  - &a {identity: host, audio: it.wav, name: a}\n  - &b {<<: *a, name: b}\n"
     manifest = read(folder, text + "  - {<<: [{name: c, label: false}, *b]}\n")
-    assert [(d.name, d.label.mark) for d in manifest.dubs[1:]] == [
+    assert [(dub.name, dub.settings.label) for dub in manifest.dubs.values()][1:] == [
         ("a", True),
         ("b", True),
         ("c", False),

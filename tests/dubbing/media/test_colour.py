@@ -12,6 +12,9 @@ from dubbing import media
 from dubbing.media.colour import Colour
 from tests import clips
 
+pytestmark = pytest.mark.medium
+
+
 BARS = "smptebars=size=128x96:rate=25:duration=0.4"
 WIDE = Colour("bt2020", "bt2020", "bt2020-10", False)
 

@@ -10,6 +10,9 @@ from dubbing.errors import MediaError
 from dubbing.media.muxing import concat_list
 from tests import clips
 
+pytestmark = pytest.mark.medium
+
+
 RATES = [Fraction(24000, 1001), Fraction(25), Fraction(30)]
 HIGH = [Fraction(n, 1001) for n in (48000, 60000, 120000, 240000)]
 

@@ -11,10 +11,13 @@ from pathlib import Path
 import pytest
 
 from dubbing import media
-from dubbing.errors import DubbingError, ManifestError, MediaError
+from dubbing.errors import ExplainedError, ManifestError, MediaError
 from dubbing.manifest.init import write_manifest
 from dubbing.sync.check import check
 from tests import clips
+
+pytestmark = pytest.mark.medium
+
 
 DUBBING = Path(media.__file__).resolve().parents[1]
 
@@ -71,9 +74,9 @@ def test_what_is_no_clip_sends_nothing_either(listener: Listener) -> None:
         path = Path(name.format(port=listener.port))
         path.write_text("no media")
         for reads in (media.probe, media.count_frames, check, lambda p: next(media.read_frames(p))):
-            with pytest.raises(DubbingError):
+            with pytest.raises(ExplainedError):
                 reads(path)
-        with pytest.raises(DubbingError):
+        with pytest.raises(ExplainedError):
             media.mux(path, path, "out.mp4", audio_start=0, seconds=1)
     with pytest.raises(ManifestError):
         write_manifest(Path())

@@ -14,6 +14,8 @@ from dubbing.media import reading
 from dubbing.media.ffmpeg import Process
 from tests import clips
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -10,6 +10,9 @@ import pytest
 from dubbing import media
 from tests import clips
 
+pytestmark = pytest.mark.medium
+
+
 RATE = 48000
 SOUNDS = (440, 1000, 1700)  # Hz of the tracks
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dubbing import media
-from dubbing.errors import DubbingError, MediaError
+from dubbing.errors import ExplainedError, MediaError
 from dubbing.media.colour import Colour
 from tests import clips
 
@@ -73,7 +73,7 @@ def test_a_frame_of_another_shape_is_reported(tmp_path: Path) -> None:
 def test_a_folder_that_cannot_be_written_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
     with (
-        pytest.raises(DubbingError, match=r"File exists.*see whether"),
+        pytest.raises(ExplainedError, match=r"File exists.*see whether"),
         media.VideoWriter(tmp_path / "file" / "a.mp4", 64, 48, Fraction(25)) as writer,
     ):
         writer.write(clips.frame(0))

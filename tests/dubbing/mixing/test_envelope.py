@@ -8,6 +8,9 @@ import pytest
 from dubbing.mixing.mix import envelope
 from dubbing.mixing.voices import FADE
 
+pytestmark = pytest.mark.medium
+
+
 SPAN = (1000, 3000)
 
 

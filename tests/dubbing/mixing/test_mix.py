@@ -10,10 +10,14 @@ import pytest
 import soundfile
 
 from dubbing import media
-from dubbing.mixing.mix import SOUND, VOICES, envelope, mix, with_dialogue
+from dubbing.mixing.mix import envelope, mix, with_dialogue
+from dubbing.mixing.sound import SOUND, VOICES, Sound
 from dubbing.mixing.voices import RATE, measured, placed
 from dubbing.script.timeline import Cue
 from tests import clips
+
+pytestmark = pytest.mark.medium
+
 
 FRAMES, FPS = 150, Fraction(25)
 FILM, MUSIC, VOICE = 220.0, 401.0, 997.0  # Hz
@@ -52,9 +56,9 @@ def strength(samples: np.ndarray, hertz: float, start: float, stop: float) -> fl
 
 
 def made(folder: Path, out: Path, **changes: object) -> tuple[np.ndarray, dict[str, object]]:
-    settings = {"music": None, "left": (), "loudness": "none", **changes}
     out.mkdir(exist_ok=True)
-    found = mix(cues(folder), folder / "film.mp4", out, **settings)  # type: ignore[arg-type]
+    whole = Sound(tuple(cues(folder)), film_heard=True, **changes)  # type: ignore[arg-type]
+    found = mix(whole, folder / "film.mp4", out)
     sound, rate = soundfile.read(out / SOUND, always_2d=True)
     assert (rate, len(sound)) == (RATE, FRAMES * RATE // 25)
     return sound, found
@@ -71,7 +75,7 @@ def test_the_films_own_sound_is_outside_of_the_cues(folder: Path, tmp_path: Path
 
 
 def test_voices_over_music_and_those_left_alone(folder: Path, tmp_path: Path) -> None:
-    left = [(60, 80), (110, 145)]  # the second one overlaps a cue
+    left = ((60, 80), (110, 145))  # the second one overlaps a cue
     sound, _ = made(folder, tmp_path, music=folder / "me.wav", left=left)
     assert sound.shape[1] == 2
     for start, stop, own in ((0, 2.38, 0), (2.41, 3.18, 1), (3.21, 5.47, 0), (5.5, 5.79, 1)):
@@ -134,11 +138,11 @@ def test_voices_lie_where_they_belong_to_the_sample(tmp_path: Path) -> None:
     rate = Fraction(30000, 1001)
     film = clips.write_clip(tmp_path / "film.mp4", 120, rate)
     voice = clips.write_noise(tmp_path / "voice.wav", 4)
-    cues = [
+    cues = (
         Cue("ann", 31, 60, voice, 0.75, float(29 / rate)),
         Cue("ann", 77, 113, voice, 2.0, float(36 / rate)),
-    ]
-    mix(cues, film, tmp_path, music=None, left=(), loudness="none")
+    )
+    mix(Sound(cues, film_heard=True), film, tmp_path)
     recording = media.read_audio(voice, rate=RATE)
     for name in (VOICES, SOUND):
         sound = soundfile.read(tmp_path / name, always_2d=True)[0][:, 0]
@@ -150,8 +154,9 @@ def test_voices_lie_where_they_belong_to_the_sample(tmp_path: Path) -> None:
 def test_opposed_channels_are_heard(folder: Path, tmp_path: Path) -> None:
     wave, _ = soundfile.read(folder / "voice.wav")
     soundfile.write(tmp_path / "opposed.wav", np.stack([wave, -wave], 1), RATE, subtype="FLOAT")
-    cues = [Cue("ann", 25, 50, tmp_path / "opposed.wav", 1.0, 1.0)]
-    found = mix(cues, folder / "film.mp4", tmp_path, music=None, left=(), loudness="r128")
+    cue = Cue("ann", 25, 50, tmp_path / "opposed.wav", 1.0, 1.0)
+    sound = Sound((cue,), film_heard=True, loudness="r128")
+    found = mix(sound, folder / "film.mp4", tmp_path)
     assert found["cues"][0]["loudness"] == pytest.approx(-23, abs=0.5)
 
 
@@ -180,7 +185,7 @@ def test_two_mono_tracks_of_the_film_stay_both(folder: Path, tmp_path: Path) -> 
     inputs = ("-i", folder / "film.mp4", "-i", tones[0], "-i", tones[1])
     maps = ("-map", "0:v", "-map", "1:a", "-map", "2:a", "-c:v", "copy", "-c:a", "pcm_s16le")
     clips.ffmpeg(*inputs, *maps, film)
-    mix(cues(folder), film, tmp_path, music=None, left=(), loudness="none")
+    mix(Sound(tuple(cues(folder)), film_heard=True), film, tmp_path)
     sound, _ = soundfile.read(tmp_path / SOUND, always_2d=True)
     for channel, own, other in ((0, 440, 1500), (1, 1500, 440)):
         assert strength(sound[:, channel], own, 2.1, 3.9) == pytest.approx(0.1, abs=0.003)

@@ -15,6 +15,9 @@ from dubbing.preparation.tracking import tracking
 from dubbing.workshop.synthetic.speaker import SpeakerTruth, make_speaker
 from tests import clips
 
+pytestmark = pytest.mark.medium
+
+
 SIZE, SECONDS = 256, 0.8
 
 

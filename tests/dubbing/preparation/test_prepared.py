@@ -46,6 +46,7 @@ def prepared(tmp_path: Path) -> PreparedClip:
         near=6.0,
         far=10.0,
         warnings=["a cut"],
+        face_warnings=[],
         residual_shift=0.07,
         rotation=rotation_from_vector(rng.normal(0, 0.2, (FRAMES, 3))),
         translation=rng.normal(0, 0.1, (FRAMES, 3)) + np.array([0, 0, 8]),

@@ -10,7 +10,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from dubbing.provenance.credentials import Signer
+from dubbing.provenance.signer import Signer
 
 Pair = tuple[x509.Certificate, ec.EllipticCurvePrivateKey]
 

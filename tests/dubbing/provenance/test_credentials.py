@@ -7,7 +7,7 @@ import pytest
 
 from dubbing.errors import StageError
 from dubbing.provenance import credentials
-from dubbing.provenance.credentials import Signer
+from dubbing.provenance.signer import Signer
 from tests import clips
 from tests.dubbing.provenance.chain import write_chain
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dubbing.batch.estimates import calibrated, rates_file
-from dubbing.errors import CallError, DubbingError
+from dubbing.batch.rates import calibrated, rates_file
+from dubbing.errors import CallError, ExplainedError
 from dubbing.provenance import mark_key
 
 
@@ -41,7 +41,7 @@ def test_without_a_home_there_is_no_key_and_nothing_is_written(
     assert calibrated() == {}
     known = mark_key.marking(None, ["clip"])
     assert known.fingerprint == ""
-    with pytest.raises(DubbingError, match=r"no home folder.*mark: \{key: FILE\}"):
+    with pytest.raises(ExplainedError, match=r"no home folder.*mark: \{key: FILE\}"):
         known.key()
     with pytest.raises(CallError, match=r"no home folder.*mark: \{key: FILE\}"):
         mark_key.make_installation_key()
@@ -72,7 +72,7 @@ def test_a_key_that_changed_during_a_run_is_noticed(tmp_path: Path) -> None:
     file.write_bytes(b"one secret of ours")
     known = mark_key.marking(file, [])
     file.write_bytes(b"another one of ours")
-    with pytest.raises(DubbingError, match="another key"):
+    with pytest.raises(ExplainedError, match="another key"):
         known.key()
 
 
@@ -81,7 +81,7 @@ def test_a_file_that_is_no_key_is_refused(tmp_path: Path, content: bytes | None)
     file = tmp_path / "own.key"
     if content is not None:
         file.write_bytes(content)
-    with pytest.raises(DubbingError, match="key") as refused:
+    with pytest.raises(ExplainedError, match="key") as refused:
         mark_key.read_key(file)
     assert refused.value.remedy
 

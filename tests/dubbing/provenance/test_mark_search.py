@@ -14,6 +14,9 @@ from dubbing.provenance.mark_key import id_of
 from dubbing.provenance.mark_search import MarkResult
 from tests.dubbing.provenance import film
 
+pytestmark = pytest.mark.medium
+
+
 COUNT = 75
 CROP = "crop=576:432:20:30"  # a tenth off either side
 

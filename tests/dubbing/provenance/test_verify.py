@@ -16,6 +16,8 @@ from tests import clips
 from tests.dubbing.provenance import film
 from tests.dubbing.provenance.chain import write_chain
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.script.line import Line
 from dubbing.script.reading import read_lines
 
@@ -121,7 +121,7 @@ def test_csv(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_no_script(tmp_path: Path, name: str, text: str, message: str) -> None:
-    with pytest.raises(DubbingError, match=message):
+    with pytest.raises(ExplainedError, match=message):
         read(tmp_path, name, text)
 
 
@@ -175,7 +175,7 @@ def test_layers_drawings_and_arrows_of_ass(tmp_path: Path) -> None:
     other = "Format: Start, End, Text, Actor\nDialogue: 0:00:01.00,0:00:02.00,Hi,Ben\n"
     (line,) = read(tmp_path, "a.ass", "[Events]\n" + other)
     assert (line.speaker, line.words) == ("Ben", "Hi")
-    with pytest.raises(DubbingError, match="row 10: no times"):
+    with pytest.raises(ExplainedError, match="row 10: no times"):
         read(tmp_path, "a.ass", ASS + event.format(0, "x", 3, "Anna", "a"))
 
 
@@ -199,7 +199,7 @@ def test_layers_drawings_and_arrows_of_ass(tmp_path: Path) -> None:
 def test_times_are_bounded(tmp_path: Path, name: str, change: tuple[str, str]) -> None:
     text = {"a.ttml": TTML.format(extra=""), "a.csv": CSV, "a.srt": SRT}[name]
     assert change[0] in text
-    with pytest.raises(DubbingError):
+    with pytest.raises(ExplainedError):
         read(tmp_path, name, text.replace(*change, 1))
 
 
@@ -235,5 +235,5 @@ HEAD = "1\n00:00:01,000 --> 00:00:02,000\n"
 )
 def test_the_time_to_read_grows_with_the_length_alone(tmp_path: Path, name: str, text: str) -> None:
     """Each of these would take hours with a pattern that goes back and forth."""
-    with contextlib.suppress(DubbingError):
+    with contextlib.suppress(ExplainedError):
         read(tmp_path, name, text)

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dfrf.field.speaker_adaptation import NUMBERS, PREDICTED
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.sound_to_lips import encoder as encoding
 from dubbing.sound_to_lips import predict as predicting
 from dubbing.sound_to_lips.encoder import CHANNELS, STEP, SpeechEncoder, encode
@@ -111,8 +111,8 @@ def test_what_is_kept_says_the_same(tmp_path: Path) -> None:
 
 
 def test_other_weights_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(DubbingError):
+    with pytest.raises(ExplainedError):
         load(tmp_path / "none.safetensors")
     save(torch.nn.Linear(2, 2), tmp_path / "other.safetensors", FILTER_FORMAT, {})
-    with pytest.raises(DubbingError, match="do not fit"):
+    with pytest.raises(ExplainedError, match="do not fit"):
         load(tmp_path / "other.safetensors")

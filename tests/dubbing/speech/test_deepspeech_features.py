@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.speech import deepspeech_features
 from dubbing.speech.deepspeech_features import DeepSpeechFeatures
 from dubbing.speech.features import features_by_name, fingerprint, weights_file, windows
@@ -76,7 +76,9 @@ def test_they_are_found_by_name_with_the_weights_of_a_user(graph: Path) -> None:
     assert (found.name, found.dim, found.rate) == ("deepspeech", 29, 50)
     assert weights_file("deepspeech", graph) == graph
     assert fingerprint("deepspeech", graph)
-    with pytest.raises(DubbingError, match=r"set speech_weights to output_graph\.pb of DeepSpeech"):
+    with pytest.raises(
+        ExplainedError, match=r"set speech_weights to output_graph\.pb of DeepSpeech"
+    ):
         features_by_name("deepspeech")
-    with pytest.raises(DubbingError, match="no frozen TensorFlow graph"):
+    with pytest.raises(ExplainedError, match="no frozen TensorFlow graph"):
         features_by_name("deepspeech", Path(__file__))

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.features import features_by_name, windows
 from dubbing.speech.mel_features import MelFeatures, mel_filters
@@ -97,5 +97,5 @@ def test_windows_in_pieces() -> None:
 
 
 def test_unknown_name_lists_what_there_is() -> None:
-    with pytest.raises(DubbingError, match="mel"):
+    with pytest.raises(ExplainedError, match="mel"):
         features_by_name("whale")

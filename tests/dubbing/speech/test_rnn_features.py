@@ -16,6 +16,9 @@ from dubbing.workshop.training.speech.evaluation import cosine
 from tests.dubbing.speech.test_voice_activity import pieces, silence
 from tests.dubbing.workshop.training.speech.made import spoken
 
+pytestmark = pytest.mark.medium
+
+
 LINE = "my father bought five yellow maps, and we move them away"
 
 

@@ -6,11 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.features import features_by_name, fingerprint, weights_file
 from tests.dubbing.speech.test_voice_activity import pieces, silence
 from tests.dubbing.workshop.training.speech.made import spoken
+
+pytestmark = pytest.mark.medium
 
 
 def tiny(name: str, made: Path) -> Path:
@@ -83,14 +85,14 @@ def test_other_weights_have_another_fingerprint(folder: Path, tmp_path: Path) ->
 
 
 def test_another_kind_of_model_is_refused(folder: Path) -> None:
-    with pytest.raises(DubbingError, match="'hubert', not 'wav2vec2'"):
+    with pytest.raises(ExplainedError, match="'hubert', not 'wav2vec2'"):
         features_by_name("wav2vec2", folder)
 
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
-    with pytest.raises(DubbingError, match=r"no hubert weights there.*nowhere"):
+    with pytest.raises(ExplainedError, match=r"no hubert weights there.*nowhere"):
         features_by_name("hubert", tmp_path / "nowhere")
-    with pytest.raises(DubbingError, match="speech_weights"):
+    with pytest.raises(ExplainedError, match="speech_weights"):
         features_by_name("hubert")
 
 
@@ -98,7 +100,7 @@ def test_a_missing_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (tmp_path / "config.json").write_text('{"model_type": "hubert"}')
     (tmp_path / "model.safetensors").write_bytes(b"")
     monkeypatch.setitem(__import__("sys").modules, "transformers", None)
-    with pytest.raises(DubbingError, match=r"pip install 'dfrf\[hubert\]'"):
+    with pytest.raises(ExplainedError, match=r"pip install 'dfrf\[hubert\]'"):
         features_by_name("hubert", tmp_path)
 
 

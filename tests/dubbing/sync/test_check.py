@@ -13,6 +13,9 @@ from dubbing.sync import measure
 from dubbing.sync.check import check, segment_edges
 from tests.dubbing.conftest import Speaker
 
+pytestmark = pytest.mark.medium
+
+
 FRAME = 640  # samples at 16 kHz and 25 fps
 Write = Callable[[np.ndarray], Path]
 

@@ -10,6 +10,9 @@ from dubbing.sync.sound_channels import SOUND_CHANNELS, WIDTH, SoundChannels, Ta
 from dubbing.sync.windows import take_windows
 from tests.dubbing.conftest import Speaker
 
+pytestmark = pytest.mark.medium
+
+
 CHANNELS = SoundChannels()
 
 

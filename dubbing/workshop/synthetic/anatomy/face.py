@@ -10,7 +10,7 @@ from typing import Literal
 
 import numpy as np
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 
 Colour = tuple[float, float, float]
 HairStyle = Literal["short", "parted", "swept", "bob", "bald"]
@@ -171,13 +171,13 @@ def random_face(seed: int) -> Face:
 
 
 def face_by_name(face: "str | Face") -> Face:
-    """The face itself, one of `FACES` by name, or `random:N`. Raises `DubbingError`."""
+    """The face itself, one of `FACES` by name, or `random:N`. Raises `ExplainedError`."""
     if isinstance(face, Face):
         return face
     if face.startswith("random:") and face[7:].isdigit():
         return random_face(int(face[7:]))
     if face not in FACES:
-        raise DubbingError(
+        raise ExplainedError(
             f"no synthetic face is called {face!r}",
             remedy=f"choose one of {', '.join(sorted(FACES))} or random:N",
         )

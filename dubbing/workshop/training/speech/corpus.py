@@ -5,7 +5,7 @@ Built part by part into a folder; parts that are there already are kept.
 Letters: N samples at 16 kHz, T steps of 20 ms, S = 126 senones, M = 7 lip channels.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
@@ -15,8 +15,9 @@ import numpy as np
 from safetensors.numpy import load_file, save_file
 
 from dubbing import media
+from dubbing.engine.files import atomic_path
+from dubbing.engine.stage import Progress
 from dubbing.errors import TrainingError
-from dubbing.files import atomic_path
 from dubbing.speech.voice_activity import HOP, SAMPLE_RATE, STEP_RATE, steps
 from dubbing.workshop.synthetic.visemes import CHANNELS, mouth_curves
 from dubbing.workshop.training.speech import synthesis
@@ -25,7 +26,6 @@ from dubbing.workshop.training.speech.synthesis import Voice
 from dubbing.workshop.training.speech.teacher import senone_posteriors
 from dubbing.workshop.training.speech.texts import LANGUAGES, sentence
 
-Progress = Callable[[str, float], None]
 # Kept out of training, to measure what an unknown voice and an unknown language cost.
 LEFT_OUT_VOICE = "kal16"
 LEFT_OUT_LANGUAGE = "nl"

@@ -1,4 +1,4 @@
-"""How well speech features predict the lips, and how robust they are: tables of docs/speech.md.
+"""Tables of docs/development/speech.md: speech features predict lips, and how robust they are.
 
     python -m dubbing.workshop.training.speech.evaluation CLIP... [--test CLIP...]
 

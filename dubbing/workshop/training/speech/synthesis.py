@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.environment import of_children
+from dubbing.engine.environment import of_children
 from dubbing.errors import TrainingError
 from dubbing.speech.voice_activity import SAMPLE_RATE
 from dubbing.workshop.synthetic.visemes import Phone

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import torch
 
+from dubbing.engine.files import atomic_path
 from dubbing.errors import TrainingError
-from dubbing.files import atomic_path
 from dubbing.speech.acoustic_network import AcousticNetwork, losses
 from dubbing.speech.acoustic_weights import save_model
 from dubbing.speech.voice_activity import SAMPLE_RATE

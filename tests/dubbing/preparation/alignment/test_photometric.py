@@ -19,6 +19,9 @@ from dubbing.preparation.alignment.score import residual_shift, root_mean_square
 from dubbing.preparation.alignment.skin import Skin
 from dubbing.preparation.alignment.texture import Texture, median_of_known, texture_of
 
+pytestmark = pytest.mark.medium
+
+
 SIZE, FOCAL, FRAMES = 160, 375.0, 24
 
 

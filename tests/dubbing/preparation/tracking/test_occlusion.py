@@ -11,6 +11,9 @@ from dubbing.preparation.tracking.likeness import FARTHEST, apart, looks
 from dubbing.preparation.tracking.occlusion import AROUND, covered_step
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
 
+pytestmark = pytest.mark.medium
+
+
 HIDDEN = np.arange(8, 12)
 MOUTH = (61, 291, 0, 17)
 

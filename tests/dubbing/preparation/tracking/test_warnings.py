@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from dubbing.preparation.tracking.warnings import warnings_of
+from dubbing.preparation.tracking.warnings import face_warnings_of, warnings_of
 
 if TYPE_CHECKING:
     from dubbing.media import MediaInfo
@@ -42,7 +42,9 @@ def warnings_for(
     found["covered"] = np.zeros(FRAMES, bool)
     found["over"] = np.isin(np.arange(FRAMES), over)
     poses = SimpleNamespace(rotation=np.tile(np.eye(3), (FRAMES, 1, 1)))
-    return warnings_of(cast("MediaInfo", info), 512, seen, found, cast("Poses", poses))
+    clip = cast("MediaInfo", info)
+    others = warnings_of(clip, 512, seen, found, cast("Poses", poses))
+    return [*face_warnings_of(clip, seen), *others]
 
 
 def test_a_calm_clip_has_no_warnings() -> None:

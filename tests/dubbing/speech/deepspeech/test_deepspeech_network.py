@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.speech.deepspeech.deepspeech_network import load
 from tests.dubbing.speech.deepspeech import graphs
 
@@ -59,7 +59,9 @@ def test_another_graph_is_refused_in_words(tmp_path: Path) -> None:
 
     def refused(message: str, **other: np.ndarray | None) -> None:
         kept = {name: array for name, array in {**tensors, **other}.items() if array is not None}
-        with pytest.raises(DubbingError, match=rf"{message}.*name output_graph\.pb of DeepSpeech"):
+        with pytest.raises(
+            ExplainedError, match=rf"{message}.*name output_graph\.pb of DeepSpeech"
+        ):
             load(graphs.write(path, kept))
 
     refused("holds no 'h3'", h3=None)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.speech.deepspeech.graph_constants import constants
 from tests.dubbing.speech.deepspeech import graphs
 
@@ -46,10 +46,10 @@ def test_one_number_stands_for_all_and_whole_numbers_are_left_out(tmp_path: Path
 def test_another_file_is_refused_in_words(tmp_path: Path, content: bytes, expected: str) -> None:
     path = tmp_path / "other.pb"
     path.write_bytes(content)
-    with pytest.raises(DubbingError, match=rf"{expected}.*\(.*other\.pb\)"):
+    with pytest.raises(ExplainedError, match=rf"{expected}.*\(.*other\.pb\)"):
         constants(path, {"h1"})
 
 
 def test_a_file_that_is_not_there_is_reported(tmp_path: Path) -> None:
-    with pytest.raises(DubbingError, match=r"cannot be read.*gone\.pb"):
+    with pytest.raises(ExplainedError, match=r"cannot be read.*gone\.pb"):
         constants(tmp_path / "gone.pb", {"h1"})

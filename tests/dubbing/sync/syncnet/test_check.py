@@ -10,6 +10,9 @@ from dubbing.errors import SyncError
 from dubbing.sync.syncnet import check as published
 from dubbing.sync.syncnet.syncnet_network import PublishedSyncNet, load_published
 
+pytestmark = pytest.mark.medium
+
+
 WINDOWS = 25
 
 

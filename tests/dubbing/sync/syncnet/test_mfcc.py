@@ -5,6 +5,8 @@ import pytest
 
 from dubbing.sync.syncnet.mfcc import mfcc
 
+pytestmark = pytest.mark.medium
+
 
 def slow_mfcc(samples: np.ndarray) -> np.ndarray:
     """The documented definition, a window and a filter at a time."""

@@ -12,6 +12,8 @@ from dubbing.sync.syncnet.syncnet_network import PublishedSyncNet
 from tests.dubbing.conftest import Speaker
 from tests.dubbing.sync.syncnet.test_check import whole_curve
 
+pytestmark = pytest.mark.medium
+
 
 class Projections(PublishedSyncNet):
     """Fixed random projections in place of the convolutions, which take minutes here."""

@@ -1,5 +1,6 @@
 """What the benchmark counts; how long things take is not tested."""
 
+import pytest
 import torch
 import torch.nn.functional as F
 
@@ -7,6 +8,8 @@ from dfrf.data.reference_cuts import cut_references
 from dubbing.workshop.bench.benchmark import table
 from dubbing.workshop.bench.timing import Row, flop_of, mean_row, whole_faces
 from tests.dfrf.people import person
+
+pytestmark = pytest.mark.medium
 
 
 def test_flop_are_those_of_matrix_products() -> None:

@@ -11,6 +11,9 @@ from torch import nn
 from dubbing.workshop.bench import other_networks as others
 from dubbing.workshop.bench.benchmark import Tool, tool_table
 
+pytestmark = pytest.mark.medium
+
+
 TEXT = 768  # values of a vector that Stable Diffusion looks at
 
 

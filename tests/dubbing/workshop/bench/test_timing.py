@@ -14,6 +14,9 @@ from dubbing.workshop.bench.timing import Scene, dub_row, frame_rows
 from tests.dfrf.people import FOCAL, SIZE, random_model
 from tests.fakes import write_prepared
 
+pytestmark = pytest.mark.medium
+
+
 COUNT = 12
 STAGES = (
     "speech code",

@@ -16,6 +16,9 @@ from dubbing.workshop.lab.chin import (
     gradient_energies,
 )
 
+pytestmark = pytest.mark.medium
+
+
 SIZE = 128
 EYES = 50.0  # px between them
 CLOSED, OPEN = 90.0, 106.0  # row of the chin

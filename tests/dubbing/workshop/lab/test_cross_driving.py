@@ -12,11 +12,11 @@ import pytest
 
 from dfrf import presets, saved_models
 from dfrf.field.speaker_adaptation import NUMBERS
+from dubbing.heads import rendering as heads
 from dubbing.media import read_frames
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from dubbing.stages import composer
-from dubbing.stages import render as heads
+from dubbing.video import composer
 from dubbing.workshop.lab import cross_driving, tiles
 from dubbing.workshop.lab.cross_driving import frames_under, measure_dub
 from tests import clips
@@ -24,6 +24,9 @@ from tests.dfrf.people import small_config
 from tests.dubbing.sync.meshes import talk
 from tests.dubbing.workshop.lab.faces import show_faces
 from tests.fakes import write_prepared
+
+pytestmark = pytest.mark.medium
+
 
 FRAMES, LEARNED = 12, [(2, 5)]
 PARTS = [(7, 5), (0, 2)]

@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import av
 import pytest
 
-from dubbing import pipeline, tasks
-from dubbing.errors import DubbingError, MediaError
-from dubbing.manifest.manifest import Manifest, load
+from dubbing.errors import ExplainedError, MediaError
+from dubbing.manifest.manifest import load
+from dubbing.pipeline import person_job
+from dubbing.production.production import Production
+from dubbing.stages.finetune import Finetune
 from dubbing.workshop.lab import evaluation, sync_figures, tiles
 from dubbing.workshop.lab.held_out import frames_to_test
 from tests import clips, fakes
+
+pytestmark = pytest.mark.medium
+
 
 FRAMES, LEARNED = 30, 20  # 0.8 s at 25 a second
 
 
 @pytest.fixture
-def manifest(tmp_path: Path) -> Manifest:
+def manifest(tmp_path: Path) -> Production:
     clips.write_clip(tmp_path / "ann.mp4", FRAMES)
     path = tmp_path / "m.yaml"
     path.write_text(
@@ -56,7 +62,7 @@ def _stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evaluation, "measure", measure)
     monkeypatch.setattr(evaluation, "measure_dub", measure_dub)
     monkeypatch.setattr(evaluation, "clip_speech", lambda *_: None)
-    monkeypatch.setattr(tasks, "offset_of", lambda _: 0)
+    monkeypatch.setattr(evaluation, "offset_of", lambda _: 0)
     monkeypatch.setattr(sync_figures, "check", lambda _: checked)
     monkeypatch.setattr(tiles, "write_methods", lambda *_: None)
 
@@ -65,7 +71,7 @@ def quiet(_message: str, _share: float) -> None:
     pass
 
 
-def test_figures_are_kept_and_the_render_says_that_it_is_generated(manifest: Manifest) -> None:
+def test_figures_are_kept_and_the_render_says_that_it_is_generated(manifest: Production) -> None:
     found = evaluation.evaluate(manifest, device="cpu", progress=quiet)
     assert found["ann"]["dfrf"]["psnr"] == 30
     assert json.loads((manifest.output / evaluation.RESULT_FILE).read_text()) == found
@@ -77,7 +83,7 @@ def test_figures_are_kept_and_the_render_says_that_it_is_generated(manifest: Man
     assert comments["source"] == ""
 
 
-def test_the_figures_of_a_dub_stand_by_themselves(manifest: Manifest) -> None:
+def test_the_figures_of_a_dub_stand_by_themselves(manifest: Production) -> None:
     found = evaluation.evaluate(manifest, device="cpu", progress=quiet)["ann"]["dfrf"]
     assert found["p15x"] == {
         "opening_r": 0.5,
@@ -92,7 +98,7 @@ def test_the_figures_of_a_dub_stand_by_themselves(manifest: Manifest) -> None:
         assert "AI-generated" in file.metadata["comment"]
 
 
-def test_a_protocol_is_measured_alone(manifest: Manifest) -> None:
+def test_a_protocol_is_measured_alone(manifest: Production) -> None:
     def figures(protocol: str) -> set[str]:
         found = evaluation.evaluate(manifest, protocol=protocol, device="cpu", progress=quiet)
         return set(found["ann"]["dfrf"])
@@ -100,7 +106,7 @@ def test_a_protocol_is_measured_alone(manifest: Manifest) -> None:
     assert figures("p15x") == {"p15x", "steps", "seconds"}
     # Of the same model, so the dub's figures stay.
     assert {"psnr", "confidence", "p15x"} <= figures("p15")
-    with pytest.raises(DubbingError, match=r"no protocol is called p16 \(--protocol\)"):
+    with pytest.raises(ExplainedError, match=r"no protocol is called p16 \(--protocol\)"):
         figures("p16")
 
 
@@ -115,7 +121,7 @@ def test_of_another_model_no_figures_stay() -> None:
     assert evaluation.merged(before, learned_again) == learned_again
 
 
-def test_frames_that_do_not_follow_one_another_have_no_sync_check(manifest: Manifest) -> None:
+def test_frames_that_do_not_follow_one_another_have_no_sync_check(manifest: Production) -> None:
     found = evaluation.evaluate(manifest, protocol="p15", every=5, device="cpu", progress=quiet)[
         "ann"
     ]["dfrf"]
@@ -124,53 +130,52 @@ def test_frames_that_do_not_follow_one_another_have_no_sync_check(manifest: Mani
 
 
 def test_before_anybody_is_learned_everybody_must_have_something_held_out(
-    manifest: Manifest,
+    manifest: Production,
 ) -> None:
-    ann = manifest.identities["ann"]
-    people = {"ann": ann, "all": ann.model_copy(update={"seconds": 1.2})}
-    both = manifest.model_copy(update={"identities": people})
+    ann = manifest.people["ann"]
+    people = {"ann": ann, "all": replace(ann, name="all", seconds=1.2)}
+    both = replace(manifest, people=people)
     with pytest.raises(
-        DubbingError, match=r"nothing of the clip is held out beside 1\.2 s \(all\)"
+        ExplainedError, match=r"nothing of the clip is held out beside 1\.2 s \(all\)"
     ):
         evaluation.evaluate(both, device="cpu", progress=quiet)
     assert not manifest.output.exists()
     evaluation.evaluate(both, only=("ann",), device="cpu", progress=quiet)
 
 
-def test_of_the_best_seconds_none_is_measured(manifest: Manifest) -> None:
+def test_of_the_best_seconds_none_is_measured(manifest: Production) -> None:
     parts = [(0.2, 0.4), (0.8, 1.2)]  # frames 5 to 10 and 20 to 30
-    tested = frames_to_test(manifest, "ann", parts, None, ("p15", "p15x"))
+    tested = frames_to_test(manifest.people["ann"], parts, None, ("p15", "p15x"))
     assert tested.learned == [(5, 5), (20, 10)]
     assert tested.p15 == (10, 10)
     assert tested.p15x == [(10, 10), (0, 5)]
-    best = manifest.identities["ann"].model_copy(update={"seconds": "best"})
-    long = manifest.model_copy(update={"identities": {"ann": best}})
-    with pytest.raises(DubbingError, match="held out beside 15 s"):  # known before it is learned
+    best = replace(manifest.people["ann"], start=None, seconds=15.0)
+    long = replace(manifest, people={"ann": best})
+    with pytest.raises(ExplainedError, match="held out beside 15 s"):  # known before it is learned
         evaluation.evaluate(long, device="cpu", progress=quiet)
 
 
-def test_a_damaged_clip_is_said(manifest: Manifest) -> None:
-    clip = manifest.identities["ann"].clip
-    damaged = manifest.model_copy(update={"media": {}, "damaged": {clip: MediaError("torn")}})
+def test_a_damaged_clip_is_said(manifest: Production) -> None:
+    ann = manifest.people["ann"]
+    torn = (replace(ann.clip, info=None, damaged=MediaError("torn")),)
+    damaged = replace(manifest, people={"ann": replace(ann, clips=torn, learned=torn)})
     with pytest.raises(MediaError, match="torn"):
         evaluation.evaluate(damaged, device="cpu", progress=quiet)
 
 
-def test_another_number_of_references_is_another_fine_tune(manifest: Manifest) -> None:
-    own = manifest.identities["ann"]
+def test_another_number_of_references_is_another_fine_tune(manifest: Production) -> None:
+    own = manifest.people["ann"]
     plain, two = (
-        pipeline.identity_job(manifest, "ann", person, "cpu").stages["finetune"]
+        person_job(person, manifest.work).stage(Finetune)
         for person in (own, evaluation.learned_by("dfrf-2", own))
     )
     assert two.key() != plain.key()
-    assert isinstance(two.produce, tasks.Finetune)
-    assert two.produce.identity.finetune.references == 2
-    assert two.produce.identity.preset == "fast"
+    assert (two.settings.references, two.settings.preset) == (2, "fast")
 
 
-def test_references_of_the_manifest_are_those_of_dfrf_alone(manifest: Manifest) -> None:
-    own = manifest.identities["ann"]
-    three = own.model_copy(update={"finetune": own.finetune.model_copy(update={"references": 3})})
-    assert evaluation.learned_by("dfrf", three).finetune.references == 3
-    assert evaluation.learned_by("dfrf-1", three).finetune.references == 1
-    assert evaluation.learned_by("nerf", three).finetune.references is None
+def test_references_of_the_manifest_are_those_of_dfrf_alone(manifest: Production) -> None:
+    ann = manifest.people["ann"]
+    three = replace(ann, settings=replace(ann.settings, references=3))
+    assert evaluation.learned_by("dfrf", three).settings.references == 3
+    assert evaluation.learned_by("dfrf-1", three).settings.references == 1
+    assert evaluation.learned_by("nerf", three).settings.references is None

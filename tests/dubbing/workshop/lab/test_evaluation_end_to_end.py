@@ -12,16 +12,21 @@ import pytest
 
 from dfrf import presets, saved_models
 from dfrf.field.speaker_adaptation import NUMBERS
-from dubbing import tasks
 from dubbing.cli import console
-from dubbing.files import atomic_write_json
+from dubbing.engine.files import atomic_write_json
 from dubbing.manifest.manifest import load
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
+from dubbing.stages.check_source import CheckSource
+from dubbing.stages.finetune import Finetune
+from dubbing.stages.prepare import Prepare
 from dubbing.workshop.lab import cross_driving, evaluation, measuring, sync_figures
 from tests import clips, fakes
 from tests.dfrf.people import small_config
 from tests.dubbing.sync.meshes import talk
 from tests.dubbing.workshop.lab.faces import show_faces
+
+pytestmark = pytest.mark.medium
+
 
 FRAMES, LEARNED = 30, 24
 OF_LIPS = {
@@ -33,15 +38,15 @@ OF_PICTURES = {
 }
 
 
-def prepare(self: tasks.Prepare, out: Path, _: object) -> None:
+def prepare(self: Prepare, out: Path, _: object) -> None:
     random = np.random.default_rng(0)
-    clip = fakes.write_prepared(self.identity.clip, out)
+    clip = fakes.write_prepared(self.clip, out)
     shape = np.concatenate([random.uniform(-0.8, 0.8, (478, 2)), np.zeros((478, 1))], 1)
     marks = 4 + random.random((len(clip), 478, 2)) * 24
     replace(clip, shape=shape, landmarks=marks).save()
 
 
-def finetune(_self: tasks.Finetune, out: Path, _: object) -> None:
+def finetune(_self: Finetune, out: Path, _: object) -> None:
     model = presets.build(small_config(references=0, use_warp=False))
     saved_models.save_person(out / "model.safetensors", model, None, {})
     learned = [[0.0, LEARNED / 25]]
@@ -62,10 +67,10 @@ def test_both_protocols_of_a_tiny_person(
     talks = [talk(gaps / 2, wide), talk(gaps, wide)]
     checked = SimpleNamespace(offset_frames=0, confidence=0.25)
     random = np.random.default_rng(1)
-    monkeypatch.setattr(tasks.Prepare, "__call__", prepare)
-    monkeypatch.setattr(tasks.Finetune, "__call__", finetune)
-    monkeypatch.setattr(tasks.Check, "__call__", lambda _, out, progress: None)
-    monkeypatch.setattr(tasks, "offset_of", lambda _: 0)
+    monkeypatch.setattr(Prepare, "run", prepare)
+    monkeypatch.setattr(Finetune, "run", finetune)
+    monkeypatch.setattr(CheckSource, "run", lambda _, out, progress: None)
+    monkeypatch.setattr(evaluation, "offset_of", lambda _: 0)
     speech = SpeechFrames(random.random((FRAMES, 16, 8)), random.random((FRAMES, NUMBERS)))
     monkeypatch.setattr(evaluation, "clip_speech", lambda *_: speech)
     monkeypatch.setattr(sync_figures, "check", lambda _: checked)

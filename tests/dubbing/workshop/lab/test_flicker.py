@@ -13,6 +13,9 @@ from dubbing.preparation.alignment.skin import Skin
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.workshop.lab.flicker import Flicker, brow_skin
 
+pytestmark = pytest.mark.medium
+
+
 FRAMES, SIZE, FOCAL = 8, 96, 450.0
 
 
@@ -30,6 +33,7 @@ def clip(tmp_path: Path) -> PreparedClip:
         near=5.0,
         far=9.0,
         warnings=[],
+        face_warnings=[],
         residual_shift=0.0,
         rotation=np.tile(np.eye(3), (FRAMES, 1, 1)),
         translation=np.tile([0.0, 0.0, 7.0], (FRAMES, 1)),

@@ -6,6 +6,9 @@ import pytest
 
 from dubbing.workshop.lab.held_out import held_out, unlearned
 
+pytestmark = pytest.mark.medium
+
+
 RATE = Fraction(25)
 FRAMES, LEARNED = 12, [(2, 5)]
 PARTS = [(7, 5), (0, 2)]

@@ -20,6 +20,9 @@ from tests.dubbing.sync.meshes import talk
 from tests.dubbing.workshop.lab.faces import show_faces
 from tests.fakes import write_prepared
 
+pytestmark = pytest.mark.medium
+
+
 FIRST, COUNT = 4, 5
 
 

@@ -8,6 +8,9 @@ import pytest
 from dubbing.workshop.lab.mouth import MouthSeries, texture, unit_of
 from tests.dubbing.sync.meshes import canonical, talk, turned
 
+pytestmark = pytest.mark.medium
+
+
 RATE = 25.0
 SIZE = 512
 PLAIN = np.zeros((SIZE, SIZE, 3), np.uint8)

@@ -9,13 +9,17 @@ from typing import Any
 
 import pytest
 
-from dubbing.errors import DubbingError
-from dubbing.files import atomic_write_json
-from dubbing.manifest.manifest import Manifest, load
+from dubbing.engine.files import atomic_write_json
+from dubbing.errors import ExplainedError
+from dubbing.manifest.manifest import load
+from dubbing.production.production import Production
 from dubbing.workshop.lab import results
 from dubbing.workshop.lab.evaluation import RESULT_FILE
 from dubbing.workshop.lab.result_tables import table
 from tests import clips
+
+pytestmark = pytest.mark.medium
+
 
 PLACE = f"# Results\n\n{results.BEGIN}\nold\n{results.END}\n\nAfter.\n"
 Calls = list[tuple[str, int, str, int]]
@@ -36,7 +40,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     made: Calls = []
 
     def evaluate(
-        manifest: Manifest,
+        production: Production,
         *,
         methods: tuple[str, ...],
         only: tuple[str, ...],
@@ -44,9 +48,9 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
         **_: object,
     ) -> None:
         (method,), (name,) = methods, only
-        seed = manifest.identities[name].seed
+        seed = production.people[name].settings.seed
         made.append((name, seed, method, every))
-        path = manifest.output / RESULT_FILE
+        path = production.output / RESULT_FILE
         path.parent.mkdir(parents=True, exist_ok=True)
         found: dict[str, Any] = results.kept.read(path, dict, "") if path.exists() else {}
         figures: dict[str, Any] = {
@@ -106,7 +110,7 @@ def test_what_the_same_code_measured_is_not_measured_again(
     run(path)
     assert calls == [("bob", seed, "dfrf", 1) for seed in (0, 1, 2)]
     calls.clear()
-    monkeypatch.setattr(results, "code_version", lambda _: "another")
+    monkeypatch.setattr(results, "code_version", lambda *_: "another")
     run(path)
     assert calls == everything
 
@@ -116,13 +120,13 @@ def test_each_seed_has_a_folder_and_learns_with_it(path: Path, calls: Calls) -> 
     manifest = load(path)
     one = results.with_seed(manifest, 1)
     assert one.output == manifest.output / "seeds" / "1"
-    assert {person.seed for person in one.identities.values()} == {1}
+    assert {person.settings.seed for person in one.people.values()} == {1}
     assert (one.output / RESULT_FILE).is_file()
 
 
 def test_a_clip_is_prepared_for_the_first_seed_alone(path: Path) -> None:
     first, second = (results.with_seed(load(path), seed) for seed in (0, 1))
-    there, here = (m.output / "work" / "identities" / "ann" / "prepared" for m in (first, second))
+    there, here = (m.output / "work" / "identities" / "ann" / "prepare" for m in (first, second))
     record = {
         "version": "1",
         "key": "k",
@@ -134,9 +138,9 @@ def test_a_clip_is_prepared_for_the_first_seed_alone(path: Path) -> None:
     there.mkdir(parents=True)
     (there / "matte.mkv").write_bytes(b"matte")
     atomic_write_json(there / "stage.json", record)
-    results._share_prepared(first, second, "ann", "cpu")
+    results._share_prepared(first, second, "ann")
     assert (here / "matte.mkv").samefile(there / "matte.mkv")
-    results._share_prepared(first, first, "ann", "cpu")  # the first one's own stays
+    results._share_prepared(first, first, "ann")  # the first one's own stays
     assert (there / "matte.mkv").is_file()
 
 
@@ -182,7 +186,7 @@ def test_a_document_without_a_place_is_refused_before_anything_is_measured(
     assert "no place for tables" in capsys.readouterr().err
     assert not calls
     request = results.Request((0, 1), ("dfrf",), 1, None, None, "cpu", "abc")
-    with pytest.raises(DubbingError, match="no place"):
+    with pytest.raises(ExplainedError, match="no place"):
         results.document("", request, [], datetime.date.today())
 
 

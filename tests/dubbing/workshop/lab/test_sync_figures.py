@@ -1,6 +1,10 @@
 """Lip sync of a render beside its source's."""
 
+import pytest
+
 from dubbing.workshop.lab.sync_figures import suspicion
+
+pytestmark = pytest.mark.medium
 
 
 def test_a_render_that_beats_its_source_is_suspicious() -> None:

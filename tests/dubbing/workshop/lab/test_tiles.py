@@ -13,6 +13,9 @@ from dubbing.workshop.lab import tiles
 from tests import clips
 from tests.fakes import write_prepared
 
+pytestmark = pytest.mark.medium
+
+
 FIRST, COUNT, SIZE = 5, 12, 32
 METHODS = ("one", "two", "three")
 

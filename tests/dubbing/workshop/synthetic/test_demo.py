@@ -17,6 +17,8 @@ from dubbing.workshop.synthetic.speaker import TAIL
 from dubbing.workshop.synthetic.voice import speak
 from tests import clips
 
+pytestmark = pytest.mark.medium
+
 
 def write_stand_in(source: Path) -> None:
     """A clip as long as the synthetic speaker's, made in no time."""
@@ -58,7 +60,7 @@ def test_the_command_dubs_what_it_writes(tmp_path: Path, monkeypatch: pytest.Mon
     call = CliRunner().invoke(app, ["demo", str(tmp_path / "new")])
     assert call.exit_code == 0, call.output
     (loaded,) = given
-    assert loaded.path == (tmp_path / "new" / "demo.yaml").resolve()  # type: ignore[attr-defined]
+    assert loaded.manifest == (tmp_path / "new" / "demo.yaml").resolve()  # type: ignore[attr-defined]
     assert loaded.output == (tmp_path / "new").resolve()  # type: ignore[attr-defined]
 
 

@@ -9,12 +9,15 @@ import mediapipe as mp
 import numpy as np
 import pytest
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.media import probe, read_audio, read_frames
 from dubbing.workshop.synthetic.anatomy.face import FACES
 from dubbing.workshop.synthetic.anatomy.skin_grid import skin_grid
 from dubbing.workshop.synthetic.speaker import SpeakerTruth, fit_phones, make_speaker, place_sound
 from dubbing.workshop.synthetic.visemes import Phone
+
+pytestmark = pytest.mark.medium
+
 
 Clip = tuple[Path, SpeakerTruth]
 OUTER, INNER = (33, 263), (133, 362)  # FaceMesh: eye corners, in the picture left and right
@@ -177,7 +180,7 @@ def test_faces_look_different(tmp_path: Path) -> None:
 
 
 def test_mistakes_give_a_remedy(tmp_path: Path) -> None:
-    with pytest.raises(DubbingError, match="no synthetic face is called 'zoe'"):
+    with pytest.raises(ExplainedError, match="no synthetic face is called 'zoe'"):
         make_speaker(tmp_path, text="A.", face="zoe")
-    with pytest.raises(DubbingError, match="an even size"):
+    with pytest.raises(ExplainedError, match="an even size"):
         make_speaker(tmp_path, text="A.", size=101)

@@ -8,6 +8,9 @@ import pytest
 from dubbing.workshop.synthetic.anatomy.lips import MouthShape
 from dubbing.workshop.synthetic.visemes import CHANNELS, Phone, mouth_curves
 
+pytestmark = pytest.mark.medium
+
+
 RATE = Fraction(25)
 JAW, PRESS, TUCK = (CHANNELS.index(name) for name in ("jaw", "press", "tuck"))
 

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 import soundfile
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.workshop.synthetic.__main__ import VOICES
 from dubbing.workshop.synthetic.voice import speak, synthesise
+
+pytestmark = pytest.mark.medium
 
 
 def test_phones_are_ordered_and_cover_the_sound() -> None:
@@ -54,9 +56,9 @@ def test_wav_file_holds_the_speech(tmp_path: Path) -> None:
 
 
 def test_unknown_voice_and_empty_text() -> None:
-    with pytest.raises(DubbingError, match="no voice 'klingonish'"):
+    with pytest.raises(ExplainedError, match="no voice 'klingonish'"):
         synthesise("Hello", "klingonish")
-    with pytest.raises(DubbingError, match="no words in"):
+    with pytest.raises(ExplainedError, match="no words in"):
         synthesise("  ", "en-us")
 
 

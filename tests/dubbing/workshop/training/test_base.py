@@ -17,18 +17,22 @@ from dfrf.saved_models import load_model
 from dfrf.training import fit as training
 from dfrf.training.progress import Curve
 from dfrf.training.validation import HeldOutRays
-from dubbing.errors import CheckpointError, DubbingError
-from dubbing.manifest.manifest import Manifest, load
+from dubbing.errors import CheckpointError, ExplainedError
+from dubbing.manifest.manifest import load
+from dubbing.production.production import Production
 from dubbing.workshop.training import base as basetraining
 from tests import clips
 from tests.dfrf.people import person, small_config
+
+pytestmark = pytest.mark.medium
+
 
 NAMES = ("ann", "bob", "cy")
 PSNR = [20.0, 26.0, 24.0, 20.0]  # of the only person held out, every two steps
 
 
 @pytest.fixture
-def manifest(tmp_path: Path) -> Manifest:
+def manifest(tmp_path: Path) -> Production:
     clips.write_clip(tmp_path / "clip.mp4", 30)
     people = "\n".join(
         f"  {name}: {{clip: clip.mp4, seconds: 1, consent: {{by: me, reference: form}}}}"
@@ -43,7 +47,7 @@ def manifest(tmp_path: Path) -> Manifest:
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     """Tiny people and a tiny model."""
 
-    def load_person(_: Manifest, name: str, *__: object) -> HeadDataset:
+    def load_person(_: Production, name: str, *__: object) -> HeadDataset:
         return replace(person(seed=NAMES.index(name)), name=name)
 
     marks = iter(PSNR)
@@ -58,7 +62,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("small")
 def test_the_model_that_serves_who_is_held_out_best_is_written(
-    manifest: Manifest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    manifest: Production, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     best: dict[str, torch.Tensor] = {}
     last: dict[str, torch.Tensor] = {}
@@ -93,7 +97,9 @@ def test_the_model_that_serves_who_is_held_out_best_is_written(
 
 
 @pytest.mark.usefixtures("small")
-def test_with_nobody_held_out_the_last_model_is_written(manifest: Manifest, tmp_path: Path) -> None:
+def test_with_nobody_held_out_the_last_model_is_written(
+    manifest: Production, tmp_path: Path
+) -> None:
     out = tmp_path / "base.safetensors"
     basetraining.train_base(manifest, out, device="cpu", iterations=3, progress=lambda *_: None)
     history = json.loads(out.with_suffix(".json").read_text())
@@ -107,10 +113,10 @@ def test_with_nobody_held_out_the_last_model_is_written(manifest: Manifest, tmp_
 
 @pytest.mark.usefixtures("small")
 def test_an_unfinished_run_goes_on_with_the_same_people_and_settings_only(
-    manifest: Manifest, tmp_path: Path
+    manifest: Production, tmp_path: Path
 ) -> None:
     def train(
-        who: Manifest, iterations: int = 6, stop_at: float = 1.0, **options: Any
+        who: Production, iterations: int = 6, stop_at: float = 1.0, **options: Any
     ) -> list[float]:
         shares: list[float] = []
 
@@ -129,8 +135,10 @@ def test_an_unfinished_run_goes_on_with_the_same_people_and_settings_only(
         train(manifest, stop_at=0.5)  # the state after two steps is kept
     (init := tmp_path / "init.safetensors").write_bytes(b"another start")
     clips.write_clip(tmp_path / "other.mp4", 31)
-    other = manifest.identities["bob"].model_copy(update={"clip": tmp_path / "other.mp4"})
-    swapped = manifest.model_copy(update={"identities": {**manifest.identities, "bob": other}})
+    bob = manifest.people["bob"]
+    clip = (replace(bob.clip, path=tmp_path / "other.mp4"),)
+    other = replace(bob, clips=clip, learned=clip)
+    swapped = replace(manifest, people={**manifest.people, "bob": other})
     for expected, who, options in (
         ("training", manifest, {"iterations": 8}),
         ("people held out, people", manifest, {"hold_out": ("bob",)}),
@@ -143,6 +151,6 @@ def test_an_unfinished_run_goes_on_with_the_same_people_and_settings_only(
 
 
 @pytest.mark.parametrize(("held", "message"), [(("dee",), "dee"), (NAMES, "everyone")])
-def test_who_can_be_held_out(manifest: Manifest, held: tuple[str, ...], message: str) -> None:
-    with pytest.raises(DubbingError, match=message):
+def test_who_can_be_held_out(manifest: Production, held: tuple[str, ...], message: str) -> None:
+    with pytest.raises(ExplainedError, match=message):
         basetraining.learned_names(manifest, held)

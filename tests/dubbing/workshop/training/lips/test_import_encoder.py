@@ -6,10 +6,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pytest
 import torch
 
 from dubbing.sound_to_lips.encoder import AFTER, BEFORE, LAYERS, STEP, SpeechEncoder
 from dubbing.workshop.training.lips.import_encoder import NAMES, PARTS, TYPES, state_of
+
+pytestmark = pytest.mark.medium
+
 
 NUMBERS = {np.dtype(kind): number for number, kind in TYPES.items()}
 

@@ -13,6 +13,8 @@ from dubbing.workshop.training.lips.lip_clips import LipClip, at_speed, degraded
 from dubbing.workshop.training.lips.training import at_moments, fit, principal_components
 from tests.dubbing.workshop.training.lips.made import lip_clip
 
+pytestmark = pytest.mark.medium
+
 
 def agreement(learned: LipFilter, one: LipClip) -> tuple[float, float]:
     """Correlation of the opening, and of the score with touching lips."""

@@ -12,6 +12,8 @@ from dubbing.workshop.training.speech.corpus import Amounts, load_part, save_par
 from dubbing.workshop.training.speech.texts import LANGUAGES, sentence
 from tests.dubbing.workshop.training.speech.made import spoken, utterance
 
+pytestmark = pytest.mark.medium
+
 
 def test_an_utterance_covers_its_sound() -> None:
     made = utterance()

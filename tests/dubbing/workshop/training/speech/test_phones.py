@@ -1,6 +1,7 @@
 """Phone classes: unambiguous, complete for what the synthesisers say, placed in time."""
 
 import numpy as np
+import pytest
 
 from dubbing.workshop.synthetic.visemes import Phone
 from dubbing.workshop.training.speech import phones
@@ -12,6 +13,8 @@ from dubbing.workshop.training.speech.phones import (
     classes_at_steps,
 )
 from tests.dubbing.workshop.training.speech.made import spoken
+
+pytestmark = pytest.mark.medium
 
 
 def name(k: int) -> str:

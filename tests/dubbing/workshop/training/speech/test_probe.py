@@ -3,10 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from scipy.ndimage import uniform_filter1d
 
 from dubbing.workshop.training.speech import evaluation, probe
 from dubbing.workshop.training.speech.probe import Speaker
+
+pytestmark = pytest.mark.medium
 
 
 def smooth(rng: np.random.Generator) -> np.ndarray:

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from dubbing.cli import main as cli
-from dubbing.errors import DubbingError, TrainingError
+from dubbing.errors import ExplainedError, TrainingError
 from dubbing.speech import acoustic_inference
 from dubbing.speech.acoustic_network import AcousticNetwork
 from dubbing.speech.acoustic_weights import load_model, save_model
@@ -18,6 +18,9 @@ from dubbing.workshop.training.speech.projection import project
 from dubbing.workshop.training.speech.training import SpeechTraining, train_network
 from tests import clips
 from tests.dubbing.workshop.training.speech.made import parts, posteriors
+
+pytestmark = pytest.mark.medium
+
 
 SHORT = SpeechTraining(steps=3)
 
@@ -119,14 +122,14 @@ def test_features_are_scaled_in_speech() -> None:
 
 def test_other_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "damaged").write_bytes(b"no weights")
-    with pytest.raises(DubbingError, match="cannot be read"):
+    with pytest.raises(ExplainedError, match="cannot be read"):
         load_model(tmp_path / "damaged")
-    with pytest.raises(DubbingError, match="cannot be read"):
+    with pytest.raises(ExplainedError, match="cannot be read"):
         load_model(tmp_path / "missing")
     from safetensors.torch import save_file
 
     save_file({"x": torch.zeros(1)}, tmp_path / "other")
-    with pytest.raises(DubbingError, match="not weights of our speech network"):
+    with pytest.raises(ExplainedError, match="not weights of our speech network"):
         load_model(tmp_path / "other")
 
 

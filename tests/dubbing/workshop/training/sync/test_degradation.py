@@ -1,11 +1,15 @@
 """A blurred mouth is blurred there only; a frozen one stays the same while the head moves."""
 
 import numpy as np
+import pytest
 
 from dubbing.sync.check import check
 from dubbing.workshop.training.sync.degradation import Freezer, blurred, check_changed, mouth_mask
 from tests.dubbing.conftest import Speaker
 from tests.dubbing.sync.meshes import talk, turned
+
+pytestmark = pytest.mark.medium
+
 
 POINTS = turned(talk(np.array([0.1])), 0, 60, (100, 80))[0]
 

@@ -36,6 +36,9 @@ from dubbing.workshop.training.sync.training import (
 from tests.dubbing.sync.made import made_clip
 from tests.dubbing.sync.meshes import canonical
 
+pytestmark = pytest.mark.medium
+
+
 LATE = {"a": 0.0, "b": 0.12, "c": -0.08, "d": 0.0, "e": 0.04}
 CLIPS = [made_clip(name, seed, late) for seed, (name, late) in enumerate(LATE.items())]
 

@@ -1,0 +1,53 @@
+"""The program that brings one stage of a manifest up to date, in a process of its own.
+
+    python -m dubbing.batch.task CALL
+
+Runs start it; CALL is made by `dubbing.engine.executors.Program`.
+"""
+
+import sys
+from pathlib import Path
+
+from dubbing.batch.jobs import build
+from dubbing.engine import task
+from dubbing.engine.executors import Program
+from dubbing.engine.graph import Job
+from dubbing.errors import ExplainedError
+from dubbing.manifest.manifest import load
+from dubbing.pipeline import PERSON, person_job
+
+MODULE = "dubbing.batch.task"
+# The error where a parameter that depends on the machine differs.
+KNOWN = {
+    "mark": (
+        "the key of the invisible mark",
+        "copy mark.key from the settings folder of where the run was started into the one here, "
+        "or name a key in the manifest, `mark: {key: FILE}`",
+    )
+}
+
+
+def program(manifest: Path, device: str = "auto") -> Program:
+    """The program for the stages of a manifest."""
+    return Program(MODULE, (str(manifest), device))
+
+
+def job_of(label: str, manifest: str, device: str) -> Job:
+    """One job of a manifest again.
+
+    Raises:
+        ExplainedError: the manifest is wrong, or has no such job.
+    """
+    kind, name = label.split("/", 1)
+    production = load(manifest, only=(name,))
+    if kind == PERSON and name in production.people:
+        person = production.people[name]
+        return person_job(person, production.work, person.clips, device)
+    jobs = build(production, device=device)
+    if label not in jobs.by_label:
+        raise ExplainedError(f"the manifest has no {kind} {name}", manifest, "run it again")
+    return jobs.by_label[label]
+
+
+if __name__ == "__main__":
+    sys.exit(task.main(sys.argv[1], job_of, KNOWN))

@@ -1,0 +1,233 @@
+"""Poses of a clip's frames, refined with the learned head of the person in it.
+
+The mouth and the jaw, which speech moves, do not count: only what lies above the base of the nose
+is compared. K key frames.
+"""
+
+import itertools
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+
+from dfrf.data.dataset import HEAD_MATTE
+from dfrf.method_interface import Maps, Method
+from dfrf.model_interface import HeadModel
+from dfrf.presets import method_of
+from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equations
+from dfrf.workers import Workers
+from dubbing.engine.files import atomic_path
+from dubbing.engine.stage import Progress, ReportShare
+from dubbing.errors import PreparationError
+from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
+from dubbing.identity.dataset import upper_face_expression
+from dubbing.preparation.alignment.banded import DOF, lower_band, smoothness_blocks, solve_band
+from dubbing.preparation.alignment.rotations import relative_vectors
+from dubbing.preparation.prepared import PreparedClip
+
+POSES_FILE = "poses.npz"
+# Frames and turn (rad) from one key frame to the next, and steps: far ones first, which find what a
+# whole shot is off by, so that few steps are enough for the near ones. What a pose is off by
+# changes with the pose, so a head that turns fast has a key frame in every frame.
+PASSES = ((50, np.inf, 4), (5, np.radians(1.5), 2))
+RAYS = 1000
+FACE_SHARE = 0.7  # of the rays; hair and ears, which show the turn better, are larger than the face
+RIM = 8  # px at 512 beyond the matte: background that a head out of place would cover
+NOISE = 0.1  # of a channel; several times what it is, as neighbouring residuals are alike
+# How far poses may be off, and how much corrections bend between key frames: radians, units.
+SPREAD = np.repeat([0.03, 0.03], 3)
+BEND = np.repeat([0.01, 0.013], 3)
+AT_ONCE = 8
+
+
+def refined(
+    model: HeadModel,
+    maps: Maps | None,
+    clip: PreparedClip,
+    frames: np.ndarray,
+    progress: Progress | None = None,
+) -> PreparedClip:
+    """A clip whose poses of `frames` (F,) lay the learned head on the picture.
+
+    A frame without a face is corrected like those beside it. All poses stay where the method
+    refines none, and those of a shot in which no face is seen.
+
+    Args:
+        model: of the person; maps: its references.
+        progress: called with a message and the share done.
+    """
+    method = method_of(model)
+    if not method.refines_poses:
+        return clip
+    wanted = np.zeros(len(clip), bool)
+    wanted[frames] = True
+    c2w = torch.from_numpy(clip.c2w()).float()
+    expression = torch.from_numpy(upper_face_expression(clip)).float()
+    corrections = torch.zeros(len(clip), DOF)
+    shots = np.unique(clip.segment[wanted & clip.valid])
+    for number, shot in enumerate(shots):
+        index = np.flatnonzero(wanted & (clip.segment == shot))
+
+        def report(share: float, number: int = number) -> None:
+            if progress is not None:
+                done = (number + share) / len(shots)
+                progress(f"poses of shot {number + 1} of {len(shots)}", done)
+
+        report(0.0)
+        found = shot_corrections(method, maps, clip, c2w, expression, index, report)
+        corrections[index] = torch.from_numpy(found)
+    return clip.with_poses(moved(c2w, corrections).double().numpy())
+
+
+def refine_clip(
+    model: HeadModel, maps: Maps | None, clip: PreparedClip, out: Path, progress: Progress
+) -> None:
+    """Writes OUT/poses.npz: the poses (T, 3, 4) of all frames of a clip, refined with a model."""
+    c2w = refined(model, maps, clip, np.arange(len(clip)), progress).c2w()
+    with atomic_path(out / POSES_FILE) as temporary:
+        np.savez_compressed(temporary, allow_pickle=False, c2w=c2w)
+
+
+def with_refined_poses(clip: PreparedClip, folder: Path) -> PreparedClip:
+    """A clip with the poses that `refine_clip` wrote into a folder.
+
+    Raises:
+        PreparationError: there are none, or they are of another clip.
+    """
+    try:
+        with np.load(folder / POSES_FILE, allow_pickle=False) as kept:
+            c2w = kept["c2w"]
+    except (OSError, ValueError, KeyError) as error:
+        what = f"no refined poses: {error}"
+        raise PreparationError(what, str(folder), "run with --force refine_poses") from error
+    if c2w.shape != (len(clip), 3, 4):
+        what = f"poses of {len(c2w)} frames for a clip of {len(clip)}"
+        raise PreparationError(what, str(folder), "run with --force refine_poses")
+    return clip.with_poses(c2w)
+
+
+def shot_corrections(
+    method: Method[Any, Any],
+    maps: Maps | None,
+    clip: PreparedClip,
+    c2w: Tensor,
+    expression: Tensor,
+    index: np.ndarray,
+    report: ReportShare = lambda share: None,
+) -> np.ndarray:
+    """Corrections (F, 6) float32 of frames `index` (F,), rising, of one shot; some show a face.
+
+    Args:
+        c2w, expression: (T, 3, 4) cameras and (T, U) measures of the upper face, of the whole clip.
+        report: called with the share done.
+    """
+    device = method.model.device
+    seen = index[clip.valid[index]]
+    rotation = c2w[seen, :, :3].double().numpy()
+    passes = [(key_frames(seen, rotation, apart, turn), n) for apart, turn, n in PASSES]
+    observations = observations_of(clip, np.unique(np.concatenate([keys for keys, _ in passes])))
+    keys, found = seen[:1], np.zeros((1, DOF))
+    looks, looked = sum(len(keys) * steps for keys, steps in passes), itertools.count(1)
+
+    def equations(key: tuple[int, PoseObservation, Tensor]) -> tuple[np.ndarray, np.ndarray]:
+        number, observation, camera = key
+        left, right = normal_equations(volumes(number), observation.to(device), camera)
+        report(next(looked) / looks)
+        return left.cpu().numpy(), right.cpu().numpy()
+
+    with Workers(device, AT_ONCE) as workers:
+        for wanted, steps in passes:
+            found, keys = between(found, keys, wanted), wanted
+            volumes = method.resting_volumes(expression[keys], maps)
+            for _ in range(steps):
+                cameras = moved(c2w[keys], torch.from_numpy(found).float()).to(device)
+                inputs = zip(itertools.count(), [observations[k] for k in keys], cameras)
+                pairs = zip(*workers.map(equations, inputs), strict=True)
+                left, right = (np.stack(side).astype(float) / NOISE**2 for side in pairs)
+                found = smoothest(left, right + np.einsum("kij,kj->ki", left, found))
+    return between(found, keys, index).astype(np.float32)
+
+
+def key_frames(seen: np.ndarray, rotation: np.ndarray, apart: int, turn: float) -> np.ndarray:
+    """Some of the frames `seen` (F,), rising, the first and the last among them.
+
+    Each is the last one that is neither further than `apart` frames from the one before it nor
+    turned further than `turn` (rad, along its way), or the very next.
+
+    Args:
+        rotation: (F, 3, 3) of each frame.
+    """
+    way = np.zeros(len(seen))
+    if len(seen) > 1:
+        way[1:] = np.linalg.norm(relative_vectors(rotation), axis=1).cumsum()
+    chosen = [0]
+    while chosen[-1] < len(seen) - 1:
+        last = chosen[-1]
+        near = (seen <= seen[last] + apart) & (way <= way[last] + turn)
+        chosen.append(max(last + 1, int(np.flatnonzero(near)[-1])))
+    return seen[chosen]
+
+
+def between(values: np.ndarray, keys: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Values (K, 6) of rising keys (K,) at index (F,), straight from one key to the next."""
+    return np.stack([np.interp(index, keys, column) for column in values.T], -1)
+
+
+def smoothest(left: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Corrections (K, 6) of small size and bend that meet left (K, 6, 6) x = right (K, 6)."""
+    linked = np.zeros(len(left), bool)
+    linked[1:-1] = True
+    diagonal, *beside = smoothness_blocks(linked, 1 / BEND**2)
+    band = lower_band(left + diagonal + np.diag(1 / SPREAD**2), *beside)
+    return solve_band(band, right.reshape(-1)).reshape(right.shape)
+
+
+def observations_of(clip: PreparedClip, keys: np.ndarray) -> dict[int, PoseObservation]:
+    """Pixels of key frames (K,), rising, above the base of the nose: `RAYS` of each."""
+    observations: dict[int, PoseObservation] = {}
+    first, count = int(keys[0]), int(keys[-1] - keys[0]) + 1
+    for k, (image, matte, background) in enumerate(clip.frames(first, count), first):
+        if k in keys:
+            pixels = chosen_pixels(matte, clip.landmarks[k], np.random.default_rng(k))
+            columns, rows = pixels.T
+            observations[k] = PoseObservation(
+                pixels=torch.from_numpy(pixels).float(),
+                colour=torch.from_numpy(image[rows, columns]).float() / 255,
+                background=torch.from_numpy(background[rows, columns]).float() / 255,
+                focal=float(clip.focal),
+                centre=torch.from_numpy(clip.centre[k]).float(),
+            )
+    return observations
+
+
+def chosen_pixels(
+    matte: np.ndarray, landmarks: np.ndarray, generator: np.random.Generator
+) -> np.ndarray:
+    """Pixels (RAYS, 2), column and row, of the head and its rim above the base of the nose.
+
+    None where a frame shows nothing of that.
+
+    Args:
+        matte: (S, S) uint8.
+        landmarks: (478, 2) px.
+    """
+    size = len(matte)
+    width = 2 * round(RIM * size / 512) + 1
+    head = cv2.dilate((matte > HEAD_MATTE).astype(np.uint8), np.ones((width, width), np.uint8))
+    oval = cv2.convexHull(landmarks[list(FACE_OVAL)].astype(np.int32))
+    face = cv2.fillConvexPoly(np.zeros_like(head), oval, 1)
+    eyes = (landmarks[LEFT_EYE_OUTER] + landmarks[RIGHT_EYE_OUTER]) / 2
+    down = landmarks[NOSE_BASE] - eyes
+    rows, columns = np.nonzero(head)
+    above = (columns - eyes[0]) * down[0] + (rows - eyes[1]) * down[1] < 0.9 * (down @ down)
+    rows, columns = rows[above], columns[above]
+    chosen = []
+    for inside, share in ((1, FACE_SHARE), (0, 1 - FACE_SHARE)):
+        among = np.flatnonzero(face[rows, columns] == inside)
+        if len(among):
+            chosen.append(generator.choice(among, round(RAYS * share)))
+    pick = np.concatenate([np.zeros(0, int), *chosen])
+    return np.stack([columns[pick], rows[pick]], -1)

@@ -1,0 +1,153 @@
+"""Rendering a person's head for every frame of new speech, in segments that survive a kill."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from dfrf import checkpoint, saved_models
+from dfrf import device as devices
+from dfrf.data.dataset import neighbour_windows
+from dfrf.field.audio import NEIGHBOURS
+from dfrf.method_interface import FrameInputs, Maps
+from dfrf.model_interface import HeadModel
+from dfrf.presets import method_of
+from dubbing.compositing.face_mask import rendered_region
+from dubbing.engine.stage import Progress
+from dubbing.errors import CheckpointError
+from dubbing.identity.dataset import upper_face_expression
+from dubbing.media import VideoWriter
+from dubbing.preparation.prepared import PreparedClip
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
+
+# What is heard at `count` frames from `first` on.
+SpeechPart = Callable[[int, int], SpeechFrames]
+
+
+def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dict[str, object]]:
+    """A person's model on a device with its reference maps, computed once; and its header.
+
+    Raises:
+        CheckpointError: the file cannot be used.
+    """
+    try:
+        person, views, header = saved_models.load_person(model)
+    except checkpoint.CheckpointError as error:
+        raise CheckpointError(str(error), remedy="run with --force finetune") from error
+    target = devices.choose(device)
+    person.to(target).eval()
+    maps = None if views is None else method_of(person).maps(views)
+    return person, maps, header
+
+
+def render(
+    model: Path,
+    clip: PreparedClip,
+    speech: SpeechPart,
+    out: Path,
+    *,
+    pose_index: np.ndarray,
+    part: tuple[int, int] | None = None,
+    device: str = "auto",
+    progress: Progress | None = None,
+) -> None:
+    """Writes OUT/000000.mkv, OUT/000050.mkv ...: premultiplied colour and opacity (FFV1 RGBA).
+
+    Of each head there is what the dub shows of it; see `dubbing.compositing.face_mask`.
+
+    A file appears only when it is whole, and one that is there is not rendered again. It holds
+    `dfrf.method_interface.Method.segment` frames: of a slow preset every single one is kept.
+
+    Args:
+        model: of the person, written by `finetune`.
+        clip: whose poses are taken, refined with the model; see `refine_poses`.
+        speech: of the frames to render; called for a segment at a time.
+        out: folder.
+        pose_index: (T,) frame of the clip each frame takes its pose from.
+        part: first and stop of those of the T frames to render; all by default.
+        device: auto, cpu or cuda.
+        progress: called with a message and the share done.
+
+    Raises:
+        CheckpointError: the model cannot be used.
+    """
+    count = len(pose_index)
+    person, maps, _ = load(model, device)
+    out.mkdir(parents=True, exist_ok=True)
+
+    begin, end = part or (0, count)
+
+    def notify(done: int) -> None:
+        if progress is not None:
+            progress(f"frame {done} of {count}", (done - begin) / (end - begin))
+
+    segment = method_of(person).segment
+    around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
+    for first in range(begin, end, segment):
+        stop = min(first + segment, end)
+        path = out / f"{first:06d}.mkv"
+        if not path.exists():
+            with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
+                low, high = max(0, first - around), min(count, stop + around)
+                some = (speech(low, high - low), pose_index[low:high])
+                needed = regions_of(clip, pose_index[first:stop])
+                heads = frames(person, maps, clip, *some, first - low, stop - low, needed)
+                for done, (colour, opacity) in enumerate(heads, first + 1):
+                    video.write(to_rgba(colour, opacity))
+                    notify(done)
+        else:
+            notify(stop)
+
+
+def frames(
+    model: HeadModel,
+    maps: Maps | None,
+    clip: PreparedClip,
+    speech: SpeechFrames,
+    pose_index: np.ndarray,
+    first: int,
+    stop: int,
+    regions: np.ndarray | None = None,
+) -> Iterator[tuple[Tensor, Tensor]]:
+    """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop.
+
+    Of the whole head, or of what of it lies in regions (stop - first, S, S) bool at least.
+    """
+    device = model.device
+    method = method_of(model)
+    # Speech does not stop at a cut of the picture, so all frames count as one run.
+    one_run, own = torch.zeros(len(speech)), torch.arange(first, stop)
+    near = neighbour_windows(torch.from_numpy(speech.windows).float(), one_run, own)
+    around = np.arange(first - method.reach, stop + method.reach).clip(0, len(speech) - 1)
+    poses = pose_index[first:stop]
+    inputs = FrameInputs(
+        torch.from_numpy(clip.c2w()[poses]).float().to(device),
+        float(clip.focal),
+        torch.from_numpy(clip.centre[poses]).float().to(device),
+        near.to(device),
+        torch.from_numpy(speech.lips[around]).float().to(device),
+        torch.from_numpy(upper_face_expression(clip)[poses]).float().to(device),
+        clip.size,
+        None if regions is None else torch.from_numpy(regions).to(device),
+    )
+    yield from method.render_frames(inputs, maps)
+
+
+def regions_of(clip: PreparedClip, poses: np.ndarray) -> np.ndarray:
+    """Pixels of heads that a dub shows over frames `poses` (F,): (F, S, S) bool.
+
+    None where no face is seen.
+    """
+    regions = np.zeros((len(poses), clip.size, clip.size), bool)
+    for region, pose in zip(regions, poses, strict=True):
+        if clip.valid[pose]:
+            region[:] = rendered_region(clip.landmarks[pose], clip.size)
+    return regions
+
+
+def to_rgba(colour: Tensor, opacity: Tensor) -> np.ndarray:
+    """(S, S, 4) uint8 from premultiplied colour and opacity in 0..1."""
+    both = torch.cat([colour, opacity[..., None]], -1).float()
+    return (both.clamp(0, 1) * 255).round().to(torch.uint8).cpu().numpy()

@@ -1,0 +1,14 @@
+"""Base of the entries of a manifest."""
+
+from pydantic import BaseModel, ConfigDict
+
+
+class Entry(BaseModel):
+    """Frozen, of exact types, without unknown keys.
+
+    The text below a field is its description, in the schema and in the reference.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, strict=True, use_attribute_docstrings=True
+    )

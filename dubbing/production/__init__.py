@@ -1,0 +1,1 @@
+"""A manifest whose names, files and defaults are resolved: people, dubs, and the files they use."""

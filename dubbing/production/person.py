@@ -1,0 +1,64 @@
+"""A person of a production: their clips, their consent, and the settings of their model."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from dubbing.identity.finetune_settings import FinetuneSettings
+from dubbing.production.clip import Clip, PersonClip
+from dubbing.production.consent import Consent
+
+FULL_SIZE = 512  # px of a head crop whose work counts as one
+
+
+@dataclass(frozen=True)
+class Person:
+    """A filmed person.
+
+    Attributes:
+        clips: all clips, each once; dubs can be made over any of them.
+        learned: the clips that the model is learned from, the main one first.
+        start: second of the main clip where the learned seconds begin; None for the best seconds.
+        seconds: learned from, all clips together.
+        size: side of the head crop, px.
+        settings: of the fine-tune.
+        speech_files: all weights that turn speech into features and lips, by name.
+        base: checkpoint that the fine-tune starts from; None for random weights.
+        own_base, own_iterations: whether the manifest names them.
+    """
+
+    name: str
+    clips: tuple[PersonClip, ...]
+    learned: tuple[PersonClip, ...]
+    consent: Consent
+    start: float | None
+    seconds: float
+    size: int
+    settings: FinetuneSettings
+    speech_files: Mapping[str, Path]
+    base: Path | None = None
+    own_base: bool = False
+    own_iterations: bool = False
+
+    @property
+    def clip(self) -> PersonClip:
+        """The main clip."""
+        return self.learned[0]
+
+    def clip_at(self, path: Path) -> PersonClip:
+        """The clip of this person that is a certain file."""
+        return next(clip for clip in (*self.learned, *self.clips) if clip.path == path)
+
+    @property
+    def learned_frames(self) -> float:
+        """Frames that the model is learned from, as far as the clips have them."""
+        frames = sum(clip.frames for clip in self.learned)
+        return min(frames, self.seconds * float(self.clip.rate)) if self.clip.info else 0.0
+
+    def crops(self, clip: Clip) -> float:
+        """Area of the head crop in a clip, in crops of `FULL_SIZE`."""
+        if clip.info is None:
+            return 0.0
+        return (min(self.size, clip.info.width, clip.info.height) / FULL_SIZE) ** 2

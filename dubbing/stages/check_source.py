@@ -1,0 +1,43 @@
+"""The stage `check_source`: lip sync of a clip itself, to which its dubs are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from dubbing.engine.fields import Setting
+from dubbing.engine.files import atomic_write_json
+from dubbing.engine.stage import Progress, Rate
+from dubbing.stages.base import DubbingStage
+from dubbing.sync.records import SYNC_FILE
+from dubbing.sync.weight_path import CHECK_WEIGHTS
+
+if TYPE_CHECKING:
+    from dubbing.production.clip import Clip
+
+
+@dataclass(frozen=True, kw_only=True)
+class CheckSource(DubbingStage):
+    """Checks the lip sync of a clip; see `dubbing.sync.check`."""
+
+    clip: Path
+    weights: Mapping[str, Path]
+    frames: Setting[int]
+
+    typical: ClassVar[Rate] = Rate(0.008, 10.0)
+
+    @classmethod
+    def of(cls, clip: Clip) -> Self:
+        """The stage for a clip."""
+        return cls(clip=clip.path, weights=CHECK_WEIGHTS, frames=clip.frames)
+
+    def run(self, out: Path, progress: Progress) -> None:
+        from dubbing.sync.check import check
+
+        result = check(self.clip, progress=lambda share: progress("listening and looking", share))
+        atomic_write_json(out / SYNC_FILE, result.to_json())
+
+    def amount(self) -> float:
+        return self.frames

@@ -1,0 +1,56 @@
+"""The stage `prepare`: tracking, matte and background of one of a person's clips."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar, Self
+
+from dubbing.engine.fields import Setting
+from dubbing.engine.stage import Progress, Rate
+from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
+from dubbing.preparation.tracking.portraits import Portrait
+from dubbing.stages.base import DubbingStage
+
+if TYPE_CHECKING:
+    from dubbing.production.clip import PersonClip
+    from dubbing.production.person import Person
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepare(DubbingStage):
+    """Makes a prepared clip; see `dubbing.preparation.prepare`.
+
+    Attributes:
+        size: side of the head crop, px.
+        people: the person, then the others in the clip.
+        crops: amount of work: frames, each as a share of a full head crop.
+    """
+
+    clip: Path
+    size: int
+    people: tuple[Portrait, ...]
+    weights: Mapping[str, Path]
+    crops: Setting[float]
+
+    typical: ClassVar[Rate] = Rate(0.058, 27e3)
+
+    @classmethod
+    def of(cls, person: Person, clip: PersonClip) -> Self:
+        """The stage for a clip of a person."""
+        return cls(
+            clip=clip.path,
+            size=person.size,
+            people=clip.portraits,
+            weights={**FACE_WEIGHTS, **PERSON_WEIGHTS},
+            crops=clip.frames * person.crops(clip),
+        )
+
+    def run(self, out: Path, progress: Progress) -> None:
+        from dubbing.preparation.prepare import prepare
+
+        prepare(self.clip, out, size=self.size, people=self.people, progress=progress)
+
+    def amount(self) -> float:
+        return self.crops

@@ -1,0 +1,1 @@
+"""The video of a dub: heads onto the film, marks, encoding, sound, and a last check."""

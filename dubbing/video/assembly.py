@@ -1,0 +1,187 @@
+"""Assembly of the video: heads onto the film, the mark, the encoder, the sound, and a last check.
+
+Frames stream from the decoders through the compositor to the encoder, in segments of their own
+files, so memory does not grow with the length and a kill costs one segment. S side of the crop.
+"""
+
+import shutil
+from collections.abc import Sequence
+from contextlib import closing
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dubbing import media
+from dubbing.engine import json_records
+from dubbing.engine.files import atomic_write_json
+from dubbing.engine.stage import Progress
+from dubbing.errors import RenderingError
+from dubbing.media.colour import Colour
+from dubbing.media.overlap import ahead, behind
+from dubbing.mixing.mix import mix
+from dubbing.mixing.sound import SOUND, Sound
+from dubbing.provenance import provenance
+from dubbing.provenance.mark_key import Marking, id_of
+from dubbing.provenance.mark_search import search
+from dubbing.video.composer import Composer, Heads
+from dubbing.video.files import PICTURE_FILE, PROXY_FILE, SCENE_FILE, video_file
+from dubbing.video.settings import VideoSettings
+from dubbing.video.untouched import compare
+
+SEGMENT = 250  # frames a file
+SUFFIX = ".mov"  # a container with exact time stamps and colours, to be joined without decoding
+MIXED = "mixed.json"
+MARKED_SECONDS = 20  # of the finished file that are searched for its mark, at most
+TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
+
+
+def make(
+    heads: Sequence[Heads],
+    sound: Sound,
+    out: Path,
+    *,
+    pose_index: np.ndarray,
+    settings: VideoSettings,
+    progress: Progress,
+) -> Path:
+    """Write OUT/video.<suffix>: composited, marked, encoded, with its sound; checked by decoding.
+
+    Where there is to be a card of credits it follows the last frame, in silence.
+
+    It has the colours of the film, and its timecode. What no browser plays gets OUT/proxy.mp4.
+    OUT/picture.json says where faces stay the film's own, where something lies over them, and
+    whether the invisible mark is found in the finished file.
+
+    Frames without new speech are the film's own. Where voices are mixed there is also
+    OUT/voices.flac, and OUT/scene.json: how loud it is, and what proves that.
+
+    Args:
+        heads: of all cues; their clips are of one film.
+        pose_index: (F,) frame of the film under every frame of the dub.
+
+    Raises:
+        MediaError: a file broke off, or ffmpeg failed.
+        RenderingError: fewer heads than frames, or the finished file is not what it should be.
+    """
+    result = video_file(out, settings.codec)
+    segments = out / "segments"
+    film, card = heads[0].clip, settings.card
+    rate = film.rate
+    frames = len(pose_index) + (card.frames if card else 0)
+    source = media.probe(film.clip)
+    composer = Composer(heads, pose_index, settings)
+    if not result.exists():
+        parts = _pictures(composer, segments, settings, source.colour, progress)
+        progress("muxing", 1.0)
+        # The sound has its requested length, unless the dub was cut to the clip.
+        longest = float((len(pose_index) + Fraction(1, 2)) / rate)
+        if (cue := sound.recording) is not None:
+            heard, start, seconds = cue.audio, cue.audio_start, min(cue.seconds, longest)
+        else:
+            atomic_write_json(out / MIXED, mix(sound, film.clip, out))
+            heard, start, seconds = out / SOUND, 0.0, float(len(pose_index) / rate)
+        media.mux(
+            parts,
+            heard,
+            result,
+            audio_start=start,
+            seconds=seconds,
+            silent_until=float(frames / rate) if card else None,
+            audio_codec=media.SOUND[settings.codec],
+            audio_rate=settings.audio_rate,
+            metadata=provenance.tags(),
+            timecode=source.full_timecode_at(int(pose_index[0])),
+        )
+    progress("decoding the result", 1.0)
+    verify(result, frames, rate)
+    picture: dict[str, Any] = {
+        "own_pixels": composer.own_pixels(),
+        "overlaid": composer.overlaid(),
+    }
+    if settings.mark is not None:
+        progress("looking for the invisible mark", 1.0)
+        picture["mark"] = found_again(result, settings.mark, *composer.replaced(), rate)
+    atomic_write_json(out / PICTURE_FILE, picture)
+    if settings.codec != "h264":
+        progress("proxy", 1.0)
+        media.proxy(result, out / PROXY_FILE, provenance.tags())
+    if (out / MIXED).is_file():
+        progress("comparing with the film", 1.0)
+        own = composer.untouched()
+        proof = compare(film.clip, result, own, rate) if own.any() else None
+        figures = json_records.read(out / MIXED, dict[str, Any], "figures of the mix")
+        atomic_write_json(out / SCENE_FILE, {"sound": figures, "untouched": proof})
+        (out / SOUND).unlink(missing_ok=True)
+        (out / MIXED).unlink()
+    shutil.rmtree(segments, ignore_errors=True)
+    return result
+
+
+def _pictures(
+    composer: Composer,
+    folder: Path,
+    settings: VideoSettings,
+    colour: Colour,
+    progress: Progress,
+) -> list[tuple[Path, Fraction]]:
+    """Encode the frames, then the card of credits: files with their lengths in seconds."""
+    rate, poses = composer.film.rate, composer.poses
+    frames = len(poses)
+    parts = []
+
+    def writer(part: Path) -> media.VideoWriter:
+        return media.VideoWriter(part, *composer.size, rate, settings.codec, colour)
+
+    for first in range(0, frames, SEGMENT):
+        stop = min(first + SEGMENT, frames)
+        part = folder / f"{first:06d}{SUFFIX}"
+        parts.append((part, (stop - first) / rate))
+        if not part.exists():
+            encoder = writer(part)
+            read = composer.read(first, stop)
+            with encoder, behind(encoder.write) as write, closing(ahead(read)) as ready:
+                for done, (image, faces) in enumerate(ready, first):
+                    write(composer.frame(image, faces, int(poses[done]), done))
+                    progress("compositing", done / frames)
+    if settings.card is not None:
+        part = folder / f"card{SUFFIX}"
+        parts.append((part, settings.card.frames / rate))
+        picture = composer.card(settings.card.text)
+        with writer(part) as encoder:
+            for _ in range(settings.card.frames):
+                encoder.write(picture)
+    return parts
+
+
+def found_again(
+    path: Path, marking: Marking, first: int, stop: int, rate: Fraction
+) -> dict[str, Any]:
+    """Whether the mark is found in frames first .. stop of the finished file, or some of them."""
+    stop = min(stop, first + round(MARKED_SECONDS * rate))
+    frames = media.read_frames(path, start=first, count=stop - first, pixels="gray")
+    (seen,) = search(frames if stop > first else (), rate, [marking.key()], everywhere=False)
+    return {
+        "found": seen.present and id_of(seen.bits) == marking.id,
+        "statistic": round(seen.statistic, 1),
+        "threshold": round(seen.threshold, 1),
+        "frames": seen.frames,
+    }
+
+
+def verify(path: Path, frames: int, rate: Fraction) -> None:
+    """Decode a finished video: its frames, its rate, and that sound and picture begin together.
+
+    Raises:
+        RenderingError: something differs.
+    """
+    info = media.probe(path)
+    found = media.count_frames(path)
+    if found != frames:
+        raise RenderingError(f"the file holds {found} frames instead of {frames}", path.name)
+    if info.rate != rate:
+        raise RenderingError(f"the file runs at {info.rate} instead of {rate}", path.name)
+    if abs(info.video_start - info.audio_start) > TOLERANCE:
+        late = 1000 * (info.audio_start - info.video_start)
+        raise RenderingError(f"the sound begins {late:.1f} ms after the picture", path.name)

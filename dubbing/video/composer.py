@@ -1,0 +1,241 @@
+"""The frames of a dub: rendered heads onto the film, with its marks.
+
+F frames, S side of the crop in px.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from itertools import pairwise
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from dubbing import media
+from dubbing.compositing.composite import blend, replacement
+from dubbing.errors import RenderingError
+from dubbing.preparation.prepared import FilmFrame, PreparedClip
+from dubbing.provenance import card, provenance
+from dubbing.provenance.mark import Mark
+from dubbing.provenance.mark_key import Marking, bits_of
+from dubbing.script import timeline
+from dubbing.video.own_pixels import OVERLAID, OwnPixels, own_pixels
+from dubbing.video.settings import VideoSettings
+
+BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
+
+Picture = TypeVar("Picture")
+
+
+@dataclass(frozen=True)
+class Heads:
+    """Rendered heads of a cue, FFV1 RGBA segments: of frames first .. stop of the dub.
+
+    Over ``clip``, of which every dub has one a person. ``kept``: (T,) numbers of the reasons why
+    its frames keep their own face; see `own_pixels`. ``name``: of the cue.
+    """
+
+    folder: Path
+    clip: PreparedClip
+    first: int
+    stop: int
+    kept: np.ndarray
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Face:
+    """A face in a frame of the film, the rendered head, and how much of it is shown."""
+
+    clip: PreparedClip
+    film: FilmFrame
+    head: np.ndarray
+    share: float
+
+
+class Composer:
+    """Makes the finished frames of one dub.
+
+    Args:
+        heads, pose_index: see `make`.
+    """
+
+    def __init__(
+        self, heads: Sequence[Heads], pose_index: np.ndarray, settings: VideoSettings
+    ) -> None:
+        self.poses = pose_index
+        self.film = film = heads[0].clip
+        self.frames = settings.frame
+        self.size = film.source_size if self.frames == "full" else (film.size, film.size)
+        self.label = provenance.VisibleMark(*self.size) if settings.label else None
+        self.mark = invisible_mark(settings.mark, *self.size, film.rate)
+        count = len(pose_index)  # a dub that was cut is shorter than its cue
+        self.heads = [replace(h, stop=min(h.stop, count)) for h in heads if h.first < count]
+        self.shares = {
+            h.clip.folder: h.clip.shown[pose_index]
+            * timeline.shares(self._replaced(h.clip), pose_index, h.clip.segment)
+            for h in self.heads
+        }
+
+    def _replaced(self, clip: PreparedClip) -> np.ndarray:
+        """Frames (F,) bool in which the face of a clip has new speech, and is replaced."""
+        replaced = np.zeros(len(self.poses), bool)
+        for own in (h for h in self.heads if h.clip.folder == clip.folder):
+            replaced[own.first : own.stop] = own.kept[self.poses[own.first : own.stop]] == 0
+        return replaced
+
+    def own_pixels(self) -> list[OwnPixels]:
+        """Where inside of cues the face stays the film's own."""
+        return [
+            run
+            for h in self.heads
+            for run in own_pixels(h.name, h.first, h.kept[self.poses[h.first : h.stop]])
+        ]
+
+    def overlaid(self) -> list[OwnPixels]:
+        """Where inside of cues something lies over a replaced face, and stays over it."""
+        found = []
+        for h in self.heads:
+            poses = self.poses[h.first : h.stop]
+            over = (h.clip.over[poses] & (h.kept[poses] == 0)).astype(int)
+            found += own_pixels(h.name, h.first, over, OVERLAID)
+        return found
+
+    def replaced(self) -> tuple[int, int]:
+        """First and stop of the longest run of frames in which a face is replaced."""
+        shown = np.max([share > 0 for share in self.shares.values()], 0, initial=False)
+        edges = np.flatnonzero(np.diff(shown, prepend=False, append=False)).reshape(-1, 2)
+        if not len(edges):
+            return 0, 0
+        first, stop = max(edges.tolist(), key=lambda run: run[1] - run[0])
+        return first, stop
+
+    def untouched(self) -> np.ndarray:
+        """Frames (F,) bool that are the film's own."""
+        own = np.ones(len(self.poses), bool)
+        for cue in self.heads:
+            own[cue.first : cue.stop] = False
+        return own
+
+    def read(self, first: int, stop: int) -> Iterator[tuple[np.ndarray, list[Face]]]:
+        """The film's frames (or crops) first .. stop of the dub, and the faces to replace."""
+        edges = {edge for h in self.heads for edge in (h.first, h.stop) if first < edge < stop}
+        for low, high in pairwise([first, *sorted(edges), stop]):
+            heads = [h for h in self.heads if h.first <= low < h.stop]
+            if heads:
+                yield from self._with_heads(heads, low, high)
+            else:
+                for image in read_film(self.film, self.poses[low:high]):
+                    yield image, []
+
+    def _with_heads(
+        self, heads: list[Heads], low: int, high: int
+    ) -> Iterator[tuple[np.ndarray, list[Face]]]:
+        poses = self.poses[low:high]
+        films = [read_frames(h.clip, poses) for h in heads]
+        rendered = [read_heads(h.folder, low - h.first, high - low) for h in heads]
+        for k in range(low, high):
+            faces = [
+                Face(h.clip, next(film), next(head), float(self.shares[h.clip.folder][k]))
+                for h, film, head in zip(heads, films, rendered, strict=True)
+            ]
+            film = faces[0].film
+            yield film.whole if self.frames == "full" else film.image, faces
+
+    def card(self, text: str) -> np.ndarray:
+        """A card of credits in the size of the frames."""
+        return card.draw(text, *self.size)
+
+    def frame(
+        self, image: np.ndarray, faces: Sequence[Face], index: int, number: int
+    ) -> np.ndarray:
+        """Frame ``number`` of the dub, over frame ``index`` of the film; uint8 RGB of ``size``.
+
+        A frame without new speech is returned unchanged, without the mark.
+        """
+        out, replaced = with_faces(image, faces, index)
+        if self.mark is not None:
+            out = self.mark.draw(out, replaced, number)
+        return self.label.draw(out) if self.label and faces else out
+
+
+def with_faces(
+    image: np.ndarray, faces: Sequence[Face], index: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Frame ``index`` of the film (or its crop) with faces replaced, one after the other.
+
+    And how much of each pixel is replaced, (H, W) uint8.
+    """
+    replaced = np.zeros(image.shape[:2], np.uint8)
+    for face in faces:
+        if face.share > 0:
+            picture, mask = replacement(face.film, face.head)
+            if face.share < 1:
+                mask = (mask * face.share).round().astype(np.uint8)
+            if len(image) == len(mask) == image.shape[1]:
+                image = blend(image, picture, mask)
+            else:
+                image, mask = face.clip.paste(image, index, picture, mask)
+            np.maximum(replaced, mask, out=replaced)
+    return image, replaced
+
+
+def invisible_mark(marking: Marking | None, width: int, height: int, rate: Fraction) -> Mark | None:
+    """The invisible mark for frames of one size and rate, where there is to be one."""
+    if marking is None:
+        return None
+    return Mark(marking.key(), bits_of(marking.id), width, height, rate)
+
+
+def read_frames(clip: PreparedClip, poses: np.ndarray) -> Iterator[FilmFrame]:
+    """The film's frame for every pose, whichever way they run."""
+    return _in_order(clip.film_frames, poses)
+
+
+def read_film(clip: PreparedClip, poses: np.ndarray) -> Iterator[np.ndarray]:
+    """The frames of the film a clip was prepared from, whichever way they run."""
+    return _in_order(
+        lambda first, count: media.read_frames(clip.clip, start=first, count=count, rate=clip.rate),
+        poses,
+    )
+
+
+def _in_order(
+    forward: Callable[[int, int], Iterator[Picture]], poses: np.ndarray
+) -> Iterator[Picture]:
+    """Frames that ``forward`` reads from a first one on, for every pose, whichever way they run."""
+    for first, length, step in timeline.runs(poses):
+        if step == 0:
+            (still,) = forward(first, 1)
+            yield from (still for _ in range(length))
+        elif step == 1:
+            yield from forward(first, length)
+        else:
+            for done in range(0, length, BACKWARDS):
+                count = min(BACKWARDS, length - done)
+                last = first - done
+                yield from reversed(list(forward(last - count + 1, count)))
+
+
+def read_heads(folder: Path, first: int, count: int) -> Iterator[np.ndarray]:
+    """Heads (S, S, 4) uint8 of frames first .. first + count; files bear their first frame.
+
+    Raises:
+        RenderingError: there are not so many.
+    """
+    files = sorted((int(path.stem), path) for path in folder.glob("*.mkv"))
+    given = 0
+    for start, path in files:
+        if start + media.probe(path).frames <= first or given == count:
+            continue
+        skip = max(0, first - start)
+        for head in media.read_frames(path, start=skip, count=count - given, pixels="rgba"):
+            yield head
+            given += 1
+    if given < count:
+        raise RenderingError(
+            f"{given} heads instead of {count} from frame {first} on",
+            str(folder),
+            "run again with --force render",
+        )

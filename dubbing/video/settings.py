@@ -1,0 +1,27 @@
+"""Settings of a dub's video, from the manifest to the encoder."""
+
+from dataclasses import dataclass
+
+from dubbing.provenance.card import CreditsCard
+from dubbing.provenance.mark_key import Marking
+
+
+@dataclass(frozen=True)
+class VideoSettings:
+    """Settings of a video.
+
+    Attributes:
+        frame: full, or crop for the head alone.
+        label: whether the visible mark is drawn.
+        card: of credits, after the last frame.
+        mark: the invisible mark.
+        codec: h264, prores or ffv1.
+        audio_rate: Hz; None is that of the recording.
+    """
+
+    frame: str = "full"
+    label: bool = True
+    card: CreditsCard | None = None
+    mark: Marking | None = None
+    codec: str = "h264"
+    audio_rate: int | None = 48000

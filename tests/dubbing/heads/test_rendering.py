@@ -1,0 +1,87 @@
+"""Heads of a dub, segment by segment: the speech of each comes in pieces."""
+
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dfrf import presets, saved_models
+from dfrf.fast.fast_method import FastMethod
+from dfrf.field.speaker_adaptation import NUMBERS
+from dubbing.heads import rendering as heads
+from dubbing.media import VideoWriter, read_frames
+from dubbing.sound_to_lips.speech_frames import SpeechFrames
+from tests.dfrf.people import small_config
+from tests.fakes import write_prepared
+
+pytestmark = pytest.mark.medium
+
+
+def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count = 24
+    path = tmp_path / "clip.mkv"
+    with VideoWriter(path, 48, 40, Fraction(25), "ffv1") as writer:
+        for _ in range(count):
+            writer.write(np.full((40, 48, 3), 90, np.uint8))
+    (tmp_path / "prepared").mkdir()
+    clip = write_prepared(path, tmp_path / "prepared")
+    random = np.random.default_rng(0)
+    replace(clip, landmarks=random.random((count, 478, 2)) * 32).save()
+    model = presets.build(small_config(references=0, use_warp=False))
+    saved_models.save_person(tmp_path / "model.safetensors", model, None, {})
+    windows = random.random((count, 16, 8)).astype(np.float32)
+    speech = SpeechFrames(windows, random.random((count, NUMBERS)).astype(np.float32))
+    requests: list[tuple[int, int]] = []
+
+    def heard(first: int, number: int) -> SpeechFrames:
+        requests.append((first, number))
+        return speech.part(first, first + number)
+
+    def made(folder: Path, part: tuple[int, int] | None = None) -> list[np.ndarray]:
+        heads.render(
+            tmp_path / "model.safetensors",
+            clip,
+            heard,
+            folder,
+            pose_index=np.arange(count),
+            part=part,
+            device="cpu",
+        )
+        files = sorted(folder.glob("*.mkv"))
+        return [p for file in files for p in read_frames(file, pixels="rgba")]
+
+    whole = made(tmp_path / "one")
+    assert requests == [(0, count)]
+    monkeypatch.setattr(FastMethod, "segment", 8)
+    parts = made(tmp_path / "three")
+    assert requests[1:] == [(0, 15), (1, 22), (9, 15)]
+    assert len(whole) == len(parts) == count
+    for a, b in zip(whole, parts, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert max(p[..., 3].max() for p in whole) > 200
+    # In ranges, the last first: the same files, and what is there already is not asked for.
+    del requests[:]
+    made(tmp_path / "ranges", (16, 24))
+    assert [file.name for file in (tmp_path / "ranges").iterdir()] == ["000016.mkv"]
+    made(tmp_path / "ranges", (0, 16))
+    made(tmp_path / "ranges")
+    assert requests == [(9, 15), (0, 15), (1, 22)]
+    for file in (tmp_path / "three").iterdir():
+        assert (tmp_path / "ranges" / file.name).read_bytes() == file.read_bytes()
+
+
+def test_only_what_a_dub_shows_is_requested(tmp_path: Path) -> None:
+    path = tmp_path / "clip.mkv"
+    with VideoWriter(path, 48, 40, Fraction(25), "ffv1") as writer:
+        for _ in range(4):
+            writer.write(np.full((40, 48, 3), 90, np.uint8))
+    clip = write_prepared(path, tmp_path, size=64, invalid=(2,))
+    face, again, none = heads.regions_of(clip, np.array([1, 1, 2]))
+    np.testing.assert_array_equal(face, again)
+    assert not none.any()  # there the film stays as it is
+    assert not face[:12].any()  # the forehead
+    assert face[32:40, 32].all()  # the mouth

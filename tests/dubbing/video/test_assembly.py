@@ -1,0 +1,363 @@
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from dubbing import media
+from dubbing.errors import RenderingError
+from dubbing.mixing.sound import Sound
+from dubbing.preparation.prepared import OVERLAY, PreparedClip
+from dubbing.provenance.card import CreditsCard, default_text
+from dubbing.provenance.mark_key import marking
+from dubbing.script.timeline import Cue, frame_count
+from dubbing.video import assembly, composer
+from dubbing.video.assembly import make, verify
+from dubbing.video.composer import Heads, read_frames, read_heads
+from dubbing.video.own_pixels import reasons, views
+from dubbing.video.settings import VideoSettings
+from tests import clips, fakes
+
+pytestmark = pytest.mark.medium
+
+
+SIZE = (96, 64)
+
+
+def quiet(_message: str, _share: float) -> None:
+    pass
+
+
+def kept_of(clip: PreparedClip) -> np.ndarray:
+    return reasons(clip, views(clip))
+
+
+def recording(audio: Path, start: float, seconds: float, frames: int) -> Sound:
+    """The sound of a dub of one recording."""
+    return Sound((Cue("ann", 0, frames, audio, start, seconds),))
+
+
+class Scene:
+    """A numbered clip, its fake preparation, and sound."""
+
+    def __init__(self, folder: Path, frames: int, rate: Fraction = Fraction(25)) -> None:
+        self.folder = folder
+        self.rate = rate
+        self.clip = clips.write_clip(folder / "clip.mp4", frames, rate, size=SIZE)
+        self.prepared = folder / "prepared"
+        fakes.write_prepared(self.clip, self.prepared, window=(40, 20, 32), invalid=(3,))
+        self.audio = clips.write_sound(folder / "a.wav", 3, 44100, 2)
+
+    def make(self, poses: np.ndarray, name: str = "out", **settings: object) -> Path:
+        fakes.write_heads(self.folder / "heads", len(poses), self.rate)
+        seconds = float(len(poses) / self.rate)
+        seconds = float(settings.pop("seconds", seconds))  # type: ignore[arg-type]
+        chosen = VideoSettings(**settings)  # type: ignore[arg-type]
+        prepared = PreparedClip.load(self.prepared)
+        return make(
+            [Heads(self.folder / "heads", prepared, 0, len(poses), kept_of(prepared))],
+            recording(self.audio, 0.0, seconds, len(poses)),
+            self.folder / name,
+            pose_index=poses,
+            settings=chosen,
+            progress=quiet,
+        )
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    return Scene(tmp_path, 12)
+
+
+def test_full_frame_outside_of_the_head_is_the_sources(scene: Scene) -> None:
+    out = scene.make(np.arange(12), codec="ffv1", label=False)
+    made = np.stack(list(media.read_frames(out)))
+    source = np.stack(list(media.read_frames(scene.clip)))
+    changed = (made != source).any(-1)
+    assert not changed[3].any()  # no face in it: passed through
+    rows, columns = np.flatnonzero(changed.any((0, 2))), np.flatnonzero(changed.any((0, 1)))
+    # The window begins at (40, 20); the hole is 12..19 and the head 10..21, widened at most by 1.
+    assert rows[0] >= 20 + 9
+    assert rows[-1] <= 20 + 22
+    assert columns[0] >= 40 + 9
+    assert columns[-1] <= 40 + 22
+    for k in (7, 11):  # far from the frame without a face
+        assert tuple(made[k, 36, 56]) == (*fakes.HEAD[:2], k)
+
+
+def test_poses_may_run_any_way(scene: Scene) -> None:
+    poses = np.array([5, 6, 7, 6, 5, 4, 4, 4, 9, 1, 2])
+    made = list(media.read_frames(scene.make(poses, codec="ffv1")))
+    assert [clips.number(frame) for frame in made] == poses.tolist()
+    # ... while the heads come in their own order.
+    assert [int(frame[36, 56, 2]) for frame in made] == list(range(11))
+
+
+def test_long_backward_runs_are_read_in_pieces(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+
+    monkeypatch.setattr(composer, "BACKWARDS", 3)
+    clip = PreparedClip.load(scene.prepared)
+    poses = np.array([11, 10, 9, 8, 7, 6, 5, 4, 3, 2])
+    seen = []
+    for film in read_frames(clip, poses):
+        seen.append(clips.number(film.whole))
+    assert seen == poses.tolist()
+
+
+@pytest.mark.parametrize("codec", ["h264", "prores", "ffv1"])
+def test_every_pixel_that_is_not_replaced_is_handed_on_as_it_is(
+    scene: Scene, codec: str, tmp_path: Path
+) -> None:
+    """To the encoder of every codec; the lossless file shows it, with the mark in what is."""
+    (tmp_path / "own.key").write_bytes(b"a secret that nobody knows")
+    clip, mark = PreparedClip.load(scene.prepared), marking(tmp_path / "own.key", "a dub")
+    fakes.write_heads(scene.folder / "heads", 12, scene.rate)
+    heads = [Heads(scene.folder / "heads", clip, 0, 12, kept_of(clip))]
+    plain, marked = (
+        composer.Composer(heads, np.arange(12), VideoSettings(codec=codec, label=False, mark=m))
+        for m in (None, mark)
+    )
+    source = list(media.read_frames(scene.clip))
+    changes = 0
+    for k, ((image, faces), _) in enumerate(zip(plain.read(0, 12), range(12), strict=True)):
+        _, replaced = composer.with_faces(image, faces, k)
+        without, made = (c.frame(image, faces, k, k) for c in (plain, marked))
+        np.testing.assert_array_equal(made[replaced == 0], source[k][replaced == 0])
+        changes += int((made != without).any())
+    assert changes == 11  # in frame 3 there is no face
+    if codec == "ffv1":
+        out = scene.make(np.arange(12), codec=codec, label=False, mark=mark)
+        for k, frame in enumerate(media.read_frames(out)):
+            (image, faces) = next(marked.read(k, k + 1))
+            np.testing.assert_array_equal(frame, marked.frame(image, faces, k, k))
+
+
+def test_what_became_of_the_faces_is_written_down(scene: Scene, tmp_path: Path) -> None:
+    (tmp_path / "own.key").write_bytes(b"a secret that nobody knows")
+    out = scene.make(np.arange(12), mark=marking(tmp_path / "own.key", "a dub"))
+    picture = json.loads((out.parent / "picture.json").read_text())
+    assert [(p["reason"], p["first"], p["stop"]) for p in picture["own_pixels"]] == [
+        ("no face", 3, 4)
+    ]
+    assert picture["overlaid"] == []
+    assert not picture["mark"]["found"]  # a face of 10 px for half a second
+    assert picture["mark"]["frames"] == 8  # the longest run with a face
+
+
+def test_a_face_fades_with_its_shot_and_what_lies_over_it_is_listed(scene: Scene) -> None:
+    clip = PreparedClip.load(scene.prepared)
+    over, shown = np.zeros(12, bool), np.ones(12, np.float32)
+    over[[3, 6, 7]], shown[9:] = True, (0.75, 0.5, 0.0)
+    with media.VideoWriter(clip.folder / OVERLAY, 32, 32, clip.rate, "ffv1-gray") as writer:
+        for _ in range(12):
+            writer.write(np.full((32, 32), 255, np.uint8))
+    replace(clip, over=over, shown=shown).save()
+    out = scene.make(np.arange(12), codec="ffv1", label=False)
+    picture = json.loads((out.parent / "picture.json").read_text())
+    assert [(p["first"], p["stop"]) for p in picture["overlaid"]] == [(6, 8)]  # 3: no face
+    made, source = (list(media.read_frames(path)) for path in (out, scene.clip))
+    for k in (6, 7, 11):
+        np.testing.assert_array_equal(made[k], source[k])
+    for k, share in ((8, 1.0), (9, 0.75), (10, 0.5)):
+        expected = source[k][36, 56] + share * (np.array([*fakes.HEAD[:2], k]) - source[k][36, 56])
+        assert np.abs(made[k][36, 56] - expected).max() <= 2
+
+
+def test_crop_writes_the_crop(scene: Scene) -> None:
+    out = scene.make(np.arange(8), frame="crop", codec="ffv1", label=False)
+    made = list(media.read_frames(out))
+    source = list(media.read_frames(scene.clip, count=8))
+    assert made[0].shape == (32, 32, 3)
+    np.testing.assert_array_equal(made[0][:8], source[0][20:28, 40:72])
+    np.testing.assert_array_equal(made[3], source[3][20:52, 40:72])
+    assert tuple(made[7][16, 16]) == (*fakes.HEAD[:2], 7)
+
+
+def test_the_label_is_on_every_frame(scene: Scene) -> None:
+    marked = list(media.read_frames(scene.make(np.arange(6), "a", codec="ffv1")))
+    plain = list(media.read_frames(scene.make(np.arange(6), "b", codec="ffv1", label=False)))
+    for with_mark, without in zip(marked, plain, strict=True):
+        assert (with_mark != without)[48:, 48:].any()
+        np.testing.assert_array_equal(with_mark[:40], without[:40])
+
+
+@pytest.mark.parametrize(
+    ("codec", "rate"),
+    [
+        ("h264", Fraction(24000, 1001)),
+        ("h264", Fraction(25)),
+        ("h264", Fraction(30)),
+        ("prores", Fraction(24000, 1001)),
+        ("ffv1", Fraction(30000, 1001)),
+    ],
+)
+def test_codecs_and_rates(
+    tmp_path: Path, rate: Fraction, codec: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(assembly, "SEGMENT", 10)
+    scene = Scene(tmp_path, 28, rate)
+    seconds = 0.9
+    frames = frame_count(seconds, rate)
+    out = scene.make(np.arange(frames), codec=codec, seconds=seconds, audio_rate=None)
+    info = media.probe(out)
+    assert out.suffix == media.SUFFIX[codec]
+    assert media.count_frames(out) == frames
+    assert info.rate == rate
+    assert abs(info.video_start - info.audio_start) < 1e-3
+    assert (info.audio_rate, info.audio_channels) == (44100, 2)
+    assert info.audio_duration == pytest.approx(seconds, abs=0.03)
+    assert [clips.number(f) for f in media.read_frames(out)] == list(range(frames))
+    with av.open(str(out)) as container:
+        tags = {key.lower(): value for key, value in container.metadata.items()}
+    assert "AI-generated" in tags["comment"]
+    proxy = {"proxy.mp4"} - ({"proxy.mp4"} if codec == "h264" else set())  # browsers play H.264
+    assert {p.name for p in out.parent.iterdir()} == {out.name, "picture.json"} | proxy
+
+
+@pytest.mark.parametrize("codec", ["h264", "ffv1", "prores"])
+def test_the_finished_sound_lies_where_it_was_recorded(tmp_path: Path, codec: str) -> None:
+    scene, rate = Scene(tmp_path, 28, Fraction(30000, 1001)), 48000
+    noise = clips.write_noise(tmp_path / "noise.wav", 3)
+    fakes.write_heads(tmp_path / "heads", 28, scene.rate)
+    clip = PreparedClip.load(scene.prepared)
+    heads = [Heads(tmp_path / "heads", clip, 0, 28, kept_of(clip))]
+    settings, poses = VideoSettings(codec=codec, label=False), np.arange(28)
+    whole = media.read_audio(noise, rate=rate)
+
+    sound = recording(noise, 1.1234, float(28 / scene.rate), 28)
+    out = make(heads, sound, tmp_path / "a", pose_index=poses, settings=settings, progress=quiet)
+    heard = media.read_audio(out, rate=rate, seconds=0.9)
+    assert clips.lag(whole, heard) == round(1.1234 * rate)
+
+    cue = Cue("ann", 7, 25, noise, 0.9, float(18 / scene.rate))
+    lines = Sound((cue,), film_heard=True)
+    heads = [Heads(tmp_path / "heads", clip, 7, 25, kept_of(clip))]
+    out = make(heads, lines, tmp_path / "b", pose_index=poses, settings=settings, progress=quiet)
+    first = round(7 * rate / scene.rate)
+    # A seek would be as exact as the time stamps, which are milliseconds in Matroska.
+    heard = media.read_audio(out, rate=rate)[first : first + rate // 2]
+    assert clips.lag(whole, heard) == round(0.9 * rate)
+
+
+def test_a_cut_dub_has_as_much_sound_as_picture(scene: Scene) -> None:
+    out = scene.make(np.arange(6), seconds=2.0)
+    assert media.probe(out).audio_duration == pytest.approx(6.5 / 25, abs=0.03)
+
+
+def test_too_few_heads_are_reported(scene: Scene) -> None:
+    fakes.write_heads(scene.folder / "few", 7, scene.rate)
+    with pytest.raises(RenderingError, match="7 heads instead of 12"):
+        list(read_heads(scene.folder / "few", 0, 12))
+
+
+def test_heads_are_read_across_files(scene: Scene) -> None:
+    fakes.write_heads(scene.folder / "heads", 12, scene.rate)
+    got = [int(head[16, 16, 2]) for head in read_heads(scene.folder / "heads", 3, 8)]
+    assert got == list(range(3, 11))
+
+
+def test_verify_counts_by_decoding(scene: Scene) -> None:
+    verify(scene.clip, 12, Fraction(25))
+    with pytest.raises(RenderingError, match="12 frames instead of 13"):
+        verify(scene.clip, 13, Fraction(25))
+    with pytest.raises(RenderingError, match="runs at 25 instead of 24"):
+        verify(scene.clip, 12, Fraction(24))
+
+
+def test_sound_that_begins_late_is_noticed(scene: Scene) -> None:
+    late = scene.folder / "late.mkv"
+    clips.ffmpeg(
+        "-i", scene.clip, "-itsoffset", "0.2", "-i", scene.audio,
+        *("-map", "0:v", "-map", "1:a", "-c:v", "copy", "-c:a", "flac", "-t", "0.4"), late,
+    )  # fmt: skip
+    with pytest.raises(RenderingError, match="sound begins"):
+        verify(late, media.count_frames(late), Fraction(25))
+
+
+def test_memory_does_not_grow_with_the_length(tmp_path: Path) -> None:
+    """Peak memory of a process that composites n frames, for two n."""
+    code = (
+        "import resource, sys; from pathlib import Path; import numpy as np;"
+        "from tests.dubbing.video.test_assembly import Scene;"
+        "s = Scene(Path(sys.argv[1]), 20); s.make(np.arange(int(sys.argv[2])) % 20);"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+
+    def peak(frames: int) -> int:
+        folder = tmp_path / str(frames)
+        folder.mkdir()
+        command = [sys.executable, "-c", code, str(folder), str(frames)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        return int(done.stdout)
+
+    assert (
+        peak(200) < peak(20) + 10_000
+    )  # KiB; frames that were kept would be 18 KiB each, and more
+
+
+def test_two_faces_in_one_frame_each_while_it_speaks(scene: Scene) -> None:
+    """One on the right of the film in frames 2 to 8, one on the left in frames 6 to 11."""
+    film, folder = PreparedClip.load(scene.prepared), scene.folder
+    other = fakes.write_prepared(scene.clip, folder / "other", window=(4, 20, 32))
+    for name, count in (("a", 6), ("b", 5)):
+        fakes.write_heads(folder / name, count, scene.rate)
+    heads = [
+        Heads(folder / "a", film, 2, 8, kept_of(film)),
+        Heads(folder / "b", other, 6, 11, kept_of(other)),
+    ]
+    out = make(
+        heads,
+        recording(scene.audio, 0.0, 12 / 25, 12),
+        folder / "out",
+        pose_index=np.arange(12),
+        settings=VideoSettings(codec="ffv1", label=False),
+        progress=quiet,
+    )
+    made = np.stack(list(media.read_frames(out)))
+    source = np.stack(list(media.read_frames(scene.clip)))
+    changed = (made != source).any(-1)
+    right, left = changed[:, :, 40:].any((1, 2)), changed[:, :, :40].any((1, 2))
+    assert np.flatnonzero(right).tolist() == [2, 4, 5, 6, 7]  # frame 3 shows no face there
+    assert np.flatnonzero(left).tolist() == [6, 7, 8, 9, 10]
+    assert tuple(made[8, 36, 20]) != tuple(source[8, 36, 20])
+
+
+@pytest.mark.parametrize("codec", ["h264", "ffv1"])
+def test_a_card_follows_in_silence(scene: Scene, codec: str) -> None:
+    card = CreditsCard(default_text(["Ann"]), 30)
+    plain = scene.make(np.arange(12), "plain", codec=codec)
+    made = scene.make(np.arange(12), "card", codec=codec, card=card)
+    assert media.count_frames(made) == 12 + 30
+    pictures = np.stack(list(media.read_frames(made)))
+    np.testing.assert_array_equal(pictures[:12], np.stack(list(media.read_frames(plain))))
+    shown = pictures[12:].astype(int)
+    assert np.ptp(shown, axis=0).max() < 8  # it stands still
+    assert np.ptp(shown[0]) > 100
+    assert media.probe(made).sound_seconds == pytest.approx(42 / 25, abs=0.05)
+    heard, own = (media.read_audio(path, rate=48000) for path in (made, plain))
+    samples = 12 * 1920
+    np.testing.assert_allclose(heard[: samples - 2048], own[: samples - 2048], atol=0.02)
+    assert np.abs(heard[samples + 2048 :]).max() < 1e-3 < np.abs(heard[:samples]).max()
+
+
+def test_the_invisible_mark_lies_on_faces_alone(scene: Scene, tmp_path: Path) -> None:
+    key = tmp_path / "own.key"
+    key.write_bytes(b"sixteen bytes and more")
+    settings = {"codec": "ffv1", "label": False}
+    plain = list(media.read_frames(scene.make(np.arange(12), "plain", **settings)))
+    mark = marking(key, ["what it was made of"])
+    made = list(media.read_frames(scene.make(np.arange(12), "made", mark=mark, **settings)))
+    for k, (one, other) in enumerate(zip(made, plain, strict=True)):
+        assert (one != other).any() == (k != 3)  # no face in it
+        assert np.abs(one.astype(int) - other).max() < 16
+    cropped = scene.make(np.arange(6), "crop", mark=mark, frame="crop", **settings)
+    assert next(iter(media.read_frames(cropped))).shape == (32, 32, 3)
