@@ -25,22 +25,10 @@ from dubbing.stages.prepare import Prepare
 from dubbing.stages.refine_poses import RefinePoses
 from dubbing.stages.render import Render
 from dubbing.stages.sign import Sign
-from dubbing.stages.still import Still
 from dubbing.video.files import video_file
 
 PERSON, DUB = "identity", "dub"  # kinds of jobs
-STAGES = (
-    Prepare,
-    CheckSource,
-    Finetune,
-    RefinePoses,
-    Listen,
-    Render,
-    Composite,
-    Check,
-    Sign,
-    Still,
-)
+STAGES = (Prepare, CheckSource, Finetune, RefinePoses, Listen, Render, Composite, Check, Sign)
 
 
 def people_jobs(
@@ -103,7 +91,6 @@ def dub_job(
         source = people[first.name].stage(CheckSource, first.clip_at(dub.film.path).name)
         job.add(Check.of(dub, video, source))
         if dub.signer:
-            job.add(Still.of(dub, video))
             models = {name: person.model for name, person in on_film.items()}
             job.add(Sign.of(dub, dub.signer, video, models))
     return job
