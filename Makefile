@@ -69,7 +69,7 @@ check: .venv/installed-dev
 
 # The schema that ships, and the tables of docs/reference, from the code.
 docs: .venv/installed
-	$(BIN)/python -m dubbing.cli.reference
+	$(BIN)/python -m dubbing.workshop.reference
 
 # The tables of docs/development/speech.md: CLIPS of one talking person each, TEST clips never trained on.
 speech-table: .venv/installed-synthetic

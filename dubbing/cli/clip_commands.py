@@ -63,7 +63,7 @@ def sync(
     packages.require()
     from dubbing.cli import console, live
     from dubbing.sync.check import check
-    from dubbing.sync.syncnet.check import published_check
+    from dubbing.workshop.lab.syncnet.check import published_check
 
     with live.progress_bar(f"sync {video.name}") as progress:
         if weights is None:

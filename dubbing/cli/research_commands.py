@@ -87,7 +87,7 @@ def import_checkpoint(
 ) -> None:
     """Read a checkpoint of the published code into ours."""
     from dfrf.checkpoint import CheckpointError
-    from dfrf.published.importing import import_checkpoint as work
+    from dubbing.workshop.published.importing import import_checkpoint as work
 
     try:
         work(file, checked_output(out, file))

@@ -17,8 +17,6 @@ from typing_extensions import TypedDict
 from dfrf import device as devices
 from dfrf.checkpoint import CheckpointError
 from dfrf.config import STEPS, family
-from dfrf.metrics import lpips
-from dfrf.metrics.lpips import Lpips
 from dubbing.batch.jobs import chosen_names
 from dubbing.engine import claims
 from dubbing.engine import json_records as kept
@@ -41,6 +39,8 @@ from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.cross_driving import measure_dub
 from dubbing.workshop.lab.held_out import frames_to_test, supposed
 from dubbing.workshop.lab.measuring import measure
+from dubbing.workshop.lab.metrics import lpips
+from dubbing.workshop.lab.metrics.lpips import Lpips
 from dubbing.workshop.lab.sync_figures import sync_figures
 
 RESULT_FILE = "evaluate.json"

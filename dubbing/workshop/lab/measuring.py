@@ -15,7 +15,6 @@ import torch
 from torch import Tensor
 
 from dfrf.metrics import image as metrics
-from dfrf.metrics.lpips import Lpips
 from dfrf.training.warp_penalty import PAPER_SIZE
 from dubbing.engine.files import atomic_write_text
 from dubbing.engine.stage import Progress
@@ -31,6 +30,7 @@ from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.sync.sync_network import load_network
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.flicker import Flicker, brow_skin
+from dubbing.workshop.lab.metrics.lpips import Lpips
 from dubbing.workshop.lab.mouth import MouthSeries
 
 NOT_KNOWN = float("nan")

@@ -15,7 +15,6 @@ import numpy as np
 import torch
 
 from dfrf.metrics import image as metrics
-from dfrf.metrics import lips
 from dfrf.training.warp_penalty import PAPER_SIZE
 from dubbing.face.mouth_shape import (
     INNER_LIP,
@@ -27,6 +26,7 @@ from dubbing.face.mouth_shape import (
 )
 from dubbing.face.similarity import similarity
 from dubbing.identity.dataset import mouth_boxes
+from dubbing.workshop.lab.metrics import lips
 
 LIPS = len(OUTER_LIP) + len(INNER_LIP)  # the first points of a mouth shape
 NOT_KNOWN = float("nan")

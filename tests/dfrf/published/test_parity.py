@@ -17,10 +17,10 @@ from torch import Tensor
 from dfrf.cameras import pixel_grid, pixel_rays, project
 from dfrf.field.encodings import frequency_encoding
 from dfrf.published.conditioned_field import FrameConditions
-from dfrf.published.importing import import_checkpoint
 from dfrf.published.paper_model import EncodedReferences, PaperModel, References
 from dfrf.published.references import clamp_to_image
 from dfrf.saved_models import load_model
+from dubbing.workshop.published.importing import import_checkpoint
 from tests import needs
 
 SIZE, FOCAL = 64, 162.5

@@ -9,11 +9,11 @@ import pytest
 
 from dfrf import presets, saved_models
 from dfrf.field.speaker_adaptation import NUMBERS
-from dfrf.metrics.lpips import Lpips
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.workshop.lab import measuring, tiles
 from dubbing.workshop.lab.measuring import FrameFigures, mean_figures, measure
+from dubbing.workshop.lab.metrics.lpips import Lpips
 from tests import clips
 from tests.dfrf.people import small_config
 from tests.dubbing.sync.meshes import talk

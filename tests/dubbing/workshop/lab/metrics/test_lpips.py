@@ -10,7 +10,7 @@ from safetensors.torch import load_file
 from torch import Tensor
 
 from dfrf.checkpoint import CheckpointError
-from dfrf.metrics import lpips
+from dubbing.workshop.lab.metrics import lpips
 
 # Place in torchvision's `features`, inputs, outputs, kernel, stride and padding of each layer.
 LAYERS = (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dubbing.sync.syncnet.mfcc import mfcc
+from dubbing.workshop.lab.syncnet.mfcc import mfcc
 
 pytestmark = pytest.mark.medium
 

@@ -25,8 +25,8 @@ from dubbing.speech.voice_activity import STEP_RATE, voice_activity_of_blocks
 from dubbing.sync.curves import MAX_OFFSET, Estimate
 from dubbing.sync.judgement import Measurement, conclude
 from dubbing.sync.result import Media, SyncResult
-from dubbing.sync.syncnet.mfcc import HOP, SAMPLE_RATE, WINDOW, mfcc
-from dubbing.sync.syncnet.syncnet_network import (
+from dubbing.workshop.lab.syncnet.mfcc import HOP, SAMPLE_RATE, WINDOW, mfcc
+from dubbing.workshop.lab.syncnet.syncnet_network import (
     EMBEDDING,
     FRAMES,
     SIDE,

@@ -7,9 +7,9 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from dfrf.checkpoint import CheckpointError
-from dfrf.published.importing import import_checkpoint
 from dfrf.published.paper_model import PaperModel
 from dfrf.saved_models import load_model
+from dubbing.workshop.published.importing import import_checkpoint
 
 LINEAR: dict[str, dict[str, tuple[int, ...]]] = {
     "network": {

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from dubbing.errors import SyncError
-from dubbing.sync.syncnet import check as published
-from dubbing.sync.syncnet.syncnet_network import PublishedSyncNet, load_published
+from dubbing.workshop.lab.syncnet import check as published
+from dubbing.workshop.lab.syncnet.syncnet_network import PublishedSyncNet, load_published
 
 pytestmark = pytest.mark.medium
 

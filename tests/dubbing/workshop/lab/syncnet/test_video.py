@@ -6,11 +6,11 @@ import torch
 from torch import Tensor, nn
 
 from dubbing import media
-from dubbing.sync.syncnet import check as published
-from dubbing.sync.syncnet.mfcc import mfcc
-from dubbing.sync.syncnet.syncnet_network import PublishedSyncNet
+from dubbing.workshop.lab.syncnet import check as published
+from dubbing.workshop.lab.syncnet.mfcc import mfcc
+from dubbing.workshop.lab.syncnet.syncnet_network import PublishedSyncNet
 from tests.dubbing.conftest import Speaker
-from tests.dubbing.sync.syncnet.test_check import whole_curve
+from tests.dubbing.workshop.lab.syncnet.test_check import whole_curve
 
 pytestmark = pytest.mark.medium
 

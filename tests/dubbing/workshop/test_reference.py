@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.cli import reference
 from dubbing.cli.main import COMMANDS
+from dubbing.workshop import reference
 
 PAGES = Path(__file__).parents[3] / "docs" / "reference"
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from dfrf.metrics import lips
+from dubbing.workshop.lab.metrics import lips
 
 NAN = float("nan")
 RATE = 25.0
