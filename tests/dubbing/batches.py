@@ -6,33 +6,12 @@ from pathlib import Path
 
 from dubbing.batch import batch
 from dubbing.engine.executors import Executor
-from dubbing.engine.graph import Job
-from dubbing.engine.outcome import Failure
 from dubbing.engine.runner import Options
-from dubbing.engine.stage import Stage
 from dubbing.manifest.manifest import load
 from tests import clips
+from tests.dubbing.engine.listener import Listener
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-class Listener:
-    """Remembers which stages ran."""
-
-    def __init__(self) -> None:
-        self.began: list[str] = []
-
-    def overall(self, done: int, total: int) -> None:
-        assert 0 <= done <= total
-
-    def begin(self, job: Job, stage: Stage, reasons: list[str]) -> None:
-        self.began.append(f"{job.name}:{stage.kind}")
-
-    def progress(self, job: Job, stage: Stage, message: str, share: float) -> None:
-        assert 0 <= share <= 1
-
-    def end(self, job: Job, stage: Stage, failure: Failure | None) -> None:
-        pass
 
 
 def manifest_of(footage: Path, folder: Path, people: dict[str, str], extra: str = "") -> Path:
