@@ -1,0 +1,1 @@
+"""Import of the networks that find faces and people."""

@@ -1,0 +1,71 @@
+"""Writes the networks that find faces and people, from the files of MediaPipe 0.10.21.
+
+    python -m dubbing.workshop.faces.import_networks WHEEL --out dubbing/face
+
+WHEEL is the wheel of the package, or the folder `mediapipe` of an installed one. Also needs the
+package flatbuffers (`requirements-dev.txt`).
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import zipfile
+from pathlib import Path
+
+import torch
+
+from dubbing.face.graph_network import FORMAT
+from dubbing.shipped.weights import save_half
+from dubbing.workshop.faces.conversion import convert
+from dubbing.workshop.faces.flatbuffer import read_graph
+from dubbing.workshop.faces.parallel import merged, without_repetitions
+
+# File of a network here, and in the package.
+NETWORKS = {
+    "face_detector": "modules/face_detection/face_detection_short_range.tflite",
+    "face_landmarks": "modules/face_landmark/face_landmark_with_attention.tflite",
+    "person_mask": "modules/selfie_segmentation/selfie_segmentation.tflite",
+}
+
+
+def read_source(package: Path, name: str) -> bytes:
+    """A file of a wheel or of an installed package."""
+    if package.is_dir():
+        return (package / name).read_bytes()
+    with zipfile.ZipFile(package) as wheel:
+        return wheel.read(f"mediapipe/{name}")
+
+
+def import_network(data: bytes, source: str, path: Path) -> None:
+    """Write a TFLite file's network to `path`."""
+    graph = read_graph(data)
+    steps, outputs, weights = convert(graph)
+    steps = without_repetitions(steps, weights)
+    steps = merged(steps, outputs, weights)
+    header = {
+        "format": FORMAT,
+        "graph": json.dumps(
+            {"input": graph.inputs[0], "outputs": outputs, "steps": steps}, separators=(",", ":")
+        ),
+        "source": f"mediapipe 0.10.21, {source}",
+        "source_sha256": hashlib.sha256(data).hexdigest(),
+        "license": "Apache-2.0",
+    }
+    save_half({k: torch.from_numpy(v.copy()) for k, v in weights.items()}, path, header)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("package", type=Path, help="wheel or folder of mediapipe 0.10.21")
+    parser.add_argument("--out", type=Path, required=True, help="folder for the networks")
+    arguments = parser.parse_args()
+    for name, source in NETWORKS.items():
+        path = arguments.out / f"{name}.safetensors"
+        import_network(read_source(arguments.package, source), source, path)
+        print(f"{path}: {path.stat().st_size / 2**20:.2f} MiB")
+
+
+if __name__ == "__main__":
+    main()
