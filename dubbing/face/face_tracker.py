@@ -5,12 +5,10 @@ Letters: T frames, P = 478 points of the face mesh, H and W pixels.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import partial
-from typing import Self
 
 import numpy as np
 
-from dubbing.face.mediapipe_graph import Solution, solution
+from dubbing.face.face_finder import FaceFinder
 
 POINTS = 478
 MAX_FACES = 4
@@ -41,41 +39,20 @@ class _Track:
 class FaceTracker:
     """FaceMesh in tracking mode, with one track number a person.
 
-    Use as a context manager and feed it the frames in order. The weights of the face mesh come
-    with the mediapipe package.
+    Feed it the frames in order.
     """
 
     def __init__(self, rate: float, max_faces: int = MAX_FACES) -> None:
-        self._mesh = Solution(
-            partial(
-                solution("face_mesh").FaceMesh,
-                static_image_mode=False,
-                refine_landmarks=True,
-                max_num_faces=max_faces,
-            )
-        )
+        self._finder = FaceFinder(max_faces)
         self._memory = max(1, round(rate * MEMORY_SECONDS))
         self._tracks: list[_Track] = []
         self._count = 0
         self._frame = -1
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._mesh.close()
-
     def __call__(self, frame: np.ndarray) -> list[Face]:
         """Faces of the next frame, RGB uint8 (H, W, 3)."""
         self._frame += 1
-        height, width = frame.shape[:2]
-        faces = self._mesh.process(frame).multi_face_landmarks or []
-        # FaceMesh gives depth in the unit of the columns.
-        scale = np.array([width, height, width], np.float32)
-        meshes = [
-            np.array([(p.x, p.y, p.z) for p in face.landmark], np.float32) * scale for face in faces
-        ]
-        return self._assign(meshes)
+        return self._assign([mesh.astype(np.float32) for mesh in self._finder.follow(frame)])
 
     def _assign(self, meshes: list[np.ndarray]) -> list[Face]:
         self._tracks = [t for t in self._tracks if self._frame - t.last_frame <= self._memory]
@@ -116,6 +93,4 @@ def _without_twins(meshes: list[np.ndarray]) -> list[np.ndarray]:
 
 def track_faces(frames: Iterable[np.ndarray], rate: float) -> Iterator[list[Face]]:
     """Faces of each frame in order; the frames are not kept."""
-    with FaceTracker(rate) as tracker:
-        for frame in frames:
-            yield tracker(frame)
+    yield from map(FaceTracker(rate), frames)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +39,13 @@ class GraphNetwork:
     def __init__(self, path: Path, device: torch.device | str = "cpu") -> None:
         weights, header = load_float(path, FORMAT, path.stem.replace("_", " "), REMEDY)
         graph = json.loads(header["graph"])
+        self.graph: list[Settings] = graph["steps"]
         self._device = torch.device(device)
         self._input: int = graph["input"]
         self._outputs: list[int] = graph["outputs"]
         self._steps: list[tuple[Run, list[int], int, list[int]]] = []
         needed = set(self._outputs)
-        for step in reversed(graph["steps"]):
+        for step in reversed(self.graph):
             last = [tensor for tensor in dict.fromkeys(step["in"]) if tensor not in needed]
             needed.update(step["in"])
             constants = [weights[name].to(self._device) for name in step.get("weights", ())]
@@ -63,6 +65,12 @@ class GraphNetwork:
             for tensor in last:
                 del values[tensor]
         return [values[tensor] for tensor in self._outputs]
+
+
+@lru_cache(maxsize=8)
+def network(path: Path) -> GraphNetwork:
+    """The network of a file, read once. It keeps nothing of a call, so threads may share it."""
+    return GraphNetwork(path)
 
 
 def _convolve(settings: Settings, weight: Tensor, bias: Tensor) -> Run:

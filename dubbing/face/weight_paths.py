@@ -1,14 +1,10 @@
-"""Networks of MediaPipe that find faces and people, by name. Nothing of it is imported."""
+"""Weights of the networks that find faces and people, by name; a module without torch."""
 
 from pathlib import Path
 
-from dubbing.shipped.package_files import of_package
-
-FACES = (
-    "modules/face_detection/face_detection_short_range.tflite",
-    "modules/face_landmark/face_landmark_with_attention.tflite",
-)
-PERSON = "modules/selfie_segmentation/selfie_segmentation.tflite"
+FACE_DETECTOR = Path(__file__).with_name("face_detector.safetensors")
+FACE_LANDMARKS = Path(__file__).with_name("face_landmarks.safetensors")
+PERSON_MASK = Path(__file__).with_name("person_mask.safetensors")
 # By name: the networks that find faces, and the person round a face.
-FACE_WEIGHTS: dict[str, Path] = of_package("mediapipe", *FACES)
-PERSON_WEIGHTS: dict[str, Path] = of_package("mediapipe", PERSON)
+FACE_WEIGHTS: dict[str, Path] = {"face_detector": FACE_DETECTOR, "face_landmarks": FACE_LANDMARKS}
+PERSON_WEIGHTS: dict[str, Path] = {"person_mask": PERSON_MASK}

@@ -139,18 +139,18 @@ def measure(
     images = media.read_frames(video)
     channels = SoundChannels()
     first = 0
-    with FaceTracker(float(rate)) as tracker:
-        for length in block_lengths(total, rate):
-            frames: dict[int, _FaceFrames] = {}
-            for k, frame in enumerate(islice(images, length)):
-                for detected in tracker(frame):
-                    if detected.track not in frames:
-                        frames[detected.track] = _FaceFrames.empty(length)
-                    frames[detected.track].add(k, frame, detected.points, face)
-                if progress is not None:
-                    progress((first + k + 1) / total)
-            faces = {track: f.block_face(info.width, info.height) for track, f in frames.items()}
-            start, seconds = first / float(rate), length / float(rate)
-            sound = measure_sound(sound_from or video, start, seconds, channels, end)
-            yield Block(first, length, rate, faces, sound)
-            first += length
+    tracker = FaceTracker(float(rate))
+    for length in block_lengths(total, rate):
+        frames: dict[int, _FaceFrames] = {}
+        for k, frame in enumerate(islice(images, length)):
+            for detected in tracker(frame):
+                if detected.track not in frames:
+                    frames[detected.track] = _FaceFrames.empty(length)
+                frames[detected.track].add(k, frame, detected.points, face)
+            if progress is not None:
+                progress((first + k + 1) / total)
+        faces = {track: f.block_face(info.width, info.height) for track, f in frames.items()}
+        start, seconds = first / float(rate), length / float(rate)
+        sound = measure_sound(sound_from or video, start, seconds, channels, end)
+        yield Block(first, length, rate, faces, sound)
+        first += length

@@ -3,6 +3,7 @@
 T frames, S the side of the crop in px.
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -25,29 +26,36 @@ from dubbing.preparation.matting.matting import (
     in_bytes,
     opacity,
 )
-from dubbing.preparation.matting.person_masks import PersonMasks
+from dubbing.preparation.matting.person_masks import person_masks
 
 
 class People:
     """Writes person masks and opacities of all crops into a folder, frame by frame."""
 
-    def __init__(self, folder: Path, crops: np.ndarray, person_masks: PersonMasks) -> None:
-        self._person_masks = person_masks
+    def __init__(self, folder: Path, crops: np.ndarray) -> None:
         self._crops = crops
         self._masks = create_images(folder / PERSON, *crops.shape[:3])
         self._opacities = create_images(folder / OPACITY, *crops.shape[:3])
 
-    def look(self, t: int, landmarks: np.ndarray | None) -> np.ndarray:
-        """Write mask and opacity of a frame, and measure the outline of its head.
+    def look(self, first: int, landmarks: Sequence[np.ndarray | None]) -> np.ndarray:
+        """Write masks and opacities of frames in a row, and measure the outlines of their heads.
 
         Args:
-            landmarks: (478, 2 or more) px of the crop, None where they are not known.
+            first: number of the first frame.
+            landmarks: of each frame (478, 2 or more) px of the crop, None where not known.
 
         Returns:
-            Middle and top of the head (2, 2) px, NaN where not visible; see :class:`Silhouette`.
+            Middles and tops of the heads (2, B, 2) px, NaN where not visible; see
+            :class:`Silhouette`.
         """
-        mask = self._person_masks.mask(self._crops[t])
-        alpha = opacity(self._crops[t], mask)
+        crops = self._crops[first : first + len(landmarks)]
+        masks = zip(crops, person_masks(crops), landmarks, strict=True)
+        return np.stack([self._write(first + k, *each) for k, each in enumerate(masks)], axis=1)
+
+    def _write(
+        self, t: int, crop: np.ndarray, mask: np.ndarray, landmarks: np.ndarray | None
+    ) -> np.ndarray:
+        alpha = opacity(crop, mask)
         self._masks[t], self._opacities[t] = in_bytes(mask), in_bytes(alpha)
         if landmarks is None:
             return np.full((2, 2), np.nan)

@@ -45,7 +45,7 @@ def opacity(image: np.ndarray, person: np.ndarray) -> np.ndarray:
 
     Args:
         image: (S, S, 3) RGB uint8.
-        person: (S, S) from :func:`person_mask`.
+        person: (S, S) from :func:`person_masks`.
     """
     unit = len(image) / REFERENCE_SIZE
     guide = cv2.cvtColor(image, GREY).astype(np.float32) / 255

@@ -1,41 +1,28 @@
-"""Person masks by MediaPipe's SelfieSegmentation, for several threads."""
+"""Person masks by the network of SelfieSegmentation, for several images and threads."""
 
 from __future__ import annotations
 
-from contextlib import ExitStack
-from functools import partial
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
+import torch
 
-from dubbing.face.mediapipe_graph import Solution, solution
+from dubbing.face.graph_network import network
+from dubbing.face.weight_paths import PERSON_MASK
 
 INPUT_SIDE = 256  # px, side of the network's input
+BATCH = 4  # images at once: more do not fit a core's cache
 
 
-class PersonMasks(ExitStack):
-    """A pool of networks, one a thread. Leaving the context closes them.
-
-    MediaPipe keeps a network's memory, some 25 MB, until it is closed.
-    """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._idle: list[Solution] = []
-
-    def mask(self, image: np.ndarray) -> np.ndarray:
-        """Probability (S, S) float32 in 0..1 that a pixel of an RGB image belongs to a person."""
-        try:
-            network = self._idle.pop()
-        except IndexError:
-            network = self._another()
-        small = cv2.resize(image, (INPUT_SIDE, INPUT_SIDE), interpolation=cv2.INTER_AREA)
-        mask = network.process(small).segmentation_mask
-        self._idle.append(network)
-        return cv2.resize(mask, image.shape[1::-1], interpolation=cv2.INTER_LINEAR)
-
-    def _another(self) -> Solution:
-        networks = solution("selfie_segmentation")
-        network = Solution(partial(networks.SelfieSegmentation, model_selection=0))
-        self.callback(network.close)
-        return network
+def person_masks(images: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Probabilities (S, S) float32 in 0..1 that pixels of RGB images belong to a person."""
+    found: list[np.ndarray] = []
+    for start in range(0, len(images), BATCH):
+        part = images[start : start + BATCH]
+        side = (INPUT_SIDE, INPUT_SIDE)
+        small = np.stack([cv2.resize(k, side, interpolation=cv2.INTER_AREA) for k in part])
+        (masks,) = network(PERSON_MASK)(torch.from_numpy(small).permute(0, 3, 1, 2).float() / 255)
+        for image, mask in zip(part, masks[:, 0].cpu().numpy(), strict=True):
+            found.append(cv2.resize(mask, image.shape[1::-1], interpolation=cv2.INTER_LINEAR))
+    return found

@@ -74,18 +74,18 @@ def survey(info: MediaInfo, progress: ReportShare, people: Sequence[Portrait] = 
     details: list[float] = []
     sightings: list[list[Sighting]] = []
     before: np.ndarray | None = None
-    with FaceMesh(tracking=False, faces=MOST_FACES) as mesh:
-        for frame, image in enumerate(read_frames(info.path)):
-            small = thumbnail(image)
-            if before is not None:
-                difference[frame] = np.abs(small - before).mean()
-                lit[frame] = difference[frame] > LEAST_DIFFERENCE and same_structure(before, small)
-            before = small
-            miniatures.append(miniature(small))
-            details.append(detail(small))
-            if frame % STRIDE == 0:
-                sightings.append(sight(mesh, image, frame))
-            progress((frame + 1) / info.frames)
+    mesh = FaceMesh(tracking=False, faces=MOST_FACES)
+    for frame, image in enumerate(read_frames(info.path)):
+        small = thumbnail(image)
+        if before is not None:
+            difference[frame] = np.abs(small - before).mean()
+            lit[frame] = difference[frame] > LEAST_DIFFERENCE and same_structure(before, small)
+        before = small
+        miniatures.append(miniature(small))
+        details.append(detail(small))
+        if frame % STRIDE == 0:
+            sightings.append(sight(mesh, image, frame))
+        progress((frame + 1) / info.frames)
     if sum(map(bool, sightings)) < LEAST_SHARE * len(sightings):
         sightings = search_tiles(info.path, info.frames, progress)
     if not any(sightings):
@@ -141,14 +141,14 @@ def person_of(portrait: Portrait, info: MediaInfo) -> Person:
     spread = np.linspace(0, info.frames - 1, PORTRAIT_FRAMES).round().astype(int)
     frames = [place.frame for place in rows] or np.unique(spread).tolist()
     track: list[Sighting] = []
-    with FaceMesh(tracking=False, faces=MOST_FACES) as mesh:
-        for k, frame in enumerate(frames):
-            (image,) = read_frames(portrait.clip, start=frame, count=1)
-            faces = sight(mesh, image, frame)
-            if rows:
-                track += track_at([[face] for face in faces], rows[k])
-            elif faces:
-                track.append(max(faces, key=lambda face: face.size))
+    mesh = FaceMesh(tracking=False, faces=MOST_FACES)
+    for k, frame in enumerate(frames):
+        (image,) = read_frames(portrait.clip, start=frame, count=1)
+        faces = sight(mesh, image, frame)
+        if rows:
+            track += track_at([[face] for face in faces], rows[k])
+        elif faces:
+            track.append(max(faces, key=lambda face: face.size))
     if not track:
         raise LookupError(f"in {portrait.clip}, which shows whom to look for")
     return Person(looks=looks_of([track]))
@@ -184,15 +184,15 @@ def sight(
 def search_tiles(path: Path, frames: int, progress: ReportShare) -> list[list[Sighting]]:
     """Search enlarged, overlapping parts of the frames: the detector misses small faces."""
     out = []
-    with FaceMesh(tracking=False, faces=MOST_FACES) as mesh:
-        for frame, image in enumerate(read_frames(path)):
-            if frame % STRIDE == 0:
-                faces: list[Sighting] = []
-                for tile, corner in tiles(image):
-                    larger = cv2.resize(tile, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-                    faces += sight(mesh, larger, frame, corner, 2)
-                out.append(without_doubles(faces))
-            progress((frame + 1) / frames)
+    mesh = FaceMesh(tracking=False, faces=MOST_FACES)
+    for frame, image in enumerate(read_frames(path)):
+        if frame % STRIDE == 0:
+            faces: list[Sighting] = []
+            for tile, corner in tiles(image):
+                larger = cv2.resize(tile, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+                faces += sight(mesh, larger, frame, corner, 2)
+            out.append(without_doubles(faces))
+        progress((frame + 1) / frames)
     return out
 
 

@@ -5,13 +5,14 @@ T frames. Every step returns a dictionary of arrays, which is also written to di
 
 import itertools
 from collections.abc import Iterator, Sequence
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from dubbing.engine.stage import ReportShare
 from dubbing.errors import PreparationError
-from dubbing.face.landmarks import TwoModes, two_modes
+from dubbing.face.landmarks import TwoModes
 from dubbing.face.mesh_points import JAW, RIGID
 from dubbing.media import MediaInfo, read_frames
 from dubbing.preparation.alignment.banded import second_difference_links
@@ -26,7 +27,6 @@ from dubbing.preparation.alignment.skin import reference_frame, skin_points
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.crops.tracked_crops import CROPS, create_images
 from dubbing.preparation.matting.masks import People
-from dubbing.preparation.matting.person_masks import PersonMasks
 from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
@@ -37,6 +37,7 @@ HIDDEN = 2.0  # times as much: the frame is not used at all
 BRIDGE_SECONDS = 0.5  # longest gap over which smoothness bridges poses
 SHAPE_FRAMES = 250
 RELIEF_FRAMES = 150
+BATCH = 8  # frames that the networks look at together
 LEAST_FRAMES = 5
 # From the ends of the jaw line to below the ear lobes, in units of 10 cm: out, down and back.
 LOBES = np.array([[-0.12, 0.1, 0.45], [0.12, 0.1, 0.45]])
@@ -80,20 +81,24 @@ def landmark_step(
     apart, valid = np.zeros(info.frames, np.float32), np.zeros(info.frames, bool)
     crops = create_images(folder / CROPS, info.frames, size, size, 3)
 
-    def followed(detect: TwoModes) -> Iterator[tuple[int, np.ndarray | None]]:
-        for t, image in enumerate(read_frames(info.path)):
-            if t and segment[t] != segment[t - 1]:
-                detect.restart()
-            middle = to_crop((box[t, :2] + box[t, 2:]) / 2, window[t], size)
-            crops[t] = part = crop(image, window[t], size)
-            points[t], apart[t], valid[t] = detect(part, middle)
-            valid[t] &= surveyed["followed"][t]
-            yield t, points[t] if valid[t] else None
-            progress((t + 1) / info.frames)
+    starts = np.diff(segment, prepend=segment[0]) != 0
+    detect = TwoModes(int(surveyed["most_faces"]))
 
-    with two_modes(int(surveyed["most_faces"])) as detect, PersonMasks() as person_masks:
-        people = People(folder, crops, person_masks)
-        outlines = np.stack(list(in_order(people.look, followed(detect))), axis=1)
+    def followed() -> Iterator[tuple[int, list[np.ndarray | None]]]:
+        images = enumerate(read_frames(info.path))
+        while batch := list(islice(images, BATCH)):
+            rows = [t for t, _ in batch]
+            for t, image in batch:
+                crops[t] = crop(image, window[t], size)
+            middles = [to_crop((box[t, :2] + box[t, 2:]) / 2, window[t], size) for t in rows]
+            found = detect(crops[rows[0] : rows[-1] + 1], np.stack(middles), starts[rows])
+            points[rows], apart[rows], valid[rows] = map(np.stack, zip(*found, strict=True))
+            valid[rows] &= surveyed["followed"][rows]
+            yield rows[0], [points[t] if valid[t] else None for t in rows]
+            progress((rows[-1] + 1) / info.frames)
+
+    people = People(folder, crops)
+    outlines = np.concatenate(list(in_order(people.look, followed())), axis=1)
     if valid.sum() < LEAST_FRAMES:
         raise PreparationError(
             f"a face in only {int(valid.sum())} of {info.frames} frames",

@@ -27,8 +27,8 @@ def without_repetitions(steps: list[Step], weights: Weights) -> list[Step]:
     known: dict[str, int] = {}
     same: dict[int, int] = {}
     kept = []
-    for step in steps:
-        step = step | {"in": [same.get(tensor, tensor) for tensor in step["in"]]}
+    for source in steps:
+        step = source | {"in": [same.get(tensor, tensor) for tensor in source["in"]]}
         values = [weights[name].tobytes().hex() for name in step.get("weights", ())]
         key = json.dumps([step | {"out": 0, "weights": values}])
         if known.setdefault(key, step["out"]) == step["out"]:
@@ -105,7 +105,8 @@ class _Merger:
 
     def _add(self, alike: list[Step]) -> None:
         step = dict(alike[0])
-        step["in"] = [self._side_by_side(list(k)) for k in zip(*(s["in"] for s in alike))]
+        inputs = zip(*(s["in"] for s in alike), strict=True)
+        step["in"] = [self._side_by_side(list(tensors)) for tensors in inputs]
         names = list(zip(*(s.get("weights", ()) for s in alike), strict=True))
         axis = 1 if step["op"] == "scale" else 0
         for first, *others in names:

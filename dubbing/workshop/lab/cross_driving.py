@@ -90,34 +90,35 @@ def measure_dub(
     chins: list[ChinFigures] = []
     tile_rows: list[np.ndarray] = []
     done = 0
-    with FaceMesh(tracking=True) as dub_mesh, FaceMesh(tracking=True) as true_mesh:
-        for number, (first, count) in enumerate(parts):
-            with ExitStack() as files:
-                videos = [
-                    files.enter_context(VideoWriter(path, clip.size, clip.size, clip.rate))
-                    for path in (out / "render_picture.mp4", out / "source_picture.mp4")
-                    if not number
-                ]
-                shot = None
-                for k, (image, _, _) in enumerate(clip.frames(first, count), first):
-                    dub, film, index = next(finished)
-                    for video, pixels in zip(videos, (dub, image), strict=False):
-                        video.write(pixels)
-                    if clip.segment[k] != shot:
-                        true_mesh.restart()
-                        shot = clip.segment[k]
-                    dubbed_face = first_of(dub_mesh(dub))
-                    true_face = first_of(true_mesh(image)) if clip.valid[k] else None
-                    mouth = mouths.add(k, dub, image, dubbed_face, true_face)
-                    chin = ChinFigures()
-                    if dubbed_face is not None:
-                        chin = chin_figures(dub, film, dubbed_face[:, :2], clip.landmarks[index])
-                    chins.append(chin)
-                    rows.append({"frame": k, "under": index, **asdict(mouth), **asdict(chin)})
-                    if done in tiles.tile_frames(0, total):
-                        tile_rows.append(np.concatenate([image, dub, film]))
-                    done += 1
-                    progress(f"P15x: frame {done} of {total}", done / total)
+    dub_mesh = FaceMesh(tracking=True)
+    true_mesh = FaceMesh(tracking=True)
+    for number, (first, count) in enumerate(parts):
+        with ExitStack() as files:
+            videos = [
+                files.enter_context(VideoWriter(path, clip.size, clip.size, clip.rate))
+                for path in (out / "render_picture.mp4", out / "source_picture.mp4")
+                if not number
+            ]
+            shot = None
+            for k, (image, _, _) in enumerate(clip.frames(first, count), first):
+                dub, film, index = next(finished)
+                for video, pixels in zip(videos, (dub, image), strict=False):
+                    video.write(pixels)
+                if clip.segment[k] != shot:
+                    true_mesh.restart()
+                    shot = clip.segment[k]
+                dubbed_face = first_of(dub_mesh(dub))
+                true_face = first_of(true_mesh(image)) if clip.valid[k] else None
+                mouth = mouths.add(k, dub, image, dubbed_face, true_face)
+                chin = ChinFigures()
+                if dubbed_face is not None:
+                    chin = chin_figures(dub, film, dubbed_face[:, :2], clip.landmarks[index])
+                chins.append(chin)
+                rows.append({"frame": k, "under": index, **asdict(mouth), **asdict(chin)})
+                if done in tiles.tile_frames(0, total):
+                    tile_rows.append(np.concatenate([image, dub, film]))
+                done += 1
+                progress(f"P15x: frame {done} of {total}", done / total)
     write_csv(out / "frames.csv", rows)
     tiles.write_tiles(out, tile_rows)
     return {**mouths.figures(), **chin_ratios(chins), "frames": total}

@@ -118,9 +118,7 @@ def measure(
             if every == 1
         ]
         # A face is followed from frame to frame, where these are frames in a row.
-        render_mesh, source_mesh = (
-            open_files.enter_context(FaceMesh(tracking=every == 1)) for _ in range(2)
-        )
+        render_mesh, source_mesh = (FaceMesh(tracking=every == 1) for _ in range(2))
         for k, (image, _, background) in enumerate(clip.frames(first, count), first):
             if k not in tested:
                 continue

@@ -64,12 +64,12 @@ class Head:
 def openings(pictures: list[np.ndarray]) -> np.ndarray:
     """Distance of the lips in each picture, in eye distances; NaN without a face."""
     found = np.full(len(pictures), np.nan)
-    with FaceMesh(tracking=True) as mesh:
-        for k, picture in enumerate(pictures):
-            for points in mesh(picture):
-                lips = np.linalg.norm(points[UPPER_LIP, :2] - points[LOWER_LIP, :2])
-                eyes = np.linalg.norm(points[LEFT_EYE_OUTER, :2] - points[RIGHT_EYE_OUTER, :2])
-                found[k] = lips / eyes
+    mesh = FaceMesh(tracking=True)
+    for k, picture in enumerate(pictures):
+        for points in mesh(picture):
+            lips = np.linalg.norm(points[UPPER_LIP, :2] - points[LOWER_LIP, :2])
+            eyes = np.linalg.norm(points[LEFT_EYE_OUTER, :2] - points[RIGHT_EYE_OUTER, :2])
+            found[k] = lips / eyes
     return found
 
 

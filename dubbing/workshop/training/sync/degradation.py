@@ -77,10 +77,10 @@ class Freezer:
 
 def changed(clip: Path, count: int, rate: float, change: Change) -> Iterator[np.ndarray]:
     """The first `count` frames of a clip, changed where a face is found."""
-    with FaceTracker(rate, max_faces=1) as tracker:
-        for frame in media.read_frames(clip, count=count):
-            faces = tracker(frame)
-            yield change(frame, faces[0].points) if faces else frame
+    tracker = FaceTracker(rate, max_faces=1)
+    for frame in media.read_frames(clip, count=count):
+        faces = tracker(frame)
+        yield change(frame, faces[0].points) if faces else frame
 
 
 def changes() -> dict[str, Change]:

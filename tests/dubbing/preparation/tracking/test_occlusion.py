@@ -19,8 +19,8 @@ MOUTH = (61, 291, 0, 17)
 
 
 def meshes(frames: np.ndarray) -> np.ndarray:
-    with FaceMesh(tracking=False) as mesh:
-        return np.stack([mesh(frame)[0] for frame in frames])
+    mesh = FaceMesh(tracking=False)
+    return np.stack([mesh(frame)[0] for frame in frames])
 
 
 def test_parts_of_one_person_are_nearer_than_other_people(people: dict[str, np.ndarray]) -> None:

@@ -50,8 +50,8 @@ def seldom(draw: Draw) -> Draw:
 
 
 def meshes(frames: np.ndarray) -> np.ndarray:
-    with FaceMesh(tracking=False) as mesh:
-        return np.stack([mesh(frame)[0] for frame in frames])
+    mesh = FaceMesh(tracking=False)
+    return np.stack([mesh(frame)[0] for frame in frames])
 
 
 def look(frames: np.ndarray, points: np.ndarray, out: Path) -> tuple[np.ndarray, np.ndarray]:

@@ -18,12 +18,6 @@ class MadeFaces:
     def __init__(self, meshes: np.ndarray) -> None:
         self._meshes = iter(meshes)
 
-    def __enter__(self) -> MadeFaces:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
     def restart(self) -> None:
         pass
 

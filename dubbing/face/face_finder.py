@@ -1,0 +1,73 @@
+"""Finds faces in images, and follows them from frame to frame.
+
+A face is detected, and its landmarks are found in the region round it. While it is followed, its
+landmarks give the region for the next frame; the detector works only while fewer faces are followed
+than are wanted. There is no smoothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dubbing.face.face_detector import FaceDetector
+from dubbing.face.graph_network import network
+from dubbing.face.landmark_network import LandmarkNetwork
+from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+from dubbing.face.regions import Region, overlap
+from dubbing.face.weight_paths import FACE_DETECTOR, FACE_LANDMARKS
+
+CONFIDENCE = 0.5
+SAME_FACE = 0.5  # intersection over union of regions
+
+
+class FaceFinder:
+    """Landmarks (478, 3) of faces: column, row and depth in px from the edge of the first one.
+
+    Args:
+        faces: how many may be found in an image.
+        confidence: a detected face's least score, 0..1.
+    """
+
+    def __init__(self, faces: int = 1, confidence: float = CONFIDENCE) -> None:
+        self._detector = FaceDetector(network(FACE_DETECTOR), confidence)
+        self._landmarks = LandmarkNetwork(network(FACE_LANDMARKS))
+        self._faces = faces
+        self._followed: list[Region] = []
+
+    def restart(self) -> None:
+        """Forget the faces that are followed."""
+        self._followed = []
+
+    def find(self, images: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+        """Faces of images that need not follow one another."""
+        regions = [distinct(r) for r in self._detector(images, self._faces)]
+        looks = [(image, r) for image, some in zip(images, regions, strict=True) for r in some]
+        points = iter(self._landmarks(looks))
+        return [[p for p in (next(points) for _ in some) if p is not None] for some in regions]
+
+    def follow(self, image: np.ndarray) -> list[np.ndarray]:
+        """Faces of the next frame."""
+        regions: list[Region] = []
+        if len(self._followed) < self._faces:
+            (regions,) = self._detector([image], self._faces)
+        regions = distinct([*regions, *self._followed])
+        found = [p for p in self._landmarks([(image, r) for r in regions]) if p is not None]
+        self._followed = [region_of(points) for points in found]
+        return found
+
+
+def distinct(regions: Sequence[Region]) -> list[Region]:
+    """Regions without those that a later one covers: that one is the same face."""
+    kept: list[Region] = []
+    for region in regions:
+        kept = [other for other in kept if overlap(region, other) <= SAME_FACE]
+        kept.append(region)
+    return kept
+
+
+def region_of(points: np.ndarray) -> Region:
+    """The region in which a face with these points (478, 3) is looked for in the next frame."""
+    flat = points[:, :2]
+    return Region.around(flat.min(0), flat.max(0), flat[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER]])

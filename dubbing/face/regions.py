@@ -1,0 +1,63 @@
+"""Squares of an image, turned, that networks look at.
+
+Pixels are counted from the edge of the first one, as the published graphs do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+MARGIN = 1.5  # side of a region in sides of the box that it is made from
+
+
+@dataclass(frozen=True)
+class Region:
+    """A square: middle (column, row) and side in px, and rotation in radians."""
+
+    column: float
+    row: float
+    side: float
+    rotation: float = 0.0
+
+    @classmethod
+    def around(cls, low: np.ndarray, high: np.ndarray, eyes: np.ndarray) -> Region:
+        """The region round a box, turned as the line between two points `eyes` (2, 2)."""
+        column, row = (low + high) / 2
+        right, down = eyes[1] - eyes[0]
+        side = MARGIN * float((high - low).max())
+        return cls(float(column), float(row), side, float(np.arctan2(down, right)))
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """Map (2, 3) to px of the image from shares of the region, 0 at its upper left corner."""
+        cosine, sine = np.cos(self.rotation) * self.side, np.sin(self.rotation) * self.side
+        axes = np.array([[cosine, -sine], [sine, cosine]])
+        corner = np.array([self.column, self.row]) - axes.sum(1) / 2
+        return np.column_stack((axes, corner))
+
+    def cut(self, image: np.ndarray, size: int, border: int) -> np.ndarray:
+        """The region's pixels (size, size, 3) uint8; `border` is one of OpenCV's."""
+        matrix = np.vstack((self.matrix / [size, size, 1], [0, 0, 1]))
+        flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        return cv2.warpPerspective(image, matrix, (size, size), flags=flags, borderMode=border)
+
+    def place(self, points: np.ndarray) -> np.ndarray:
+        """Points (..., 2 or 3) in shares of the region, in px of the image; depth in px too."""
+        matrix = self.matrix
+        flat = points[..., :2] @ matrix[:, :2].T + matrix[:, 2]
+        return np.concatenate((flat, points[..., 2:] * self.side), -1)
+
+
+def overlap(first: Region, second: Region) -> float:
+    """Intersection over union of two regions, as if they were not turned."""
+    half = (first.side + second.side) / 2
+    most = min(first.side, second.side)
+    width = min(half - abs(first.column - second.column), most)
+    height = min(half - abs(first.row - second.row), most)
+    if width <= 0 or height <= 0:
+        return 0.0
+    common = width * height
+    return common / (first.side**2 + second.side**2 - common)
