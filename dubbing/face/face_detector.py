@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import torch
 
 from dubbing.face.graph_network import GraphNetwork
 from dubbing.face.regions import Region
@@ -51,8 +50,7 @@ class FaceDetector:
         squares = [_whole(image) for image in images]
         pairs = zip(squares, images, strict=True)
         inputs = np.stack([s.cut(image, SIZE, cv2.BORDER_CONSTANT) for s, image in pairs])
-        pixels = torch.from_numpy(inputs).permute(0, 3, 1, 2).float() * (2 / 255) - 1
-        boxes, logits = (values.cpu().double().numpy() for values in self._network(pixels))
+        boxes, logits = (values.astype(np.float64) for values in self._network(inputs, low=-1))
         scores = 1 / (1 + np.exp(-logits[..., 0].clip(-100, 100)))
         found = []
         for square, box, score in zip(squares, boxes, scores, strict=True):

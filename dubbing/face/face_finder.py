@@ -42,20 +42,32 @@ class FaceFinder:
 
     def find(self, images: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
         """Faces of images that need not follow one another."""
-        regions = [distinct(r) for r in self._detector(images, self._faces)]
-        looks = [(image, r) for image, some in zip(images, regions, strict=True) for r in some]
-        points = iter(self._landmarks(looks))
-        return [[p for p in (next(points) for _ in some) if p is not None] for some in regions]
+        return self._look(images, [distinct(some) for some in self._detector(images, self._faces)])
 
     def follow(self, image: np.ndarray) -> list[np.ndarray]:
         """Faces of the next frame."""
-        regions: list[Region] = []
-        if len(self._followed) < self._faces:
-            (regions,) = self._detector([image], self._faces)
-        regions = distinct([*regions, *self._followed])
-        found = [p for p in self._landmarks([(image, r) for r in regions]) if p is not None]
-        self._followed = [region_of(points) for points in found]
-        return found
+        (faces,) = self.follow_all([image], [self._followed])
+        self._followed = [region_of(points) for points in faces]
+        return faces
+
+    def follow_all(
+        self, images: Sequence[np.ndarray], followed: Sequence[Sequence[Region]]
+    ) -> list[list[np.ndarray]]:
+        """Faces of one frame of each of several videos, where some regions are followed."""
+        lost = [k for k, regions in enumerate(followed) if len(regions) < self._faces]
+        detected = self._detector([images[k] for k in lost], self._faces) if lost else []
+        regions = [list(some) for some in followed]
+        for k, some in zip(lost, detected, strict=True):
+            regions[k] = [*some, *regions[k]]
+        return self._look(images, [distinct(some) for some in regions])
+
+    def _look(
+        self, images: Sequence[np.ndarray], regions: Sequence[Sequence[Region]]
+    ) -> list[list[np.ndarray]]:
+        """Faces in some regions of each image."""
+        looks = [(image, r) for image, some in zip(images, regions, strict=True) for r in some]
+        points = iter(self._landmarks(looks))
+        return [[p for p in (next(points) for _ in some) if p is not None] for some in regions]
 
 
 def distinct(regions: Sequence[Region]) -> list[Region]:

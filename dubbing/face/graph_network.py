@@ -16,6 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
 import torch.nn.functional as F
 from torch import Tensor
@@ -32,7 +33,7 @@ Run = Callable[..., Tensor]
 
 
 class GraphNetwork:
-    """A network of `path`; called with images (N, C, H, W) float32, it gives its results.
+    """A network of `path`.
 
     Raises:
         DubbingError: the file is missing, damaged or of another format.
@@ -58,16 +59,16 @@ class GraphNetwork:
         self._steps.reverse()
 
     @torch.inference_mode()
-    def __call__(self, images: Tensor) -> list[Tensor]:
-        """The results for images (N, C, H, W), on the network's device."""
-        images = images.to(self._device).contiguous(memory_format=torch.channels_last)
-        values = {self._input: images}
+    def __call__(self, images: np.ndarray, low: float = 0.0) -> list[np.ndarray]:
+        """The results for images (N, H, W, 3) uint8, whose values become `low` to 1."""
         with _one_thread():
+            pixels = torch.from_numpy(images).to(self._device).permute(0, 3, 1, 2).float()
+            values = {self._input: pixels.mul_((1 - low) / 255).add_(low)}
             for run, inputs, output, last in self._steps:
                 values[output] = run(*[values[tensor] for tensor in inputs])
                 for tensor in last:
                     del values[tensor]
-        return [values[tensor] for tensor in self._outputs]
+            return [values[tensor].cpu().numpy() for tensor in self._outputs]
 
 
 @lru_cache(maxsize=8)

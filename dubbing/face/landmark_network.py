@@ -12,7 +12,6 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import torch
 
 from dubbing.face.graph_network import GraphNetwork
 from dubbing.face.mesh_points import LANDMARKS
@@ -44,10 +43,9 @@ class LandmarkNetwork:
         for start in range(0, len(looks), BATCH):
             part = looks[start : start + BATCH]
             inputs = np.stack([r.cut(image, SIZE, cv2.BORDER_REPLICATE) for image, r in part])
-            pixels = torch.from_numpy(inputs).permute(0, 3, 1, 2).float() / 255
-            *values, presence = self._network(pixels)
-            meshes = self._points([v.flatten(1).cpu().double().numpy() / SIZE for v in values])
-            sure = (presence.flatten().sigmoid() > CONFIDENCE).tolist()
+            *values, logits = self._network(inputs)
+            meshes = self._points([v.reshape(len(v), -1).astype(float) / SIZE for v in values])
+            sure = 1 / (1 + np.exp(-logits.reshape(-1))) > CONFIDENCE
             found += [
                 region.place(points) if there else None
                 for (_, region), points, there in zip(part, meshes, sure, strict=True)

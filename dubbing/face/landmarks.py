@@ -42,53 +42,33 @@ class FaceMesh:
         return [[face - HALF for face in faces] for faces in self._finder.find(images)]
 
 
-class TwoModes:
-    """Tracking and static FaceMesh side by side on the frames of one clip.
-
-    Args:
-        faces: how many the static one may detect.
-    """
-
-    def __init__(self, faces: int) -> None:
-        self._tracking = FaceMesh(tracking=True)
-        self._static = FaceMesh(tracking=False, faces=faces)
-
-    def __call__(
-        self, images: Sequence[np.ndarray], expected: np.ndarray, starts: np.ndarray
-    ) -> list[tuple[np.ndarray, float, bool]]:
-        """Landmarks of the face nearest to ``expected`` (B, 2) px in each of B frames in a row.
-
-        Args:
-            starts: (B,), whether a frame is the first one of a shot.
-
-        Returns:
-            Of each frame: points (478, 3), zero without a face; the distance of the modes in px, 0
-            where only one detected the face; whether there is a face.
-        """
-        found = []
-        for image, fresh, place, start in zip(
-            images, self._static.find(images), expected, starts, strict=True
-        ):
-            if start:
-                self._tracking.restart()
-            found.append(combine(self._tracking(image), fresh, place))
-        return found
+def nearest(faces: Sequence[np.ndarray], expected: np.ndarray) -> np.ndarray | None:
+    """The face whose middle is nearest to a point (2,); None without a face."""
+    distances = [float(np.hypot(*(face[:, :2].mean(0) - expected))) for face in faces]
+    return faces[int(np.argmin(distances))] if distances else None
 
 
 def combine(
-    steady: list[np.ndarray], fresh: list[np.ndarray], expected: np.ndarray
+    steady: np.ndarray | None, fresh: np.ndarray | None, expected: np.ndarray
 ) -> tuple[np.ndarray, float, bool]:
-    """One face from those of tracking and of static mode; see :class:`TwoModes`."""
-    candidates = sorted(fresh, key=lambda f: float(np.hypot(*(f[:, :2].mean(0) - expected))))
-    if not candidates and not steady:
-        return np.zeros((LANDMARKS, 3)), 0.0, False
-    if not candidates or not steady:
-        only = candidates[0] if candidates else steady[0]
+    """One face from those of tracking mode and of static mode.
+
+    Args:
+        expected: (2,) px, where it should be.
+
+    Returns:
+        Points (478, 3), zero without a face; the distance of the modes in px, 0 where only one
+        detected the face; whether there is a face.
+    """
+    if fresh is None or steady is None:
+        only = steady if fresh is None else fresh
+        if only is None:
+            return np.zeros((LANDMARKS, 3)), 0.0, False
         return only, 0.0, near(only, expected)
-    apart = float(np.linalg.norm(steady[0][:, :2] - candidates[0][:, :2], axis=1).mean())
-    if apart > FAR_OFF * face_width(candidates[0]):
-        return candidates[0], 0.0, near(candidates[0], expected)
-    both = (steady[0] + candidates[0]) / 2
+    apart = float(np.linalg.norm((steady - fresh)[:, :2], axis=1).mean())
+    if apart > FAR_OFF * face_width(fresh):
+        return fresh, 0.0, near(fresh, expected)
+    both = (steady + fresh) / 2
     return both, apart, near(both, expected)
 
 

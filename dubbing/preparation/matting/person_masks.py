@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import cv2
 import numpy as np
-import torch
 
 from dubbing.face.graph_network import network
 from dubbing.face.weight_paths import PERSON_MASK
@@ -22,7 +21,7 @@ def person_masks(images: Sequence[np.ndarray]) -> list[np.ndarray]:
         part = images[start : start + BATCH]
         side = (INPUT_SIDE, INPUT_SIDE)
         small = np.stack([cv2.resize(k, side, interpolation=cv2.INTER_AREA) for k in part])
-        (masks,) = network(PERSON_MASK)(torch.from_numpy(small).permute(0, 3, 1, 2).float() / 255)
-        for image, mask in zip(part, masks[:, 0].cpu().numpy(), strict=True):
+        (masks,) = network(PERSON_MASK)(small)
+        for image, mask in zip(part, masks[:, 0], strict=True):
             found.append(cv2.resize(mask, image.shape[1::-1], interpolation=cv2.INTER_LINEAR))
     return found

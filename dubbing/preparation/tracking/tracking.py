@@ -5,6 +5,7 @@ T frames. Every step returns a dictionary of arrays, which is also written to di
 
 import itertools
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -12,7 +13,8 @@ import numpy as np
 
 from dubbing.engine.stage import ReportShare
 from dubbing.errors import PreparationError
-from dubbing.face.landmarks import TwoModes
+from dubbing.face import chains
+from dubbing.face.landmarks import FaceMesh, combine, nearest
 from dubbing.face.mesh_points import JAW, RIGID
 from dubbing.media import MediaInfo, read_frames
 from dubbing.preparation.alignment.banded import second_difference_links
@@ -38,6 +40,7 @@ BRIDGE_SECONDS = 0.5  # longest gap over which smoothness bridges poses
 SHAPE_FRAMES = 250
 RELIEF_FRAMES = 150
 BATCH = 8  # frames that the networks look at together
+DETECTED, FOLLOWED = 0.3, 0.5  # shares of the work done when all faces are detected, and followed
 LEAST_FRAMES = 5
 # From the ends of the jaw line to below the ear lobes, in units of 10 cm: out, down and back.
 LOBES = np.array([[-0.12, 0.1, 0.45], [0.12, 0.1, 0.45]])
@@ -67,8 +70,6 @@ def landmark_step(
 ) -> Arrays:
     """Landmarks of every frame in px of its crop; also writes the crops, and the masks of `People`.
 
-    Faces are tracked from frame to frame in order; threads compute the masks of earlier frames.
-
     Returns:
         points (T, 478, 3), apart (T,) px between the two modes, valid (T,) bool; middle and top
         (T, 2) of a :class:`Silhouette`.
@@ -77,36 +78,49 @@ def landmark_step(
         PreparationError: hardly any frame has a face.
     """
     segment, window, box = surveyed["segment"], surveyed["window"], surveyed["box"]
-    points = np.zeros((info.frames, 478, 3), np.float32)
-    apart, valid = np.zeros(info.frames, np.float32), np.zeros(info.frames, bool)
+    middles = [to_crop((b[:2] + b[2:]) / 2, w, size) for b, w in zip(box, window, strict=True)]
     crops = create_images(folder / CROPS, info.frames, size, size, 3)
+    static = FaceMesh(tracking=False, faces=int(surveyed["most_faces"]))
 
-    starts = np.diff(segment, prepend=segment[0]) != 0
-    detect = TwoModes(int(surveyed["most_faces"]))
-
-    def followed() -> Iterator[tuple[int, list[np.ndarray | None]]]:
+    def cropped() -> Iterator[tuple[list[int]]]:
         images = enumerate(read_frames(info.path))
         while batch := list(islice(images, BATCH)):
-            rows = [t for t, _ in batch]
             for t, image in batch:
                 crops[t] = crop(image, window[t], size)
-            middles = [to_crop((box[t, :2] + box[t, 2:]) / 2, window[t], size) for t in rows]
-            found = detect(crops[rows[0] : rows[-1] + 1], np.stack(middles), starts[rows])
-            points[rows], apart[rows], valid[rows] = map(np.stack, zip(*found, strict=True))
-            valid[rows] &= surveyed["followed"][rows]
-            yield rows[0], [points[t] if valid[t] else None for t in rows]
-            progress((rows[-1] + 1) / info.frames)
+            yield ([t for t, _ in batch],)
 
-    people = People(folder, crops)
-    outlines = np.concatenate(list(in_order(people.look, followed())), axis=1)
+    def detect(frames: list[int]) -> list[np.ndarray | None]:
+        found = static.find(crops[frames[0] : frames[-1] + 1])
+        return [nearest(faces, middles[t]) for t, faces in zip(frames, found, strict=True)]
+
+    fresh: list[np.ndarray | None] = []
+    for some in in_order(detect, cropped()):
+        fresh += some
+        progress(DETECTED * len(fresh) / info.frames)
+    steady: dict[int, np.ndarray | None] = {}
+    for followed in in_order(partial(chains.follow, crops, fresh), zip(chains.groups(segment))):
+        steady |= followed
+        progress(DETECTED + (FOLLOWED - DETECTED) * len(steady) / info.frames)
+    combined = [
+        combine(steady[t], *rest) for t, rest in enumerate(zip(fresh, middles, strict=True))
+    ]
+    points, apart, valid = (np.stack(values) for values in zip(*combined, strict=True))
+    points, valid = points.astype(np.float32), valid & surveyed["followed"]
+    people, outlines = People(folder, crops), []
+    seen = [p if there else None for p, there in zip(points, valid, strict=True)]
+    parts = ((first, seen[first : first + BATCH]) for first in range(0, info.frames, BATCH))
+    for some in in_order(people.look, parts):
+        outlines.append(some)
+        progress(FOLLOWED + (1 - FOLLOWED) * len(outlines) * BATCH / info.frames)
     if valid.sum() < LEAST_FRAMES:
         raise PreparationError(
             f"a face in only {int(valid.sum())} of {info.frames} frames",
             str(info.path),
             "use a clip in which the speaker faces the camera",
         )
-    detected = {"points": points, "apart": apart, "valid": valid}
-    return detected | dict(zip(("middle", "top"), outlines, strict=True))
+    middle, top = np.concatenate(outlines, axis=1)
+    landmarks = {"points": points, "apart": apart.astype(np.float32), "valid": valid}
+    return landmarks | {"middle": middle, "top": top}
 
 
 def principal_points(window: np.ndarray, source_size: tuple[int, int], size: int) -> np.ndarray:
