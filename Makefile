@@ -6,8 +6,7 @@ export OMP_WAIT_POLICY ?= PASSIVE
 
 .PHONY: install demo docs test test-fast attack check bench results speech-table clean
 
-# requirements.txt is the lock: plain pins of the whole closure, so nothing is resolved at
-# install time. mediapipe declares packages it does not need (and a second OpenCV), hence --no-deps.
+# requirements.txt is the lock: plain pins of the whole closure, so nothing is resolved at install time.
 .venv/installed: requirements.txt pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install -q --disable-pip-version-check torch==2.13.0

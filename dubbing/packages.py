@@ -10,9 +10,6 @@ from importlib.util import find_spec
 
 from dubbing.errors import ExplainedError
 
-# Declares packages it does not need, an older numpy and a second OpenCV among them, so
-# pyproject.toml does not name it and it is installed without what it declares.
-TRACKER = {"mediapipe": "mediapipe==0.10.21"}  # the last version that carries its models
 # What pyproject.toml declares: module and pinned package.
 DECLARED = {
     "torch": "torch==2.13.0",
@@ -36,10 +33,6 @@ DECLARED = {
     "matplotlib": "matplotlib==3.11.2",
     "silero_vad": "silero-vad==6.2.3",
     "typing_extensions": "typing_extensions==4.16.0",
-    "absl": "absl-py==2.5.1",
-    "attr": "attrs==26.1.0",
-    "flatbuffers": "flatbuffers==25.12.19",
-    "google.protobuf": "protobuf==4.25.9",
 }
 # What the extras of pyproject.toml add.
 SYNTHETIC = {"embreex": "embreex==4.4.0.post1", "espeakng_loader": "espeakng-loader==0.2.4"}
@@ -55,7 +48,7 @@ EXTRAS = {
 
 def missing(extra: str | None = None) -> list[str]:
     """Modules that cannot be found, those of an extra among them."""
-    alone = [name for name in (*TRACKER, *DECLARED) if not _is_there(name)]
+    alone = [name for name in DECLARED if not _is_there(name)]
     return [*alone, *(missing_of(extra) if extra else ())]
 
 
@@ -85,15 +78,11 @@ def command(names: list[str]) -> str:
     A module that is not named here belongs to a package that another one needs: installing all of
     them again, with what they need, brings it.
     """
-    pip = [sys.executable, "-m", "pip", "install"]
     pinned = DECLARED | EXTRAS["train"] | CLUSTER | CREDENTIALS
     known = [pinned[name] for name in names if name in pinned]
-    if any(name not in pinned | TRACKER for name in names):
+    if len(known) < len(names):
         known = list(DECLARED.values())
-    calls = [[*pip, *known]] if known else []
-    if set(names) & set(TRACKER):
-        calls.append([*pip, "--no-deps", *TRACKER.values()])
-    return " && ".join(map(shlex.join, calls))
+    return shlex.join([sys.executable, "-m", "pip", "install", *known])
 
 
 def _is_there(name: str) -> bool:

@@ -118,18 +118,3 @@ def test_the_image_installs_the_torch_that_is_declared() -> None:
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["dependencies"]
     (torch,) = (name for name in declared if name.startswith("torch=="))
     assert any(torch in words for name, words in instructions() if name == "RUN")
-
-
-def test_uv_installs_the_tracker_that_the_lock_pins() -> None:
-    """pip cannot: what mediapipe declares contradicts what is installed."""
-    message = tomllib.loads((ROOT / "pyproject.toml").read_text())
-    (pinned,) = (
-        line
-        for line in (ROOT / "requirements.txt").read_text().split()
-        if line.startswith("mediapipe==")
-    )
-    (known,) = message["tool"]["uv"]["dependency-metadata"]
-    assert message["dependency-groups"]["tracker"] == [pinned]
-    assert f"{known['name']}=={known['version']}" == pinned
-    assert known["requires-dist"] == []
-    assert message["tool"]["uv"]["default-groups"] == ["tracker"]

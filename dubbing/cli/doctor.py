@@ -11,7 +11,7 @@ from importlib import metadata
 from pathlib import Path
 
 from dubbing import packages
-from dubbing.errors import MediaError
+from dubbing.errors import DubbingError, MediaError
 from dubbing.shipped.base import BASE
 
 ENOUGH_MEMORY, ENOUGH_DISK = 6.0, 5.0  # GiB
@@ -39,7 +39,7 @@ def examine() -> list[Finding]:
         _disk,
         _ffmpeg,
         _packages,
-        _mediapipe,
+        _networks,
         _opencv,
         _base,
     )
@@ -118,12 +118,23 @@ def _ffmpeg() -> Finding:
         return Finding("ffmpeg", "lacking", error.what, error.remedy)
 
 
-def _mediapipe() -> Finding:
-    found = _version("mediapipe")
-    if f"mediapipe=={found}" == packages.TRACKER["mediapipe"]:
-        return Finding("mediapipe", "fine", found)
-    command = packages.command(["mediapipe"])
-    return Finding("mediapipe", "lacking", found or "not installed", command)
+def _networks() -> Finding:
+    """Runs the networks that find faces and people on an image that the package knows."""
+    try:
+        from dubbing.face.graph_network import GraphNetwork
+        from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
+    except ImportError as error:
+        command = packages.command([error.name or "torch"])
+        return Finding("face networks", "lacking", f"{error.name} is not installed", command)
+    paths = FACE_WEIGHTS | PERSON_WEIGHTS
+    try:
+        wrong = [name for name, path in paths.items() if not GraphNetwork(path).works()]
+    except DubbingError as error:
+        return Finding("face networks", "lacking", error.what, error.remedy)
+    if not wrong:
+        return Finding("face networks", "fine", "compute what they should")
+    text = f"{', '.join(wrong)}: other results than they should give"
+    return Finding("face networks", "lacking", text, packages.command(["torch"]))
 
 
 def _packages() -> Finding:

@@ -16,6 +16,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
 import torch.nn.functional as F
@@ -26,6 +27,7 @@ from dubbing.shipped.weights import load_float
 FORMAT = "dfrf-graph-1"
 REMEDY = "install dfrf again"
 REUSED_BYTES = 24 << 20
+TOLERANCE = 1e-3
 OUTSIDE = -2.0  # a place that no image has, in grid_sample's unit
 
 Settings = dict[str, Any]
@@ -42,6 +44,8 @@ class GraphNetwork:
     def __init__(self, path: Path, device: torch.device | str = "cpu") -> None:
         weights, header = load_float(path, FORMAT, path.stem.replace("_", " "), REMEDY)
         graph = json.loads(header["graph"])
+        self._expected: list[float] = json.loads(header.get("expected", "[]"))
+        self._side: int = graph["side"]
         self.graph: list[Settings] = graph["steps"]
         self._device = torch.device(device)
         self._input: int = graph["input"]
@@ -69,6 +73,18 @@ class GraphNetwork:
                 for tensor in last:
                     del values[tensor]
             return [values[tensor].cpu().numpy() for tensor in self._outputs]
+
+    def test_results(self) -> list[float]:
+        """Means of the results for a drawing of a head on shoulders."""
+        image = np.full((self._side, self._side, 3), (90, 110, 130), np.uint8)
+        unit = self._side / 16
+        for row, radius, colour in ((16, 6, (60, 40, 90)), (7, 4, (210, 160, 130))):
+            cv2.circle(image, (self._side // 2, int(row * unit)), int(radius * unit), colour, -1)
+        return [float(values.mean(dtype=np.float64)) for values in self(image[None])]
+
+    def works(self) -> bool:
+        """Whether it computes here what it computed where it was imported."""
+        return bool(np.allclose(self.test_results(), self._expected, TOLERANCE, TOLERANCE))
 
 
 @lru_cache(maxsize=8)

@@ -1,6 +1,6 @@
 """Names and groups of the 478 FaceMesh points.
 
-Indices are those of MediaPipe FaceMesh with refined irises. "Left" and "right" are the image's,
+Indices are those of FaceMesh with refined irises. "Left" and "right" are the image's,
 for a person who faces the camera.
 """
 

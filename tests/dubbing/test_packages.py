@@ -21,7 +21,7 @@ pytestmark = pytest.mark.medium
 
 
 ROOT = Path(__file__).resolve().parents[2]
-TRACKER = f"{shlex.quote(sys.executable)} -m pip install --no-deps mediapipe==0.10.21"
+INSTALL = f"{shlex.quote(sys.executable)} -m pip install silero-vad==6.2.3"
 CALLS = (
     ("dub", "{m}"),
     ("prepare", "{clip}"),
@@ -64,21 +64,21 @@ def test_a_run_names_first_what_to_install(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     before = sorted(folder.iterdir())
-    monkeypatch.setitem(sys.modules, "mediapipe", None)
+    monkeypatch.setitem(sys.modules, "silero_vad", None)
     assert dfrf(monkeypatch, folder, *call) == 1
-    assert capsys.readouterr().err == f"dfrf: not installed: mediapipe: run {TRACKER}\n"
+    assert capsys.readouterr().err == f"dfrf: not installed: silero_vad: run {INSTALL}\n"
     assert sorted(folder.iterdir()) == before  # nothing was begun
 
 
 def test_plan_and_doctor_report_it_too(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setitem(sys.modules, "mediapipe", None)
+    monkeypatch.setitem(sys.modules, "silero_vad", None)
     assert dfrf(monkeypatch, folder, "plan", "--json", "{m}") == 0
-    assert TRACKER in str(json.loads(capsys.readouterr().out)["warnings"])
+    assert INSTALL in str(json.loads(capsys.readouterr().out)["warnings"])
     monkeypatch.setattr("dubbing.cli.console.out.width", 300)  # so that no command is broken up
     assert dfrf(monkeypatch, folder, "doctor") == 1
-    assert TRACKER in capsys.readouterr().out
+    assert INSTALL in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("name", packages.DECLARED)
@@ -131,12 +131,6 @@ def test_a_dub_imports_no_package_of_an_extra() -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_the_tracker_is_installed_beside_others_without_what_it_declares() -> None:
-    first, second = packages.command(["mediapipe", "scipy"]).split(" && ")
-    assert first.endswith("pip install scipy==1.17.1")
-    assert second == TRACKER
-
-
 @pytest.mark.parametrize("name", ["typer", "ruamel.yaml", "numpy", "annotated_types"])
 def test_what_cannot_even_be_loaded_is_no_traceback(name: str, folder: Path) -> None:
     code = (
@@ -156,7 +150,7 @@ def test_the_commands_are_those_of_the_lock() -> None:
     lock = pins("")
     torch = "torch==2.13.0"
     assert torch in (ROOT / "Makefile").read_text()
-    assert {*packages.DECLARED.values(), *packages.TRACKER.values()} <= {*lock, torch}
+    assert set(packages.DECLARED.values()) <= {*lock, torch}
     assert set(packages.SYNTHETIC.values()) == set(pins("-synthetic"))
     assert set(packages.CLUSTER.values()) <= {*pins("-cluster")}
     assert set(packages.EXTRAS["train"].values()) <= {*pins("-synthetic"), *pins("-dev")}

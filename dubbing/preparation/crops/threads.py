@@ -1,6 +1,6 @@
 """Processes frames on several threads.
 
-Threads and not processes: MediaPipe, OpenCV and numpy release the interpreter's lock.
+Threads and not processes: torch, OpenCV and numpy release the interpreter's lock.
 """
 
 import os

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import torch
 
-from dubbing.face.graph_network import FORMAT
+from dubbing.face.graph_network import FORMAT, GraphNetwork
 from dubbing.shipped.weights import save_half
 from dubbing.workshop.faces.conversion import convert
 from dubbing.workshop.faces.flatbuffer import read_graph
@@ -44,16 +44,19 @@ def import_network(data: bytes, source: str, path: Path) -> None:
     steps, outputs, weights = convert(graph)
     steps = without_repetitions(steps, weights)
     steps = merged(steps, outputs, weights)
+    side = graph.shapes[graph.inputs[0]][1]
+    stored = {"input": graph.inputs[0], "side": side, "outputs": outputs, "steps": steps}
     header = {
         "format": FORMAT,
-        "graph": json.dumps(
-            {"input": graph.inputs[0], "outputs": outputs, "steps": steps}, separators=(",", ":")
-        ),
-        "source": f"mediapipe 0.10.21, {source}",
+        "graph": json.dumps(stored, separators=(",", ":")),
+        "source": Path(source).name,
         "source_sha256": hashlib.sha256(data).hexdigest(),
         "license": "Apache-2.0",
     }
-    save_half({k: torch.from_numpy(v.copy()) for k, v in weights.items()}, path, header)
+    tensors = {name: torch.from_numpy(value.copy()) for name, value in weights.items()}
+    save_half(tensors, path, header)
+    header["expected"] = json.dumps(GraphNetwork(path).test_results())
+    save_half(tensors, path, header)
 
 
 def main() -> None:

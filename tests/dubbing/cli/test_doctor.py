@@ -15,7 +15,7 @@ pytestmark = pytest.mark.medium
 
 def test_doctor_reports_what_is_there(dfrf) -> None:  # type: ignore[no-untyped-def]
     _, out, _ = dfrf("doctor")
-    for what in ("Python", "torch", "ffmpeg", "mediapipe", "OpenCV", "base checkpoint"):
+    for what in ("Python", "torch", "ffmpeg", "face networks", "OpenCV", "base checkpoint"):
         assert what in out
 
 
@@ -28,7 +28,7 @@ def test_doctor_works_where_everything_is_missing() -> None:
         "from dubbing.cli.main import app\n"
         "app(['doctor'])"
     )
-    missing = "av,cv2,ffmpeg,imageio_ffmpeg,mediapipe,numpy,scipy,torch,silero_vad,ruamel.yaml"
+    missing = "av,cv2,ffmpeg,imageio_ffmpeg,numpy,scipy,torch,silero_vad,ruamel.yaml"
     done = subprocess.run(
         [sys.executable, "-c", code, missing],
         env={**os.environ, "COLUMNS": "200"},

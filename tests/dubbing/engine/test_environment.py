@@ -8,8 +8,6 @@ from pathlib import Path
 import pytest
 
 from dubbing.engine import environment
-from dubbing.errors import CallError
-from dubbing.face import mediapipe_graph
 from dubbing.provenance import card
 
 PATHS = ("PATH", "LD_LIBRARY_PATH", "PYTHONPATH", "XDG_DATA_DIRS", "OPENCV_VIDEOIO_PLUGIN_PATH")
@@ -67,9 +65,8 @@ def test_a_matplotlibrc_is_not_read(tmp_path: Path) -> None:
     (tmp_path / "matplotlibrc").write_bytes(b"\xff\xfe backend: module://evil")
     (tmp_path / "evil.py").write_text("raise SystemExit('ran')")
     code = (
-        "from dubbing.face.mediapipe_graph import solution; from dubbing.provenance import card\n"
-        "solution('face_mesh'), solution('selfie_segmentation'), card.undrawable('a')\n"
-        "card.draw('a', 64, 64); import sys; print('matplotlib' in sys.modules)"
+        "from dubbing.provenance import card; card.undrawable('a'); card.draw('a', 64, 64)\n"
+        "import sys; print('matplotlib' in sys.modules)"
     )
     done = subprocess.run(
         [sys.executable, "-P", "-c", code],
@@ -85,14 +82,3 @@ def test_a_matplotlibrc_is_not_read(tmp_path: Path) -> None:
 def test_letters_that_the_card_lacks() -> None:
     assert card.undrawable("Ann Žižek, Ελλάδα, Юлия\n") == ""
     assert card.undrawable("Ann 李 and שלום") == "李שלום"
-
-
-def test_networks_of_the_current_folder_are_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """MediaPipe reads mediapipe/modules/... of the current folder before its own."""
-    monkeypatch.chdir(tmp_path)
-    mediapipe_graph.check_current_folder()
-    (tmp_path / "mediapipe" / "modules").mkdir(parents=True)
-    with pytest.raises(CallError, match="call from another folder"):
-        mediapipe_graph.check_current_folder()

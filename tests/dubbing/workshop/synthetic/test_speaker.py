@@ -5,11 +5,11 @@ from fractions import Fraction
 from pathlib import Path
 
 import cv2
-import mediapipe as mp
 import numpy as np
 import pytest
 
 from dubbing.errors import ExplainedError
+from dubbing.face.landmarks import FaceMesh
 from dubbing.media import probe, read_audio, read_frames
 from dubbing.workshop.synthetic.anatomy.face import FACES
 from dubbing.workshop.synthetic.anatomy.skin_grid import skin_grid
@@ -27,14 +27,12 @@ LIPS, LIDS = (13, 14), (159, 145)
 @pytest.fixture(scope="module")
 def landmarks(clip: Clip) -> np.ndarray:
     """FaceMesh (T, 478, 2) in px; a frame without a face is an error."""
-    folder, truth = clip
-    found = []
-    with mp.solutions.face_mesh.FaceMesh(refine_landmarks=True, max_num_faces=1) as mesh:
-        for index, frame in enumerate(read_frames(folder / "clip.mp4")):
-            result = mesh.process(frame)
-            assert result.multi_face_landmarks, f"no face in frame {index}"
-            points = result.multi_face_landmarks[0].landmark
-            found.append([[p.x * truth.size - 0.5, p.y * truth.size - 0.5] for p in points])
+    folder, _ = clip
+    found, mesh = [], FaceMesh(tracking=True)
+    for index, frame in enumerate(read_frames(folder / "clip.mp4")):
+        faces = mesh(frame)
+        assert faces, f"no face in frame {index}"
+        found.append(faces[0][:, :2])
     return np.array(found)
 
 
