@@ -8,13 +8,11 @@ Letters: N images, A = 896 anchors.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import cv2
 import numpy as np
 
 from dubbing.face.graph_network import GraphNetwork
-from dubbing.face.regions import Region
+from dubbing.face.regions import Images, Region
 
 SIZE = 128  # px, side of the network's input
 LAYERS = ((16, 2), (8, 6))  # cells a side, and anchors a cell
@@ -45,7 +43,7 @@ class FaceDetector:
     def __init__(self, network: GraphNetwork, confidence: float) -> None:
         self._network, self._confidence = network, confidence
 
-    def __call__(self, images: Sequence[np.ndarray], faces: int) -> list[list[Region]]:
+    def __call__(self, images: Images, faces: int) -> list[list[Region]]:
         """At most `faces` regions of each image, the likeliest face first."""
         squares = [_whole(image) for image in images]
         pairs = zip(squares, images, strict=True)

@@ -15,7 +15,7 @@ from dubbing.face.face_detector import FaceDetector
 from dubbing.face.graph_network import network
 from dubbing.face.landmark_network import LandmarkNetwork
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
-from dubbing.face.regions import Region, overlap
+from dubbing.face.regions import Images, Region, overlap
 from dubbing.face.weight_paths import FACE_DETECTOR, FACE_LANDMARKS
 
 CONFIDENCE = 0.5
@@ -40,7 +40,7 @@ class FaceFinder:
         """Forget the faces that are followed."""
         self._followed = []
 
-    def find(self, images: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+    def find(self, images: Images) -> list[list[np.ndarray]]:
         """Faces of images that need not follow one another."""
         return self._look(images, [distinct(some) for some in self._detector(images, self._faces)])
 
@@ -51,7 +51,7 @@ class FaceFinder:
         return faces
 
     def follow_all(
-        self, images: Sequence[np.ndarray], followed: Sequence[Sequence[Region]]
+        self, images: Images, followed: Sequence[Sequence[Region]]
     ) -> list[list[np.ndarray]]:
         """Faces of one frame of each of several videos, where some regions are followed."""
         lost = [k for k, regions in enumerate(followed) if len(regions) < self._faces]
@@ -61,9 +61,7 @@ class FaceFinder:
             regions[k] = [*some, *regions[k]]
         return self._look(images, [distinct(some) for some in regions])
 
-    def _look(
-        self, images: Sequence[np.ndarray], regions: Sequence[Sequence[Region]]
-    ) -> list[list[np.ndarray]]:
+    def _look(self, images: Images, regions: Sequence[Sequence[Region]]) -> list[list[np.ndarray]]:
         """Faces in some regions of each image."""
         looks = [(image, r) for image, some in zip(images, regions, strict=True) for r in some]
         points = iter(self._landmarks(looks))

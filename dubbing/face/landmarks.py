@@ -13,6 +13,7 @@ import numpy as np
 
 from dubbing.face.face_finder import CONFIDENCE, FaceFinder
 from dubbing.face.mesh_points import LANDMARKS
+from dubbing.face.regions import Images
 
 MOST_FACES = 4
 FAR_OFF = 0.25  # face widths: modes that differ by more look at different faces
@@ -37,7 +38,7 @@ class FaceMesh:
             return [face - HALF for face in self._finder.follow(image)]
         return self.find([image])[0]
 
-    def find(self, images: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+    def find(self, images: Images) -> list[list[np.ndarray]]:
         """Faces of each of some frames in static mode; faster than one by one."""
         return [[face - HALF for face in faces] for faces in self._finder.find(images)]
 

@@ -5,11 +5,13 @@ Pixels are counted from the edge of the first one, as the published graphs do.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
+Images = Sequence[np.ndarray] | np.ndarray  # each (H, W, 3) uint8 RGB
 MARGIN = 1.5  # side of a region in sides of the box that it is made from
 
 

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import cv2
 import numpy as np
 
 from dubbing.face.graph_network import network
+from dubbing.face.regions import Images
 from dubbing.face.weight_paths import PERSON_MASK
 
 INPUT_SIDE = 256  # px, side of the network's input
 BATCH = 4  # images at once: more do not fit a core's cache
 
 
-def person_masks(images: Sequence[np.ndarray]) -> list[np.ndarray]:
+def person_masks(images: Images) -> list[np.ndarray]:
     """Probabilities (S, S) float32 in 0..1 that pixels of RGB images belong to a person."""
     found: list[np.ndarray] = []
     for start in range(0, len(images), BATCH):

@@ -1,41 +1,29 @@
-"""Networks that find persons: one a thread that looks, and none stays behind."""
+"""Masks of the synthetic speakers."""
 
 from concurrent.futures import ThreadPoolExecutor
-from threading import Barrier
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from dubbing.preparation.matting import person_masks
+from dubbing.preparation.matting.person_masks import person_masks
+
+pytestmark = pytest.mark.medium
+
+# Share of the last frame that is a person; MediaPipe 0.10.21 gives the same.
+SHARES = {"alba": 0.4216, "chidi": 0.4048, "dora": 0.4573}
 
 
-def test_as_many_networks_as_threads_look_at_once_and_all_are_closed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    both_look = Barrier(2)
-    begun: list[int] = []
-    closed: list[int] = []
+def test_masks_cover_the_person(people: dict[str, np.ndarray]) -> None:
+    masks = person_masks([people[name][-1] for name in SHARES])
+    for mask, share in zip(masks, SHARES.values(), strict=True):
+        assert mask.shape == people["alba"].shape[1:3]
+        assert mask.mean() == pytest.approx(share, abs=2e-3)
+        assert mask[64, 64] > 0.9
+        assert mask[5, 5] < 0.1
 
-    class Network:
-        def __init__(self, make: object) -> None:
-            begun.append(id(self))
 
-        def process(self, image: np.ndarray) -> SimpleNamespace:
-            if image.any():
-                both_look.wait(10)
-            return SimpleNamespace(segmentation_mask=np.ones(image.shape[:2], np.float32))
-
-        def close(self) -> None:
-            closed.append(id(self))
-
-    monkeypatch.setattr(person_masks, "Solution", Network)
-    dark, light = np.zeros((8, 8, 3), np.uint8), np.full((8, 8, 3), 9, np.uint8)
-    with person_masks.PersonMasks() as masks, ThreadPoolExecutor(2) as pool:
-        assert masks.mask(dark).shape == (8, 8)
-        for found in pool.map(masks.mask, [light, light]):
-            assert found.shape == (8, 8)
-        assert masks.mask(dark).min() == 1
-        assert len(begun) == 2
-        assert not closed
-    assert sorted(closed) == sorted(begun)
+def test_threads_share_a_network(people: dict[str, np.ndarray]) -> None:
+    frames = people["alba"][:6]
+    with ThreadPoolExecutor(2) as pool:
+        alone = list(pool.map(lambda frame: person_masks([frame])[0], frames))
+    np.testing.assert_allclose(person_masks(frames), alone, atol=1e-4)
