@@ -45,6 +45,8 @@ class FaceDetector:
 
     def __call__(self, images: Images, faces: int) -> list[list[Region]]:
         """At most `faces` regions of each image, the likeliest face first."""
+        if not len(images):
+            return []
         squares = [_whole(image) for image in images]
         pairs = zip(squares, images, strict=True)
         inputs = np.stack([s.cut(image, SIZE, cv2.BORDER_CONSTANT) for s, image in pairs])

@@ -55,7 +55,7 @@ class FaceFinder:
     ) -> list[list[np.ndarray]]:
         """Faces of one frame of each of several videos, where some regions are followed."""
         lost = [k for k, regions in enumerate(followed) if len(regions) < self._faces]
-        detected = self._detector([images[k] for k in lost], self._faces) if lost else []
+        detected = self._detector([images[k] for k in lost], self._faces)
         regions = [list(some) for some in followed]
         for k, some in zip(lost, detected, strict=True):
             regions[k] = [*some, *regions[k]]

@@ -35,6 +35,7 @@ from dubbing.preparation.tracking.likeness import looks
 from dubbing.preparation.tracking.portraits import Portrait
 
 STRIDE = 5  # frames
+TOGETHER = 4  # frames that are searched at once
 LEAST_SHARE = 0.2  # of searched frames with a face; fewer: search again, larger
 TILE_SHARE = 0.5  # of the shorter side of the frame
 PORTRAIT_FRAMES = 20  # of another clip, from which a person's looks are taken
@@ -73,6 +74,7 @@ def survey(info: MediaInfo, progress: ReportShare, people: Sequence[Portrait] = 
     miniatures: list[np.ndarray] = []
     details: list[float] = []
     sightings: list[list[Sighting]] = []
+    waiting: list[tuple[int, np.ndarray]] = []
     before: np.ndarray | None = None
     mesh = FaceMesh(tracking=False, faces=MOST_FACES)
     for frame, image in enumerate(read_frames(info.path)):
@@ -84,7 +86,12 @@ def survey(info: MediaInfo, progress: ReportShare, people: Sequence[Portrait] = 
         miniatures.append(miniature(small))
         details.append(detail(small))
         if frame % STRIDE == 0:
-            sightings.append(sight(mesh, image, frame))
+            waiting.append((frame, image))
+        if len(waiting) == TOGETHER or frame == info.frames - 1:
+            faces = mesh.find([image for _, image in waiting])
+            for (t, searched), points in zip(waiting, faces, strict=True):
+                sightings.append(sightings_of(points, searched, t))
+            waiting = []
         progress((frame + 1) / info.frames)
     if sum(map(bool, sightings)) < LEAST_SHARE * len(sightings):
         sightings = search_tiles(info.path, info.frames, progress)
@@ -144,7 +151,7 @@ def person_of(portrait: Portrait, info: MediaInfo) -> Person:
     mesh = FaceMesh(tracking=False, faces=MOST_FACES)
     for k, frame in enumerate(frames):
         (image,) = read_frames(portrait.clip, start=frame, count=1)
-        faces = sight(mesh, image, frame)
+        faces = sightings_of(mesh(image), image, frame)
         if rows:
             track += track_at([[face] for face in faces], rows[k])
         elif faces:
@@ -163,21 +170,21 @@ def places(portrait: Portrait, info: MediaInfo) -> tuple[Place, ...]:
     )
 
 
-def sight(
-    mesh: FaceMesh,
+def sightings_of(
+    faces: list[np.ndarray],
     image: np.ndarray,
     frame: int,
     corner: tuple[int, int] = (0, 0),
     scale: float = 1,
 ) -> list[Sighting]:
-    """Faces in an image whose first pixel is at ``corner`` of the source, enlarged by ``scale``."""
+    """Faces (478, 3) of an image that begins at ``corner`` of the source, enlarged by ``scale``."""
     return [
         Sighting(
             frame,
             np.concatenate((points[:, :2].min(0), points[:, :2].max(0))) / scale + (corner * 2),
             looks(image, points),
         )
-        for points in mesh(image)
+        for points in faces
     ]
 
 
@@ -190,7 +197,7 @@ def search_tiles(path: Path, frames: int, progress: ReportShare) -> list[list[Si
             faces: list[Sighting] = []
             for tile, corner in tiles(image):
                 larger = cv2.resize(tile, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-                faces += sight(mesh, larger, frame, corner, 2)
+                faces += sightings_of(mesh(larger), larger, frame, corner, 2)
             out.append(without_doubles(faces))
         progress((frame + 1) / frames)
     return out

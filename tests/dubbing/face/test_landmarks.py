@@ -46,6 +46,7 @@ def test_frames_together_give_what_they_give_alone(people: dict[str, np.ndarray]
 def test_a_frame_without_a_face_has_none(people: dict[str, np.ndarray]) -> None:
     frame, empty = people["alba"][0], np.full((90, 160, 3), 99, np.uint8)
     assert [len(faces) for faces in FaceMesh(tracking=False).find([empty, frame])] == [0, 1]
+    assert FaceMesh(tracking=False).find([]) == []
     mesh = FaceMesh(tracking=True)
     assert [len(mesh(image)) for image in (frame, empty, frame)] == [1, 0, 1]
 

@@ -27,7 +27,7 @@ solutions = pytest.importorskip("mediapipe.python.solutions", reason="mediapipe 
 GRAPH = "mediapipe/modules/face_landmark/face_landmark_front_cpu.binarypb"
 # px at the size of the network's input: median and worst of points. Where each frame is looked at
 # as the frame before tells, rounding adds up.
-STATIC, FOLLOWED = (0.01, 0.1), (0.1, 0.5)
+STATIC, FOLLOWED = (0.01, 0.1), (0.1, 1.0)
 CLIPS = ("andrew1_256", "aoc", "cnn2", "french", "latentsync2", "may", "menendez", "vr4_woman")
 FRAMES = 60
 
