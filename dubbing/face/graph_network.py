@@ -28,6 +28,7 @@ FORMAT = "dfrf-graph-1"
 REMEDY = "install dfrf again"
 REUSED_BYTES = 24 << 20
 TOLERANCE = 1e-3
+VIEWS = ("take", "reshape")  # steps whose result may share its memory with their input
 OUTSIDE = -2.0  # a place that no image has, in grid_sample's unit
 
 Settings = dict[str, Any]
@@ -52,20 +53,21 @@ class GraphNetwork:
         self._outputs: list[int] = graph["outputs"]
         self._steps: list[tuple[Run, list[int], int, list[int]]] = []
         needed = set(self._outputs)
+        kept = {self._input, *(step["out"] for step in self.graph if step["op"] in VIEWS)}
         for step in reversed(self.graph):
             last = [tensor for tensor in dict.fromkeys(step["in"]) if tensor not in needed]
             needed.update(step["in"])
             constants = [weights[name].to(self._device) for name in step.get("weights", ())]
             # What is not needed afterwards may be overwritten.
-            settings = step | {"in_place": step["in"][0] in last and step["in"][0] != self._input}
-            run = STEPS[step["op"]](settings, *constants)
+            free = step["in"][-1] in last and step["in"][-1] not in kept
+            run = STEPS[step["op"]](step | {"in_place": free}, *constants)
             self._steps.append((run, step["in"], step["out"], last))
         self._steps.reverse()
 
     @torch.inference_mode()
     def __call__(self, images: np.ndarray, low: float = 0.0) -> list[np.ndarray]:
-        """The results for images (N, H, W, 3) uint8, whose values become `low` to 1."""
-        with _one_thread():
+        """The results for images (N, H, W, 3) uint8, whose values become `low` to 1; in float32."""
+        with _one_thread(), torch.autocast(self._device.type, enabled=False):
             pixels = torch.from_numpy(images).to(self._device).permute(0, 3, 1, 2).float()
             values = {self._input: pixels.mul_((1 - low) / 255).add_(low)}
             for run, inputs, output, last in self._steps:
@@ -159,9 +161,10 @@ def _add(settings: Settings) -> Run:
 
 def _add_narrow(settings: Settings) -> Run:
     """Adds (N, G c, H, W) to the first c of each part's channels of (N, G C, H, W)."""
-    parts = settings.get("parts", 1)
+    parts, in_place = settings.get("parts", 1), settings["in_place"]
 
     def run(narrow: Tensor, wide: Tensor) -> Tensor:
+        wide = wide if in_place else wide.clone()
         shape = (parts, -1)
         narrow = narrow.unflatten(1, shape)
         wide.unflatten(1, shape)[:, :, : narrow.shape[2]].add_(narrow)

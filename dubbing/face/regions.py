@@ -44,6 +44,7 @@ class Region:
         """The region's pixels (size, size, 3) uint8; `border` is one of OpenCV's."""
         matrix = np.vstack((self.matrix / [size, size, 1], [0, 0, 1]))
         flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        image = np.ascontiguousarray(image)
         return cv2.warpPerspective(image, matrix, (size, size), flags=flags, borderMode=border)
 
     def place(self, points: np.ndarray) -> np.ndarray:

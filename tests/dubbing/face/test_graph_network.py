@@ -17,7 +17,7 @@ from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
 
 
 def run(op: str, *inputs: Tensor, weights: tuple[Tensor, ...] = (), **settings: Any) -> Tensor:
-    return STEPS[op]({"in_place": False, **settings}, *weights)(*inputs)
+    return STEPS[op]({"in_place": False} | settings, *weights)(*inputs)
 
 
 def random(*shape: int) -> Tensor:
@@ -51,10 +51,12 @@ def test_a_transposed_convolution() -> None:
 
 def test_fewer_channels_are_added_to_the_first_of_each_part() -> None:
     narrow, wide = random(2, 4, 3, 3), random(2, 6, 3, 3)
-    found = run("add_narrow", narrow, wide.clone(), parts=2)
     expected = wide.clone()
     expected[:, [0, 1, 3, 4]] += narrow
-    torch.testing.assert_close(found, expected)
+    torch.testing.assert_close(run("add_narrow", narrow, wide, parts=2), expected)
+    assert not torch.equal(wide, expected)
+    torch.testing.assert_close(run("add_narrow", narrow, wide, parts=2, in_place=True), expected)
+    torch.testing.assert_close(wide, expected)
 
 
 def test_parts_lie_side_by_side_in_the_channels() -> None:
@@ -102,6 +104,13 @@ def test_what_ships_works_and_leaves_the_number_of_threads(path: Path) -> None:
     assert torch.get_num_threads() == threads
     network._expected[0] += 1
     assert not network.works()
+
+
+def test_numbers_stay_whole_where_others_are_rounded() -> None:
+    network = GraphNetwork(FACE_WEIGHTS["face_landmarks"])
+    exact = network.test_results()
+    with torch.autocast("cpu", torch.bfloat16):
+        assert network.test_results() == exact
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

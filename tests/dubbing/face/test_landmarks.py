@@ -43,6 +43,11 @@ def test_frames_together_give_what_they_give_alone(people: dict[str, np.ndarray]
         np.testing.assert_allclose(together, alone, atol=0.01)
 
 
+def test_a_mirrored_view_of_a_frame_is_as_good_as_a_copy(people: dict[str, np.ndarray]) -> None:
+    view, mesh = people["alba"][0][:, ::-1], FaceMesh(tracking=False)
+    np.testing.assert_array_equal(mesh(view), mesh(view.copy()))
+
+
 def test_a_frame_without_a_face_has_none(people: dict[str, np.ndarray]) -> None:
     frame, empty = people["alba"][0], np.full((90, 160, 3), 99, np.uint8)
     assert [len(faces) for faces in FaceMesh(tracking=False).find([empty, frame])] == [0, 1]

@@ -4,6 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+import torch
 
 from dubbing.preparation.matting.person_masks import person_masks
 
@@ -23,7 +24,8 @@ def test_masks_cover_the_person(people: dict[str, np.ndarray]) -> None:
 
 
 def test_threads_share_a_network(people: dict[str, np.ndarray]) -> None:
-    frames = people["alba"][:6]
+    frames, count = people["alba"][:6], torch.get_num_threads()
     with ThreadPoolExecutor(2) as pool:
         alone = list(pool.map(lambda frame: person_masks([frame])[0], frames))
     np.testing.assert_allclose(person_masks(frames), alone, atol=1e-4)
+    assert torch.get_num_threads() == count
