@@ -11,7 +11,7 @@ from importlib import metadata
 from pathlib import Path
 
 from dubbing import packages
-from dubbing.errors import DubbingError, MediaError
+from dubbing.errors import ExplainedError, MediaError
 from dubbing.shipped.base import BASE
 
 ENOUGH_MEMORY, ENOUGH_DISK = 6.0, 5.0  # GiB
@@ -129,7 +129,7 @@ def _networks() -> Finding:
     paths = FACE_WEIGHTS | PERSON_WEIGHTS
     try:
         wrong = [name for name, path in paths.items() if not GraphNetwork(path).works()]
-    except DubbingError as error:
+    except ExplainedError as error:
         return Finding("face networks", "lacking", error.what, error.remedy)
     if not wrong:
         return Finding("face networks", "fine", "compute what they should")

@@ -28,7 +28,7 @@ class GraphNetwork:
     """A network of `path`.
 
     Raises:
-        DubbingError: the file is missing, damaged or of another format.
+        ExplainedError: the file is missing, damaged or of another format.
     """
 
     def __init__(self, path: Path, device: torch.device | str = "cpu") -> None:

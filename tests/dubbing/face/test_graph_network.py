@@ -11,7 +11,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from dubbing.errors import DubbingError
+from dubbing.errors import ExplainedError
 from dubbing.face.graph_network import GraphNetwork
 from dubbing.face.graph_steps import STEPS
 from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
@@ -115,7 +115,7 @@ def test_numbers_stay_whole_where_others_are_rounded() -> None:
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
-    with pytest.raises(DubbingError) as error:
+    with pytest.raises(ExplainedError) as error:
         GraphNetwork(tmp_path / "face_detector.safetensors")
     assert error.value.what.startswith("face detector weights cannot be read")
     assert error.value.remedy == "install dfrf again"
