@@ -9,7 +9,7 @@ from typer.testing import CliRunner, Result
 from dubbing import media
 from dubbing.cli.main import app
 from dubbing.errors import MediaError
-from dubbing.provenance import credentials, mark_key
+from dubbing.provenance import credentials, mark_key, mark_search
 from dubbing.provenance.mark_key import read_key
 from dubbing.provenance.provenance import tags
 from tests import clips
@@ -17,6 +17,13 @@ from tests.dubbing.provenance import film
 from tests.dubbing.provenance.chain import write_chain
 
 pytestmark = pytest.mark.medium
+
+
+@pytest.fixture(autouse=True)
+def _few_scales(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search at every scale, which takes seconds, has tests of its own (`test_mark_search`)."""
+    few = mark_search.candidates()[:3]
+    monkeypatch.setattr(mark_search, "candidates", lambda: few)
 
 
 @pytest.fixture(scope="module")
