@@ -30,7 +30,6 @@ DECLARED = {
     "safetensors": "safetensors==0.8.0",
     "jaxtyping": "jaxtyping==0.3.11",
     "jinja2": "Jinja2==3.1.6",
-    "matplotlib": "matplotlib==3.11.2",
     "silero_vad": "silero-vad==6.2.3",
     "typing_extensions": "typing_extensions==4.16.0",
 }

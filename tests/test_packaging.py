@@ -25,7 +25,7 @@ TREE = (
     "README.md",
     "LICENSE",
 )
-DATA = (".safetensors", ".html", ".yaml", ".srt", ".md", ".json")
+DATA = (".safetensors", ".html", ".ttf", ".yaml", ".srt", ".md", ".json")
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +21,8 @@ LETTERS = 0.06  # of the shorter side: height of the letters, where the text lea
 SMALLER = 0.92  # of the letters, from try to try
 LINE = 1.35  # of the letters' height
 ABSENT = "\uffff"  # no letter: fonts draw in its place what they draw for those that they lack
+# Latin, Greek and Cyrillic letters.
+FONT = Path(__file__).with_name("DejaVuSans.ttf")
 RIGHT_TO_LEFT = ("R", "AL")
 
 
@@ -42,7 +43,7 @@ def undrawable(text: str) -> str:
     """The characters of a text that would not be seen as they are written, each once."""
     if not text:
         return ""
-    font = ImageFont.truetype(_font_file(), 20, layout_engine=ImageFont.Layout.BASIC)
+    font = ImageFont.truetype(FONT, 20, layout_engine=ImageFont.Layout.BASIC)
     absent = bytes(font.getmask(ABSENT))
     return "".join(
         letter
@@ -57,7 +58,7 @@ def draw(text: str, width: int, height: int) -> np.ndarray:
     """A card, uint8 RGB (height, width, 3): light letters in the middle of a dark ground."""
     letters = LETTERS * min(width, height)
     while True:
-        font = ImageFont.truetype(_font_file(), letters, layout_engine=ImageFont.Layout.BASIC)
+        font = ImageFont.truetype(FONT, letters, layout_engine=ImageFont.Layout.BASIC)
         lines = _wrapped(text, font, MAX_TEXT * width)
         widest = max(font.getlength(line) for line in lines)
         if letters < 2 or (
@@ -86,11 +87,3 @@ def _wrapped(text: str, font: ImageFont.FreeTypeFont, width: float) -> list[str]
             line = longer
         lines.append(line)
     return lines
-
-
-def _font_file() -> Path:
-    """DejaVu Sans, which has Latin, Greek and Cyrillic letters and comes with matplotlib."""
-    spec = find_spec("matplotlib")  # an import would read files of the current folder
-    assert spec is not None
-    assert spec.origin is not None
-    return Path(spec.origin).parent / "mpl-data" / "fonts" / "ttf" / "DejaVuSans.ttf"

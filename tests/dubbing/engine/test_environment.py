@@ -60,25 +60,6 @@ def test_nor_by_python_m_dubbing(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_a_matplotlibrc_is_not_read(tmp_path: Path) -> None:
-    """With bytes that are no text it would end the import."""
-    (tmp_path / "matplotlibrc").write_bytes(b"\xff\xfe backend: module://evil")
-    (tmp_path / "evil.py").write_text("raise SystemExit('ran')")
-    code = (
-        "from dubbing.provenance import card; card.undrawable('a'); card.draw('a', 64, 64)\n"
-        "import sys; print('matplotlib' in sys.modules)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-P", "-c", code],
-        cwd=tmp_path,
-        env=environment.of_children(),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.stdout == "False\n", done.stderr
-
-
 def test_letters_that_the_card_lacks() -> None:
     assert card.undrawable("Ann Žižek, Ελλάδα, Юлия\n") == ""
     assert card.undrawable("Ann 李 and שלום") == "李שלום"
