@@ -17,6 +17,8 @@ from dfrf.published.paper_model import (
     References,
 )
 
+pytestmark = pytest.mark.medium
+
 NEAR, FAR = 0.5, 1.1
 WHOLE = PaperConfig()
 NO_WARP = replace(WHOLE, use_warp=False)

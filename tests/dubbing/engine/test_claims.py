@@ -21,6 +21,8 @@ from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.stage import Stage
 from tests.dubbing.engine.listener import Listener
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.fixture
 def quick(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,8 @@ import pytest
 from dubbing.manifest import init, yaml_lines
 from tests import clips
 
+pytestmark = pytest.mark.medium
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:

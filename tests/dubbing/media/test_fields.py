@@ -10,6 +10,8 @@ from dubbing import media
 from dubbing.media.fields import looks_interlaced
 from tests import clips
 
+pytestmark = pytest.mark.medium
+
 MOVING = "testsrc2=s=320x240:r=50"
 FIELDS = "tinterlace=interleave_top"
 TWICE = "fps=12.5,fps=25"  # each picture stands for two frames

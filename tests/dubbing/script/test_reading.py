@@ -10,6 +10,8 @@ from dubbing.errors import ExplainedError
 from dubbing.script.line import Line
 from dubbing.script.reading import read_lines
 
+pytestmark = pytest.mark.medium
+
 FILM = Fraction(24000, 1001)
 SRT = """1
 00:00:01,000 --> 00:00:02,500

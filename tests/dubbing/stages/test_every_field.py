@@ -21,6 +21,8 @@ from tests import clips, fakes
 from tests.dubbing.batches import dub
 from tests.dubbing.provenance.chain import write_chain
 
+pytestmark = pytest.mark.medium
+
 OF_ALL = {"id", "folder"}  # of the base class
 
 

@@ -22,6 +22,8 @@ from dubbing.shipped.base import BASE
 from tests import clips
 from tests.dubbing.provenance.chain import write_chain
 
+pytestmark = pytest.mark.medium
+
 CONSENT = {"by": "Ann", "reference": "form 17", "date": "2026-01-01"}
 SRT = "1\n00:00:00,200 --> 00:00:00,600\nANN: Good.\n\n2\n00:00:00,700 --> 00:00:01,000\nBEN: No.\n"
 PERSON = {"clip": "ann.mp4", "seconds": 1, "consent": CONSENT}

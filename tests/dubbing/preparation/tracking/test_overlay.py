@@ -16,6 +16,8 @@ from dubbing.preparation.tracking.occlusion import covered_step
 from dubbing.preparation.tracking.overlay import Overlay, overlay_step
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
 
+pytestmark = pytest.mark.medium
+
 if TYPE_CHECKING:
     from dubbing.media import MediaInfo
 
