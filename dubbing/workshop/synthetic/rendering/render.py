@@ -64,8 +64,8 @@ class RenderedFrame:
 class Renderer:
     """Renders one face at one size. Building it takes seconds, a frame a fraction of one."""
 
-    def __init__(self, face: Face, size: int) -> None:
-        self.camera = Camera(size)
+    def __init__(self, face: Face, size: int, zoom: float = 1.0) -> None:
+        self.camera = Camera(size, zoom)
         self.model = HeadModel(face)
         self.materials = Materials(face, self.model)
         self.plate = shoot(self.camera, REST_SHIFT, face, room(size, face))
