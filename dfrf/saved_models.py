@@ -28,6 +28,8 @@ REFERENCE_SHAPES = {
     "c2w": ("N", 3, 4),
     "centres": ("N", 2),
 }
+SURFACE = "surface"  # of methods that know what a view sees
+SURFACE_SHAPE = ("a", "b")
 # Of the P crops of h x w pixels round a person's mouth.
 MOUTH_SHAPES = {
     "images": ("P", "h", "w", 3),
@@ -98,10 +100,12 @@ def save_person(
             "reference.mattes": views.mattes,
             "reference.c2w": views.c2w,
             "reference.centres": views.centres,
+            **_surface("reference.", views),
         }
         header = {**header, "focal": views.focal, "scale": views.scale}
         if views.mouths is not None:
             tensors |= {f"mouth.{name}": value for name, value in _mouth_tensors(views.mouths)}
+            tensors |= _surface("mouth.", views.mouths.views)
     about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
     write_tensors(path, tensors, {**about, **header})
 
@@ -132,6 +136,11 @@ def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dic
     return _build(path, weights, header), views, header
 
 
+def _surface(prefix: str, views: ReferenceViews) -> dict[str, Tensor]:
+    """What views see, by the name that it is saved under; nothing where it is not known."""
+    return {} if views.surface is None else {prefix + SURFACE: views.surface}
+
+
 def _mouth_tensors(mouths: MouthViews) -> Iterator[tuple[str, Tensor]]:
     """Tensors of mouth views that are saved, by their name in `MOUTH_SHAPES`."""
     for name in MOUTH_SHAPES:
@@ -144,6 +153,8 @@ def _check(part: dict[str, Tensor], shapes: Mapping[str, Sequence[str | int]]) -
     Raises:
         ValueError, LookupError: a tensor has another shape, type or name.
     """
+    if SURFACE in part:
+        shapes = {**shapes, SURFACE: (shapes["images"][0], *SURFACE_SHAPE)}
     if part.keys() != shapes.keys():
         raise LookupError("other tensors")
     lengths: dict[str, int] = {}
@@ -175,6 +186,7 @@ def _mouths(part: dict[str, Tensor], whole: ReferenceViews) -> MouthViews:
         mattes=part["mattes"],
         c2w=part["c2w"],
         centres=part["centres"],
+        surface=part.get(SURFACE),
     )
     lips = part["lips"]
     return MouthViews(crops, lips, part["shape"], part["reading"], torch.arange(count), lips[:0])
@@ -196,4 +208,5 @@ def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
         centres=part["centres"],
         focal=float(focal),
         scale=float(scale),
+        surface=part.get(SURFACE),
     )

@@ -129,7 +129,7 @@ class Field(nn.Module):
         fused, weight = self.aggregation(
             feature,
             towards.to(feature.dtype),
-            maps.log_view_weight,
+            maps.log_weight(query.points, positions),
             query.encoded,
             conditioning,
             query.belongs,

@@ -8,16 +8,13 @@ it.
 import cv2
 import numpy as np
 
-from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
+from dubbing.face.face_contour import face_contour, face_region
+from dubbing.face.mesh_points import LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
 # Between these distances from the edge of the face, px, the film's own pixels take over: a model's
 # errors are largest there.
 INSIDE, OUTSIDE = 13.0, 3.0
-CHIN = FACE_OVAL.index(152)
-# Points of the oval to each side of the chin round which everything is replaced. The jaw hinges
-# below the ears: further up its edge hardly moves. The mask fades in between.
-JAW, CHEEK = 4, 6
 # Between these heights across cheeks and nose the rendered head takes over: 0 on the line through
 # the eyes, 1 at the base of the nose.
 ABOVE, BELOW = 0.4, 0.8
@@ -37,15 +34,12 @@ def face_mask(landmarks: np.ndarray, size: int) -> np.ndarray:
         landmarks: (478, 2) px.
         size: S.
     """
-    oval = landmarks[list(FACE_OVAL)]
-    shift = 4  # fractional bits of the coordinates that OpenCV draws at
-    face = np.zeros((size, size), np.uint8)
-    cv2.fillPoly(face, [(oval * (1 << shift)).round().astype(np.int32)], 255, shift=shift)
+    face = face_region(landmarks, size)
     unit = size / REFERENCE_SIZE
     outside, inside = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (255 - face, face))
     near = np.clip((OUTSIDE * unit - outside + inside) / ((OUTSIDE + INSIDE) * unit), 0, 1)
     x, y = (np.arange(size) - middle for middle in face_middle(landmarks))
-    share = np.maximum(near, jaw_share(landmarks, np.arctan2(y[:, None], x)))
+    share = np.maximum(near, jaw_share(landmarks, np.arctan2(y[:, None], x), size))
     return (share * lower_share(landmarks, size) * 255).round().astype(np.uint8)
 
 
@@ -68,17 +62,16 @@ def lower_share(landmarks: np.ndarray, size: int) -> np.ndarray:
 
 
 def face_middle(landmarks: np.ndarray) -> np.ndarray:
-    """Middle (2,) of the face's outline, px."""
-    middle: np.ndarray = landmarks[list(FACE_OVAL)].mean(0)
+    """Middle (2,) of the box round the face, px."""
+    middle: np.ndarray = (landmarks.min(0) + landmarks.max(0)) / 2
     return middle
 
 
-def jaw_share(landmarks: np.ndarray, angles: np.ndarray) -> np.ndarray:
+def jaw_share(landmarks: np.ndarray, angles: np.ndarray, size: int) -> np.ndarray:
     """Share of pixels outside the face that may change, at angles (...) (rad) from its middle.
 
-    1 round the jaw, 0 beyond the cheeks and the forehead.
+    1 round the jaw, which hinges below the ears, 0 beyond the cheeks and the forehead.
     """
-    below = np.abs(np.arange(len(FACE_OVAL)) - CHIN)
-    jaw = np.clip((CHEEK - below) / (CHEEK - JAW), 0, 1)
-    oval = landmarks[list(FACE_OVAL)] - face_middle(landmarks)
-    return np.interp(angles, np.arctan2(oval[:, 1], oval[:, 0]), jaw, period=2 * np.pi)
+    contour = face_contour(landmarks, size)
+    x, y = (contour.points - face_middle(landmarks)).T
+    return np.interp(angles, np.arctan2(y, x), contour.jaw_shares(), period=2 * np.pi)

@@ -46,7 +46,7 @@ def with_neck(
     middle = face_middle(landmarks)
     low = smooth(outline(matte, middle)) + BESIDE * unit
     high = smooth(outline(opacity, middle))
-    jaw = jaw_share(landmarks, np.arange(ANGLES) * (2 * np.pi / ANGLES))
+    jaw = jaw_share(landmarks, np.arange(ANGLES) * (2 * np.pi / ANGLES), size)
     room = smooth(room_below(image, low, middle, jaw > 0))
     share = jaw * np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
     share[(high >= low) | (high < low / 2)] = 0  # covered, or there is no head

@@ -142,7 +142,9 @@ def _track(
 def _cut_out(steps: Steps, info: MediaInfo, tracked: _Tracked, out: Path) -> None:
     """Write the head's matte and the background behind it into `out`."""
     surveyed, landmarks, observed = tracked.surveyed, tracked.landmarks, tracked.observed
-    outline = tracking.jaw_outline(landmarks, tracked.track["shape"], tracked.poses, observed)
+    outline = tracking.jaw_outline(
+        landmarks, tracked.track["shape"], tracked.poses, observed, tracked.size
+    )
     visible = tracking.bridged(tracked.detected["valid"], observed.rate)
     masks = open_images(steps.folder / PERSON), open_images(steps.folder / OPACITY)
     places = surveyed["window"], landmarks, outline, visible, surveyed["segment"]

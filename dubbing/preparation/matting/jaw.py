@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
+from dubbing.face.face_contour import evenly
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 POINTS = 96  # of the line
@@ -24,13 +25,6 @@ CROSSED = 0.012  # cost a px and grey level of steps crossed on the way outwards
 BEND = 0.5  # cost of a step of one px from point to point, squared
 ENDS = 0.06  # share of the line at each end, beside the ears, that does not move
 MEDIAN_FRAMES, SMOOTH_FRAMES, SMOOTH_POINTS = 5, 1.0, 1.5
-
-
-def resampled(outline: np.ndarray) -> np.ndarray:
-    """A line (K, 2) px as POINTS points evenly spaced along it."""
-    length = np.concatenate(([0], np.linalg.norm(np.diff(outline, axis=0), axis=1).cumsum()))
-    at = np.linspace(0, length[-1], POINTS)
-    return np.stack([np.interp(at, length, outline[:, k]) for k in range(2)], axis=1)
 
 
 def normals(line: np.ndarray) -> np.ndarray:
@@ -47,7 +41,7 @@ def edge_costs(image: np.ndarray, outline: np.ndarray) -> np.ndarray:
         image: (S, S, 3) uint8 RGB.
     """
     unit = len(image) / REFERENCE_SIZE
-    line = resampled(outline)
+    line = evenly(outline, POINTS)
     places = line[:, None] + (OFFSETS * unit)[:, None] * normals(line)[:, None]
     smooth = cv2.GaussianBlur(image, (0, 0), unit)
     x, y = (places[..., k].astype(np.float32) for k in range(2))
@@ -121,5 +115,5 @@ def smooth_offsets(offsets: np.ndarray, segment: np.ndarray) -> np.ndarray:
 
 def moved(outline: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """The line (POINTS, 2) px that lies offsets (POINTS,) px below an outline (K, 2)."""
-    line = resampled(outline)
+    line = evenly(outline, POINTS)
     return line + offsets[:, None] * normals(line)

@@ -14,6 +14,7 @@ import numpy as np
 from dubbing.engine.stage import ReportShare
 from dubbing.errors import PreparationError
 from dubbing.face import chains
+from dubbing.face.face_contour import evenly, face_contour
 from dubbing.face.landmarks import FaceMesh, combine, nearest
 from dubbing.face.mesh_points import JAW, RIGID
 from dubbing.media import MediaInfo, read_frames
@@ -43,6 +44,7 @@ BATCH = 8  # frames that the networks look at together
 DETECTED, FOLLOWED = 0.3, 0.5  # shares of the work done when all faces are detected, and followed
 LEAST_FRAMES = 5
 # From the ends of the jaw line to below the ear lobes, in units of 10 cm: out, down and back.
+OUTLINE_POINTS = 96
 LOBES = np.array([[-0.12, 0.1, 0.45], [0.12, 0.1, 0.45]])
 
 Arrays = dict[str, np.ndarray]
@@ -184,17 +186,24 @@ def filled_landmarks(
 
 
 def jaw_outline(
-    landmarks: np.ndarray, shape: np.ndarray, poses: Poses, observed: Observations
+    landmarks: np.ndarray, shape: np.ndarray, poses: Poses, observed: Observations, size: int
 ) -> np.ndarray:
     """Line (T, K, 2) px from left to right along which the head is cut from the neck.
 
-    It is the jaw as detected, without its ends beside the ears. At both ends a point under the ear
-    lobe is added, which FaceMesh does not have: it comes from the shape and the pose, so that it
-    moves correctly when the head nods.
+    It is the lower part of the face's contour. At both ends a point under the ear lobe is added,
+    which FaceMesh does not have: it comes from the shape and the pose, so that it moves correctly
+    when the head nods. A lobe that the face hides is left out.
     """
     ends = shape[[JAW[0], JAW[-1]]]
     lobes = project(to_camera(poses, ends + LOBES), observed.focal, observed.centre)
-    return np.concatenate((lobes[:, :1], landmarks[:, list(JAW[1:-1])], lobes[:, 1:]), axis=1)
+    return np.stack([_cut(*pair, size) for pair in zip(landmarks, lobes, strict=True)])
+
+
+def _cut(landmarks: np.ndarray, lobes: np.ndarray, size: int) -> np.ndarray:
+    """The line (OUTLINE_POINTS, 2) px of one frame; lobes (2, 2) px, the left one first."""
+    contour = face_contour(landmarks, size)
+    left, right = ([] if contour.holds(lobe) else [lobe] for lobe in lobes)
+    return evenly(np.stack([*left, *contour.jaw(), *right]), OUTLINE_POINTS)
 
 
 def refine_step(

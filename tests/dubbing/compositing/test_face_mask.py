@@ -6,7 +6,6 @@ import pytest
 from dubbing.compositing.face_mask import (
     ABOVE,
     BELOW,
-    CHIN,
     INSIDE,
     OUTSIDE,
     face_mask,
@@ -99,7 +98,3 @@ def test_lengths_follow_the_crop() -> None:
     small, large = face_mask(landmarks(), S), face_mask(landmarks() * 2 + 0.5, 2 * S)
     assert small.dtype == np.uint8
     assert np.abs(large[::2, ::2].astype(int) - small).mean() < 2
-
-
-def test_the_chin_is_where_the_oval_is_lowest() -> None:
-    assert landmarks()[FACE_OVAL[CHIN], 1] == pytest.approx(188)
