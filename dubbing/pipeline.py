@@ -99,7 +99,9 @@ def dub_job(
 def on_film_of(dub: Dub, person: Person, job: Job) -> PersonOnFilm:
     """The stages of a person that a dub reads."""
     learned = tuple(prepared(job, clip) for clip in person.learned)
-    return PersonOnFilm(prepared(job, person.clip_at(dub.film.path)), learned, job.stage(Finetune))
+    film = person.clip_at(dub.film.path)
+    poses = job.stage(RefinePoses, film.name)
+    return PersonOnFilm(prepared(job, film), poses, learned, job.stage(Finetune))
 
 
 def prepared(job: Job, clip: PersonClip) -> Prepared:

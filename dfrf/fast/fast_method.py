@@ -203,6 +203,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         if (step + 1) % config.occupancy_every == 0:
             self.model.grid.refresh()
 
+    @torch.no_grad()
     def with_surfaces(
         self, dataset: HeadDataset, views: ReferenceViews, frames: Int[Tensor, " N"]
     ) -> ReferenceViews:
@@ -248,7 +249,8 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         windows = torch.zeros(frames, NEIGHBOURS, WINDOW, self.speech_dim)
         parts = windows, torch.zeros(frames + 2 * CONTEXT_FRAMES, NUMBERS), expression
         conditioning = model.field.conditioning(*(part.to(model.device) for part in parts))
-        return lambda frame: model.volume(conditioning[frame : frame + 1], maps)
+        rounded = model.rounded()
+        return lambda frame: rounded.volume(conditioning[frame : frame + 1], maps)
 
     def render_frames(
         self, inputs: FrameInputs, maps: ReferenceMaps | None

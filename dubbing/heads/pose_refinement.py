@@ -82,17 +82,15 @@ def refined(
     return clip.with_poses(moved(c2w, corrections).double().numpy())
 
 
-def refine_clip(
-    model: HeadModel, maps: Maps | None, clip: PreparedClip, out: Path, progress: Progress
-) -> None:
-    """Writes OUT/poses.npz: the poses (T, 3, 4) of all frames of a clip, refined with a model."""
-    c2w = refined(model, maps, clip, np.arange(len(clip)), progress).c2w()
+def write_poses(clip: PreparedClip, out: Path) -> None:
+    """Writes OUT/poses.npz: the poses (T, 3, 4) of all frames of a clip."""
+    c2w = clip.c2w()
     with atomic_path(out / POSES_FILE) as temporary:
         np.savez_compressed(temporary, allow_pickle=False, c2w=c2w)
 
 
 def with_refined_poses(clip: PreparedClip, folder: Path) -> PreparedClip:
-    """A clip with the poses that `refine_clip` wrote into a folder.
+    """A clip with the poses that `write_poses` wrote into a folder.
 
     Raises:
         PreparationError: there are none, or they are of another clip.

@@ -114,6 +114,7 @@ class PreparedClip:
         segment: (T,) number of the shot. shown: (T,) share of the frame that is of that shot; less
             than 1 in a dissolve. haze: (T, 3) grey levels of light over the image.
         landmarks: (T, 478, 2) px of the crop, as detected (as projected, where not valid).
+        overlay: file of the masks of what lies over the face, of every frame if over any.
         shape: (478, 3) mean head shape in the head frame: x right, y down, z away from the camera,
             outer eye corners 0.9 apart, origin between the ears.
     """
@@ -142,6 +143,7 @@ class PreparedClip:
     haze: np.ndarray
     landmarks: np.ndarray
     shape: np.ndarray
+    overlay: Path | None = None
 
     def __len__(self) -> int:
         return self.frames_count
@@ -226,7 +228,7 @@ class PreparedClip:
         fills = read_frames(self.folder / BACKGROUND, start=start, count=count)
         overlays: Iterable[np.ndarray | None] = itertools.repeat(None)
         if self.over[start:].any():
-            masks = self.folder / OVERLAY
+            masks = self.overlay or self.folder / OVERLAY
             overlays = read_frames(masks, start=start, count=count, pixels="gray")
         for index, (whole, matte, fill, overlay) in enumerate(
             zip(images, mattes, fills, overlays, strict=False), start

@@ -25,13 +25,20 @@ class PersonOnFilm:
     """The stages of a person that a dub reads.
 
     Attributes:
-        prepared: the film.
+        prepared: the film. poses: what the learned head says of it.
         learned: the clips that the model was learned from, in the order of its summary.
     """
 
     prepared: Prepared
+    poses: Stage
     learned: tuple[Prepared, ...]
     model: Stage
+
+    def film(self) -> PreparedClip:
+        """The film, as it was prepared and as the learned head sees it."""
+        from dubbing.heads.covers import seen_by_head
+
+        return seen_by_head(self.prepared.load(), self.poses.folder)
 
     def kept(self, clip: PreparedClip) -> np.ndarray:
         """Numbers (T,) of the reasons why frames of the film keep their own face."""
@@ -91,7 +98,7 @@ class Composite(DubbingStage):
         from dubbing.video.assembly import make
         from dubbing.video.composer import Heads
 
-        clips = {name: person.prepared.load() for name, person in self.people.items()}
+        clips = {name: person.film() for name, person in self.people.items()}
         kept = {name: person.kept(clips[name]) for name, person in self.people.items()}
         segment = next(iter(clips.values())).segment
         heads = [

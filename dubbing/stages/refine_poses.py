@@ -1,4 +1,4 @@
-"""The stage `refine_poses`: head poses of every frame of a clip, refined with the model."""
+"""The stage `refine_poses`: what the learned head says of a clip: poses, and what lies over it."""
 
 from __future__ import annotations
 
@@ -15,9 +15,14 @@ if TYPE_CHECKING:
     from dubbing.production.person import Person
 
 
+POSES_SHARE = 0.7  # of the stage's time
+
+
 @dataclass(frozen=True, kw_only=True)
 class RefinePoses(DubbingStage):
-    """Refines poses; see `dubbing.heads.pose_refinement`.
+    """Refines poses, and finds what lies over the face.
+
+    See `dubbing.heads.pose_refinement` and `dubbing.heads.covers`.
 
     Attributes:
         crops: frames, each as a share of a full head crop.
@@ -43,12 +48,24 @@ class RefinePoses(DubbingStage):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
+        import numpy as np
+
+        from dubbing.heads.covers import find_covers
         from dubbing.heads.fine_tuning import MODEL_FILE
-        from dubbing.heads.pose_refinement import refine_clip
+        from dubbing.heads.pose_refinement import refined, write_poses
         from dubbing.heads.rendering import load
 
         model, maps, _ = load(self.model.folder / MODEL_FILE, self.device)
-        refine_clip(model, maps, self.prepared.load(), out, progress)
+        clip = self.prepared.load()
+
+        def first(message: str, share: float) -> None:
+            progress(message, POSES_SHARE * share)
+
+        def then(message: str, share: float) -> None:
+            progress(message, POSES_SHARE + (1 - POSES_SHARE) * share)
+
+        clip = refined(model, maps, clip, np.arange(len(clip)), first)
+        write_poses(find_covers(model, maps, clip, out, then), out)
 
     def amount(self) -> float:
         return self.crops

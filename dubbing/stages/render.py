@@ -79,13 +79,13 @@ class Render(DubbingStage):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
+        from dubbing.heads.covers import seen_by_head
         from dubbing.heads.fine_tuning import MODEL_FILE
-        from dubbing.heads.pose_refinement import with_refined_poses
         from dubbing.heads.rendering import render
         from dubbing.sound_to_lips.cue_speech import Speech
 
         speech = Speech.load(self.speech.folder)
-        clip = with_refined_poses(self.prepared.load(), self.poses.folder)
+        clip = seen_by_head(self.prepared.load(), self.poses.folder)
         poses = timeline.pose_index(self.stop, clip.segment, self.film_first, self.on_longer_audio)
         render(
             self.model.folder / MODEL_FILE,
