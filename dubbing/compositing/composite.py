@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 
 from dubbing.compositing.face_mask import face_mask
+from dubbing.compositing.film_look import in_focus
 from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import with_neck
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, inpaint_mask
@@ -15,6 +16,7 @@ from dubbing.preparation.prepared import FilmFrame
 FLOOR = 6  # of 255: a lower opacity is haze, not head
 OPEN_JAW_PX = 30  # beyond the inpaint mask where an open jaw may lie; it fades over as much again
 INPAINT = 3  # px round letters from which the neck behind them is inpainted
+HALF, OPAQUE = 128, 250  # of 255
 FEATHER = 5  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
@@ -33,10 +35,14 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     lit = follow_light(image, film.matte, clean, landmarks, film.haze, film.overlay)
     if film.overlay is not None:
         image = cv2.inpaint(image, film.overlay, INPAINT, cv2.INPAINT_TELEA)
-    under, stretched = with_neck(image, film.background, film.matte, lit[..., 3], landmarks)
     share = face_mask(landmarks, size)
     if film.overlay is not None:
         share = np.minimum(share, 255 - film.overlay)
+    beside = (share < HALF) & (film.matte >= OPAQUE)
+    if film.overlay is not None:
+        beside &= film.overlay == 0
+    lit = in_focus(film.image, lit, beside, film.noise, film.motion)
+    under, stretched = with_neck(image, film.background, film.matte, lit[..., 3], landmarks)
     return composite(under, restored | stretched, lit, share)
 
 

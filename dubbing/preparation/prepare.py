@@ -192,6 +192,7 @@ def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> Prepar
         segment=surveyed["segment"],
         shown=surveyed["shown"],
         haze=tracked.light["offset"],
+        noise=tracked.detected["noise"],
         landmarks=tracked.landmarks.astype(np.float32),
         shape=tracked.track["shape"],
     )

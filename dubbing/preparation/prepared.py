@@ -20,11 +20,12 @@ from typing_extensions import TypedDict
 from dubbing.engine import json_records
 from dubbing.engine.files import atomic_path, atomic_write_json
 from dubbing.errors import ExplainedError, PreparationError
+from dubbing.face.mesh_points import RIGID
 from dubbing.media import read_frames
 from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.tracking import cropping
 
-VERSION = 8
+VERSION = 9
 HEAD_RADIUS = 1.7  # units (10 cm), the largest extent of a head from its origin
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 OVERLAY = "overlay.mkv"  # masks of all frames, if something lies over the face in any
@@ -44,7 +45,7 @@ FIELDS = (
 )
 ARRAYS = (
     *("rotation", "translation", "centre", "crop", "valid", "covered", "over", "segment"),
-    *("shown", "haze", "landmarks", "shape"),
+    *("shown", "haze", "noise", "landmarks", "shape"),
 )
 
 
@@ -79,6 +80,7 @@ class FilmFrame:
             bit for bit outside of the matte's inpaint mask. All uint8.
         overlay: (S, S) uint8, 255 where something lies over the face; None where nothing does.
         haze: (3,) grey levels of light over the image; see `tracking.light`.
+        noise: (5,) of the film, see `film_noise`. motion: (2,) px that the head moves in a frame.
         landmarks: (478, 2) px of the crop.
         whole: (H, W, 3) uint8, the source frame that the crop is of.
     """
@@ -88,6 +90,8 @@ class FilmFrame:
     background: np.ndarray
     overlay: np.ndarray | None
     haze: np.ndarray
+    noise: np.ndarray
+    motion: np.ndarray
     landmarks: np.ndarray
     whole: np.ndarray
 
@@ -112,7 +116,8 @@ class PreparedClip:
         valid: (T,) a face was found. covered: (T,) something lies before its mouth.
         over: (T,) something lies over a part of the face, as the overlay shows.
         segment: (T,) number of the shot. shown: (T,) share of the frame that is of that shot; less
-            than 1 in a dissolve. haze: (T, 3) grey levels of light over the image.
+            than 1 in a dissolve. haze: (T, 3) grey levels of light over the image. noise: (T, 5) of
+            the film's pixels, see `film_noise`.
         landmarks: (T, 478, 2) px of the crop, as detected (as projected, where not valid).
         overlay: file of the masks of what lies over the face, of every frame if over any.
         shape: (478, 3) mean head shape in the head frame: x right, y down, z away from the camera,
@@ -141,6 +146,7 @@ class PreparedClip:
     segment: np.ndarray
     shown: np.ndarray
     haze: np.ndarray
+    noise: np.ndarray
     landmarks: np.ndarray
     shape: np.ndarray
     overlay: Path | None = None
@@ -230,6 +236,7 @@ class PreparedClip:
         if self.over[start:].any():
             masks = self.overlay or self.folder / OVERLAY
             overlays = read_frames(masks, start=start, count=count, pixels="gray")
+        motions = self.motions(start, count)
         for index, (whole, matte, fill, overlay) in enumerate(
             zip(images, mattes, fills, overlays, strict=False), start
         ):
@@ -240,9 +247,24 @@ class PreparedClip:
                 np.where(inpaint_mask(matte)[..., None], fill, image),
                 overlay if self.over[index] else None,
                 self.haze[index],
+                self.noise[index],
+                motions[index - start],
                 self.landmarks[index],
                 whole,
             )
+
+    def motions(self, start: int, count: int | None = None) -> np.ndarray:
+        """How far the head moves in each of some frames, (F, 2) px of the crop."""
+        stop = len(self) if count is None else min(start + count, len(self))
+        middles = self.landmarks[:, list(RIGID)].mean(1) + self.crop[:, :2] * (
+            self.size / self.crop[:, 2:]
+        )
+        index = np.arange(start, stop)
+        before, after = np.maximum(index - 1, 0), np.minimum(index + 1, len(self) - 1)
+        before = np.where(self.segment[before] == self.segment[index], before, index)
+        after = np.where(self.segment[after] == self.segment[index], after, index)
+        apart = np.maximum(after - before, 1)[:, None]
+        return np.asarray((middles[after] - middles[before]) / apart)
 
     def paste(
         self, frame: np.ndarray, index: int, crop_image: np.ndarray, mask: np.ndarray

@@ -14,6 +14,7 @@ import numpy as np
 
 from dubbing import media
 from dubbing.compositing.composite import blend, replacement
+from dubbing.compositing.film_look import with_noise
 from dubbing.errors import RenderingError
 from dubbing.preparation.prepared import FilmFrame, PreparedClip
 from dubbing.provenance import card, provenance
@@ -177,6 +178,7 @@ def with_faces(
                 image = blend(image, picture, mask)
             else:
                 image, mask = face.clip.paste(image, index, picture, mask)
+            image = with_noise(image, mask, face.film.noise, index)
             np.maximum(replaced, mask, out=replaced)
     return image, replaced
 

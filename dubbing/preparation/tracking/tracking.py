@@ -27,6 +27,7 @@ from dubbing.preparation.alignment.refinement import refine
 from dubbing.preparation.alignment.relief import solve_relief
 from dubbing.preparation.alignment.score import residual_shift
 from dubbing.preparation.alignment.skin import reference_frame, skin_points
+from dubbing.preparation.crops.film_noise import NoiseMeter
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.crops.tracked_crops import CROPS, create_images
 from dubbing.preparation.matting.masks import People
@@ -74,7 +75,7 @@ def landmark_step(
 
     Returns:
         points (T, 478, 3), apart (T,) px between the two modes, valid (T,) bool; middle and top
-        (T, 2) of a :class:`Silhouette`.
+        (T, 2) of a :class:`Silhouette`; noise (T, 5), see `film_noise`.
 
     Raises:
         PreparationError: hardly any frame has a face.
@@ -83,12 +84,14 @@ def landmark_step(
     middles = [to_crop((b[:2] + b[2:]) / 2, w, size) for b, w in zip(box, window, strict=True)]
     crops = create_images(folder / CROPS, info.frames, size, size, 3)
     static = FaceMesh(tracking=False, faces=int(surveyed["most_faces"]))
+    meter = NoiseMeter(segment, window)
 
     def cropped() -> Iterator[tuple[list[int]]]:
         images = enumerate(read_frames(info.path))
         while batch := list(islice(images, BATCH)):
             for t, image in batch:
                 crops[t] = crop(image, window[t], size)
+                meter.add(t, image)
             yield ([t for t, _ in batch],)
 
     def detect(frames: list[int]) -> list[np.ndarray | None]:
@@ -122,7 +125,7 @@ def landmark_step(
         )
     middle, top = np.concatenate(outlines, axis=1)
     landmarks = {"points": points, "apart": apart.astype(np.float32), "valid": valid}
-    return landmarks | {"middle": middle, "top": top}
+    return landmarks | {"middle": middle, "top": top, "noise": meter.noise()}
 
 
 def principal_points(window: np.ndarray, source_size: tuple[int, int], size: int) -> np.ndarray:

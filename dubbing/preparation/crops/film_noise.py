@@ -1,0 +1,84 @@
+"""Noise of a film, from how its frames differ: grain, or what a sensor adds.
+
+Blocks of `BLOCK` x `BLOCK` px that hold nothing but an even surface differ from frame to frame by
+noise alone, whether the camera stands or moves. They are those that differ least. T frames.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+
+BLOCK = 8
+EVERY = 3  # frames from one pair that is measured to the next
+LOW, HIGH = 5.0, 30.0  # percent: blocks whose differences are taken for noise
+QUANTILE, ITS_VALUE = 15.0, 0.86  # percent of the blocks, and the variance there, of the noise's
+LIKE_SKIN = 0.4  # share of the face's brightness that a block may be off: noise depends on it
+FACE = (0.35, 0.65)  # of the window's sides: surely face
+LEAST_BLOCKS = 20
+NUMBERS = 5
+
+
+class NoiseMeter:
+    """Measures the noise in the windows of a film's frames, given one after the other.
+
+    Args:
+        frames: T. segment: (T,) number of the shot. window: (T, 3), see `cropping`.
+    """
+
+    def __init__(self, segment: np.ndarray, window: np.ndarray) -> None:
+        self._segment, self._window = segment, window.astype(int)
+        self._before: np.ndarray | None = None
+        self._found: dict[int, list[np.ndarray]] = {}
+
+    def add(self, t: int, image: np.ndarray) -> None:
+        """Frame t of the film, (H, W, 3) uint8."""
+        if t % EVERY == 0:
+            self._before = image
+        elif t % EVERY == 1 and self._segment[t] == self._segment[t - 1]:
+            assert self._before is not None
+            x0, y0, side = self._window[t]
+            part = np.s_[y0 : y0 + side, x0 : x0 + side]
+            found = measured(self._before[part], image[part])
+            if found is not None:
+                self._found.setdefault(int(self._segment[t]), []).append(found)
+            self._before = None
+
+    def noise(self) -> np.ndarray:
+        """Noise of every frame, (T, NUMBERS) float32, that of its shot; see `measured`."""
+        out = np.zeros((len(self._segment), NUMBERS), np.float32)
+        for shot, found in self._found.items():
+            out[self._segment == shot] = np.median(found, 0)
+        return out
+
+
+def measured(before: np.ndarray, after: np.ndarray) -> np.ndarray | None:
+    """Noise of two frames in a row, (S, S, 3) uint8 both: standard deviations of R, G, B in levels,
+    correlation of the channels, and of neighbouring pixels. None where too little is even."""
+    side = len(before) // BLOCK * BLOCK
+    low, high = (int(share * side) for share in FACE)
+    brightness = float(after[low:high, low:high].mean())
+    mean = blocks(after[:side, :side].mean(-1, keepdims=True)).mean((1, 2))[:, 0]
+    difference = after[:side, :side].astype(np.float32) - before[:side, :side]
+    apart = blocks(difference)
+    apart = apart[np.abs(mean - brightness) < LIKE_SKIN * brightness]
+    if len(apart) < LEAST_BLOCKS:
+        return None
+    apart -= apart.mean((1, 2), keepdims=True)
+    variance = apart.mean(-1).var((1, 2))
+    least, most, typical = np.percentile(variance, [LOW, HIGH, QUANTILE])
+    chosen = apart[(variance >= least) & (variance <= most)]
+    luma = float(chosen.mean(-1).var())
+    if luma <= 0:
+        return np.zeros(NUMBERS)
+    own = chosen.var((0, 1, 2)) * typical / ITS_VALUE / luma / 2
+    shared = np.corrcoef(chosen.reshape(-1, 3).T)[np.triu_indices(3, 1)].mean()
+    pairs = [(chosen[:, :, 1:], chosen[:, :, :-1]), (chosen[:, 1:], chosen[:, :-1])]
+    beside = np.mean([np.corrcoef(a.ravel(), b.ravel())[0, 1] for a, b in pairs])
+    return np.array([*np.sqrt(own), np.clip(shared, 0, 1), np.clip(beside, 0, 0.95)])
+
+
+def blocks(image: np.ndarray) -> np.ndarray:
+    """Blocks (B, BLOCK, BLOCK, C) of an image (S, S, C) whose side is a multiple of theirs."""
+    found = sliding_window_view(image, (BLOCK, BLOCK), (0, 1))[::BLOCK, ::BLOCK]
+    return np.array(np.moveaxis(found, 2, -1).reshape(-1, BLOCK, BLOCK, image.shape[2]))
