@@ -7,6 +7,7 @@ one mouth shape; the renderer casts rays at `static` triangles (never move) and 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dubbing.workshop.synthetic.anatomy.face import Face
 from dubbing.workshop.synthetic.anatomy.head_shape import MOUTH_HALF_WIDTH, MOUTH_Y
@@ -17,6 +18,9 @@ from dubbing.workshop.synthetic.anatomy.skin_grid import skin_grid
 SKIN, LIP, TEETH, GUM, TONGUE, EAR, NECK, HAIR = range(8)
 INNER_ROWS = 6
 NECK_TOP, NECK_BOTTOM = -3.5, -15.5  # heights of the neck's ends, cm
+NECK_JOINT = np.array([0.0, -8.5, -3.5])
+NAPE = 4.0  # cm that the neck reaches up into the back of the head
+TWIST_DEGREES = (25.0, 45.0)  # turns of the head from which on the neck is twisted as a whole
 
 
 @dataclass(frozen=True)
@@ -53,6 +57,7 @@ class HeadModel:
         self._add("teeth_lower", _teeth(upper=False), TEETH)
         self._add("tongue", _tongue(), TONGUE, wrap=True)
         self._add("neck", _neck(), NECK, wrap=True)
+        self._add("nape", _nape(), NECK)
         for side in (-1.0, 1.0):
             self._add(f"ear{side:+.0f}", _ear(side), EAR, wrap=True, flip=side < 0)
         self.rest = np.concatenate(self._parts)
@@ -97,7 +102,7 @@ class HeadModel:
         triangles = np.concatenate([p.triangles() for p in self.patches.values()])
         moving = np.ones(len(self.rest), bool)
         moving[self._lip_range] = self.weights.moved
-        for name in ("teeth_upper", "ear-1", "ear+1"):
+        for name in ("teeth_upper", "nape", "ear-1", "ear+1"):
             moving[self._range(name)] = False
         moves = moving[triangles].any(axis=1)
         self.static, self.moving = triangles[~moves], triangles[moves]
@@ -128,9 +133,8 @@ class HeadModel:
         out[tongue] = _raise_tongue(out[tongue], shape)
         neck = self._range("neck")
         rest = out[neck]
-        body = rest @ trunk.rotation.T + trunk.shift
         low = smoothstep(NECK_TOP - 3.0, NECK_BOTTOM + 1.5, rest[:, 1])[:, None]
-        out[neck] = rest + low * (body - rest)
+        out[neck] = _bend_neck(rest, low, trunk)
         return out
 
     def normals(self, vertices: np.ndarray) -> np.ndarray:
@@ -206,6 +210,19 @@ def _neck() -> np.ndarray:
     # In front the neck begins below the floor of the mouth, which would show it otherwise.
     top = NECK_TOP - 4.3 * smoothstep(0.5, 0.85, np.cos(a))
     y = top + np.linspace(0.0, 1.0, 26)[:, None] * (NECK_BOTTOM - top)
+    return _rings(a, y)
+
+
+def _nape() -> np.ndarray:
+    """The back of the neck above its top, up into the hair."""
+    a = np.linspace(np.pi / 2, 3 * np.pi / 2, 37)
+    return _rings(
+        a, NECK_TOP + np.linspace(1.0, 0.0, 9)[:, None] * NAPE * np.sqrt(np.clip(-np.cos(a), 0, 1))
+    )
+
+
+def _rings(a: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Points (rows, columns, 3) of the neck at azimuths a and heights y (rows, columns)."""
     t = (NECK_TOP - y) / (NECK_TOP - NECK_BOTTOM)
     x = (4.75 + 0.9 * t**2 + 3.0 * np.clip(t - 0.72, 0, 1) ** 1.5 * 4) * np.sin(a)
     front = np.clip(np.cos(a), 0, 1)
@@ -214,6 +231,19 @@ def _neck() -> np.ndarray:
     apple = 0.45 * np.exp(-((a / 0.22) ** 2)) * np.exp(-(((y + 9.2) / 1.0) ** 2))
     z = -2.2 - 0.6 * t + (radius + cord + apple) * np.cos(a) - 0.4 * front * t
     return np.stack([x + cord * np.sin(a), np.broadcast_to(y, x.shape), z], axis=-1)
+
+
+def _bend_neck(rest: np.ndarray, low: np.ndarray, trunk: Trunk) -> np.ndarray:
+    """Neck points (V, 3) between head and body; low (V, 1) is how much they follow the body."""
+    straight = rest + low * (rest @ trunk.rotation.T + trunk.shift - rest)
+    turn = Rotation.from_matrix(trunk.rotation).as_rotvec()
+    far = smoothstep(*TWIST_DEGREES, np.degrees(np.linalg.norm(turn)))
+    if far == 0.0:
+        return straight
+    # A straight blend of two far turned ends would draw the neck together between them.
+    shift = trunk.rotation @ NECK_JOINT + trunk.shift - NECK_JOINT
+    twisted = Rotation.from_rotvec(low * turn).apply(rest - NECK_JOINT) + NECK_JOINT + low * shift
+    return straight + far * (twisted - straight)
 
 
 def _ear(side: float) -> np.ndarray:

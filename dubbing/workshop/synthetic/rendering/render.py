@@ -13,6 +13,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from scipy.spatial import ConvexHull
 
+from dubbing.workshop.synthetic.anatomy.eyes import within_reach
 from dubbing.workshop.synthetic.anatomy.face import Face
 from dubbing.workshop.synthetic.anatomy.head import NECK, HeadModel, Trunk
 from dubbing.workshop.synthetic.anatomy.lips import MouthShape
@@ -123,7 +124,7 @@ class Renderer:
         d = state.pose.eye - centres
         d /= np.linalg.norm(d, axis=1, keepdims=True)
         d += np.array([np.tan(right), np.tan(up), 0.0])
-        return d / np.linalg.norm(d, axis=1, keepdims=True)
+        return within_reach(d / np.linalg.norm(d, axis=1, keepdims=True))
 
 
 class _Frame:

@@ -18,7 +18,7 @@ from dubbing.workshop.synthetic.anatomy.head import (
     TONGUE,
     HeadModel,
 )
-from dubbing.workshop.synthetic.anatomy.head_shape import MOUTH_Y
+from dubbing.workshop.synthetic.anatomy.head_shape import MOUTH_Y, head_distance
 from dubbing.workshop.synthetic.anatomy.mesh import smoothstep, value_noise
 from dubbing.workshop.synthetic.anatomy.paint import TEXELS, paint
 from dubbing.workshop.synthetic.rendering.shading import (
@@ -180,6 +180,8 @@ class Materials:
         self._plain_parts(layers)
         away = np.isin(layers.part, (SKIN, LIP, NECK)) & _through_mouth(p, hits.ray)
         within = layers.part == NECK
+        neck = np.flatnonzero(away & within)  # beside the chin a ray reaches it from outside
+        away[neck] = head_distance(p[neck], self.face) < 0.0
         away[away] = within[away] | _back_faces(geometry.corners[tri[away]], hits.ray[away])
         n[away & ~within] *= -1.0
         # Smoothed normals at a silhouette may face away: they are bent until they just do not.
