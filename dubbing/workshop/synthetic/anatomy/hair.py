@@ -37,6 +37,12 @@ class Hair:
     shade: np.ndarray
     triangles: np.ndarray
 
+    @staticmethod
+    def none() -> "Hair":
+        """No hair at all."""
+        none = np.zeros((0, 3))
+        return Hair(none, none, none, none[:, :2], none[:, 0], np.zeros((0, 3), np.int32))
+
 
 @dataclass(frozen=True)
 class Style:
@@ -72,10 +78,9 @@ def grow(face: Face) -> Hair:
     rng = np.random.default_rng(face.seed + 77)
     roots = _roots(face, style.locks, rng)
     if len(roots) == 0:
-        none = np.zeros((0, 3))
-        return Hair(none, none, none, none[:, :2], none[:, 0], np.zeros((0, 3), np.int32))
+        return Hair.none()
     path, normal = _paths(face, style, roots, rng)
-    return _strips(path, normal, style, face, rng)
+    return strips(path, normal, style.width, rng)
 
 
 def _roots(face: Face, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -101,7 +106,7 @@ def _gradient(p: np.ndarray, face: Face) -> np.ndarray:
     return g / np.maximum(np.linalg.norm(g, axis=-1, keepdims=True), 1e-9)
 
 
-def _unit(v: np.ndarray) -> np.ndarray:
+def unit(v: np.ndarray) -> np.ndarray:
     return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9)
 
 
@@ -140,7 +145,7 @@ def _paths(
     wander = rng.normal(0, 0.16, (count, 3))
     # Locks begin a little before their root, so that a parting is a line and not a bare strip.
     ahead = 0.0 if face.hair_style == "bob" else 0.7  # long locks would fall over the face
-    p = roots - ahead * _unit(_comb(roots, face, style))
+    p = roots - ahead * unit(_comb(roots, face, style))
     heading = np.zeros((count, 3))
     lines, normals = [], []
     for k in range(ALONG):
@@ -159,36 +164,41 @@ def _paths(
         flow[hangs] = HANG + 0.5 * wander[hangs]
         n = np.where(hangs[:, None], 0.0, n)
         flow -= np.einsum("ij,ij->i", flow, n)[:, None] * n
-        flow = _unit(flow)
+        flow = unit(flow)
         heading = flow if k == 0 else 0.5 * heading + 0.5 * flow
         p = p + heading * (length / (ALONG - 1))[:, None]
     return np.stack(lines, 1), np.stack(normals, 1)
 
 
-def _strips(
-    path: np.ndarray, normal: np.ndarray, style: Style, face: Face, rng: np.random.Generator
+def strips(
+    path: np.ndarray,
+    normal: np.ndarray,
+    half_width: float,
+    rng: np.random.Generator,
+    across: int = ACROSS,
 ) -> Hair:
-    count = len(path)
-    tangent = _unit(np.gradient(path, axis=1))
-    across = _unit(np.cross(tangent, normal))
-    out = np.cross(across, tangent)
-    t = np.linspace(0.0, 1.0, ALONG)
+    """Locks along centre lines path (N, K, 3) with outward normals (N, K, 3)."""
+    count, along = path.shape[:2]
+    tangent = unit(np.gradient(path, axis=1))
+    aside = unit(np.cross(tangent, normal))
+    out = np.cross(aside, tangent)
+    t = np.linspace(0.0, 1.0, along)
     width = (
-        style.width
+        half_width
         * rng.uniform(0.7, 1.3, count)[:, None]
         * ((0.35 + 0.65 * np.sin(np.pi * np.clip(t * 0.85 + 0.1, 0, 1))) * (1 - 0.85 * t**4))
     )
-    phi = np.linspace(np.pi, 0.0, ACROSS)
+    phi = np.linspace(np.pi, 0.0, across)
     bend, rise = np.cos(phi), np.sin(phi)
     w = width[:, :, None, None]
     vertices = (
         path[:, :, None]
-        + across[:, :, None] * w * bend[:, None]
+        + aside[:, :, None] * w * bend[:, None]
         + out[:, :, None] * w * (0.42 * rise - 0.20)[:, None]
     )
-    normals = out[:, :, None] * (0.35 + rise)[:, None] + across[:, :, None] * 0.8 * bend[:, None]
+    normals = out[:, :, None] * (0.35 + rise)[:, None] + aside[:, :, None] * 0.8 * bend[:, None]
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    shape = (count, ALONG, ACROSS)
+    shape = (count, along, across)
     start = rng.uniform(0, 50, count)[:, None, None]
     strand = np.stack(
         [
@@ -199,7 +209,7 @@ def _strips(
     )
     shade = rng.uniform(0.72, 1.28, count)[:, None, None] * (0.45 + 0.55 * t[None, :, None] ** 0.5)
     shade = shade * (0.62 + 0.38 * rise)
-    index = np.arange(count * ALONG * ACROSS).reshape(shape)
+    index = np.arange(count * along * across).reshape(shape)
     a, b = index[:, :-1, :-1].ravel(), index[:, :-1, 1:].ravel()
     c, d = index[:, 1:, 1:].ravel(), index[:, 1:, :-1].ravel()
     triangles = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])

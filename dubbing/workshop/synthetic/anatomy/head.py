@@ -1,4 +1,4 @@
-"""The head as one array of vertices: skin, inner lips, teeth, tongue, ears and neck.
+"""The head as one array of vertices: skin, inner lips, teeth, tongue, ears, neck and beard.
 
 Vertices are centimetres in the head frame (see `head_shape`). `HeadModel.vertices` gives them for
 one mouth shape; the renderer casts rays at `static` triangles (never move) and `moving` ones.
@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dubbing.workshop.synthetic.anatomy.beard import grow_beard
 from dubbing.workshop.synthetic.anatomy.face import Face
 from dubbing.workshop.synthetic.anatomy.head_shape import MOUTH_HALF_WIDTH, MOUTH_Y
 from dubbing.workshop.synthetic.anatomy.lips import LipWeights, MouthShape, turn_jaw
@@ -61,6 +62,9 @@ class HeadModel:
         for side in (-1.0, 1.0):
             self._add(f"ear{side:+.0f}", _ear(side), EAR, wrap=True, flip=side < 0)
         self.rest = np.concatenate(self._parts)
+        self._bare = self._count
+        self.beard = grow_beard(face, grid)
+        self.rest = np.concatenate([self.rest, self.beard.hair.vertices])
         self._corner = np.clip(np.abs(line[:, 0]) / (MOUTH_HALF_WIDTH * face.mouth_width), 0, 1)
         self._corner = np.where(line[:, 2] > 0, self._corner, 1.0) ** 4
         lower = np.zeros(len(self.rest), bool)
@@ -105,8 +109,9 @@ class HeadModel:
         for name in ("teeth_upper", "nape", "ear-1", "ear+1"):
             moving[self._range(name)] = False
         moves = moving[triangles].any(axis=1)
-        self.static, self.moving = triangles[~moves], triangles[moves]
-        part = np.zeros(len(self.rest), np.int8)
+        hair = self.beard.hair.triangles + self._bare
+        self.static, self.moving = triangles[~moves], np.concatenate([triangles[moves], hair])
+        part = np.full(len(self.rest), HAIR, np.int8)
         for name, patch in self.patches.items():
             part[self._range(name)] = patch.part
         self.part = part
@@ -135,11 +140,14 @@ class HeadModel:
         rest = out[neck]
         low = smoothstep(NECK_TOP - 3.0, NECK_BOTTOM + 1.5, rest[:, 1])[:, None]
         out[neck] = _bend_neck(rest, low, trunk)
+        roots = self.beard.roots
+        out[self._bare :] += out[roots] - self.rest[roots]
         return out
 
     def normals(self, vertices: np.ndarray) -> np.ndarray:
         """(V, 3) unit normals; across the mouth line they join outside the mouth only."""
-        n = np.concatenate([p.normals(vertices) for p in self.patches.values()])
+        patches = [p.normals(vertices) for p in self.patches.values()]
+        n = np.concatenate([*patches, self.beard.hair.normals])
         up, low = self.line_indices("upper"), self.line_indices("lower")
         joined = n[up] + n[low]
         joined /= np.maximum(np.linalg.norm(joined, axis=1, keepdims=True), 1e-9)

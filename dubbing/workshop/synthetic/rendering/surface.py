@@ -137,10 +137,11 @@ class Materials:
         self.part = np.concatenate([model.part, np.full(len(none), HAIR, np.int8)])
         self.uv = np.concatenate([model.uv, none])
         self.rest = model.rest
-        bare = len(model.rest)
-        strand = np.concatenate([np.zeros((bare, 2)), self.hair.strand])
-        tangent = np.concatenate([np.zeros((bare, 3)), self.hair.tangents])
-        shade = np.concatenate([model.lip_shade(), self.hair.shade])
+        beard = model.beard.hair
+        bare = len(model.rest) - len(beard.vertices)
+        strand = np.concatenate([np.zeros((bare, 2)), beard.strand, self.hair.strand])
+        tangent = np.concatenate([np.zeros((bare, 3)), beard.tangents, self.hair.tangents])
+        shade = np.concatenate([model.lip_shade()[:bare], beard.shade, self.hair.shade])
         self.strand, self.tangent = strand.astype(np.float32), tangent.astype(np.float32)
         self.shade_of = shade.astype(np.float32)
         self.streaks = value_noise((64, 4096), (6, 900), face.seed + 21)
