@@ -12,7 +12,7 @@ from dubbing.workshop.synthetic.anatomy.skin_grid import SkinGrid
 
 ACROSS, ALONG = 3, 5  # vertices across and along a lock
 WIDTH = 0.17  # cm, half of a lock
-PER_AREA = 17.0  # locks in a square centimetre
+JITTER = 0.07  # cm
 BELOW = np.array([0.0, -1.0, 0.12])
 
 # The beard's upper edge as a height over z, and its back edge as z over the height (cm).
@@ -55,22 +55,21 @@ def grow_beard(face: Face, grid: SkinGrid) -> Beard:
     steps = np.cross(np.gradient(grid.points, axis=0), np.gradient(grid.points, axis=1))
     area = np.linalg.norm(steps, axis=-1).ravel()
     roots, paths = [], []
-    for length, cover, comb in (
-        (face.beard, beard_cover, _comb_beard),
-        (face.moustache, moustache_cover, _comb_moustache),
+    for length, cover, comb, density, rise in (
+        (face.beard, beard_cover, _comb_beard, 17.0, (0.25, 0.65)),
+        (face.moustache, moustache_cover, _comb_moustache, 34.0, (0.08, 0.30)),
     ):
         depth = cover(points, face) if length > 0 else np.full(len(points), -1.0)
         share = area * (depth > 0)
-        count = round(PER_AREA * share.sum())
+        count = round(density * share.sum())
         if count == 0:
             continue
         chosen = rng.choice(len(points), size=count, p=share / share.sum())
-        reach = (
-            length * rng.uniform(0.6, 1.4, count) * (0.45 + 0.55 * smoothstep(0, 1, depth[chosen]))
-        )
-        p, n = points[chosen], normals[chosen]
+        reach = length * (0.45 + 0.55 * smoothstep(0.0, 1.0, depth[chosen] / min(1.0, length)))
+        reach *= rng.uniform(0.6, 1.4, count)
+        p, n = points[chosen] + rng.normal(0, JITTER, (count, 3)), normals[chosen]
         roots.append(chosen)
-        paths.append(_path(p, n, comb(p, rng), reach, rng))
+        paths.append(_path(p, n, comb(p, rng), reach, rng.uniform(*rise, count)))
     if not roots:
         return Beard(Hair.none(), np.zeros(0, np.int64))
     chosen, path = np.concatenate(roots), np.concatenate(paths)
@@ -93,16 +92,15 @@ def _comb_moustache(p: np.ndarray, rng: np.random.Generator) -> np.ndarray:
 
 
 def _path(
-    p: np.ndarray, n: np.ndarray, comb: np.ndarray, length: np.ndarray, rng: np.random.Generator
+    p: np.ndarray, n: np.ndarray, comb: np.ndarray, length: np.ndarray, rise: np.ndarray
 ) -> np.ndarray:
-    """Centre lines (N, ALONG, 3): they leave the skin at a slant and bend down."""
+    """Centre lines (N, ALONG, 3): they leave the skin at the slope `rise` and bend down."""
     flow = unit(comb - np.einsum("ij,ij->i", comb, n)[:, None] * n)
-    p = p + 0.07 * rng.normal(size=p.shape) - 0.05 * n
-    rise = rng.uniform(0.25, 0.65, len(p))[:, None]
+    p = p - 0.05 * n
     lines = [p]
     for k in range(1, ALONG):
         t = k / (ALONG - 1)
-        d = unit(flow + (rise * (1.3 - t)) * n + 0.5 * t * BELOW)
+        d = unit(flow + (rise * (1.3 - t))[:, None] * n + 0.5 * t * BELOW)
         p = p + d * (length / (ALONG - 1))[:, None]
         lines.append(p)
     return np.stack(lines, axis=1)
