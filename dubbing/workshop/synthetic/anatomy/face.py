@@ -31,6 +31,7 @@ class Face:
     stubble: float = 0.0
     beard: float = 0.0  # length in cm; 1.0 is a short full beard
     moustache: float = 0.0  # length in cm
+    glasses: bool = False
     freckles: float = 0.2
     jaw_width: float = 1.0
     chin_length: float = 1.0
@@ -145,6 +146,23 @@ FACES: dict[str, Face] = {
             shirt=(0.16, 0.17, 0.15),
             room=(0.25, 0.23, 0.20),
             seed=5,
+        ),
+        Face(
+            name="gita",
+            skin=(0.36, 0.19, 0.115),
+            lips=(0.34, 0.115, 0.11),
+            eyes=(0.06, 0.032, 0.018),
+            hair=(0.016, 0.012, 0.010),
+            hair_style="swept",
+            glasses=True,
+            freckles=0.0,
+            jaw_width=0.96,
+            chin_length=0.98,
+            nose_length=0.98,
+            lip_fullness=1.15,
+            shirt=(0.33, 0.10, 0.17),
+            room=(0.24, 0.25, 0.22),
+            seed=6,
         ),
     )
 }

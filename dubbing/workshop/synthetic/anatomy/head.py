@@ -1,4 +1,5 @@
-"""The head as one array of vertices: skin, inner lips, teeth, tongue, ears, neck and beard.
+"""The head as one array of vertices: skin, inner lips, teeth, tongue, ears, neck, beard
+and glasses.
 
 Vertices are centimetres in the head frame (see `head_shape`). `HeadModel.vertices` gives them for
 one mouth shape; the renderer casts rays at `static` triangles (never move) and `moving` ones.
@@ -11,12 +12,13 @@ from scipy.spatial.transform import Rotation
 
 from dubbing.workshop.synthetic.anatomy.beard import grow_beard
 from dubbing.workshop.synthetic.anatomy.face import Face
+from dubbing.workshop.synthetic.anatomy.glasses import frames
 from dubbing.workshop.synthetic.anatomy.head_shape import MOUTH_HALF_WIDTH, MOUTH_Y
 from dubbing.workshop.synthetic.anatomy.lips import LipWeights, MouthShape, turn_jaw
 from dubbing.workshop.synthetic.anatomy.mesh import Patch, smoothstep
 from dubbing.workshop.synthetic.anatomy.skin_grid import skin_grid
 
-SKIN, LIP, TEETH, GUM, TONGUE, EAR, NECK, HAIR = range(8)
+SKIN, LIP, TEETH, GUM, TONGUE, EAR, NECK, HAIR, GLASSES = range(9)
 INNER_ROWS = 6
 NECK_TOP, NECK_BOTTOM = -3.5, -15.5  # heights of the neck's ends, cm
 NECK_JOINT = np.array([0.0, -8.5, -3.5])
@@ -61,6 +63,11 @@ class HeadModel:
         self._add("nape", _nape(), NECK)
         for side in (-1.0, 1.0):
             self._add(f"ear{side:+.0f}", _ear(side), EAR, wrap=True, flip=side < 0)
+        rigid = ["teeth_upper", "nape", "ear-1", "ear+1"]
+        if face.glasses:
+            for name, tube in frames(face).items():
+                self._add(name, tube, GLASSES, wrap=True)
+                rigid.append(name)
         self.rest = np.concatenate(self._parts)
         self._bare = self._count
         self.beard = grow_beard(face, grid)
@@ -74,7 +81,7 @@ class HeadModel:
         self.weights = LipWeights(self.rest[self._lip_range], lower[self._lip_range], face)
         for name, at in (("inner_upper", "upper"), ("inner_lower", "lower")):
             self._copy_line_weights(name, at)
-        self._split_triangles()
+        self._split_triangles(rigid)
         self.uv = self._texture_coordinates(rows, columns)
 
     def _add(
@@ -102,11 +109,11 @@ class HeadModel:
             weights = getattr(self.weights, name)
             weights[target] = weights[source]
 
-    def _split_triangles(self) -> None:
+    def _split_triangles(self, rigid: list[str]) -> None:
         triangles = np.concatenate([p.triangles() for p in self.patches.values()])
         moving = np.ones(len(self.rest), bool)
         moving[self._lip_range] = self.weights.moved
-        for name in ("teeth_upper", "nape", "ear-1", "ear+1"):
+        for name in rigid:
             moving[self._range(name)] = False
         moves = moving[triangles].any(axis=1)
         hair = self.beard.hair.triangles + self._bare

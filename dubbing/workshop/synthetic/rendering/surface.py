@@ -10,6 +10,7 @@ from dubbing.workshop.synthetic.anatomy.face import Face
 from dubbing.workshop.synthetic.anatomy.hair import grow, hair_cover
 from dubbing.workshop.synthetic.anatomy.head import (
     EAR,
+    GLASSES,
     HAIR,
     LIP,
     NECK,
@@ -34,6 +35,7 @@ SCATTERS = (SKIN, LIP, EAR, NECK)
 CAVITY = np.array([0.045, 0.013, 0.012])
 ENAMEL = np.array([0.66, 0.60, 0.50])
 GUMS = np.array([0.42, 0.13, 0.12])
+PLASTIC = np.array([0.016, 0.014, 0.015])
 FLESH = np.array([0.34, 0.085, 0.08])
 EYEBALL, DARK = 1, 3  # labels beside those of the parts
 LASHES = np.array([0.012, 0.009, 0.008])
@@ -223,7 +225,10 @@ class Materials:
         return out.reshape(-1, *texture.shape[2:])[: len(uv)]
 
     def _plain_parts(self, layers: Layers) -> None:
-        """Ears and neck, which have no texture."""
+        """Ears, neck and glasses, which have no texture."""
+        plastic = layers.part == GLASSES
+        layers.albedo[plastic], layers.gloss[plastic], layers.power[plastic] = PLASTIC, 1.4, 90.0
+        layers.wrap[plastic], layers.solid[plastic] = 0.0, True
         skin, p = np.asarray(self.face.skin), layers.point
         ear = layers.part == EAR
         layers.albedo[ear] = skin * np.array([1.02, 0.82, 0.82])
