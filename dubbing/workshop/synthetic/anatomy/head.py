@@ -23,7 +23,8 @@ INNER_ROWS = 6
 NECK_TOP, NECK_BOTTOM = -3.5, -15.5  # heights of the neck's ends, cm
 NECK_JOINT = np.array([0.0, -8.5, -3.5])
 NAPE = 4.0  # cm that the neck reaches up into the back of the head
-TWIST_DEGREES = (25.0, 45.0)  # turns of the head from which on the neck is twisted as a whole
+NAPE_ROWS, NAPE_COLUMNS = 9, 45
+FAR_DEGREES = (25.0, 40.0)  # between a head turned a little and one turned far
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,12 @@ class Trunk:
 
     rotation: np.ndarray
     shift: np.ndarray
+
+    @property
+    def far(self) -> float:
+        """0 for a head that is turned a little, 1 for one that is turned far."""
+        turn = Rotation.from_matrix(self.rotation).magnitude()
+        return float(smoothstep(*FAR_DEGREES, np.degrees(turn)))
 
 
 class HeadModel:
@@ -63,7 +70,7 @@ class HeadModel:
         self._add("nape", _nape(), NECK)
         for side in (-1.0, 1.0):
             self._add(f"ear{side:+.0f}", _ear(side), EAR, wrap=True, flip=side < 0)
-        rigid = ["teeth_upper", "nape", "ear-1", "ear+1"]
+        rigid = ["teeth_upper", "ear-1", "ear+1"]
         if face.glasses:
             for name, tube in frames(face).items():
                 self._add(name, tube, GLASSES, wrap=True)
@@ -146,7 +153,11 @@ class HeadModel:
         neck = self._range("neck")
         rest = out[neck]
         low = smoothstep(NECK_TOP - 3.0, NECK_BOTTOM + 1.5, rest[:, 1])[:, None]
-        out[neck] = _bend_neck(rest, low, trunk)
+        far = trunk.far
+        out[neck] = _bend_neck(rest, low, trunk, far)
+        nape, ring = self._range("nape"), self.rest[self._range("nape")][-NAPE_COLUMNS:]
+        ring = np.tile(ring, (NAPE_ROWS, 1))
+        out[nape] = ring + far * (out[nape] - ring)
         roots = self.beard.roots
         out[self._bare :] += out[roots] - self.rest[roots]
         return out
@@ -229,11 +240,10 @@ def _neck() -> np.ndarray:
 
 
 def _nape() -> np.ndarray:
-    """The back of the neck above its top, up into the hair."""
-    a = np.linspace(np.pi / 2, 3 * np.pi / 2, 37)
-    return _rings(
-        a, NECK_TOP + np.linspace(1.0, 0.0, 9)[:, None] * NAPE * np.sqrt(np.clip(-np.cos(a), 0, 1))
-    )
+    """Back and sides of the neck above its top, up into the hair: seen when the head is turned."""
+    a = np.linspace(1.1, 2 * np.pi - 1.1, NAPE_COLUMNS)
+    rise = NAPE * smoothstep(-0.2, 0.2, -np.cos(a))
+    return _rings(a, NECK_TOP + np.linspace(1.0, 0.0, NAPE_ROWS)[:, None] * rise)
 
 
 def _rings(a: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -248,14 +258,13 @@ def _rings(a: np.ndarray, y: np.ndarray) -> np.ndarray:
     return np.stack([x + cord * np.sin(a), np.broadcast_to(y, x.shape), z], axis=-1)
 
 
-def _bend_neck(rest: np.ndarray, low: np.ndarray, trunk: Trunk) -> np.ndarray:
+def _bend_neck(rest: np.ndarray, low: np.ndarray, trunk: Trunk, far: float) -> np.ndarray:
     """Neck points (V, 3) between head and body; low (V, 1) is how much they follow the body."""
     straight = rest + low * (rest @ trunk.rotation.T + trunk.shift - rest)
-    turn = Rotation.from_matrix(trunk.rotation).as_rotvec()
-    far = smoothstep(*TWIST_DEGREES, np.degrees(np.linalg.norm(turn)))
     if far == 0.0:
         return straight
     # A straight blend of two far turned ends would draw the neck together between them.
+    turn = Rotation.from_matrix(trunk.rotation).as_rotvec()
     shift = trunk.rotation @ NECK_JOINT + trunk.shift - NECK_JOINT
     twisted = Rotation.from_rotvec(low * turn).apply(rest - NECK_JOINT) + NECK_JOINT + low * shift
     return straight + far * (twisted - straight)
