@@ -13,7 +13,7 @@ import numpy as np
 from dubbing.errors import ExplainedError
 
 Colour = tuple[float, float, float]
-HairStyle = Literal["short", "parted", "swept", "bob", "bald"]
+HairStyle = Literal["short", "parted", "swept", "bob", "loose", "bald"]
 
 
 @dataclass(frozen=True)
@@ -163,6 +163,25 @@ FACES: dict[str, Face] = {
             shirt=(0.33, 0.10, 0.17),
             room=(0.24, 0.25, 0.22),
             seed=6,
+        ),
+        Face(
+            name="hana",
+            skin=(0.60, 0.37, 0.26),
+            lips=(0.50, 0.17, 0.165),
+            eyes=(0.05, 0.028, 0.016),
+            hair=(0.024, 0.016, 0.012),
+            hair_style="loose",
+            brow_thickness=0.9,
+            freckles=0.1,
+            jaw_width=0.94,
+            chin_length=0.97,
+            nose_length=0.94,
+            nose_width=0.98,
+            lip_fullness=1.08,
+            eye_opening=1.02,
+            shirt=(0.30, 0.31, 0.33),
+            room=(0.22, 0.24, 0.27),
+            seed=7,
         ),
     )
 }

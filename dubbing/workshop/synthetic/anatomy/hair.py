@@ -7,16 +7,30 @@ along the combing direction of its style at a small height above the skin.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from dubbing.workshop.synthetic.anatomy.face import Face
 from dubbing.workshop.synthetic.anatomy.head_shape import head_distance
 from dubbing.workshop.synthetic.anatomy.mesh import smoothstep
 from dubbing.workshop.synthetic.anatomy.skin_grid import skin_grid
 
+# The strand of loose hair over a cheek (cm): from the parting past the eye and the mouth's corner.
+STRAND = np.array(
+    [
+        [1.4, 11.5, 5.0],
+        [4.2, 8.6, 7.2],
+        [5.6, 4.6, 7.0],
+        [5.0, 0.4, 8.2],
+        [3.6, -4.0, 8.9],
+        [3.5, -8.5, 8.6],
+        [4.4, -13.5, 7.6],
+        [5.4, -18.5, 7.0],
+    ]
+)
+STRAND_LOCKS, STRAND_ALONG, STRAND_WIDTH = 30, 24, 0.22
 ACROSS = 4  # vertices across a lock
 ALONG = 10  # vertices along a lock
 
-HANG = np.array([0.0, -1.0, -0.06])
 
 # The hairline: hair grows where z is below this function of y (cm).
 _LINE_Y = (-6.0, -4.5, -3.0, -1.0, 0.5, 1.5, 3.0, 4.5, 6.0, 7.2, 8.2, 8.9, 9.3)
@@ -37,6 +51,15 @@ class Hair:
     shade: np.ndarray
     triangles: np.ndarray
 
+    def with_more(self, other: "Hair") -> "Hair":
+        """This hair and another."""
+        both = [
+            np.concatenate([getattr(self, name), getattr(other, name)])
+            for name in ("vertices", "normals", "tangents", "strand", "shade")
+        ]
+        triangles = np.concatenate([self.triangles, other.triangles + len(self.vertices)])
+        return Hair(*both, triangles.astype(np.int32))
+
     @staticmethod
     def none() -> "Hair":
         """No hair at all."""
@@ -54,13 +77,20 @@ class Style:
     lift: float
     part_x: float = 0.0
     gravity: float = 0.3
+    hangs: np.ndarray | None = None  # direction of long hair below the ears, at x > 0
+    back: float = 0.0  # how much it is drawn behind the cheeks
 
 
 STYLES = {
     "short": Style(1500, 2.6, 0.42, 0.45),
     "parted": Style(1150, 7.5, 0.60, 1.0, part_x=2.6),
     "swept": Style(950, 7.5, 0.60, 0.95),
-    "bob": Style(760, 16.0, 0.85, 1.15, part_x=-1.6, gravity=0.8),
+    "bob": Style(
+        760, 16.0, 0.85, 1.15, part_x=-1.6, gravity=0.8, hangs=np.array([0.0, -1.0, -0.06])
+    ),
+    "loose": Style(
+        900, 30.0, 0.80, 1.0, part_x=1.2, gravity=0.8, hangs=np.array([0.02, -1.0, 0.14]), back=0.3
+    ),
     "bald": Style(0, 0.0, 0.0, 0.0),
 }
 
@@ -80,7 +110,10 @@ def grow(face: Face) -> Hair:
     if len(roots) == 0:
         return Hair.none()
     path, normal = _paths(face, style, roots, rng)
-    return strips(path, normal, style.width, rng)
+    hair = strips(path, normal, style.width, rng)
+    if face.hair_style == "loose":
+        hair = hair.with_more(strips(*_strand(face, rng), STRAND_WIDTH, rng))
+    return hair
 
 
 def _roots(face: Face, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -94,6 +127,21 @@ def _roots(face: Face, count: int, rng: np.random.Generator) -> np.ndarray:
     chosen = rng.choice(area.size, size=count, p=(area / area.sum()).ravel())
     jitter = rng.normal(0, 0.12, (count, 3))
     return p.reshape(-1, 3)[chosen] + jitter
+
+
+def _strand(face: Face, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Centre lines and normals of the locks that fall over one cheek, beside the mouth."""
+    t = np.linspace(0.0, 1.0, STRAND_ALONG)
+    middle = PchipInterpolator(np.linspace(0.0, 1.0, len(STRAND)), STRAND)(t)
+    spread = rng.normal(0, 1, (STRAND_LOCKS, 1, 3)) * np.array([0.42, 0.6, 0.25])
+    lines = middle + spread * (0.35 + 0.75 * np.sin(np.pi * np.clip(t, 0, 0.6)))[:, None]
+    height = rng.uniform(0.35, 0.9, (STRAND_LOCKS, 1))
+    for _ in range(4):
+        flat = lines.reshape(-1, 3)
+        off = height - head_distance(flat, face).reshape(lines.shape[:2])
+        outward = _gradient(flat, face).reshape(lines.shape)
+        lines = lines + np.clip(off, 0.0, 1.0)[..., None] * outward
+    return lines, _gradient(lines.reshape(-1, 3), face).reshape(lines.shape)
 
 
 def _gradient(p: np.ndarray, face: Face) -> np.ndarray:
@@ -120,10 +168,13 @@ def _comb(p: np.ndarray, face: Face, style: Style) -> np.ndarray:
     elif face.hair_style == "swept":
         top = np.stack([0.06 * x + 0.1, 0.3 + 0.0 * x, -np.ones_like(x)], 1)
         side = np.stack([0.0 * x, -0.45 + 0.0 * x, -np.ones_like(x)], 1)
-    elif face.hair_style == "bob":
+    elif style.hangs is not None:
         away = np.tanh((x - style.part_x) / 1.0)
         top = np.stack([1.3 * away, -0.1 + 0.0 * x, 0.18 * np.sign(z) + 0.1], 1)
         side = np.stack([0.12 * np.sign(x), -np.ones_like(x), -0.12 * np.ones_like(x)], 1)
+        if face.hair_style == "loose":  # behind the cheeks
+            top[:, 2] = -0.12 * np.clip(z, 0.0, 5.0)
+            side[:, 2] = -0.30 * np.clip(z - 0.5, 0.0, 4.0)
     else:
         away = np.tanh((x - style.part_x) / 1.2)
         top = np.stack([1.2 * away, 0.0 * x, 0.25 - 0.06 * z], 1)
@@ -136,15 +187,15 @@ def _paths(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Centre lines (N, ALONG, 3) and outward normals of the locks."""
     count = len(roots)
-    # Hair at the sides and the neck is cut shorter, except for a bob.
-    low = smoothstep(6.5, 2.0, roots[:, 1]) if face.hair_style != "bob" else np.zeros(count)
+    # Hair at the sides and the neck is cut shorter, except when it hangs.
+    low = smoothstep(6.5, 2.0, roots[:, 1]) if style.hangs is None else np.zeros(count)
     length = style.length * (1.0 - 0.62 * low) * rng.uniform(0.8, 1.15, count)
     depth = np.clip(hair_cover(roots), 0.0, 3.0) / 3.0
     lift = style.lift * face.hair_volume * (1.0 - 0.55 * low) * (0.55 + 0.45 * depth)
     lift = lift * rng.uniform(0.6, 1.25, count)
     wander = rng.normal(0, 0.16, (count, 3))
     # Locks begin a little before their root, so that a parting is a line and not a bare strip.
-    ahead = 0.0 if face.hair_style == "bob" else 0.7  # long locks would fall over the face
+    ahead = 0.0 if style.hangs is not None else 0.7  # long locks would fall over the face
     p = roots - ahead * unit(_comb(roots, face, style))
     heading = np.zeros((count, 3))
     lines, normals = [], []
@@ -153,7 +204,7 @@ def _paths(
         n = _gradient(p, face)
         height = 0.05 + lift * np.sin(np.pi * min(0.5, 0.12 + 0.75 * t)) * (1.0 - 0.35 * t**2)
         # Below the ears long hair hangs: it is pushed out of the head, never drawn to it.
-        hangs = (p[:, 1] < 1.0) & (face.hair_style == "bob")
+        hangs = (p[:, 1] < 1.0) & (style.hangs is not None)
         off = height - head_distance(p, face)
         off = np.where(hangs, np.maximum(off, 0.0), off)
         p = p + np.clip(off, -0.6, 0.9)[:, None] * n
@@ -161,7 +212,11 @@ def _paths(
         normals.append(n)
         flow = _comb(p, face, style) + wander
         flow[:, 1] -= style.gravity * t
-        flow[hangs] = HANG + 0.5 * wander[hangs]
+        if style.hangs is not None:
+            mirror = np.stack([np.sign(p[:, 0]), np.ones(count), np.ones(count)], axis=1)
+            hang = style.hangs * mirror + 0.5 * wander
+            hang[:, 2] -= style.back * np.clip(p[:, 2], 0.0, 4.0) * (p[:, 1] > -7.0)
+            flow[hangs] = hang[hangs]
         n = np.where(hangs[:, None], 0.0, n)
         flow -= np.einsum("ij,ij->i", flow, n)[:, None] * n
         flow = unit(flow)
