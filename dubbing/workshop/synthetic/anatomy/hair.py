@@ -22,12 +22,11 @@ STRAND = np.array(
         [5.6, 4.6, 7.0],
         [5.0, 0.4, 8.2],
         [3.6, -4.0, 8.9],
-        [3.5, -8.5, 8.6],
-        [4.4, -13.5, 7.6],
-        [5.4, -18.5, 7.0],
+        [3.4, -8.0, 8.7],
+        [3.7, -12.5, 8.2],
     ]
 )
-STRAND_LOCKS, STRAND_ALONG, STRAND_WIDTH = 30, 24, 0.22
+STRAND_LOCKS, STRAND_ALONG, STRAND_WIDTH = 26, 20, 0.22
 ACROSS = 4  # vertices across a lock
 ALONG = 10  # vertices along a lock
 
@@ -89,7 +88,7 @@ STYLES = {
         760, 16.0, 0.85, 1.15, part_x=-1.6, gravity=0.8, hangs=np.array([0.0, -1.0, -0.06])
     ),
     "loose": Style(
-        900, 30.0, 0.80, 1.0, part_x=1.2, gravity=0.8, hangs=np.array([0.02, -1.0, 0.14]), back=0.3
+        560, 27.0, 1.0, 1.0, part_x=1.2, gravity=0.8, hangs=np.array([0.02, -1.0, 0.14]), back=0.3
     ),
     "bald": Style(0, 0.0, 0.0, 0.0),
 }
@@ -195,7 +194,7 @@ def _paths(
     lift = lift * rng.uniform(0.6, 1.25, count)
     wander = rng.normal(0, 0.16, (count, 3))
     # Locks begin a little before their root, so that a parting is a line and not a bare strip.
-    ahead = 0.0 if style.hangs is not None else 0.7  # long locks would fall over the face
+    ahead = 0.7 if face.hair_style != "bob" else 0.0  # its locks would fall over the face
     p = roots - ahead * unit(_comb(roots, face, style))
     heading = np.zeros((count, 3))
     lines, normals = [], []
