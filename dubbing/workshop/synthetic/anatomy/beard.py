@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dubbing.workshop.synthetic.anatomy.face import Face
-from dubbing.workshop.synthetic.anatomy.hair import Hair, strips, unit
 from dubbing.workshop.synthetic.anatomy.head_shape import MOUTH_HALF_WIDTH, MOUTH_Y
+from dubbing.workshop.synthetic.anatomy.locks import Hair, strips, unit
 from dubbing.workshop.synthetic.anatomy.mesh import grid_normals, smoothstep
 from dubbing.workshop.synthetic.anatomy.skin_grid import SkinGrid
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from dubbing.workshop.synthetic.anatomy.face import Face
-from dubbing.workshop.synthetic.anatomy.hair import unit
 from dubbing.workshop.synthetic.anatomy.head_shape import EYE, head_distance
+from dubbing.workshop.synthetic.anatomy.locks import unit
 
 ROUND = 10  # vertices round a tube
 RIM_CENTRE, RIM_HALF = (3.25, 2.75), (2.35, 1.75)  # cm

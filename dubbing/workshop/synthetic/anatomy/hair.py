@@ -11,6 +11,7 @@ from scipy.interpolate import PchipInterpolator
 
 from dubbing.workshop.synthetic.anatomy.face import Face
 from dubbing.workshop.synthetic.anatomy.head_shape import head_distance
+from dubbing.workshop.synthetic.anatomy.locks import Hair, strips, unit
 from dubbing.workshop.synthetic.anatomy.mesh import smoothstep
 from dubbing.workshop.synthetic.anatomy.skin_grid import skin_grid
 
@@ -27,43 +28,12 @@ STRAND = np.array(
     ]
 )
 STRAND_LOCKS, STRAND_ALONG, STRAND_WIDTH = 26, 20, 0.22
-ACROSS = 4  # vertices across a lock
 ALONG = 10  # vertices along a lock
 
 
 # The hairline: hair grows where z is below this function of y (cm).
 _LINE_Y = (-6.0, -4.5, -3.0, -1.0, 0.5, 1.5, 3.0, 4.5, 6.0, 7.2, 8.2, 8.9, 9.3)
 _LINE_Z = (-12.0, -7.5, -6.0, -4.2, -2.5, 1.2, 2.0, 2.5, 3.3, 4.6, 5.6, 6.6, 20.0)
-
-
-@dataclass(frozen=True)
-class Hair:
-    """Vertices (V, 3), normals, tangents (V, 3), strand coordinate (V, 2) and shade (V,).
-
-    The strand coordinate is across a lock (with a random start) and along it (0 root, 1 tip).
-    """
-
-    vertices: np.ndarray
-    normals: np.ndarray
-    tangents: np.ndarray
-    strand: np.ndarray
-    shade: np.ndarray
-    triangles: np.ndarray
-
-    def with_more(self, other: "Hair") -> "Hair":
-        """This hair and another."""
-        both = [
-            np.concatenate([getattr(self, name), getattr(other, name)])
-            for name in ("vertices", "normals", "tangents", "strand", "shade")
-        ]
-        triangles = np.concatenate([self.triangles, other.triangles + len(self.vertices)])
-        return Hair(*both, triangles.astype(np.int32))
-
-    @staticmethod
-    def none() -> "Hair":
-        """No hair at all."""
-        none = np.zeros((0, 3))
-        return Hair(none, none, none, none[:, :2], none[:, 0], np.zeros((0, 3), np.int32))
 
 
 @dataclass(frozen=True)
@@ -153,10 +123,6 @@ def _gradient(p: np.ndarray, face: Face) -> np.ndarray:
     return g / np.maximum(np.linalg.norm(g, axis=-1, keepdims=True), 1e-9)
 
 
-def unit(v: np.ndarray) -> np.ndarray:
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-9)
-
-
 def _comb(p: np.ndarray, face: Face, style: Style) -> np.ndarray:
     """Combing direction (N, 3) at points p before it is made tangent to the head."""
     x, y, z = p[:, 0], p[:, 1], p[:, 2]
@@ -222,56 +188,3 @@ def _paths(
         heading = flow if k == 0 else 0.5 * heading + 0.5 * flow
         p = p + heading * (length / (ALONG - 1))[:, None]
     return np.stack(lines, 1), np.stack(normals, 1)
-
-
-def strips(
-    path: np.ndarray,
-    normal: np.ndarray,
-    half_width: float,
-    rng: np.random.Generator,
-    across: int = ACROSS,
-) -> Hair:
-    """Locks along centre lines path (N, K, 3) with outward normals (N, K, 3)."""
-    count, along = path.shape[:2]
-    tangent = unit(np.gradient(path, axis=1))
-    aside = unit(np.cross(tangent, normal))
-    out = np.cross(aside, tangent)
-    t = np.linspace(0.0, 1.0, along)
-    width = (
-        half_width
-        * rng.uniform(0.7, 1.3, count)[:, None]
-        * ((0.35 + 0.65 * np.sin(np.pi * np.clip(t * 0.85 + 0.1, 0, 1))) * (1 - 0.85 * t**4))
-    )
-    phi = np.linspace(np.pi, 0.0, across)
-    bend, rise = np.cos(phi), np.sin(phi)
-    w = width[:, :, None, None]
-    vertices = (
-        path[:, :, None]
-        + aside[:, :, None] * w * bend[:, None]
-        + out[:, :, None] * w * (0.42 * rise - 0.20)[:, None]
-    )
-    normals = out[:, :, None] * (0.35 + rise)[:, None] + aside[:, :, None] * 0.8 * bend[:, None]
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    shape = (count, along, across)
-    start = rng.uniform(0, 50, count)[:, None, None]
-    strand = np.stack(
-        [
-            np.broadcast_to(start + width[:, :, None] * bend * 1.0, shape),
-            np.broadcast_to(t[None, :, None], shape),
-        ],
-        axis=-1,
-    )
-    shade = rng.uniform(0.72, 1.28, count)[:, None, None] * (0.45 + 0.55 * t[None, :, None] ** 0.5)
-    shade = shade * (0.62 + 0.38 * rise)
-    index = np.arange(count * along * across).reshape(shape)
-    a, b = index[:, :-1, :-1].ravel(), index[:, :-1, 1:].ravel()
-    c, d = index[:, 1:, 1:].ravel(), index[:, 1:, :-1].ravel()
-    triangles = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)])
-    return Hair(
-        vertices.reshape(-1, 3),
-        normals.reshape(-1, 3),
-        np.broadcast_to(tangent[:, :, None], vertices.shape).reshape(-1, 3).copy(),
-        strand.reshape(-1, 2),
-        shade.reshape(-1),
-        triangles.astype(np.int32),
-    )

@@ -52,17 +52,17 @@ class Rig:
     `rest` is the share of the lights other than the key light.
     """
 
+    rest: float
     key: np.ndarray
     fill: np.ndarray
     rim: np.ndarray
     up: np.ndarray
-    rest: float = 1.0
 
     @staticmethod
     def turned(rotation: np.ndarray, lighting: Lighting = "soft") -> "Rig":
         key, rest = LIGHTINGS[lighting]
         directions = (key, FILL.direction, RIM.direction, UP)
-        return Rig(*((rotation @ d).astype(np.float32) for d in directions), rest=rest)
+        return Rig(rest, *((rotation @ d).astype(np.float32) for d in directions))
 
 
 def irradiance(
