@@ -181,6 +181,7 @@ def _paths(
             mirror = np.stack([np.sign(p[:, 0]), np.ones(count), np.ones(count)], axis=1)
             hang = style.hangs * mirror + 0.5 * wander
             hang[:, 2] -= style.back * np.clip(p[:, 2], 0.0, 4.0) * (p[:, 1] > -7.0)
+            hang[:, 2] -= style.back * (p[:, 2] < -2.0)  # down the back, not through the chest
             flow[hangs] = hang[hangs]
         n = np.where(hangs[:, None], 0.0, n)
         flow -= np.einsum("ij,ij->i", flow, n)[:, None] * n
