@@ -25,12 +25,20 @@ class Motion:
 
 
 def move(
-    frames: int, rate: Fraction, *, seed: int, rest: np.ndarray, opening: np.ndarray, amount: float
+    frames: int,
+    rate: Fraction,
+    *,
+    seed: int,
+    rest: np.ndarray,
+    opening: np.ndarray,
+    amount: float,
+    turns: np.ndarray | None = None,
 ) -> Motion:
     """The motion of a clip.
 
     rest (3,) is the head's place at rest in camera axes, cm; opening (T,) is how open the mouth
-    is (0..1), whose stresses the head follows with small nods; amount scales the motion.
+    is (0..1), whose stresses the head follows with small nods; amount scales the motion; turns
+    (T, 2) are pitch and yaw to add, degrees.
     """
     rng = np.random.default_rng(seed)
     fps = float(rate)
@@ -40,6 +48,8 @@ def move(
     angles[:, 0] += 2.0 * gaussian_filter1d(opening, 0.12 * fps, mode="nearest")
     limit = np.array(LIMIT_DEGREES)
     angles = amount * limit * np.tanh(angles / limit)
+    if turns is not None:
+        angles[:, :2] += turns
     sway = amount * np.stack([_noise(rng, frames, 0.7 * fps) for _ in range(3)], axis=1)
     poses = []
     for (pitch, yaw, roll), drift in zip(angles, sway * np.array([0.25, 0.12, 0.4]), strict=True):

@@ -49,6 +49,22 @@ def closure_f1(rendered: np.ndarray, truth: np.ndarray, tolerance: int = 0) -> f
     return 2 * precision * recall / (precision + recall) if precision + recall else 0.0
 
 
+def closure_mcc(rendered: np.ndarray, truth: np.ndarray) -> float:
+    """Matthews correlation of the frames in which the lips are closed, -1..1.
+
+    A mouth that never opens has 0, unlike its F1. NaN where the true mouth never closes or never
+    opens.
+
+    Args:
+        rendered, truth: (T,) gap between the inner lips, eye distances.
+    """
+    both = np.isfinite(rendered) & np.isfinite(truth)
+    shut, real = rendered[both] < CLOSED, truth[both] < CLOSED
+    if not real.any() or real.all():
+        return float("nan")
+    return float(np.corrcoef(shut, real)[0, 1]) if 0 < shut.mean() < 1 else 0.0
+
+
 def _widened(marks: np.ndarray, tolerance: int) -> np.ndarray:
     """Marks (T,) bool, extended by ``tolerance`` frames to each side."""
     return np.convolve(marks, np.ones(2 * tolerance + 1), "same")[: len(marks)] > 0.5

@@ -183,6 +183,28 @@ FACES: dict[str, Face] = {
             room=(0.22, 0.24, 0.27),
             seed=7,
         ),
+        Face(
+            name="igor",
+            skin=(0.47, 0.265, 0.18),
+            lips=(0.39, 0.14, 0.125),
+            eyes=(0.10, 0.055, 0.028),
+            hair=(0.030, 0.020, 0.015),
+            hair_style="swept",
+            brow_thickness=1.3,
+            stubble=0.35,
+            moustache=1.1,
+            freckles=0.05,
+            jaw_width=1.03,
+            chin_length=1.04,
+            nose_length=1.06,
+            nose_width=1.05,
+            cheekbones=0.95,
+            eye_opening=0.95,
+            shirt=(0.09, 0.12, 0.10),
+            shirt_style="collar",
+            room=(0.23, 0.22, 0.25),
+            seed=8,
+        ),
     )
 }
 

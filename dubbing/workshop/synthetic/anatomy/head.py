@@ -183,6 +183,14 @@ class HeadModel:
         shade[self._range("inner_lower")] = np.repeat(fall[::-1], across)
         return shade
 
+    def mouth_box(self) -> np.ndarray:
+        """Points (4, 3) beside and above the mouth at rest whose extent holds an open one."""
+        line = self.rest[self.line_indices("upper")[self.mouth_columns]]
+        wide = 1.25 * np.abs(line[:, 0]).max()
+        front = line[:, 2].max()
+        side = [[x, MOUTH_Y, front - 1.5] for x in (-wide, wide)]
+        return np.array([*side, [0, MOUTH_Y + 1.6, front], [0, MOUTH_Y - 3.2, front]])
+
     def opening(self, vertices: np.ndarray) -> float:
         """Height of the gap between the lips in the middle, in units of 10 cm."""
         up = vertices[self.line_indices("upper")[self.middle]]

@@ -16,13 +16,14 @@ FOCAL_512 = 980.0  # px for an image of 512 px
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera of a square image."""
+    """A pinhole camera of a square image; `zoom` enlarges what it sees."""
 
     size: int
+    zoom: float = 1.0
 
     @property
     def focal(self) -> float:
-        return FOCAL_512 * self.size / 512.0
+        return FOCAL_512 * self.size / 512.0 * self.zoom
 
     @property
     def centre(self) -> float:

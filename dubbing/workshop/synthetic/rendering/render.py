@@ -65,8 +65,8 @@ class RenderedFrame:
 class Renderer:
     """Renders one face at one size. Building it takes seconds, a frame a fraction of one."""
 
-    def __init__(self, face: Face, size: int, light: Lighting = "soft") -> None:
-        self.camera = Camera(size)
+    def __init__(self, face: Face, size: int, zoom: float = 1.0, light: Lighting = "soft") -> None:
+        self.camera = Camera(size, zoom)
         self.light: Lighting = light
         self.model = HeadModel(face)
         self.materials = Materials(face, self.model)

@@ -1,0 +1,202 @@
+"""Figures of a dub that has a true picture.
+
+T frames of side S: of the dub, of the film that was dubbed (what A says), and of the true dub (what
+B says). They differ in the face alone. Ratios are of the dub to the true dub; their aim is 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+import torch
+
+from dfrf.metrics import image as metrics
+from dubbing.face.landmarks import FaceMesh
+from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+from dubbing.sync.sync_network import load_network
+from dubbing.workshop.lab.chin import CHIN_LINE, HALF_BAND, distance_to_line, gradient_energies
+from dubbing.workshop.lab.measuring import first_of
+from dubbing.workshop.lab.metrics import lips
+from dubbing.workshop.lab.mouth import MouthSeries
+
+DIFFERENT = 3  # grey levels: less is no other picture
+LEAST = 0.02  # of the mouth's box that must be replaced where a frame counts as dubbed
+COVERING = 0.1  # of the mouth's box: then something covers it
+OPAQUE = 0.98
+CHANGED = 8  # grey levels: a pixel of what is in front was changed
+APART = 2  # half bands between the chins of A and B
+NOISY = 0.4  # grey levels of noise in the true dub; with less, its ratio says nothing
+EDGE = 2  # px to each side of the edge of what is replaced
+FINE = 1.0  # px, Gaussian: detail below it is noise
+NOT_KNOWN = float("nan")
+
+
+@dataclass
+class Sums:
+    """Of the frames so far: a value of the dub beside that of the true dub."""
+
+    of: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def add(self, name: str, dub: float, truth: float) -> None:
+        self.of[name] = self.of.get(name, np.zeros(2)) + np.array([dub, truth])
+
+    def ratio(self, name: str) -> float:
+        dub, truth = self.of.get(name, np.zeros(2))
+        return float(dub / truth) if truth > 0 else NOT_KNOWN
+
+
+class DubFigures:
+    """Adds up the frames of one dub."""
+
+    def __init__(self, rate: float) -> None:
+        self._mouths = MouthSeries(load_network().face.numpy(), rate)
+        self._meshes = [FaceMesh(tracking=True) for _ in range(3)]
+        self._sums = Sums()
+        self._lists: dict[str, list[float]] = {}
+        self._noise: list[np.ndarray | None] = [None, None]
+        self._count = 0
+
+    def _keep(self, name: str, value: float) -> None:
+        self._lists.setdefault(name, []).append(value)
+
+    def add(
+        self,
+        dub: np.ndarray,
+        film: np.ndarray,
+        truth: np.ndarray,
+        mouth: np.ndarray,
+        cover: np.ndarray | None,
+    ) -> None:
+        """One frame.
+
+        Args:
+            dub, film, truth: (S, S, 3) uint8.
+            mouth: (2, 2) px, middle of the mouth and half its width and height.
+            cover: (S, S) in 0..1, opacity of what is in front; None where nothing is.
+        """
+        box = box_of(mouth, len(dub))
+        replaced = differs(dub, film, 0)
+        dubbed = replaced[box].mean() > LEAST
+        self._keep("dubbed", float(dubbed))
+        if cover is not None:
+            hidden = cover[box].mean() > COVERING
+            if hidden:
+                self._keep("covered_dubbed", float(dubbed))
+            solid = cover > OPAQUE
+            if solid.any():
+                self._sums.add(
+                    "cover_changed", differs(dub, film, CHANGED)[solid].sum(), solid.sum()
+                )
+        region = replaced | differs(film, truth, DIFFERENT)
+        self._keep("psnr", psnr(dub, truth, region))
+        inside = np.zeros_like(region)
+        inside[box] = True
+        self._keep("psnr_mouth", psnr(dub, truth, inside))
+        pair = [
+            torch.from_numpy(np.ascontiguousarray(x[grown(box, 8)])).float() / 255
+            for x in (dub, truth)
+        ]
+        self._keep("ssim_mouth", metrics.ssim(*pair))
+        self._seam(dub, truth, replaced)
+        self._detail(dub, truth, region & ~inside)
+        meshes = [
+            first_of(mesh(x)) for mesh, x in zip(self._meshes, (dub, film, truth), strict=True)
+        ]
+        self._mouths.add(self._count, dub, truth, meshes[0], meshes[2])
+        if meshes[1] is not None and meshes[2] is not None:
+            self._chin(dub, truth, meshes[1][:, :2], meshes[2][:, :2])
+        self._count += 1
+
+    def _seam(self, dub: np.ndarray, truth: np.ndarray, replaced: np.ndarray) -> None:
+        """Gradient energy along the edge of what is replaced."""
+        whole = cv2.morphologyEx(replaced.astype(np.uint8), cv2.MORPH_CLOSE, np.ones((5, 5)))
+        kernel = np.ones((2 * EDGE + 1,) * 2)
+        band = (cv2.dilate(whole, kernel) > 0) & (cv2.erode(whole, kernel) == 0)
+        self._sums.add("seam", *(gradient_energies(x)[band].sum() for x in (dub, truth)))
+
+    def _detail(self, dub: np.ndarray, truth: np.ndarray, region: np.ndarray) -> None:
+        """Noise and sharpness of the replaced skin beside the mouth."""
+        if region.sum() < 50:
+            self._noise = [None, None]
+            return
+        noise, sharp = [], []
+        for k, image in enumerate((dub, truth)):
+            grey = image.astype(np.float32) @ np.array([0.299, 0.587, 0.114], np.float32)
+            smooth = cv2.GaussianBlur(grey, (0, 0), FINE)
+            before, self._noise[k] = self._noise[k], grey - smooth
+            if before is not None:
+                changed = np.abs(self._noise[k] - before)[region]
+                noise.append(1.4826 * float(np.median(changed)) / np.sqrt(2))
+            sharp.append(gradient_energies(np.repeat(smooth[..., None], 3, 2))[region].sum())
+        self._sums.add("sharpness", sharp[0], sharp[1])
+        if noise:
+            self._sums.add("noise", noise[0], noise[1])
+            self._keep("true_noise", noise[1])
+
+    def _chin(
+        self, dub: np.ndarray, truth: np.ndarray, film_points: np.ndarray, points: np.ndarray
+    ) -> None:
+        """Gradient energy along the true chin, and where the film's chin was."""
+        eyes = float(np.linalg.norm(points[LEFT_EYE_OUTER] - points[RIGHT_EYE_OUTER]))
+        half = max(1.0, HALF_BAND * eyes)
+        new, old = (distance_to_line(p[list(CHIN_LINE)], len(dub)) for p in (points, film_points))
+        energies = [gradient_energies(x) for x in (dub, truth)]
+        self._sums.add("chin", *(e[new <= half].sum() for e in energies))
+        beside = (old <= half) & (new > APART * half)
+        self._sums.add("old_chin", *(e[beside].sum() for e in energies))
+
+    def figures(self) -> dict[str, float]:
+        """Figures of all frames; one that cannot be computed is left out."""
+        found = {name: float(np.nanmean(values)) for name, values in self._lists.items()}
+        noisy = found.pop("true_noise", 0.0) > NOISY
+        names = (
+            "seam",
+            "chin",
+            "old_chin",
+            "sharpness",
+            "cover_changed",
+            *(["noise"] if noisy else []),
+        )
+        found |= {name: self._sums.ratio(name) for name in names}
+        mouths = self._mouths
+        gap, true_gap = mouths.series("opening"), mouths.series("source_opening")
+        found |= mouths.figures() | {"closure_mcc": lips.closure_mcc(gap, true_gap)}
+        return {name: value for name, value in found.items() if not np.isnan(value)}
+
+
+def differs(image: np.ndarray, other: np.ndarray, levels: int) -> np.ndarray:
+    """Pixels (S, S) bool of which a channel differs by more than so many grey levels."""
+    return np.asarray((np.abs(image.astype(np.int16) - other) > levels).any(-1))
+
+
+def psnr(image: np.ndarray, truth: np.ndarray, where: np.ndarray) -> float:
+    """PSNR in dB over some pixels; not a number where there are none."""
+    if not where.any():
+        return NOT_KNOWN
+    error = float(np.square(image[where].astype(np.float32) - truth[where]).mean())
+    return float(10 * np.log10(255**2 / max(error, 1e-2)))
+
+
+def box_of(mouth: np.ndarray, size: int) -> tuple[slice, slice]:
+    """Rows and columns of the mouth's box."""
+    low = np.clip(np.floor(mouth[0] - mouth[1]), 0, size - 1).astype(int)
+    high = np.clip(np.ceil(mouth[0] + mouth[1]), low + 1, size).astype(int)
+    return slice(low[1], high[1]), slice(low[0], high[0])
+
+
+def grown(box: tuple[slice, slice], by: int) -> tuple[slice, slice]:
+    """A box with so many px round it."""
+    rows, columns = (slice(max(0, x.start - by), x.stop + by) for x in box)
+    return rows, columns
+
+
+def mean_of(figures: Iterable[dict[str, float]]) -> dict[str, float]:
+    """Mean of every figure over the scenes that have it."""
+    every: dict[str, list[float]] = {}
+    for one in figures:
+        for name, value in one.items():
+            every.setdefault(name, []).append(value)
+    return {name: float(np.mean(values)) for name, values in every.items()}

@@ -1,0 +1,142 @@
+"""Compares the dubs of the scenes with their truth, and prints a table.
+
+    python -m dubbing.workshop.true_dubs.measure OUT [--only NAME ...]
+
+`OUT/figures.json` then holds the figures of every scene, and `OUT/NAME/tiles.png` shows the film,
+the dub and the true dub above one another.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from itertools import repeat
+from multiprocessing import get_context
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dubbing.engine.files import atomic_path, atomic_write_json
+from dubbing.errors import ExplainedError
+from dubbing.media import read_frames
+from dubbing.workshop.true_dubs.figures import DubFigures, mean_of
+from dubbing.workshop.true_dubs.films import COVER, FILM, FIRST, TRUE_FILM, TRUTH, chosen
+from dubbing.workshop.true_dubs.scenes import FRAMES, RATE
+
+FIGURES = "figures.json"
+TILES, TILE = 6, 320  # so many frames, px
+COLUMNS = {
+    "dubbed": "dubbed",
+    "psnr": "PSNR",
+    "psnr_mouth": "mouth",
+    "ssim_mouth": "SSIM",
+    "lmd": "LMD",
+    "opening_r": "opening r",
+    "width_r": "width r",
+    "closure_mcc": "closures",
+    "opening_ratio": "opening",
+    "texture_ratio": "texture",
+    "seam": "seam",
+    "chin": "chin",
+    "old_chin": "old chin",
+    "noise": "noise",
+    "sharpness": "sharp",
+    "covered_dubbed": "covered",
+    "cover_changed": "changed",
+}
+
+
+def compared(out: Path, name: str) -> dict[str, float]:
+    """The figures of one scene; leaves its tiles.
+
+    Raises:
+        ExplainedError: it was not dubbed.
+    """
+    folder, dub = out / name, out / "dubs" / f"{name}.mkv"
+    if not dub.exists():
+        raise ExplainedError("is not there", str(dub), f"run `dfrf dub {out}/true_dubs.yaml`")
+    count = FRAMES - FIRST
+    with np.load(folder / TRUTH) as known:
+        mouths = known["mouths"]
+    mattes: Iterator[np.ndarray | None] = repeat(None)
+    if (folder / COVER).exists():
+        mattes = read_frames(folder / COVER, pixels="gray")
+    figures = DubFigures(RATE)
+    tiles = []
+    films = zip(
+        read_frames(dub, count=count),
+        read_frames(folder / FILM, start=FIRST, count=count),
+        read_frames(folder / TRUE_FILM, count=count),
+        mouths,
+        mattes,
+        strict=False,
+    )
+    shown = set(np.linspace(3, count - 4, TILES).round().astype(int).tolist())
+    for t, (made, film, truth, mouth, matte) in enumerate(films):
+        figures.add(made, film, truth, mouth, None if matte is None else matte / 255)
+        if t in shown:
+            tiles.append(np.concatenate([around(x, mouth) for x in (film, made, truth)]))
+    with atomic_path(folder / "tiles.png") as temporary:
+        image = cv2.cvtColor(np.concatenate(tiles, 1), cv2.COLOR_RGB2BGR)
+        temporary.write_bytes(cv2.imencode(".png", image)[1].tobytes())
+    return figures.figures()
+
+
+def around(image: np.ndarray, mouth: np.ndarray) -> np.ndarray:
+    """The lower face, enlarged, (TILE, TILE, 3)."""
+    reach = 2.0 * float(mouth[1].max())
+    scale = TILE / (2 * reach)
+    shift = TILE / 2 - scale * mouth[0]
+    matrix = np.array([[scale, 0, shift[0]], [0, scale, shift[1]]])
+    return np.asarray(cv2.warpAffine(image, matrix, (TILE, TILE), flags=cv2.INTER_CUBIC))
+
+
+def table(figures: Mapping[str, Mapping[str, float]]) -> str:
+    """A Markdown table of the scenes, one row each."""
+    lines = ["| scene | " + " | ".join(COLUMNS.values()) + " |", "|---" * (len(COLUMNS) + 1) + "|"]
+    for name, row in figures.items():
+        cells = (cell(key, row.get(key)) for key in COLUMNS)
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
+    return "\n".join(lines)
+
+
+def cell(key: str, value: float | None) -> str:
+    """A figure as the table writes it."""
+    if value is None:
+        return ""
+    if key in ("dubbed", "covered_dubbed", "cover_changed"):
+        return f"{100 * value:.1f} %" if key == "cover_changed" else f"{100 * value:.0f} %"
+    if key.startswith("psnr"):
+        return f"{value:.1f}"
+    return f"{value:.2f}"
+
+
+def measure(out: Path, names: Sequence[str], jobs: int) -> dict[str, dict[str, float]]:
+    """The figures of scenes, several side by side."""
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as workers:
+        figures = dict(zip(names, workers.map(compared, repeat(out), names), strict=False))
+    return figures
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m dubbing.workshop.true_dubs.measure", description=__doc__
+    )
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--only", nargs="*", default=[], help="names of scenes, or patterns")
+    parser.add_argument("--jobs", type=int, default=2, help="scenes at a time")
+    call = parser.parse_args()
+    try:
+        figures = measure(call.out, [scene.name for scene in chosen(call.only)], call.jobs)
+    except ExplainedError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 1
+    atomic_write_json(call.out / FIGURES, figures)
+    print(table({**figures, "mean": mean_of(figures.values())}))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
