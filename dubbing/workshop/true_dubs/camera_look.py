@@ -22,7 +22,7 @@ class CameraLook:
 
     def picture(self, frame: np.ndarray, t: int) -> np.ndarray:
         """Frame t as the camera records it, (s, s, 3) uint8."""
-        out = self.framed(self.lit(frame.astype(np.float32), t), t)
+        out: np.ndarray = self.framed(self.lit(frame.astype(np.float32), t), t)
         unit = len(out) / UNIT
         if self.look.defocus:
             out = np.asarray(cv2.GaussianBlur(out, (0, 0), self.look.defocus * unit))

@@ -115,7 +115,7 @@ def _render(scene: Scene, name: str, files: list[Path], truth: Path) -> None:
         amount=scene.motion,
         turns=scene.turns(),
     )
-    renderer = Renderer(face_by_name(scene.face), scene.size, scene.zoom)
+    renderer = Renderer(face_by_name(scene.face), scene.size, scene.zoom, scene.light)
     mouths, opening = np.zeros((FRAMES, 2, 2)), np.zeros(FRAMES)
     size = scene.size
     with (

@@ -13,6 +13,7 @@ from dubbing.workshop.synthetic.anatomy.mesh import smoothstep
 
 IRIS = 0.66  # cm
 BALL = EYE_RADIUS - 0.02
+REACH_DEGREES = 35.0  # how far eyes turn from straight ahead
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,14 @@ def lid_curves(u: np.ndarray, blink: float, opening: float) -> tuple[np.ndarray,
     return lower + (upper - lower) * (1.0 - blink), lower
 
 
+def within_reach(gaze: np.ndarray) -> np.ndarray:
+    """Unit view directions (2, 3) in the head frame, turned back to what eyes can do."""
+    limit = np.radians(REACH_DEGREES)
+    aside = gaze[:, :2] / np.maximum(np.linalg.norm(gaze[:, :2], axis=1, keepdims=True), 1e-9)
+    nearest = np.concatenate([np.sin(limit) * aside, np.full((2, 1), np.cos(limit))], axis=1)
+    return np.where(gaze[:, 2:] < np.cos(limit), nearest, gaze)
+
+
 def near_eye(p: np.ndarray) -> np.ndarray:
     """(N,) bool: skin points near an eye, for which `look` is needed."""
     side = np.abs(np.abs(p[:, 0]) - EYE[0])
@@ -61,7 +70,11 @@ def look(
     side = np.sign(p[:, 0])
     u = (np.abs(p[:, 0]) - EYE[0]) / EYE_HALF_WIDTH
     v = p[:, 1] - EYE[1]
-    upper, lower = lid_curves(np.clip(u, -1, 1), blink, face.eye_opening)
+    # The lids follow eyes that look far down.
+    down = np.degrees(np.arcsin(np.clip(-gaze[:, 1].mean(), -1, 1)))
+    follow = float(smoothstep(14.0, 36.0, down))
+    upper, lower = lid_curves(np.clip(u, -1, 1), max(blink, 0.55 * follow), face.eye_opening)
+    lower = lower - 0.16 * follow * (1.0 - blink) * np.clip(1.0 - u * u, 0.0, 1.0)
     is_open = (v < upper) & (v > lower) & (np.abs(u) < 1.0)
     centre = np.stack([side * EYE[0], np.full_like(side, EYE[1]), np.full_like(side, EYE[2])], 1)
     point = _ball(origin, ray, centre)

@@ -13,7 +13,7 @@ import numpy as np
 from dubbing.errors import ExplainedError
 
 Colour = tuple[float, float, float]
-HairStyle = Literal["short", "parted", "swept", "bob", "bald"]
+HairStyle = Literal["short", "parted", "swept", "bob", "loose", "bald"]
 
 
 @dataclass(frozen=True)
@@ -29,6 +29,9 @@ class Face:
     hair_volume: float = 1.0
     brow_thickness: float = 1.0
     stubble: float = 0.0
+    beard: float = 0.0  # length in cm; 1.0 is a short full beard
+    moustache: float = 0.0  # length in cm
+    glasses: bool = False
     freckles: float = 0.2
     jaw_width: float = 1.0
     chin_length: float = 1.0
@@ -127,14 +130,91 @@ FACES: dict[str, Face] = {
             room=(0.19, 0.23, 0.22),
             seed=4,
         ),
+        Face(
+            name="fedor",
+            skin=(0.56, 0.32, 0.225),
+            lips=(0.44, 0.16, 0.145),
+            eyes=(0.07, 0.11, 0.14),
+            hair=(0.085, 0.042, 0.020),
+            hair_style="short",
+            brow_thickness=1.3,
+            beard=1.2,
+            moustache=0.9,
+            jaw_width=1.05,
+            nose_length=1.05,
+            nose_width=1.08,
+            shirt=(0.16, 0.17, 0.15),
+            room=(0.25, 0.23, 0.20),
+            seed=5,
+        ),
+        Face(
+            name="gita",
+            skin=(0.36, 0.19, 0.115),
+            lips=(0.34, 0.115, 0.11),
+            eyes=(0.06, 0.032, 0.018),
+            hair=(0.016, 0.012, 0.010),
+            hair_style="swept",
+            glasses=True,
+            freckles=0.0,
+            jaw_width=0.96,
+            chin_length=0.98,
+            nose_length=0.98,
+            lip_fullness=1.15,
+            shirt=(0.33, 0.10, 0.17),
+            room=(0.24, 0.25, 0.22),
+            seed=6,
+        ),
+        Face(
+            name="hana",
+            skin=(0.60, 0.37, 0.26),
+            lips=(0.50, 0.17, 0.165),
+            eyes=(0.05, 0.028, 0.016),
+            hair=(0.024, 0.016, 0.012),
+            hair_style="loose",
+            brow_thickness=0.9,
+            freckles=0.1,
+            jaw_width=0.94,
+            chin_length=0.97,
+            nose_length=0.94,
+            nose_width=0.98,
+            lip_fullness=1.08,
+            eye_opening=1.02,
+            shirt=(0.30, 0.31, 0.33),
+            room=(0.22, 0.24, 0.27),
+            seed=7,
+        ),
+        Face(
+            name="igor",
+            skin=(0.47, 0.265, 0.18),
+            lips=(0.39, 0.14, 0.125),
+            eyes=(0.10, 0.055, 0.028),
+            hair=(0.030, 0.020, 0.015),
+            hair_style="swept",
+            brow_thickness=1.3,
+            stubble=0.35,
+            moustache=1.1,
+            freckles=0.05,
+            jaw_width=1.03,
+            chin_length=1.04,
+            nose_length=1.06,
+            nose_width=1.05,
+            cheekbones=0.95,
+            eye_opening=0.95,
+            shirt=(0.09, 0.12, 0.10),
+            shirt_style="collar",
+            room=(0.23, 0.22, 0.25),
+            seed=8,
+        ),
     )
 }
 
+BLENDED = ("alba", "bruno", "chidi", "dora", "emil")  # the faces that random ones are drawn from
+
 
 def random_face(seed: int) -> Face:
-    """A person drawn from the ranges of `FACES`: for training material of many identities."""
+    """A person drawn from the ranges of `BLENDED`: for training material of many identities."""
     rng = np.random.default_rng(seed)
-    first, second = rng.choice(sorted(FACES), size=2, replace=False)
+    first, second = rng.choice(BLENDED, size=2, replace=False)
     a, b = FACES[first], FACES[second]
     mix = float(rng.uniform(0.0, 1.0))
 

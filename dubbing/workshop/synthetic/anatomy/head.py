@@ -1,4 +1,5 @@
-"""The head as one array of vertices: skin, inner lips, teeth, tongue, ears and neck.
+"""The head as one array of vertices: skin, inner lips, teeth, tongue, ears, neck, beard
+and glasses.
 
 Vertices are centimetres in the head frame (see `head_shape`). `HeadModel.vertices` gives them for
 one mouth shape; the renderer casts rays at `static` triangles (never move) and `moving` ones.
@@ -7,16 +8,23 @@ one mouth shape; the renderer casts rays at `static` triangles (never move) and 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from dubbing.workshop.synthetic.anatomy.beard import grow_beard
 from dubbing.workshop.synthetic.anatomy.face import Face
+from dubbing.workshop.synthetic.anatomy.glasses import frames
 from dubbing.workshop.synthetic.anatomy.head_shape import MOUTH_HALF_WIDTH, MOUTH_Y
 from dubbing.workshop.synthetic.anatomy.lips import LipWeights, MouthShape, turn_jaw
 from dubbing.workshop.synthetic.anatomy.mesh import Patch, smoothstep
 from dubbing.workshop.synthetic.anatomy.skin_grid import skin_grid
 
-SKIN, LIP, TEETH, GUM, TONGUE, EAR, NECK, HAIR = range(8)
+SKIN, LIP, TEETH, GUM, TONGUE, EAR, NECK, HAIR, GLASSES = range(9)
 INNER_ROWS = 6
 NECK_TOP, NECK_BOTTOM = -3.5, -15.5  # heights of the neck's ends, cm
+NECK_JOINT = np.array([0.0, -8.5, -3.5])
+NAPE = 4.0  # cm that the neck reaches up into the back of the head
+NAPE_ROWS, NAPE_COLUMNS = 9, 45
+FAR_DEGREES = (25.0, 40.0)  # between a head turned a little and one turned far
 
 
 @dataclass(frozen=True)
@@ -25,6 +33,12 @@ class Trunk:
 
     rotation: np.ndarray
     shift: np.ndarray
+
+    @property
+    def far(self) -> float:
+        """0 for a head that is turned a little, 1 for one that is turned far."""
+        turn = Rotation.from_matrix(self.rotation).magnitude()
+        return float(smoothstep(*FAR_DEGREES, np.degrees(turn)))
 
 
 class HeadModel:
@@ -53,9 +67,18 @@ class HeadModel:
         self._add("teeth_lower", _teeth(upper=False), TEETH)
         self._add("tongue", _tongue(), TONGUE, wrap=True)
         self._add("neck", _neck(), NECK, wrap=True)
+        self._add("nape", _nape(), NECK)
         for side in (-1.0, 1.0):
             self._add(f"ear{side:+.0f}", _ear(side), EAR, wrap=True, flip=side < 0)
+        rigid = ["teeth_upper", "ear-1", "ear+1"]
+        if face.glasses:
+            for name, tube in frames(face).items():
+                self._add(name, tube, GLASSES, wrap=True)
+                rigid.append(name)
         self.rest = np.concatenate(self._parts)
+        self._bare = self._count
+        self.beard = grow_beard(face, grid)
+        self.rest = np.concatenate([self.rest, self.beard.hair.vertices])
         self._corner = np.clip(np.abs(line[:, 0]) / (MOUTH_HALF_WIDTH * face.mouth_width), 0, 1)
         self._corner = np.where(line[:, 2] > 0, self._corner, 1.0) ** 4
         lower = np.zeros(len(self.rest), bool)
@@ -65,7 +88,7 @@ class HeadModel:
         self.weights = LipWeights(self.rest[self._lip_range], lower[self._lip_range], face)
         for name, at in (("inner_upper", "upper"), ("inner_lower", "lower")):
             self._copy_line_weights(name, at)
-        self._split_triangles()
+        self._split_triangles(rigid)
         self.uv = self._texture_coordinates(rows, columns)
 
     def _add(
@@ -93,15 +116,16 @@ class HeadModel:
             weights = getattr(self.weights, name)
             weights[target] = weights[source]
 
-    def _split_triangles(self) -> None:
+    def _split_triangles(self, rigid: list[str]) -> None:
         triangles = np.concatenate([p.triangles() for p in self.patches.values()])
         moving = np.ones(len(self.rest), bool)
         moving[self._lip_range] = self.weights.moved
-        for name in ("teeth_upper", "ear-1", "ear+1"):
+        for name in rigid:
             moving[self._range(name)] = False
         moves = moving[triangles].any(axis=1)
-        self.static, self.moving = triangles[~moves], triangles[moves]
-        part = np.zeros(len(self.rest), np.int8)
+        hair = self.beard.hair.triangles + self._bare
+        self.static, self.moving = triangles[~moves], np.concatenate([triangles[moves], hair])
+        part = np.full(len(self.rest), HAIR, np.int8)
         for name, patch in self.patches.items():
             part[self._range(name)] = patch.part
         self.part = part
@@ -128,14 +152,20 @@ class HeadModel:
         out[tongue] = _raise_tongue(out[tongue], shape)
         neck = self._range("neck")
         rest = out[neck]
-        body = rest @ trunk.rotation.T + trunk.shift
         low = smoothstep(NECK_TOP - 3.0, NECK_BOTTOM + 1.5, rest[:, 1])[:, None]
-        out[neck] = rest + low * (body - rest)
+        far = trunk.far
+        out[neck] = _bend_neck(rest, low, trunk, far)
+        nape, ring = self._range("nape"), self.rest[self._range("nape")][-NAPE_COLUMNS:]
+        ring = np.tile(ring, (NAPE_ROWS, 1))
+        out[nape] = ring + far * (out[nape] - ring)
+        roots = self.beard.roots
+        out[self._bare :] += out[roots] - self.rest[roots]
         return out
 
     def normals(self, vertices: np.ndarray) -> np.ndarray:
         """(V, 3) unit normals; across the mouth line they join outside the mouth only."""
-        n = np.concatenate([p.normals(vertices) for p in self.patches.values()])
+        patches = [p.normals(vertices) for p in self.patches.values()]
+        n = np.concatenate([*patches, self.beard.hair.normals])
         up, low = self.line_indices("upper"), self.line_indices("lower")
         joined = n[up] + n[low]
         joined /= np.maximum(np.linalg.norm(joined, axis=1, keepdims=True), 1e-9)
@@ -214,6 +244,18 @@ def _neck() -> np.ndarray:
     # In front the neck begins below the floor of the mouth, which would show it otherwise.
     top = NECK_TOP - 4.3 * smoothstep(0.5, 0.85, np.cos(a))
     y = top + np.linspace(0.0, 1.0, 26)[:, None] * (NECK_BOTTOM - top)
+    return _rings(a, y)
+
+
+def _nape() -> np.ndarray:
+    """Back and sides of the neck above its top, up into the hair: seen when the head is turned."""
+    a = np.linspace(1.1, 2 * np.pi - 1.1, NAPE_COLUMNS)
+    rise = NAPE * smoothstep(-0.2, 0.2, -np.cos(a))
+    return _rings(a, NECK_TOP + np.linspace(1.0, 0.0, NAPE_ROWS)[:, None] * rise)
+
+
+def _rings(a: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Points (rows, columns, 3) of the neck at azimuths a and heights y (rows, columns)."""
     t = (NECK_TOP - y) / (NECK_TOP - NECK_BOTTOM)
     x = (4.75 + 0.9 * t**2 + 3.0 * np.clip(t - 0.72, 0, 1) ** 1.5 * 4) * np.sin(a)
     front = np.clip(np.cos(a), 0, 1)
@@ -222,6 +264,18 @@ def _neck() -> np.ndarray:
     apple = 0.45 * np.exp(-((a / 0.22) ** 2)) * np.exp(-(((y + 9.2) / 1.0) ** 2))
     z = -2.2 - 0.6 * t + (radius + cord + apple) * np.cos(a) - 0.4 * front * t
     return np.stack([x + cord * np.sin(a), np.broadcast_to(y, x.shape), z], axis=-1)
+
+
+def _bend_neck(rest: np.ndarray, low: np.ndarray, trunk: Trunk, far: float) -> np.ndarray:
+    """Neck points (V, 3) between head and body; low (V, 1) is how much they follow the body."""
+    straight = rest + low * (rest @ trunk.rotation.T + trunk.shift - rest)
+    if far == 0.0:
+        return straight
+    # A straight blend of two far turned ends would draw the neck together between them.
+    turn = Rotation.from_matrix(trunk.rotation).as_rotvec()
+    shift = trunk.rotation @ NECK_JOINT + trunk.shift - NECK_JOINT
+    twisted = Rotation.from_rotvec(low * turn).apply(rest - NECK_JOINT) + NECK_JOINT + low * shift
+    return straight + far * (twisted - straight)
 
 
 def _ear(side: float) -> np.ndarray:

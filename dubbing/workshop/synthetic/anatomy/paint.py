@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from dubbing.workshop.synthetic.anatomy.beard import beard_cover, moustache_cover
 from dubbing.workshop.synthetic.anatomy.face import Face
 from dubbing.workshop.synthetic.anatomy.head_shape import MOUTH_HALF_WIDTH, MOUTH_Y, head_distance
 from dubbing.workshop.synthetic.anatomy.mesh import grid_normals, smoothstep, value_noise
@@ -84,12 +85,24 @@ def _colour(p: np.ndarray, face: Face) -> tuple[np.ndarray, np.ndarray]:
         mask = np.clip(np.maximum(beard * (1 - 0.8 * cheek), moustache), 0, 1)
         dots = 0.62 + 0.38 * smoothstep(-0.6, 0.8, pores)
         tint(mask * face.stubble * dots * 0.85, (0.50, 0.50, 0.56))
+    grown = _beard(p, face)
+    albedo += grown[..., None] * (0.5 * np.asarray(face.hair) - albedo)
     gloss = 0.32 + 0.38 * spot(0.0, -0.3, 1.1, 2.6) + 0.20 * spot(0, 7.5, 4.0, 2.2)
     gloss += 0.12 * spot(4.2, 0.8, 1.5, 1.0)
-    gloss *= 1.0 + 0.25 * pores
+    gloss *= (1.0 + 0.25 * pores) * (1.0 - 0.8 * grown)
     _lips(albedo, gloss, p, face)
     _brows(albedo, gloss, p, face)
     return np.clip(albedo, 0.002, 0.95), np.clip(gloss, 0.0, 1.5)
+
+
+def _beard(p: np.ndarray, face: Face) -> np.ndarray:
+    """How much of the skin (h, w) is hidden below beard and moustache, with a broken edge."""
+    broken = 0.25 * value_noise(p.shape[:2], (150, 170), face.seed + 23)
+    mask = np.zeros(p.shape[:2])
+    for length, cover in ((face.beard, beard_cover), (face.moustache, moustache_cover)):
+        if length > 0:
+            mask = np.maximum(mask, 0.9 * smoothstep(-0.1, 0.5, cover(p, face) + broken))
+    return mask
 
 
 def _lips(albedo: np.ndarray, gloss: np.ndarray, p: np.ndarray, face: Face) -> None:

@@ -13,12 +13,13 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from scipy.spatial import ConvexHull
 
+from dubbing.workshop.synthetic.anatomy.eyes import within_reach
 from dubbing.workshop.synthetic.anatomy.face import Face
 from dubbing.workshop.synthetic.anatomy.head import NECK, HeadModel, Trunk
 from dubbing.workshop.synthetic.anatomy.lips import MouthShape
 from dubbing.workshop.synthetic.rendering.camera import DISTANCE, Camera, Pose
 from dubbing.workshop.synthetic.rendering.room import room
-from dubbing.workshop.synthetic.rendering.shading import Rig, develop
+from dubbing.workshop.synthetic.rendering.shading import Lighting, Rig, develop
 from dubbing.workshop.synthetic.rendering.surface import (
     SCATTERS,
     Geometry,
@@ -64,11 +65,12 @@ class RenderedFrame:
 class Renderer:
     """Renders one face at one size. Building it takes seconds, a frame a fraction of one."""
 
-    def __init__(self, face: Face, size: int, zoom: float = 1.0) -> None:
+    def __init__(self, face: Face, size: int, zoom: float = 1.0, light: Lighting = "soft") -> None:
         self.camera = Camera(size, zoom)
+        self.light: Lighting = light
         self.model = HeadModel(face)
         self.materials = Materials(face, self.model)
-        self.plate = shoot(self.camera, REST_SHIFT, face, room(size, face))
+        self.plate = shoot(self.camera, REST_SHIFT, face, room(size, face), light)
         rest = self.model.vertices(MouthShape(), Trunk(np.eye(3), np.zeros(3)))
         corners = np.concatenate([rest, self.materials.hair.vertices]).astype(np.float32)
         hair = self.materials.hair.triangles + len(rest)
@@ -86,7 +88,7 @@ class Renderer:
         to_head = pose.turn.T
         trunk = Trunk(to_head, to_head @ (REST_SHIFT - pose.shift))
         vertices = self.model.vertices(state.mouth, trunk)
-        frame = _Frame(self, state, vertices, Rig.turned(to_head))
+        frame = _Frame(self, state, vertices, Rig.turned(to_head, self.light))
         box = frame.box()
         colour, head, neck = frame.draw(box)
         top, left, bottom, right = box
@@ -122,7 +124,7 @@ class Renderer:
         d = state.pose.eye - centres
         d /= np.linalg.norm(d, axis=1, keepdims=True)
         d += np.array([np.tan(right), np.tan(up), 0.0])
-        return d / np.linalg.norm(d, axis=1, keepdims=True)
+        return within_reach(d / np.linalg.norm(d, axis=1, keepdims=True))
 
 
 class _Frame:

@@ -5,6 +5,7 @@ the viewer) and turned into the frame of the points by the caller.
 """
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -36,19 +37,32 @@ EXPOSURE = 0.80
 CATCH_EDGE = 0.965  # cosine of the half angle of the soft box
 
 
+Lighting = Literal["soft", "side"]
+# Direction towards the key light, and the share of every other light that is left.
+LIGHTINGS: dict[Lighting, tuple[np.ndarray, float]] = {
+    "soft": (KEY.direction, 1.0),
+    "side": (_unit(-0.95, 0.15, 0.25), 0.22),
+}
+
+
 @dataclass(frozen=True)
 class Rig:
-    """The lights turned into the frame of the points (rotation: camera axes to that frame)."""
+    """The lights turned into the frame of the points (rotation: camera axes to that frame).
 
+    `rest` is the share of the lights other than the key light.
+    """
+
+    rest: float
     key: np.ndarray
     fill: np.ndarray
     rim: np.ndarray
     up: np.ndarray
 
     @staticmethod
-    def turned(rotation: np.ndarray) -> "Rig":
-        directions = (KEY.direction, FILL.direction, RIM.direction, UP)
-        return Rig(*((rotation @ d).astype(np.float32) for d in directions))
+    def turned(rotation: np.ndarray, lighting: Lighting = "soft") -> "Rig":
+        key, rest = LIGHTINGS[lighting]
+        directions = (key, FILL.direction, RIM.direction, UP)
+        return Rig(rest, *((rotation @ d).astype(np.float32) for d in directions))
 
 
 def irradiance(
@@ -65,10 +79,13 @@ def irradiance(
     # The shadow edge is tinted like the terminator: red bleeds furthest into it.
     bleed = shadow[:, None] ** (1.0 - 0.75 * wrap)
     light = KEY.colour * lambert(rig.key, wrap) * bleed
-    light += FILL.colour * lambert(rig.fill, wrap + 0.15) * occlusion[:, None]
-    light += RIM.colour * lambert(rig.rim, wrap * 0.5) * occlusion[:, None]
+    open_sky = rig.rest * occlusion[:, None]
+    light += FILL.colour * lambert(rig.fill, wrap + 0.15) * open_sky
+    light += RIM.colour * lambert(rig.rim, wrap * 0.5) * open_sky
     half = (0.5 + 0.5 * (n @ rig.up))[:, None]
-    tinted = occlusion[:, None] ** (1.0 - 0.5 * wrap)  # deep places are reddish, not grey
+    tinted = rig.rest * occlusion[:, None] ** (
+        1.0 - 0.5 * wrap
+    )  # deep places are reddish, not grey
     return (light + (GROUND + half * (SKY - GROUND)) * tinted) * 0.5
 
 
@@ -86,7 +103,7 @@ def highlights(
     view = -ray
     facing = np.clip(np.einsum("ij,ij->i", n, view), 0.0, 1.0)
     grazing = (1.0 - facing) ** 5
-    lights = ((rig.key, KEY, shadow), (rig.fill, FILL, 1.0), (rig.rim, RIM, 0.6))
+    lights = ((rig.key, KEY, shadow), (rig.fill, FILL, rig.rest), (rig.rim, RIM, 0.6 * rig.rest))
     for direction, light, reach in lights:
         h = view + direction
         h /= np.linalg.norm(h, axis=1, keepdims=True)
@@ -95,7 +112,7 @@ def highlights(
         fresnel = 0.03 + 0.97 * (1.0 - np.clip(np.einsum("ij,ij->i", view, h), 0, 1)) ** 5
         scale = strength * (np.asarray(power) + 8.0) / 25.0 * fresnel * lobe * lit * reach
         out += scale[:, None] * light.colour
-    return out + (strength * 0.10 * grazing)[:, None] * SKY
+    return out + (strength * 0.10 * rig.rest * grazing)[:, None] * SKY
 
 
 def catchlight(n: np.ndarray, ray: np.ndarray, rig: Rig) -> np.ndarray:
@@ -111,7 +128,8 @@ def hair_highlights(
 ) -> np.ndarray:
     """Kajiya-Kay: a sharp white and a broad coloured lobe along the strand, (N, 3)."""
     out = np.zeros((len(tangent), 3), np.float32)
-    for direction, light, reach in ((rig.key, KEY, shadow), (rig.rim, RIM, 0.8 + 0 * shadow)):
+    behind = 0.8 * rig.rest + 0 * shadow
+    for direction, light, reach in ((rig.key, KEY, shadow), (rig.rim, RIM, behind)):
         h = direction - ray
         h /= np.linalg.norm(h, axis=1, keepdims=True)
         cosine = np.einsum("ij,ij->i", tangent, h)

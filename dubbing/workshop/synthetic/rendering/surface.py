@@ -10,6 +10,7 @@ from dubbing.workshop.synthetic.anatomy.face import Face
 from dubbing.workshop.synthetic.anatomy.hair import grow, hair_cover
 from dubbing.workshop.synthetic.anatomy.head import (
     EAR,
+    GLASSES,
     HAIR,
     LIP,
     NECK,
@@ -18,7 +19,7 @@ from dubbing.workshop.synthetic.anatomy.head import (
     TONGUE,
     HeadModel,
 )
-from dubbing.workshop.synthetic.anatomy.head_shape import MOUTH_Y
+from dubbing.workshop.synthetic.anatomy.head_shape import MOUTH_Y, head_distance
 from dubbing.workshop.synthetic.anatomy.mesh import smoothstep, value_noise
 from dubbing.workshop.synthetic.anatomy.paint import TEXELS, paint
 from dubbing.workshop.synthetic.rendering.shading import (
@@ -34,6 +35,7 @@ SCATTERS = (SKIN, LIP, EAR, NECK)
 CAVITY = np.array([0.045, 0.013, 0.012])
 ENAMEL = np.array([0.66, 0.60, 0.50])
 GUMS = np.array([0.42, 0.13, 0.12])
+PLASTIC = np.array([0.016, 0.014, 0.015])
 FLESH = np.array([0.34, 0.085, 0.08])
 EYEBALL, DARK = 1, 3  # labels beside those of the parts
 LASHES = np.array([0.012, 0.009, 0.008])
@@ -137,10 +139,11 @@ class Materials:
         self.part = np.concatenate([model.part, np.full(len(none), HAIR, np.int8)])
         self.uv = np.concatenate([model.uv, none])
         self.rest = model.rest
-        bare = len(model.rest)
-        strand = np.concatenate([np.zeros((bare, 2)), self.hair.strand])
-        tangent = np.concatenate([np.zeros((bare, 3)), self.hair.tangents])
-        shade = np.concatenate([model.lip_shade(), self.hair.shade])
+        beard = model.beard.hair
+        bare = len(model.rest) - len(beard.vertices)
+        strand = np.concatenate([np.zeros((bare, 2)), beard.strand, self.hair.strand])
+        tangent = np.concatenate([np.zeros((bare, 3)), beard.tangents, self.hair.tangents])
+        shade = np.concatenate([model.lip_shade()[:bare], beard.shade, self.hair.shade])
         self.strand, self.tangent = strand.astype(np.float32), tangent.astype(np.float32)
         self.shade_of = shade.astype(np.float32)
         self.streaks = value_noise((64, 4096), (6, 900), face.seed + 21)
@@ -180,6 +183,8 @@ class Materials:
         self._plain_parts(layers)
         away = np.isin(layers.part, (SKIN, LIP, NECK)) & _through_mouth(p, hits.ray)
         within = layers.part == NECK
+        neck = np.flatnonzero(away & within)  # beside the chin a ray reaches it from outside
+        away[neck] = head_distance(p[neck], self.face) < 0.0
         away[away] = within[away] | _back_faces(geometry.corners[tri[away]], hits.ray[away])
         n[away & ~within] *= -1.0
         # Smoothed normals at a silhouette may face away: they are bent until they just do not.
@@ -220,7 +225,10 @@ class Materials:
         return out.reshape(-1, *texture.shape[2:])[: len(uv)]
 
     def _plain_parts(self, layers: Layers) -> None:
-        """Ears and neck, which have no texture."""
+        """Ears, neck and glasses, which have no texture."""
+        plastic = layers.part == GLASSES
+        layers.albedo[plastic], layers.gloss[plastic], layers.power[plastic] = PLASTIC, 1.4, 90.0
+        layers.wrap[plastic], layers.solid[plastic] = 0.0, True
         skin, p = np.asarray(self.face.skin), layers.point
         ear = layers.part == EAR
         layers.albedo[ear] = skin * np.array([1.02, 0.82, 0.82])

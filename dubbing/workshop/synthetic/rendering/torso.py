@@ -12,7 +12,7 @@ from dubbing.workshop.synthetic.anatomy.face import Face
 from dubbing.workshop.synthetic.anatomy.head_shape import capsule, ellipsoid, smooth_cut, smooth_min
 from dubbing.workshop.synthetic.anatomy.mesh import smoothstep, value_noise
 from dubbing.workshop.synthetic.rendering.camera import Camera
-from dubbing.workshop.synthetic.rendering.shading import Rig, irradiance
+from dubbing.workshop.synthetic.rendering.shading import Lighting, Rig, irradiance
 
 SUPERSAMPLE = 2
 FAR = 1.0e6
@@ -73,7 +73,13 @@ def _collar(m: np.ndarray) -> np.ndarray:
     return np.maximum(band, opening) - 0.10
 
 
-def shoot(camera: Camera, shift: np.ndarray, face: Face, room: np.ndarray) -> Plate:
+def shoot(
+    camera: Camera,
+    shift: np.ndarray,
+    face: Face,
+    room: np.ndarray,
+    lighting: Lighting = "soft",
+) -> Plate:
     """Body before the room (S, S, 3) 0..255, with the body's origin at shift (3,) cm."""
     from dubbing.workshop.synthetic.rendering.shading import develop
 
@@ -91,7 +97,7 @@ def shoot(camera: Camera, shift: np.ndarray, face: Face, room: np.ndarray) -> Pl
     noise = value_noise((n - first, n), (int(n * 0.05), int(n * 0.07)), face.seed + 9).ravel()[hit]
     normal = normal + 0.05 * noise[:, None] * np.array([1.0, 0.6, 0.0])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    rig = Rig.turned(np.eye(3))
+    rig = Rig.turned(np.eye(3), lighting)
     shadow, occlusion = _shadow(p + 0.3 * normal, rig.key, face), _head_occlusion(p)
     weave = value_noise((n - first, n), ((n - first) // 2, n // 2), face.seed + 8).ravel()[hit]
     fabric = np.asarray(face.shirt) * (1.0 + 0.05 * weave[:, None])
