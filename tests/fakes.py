@@ -83,6 +83,7 @@ def write_prepared(
         over=np.zeros(frames, bool),
         shown=np.ones(frames, np.float32),
         haze=np.zeros((frames, 3)),
+        noise=np.zeros((frames, 5)),
         segment=np.zeros(frames, int) if segment is None else segment,
         landmarks=np.tile(face(size), (frames, 1, 1)),
         shape=np.zeros((478, 3)),
@@ -180,7 +181,11 @@ def install(patch: Any) -> None:
 
     def refine_poses(self: RefinePoses, out: Path, progress: Any) -> None:
         kill("refine_poses")
-        np.savez(out / "poses.npz", c2w=self.prepared.load().c2w())
+        clip = self.prepared.load()
+        np.savez(out / "poses.npz", c2w=clip.c2w())
+        np.savez(
+            out / "covers.npz", over=clip.over, covered=clip.covered, landmarks=clip.landmarks
+        )
 
     def compose(self: Composite, out: Path, progress: Any) -> None:
         def reporting(message: str, share: float) -> None:
