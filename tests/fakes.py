@@ -183,9 +183,7 @@ def install(patch: Any) -> None:
         kill("refine_poses")
         clip = self.prepared.load()
         np.savez(out / "poses.npz", c2w=clip.c2w())
-        np.savez(
-            out / "covers.npz", over=clip.over, covered=clip.covered, landmarks=clip.landmarks
-        )
+        np.savez(out / "covers.npz", over=clip.over, covered=clip.covered, landmarks=clip.landmarks)
 
     def compose(self: Composite, out: Path, progress: Any) -> None:
         def reporting(message: str, share: float) -> None:

@@ -31,6 +31,7 @@ def prepare(
     from dubbing.cli import live
     from dubbing.preparation.claim import claimed
     from dubbing.preparation.prepare import prepare as work
+    from dubbing.video.own_pixels import reach
 
     size, clip = checked_size(size), checked_path(clip.resolve())
     if out is not None and not out.strip():
@@ -40,6 +41,7 @@ def prepare(
         found = work(clip, folder, size=size, progress=progress)
     for warning in (*found.face_warnings, *found.warnings):
         print_line(f"warning: {warning}")
+    print_line(f"{clip.name}: {reach(found).in_words('show the face')}")
     print_line(f"{folder / 'contact_sheet.png'}: residual shift {found.residual_shift:.3f} px")
 
 

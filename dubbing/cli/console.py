@@ -75,12 +75,13 @@ def plan(
     needed: Estimate,
     learned: Mapping[str, Learned],
     undubbed: Mapping[str, Sequence[dict[str, Any]]] | None = None,
+    reach: Mapping[str, Sequence[dict[str, Any]]] | None = None,
     *,
     as_json: bool,
 ) -> None:
     """Print the stages that would run, why, their cost, and the seconds people were learned from.
 
-    And the lines of scripts that nobody dubs, by dub.
+    And by dub the lines of scripts that nobody dubs, and how much of the others can be dubbed.
     """
     from dubbing.identity.learned import in_words
 
@@ -91,7 +92,8 @@ def plan(
             for row in rows
         ]
         found = {"warnings": list(warnings), "stages": entries, "estimate": asdict(needed)}
-        print(json.dumps({**found, "learned": learned, "undubbed": undubbed or {}}, indent=2))
+        found |= {"learned": learned, "undubbed": undubbed or {}, "reach": reach or {}}
+        print(json.dumps(found, indent=2))
         return
     table = _table("job", "stage", "state", "why")
     for row in rows:
@@ -106,6 +108,10 @@ def plan(
             who = f"{left['speaker']}: " if left["speaker"] else ""
             what = f"line {left['line']} at {left['in']}, {who}{left['words']}"
             line(out, f"{dub}: nobody dubs {what} ({left['why']})", "yellow")
+    for dub, lines in (reach or {}).items():
+        for one in lines:
+            text = f"{dub}, line {one['line']} at {one['in']}: {one['reach']}"
+            line(out, text, "yellow" if one["short"] else None)
     for person, clips in learned.items():
         line(out, f"{person}: {in_words(clips)}")
     runs = sum(row.state == "run" for row in rows)

@@ -98,6 +98,7 @@ def plan(
     from dubbing.manifest.manifest import load
     from dubbing.pipeline import DUB, PERSON
     from dubbing.report.lines import undubbed_of
+    from dubbing.report.reach import planned_reach
     from dubbing.report.report import face_warnings
     from dubbing.stages.composite import Composite
     from dubbing.stages.finetune import Finetune
@@ -123,7 +124,8 @@ def plan(
     }
     undubbed = {name: undubbed_of(production.dubs[name]) for name in planned.named(DUB)}
     needed = estimates.estimate(planned, rows, calibrated())
-    console.plan(rows, warnings, needed, learned, undubbed, as_json=as_json)
+    reach = planned_reach(production, rows)
+    console.plan(rows, warnings, needed, learned, undubbed, reach, as_json=as_json)
 
 
 def init(

@@ -3,12 +3,16 @@
 import csv
 import io
 import json
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from typing_extensions import TypedDict
 
 from dubbing.engine import json_records
 from dubbing.engine.graph import Job
 from dubbing.engine.stage import Stage
 from dubbing.errors import ExplainedError
+from dubbing.preparation.tracking.reach import Reach
 from dubbing.production.dub import Dub
 from dubbing.script.edl import Marker, edl
 from dubbing.script.timeline import Cue
@@ -16,12 +20,23 @@ from dubbing.stages.check import Check
 from dubbing.stages.composite import Composite
 from dubbing.sync.records import SYNC_FILE
 from dubbing.video.files import PICTURE_FILE, SCENE_FILE
+from dubbing.video.own_pixels import OwnPixels
 
 FORMULA = tuple("=+-@|%\uff1d\uff0b\uff0d\uff20")  # what a formula begins with, in wide signs, too
 COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unjudged": "blue"}
-OWN_PIXELS, OVERLAID = "own_pixels", "overlaid"  # in the record of a picture
 OF_SOUND = ("loudness", "true_peak", "gain")
 OF_SYNC = ("verdict", "reason", "offset_frames", "confidence")
+
+Shape = TypeVar("Shape")
+
+
+class Picture(TypedDict, total=False):
+    """Record of a composite about its faces and its invisible mark."""
+
+    own_pixels: list[OwnPixels]
+    overlaid: list[OwnPixels]
+    reach: dict[str, Reach]
+    mark: dict[str, Any]
 
 
 def lines_of(dub: Dub, job: Job) -> list[dict[str, Any]]:
@@ -31,15 +46,16 @@ def lines_of(dub: Dub, job: Job) -> list[dict[str, Any]]:
     """
     sound, picture = scene_of(job).get("sound") or {}, picture_of(job)
     figures_of = {figures["cue"]: figures for figures in sound.get("cues", [])}
-    check = _read(job, Check, SYNC_FILE)
+    check: dict[str, Any] = _read(job, Check, SYNC_FILE, dict[str, Any])
+    reach = picture.get("reach", {})
     rows = []
     for cue in dub.cues:
         rate, own = dub.film.rate, figures_of.get(cue.name, {})
         sync = _judged(check, dub, cue)
         offset = sync.get("offset_frames")
         kept, over = (
-            [part for part in picture.get(name) or [] if part["cue"] == cue.name]
-            for name in (OWN_PIXELS, OVERLAID)
+            [part for part in parts if part["cue"] == cue.name]
+            for parts in (picture.get("own_pixels", []), picture.get("overlaid", []))
         )
         rows.append(
             {
@@ -54,6 +70,7 @@ def lines_of(dub: Dub, job: Job) -> list[dict[str, Any]]:
                 **{key: sync.get(key) for key in OF_SYNC},
                 "offset_ms": None if offset is None else round(float(1000 * offset / rate), 1),
                 **{key: own.get(key) for key in OF_SOUND},
+                **reach_columns(reach.get(cue.name)),
                 "own_pixels_frames": sum(part["stop"] - part["first"] for part in kept),
                 "own_pixels": "; ".join(
                     f"{part['reason']} {part['first']}-{part['stop']}" for part in kept
@@ -63,6 +80,16 @@ def lines_of(dub: Dub, job: Job) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def reach_columns(reach: Reach | None) -> dict[str, Any]:
+    """How much of a line is dubbed, as columns of a table."""
+    return {
+        "dubbed": reach and round(reach.share, 3),
+        "yaw": reach and reach.turned(),
+        "pitch": reach and reach.tilted(),
+        "reasons": reach and reach.why_not(),
+    }
 
 
 def _judged(check: dict[str, Any], dub: Dub, cue: Cue) -> dict[str, Any]:
@@ -92,14 +119,14 @@ def undubbed_of(dub: Dub) -> list[dict[str, Any]]:
     ]
 
 
-def picture_of(job: Job) -> dict[str, Any]:
+def picture_of(job: Job) -> Picture:
     """Record of a composite about its faces and its invisible mark; empty without one."""
-    return _read(job, Composite, PICTURE_FILE)
+    return _read(job, Composite, PICTURE_FILE, Picture)
 
 
 def scene_of(job: Job) -> dict[str, Any]:
     """Record of a composite about its mixed sound and untouched frames; empty without one."""
-    return _read(job, Composite, SCENE_FILE)
+    return _read(job, Composite, SCENE_FILE, dict[str, Any])
 
 
 def as_csv(rows: list[dict[str, Any]]) -> str:
@@ -129,7 +156,7 @@ def as_edl(dub: Dub, job: Job, rows: list[dict[str, Any]]) -> str:
         for row in rows
     ]
     by_cue = {cue.name: row for cue, row in zip(dub.cues, rows, strict=True)}
-    for part in picture_of(job).get(OWN_PIXELS) or []:
+    for part in picture_of(job).get("own_pixels", []):
         row = by_cue[part["cue"]]
         note = f"{row['line']} {_who(row)} {part['reason']}: the film's own face"
         markers.append(Marker(part["first"], part["stop"], "cyan", note))
@@ -145,9 +172,9 @@ def _who(row: dict[str, Any]) -> str:
     return str(row["speaker"] or row["identity"])
 
 
-def _read(job: Job, kind: type[Stage], name: str) -> dict[str, Any]:
+def _read(job: Job, kind: type[Stage], name: str, shape: Callable[..., Shape]) -> Shape:
     """A file of a stage; empty where there is none that can be read."""
     try:
-        return json_records.read(job.stage(kind).folder / name, dict[str, Any], name)
+        return json_records.read(job.stage(kind).folder / name, shape, name)
     except (ExplainedError, KeyError):
-        return {}
+        return shape()

@@ -18,6 +18,7 @@ from dubbing.identity.learned import CURVE_FILE, in_words, learned_if_known
 from dubbing.packages import missing_of
 from dubbing.pipeline import DUB, PERSON
 from dubbing.preparation.prepared import CONTACT_SHEET, SUMMARY
+from dubbing.preparation.tracking.reach import Reach
 from dubbing.production.production import REPORTS, Production
 from dubbing.provenance import credentials
 from dubbing.report import lines
@@ -39,6 +40,7 @@ from dubbing.stages.finetune import Finetune
 from dubbing.stages.prepare import Prepare
 from dubbing.stages.sign import Sign
 from dubbing.sync.records import SYNC_FILE
+from dubbing.video.own_pixels import OwnPixels
 
 PAGE, DATA = REPORTS
 OF_SYNC = {"pass": PASSED, "warn": WARNED, "fail": FAILED}  # by the verdict of the sync check
@@ -199,6 +201,7 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
     sync, picture = sync_of(job), lines.picture_of(job)
     rows, mark = lines.lines_of(dub, job), dub.marking()
     verdicts = [row["verdict"] or "unjudged" for row in rows]
+    reach = [picture.get("reach", {}).get(cue.name) for cue in dub.cues]
     start = float(dub.first / dub.film.rate) if dub.cues else 0.0
     return {
         **_common(job, outcome),
@@ -207,12 +210,13 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
         "video": relative(production, video) if video.is_file() else None,
         **source_of(production, dub.film.path, start),
         "undubbed": lines.undubbed_of(dub),
-        "lines": rows,
+        "lines": [row | _reach(of) for row, of in zip(rows, reach, strict=True)],
+        "short_lines": sum(of is not None and of.short for of in reach),
         "line_counts": {v: verdicts.count(v) for v in lines.COLOURS if v in verdicts},
         "untouched": lines.scene_of(job).get("untouched"),
-        "kept": in_frames(picture.get(lines.OWN_PIXELS)),
-        "overlaid": in_frames(picture.get(lines.OVERLAID)),
-        "mark_found": (picture.get("mark") or {}).get("found"),
+        "kept": in_frames(picture.get("own_pixels", [])),
+        "overlaid": in_frames(picture.get("overlaid", [])),
+        "mark_found": picture.get("mark", {}).get("found"),
         "label": dub.settings.label,
         "signed": bool(job.all_of(Sign)),
         "film_credentials": _film_credentials(job, dub.film.path),
@@ -221,9 +225,14 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def in_frames(parts: list[dict[str, Any]] | None) -> list[str]:
+def _reach(of: Reach | None) -> dict[str, Any]:
+    """How much of a line is dubbed, in words, and whether that is little."""
+    return {"reach": of.in_words() if of else "", "short": bool(of and of.short)}
+
+
+def in_frames(parts: list[OwnPixels]) -> list[str]:
     """Runs of frames with their reasons, in words."""
-    return [f"{part['reason']} {part['first']}-{part['stop']}" for part in parts or []]
+    return [f"{part['reason']} {part['first']}-{part['stop']}" for part in parts]
 
 
 def _film_credentials(job: Job, film: Path) -> str:

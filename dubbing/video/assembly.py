@@ -7,6 +7,7 @@ files, so memory does not grow with the length and a kill costs one segment. S s
 import shutil
 from collections.abc import Sequence
 from contextlib import closing
+from dataclasses import asdict
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -51,8 +52,8 @@ def make(
     Where there is to be a card of credits it follows the last frame, in silence.
 
     It has the colours of the film, and its timecode. What no browser plays gets OUT/proxy.mp4.
-    OUT/picture.json says where faces stay the film's own, where something lies over them, and
-    whether the invisible mark is found in the finished file.
+    OUT/picture.json says where faces stay the film's own, where something lies over them, how much
+    of each cue is dubbed, and whether the invisible mark is found in the finished file.
 
     Frames without new speech are the film's own. Where voices are mixed there is also
     OUT/voices.flac, and OUT/scene.json: how loud it is, and what proves that.
@@ -99,6 +100,7 @@ def make(
     picture: dict[str, Any] = {
         "own_pixels": composer.own_pixels(),
         "overlaid": composer.overlaid(),
+        "reach": {cue: asdict(reach) for cue, reach in composer.reach().items()},
     }
     if settings.mark is not None:
         progress("looking for the invisible mark", 1.0)

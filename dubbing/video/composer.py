@@ -17,11 +17,12 @@ from dubbing.compositing.composite import blend, replacement
 from dubbing.compositing.film_look import with_noise
 from dubbing.errors import RenderingError
 from dubbing.preparation.prepared import FilmFrame, PreparedClip
+from dubbing.preparation.tracking.reach import Reach
 from dubbing.provenance import card, provenance
 from dubbing.provenance.mark import Mark
 from dubbing.provenance.mark_key import Marking, bits_of
 from dubbing.script import timeline
-from dubbing.video.own_pixels import OVERLAID, OwnPixels, own_pixels
+from dubbing.video.own_pixels import OVERLAID, OwnPixels, own_pixels, reach
 from dubbing.video.settings import VideoSettings
 
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
@@ -102,6 +103,10 @@ class Composer:
             over = (h.clip.over[poses] & (h.kept[poses] == 0)).astype(int)
             found += own_pixels(h.name, h.first, over, OVERLAID)
         return found
+
+    def reach(self) -> dict[str, Reach]:
+        """How much of each cue is dubbed, by its name."""
+        return {h.name: reach(h.clip, self.poses[h.first : h.stop], h.kept) for h in self.heads}
 
     def replaced(self) -> tuple[int, int]:
         """First and stop of the longest run of frames in which a face is replaced."""

@@ -10,10 +10,11 @@ import numpy as np
 from typing_extensions import TypedDict
 
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.preparation.tracking.reach import NOT_SEEN, Reach, hidden, reach_of, views_of
 
 # Degrees between a view of the head and the nearest that was learned: beyond, it is not rendered.
 FARTHEST_VIEW = 20.0
-REASONS = ("", "no face", "covered", "turned")  # by their numbers
+REASONS = (*NOT_SEEN, "turned")  # by their numbers
 OVERLAID = ("", "something lies over it")
 
 
@@ -39,8 +40,7 @@ def reasons(clip: PreparedClip, learned: np.ndarray) -> np.ndarray:
 
 def views(clip: PreparedClip) -> np.ndarray:
     """Unit vectors (T, 3) from the head to the camera, in the head frame."""
-    away = -np.einsum("tji,tj->ti", clip.rotation, clip.translation)
-    return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
+    return views_of(clip.rotation, clip.translation)
 
 
 def learned_views(clip: PreparedClip, seconds: Sequence[tuple[float, float]]) -> np.ndarray:
@@ -63,3 +63,16 @@ def own_pixels(
         for low, to in pairwise(edges)
         if found[low]
     ]
+
+
+def reach(
+    clip: PreparedClip, frames: np.ndarray | None = None, kept: np.ndarray | None = None
+) -> Reach:
+    """How much of some frames (F,) of a clip is dubbed; of all by default.
+
+    Args:
+        kept: (T,) numbers of `reasons`; before they are known, those that preparation knows.
+    """
+    own = hidden(clip.valid, clip.covered) if kept is None else kept
+    some = np.arange(len(clip)) if frames is None else frames
+    return reach_of(views(clip)[some], clip.valid[some], clip.over[some], own[some], REASONS)

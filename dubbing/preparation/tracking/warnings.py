@@ -6,6 +6,7 @@ from dubbing.face.landmarks import face_width
 from dubbing.media import MediaInfo
 from dubbing.preparation.alignment.camera import Poses
 from dubbing.preparation.tracking.likeness import FARTHEST
+from dubbing.preparation.tracking.reach import angles_of, hidden, reach_of, views_of
 from dubbing.preparation.tracking.tracking import APART, HIDDEN, Arrays
 
 SMALL_FACE = 64  # source px: the landmarks are 1.7 px off
@@ -17,32 +18,32 @@ def warnings_of(
 ) -> list[str]:
     """Sentences for the report; empty without warnings."""
     out = []
-    valid, frames = detected["valid"], info.frames
-    missing = int((~valid).sum())
-    if missing:
+    valid, covered, over = detected["valid"], detected["covered"], detected["over"]
+    kept, views = hidden(valid, covered), views_of(poses.rotation, poses.translation)
+    seen = reach_of(views, valid, over, kept)
+    if no_face := seen.reasons.get("no face"):
         out.append(
-            f"no face in {missing} of {frames} frames, the first at "
+            f"no face in {no_face} of {seen.frames} frames, the first at "
             f"{seconds(info, np.flatnonzero(~valid)[0])}; they are left as filmed"
         )
     apart = detected["apart"] / (APART * size / 512)
-    covered = np.flatnonzero(valid & (apart >= HIDDEN))
-    if len(covered):
+    unlike = np.flatnonzero(valid & (apart >= HIDDEN))
+    if len(unlike):
         out.append(
-            f"something may cover the face in {len(covered)} frames, the first at "
-            f"{seconds(info, covered[0])}; their poses are carried over from around them"
+            f"something may cover the face in {len(unlike)} frames, the first at "
+            f"{seconds(info, unlike[0])}; their poses are carried over from around them"
         )
-    hidden = np.flatnonzero(detected["covered"])
-    if len(hidden):
+    if behind := seen.reasons.get("covered"):
         out.append(
-            f"the mouth is covered, or lit as nowhere else, in {len(hidden)} frames, the first at "
-            f"{seconds(info, hidden[0])}; they are left as filmed"
+            f"the mouth is covered, or lit as nowhere else, in {behind} frames, the first at "
+            f"{seconds(info, np.flatnonzero(kept == 2)[0])}; they are left as filmed, unless the "
+            "learned head tells what covers it"
         )
-    over = np.flatnonzero(detected["over"])
-    if len(over):
+    if seen.overlaid:
         out.append(
-            f"something lies over the lower face in {len(over)} frames, the first at "
-            f"{seconds(info, over[0])}: captions, a microphone; it stays over the new mouth, "
-            "look at these frames"
+            f"something lies over the lower face in {seen.overlaid} frames, the first at "
+            f"{seconds(info, np.flatnonzero(over & (kept == 0))[0])}: captions, a microphone; it "
+            "stays over the new mouth, look at these frames"
         )
     unsure = np.flatnonzero(valid & (apart > 1) & (apart < HIDDEN))
     if len(unsure):
@@ -65,13 +66,12 @@ def warnings_of(
     height = float(np.median(heights)) * float(surveyed["window"][0, 2]) / size
     if height < SMALL_FACE:
         out.append(f"the face is only {height:.0f} px high in the source; expect a soft result")
-    yaw = np.rad2deg(np.arctan2(-poses.rotation[:, 0, 2], -poses.rotation[:, 2, 2]))
-    yaw = (yaw + 90) % 180 - 90
-    turned = np.flatnonzero(valid & (np.abs(yaw) > LARGE_YAW))
+    turned = np.flatnonzero(valid & (np.abs(angles_of(views)[0]) > LARGE_YAW))
     if len(turned):
         out.append(
-            f"the head turns more than {LARGE_YAW:.0f} degrees aside in {len(turned)} frames, "
-            f"the first at {seconds(info, turned[0])}; poses and matte are untested there"
+            f"the head is turned {seen.turned()}, more than {LARGE_YAW:.0f} degrees in "
+            f"{len(turned)} frames, the first at {seconds(info, turned[0])}; landmarks are less "
+            "sure there: learn from seconds that show the head so, and look at these frames"
         )
     if info.variable_rate:
         out.append(f"variable frame rate; read at a constant {float(info.rate or 0):.3f}")

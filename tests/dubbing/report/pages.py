@@ -48,6 +48,7 @@ def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) 
         "place": place,
         "lines": [],
         "line_counts": {},
+        "short_lines": 0,
         "untouched": None,
         "kept": ["turned 3-9"],
         "overlaid": ["something lies over it 20-31"],
@@ -100,6 +101,8 @@ def line(number: int, verdict: str | None) -> dict[str, Any]:
         "loudness": -23.0,
         "own_pixels": "covered 40-44" if number == 1 else "",
         "overlaid": "45-60" if number == 1 else "",
+        "reach": "80 % of the frames dubbed" if number == 1 else "all frames dubbed",
+        "short": number == 1,
     }
 
 
