@@ -46,7 +46,8 @@ def test_markup_and_controls_in_names_are_shown_as_they_are(
     monkeypatch.setattr(console.out, "_width", 200)
     job = Job("dub", ODD, Path())
     row = Row(job, job.add(Listen()), "run", (f"{ODD} changed",))
-    console.plan([row], [ODD], NOTHING, {}, as_json=False)
+    line = {"line": 1, "in": ODD, "reach": "all", "short": False}
+    console.plan([row], [ODD], NOTHING, {}, reach={ODD: [line]}, as_json=False)
     console.metrics({ODD: {ODD: {ODD: 1.0}}})
     measured = {"offset_frames": 0, "offset_ms": 0.0, "confidence": 1.0, "distance": 1.0}
     console.sync({"verdict": "pass", "reason": ODD, **measured})
@@ -55,7 +56,7 @@ def test_markup_and_controls_in_names_are_shown_as_they_are(
     console.summary(result)
     shown = capsys.readouterr().out
     assert "\x1b[31m" not in shown
-    assert shown.count(SHOWN) == 12
+    assert shown.count(SHOWN) == 14
 
 
 def test_markup_and_controls_in_what_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:

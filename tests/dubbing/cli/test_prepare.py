@@ -39,6 +39,27 @@ def test_prepare_takes_an_empty_folder_or_its_own(
     assert preparing == [out, out, cut_short]
 
 
+def test_prepare_says_how_much_of_the_face_is_seen(
+    dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clip = footage / "ann.mp4"
+    code, out, _ = dfrf("prepare", clip, "--out", tmp_path / "all")
+    assert code == 0
+    assert "ann.mp4: all frames show the face, head turned 0 degrees, tilted 0 degrees\n" in out
+
+    def work(clip: Path, out: Path, **_: object) -> object:
+        found = fakes.write_prepared(clip, out, invalid=(1, 2, 3))
+        found.covered[5], found.over[6:12] = True, True
+        return found
+
+    monkeypatch.setattr("dubbing.preparation.prepare.prepare", work)
+    _, out, _ = dfrf("prepare", clip, "--out", tmp_path / "some")
+    assert "ann.mp4: 86 % of the frames show the face, head turned " in out
+    assert (
+        "14 % not: no face in 3 frames, covered in 1; something lies over the face in 20 %" in out
+    )
+
+
 @pytest.mark.parametrize("name", ["notes.txt", "steps/mine.txt", "matte.mkv"])
 def test_prepare_refuses_a_folder_with_other_files(
     dfrf: Any, footage: Path, tmp_path: Path, preparing: list[Path], name: str

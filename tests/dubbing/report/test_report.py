@@ -171,6 +171,7 @@ def test_the_lines_of_a_scene_are_listed_where_one_asks_for_them() -> None:
     data["dubs"]["scene"] |= {
         "lines": [line(1, "pass"), line(2, None)],
         "line_counts": {"pass": 1, "unjudged": 1},
+        "short_lines": 1,
         "untouched": {**proof, "psnr": None},
     }
     page = page_of(data)
@@ -182,8 +183,19 @@ def test_the_lines_of_a_scene_are_listed_where_one_asks_for_them() -> None:
     assert "a &lt;b&gt;" in page
     assert page.count("the film's own face in frames: covered 40-44") == 1
     assert page.count("lies over the mouth and stays there, in frames: 45-60") == 1
+    part = '<span class="tag warn">dubbed in part</span>'
+    assert page.count(part) == 2  # above the table, and beside the line
+    assert f"{part}\n80 % of the frames dubbed" in page
+    assert "<br>all frames dubbed" in page
     assert "30 of 90 frames are" in page
     assert "SHA-256\nabababababababab" in page
+
+
+def test_how_much_is_dubbed_stands_below_a_dub_of_one_recording() -> None:
+    data = found(("one", "pass", 0.3))
+    data["dubs"]["one"]["lines"] = [line(1, "pass") | {"words": ""}]
+    page = page_of(data)
+    assert '<p class="note"><span class="tag warn">dubbed in part</span>\n80 % of the' in page
 
 
 def test_forty_scenes_of_five_lines_stay_a_small_page() -> None:

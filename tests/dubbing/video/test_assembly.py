@@ -149,6 +149,9 @@ def test_what_became_of_the_faces_is_written_down(scene: Scene, tmp_path: Path) 
         ("no face", 3, 4)
     ]
     assert picture["overlaid"] == []
+    (reach,) = picture["reach"].values()
+    assert (reach["frames"], reach["dubbed"], reach["reasons"]) == (12, 11, {"no face": 1})
+    assert reach["yaw"]["most"] == 0
     assert not picture["mark"]["found"]  # a face of 10 px for half a second
     assert picture["mark"]["frames"] == 8  # the longest run with a face
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.video.own_pixels import learned_views, own_pixels, reasons, views
+from dubbing.video.own_pixels import learned_views, own_pixels, reach, reasons, views
 from tests import clips, fakes
 
 # Degrees of each frame's turn about the vertical, then nods of ten and thirty degrees.
@@ -67,3 +67,14 @@ def test_runs_are_counted_from_the_first_frame_of_the_cue() -> None:
     ]
     assert {run["cue"] for run in found} == {"ann"}
     assert own_pixels("ann", 0, np.zeros(3, int)) == []
+
+
+def test_the_reach_is_of_the_frames_under_a_dub(clip: PreparedClip) -> None:
+    kept = reasons(clip, learned_views(clip, LEARNED))
+    found = reach(clip, np.array([0, 1, 2, 3, 3, 3]), kept)
+    assert (found.frames, found.dubbed, found.reasons) == (6, 4, {"turned": 2})
+    assert found.yaw is not None
+    assert found.yaw.most == pytest.approx(-YAW[0])
+    # Before anybody is learned nothing is known to be turned too far.
+    valid = np.arange(len(clip)) != 4
+    assert reach(replace(clip, valid=valid)).reasons == {"no face": 1}

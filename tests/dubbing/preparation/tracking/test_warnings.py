@@ -5,6 +5,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dubbing.preparation.tracking.warnings import face_warnings_of, warnings_of
 
@@ -20,6 +21,9 @@ def warnings_for(
     faces: int = 1,
     over: tuple[int, ...] = (),
     dissolved: tuple[int, ...] = (),
+    hidden: tuple[int, ...] = (),
+    lost: tuple[int, ...] = (),
+    yaw: tuple[float, ...] = (0.0,) * FRAMES,
 ) -> list[str]:
     """Warnings of a calm clip at 5 fps whose modes differ by so many px in some frames."""
     info = SimpleNamespace(frames=FRAMES, rate=Fraction(5), variable_rate=False)
@@ -38,10 +42,11 @@ def warnings_for(
         "shown": np.where(np.isin(np.arange(FRAMES), dissolved), 0.7, 1.0),
         "window": np.tile([0.0, 0.0, 512.0], (FRAMES, 1)),
     }
-    found = {"valid": np.ones(FRAMES, bool), "apart": gaps, "points": points}
-    found["covered"] = np.zeros(FRAMES, bool)
+    found = {"valid": ~np.isin(np.arange(FRAMES), lost), "apart": gaps, "points": points}
+    found["covered"] = np.isin(np.arange(FRAMES), hidden)
     found["over"] = np.isin(np.arange(FRAMES), over)
-    poses = SimpleNamespace(rotation=np.tile(np.eye(3), (FRAMES, 1, 1)))
+    turns = Rotation.from_euler("y", np.negative(yaw)[:, None], degrees=True).as_matrix()
+    poses = SimpleNamespace(rotation=turns, translation=np.tile([0.0, 0.0, 9.0], (FRAMES, 1)))
     clip = cast("MediaInfo", info)
     others = warnings_of(clip, 512, seen, found, cast("Poses", poses))
     return [*face_warnings_of(clip, seen), *others]
@@ -56,6 +61,25 @@ def test_what_stays_over_the_new_mouth_and_what_fades_with_its_shot() -> None:
     assert "over the lower face in 3 frames, the first at 0.8 s" in over
     assert "stays over the new mouth" in over
     assert "dissolve into one another in 1 frames, the first at 1.6 s" in dissolve
+
+
+def test_hidden_frames_are_said_without_a_promise() -> None:
+    no_face, covered, over = warnings_for({}, hidden=(1, 2), lost=(2, 7), over=(1, 6))
+    assert no_face.startswith("no face in 2 of 10 frames, the first at 0.4 s")
+    assert "covered, or lit as nowhere else, in 1 frames, the first at 0.2 s" in covered
+    assert covered.endswith("left as filmed, unless the learned head tells what covers it")
+    assert "over the lower face in 1 frames, the first at 1.2 s" in over  # not the covered one
+
+
+def test_a_turned_head_is_said_with_its_angles() -> None:
+    assert warnings_for({}, yaw=(34.0,) * FRAMES) == []
+    yaw = (0.0,) * 8 + (-40.0, -62.0)
+    (turned,) = warnings_for({}, yaw=yaw)
+    assert turned.startswith(
+        "the head is turned 0 to 52 degrees left (62 left at most), more than 35 degrees in "
+        "2 frames, the first at 1.6 s"
+    )
+    assert warnings_for({}, yaw=yaw, lost=(8, 9))[1:] == []
 
 
 def test_of_several_faces_the_chosen_one_and_the_way_to_another_are_said() -> None:
