@@ -75,4 +75,5 @@ def reach(
     """
     own = hidden(clip.valid, clip.covered) if kept is None else kept
     some = np.arange(len(clip)) if frames is None else frames
-    return reach_of(views(clip)[some], clip.valid[some], clip.over[some], own[some], REASONS)
+    seen = views_of(clip.rotation[some], clip.translation[some])
+    return reach_of(seen, clip.valid[some], clip.over[some], own[some], REASONS)
