@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -28,7 +30,7 @@ def seen_from(yaw: list[float], pitch: list[float]) -> np.ndarray:
 def reach(**changed: np.ndarray) -> Reach:
     """Of 40 frames: the head turns from 5 degrees left to 34 right, in the last to 80."""
     yaw = [float(k) for k in range(-5, 34)]
-    frames: dict[str, np.ndarray] = {
+    frames: dict[str, Any] = {
         "views": seen_from([*yaw, 80.0], [3.0] * 40),
         "valid": np.ones(40, bool),
         "over": np.zeros(40, bool),
