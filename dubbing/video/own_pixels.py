@@ -12,7 +12,7 @@ from typing_extensions import TypedDict
 from dubbing.preparation.prepared import PreparedClip
 
 # Degrees between a view of the head and the nearest that was learned: beyond, it is not rendered.
-FARTHEST_VIEW = 20.0
+FARTHEST_VIEW = 70.0
 REASONS = ("", "no face", "covered", "turned")  # by their numbers
 OVERLAID = ("", "something lies over it")
 
