@@ -29,9 +29,9 @@ class CameraLook:
         if self.look.mono:
             out = np.repeat(out @ np.array([[0.299], [0.587], [0.114]]), 3, 2)
         if self.look.grain:
-            noise = np.random.default_rng(1000 + t).standard_normal(out.shape, np.float32)
-            noise = cv2.GaussianBlur(noise, (0, 0), GRAIN_SIGMA)
-            out = np.asarray(out + noise * (self.look.grain / noise.std()))
+            noise = np.random.default_rng(1000 + t).standard_normal(out.shape)
+            grain = np.asarray(cv2.GaussianBlur(noise, (0, 0), GRAIN_SIGMA))
+            out = out + grain * (self.look.grain / grain.std())
         return np.clip(out.round(), 0, 255).astype(np.uint8)
 
     def lit(self, image: np.ndarray, t: int) -> np.ndarray:
