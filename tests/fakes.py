@@ -83,6 +83,7 @@ def write_prepared(
         over=np.zeros(frames, bool),
         shown=np.ones(frames, np.float32),
         haze=np.zeros((frames, 3)),
+        noise=np.zeros((frames, 5)),
         segment=np.zeros(frames, int) if segment is None else segment,
         landmarks=np.tile(face(size), (frames, 1, 1)),
         shape=np.zeros((478, 3)),
