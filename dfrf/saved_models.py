@@ -28,6 +28,7 @@ REFERENCE_SHAPES = {
     "c2w": ("N", 3, 4),
     "centres": ("N", 2),
 }
+VIEWS = "dfrf-views-1"  # the format of a file of views without a model
 SURFACE = "surface"  # of methods that know what a view sees
 SURFACE_SHAPE = ("a", "b")
 # Of the P crops of h x w pixels round a person's mouth.
@@ -95,19 +96,29 @@ def save_person(
     """Saves a person's model together with its references."""
     tensors = model.state_dict()
     if views is not None:
-        tensors |= {
-            "reference.images": views.images,
-            "reference.mattes": views.mattes,
-            "reference.c2w": views.c2w,
-            "reference.centres": views.centres,
-            **_surface("reference.", views),
-        }
+        tensors |= _view_tensors(views)
         header = {**header, "focal": views.focal, "scale": views.scale}
-        if views.mouths is not None:
-            tensors |= {f"mouth.{name}": value for name, value in _mouth_tensors(views.mouths)}
-            tensors |= _surface("mouth.", views.mouths.views)
     about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
     write_tensors(path, tensors, {**about, **header})
+
+
+def save_views(path: str | Path, views: ReferenceViews | None) -> None:
+    """Saves views of a film, see `load_views`; None is saved as none."""
+    tensors = {} if views is None else _view_tensors(views)
+    of = {} if views is None else {"focal": views.focal, "scale": views.scale}
+    write_tensors(path, tensors, {"format": VIEWS, **of})
+
+
+def load_views(path: str | Path) -> ReferenceViews | None:
+    """Views that `save_views` saved; None where there are none.
+
+    Raises:
+        CheckpointError: unreadable, or not such a file.
+    """
+    tensors, header = read_tensors(path)
+    if header.get("format") != VIEWS:
+        raise CheckpointError(f"{path}: holds no views of a film")
+    return _views_of(path, tensors, header, least=0)
 
 
 def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dict[str, Any]]:
@@ -117,23 +128,46 @@ def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dic
         CheckpointError: as `load_model`, or its references are another version's.
     """
     tensors, header = read_tensors(path)
-    views = None
-    if "reference.images" in tensors:
-        part, mouth = (
-            {k.removeprefix(of): v for k, v in tensors.items() if k.startswith(of)}
-            for of in ("reference.", "mouth.")
-        )
-        try:
-            views = _views(part, header)
-            if mouth:
-                views = replace(views, mouths=_mouths(mouth, views))
-        except MALFORMED_ERRORS as error:
-            raise CheckpointError(
-                f"{path}: its references are in another format than this version reads; fine-tune "
-                "the person again"
-            ) from error
+    views = _views_of(path, tensors, header)
     weights = {k: v for k, v in tensors.items() if not k.startswith(("reference.", "mouth."))}
     return _build(path, weights, header), views, header
+
+
+def _view_tensors(views: ReferenceViews) -> dict[str, Tensor]:
+    """Tensors of references and of crops of mouths, by the names that they are saved under."""
+    tensors = {
+        "reference.images": views.images,
+        "reference.mattes": views.mattes,
+        "reference.c2w": views.c2w,
+        "reference.centres": views.centres,
+        **_surface("reference.", views),
+    }
+    if views.mouths is not None:
+        tensors |= {f"mouth.{name}": value for name, value in _mouth_tensors(views.mouths)}
+        tensors |= _surface("mouth.", views.mouths.views)
+    return tensors
+
+
+def _views_of(
+    path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any], least: int = 1
+) -> ReferenceViews | None:
+    """The references among the tensors of a file, `least` of them; None where there are none."""
+    if "reference.images" not in tensors:
+        return None
+    part, mouth = (
+        {k.removeprefix(of): v for k, v in tensors.items() if k.startswith(of)}
+        for of in ("reference.", "mouth.")
+    )
+    try:
+        views = _views(part, header)
+        if len(views.c2w) < least:
+            raise ValueError("no reference")
+        return replace(views, mouths=_mouths(mouth, views)) if mouth else views
+    except MALFORMED_ERRORS as error:
+        raise CheckpointError(
+            f"{path}: its references are in another format than this version reads; fine-tune "
+            "the person again"
+        ) from error
 
 
 def _surface(prefix: str, views: ReferenceViews) -> dict[str, Tensor]:
@@ -199,8 +233,9 @@ def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
         ValueError, LookupError, TypeError: they have others.
     """
     focal, scale = (header[name] for name in ("focal", "scale"))
-    if not (_check(part, REFERENCE_SHAPES)["N"] and 0 < focal < math.inf and 0 < scale < math.inf):
-        raise ValueError("no reference, or focal and scale")
+    _check(part, REFERENCE_SHAPES)
+    if not (0 < focal < math.inf and 0 < scale < math.inf):
+        raise ValueError("focal and scale")
     return ReferenceViews(
         images=part["images"],
         mattes=part["mattes"],

@@ -16,7 +16,7 @@ from dfrf.cameras import Rays, pixel_rays
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.rendering.volume_rendering import Volume, render_rays
 
-SPACING = 6.0  # pixels at 512 between two places
+SPACING = 12.0  # pixels at 512 between two places
 OPAQUE = 0.5  # opacity from which a ray sees a surface
 
 

@@ -101,7 +101,7 @@ def compare(
 
     Args:
         image: (S, S, 3) uint8. landmarks: (478, 2) px of it.
-        colour, opacity: of the head, premultiplied, (s, s, 3) and (s, s), 0..1; s may differ from S.
+        colour, opacity: of the head, premultiplied, (s, s, 3) and (s, s), 0..1, of any size s.
     """
     turn, size = to_face(landmarks), len(image)
 
@@ -287,7 +287,7 @@ def find_covers(
         clip: with poses that the model refined.
 
     Returns:
-        The clip with better poses of the frames in which something hides the face.
+        The clip with these masks, and better poses of frames in which something hides the face.
     """
     over: dict[int, np.ndarray] = {}
     if method_of(model).refines_poses:
@@ -303,10 +303,10 @@ def find_covers(
             video.write(mask)
         if not shows.any():
             video.write(np.zeros((clip.size,) * 2, np.uint8))
+    covered = clip.covered & ~np.isin(np.arange(len(clip)), list(over))
     with atomic_path(out / FRAMES) as temporary:
-        covered = clip.covered & ~np.isin(np.arange(len(clip)), list(over))
         np.savez(temporary, over=shows, covered=covered, landmarks=clip.landmarks)
-    return clip
+    return replace(clip, overlay=out / COVERS, over=shows, covered=covered)
 
 
 def _covers(

@@ -104,7 +104,12 @@ def region_map(matte: np.ndarray, mouth: np.ndarray, eyes: np.ndarray) -> np.nda
 
 
 def load_identity(
-    name: str, clips: Sequence[ClipFrames], *, every: int = 1, folder: Path | None = None
+    name: str,
+    clips: Sequence[ClipFrames],
+    *,
+    every: int = 1,
+    folder: Path | None = None,
+    focal: float | None = None,
 ) -> HeadDataset:
     """Frames of a person's clips, without those that show no face.
 
@@ -115,12 +120,14 @@ def load_identity(
         name: of the person, for messages.
         every: keep the image of one frame of so many.
         folder: for the images, see `ImageStore`; in memory when None.
+        focal: of the camera, px; the first clip's when None.
 
     Raises:
         TrainingError: no frame shows a face.
         ExplainedError: the folder's disk is full.
     """
     first = clips[0].clip
+    focal = focal or float(first.focal)
     ends = np.cumsum([0, *(len(one.with_face) for one in clips)])
     number = [
         np.flatnonzero(np.flatnonzero(one.clip.valid[one.frames]) % every == 0) for one in clips
@@ -144,7 +151,7 @@ def load_identity(
             continue
         index = speaking[which]
         gaps = np.cumsum(np.diff(one.frames, prepend=one.frames[:1]) > 1)
-        _add_images(store, one, gaps, which, first.focal)
+        _add_images(store, one, gaps, which, focal)
         segment = clip.segment[speaking] + gaps[clip.valid[one.frames]] * (clip.segment.max() + 1)
         for field, values in {
             "c2w": clip.c2w()[index],
@@ -167,7 +174,7 @@ def load_identity(
         **{
             field: t if field in ("number", "segment") else t.float() for field, t in joined.items()
         },
-        focal=float(first.focal),
+        focal=focal,
         surface=surface_points(first),
         lip_shape=lip_shape(first),
     )

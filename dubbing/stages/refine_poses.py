@@ -15,14 +15,9 @@ if TYPE_CHECKING:
     from dubbing.production.person import Person
 
 
-POSES_SHARE = 0.7  # of the stage's time
-
-
 @dataclass(frozen=True, kw_only=True)
 class RefinePoses(DubbingStage):
-    """Refines poses, and finds what lies over the face.
-
-    See `dubbing.heads.pose_refinement` and `dubbing.heads.covers`.
+    """Refines poses, finds what lies over the face, and takes views; see `film_findings`.
 
     Attributes:
         crops: frames, each as a share of a full head crop.
@@ -48,24 +43,13 @@ class RefinePoses(DubbingStage):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
-        import numpy as np
-
-        from dubbing.heads.covers import find_covers
+        from dubbing.heads.film_findings import find
         from dubbing.heads.fine_tuning import MODEL_FILE
-        from dubbing.heads.pose_refinement import refined, write_poses
-        from dubbing.heads.rendering import load
+        from dubbing.identity.learned import learned
 
-        model, maps, _ = load(self.model.folder / MODEL_FILE, self.device)
-        clip = self.prepared.load()
-
-        def first(message: str, share: float) -> None:
-            progress(message, POSES_SHARE * share)
-
-        def then(message: str, share: float) -> None:
-            progress(message, POSES_SHARE + (1 - POSES_SHARE) * share)
-
-        clip = refined(model, maps, clip, np.arange(len(clip)), first)
-        write_poses(find_covers(model, maps, clip, out, then), out)
+        known = learned(self.model.folder)
+        model = self.model.folder / MODEL_FILE
+        find(model, self.prepared.load(), known, out, self.device, progress)
 
     def amount(self) -> float:
         return self.crops

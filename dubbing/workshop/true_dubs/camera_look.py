@@ -22,16 +22,16 @@ class CameraLook:
 
     def picture(self, frame: np.ndarray, t: int) -> np.ndarray:
         """Frame t as the camera records it, (s, s, 3) uint8."""
-        out: np.ndarray = self.framed(self.lit(frame.astype(np.float32), t), t)
+        out: np.ndarray = self.framed(self.lit(np.asarray(frame, float), t), t)
         unit = len(out) / UNIT
         if self.look.defocus:
             out = np.asarray(cv2.GaussianBlur(out, (0, 0), self.look.defocus * unit))
         if self.look.mono:
-            out = np.repeat(out @ np.array([[0.299], [0.587], [0.114]], np.float32), 3, 2)
+            out = np.repeat(out @ np.array([[0.299], [0.587], [0.114]]), 3, 2)
         if self.look.grain:
-            noise = np.random.default_rng(1000 + t).standard_normal(out.shape, np.float32)
-            noise = cv2.GaussianBlur(noise, (0, 0), GRAIN_SIGMA)
-            out = out + noise * (self.look.grain / noise.std())
+            noise = np.random.default_rng(1000 + t).standard_normal(out.shape)
+            grain = np.asarray(cv2.GaussianBlur(noise, (0, 0), GRAIN_SIGMA))
+            out = out + grain * (self.look.grain / grain.std())
         return np.clip(out.round(), 0, 255).astype(np.uint8)
 
     def lit(self, image: np.ndarray, t: int) -> np.ndarray:

@@ -31,7 +31,9 @@ def film(
     overlay: np.ndarray | None = None,
 ) -> FilmFrame:
     """A frame of a film with the fake face, in the usual light."""
-    return FilmFrame(image, matte, background, overlay, np.zeros(3), fakes.face(S), image)
+    quiet, still = np.zeros(5), np.zeros(2)
+    light = np.zeros(3)
+    return FilmFrame(image, matte, background, overlay, light, quiet, still, fakes.face(S), image)
 
 
 def test_composite_is_colour_plus_the_rest_of_the_background() -> None:

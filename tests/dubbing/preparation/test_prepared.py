@@ -57,6 +57,7 @@ def prepared(tmp_path: Path) -> PreparedClip:
         over=np.arange(FRAMES) == 1,
         shown=np.ones(FRAMES, np.float32),
         haze=np.zeros((FRAMES, 3)),
+        noise=np.zeros((FRAMES, 5)),
         segment=np.zeros(FRAMES, int),
         landmarks=rng.uniform(0, SIZE, (FRAMES, 478, 2)).astype(np.float32),
         shape=rng.normal(size=(478, 3)),

@@ -95,7 +95,7 @@ def test_what_is_turned_too_far_is_known_of_a_learned_person(
 ) -> None:
     def prepare(self: Prepare, out: Path, progress: Any) -> None:
         clip = fakes.write_prepared(self.clip, out)
-        clip.rotation[27:] = Rotation.from_euler("y", -70, degrees=True).as_matrix()
+        clip.rotation[27:] = Rotation.from_euler("y", -80, degrees=True).as_matrix()
         clip.save()
 
     monkeypatch.setattr(Prepare, "run", prepare)
@@ -109,4 +109,4 @@ def test_what_is_turned_too_far_is_known_of_a_learned_person(
     manifest.write_text(manifest.read_text().replace("seconds: 1", "seconds: 1.1"))
     (line,) = reach(manifest)["it"]  # is learned anew
     assert line["reasons"] == ""
-    assert line["yaw"] == "0 to 70 degrees right"
+    assert line["yaw"] == "0 to 80 degrees right"

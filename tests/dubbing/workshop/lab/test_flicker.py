@@ -44,6 +44,7 @@ def clip(tmp_path: Path) -> PreparedClip:
         over=np.zeros(FRAMES, bool),
         shown=np.ones(FRAMES, np.float32),
         haze=np.zeros((FRAMES, 3)),
+        noise=np.zeros((FRAMES, 5)),
         segment=np.zeros(FRAMES, int),
         landmarks=np.zeros((FRAMES, 478, 2)),
         shape=np.zeros((478, 3)),

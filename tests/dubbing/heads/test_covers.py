@@ -1,0 +1,114 @@
+"""What lies over a face is found where a head cannot explain the picture."""
+
+import cv2
+import numpy as np
+
+from dubbing.heads.covers import (
+    Compared,
+    H,
+    W,
+    followed,
+    is_awry,
+    mask_of,
+    runs_of,
+    steady,
+    to_face,
+    unexplained,
+    usual_difference,
+)
+from tests import fakes
+
+FACE = np.zeros((H, W), bool)
+FACE[10:70, 14:74] = True
+LIPS = np.zeros((H, W), bool)
+LIPS[44:56, 30:58] = True
+SKIN, RED, DARK = (200, 150, 130), (170, 80, 80), (60, 62, 66)
+
+
+def face(thing: tuple[slice, slice] | None = None, noise: int = 0) -> Compared:
+    """A face that the head explains, but for a thing over it, and lips that say other words."""
+    picture = np.zeros((H, W, 3), np.uint8)
+    picture[FACE] = SKIN
+    picture[LIPS] = RED
+    expected = picture.copy()
+    picture[48:52, 34:54] = (20, 10, 10)  # an open mouth
+    if thing is not None:
+        picture[thing] = DARK
+    rng = np.random.default_rng(noise)
+    picture = np.clip(picture + rng.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
+    apart = np.abs(np.log(picture + 12.0) - np.log(expected + 12.0)).max(-1) * FACE
+    return Compared(picture, apart.astype(np.float32), FACE & ~LIPS, LIPS)
+
+
+USUAL = np.full((H, W), 0.03, np.float32)
+OBJECT = np.s_[50:80, 36:48]  # over the chin, the lower lip, and beyond the face
+
+
+def overlap(found: np.ndarray, thing: tuple[slice, slice]) -> float:
+    true = np.zeros((H, W), bool)
+    true[thing] = True
+    return float((found & true).sum() / (found | true).sum())
+
+
+def test_nothing_lies_over_a_face_that_speaks() -> None:
+    assert not unexplained(face(), USUAL).any()
+    assert not is_awry(face(), USUAL)
+
+
+def test_a_thing_is_found_as_a_whole() -> None:
+    compared = [face(OBJECT, k) for k in range(5)]
+    seeds = steady([unexplained(c, USUAL) for c in compared])
+    assert all(s.any() for s in seeds)
+    assert not (seeds[0] & LIPS).any()
+    for found in followed(compared, seeds):
+        assert overlap(found, OBJECT) > 0.85  # on the lips, and below the chin
+
+
+def test_a_frame_takes_on_what_its_neighbours_show() -> None:
+    """A thing that hides nothing but the lips in one frame."""
+    over_lips = np.s_[46:55, 38:50]
+    compared = [face(OBJECT, 1), face(OBJECT, 2), face(over_lips, 3), face(OBJECT, 4)]
+    seeds = [unexplained(c, USUAL) for c in compared]
+    assert not seeds[2].any()
+    found = followed(compared, seeds)
+    assert overlap(found[2], over_lips) > 0.5
+
+
+def test_what_flashes_up_is_chance() -> None:
+    something, nothing = np.ones((H, W), bool), np.zeros((H, W), bool)
+    alone = [nothing] * 4 + [something] + [nothing] * 4
+    assert not any(s.any() for s in steady(alone))
+    lasting = [nothing] * 3 + [something] * 4 + [nothing] * 3
+    assert [s.any() for s in steady(lasting)] == [s.any() for s in lasting]
+
+
+def test_places_that_always_differ_are_usual() -> None:
+    """A mole that the head does not have."""
+    compared = face(np.s_[20:26, 20:26])
+    usual = usual_difference(np.stack([compared.apart] * 9))
+    assert not unexplained(compared, usual).any()
+
+
+def test_a_head_that_does_not_lie_on_the_face() -> None:
+    compared = face()
+    shifted = Compared(compared.picture, compared.apart + 0.15, compared.known, compared.lips)
+    assert is_awry(shifted, USUAL)
+
+
+def test_a_mask_follows_the_picture() -> None:
+    landmarks = fakes.face(256)
+    image = np.full((256, 256, 3), SKIN, np.uint8)
+    cv2.circle(image, (128, 150), 30, DARK, -1)
+    coarse = np.zeros((256, 256), np.float32)
+    cv2.circle(coarse, (130, 152), 28, 1.0, -1)  # a little off
+    over = cv2.warpAffine(coarse, to_face(landmarks), (W, H)) > 0.5
+    mask = mask_of(over, image, landmarks)
+    true = np.hypot(*(np.indices((256, 256))[::-1] - np.array([128, 150])[:, None, None])) < 30
+    assert mask[true].mean() > 0.88 * 255
+    assert mask[~cv2.dilate(true.astype(np.uint8), np.ones((9, 9))).astype(bool)].max() < 40
+
+
+def test_frames_in_a_row_are_looked_at_together() -> None:
+    runs = runs_of(np.array([3, 4, 5, 9, 10, 20]))
+    assert [run.tolist() for run in runs] == [[3, 4, 5], [9, 10], [20]]
+    assert runs_of(np.zeros(0, int)) == []

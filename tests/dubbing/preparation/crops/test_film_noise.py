@@ -1,0 +1,72 @@
+"""The noise of a film is measured where nothing else changes."""
+
+import cv2
+import numpy as np
+import pytest
+
+from dubbing.preparation.crops.film_noise import NoiseMeter, measured
+
+S = 160
+
+
+def even(shift: float = 0.0) -> np.ndarray:
+    """A picture of slow slopes, (S, S, 3), that moves by so many px."""
+    x = np.arange(S) + shift
+    slope = 110 + 25 * np.sin(x / 60)[None] + 20 * np.cos(np.arange(S) / 70)[:, None]
+    return np.repeat(slope[..., None], 3, 2)
+
+
+def noisy(
+    image: np.ndarray, seed: int, deviation: float = 4.0, shared: float = 0.0, sigma: float = 0.0
+) -> np.ndarray:
+    drawn = np.random.default_rng(seed).standard_normal((S, S, 4))
+    noise = np.sqrt(shared) * drawn[..., 3:] + np.sqrt(1 - shared) * drawn[..., :3]
+    if sigma:
+        noise = cv2.GaussianBlur(noise, (0, 0), sigma)
+    return np.clip((image + deviation * noise / noise.std()).round(), 0, 255).astype(np.uint8)
+
+
+@pytest.mark.parametrize("deviation", [1.0, 4.0, 9.0])
+@pytest.mark.parametrize("shift", [0.0, 2.5])
+def test_its_deviation_whether_the_camera_stands_or_moves(deviation: float, shift: float) -> None:
+    found = measured(noisy(even(), 1, deviation), noisy(even(shift), 2, deviation))
+    assert found is not None
+    np.testing.assert_allclose(found[:3], deviation, rtol=0.12)
+    assert found[3] < 0.1
+    assert found[4] < 0.1
+
+
+def test_things_that_move_are_no_noise() -> None:
+    before, after = noisy(even(), 1), noisy(even(), 2)
+    rng = np.random.default_rng(0)
+    before[:90, :70], after[:90, :70] = rng.integers(0, 255, (2, 90, 70, 3))
+    found = measured(before, after)
+    assert found is not None
+    np.testing.assert_allclose(found[:3], 4, rtol=0.15)
+
+
+def test_what_channels_and_neighbours_share() -> None:
+    grey = measured(noisy(even(), 1, shared=1.0), noisy(even(), 2, shared=1.0))
+    coarse = measured(noisy(even(), 1, sigma=0.8), noisy(even(), 2, sigma=0.8))
+    assert grey is not None
+    assert coarse is not None
+    assert grey[3] > 0.95
+    assert coarse[4] == pytest.approx(np.exp(-1 / (4 * 0.8**2)), abs=0.08)
+
+
+def test_a_film_without_noise_has_none() -> None:
+    still = even().astype(np.uint8)
+    found = measured(still, still)
+    assert found is not None
+    assert not found.any()
+
+
+def test_each_shot_has_its_own() -> None:
+    segment = np.repeat([0, 1], 12)
+    meter = NoiseMeter(segment, np.tile([0, 0, S], (24, 1)))
+    for t, shot in enumerate(segment):
+        meter.add(t, noisy(even(), t, (2.0, 6.0)[shot]))
+    noise = meter.noise()
+    assert noise.shape == (24, 5)
+    np.testing.assert_allclose(noise[0, :3], 2, rtol=0.12)
+    np.testing.assert_allclose(noise[-1, :3], 6, rtol=0.12)
