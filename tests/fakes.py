@@ -79,6 +79,7 @@ def write_prepared(
         centre=np.full((frames, 2), size / 2),
         crop=np.tile(np.array(window, float), (frames, 1)),
         valid=valid,
+        detected=valid,
         covered=np.zeros(frames, bool),
         over=np.zeros(frames, bool),
         shown=np.ones(frames, np.float32),

@@ -28,7 +28,7 @@ class ClipFrames:
     @property
     def with_face(self) -> np.ndarray:
         """The chosen frames that show the face."""
-        return self.frames[self.clip.valid[self.frames]]
+        return self.frames[self.clip.detected[self.frames]]
 
     def c2w(self) -> np.ndarray:
         """Poses of the frames that show the face, see `PreparedClip.c2w`."""

@@ -130,7 +130,7 @@ def load_identity(
     focal = focal or float(first.focal)
     ends = np.cumsum([0, *(len(one.with_face) for one in clips)])
     number = [
-        np.flatnonzero(np.flatnonzero(one.clip.valid[one.frames]) % every == 0) for one in clips
+        np.flatnonzero(np.flatnonzero(one.clip.detected[one.frames]) % every == 0) for one in clips
     ]
     if not (many := sum(map(len, number))):
         frames = clips[0].frames
@@ -152,7 +152,9 @@ def load_identity(
         index = speaking[which]
         gaps = np.cumsum(np.diff(one.frames, prepend=one.frames[:1]) > 1)
         _add_images(store, one, gaps, which, focal)
-        segment = clip.segment[speaking] + gaps[clip.valid[one.frames]] * (clip.segment.max() + 1)
+        segment = clip.segment[speaking] + gaps[clip.detected[one.frames]] * (
+            clip.segment.max() + 1
+        )
         for field, values in {
             "c2w": clip.c2w()[index],
             "centres": clip.centre[index],

@@ -20,6 +20,7 @@ from dubbing.errors import PreparationError
 from dubbing.media import MediaInfo, probe
 from dubbing.preparation.alignment.bundle import Observations
 from dubbing.preparation.alignment.camera import Poses
+from dubbing.preparation.alignment.head_surface import HeadSurface
 from dubbing.preparation.alignment.score import root_mean_square
 from dubbing.preparation.alignment.silhouette import Silhouette
 from dubbing.preparation.background.background import background_step
@@ -47,6 +48,7 @@ from dubbing.preparation.tracking.occlusion import covered_step
 from dubbing.preparation.tracking.overlay import Overlay, overlay_step
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.tracking import Arrays
+from dubbing.preparation.tracking.turned import Footage, turned_step
 from dubbing.preparation.tracking.warnings import face_warnings_of, warnings_of
 
 
@@ -103,6 +105,7 @@ class _Tracked:
     light: Arrays  # of step "occlusion": covered (N,), and gain and offset of the light
     over: np.ndarray  # (N,): something lies over a part of the face
     poses: Poses
+    known: np.ndarray  # (N,): the head is seen, and its pose is known
     landmarks: np.ndarray  # (N, 478, 2), px of the crop
 
 
@@ -117,8 +120,9 @@ def _track(
     landmark_step = partial(tracking.landmark_step, info, size, surveyed, steps.folder)
     detected = steps.run("landmarks", landmark_step, *masks)
     observed = tracking.observations(info, size, surveyed, detected)
-    bundle = steps.run("poses", partial(tracking.bundle_step, observed, detected))
-    places = detected["points"], detected["valid"], surveyed["segment"]
+    segment = surveyed["segment"]
+    bundle = steps.run("poses", partial(tracking.trusted_step, observed, detected, segment))
+    places = detected["points"], detected["valid"], segment
     crops = open_images(steps.folder / CROPS)
 
     def find_covered(report: ReportShare) -> Arrays:
@@ -131,12 +135,19 @@ def _track(
     over = steps.run("overlay", find_overlay, overlay)["over"]
     observed = replace(observed, silhouette=Silhouette(detected["middle"], detected["top"]))
     strip = steps.folder / "strip.npy"
+    sure = tracking.only(observed, bundle["trusted"])
     track = steps.run(
-        "refinement", partial(tracking.refine_step, observed, detected, bundle, crops, strip)
+        "refinement", partial(tracking.refine_step, sure, detected, bundle, crops, strip)
     )
-    poses = Poses(track["rotation"], track["translation"])
-    landmarks = tracking.filled_landmarks(detected, track["shape"], poses, observed)
-    return _Tracked(size, surveyed, detected, track, observed, light, over, poses, landmarks)
+    surface = HeadSurface(track["shape"], observed.focal)
+    footage = Footage(crops, open_images(masks[1]), observed.centre, segment, surface)
+    turned = steps.run("turned", partial(turned_step, bundle, track, footage))
+    poses = Poses(turned["rotation"], turned["translation"])
+    landmarks = tracking.filled_landmarks(
+        detected, bundle["trusted"], track["shape"], poses, observed
+    )
+    known = turned["known"] & surveyed["followed"]
+    return _Tracked(size, surveyed, detected, track, observed, light, over, poses, known, landmarks)
 
 
 def _cut_out(steps: Steps, info: MediaInfo, tracked: _Tracked, out: Path) -> None:
@@ -145,7 +156,7 @@ def _cut_out(steps: Steps, info: MediaInfo, tracked: _Tracked, out: Path) -> Non
     outline = tracking.jaw_outline(
         landmarks, tracked.track["shape"], tracked.poses, observed, tracked.size
     )
-    visible = tracking.bridged(tracked.detected["valid"], observed.rate)
+    visible = tracking.bridged(tracked.known, observed.rate)
     masks = open_images(steps.folder / PERSON), open_images(steps.folder / OPACITY)
     places = surveyed["window"], landmarks, outline, visible, surveyed["segment"]
     light = noticed(tracked.light["gain"], tracked.light["offset"])
@@ -168,7 +179,8 @@ def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> Prepar
     """The prepared clip that later stages read."""
     surveyed, observed, poses = tracked.surveyed, tracked.observed, tracked.poses
     detected = tracked.detected | {"covered": tracked.light["covered"], "over": tracked.over}
-    distance = np.linalg.norm(poses.translation, axis=1)[detected["valid"]]
+    detected["valid"] = tracked.known
+    distance = np.linalg.norm(poses.translation, axis=1)[tracked.known]
     return PreparedClip(
         folder=out,
         clip=clip.resolve(),
@@ -186,7 +198,8 @@ def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> Prepar
         translation=poses.translation,
         centre=observed.centre,
         crop=surveyed["window"],
-        valid=detected["valid"],
+        valid=tracked.known,
+        detected=tracked.detected["valid"] & tracked.known,
         covered=tracked.light["covered"],
         over=tracked.over,
         segment=surveyed["segment"],

@@ -44,8 +44,8 @@ FIELDS = (
     "face_warnings",
 )
 ARRAYS = (
-    *("rotation", "translation", "centre", "crop", "valid", "covered", "over", "segment"),
-    *("shown", "haze", "noise", "landmarks", "shape"),
+    *("rotation", "translation", "centre", "crop", "valid", "detected", "covered", "over"),
+    *("segment", "shown", "haze", "noise", "landmarks", "shape"),
 )
 
 
@@ -113,12 +113,14 @@ class PreparedClip:
         centre: (T, 2) principal point in px of the crop: one camera of the full frame, seen
             through a moving window.
         crop: (T, 3) x0, y0, side of the window in px of the source.
-        valid: (T,) a face was found. covered: (T,) something lies before its mouth.
+        valid: (T,) the head is seen, and its pose is known. detected: (T,) its landmarks are known,
+            too: a head in profile has none. covered: (T,) something lies before its mouth.
         over: (T,) something lies over a part of the face, as the overlay shows.
         segment: (T,) number of the shot. shown: (T,) share of the frame that is of that shot; less
             than 1 in a dissolve. haze: (T, 3) grey levels of light over the image. noise: (T, 5) of
             the film's pixels, see `film_noise`.
-        landmarks: (T, 478, 2) px of the crop, as detected (as projected, where not valid).
+        landmarks: (T, 478, 2) px of the crop; those of a turned head are of the face that was
+            detected, seen from the head's pose, and of the mean face where none was detected.
         overlay: file of the masks of what lies over the face, of every frame if over any.
         shape: (478, 3) mean head shape in the head frame: x right, y down, z away from the camera,
             outer eye corners 0.9 apart, origin between the ears.
@@ -141,6 +143,7 @@ class PreparedClip:
     centre: np.ndarray
     crop: np.ndarray
     valid: np.ndarray
+    detected: np.ndarray
     covered: np.ndarray
     over: np.ndarray
     segment: np.ndarray

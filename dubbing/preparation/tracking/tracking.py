@@ -5,6 +5,7 @@ T frames. Every step returns a dictionary of arrays, which is also written to di
 
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -17,6 +18,7 @@ from dubbing.face import chains
 from dubbing.face.face_contour import evenly, face_contour
 from dubbing.face.landmarks import FaceMesh, combine, nearest
 from dubbing.face.mesh_points import JAW, RIGID
+from dubbing.face.similarity import similarity
 from dubbing.media import MediaInfo, read_frames
 from dubbing.preparation.alignment.banded import second_difference_links
 from dubbing.preparation.alignment.bundle import Observations, fit_poses, start_poses, triangulate
@@ -26,6 +28,7 @@ from dubbing.preparation.alignment.photometric import Alignment
 from dubbing.preparation.alignment.refinement import refine
 from dubbing.preparation.alignment.relief import solve_relief
 from dubbing.preparation.alignment.score import residual_shift
+from dubbing.preparation.alignment.silhouette import Silhouette
 from dubbing.preparation.alignment.skin import reference_frame, skin_points
 from dubbing.preparation.crops.film_noise import NoiseMeter
 from dubbing.preparation.crops.threads import in_order
@@ -35,6 +38,7 @@ from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
 from dubbing.preparation.tracking.survey import Survey, survey
+from dubbing.preparation.tracking.turned import FRONTAL, angles, frontal
 
 APART = 3.0  # px at a crop of 512: tracking and static mode disagree, something may cover the face
 HIDDEN = 2.0  # times as much: the frame is not used at all
@@ -44,8 +48,9 @@ RELIEF_FRAMES = 150
 BATCH = 8  # frames that the networks look at together
 DETECTED, FOLLOWED = 0.3, 0.5  # shares of the work done when all faces are detected, and followed
 LEAST_FRAMES = 5
-# From the ends of the jaw line to below the ear lobes, in units of 10 cm: out, down and back.
+BLENDED = np.radians(28.0)  # turn from which on detected landmarks do not count at all
 OUTLINE_POINTS = 96
+# From the ends of the jaw line to below the ear lobes, in units of 10 cm: out, down and back.
 LOBES = np.array([[-0.12, 0.1, 0.45], [0.12, 0.1, 0.45]])
 
 Arrays = dict[str, np.ndarray]
@@ -180,12 +185,60 @@ def bundle_step(observed: Observations, detected: Arrays, progress: ReportShare)
     return {"shape": shape, "rotation": poses.rotation, "translation": poses.translation}
 
 
+def trusted_step(
+    observed: Observations, detected: Arrays, segment: np.ndarray, progress: ReportShare
+) -> Arrays:
+    """Mean shape and poses as of `bundle_step`, from frames whose landmarks can be trusted.
+
+    Returns:
+        shape, rotation, translation; trusted (T,) bool. Other frames have the poses that their
+        landmarks give.
+    """
+    found = bundle_step(observed, detected, lambda share: progress(share / 2))
+    rough = Poses(found["rotation"], found["translation"])
+    trusted = frontal(rough, detected["valid"], segment)
+    if trusted[detected["valid"]].all():
+        return found | {"trusted": trusted}
+    some = only(observed, trusted)
+    better = bundle_step(some, detected, lambda share: progress(0.5 + share / 2))
+    return better | {
+        "rotation": np.where(trusted[:, None, None], better["rotation"], rough.rotation),
+        "translation": np.where(trusted[:, None], better["translation"], rough.translation),
+        "trusted": trusted,
+    }
+
+
+def only(observed: Observations, trusted: np.ndarray) -> Observations:
+    """Observations of trusted frames (T,) alone; the others give none."""
+    outline = observed.silhouette
+    if outline is not None:
+        outline = Silhouette(
+            *(np.where(trusted[:, None], at, np.nan) for at in (outline.middle, outline.top))
+        )
+    confidence = np.where(trusted, observed.confidence, 0)
+    return replace(observed, confidence=confidence, silhouette=outline)
+
+
 def filled_landmarks(
-    detected: Arrays, shape: np.ndarray, poses: Poses, observed: Observations
+    detected: Arrays, trusted: np.ndarray, shape: np.ndarray, poses: Poses, observed: Observations
 ) -> np.ndarray:
-    """Landmarks (T, 478, 2) px: as detected, or the projected shape where no face was detected."""
-    projected = project(to_camera(poses, shape), observed.focal, observed.centre)
-    return np.where(detected["valid"][:, None, None], detected["points"][..., :2], projected)
+    """Landmarks (T, 478, 2) px: as detected, where they can be trusted.
+
+    Elsewhere the face that was detected, as a shape, is seen from the pose of the head; where none
+    was detected, the mean shape.
+    """
+    shapes = np.tile(shape, (len(trusted), 1, 1))
+    turned = np.flatnonzero(detected["valid"] & ~trusted)
+    if len(turned):
+        points = detected["points"][turned].astype(np.float64)
+        rigid = list(RIGID)
+        shapes[turned] = similarity(points[:, rigid], shape[rigid])(points)
+    in_camera = np.einsum("tij,tpj->tpi", poses.rotation, shapes) + poses.translation[:, None]
+    projected = project(in_camera, observed.focal, observed.centre)
+    # From one kind of frame to the other without a jump.
+    share = np.clip((BLENDED - angles(poses)) / (BLENDED - FRONTAL), 0, 1)
+    share = np.where(trusted, 1, share * detected["valid"])[:, None, None]
+    return projected + share * (detected["points"][..., :2] - projected)
 
 
 def jaw_outline(

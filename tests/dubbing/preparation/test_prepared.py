@@ -53,6 +53,7 @@ def prepared(tmp_path: Path) -> PreparedClip:
         centre=np.full((FRAMES, 2), 31.5),
         crop=np.tile([12.0, 5.0, 64.0], (FRAMES, 1)),
         valid=np.ones(FRAMES, bool),
+        detected=np.ones(FRAMES, bool),
         covered=np.zeros(FRAMES, bool),
         over=np.arange(FRAMES) == 1,
         shown=np.ones(FRAMES, np.float32),

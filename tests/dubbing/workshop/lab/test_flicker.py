@@ -40,6 +40,7 @@ def clip(tmp_path: Path) -> PreparedClip:
         centre=np.full((FRAMES, 2), SIZE / 2),
         crop=np.tile([0.0, 0.0, SIZE], (FRAMES, 1)),
         valid=np.ones(FRAMES, bool),
+        detected=np.ones(FRAMES, bool),
         covered=np.zeros(FRAMES, bool),
         over=np.zeros(FRAMES, bool),
         shown=np.ones(FRAMES, np.float32),
