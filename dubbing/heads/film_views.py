@@ -52,7 +52,7 @@ def views_of_film(
         known: (T,) bool, frames that were learned from.
         folder: for the images while they are looked at.
     """
-    frames = np.flatnonzero(clip.valid & ~clip.covered & ~clip.over & ~known)
+    frames = np.flatnonzero(clip.detected & ~clip.covered & ~clip.over & ~known)
     if len(frames) < FEWEST or learned.mouths is None:
         return None
     frames = frames[np.unique(np.linspace(0, len(frames) - 1, MOST).round().astype(int))]

@@ -66,7 +66,7 @@ def best_frames(
     starts = np.cumsum([0, *map(len, clips)])
     if starts[-1] <= count:
         return [np.arange(len(clip)) for clip in clips]
-    valid = np.concatenate([clip.valid for clip in clips])
+    valid = np.concatenate([clip.detected for clip in clips])
     energy = np.where(valid, np.concatenate([eye_energy(clip) for clip in clips]), 0.0)
     sharp = np.minimum(energy / (np.median(energy[valid]) + 1e-12), 1)
     traits = []
@@ -115,7 +115,7 @@ def eye_energy(clip: PreparedClip) -> np.ndarray:
     right, bottom = boxes[:, :, 2:].max(1).T
     energy = np.zeros(len(clip))
     for k, image in enumerate(read_frames(clip.clip, rate=clip.rate)):
-        if clip.valid[k] and right[k] - left[k] > 1 and bottom[k] - top[k] > 1:
+        if clip.detected[k] and right[k] - left[k] > 1 and bottom[k] - top[k] > 1:
             crop = cropping.crop(image, clip.crop[k], clip.size)
             eyes = crop[top[k] : bottom[k], left[k] : right[k]]
             energy[k] = gradient_energy(torch.from_numpy(eyes).float() / 255)

@@ -71,8 +71,8 @@ def upper_face_expression(clip: PreparedClip) -> np.ndarray:
     gaze = [(look * right).sum(-1), (look * down).sum(-1)]
     measures = np.stack([*raised, *gaze], -1) / unit[:, None]
     measures = np.concatenate([lid_openings(points) / LIDS, measures], -1)
-    middle = np.median(measures[clip.valid], 0)
-    return np.where(clip.valid[:, None], measures - middle, 0.0)
+    middle = np.median(measures[clip.detected], 0)
+    return np.where(clip.detected[:, None], measures - middle, 0.0)
 
 
 def eye_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:
@@ -152,9 +152,8 @@ def load_identity(
         index = speaking[which]
         gaps = np.cumsum(np.diff(one.frames, prepend=one.frames[:1]) > 1)
         _add_images(store, one, gaps, which, focal)
-        segment = clip.segment[speaking] + gaps[clip.detected[one.frames]] * (
-            clip.segment.max() + 1
-        )
+        runs = gaps[clip.detected[one.frames]] * (clip.segment.max() + 1)
+        segment = clip.segment[speaking] + runs
         for field, values in {
             "c2w": clip.c2w()[index],
             "centres": clip.centre[index],

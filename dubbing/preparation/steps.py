@@ -16,7 +16,7 @@ from dubbing.errors import ExplainedError, PreparationError
 from dubbing.preparation.prepared import SUMMARY, VERSION
 from dubbing.preparation.tracking.tracking import Arrays
 
-STEPS, LAYOUT = "steps", 4  # the folder of the steps, and the version of its files
+STEPS, LAYOUT = "steps", 5  # the folder of the steps, and the version of its files
 # Shares of the steps in the time of a preparation, 13 s at 512 px.
 TIMES = {
     "faces": 0.08,
@@ -24,7 +24,8 @@ TIMES = {
     "poses": 0.02,
     "occlusion": 0.02,
     "overlay": 0.05,
-    "refinement": 0.14,
+    "refinement": 0.12,
+    "turned": 0.02,
     "matte": 0.05,
     "background": 0.32,
 }

@@ -88,6 +88,7 @@ def head(tmp_path_factory: pytest.TempPathFactory) -> Head:
     config = replace(presets.with_iterations(presets.FINETUNE, STEPS), rays=RAYS)
     fit(method, [person], config, references={person.name: references})
     views = method.finish(person, references, config.seed)
+    assert views is not None
     model.eval()
     return Head(model, method.maps(views), clip, speech, truth.opening[TESTED])
 
