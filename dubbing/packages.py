@@ -1,21 +1,13 @@
 """The packages a run needs, as dfrf declares them, and what to run where one is missing.
 
 Only their specifications are looked up, so that nothing is loaded. Standard library only: this is
-for machines on which the installation went wrong.
+for machines on which the installation went wrong. Much of it is loaded late: each command has this.
 """
 
-import json
-import re
-import shlex
-import shutil
-import subprocess
 import sys
 from functools import lru_cache
-from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
-from urllib.parse import urlsplit
-from urllib.request import url2pathname
 
 from dubbing.errors import ExplainedError
 
@@ -38,6 +30,9 @@ def declared(extra: str = "") -> dict[str, str]:
 
     Empty where dfrf runs from its folder without having been installed.
     """
+    import re
+    from importlib import metadata
+
     try:
         texts = metadata.requires("dfrf") or []
     except metadata.PackageNotFoundError:
@@ -95,6 +90,8 @@ def command(names: list[str]) -> str:
     A module that dfrf does not declare belongs to a package that another one needs: installing all
     of them again, with what they need, brings it.
     """
+    from importlib import metadata
+
     extras = (metadata.metadata("dfrf").get_all("Provides-Extra") or []) if declared() else []
     known = {**declared()}
     for extra in extras:
@@ -135,17 +132,24 @@ def installer() -> list[str]:
     """The command that adds packages to the environment that runs this, as it was made."""
     if (Path(sys.prefix) / PIPX_RECORD).exists():
         return ["pipx", "inject", "dfrf"]
+    from shutil import which
+
     here = ["--python", sys.executable]
     if (Path(sys.prefix) / UV_RECORD).exists():
         return ["uv", "pip", "install", *here]
     if find_spec("pip"):
         return [sys.executable, "-m", "pip", "install"]
     # An environment without pip is one of uv's, or is filled by a pip outside of it.
-    return ["uv", "pip", "install", *here] if shutil.which("uv") else ["pip", *here, "install"]
+    return ["uv", "pip", "install", *here] if which("uv") else ["pip", *here, "install"]
 
 
 def _origin() -> list[str]:
     """What dfrf was installed from, for pip: its folder, or its name in a registry."""
+    import json
+    from importlib import metadata
+    from urllib.parse import urlsplit
+    from urllib.request import url2pathname
+
     try:
         record = metadata.distribution("dfrf").read_text("direct_url.json")
     except metadata.PackageNotFoundError:
@@ -159,11 +163,15 @@ def _origin() -> list[str]:
 
 def in_words(words: list[str]) -> str:
     """A command as it is typed."""
+    import shlex
+    import subprocess
+
     return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
 
 
 def _applies(marker: str) -> bool:
     """Whether a requirement is one of this machine's; nothing but Embree has such a condition."""
+    import re
     from platform import machine
 
     excluded = re.search(r"platform_machine != ['\"](.+?)['\"]", marker)
