@@ -164,9 +164,10 @@ def _origin() -> list[str]:
 def in_words(words: list[str]) -> str:
     """A command as it is typed."""
     import shlex
-    import subprocess
 
-    return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
+    if sys.platform == "win32":
+        return " ".join(f'"{word}"' if " " in word else word for word in words)
+    return shlex.join(words)
 
 
 def _applies(marker: str) -> bool:
