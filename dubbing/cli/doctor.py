@@ -6,6 +6,7 @@ import sys
 from base64 import urlsafe_b64encode
 from collections.abc import Callable
 from importlib import metadata
+from pathlib import Path
 
 from dubbing import packages
 from dubbing.cli import hardware
@@ -62,7 +63,7 @@ def _whole(path: metadata.PackagePath) -> bool:
     if path.hash is None:
         return True
     try:
-        digest = hashlib.new(path.hash.mode, path.locate().read_bytes()).digest()
+        digest = hashlib.new(path.hash.mode, Path(path.locate()).read_bytes()).digest()
     except OSError:
         return False
     return urlsafe_b64encode(digest).rstrip(b"=").decode() == path.hash.value
