@@ -53,6 +53,7 @@ def shipped() -> set[str]:
 @pytest.mark.slow
 def test_the_wheel_holds_both_packages_with_their_data_and_no_more(built: Path) -> None:
     (wheel,) = built.glob("*.whl")
+    assert wheel.stat().st_size < 25e6
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
         sizes = {info.filename: info.file_size for info in archive.infolist()}

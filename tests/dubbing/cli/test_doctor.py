@@ -15,6 +15,7 @@ from typing import Any
 import pytest
 import torch
 
+from dfrf.device import choose
 from dubbing.cli import doctor as machine
 from dubbing.cli import hardware, self_tests
 from dubbing.cli.self_tests import TESTS
@@ -149,3 +150,10 @@ def test_windows_has_memory_and_cores_of_its_own(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(Path, "read_text", lambda *_, **__: (_ for _ in ()).throw(OSError()))
     assert hardware.memory().found == "8.0 GiB"
     assert hardware.processor().found == f"{os.cpu_count()} cores"
+
+
+def test_apples_graphics_card_is_not_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
+    monkeypatch.setattr("torch.backends.mps.is_available", lambda: True)
+    assert choose("auto").type == "cpu"
+    assert hardware.graphics().found == "Apple's is not used; the processor does it all"
