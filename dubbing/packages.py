@@ -26,7 +26,7 @@ PIPX_RECORD, UV_RECORD = "pipx_metadata.json", "uv-receipt.toml"
 
 @lru_cache(maxsize=8)
 def declared(extra: str = "") -> dict[str, str]:
-    """Module and package of what dfrf declares for every run, or for an extra alone.
+    """Module and requirement of what dfrf declares for every run, or for an extra alone.
 
     Empty where dfrf runs from its folder without having been installed.
     """
@@ -43,7 +43,7 @@ def declared(extra: str = "") -> dict[str, str]:
         of = re.search(r"\bextra == ['\"](.+?)['\"]", marker)
         if (of[1] if of else "") == extra and _applies(marker):
             (package,) = re.findall(r"^[\w.-]+", requirement)
-            found[MODULES.get(package, package.replace("-", "_"))] = package
+            found[_module(package)] = requirement.strip()
     return found
 
 
@@ -109,7 +109,8 @@ def again(package: str) -> str:
     one = (
         ["--reinstall-package", package] if call[0] == "uv" else ["--force-reinstall", "--no-deps"]
     )
-    return in_words([*call, *one, *(_origin() if package == "dfrf" else [package])])
+    wanted = declared().get(_module(package), package)
+    return in_words([*call, *one, *(_origin() if package == "dfrf" else [wanted])])
 
 
 def instead(package: str, others: list[str]) -> str:
@@ -166,8 +167,12 @@ def in_words(words: list[str]) -> str:
     import shlex
 
     if sys.platform == "win32":
-        return " ".join(f'"{word}"' if " " in word else word for word in words)
+        return " ".join(f'"{word}"' if set(word) & set(" <>") else word for word in words)
     return shlex.join(words)
+
+
+def _module(package: str) -> str:
+    return MODULES.get(package, package.replace("-", "_"))
 
 
 def _applies(marker: str) -> bool:
