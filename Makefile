@@ -4,32 +4,34 @@ BIN := .venv/bin
 # Two threads that spin on one busy core are ten times slower than two that wait.
 export OMP_WAIT_POLICY ?= PASSIVE
 
-.PHONY: install demo docs test test-fast attack check bench results speech-table clean
+.PHONY: install demo docs test test-fast attack check bench results speech-table lock clean
 
-# requirements.txt is the lock: plain pins of the whole closure, so nothing is resolved at install time.
-.venv/installed: requirements.txt pyproject.toml
+INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check
+
+# pyproject.toml gives ranges, constraints.txt what was tested.
+.venv/installed: constraints.txt pyproject.toml
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install -q --disable-pip-version-check torch==2.13.0
-	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements.txt
-	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -e .
+	$(INSTALL) -c constraints.txt -e .
 	touch $@
 
-# The synthetic speaker: `dfrf dub` does without it.
-.venv/installed-synthetic: .venv/installed requirements-synthetic.txt
-	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements-synthetic.txt
+.venv/installed-dev: .venv/installed
+	$(INSTALL) -c constraints.txt -e '.[dev]'
 	touch $@
 
-.venv/installed-dev: .venv/installed-synthetic requirements-cluster.txt requirements-dev.txt
-	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements-cluster.txt
-	$(BIN)/python -m pip install -q --disable-pip-version-check --no-deps -r requirements-dev.txt
+# The library that the networks for faces come from, for the tests that compare both. It asks for an
+# older numpy and a second OpenCV, so it has an environment of its own, where Python looks last.
+.venv/installed-parity: .venv/installed-dev
+	$(PYTHON) -m venv .venv/parity
+	.venv/parity/bin/python -m pip install -q --disable-pip-version-check mediapipe==0.10.21
+	(cd .venv/lib/python*/site-packages && echo ../../../parity/lib/python*/site-packages > parity.pth)
 	touch $@
 
 install: .venv/installed
 
-demo: .venv/installed-synthetic
+demo: .venv/installed
 	$(BIN)/dfrf demo out/demo
 
-test: .venv/installed-dev
+test: .venv/installed-parity
 	$(BIN)/python -m pytest -q
 
 # Under a minute on two quiet cores: without the files and tests that are marked slow or medium.
@@ -71,8 +73,14 @@ docs: .venv/installed
 	$(BIN)/python -m dubbing.workshop.reference
 
 # The tables of docs/development/speech.md: CLIPS of one talking person each, TEST clips never trained on.
-speech-table: .venv/installed-synthetic
+speech-table: .venv/installed
 	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.workshop.training.speech.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
+
+# Newer versions, within the ranges, of everything with all extras; needs uv.
+lock:
+	uv pip compile -q pyproject.toml --all-extras --python-version 3.11 --upgrade \
+		--no-header --no-annotate --no-emit-index-url -o constraints.txt
+	sed -i 's/+cpu$$//' constraints.txt
 
 clean:
 	rm -rf .venv out

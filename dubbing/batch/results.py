@@ -22,6 +22,7 @@ from dubbing.engine.files import (
     atomic_write_json,
     digest_bytes,
     remove_torn,
+    seen_from,
     writing,
 )
 from dubbing.errors import ExplainedError, ManifestError, Problem
@@ -62,7 +63,7 @@ class Ledger:
 
     def named(self, manifest: Path) -> str:
         """A manifest as it is seen from the output folder: both may be moved together."""
-        return Path(os.path.relpath(manifest, self.production.output)).as_posix()
+        return seen_from(self.production.output, manifest)
 
     def others(self) -> list[str]:
         """The other manifests that results are of, which are still there."""

@@ -18,7 +18,7 @@ from dubbing.printable import visible
 # `dfrf doctor` prints without the packages that these import.
 if TYPE_CHECKING:
     from dubbing.batch.batch import Result
-    from dubbing.cli.doctor import Finding
+    from dubbing.cli.finding import Finding
     from dubbing.engine.estimates import Estimate
     from dubbing.engine.planner import Row
     from dubbing.engine.stage import Rate

@@ -1,56 +1,43 @@
-"""Checks of this machine. Packages that may be missing are imported late."""
+"""Checks of this machine and of the installation. What may be missing is imported late."""
 
-import importlib.util
-import os
+import hashlib
 import platform
-import shutil
 import sys
+from base64 import urlsafe_b64encode
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
 from dubbing import packages
-from dubbing.errors import ExplainedError, MediaError
-from dubbing.shipped.base import BASE
+from dubbing.cli import hardware
+from dubbing.cli.finding import Finding
+from dubbing.cli.self_tests import self_tests
+from dubbing.errors import MediaError
 
-ENOUGH_MEMORY, ENOUGH_DISK = 6.0, 5.0  # GiB
-PYTHONS = ((3, 11), (3, 12))
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing looked at. ``state``: fine, slow (works, but could be better) or lacking."""
-
-    what: str
-    state: str
-    found: str
-    remedy: str = ""
+PYTHONS = ((3, 11), (3, 14))  # the oldest and the newest that torch and all others have wheels for
+OURS = ("dfrf", "dubbing")  # folders of the packages
+OTHER_OPENCVS = ("opencv-python", "opencv-python-headless", "opencv-contrib-python")
 
 
 def examine() -> list[Finding]:
     """Look at everything a run needs."""
     looks: tuple[Callable[[], Finding], ...] = (
-        _python,
-        _torch,
-        _graphics,
-        _arithmetic,
-        _memory,
-        _disk,
-        _ffmpeg,
-        _packages,
-        _networks,
-        _opencv,
-        _base,
+        *(_python, _dfrf, _torch),
+        *(hardware.graphics, hardware.processor, hardware.memory, hardware.disk),
+        *(_ffmpeg, _packages, _opencv),
     )
-    return [look() for look in looks]
+    return [*(look() for look in looks), *self_tests()]
 
 
 def _python() -> Finding:
     found = platform.python_version()
-    if sys.version_info[:2] in PYTHONS:
+    oldest, newest = PYTHONS
+    if oldest <= sys.version_info[:2] <= newest:
         return Finding("Python", "fine", found)
-    return Finding("Python", "lacking", found, "install it again with Python 3.11 or 3.12")
+    wanted = f"{'.'.join(map(str, oldest))} to {'.'.join(map(str, newest))}"
+    return Finding(
+        "Python", "slow", found, f"install dfrf with Python {wanted}: others are untried"
+    )
 
 
 def _version(package: str) -> str:
@@ -60,50 +47,32 @@ def _version(package: str) -> str:
         return ""
 
 
+def _dfrf() -> Finding:
+    """Compares the files of dfrf with the digests that were recorded when they were installed."""
+    if not (version := _version("dfrf")):
+        return Finding("dfrf", "slow", "run from its folder without having been installed")
+    files = [path for path in metadata.files("dfrf") or () if path.parts[0] in OURS]
+    damaged = [path.name for path in files if not _whole(path)]
+    if not damaged:
+        return Finding("dfrf", "fine", version)
+    text = f"{version}; changed or gone since it was installed: {', '.join(damaged)}"
+    return Finding("dfrf", "lacking", text, packages.again("dfrf"))
+
+
+def _whole(path: metadata.PackagePath) -> bool:
+    if path.hash is None:
+        return True
+    try:
+        digest = hashlib.new(path.hash.mode, Path(path.locate()).read_bytes()).digest()
+    except OSError:
+        return False
+    return urlsafe_b64encode(digest).rstrip(b"=").decode() == path.hash.value
+
+
 def _torch() -> Finding:
     if found := _version("torch"):
         return Finding("torch", "fine", found)
     return Finding("torch", "lacking", "not installed", packages.command(["torch"]))
-
-
-def _graphics() -> Finding:
-    if importlib.util.find_spec("torch") is None:
-        command = packages.command(["torch"])
-        return Finding("graphics card", "lacking", "torch is not installed", command)
-    import torch
-
-    if torch.cuda.is_available():
-        memory = torch.cuda.get_device_properties(0).total_memory / 2**30
-        name = torch.cuda.get_device_name(0)
-        return Finding("graphics card", "fine", f"{name}, {memory:.0f} GiB")
-    return Finding("graphics card", "slow", "none; the processor does it all")
-
-
-def _arithmetic() -> Finding:
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    try:
-        flags = Path("/proc/cpuinfo").read_text(encoding="utf-8").split()
-    except OSError:
-        flags = []
-    fast = [name for name in ("amx_bf16", "avx512_bf16") if name in flags]
-    text = f"{cores} cores, bfloat16: {', '.join(fast) or 'no'}"
-    return Finding("processor", "fine" if fast else "slow", text)
-
-
-def _memory() -> Finding:
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
-    text = f"{memory:.1f} GiB"
-    if memory >= ENOUGH_MEMORY:
-        return Finding("memory", "fine", text)
-    return Finding("memory", "slow", text, "set a smaller size for the identities, and --jobs 1")
-
-
-def _disk() -> Finding:
-    free = shutil.disk_usage(Path.cwd()).free / 2**30
-    text = f"{free:.0f} GiB free here"
-    if free >= ENOUGH_DISK:
-        return Finding("disk", "fine", text)
-    return Finding("disk", "lacking", text, "choose an output folder on a larger disk")
 
 
 def _ffmpeg() -> Finding:
@@ -118,25 +87,6 @@ def _ffmpeg() -> Finding:
         return Finding("ffmpeg", "lacking", error.what, error.remedy)
 
 
-def _networks() -> Finding:
-    """Runs the networks that find faces and people on an image that the package knows."""
-    try:
-        from dubbing.face.graph_network import GraphNetwork
-        from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
-    except ImportError as error:
-        command = packages.command([error.name or "torch"])
-        return Finding("face networks", "lacking", f"{error.name} is not installed", command)
-    paths = FACE_WEIGHTS | PERSON_WEIGHTS
-    try:
-        wrong = [name for name, path in paths.items() if not GraphNetwork(path).works()]
-    except ExplainedError as error:
-        return Finding("face networks", "lacking", error.what, error.remedy)
-    if not wrong:
-        return Finding("face networks", "fine", "compute what they should")
-    text = f"{', '.join(wrong)}: other results than they should give"
-    return Finding("face networks", "lacking", text, packages.command(["torch"]))
-
-
 def _packages() -> Finding:
     gone = packages.missing()
     if not gone:
@@ -145,21 +95,13 @@ def _packages() -> Finding:
 
 
 def _opencv() -> Finding:
-    names = ("opencv-python", "opencv-python-headless", "opencv-contrib-python")
-    others = [name for name in names if _version(name)]
+    others = [name for name in OTHER_OPENCVS if _version(name)]
     found = _version("opencv-contrib-python-headless")
     if found and not others:
         return Finding("OpenCV", "fine", found)
     if not found:
         return Finding("OpenCV", "lacking", "not installed", packages.command(["cv2"]))
-    remove = f"python -m pip uninstall -y {' '.join(others)}"
-    again = "python -m pip install --force-reinstall --no-deps opencv-contrib-python-headless"
     both = f"{', '.join(others)} overwrites its files"
-    return Finding("OpenCV", "lacking", both, f"{remove} && {again}=={found}")
-
-
-def _base() -> Finding:
-    if BASE.is_file():
-        return Finding("base checkpoint", "fine", f"{BASE.stat().st_size / 2**20:.1f} MiB")
-    command = "install dfrf again, or name one with `base:` in the manifest"
-    return Finding("base checkpoint", "slow", "none: people are learnt from nothing", command)
+    return Finding(
+        "OpenCV", "lacking", both, packages.instead("opencv-contrib-python-headless", others)
+    )

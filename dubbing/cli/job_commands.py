@@ -50,7 +50,7 @@ def dub(
     """Make every dub of a manifest that is not up to date."""
     if scheduler and jobs > 1:
         raise CallError("the workers are those of the scheduler", "--jobs", "leave it away")
-    packages.require("cluster" if scheduler else None)
+    packages.require("cluster" if scheduler else "")
     from dubbing.batch import batch
     from dubbing.batch.task import program
     from dubbing.cli import console, live
@@ -156,7 +156,7 @@ def demo(
     ] = Path("out/demo"),
 ) -> None:
     """Make a synthetic speaker in a folder, and dub it into Italian and German."""
-    packages.require("synthetic")
+    packages.require_renderer()
     from dubbing.workshop.synthetic.demo import write_demo
 
     dub(write_demo(checked_path(folder)))

@@ -18,7 +18,7 @@ def doctor(
     from dubbing.cli import console
 
     if calibrate:
-        packages.require("synthetic")
+        packages.require_renderer()
         from dubbing.batch.rates import rates_file
         from dubbing.cli import live
         from dubbing.workshop.bench.calibration import calibrate as work

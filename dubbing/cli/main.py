@@ -9,7 +9,6 @@ import os
 import signal
 import sys
 from contextlib import suppress
-from importlib import metadata
 from types import FrameType
 from typing import Annotated, Any, NoReturn
 
@@ -42,6 +41,8 @@ app = typer.Typer(
 
 def _print_version(wanted: bool) -> None:
     if wanted:
+        from importlib import metadata
+
         try:
             print_line(f"dfrf {metadata.version('dfrf')}")
         except metadata.PackageNotFoundError:

@@ -21,7 +21,7 @@ def train_sync(
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The weights to write.")],
 ) -> None:
     """Train the network of the sync check on clips of people who talk."""
-    packages.require("synthetic")
+    packages.require()
     from dubbing.workshop.training.sync.training import train_sync as work
 
     about = work(clips, checked_output(out, *clips), log=typer.echo)

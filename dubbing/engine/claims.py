@@ -20,9 +20,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from uuid import uuid4
 
-from . import heartbeat
+from . import files, heartbeat
 from .errors import ExplainedError, LockedError, StageError
-from .files import make_folder, writing
+from .files import make_folder, patiently, writing
 from .heartbeat import Heartbeat
 
 SUFFIX = ".claim"
@@ -108,7 +108,9 @@ def take(path: Path) -> Claim:
             # Gone: swept by who claimed it, or moved by a call whose answer was lost on the way.
             with writing(place), suppress(FileNotFoundError):
                 (ours / token).write_bytes(heartbeat.content(0))
-                os.rename(ours, place)
+                if files.WINDOWS:  # which moves a folder onto none, not even an empty one
+                    _remove_empty(place)
+                patiently(lambda: os.rename(ours, place))
             if (place / token).exists():
                 break
         except ExplainedError as error:
@@ -221,6 +223,11 @@ def _read(place: Path) -> tuple[Path, Heartbeat] | None:
     return None
 
 
+def _remove_empty(folder: Path) -> None:
+    with suppress(OSError):
+        folder.rmdir()
+
+
 def _remove(file: Path) -> None:
     """End a claim by its heartbeat: a newer one in the same place stays.
 
@@ -228,7 +235,7 @@ def _remove(file: Path) -> None:
         LockedError: it is of a run that is dead, and may not be removed by who this is.
     """
     try:
-        file.unlink()
+        patiently(file.unlink)
         file.parent.rmdir()
     except OSError as error:
         if error.errno not in DENIED:  # somebody else was quicker

@@ -13,6 +13,8 @@ from importlib.util import find_spec, resolve_name
 from pathlib import Path
 
 Names = tuple[str, ...]
+# Fields of syntax nodes that hold statements, or what these lie in.
+BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
 
 
 @lru_cache(maxsize=64)
@@ -52,35 +54,40 @@ def _parsed(module: str) -> tuple[str, Names]:
     """Digest of one module's code, and the modules that it imports."""
     path = file_of(module)
     assert path is not None, module
-    tree = _WithoutHints().visit(ast.parse(path.read_bytes()))
+    tree = ast.parse(path.read_bytes())
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    imported = tuple(dict.fromkeys(_imported(tree, package)))
-    for node in ast.walk(tree):
+    imported: dict[str, None] = {}
+    waiting: list[ast.AST] = [tree]
+    while waiting:  # statements alone: expressions hold no imports
+        node = waiting.pop()
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            imported |= dict.fromkeys(_imported(node, package))
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and _documented(node):
             node.body = node.body[1:]
-    return hashlib.blake2b(ast.dump(tree).encode(), digest_size=16).hexdigest(), imported
+        for block in BLOCKS:
+            if inner := getattr(node, block, None):
+                inner[:] = [one for one in inner if not _for_type_checkers(one)]
+                waiting += inner
+    return hashlib.blake2b(ast.dump(tree).encode(), digest_size=16).hexdigest(), tuple(imported)
 
 
-class _WithoutHints(ast.NodeTransformer):
-    """Removes what is imported for type checkers alone."""
+def _for_type_checkers(node: ast.AST) -> bool:
+    return (
+        isinstance(node, ast.If)
+        and isinstance(node.test, ast.Name)
+        and node.test.id == "TYPE_CHECKING"
+    )
 
-    def visit_If(self, node: ast.If) -> ast.AST | None:
-        if isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
-            return None
-        return self.generic_visit(node)
 
-
-def _imported(tree: ast.AST, package: str) -> Iterator[str]:
-    """Modules that a module in a package imports."""
-    for node in ast.walk(tree):
-        names: list[str] = []
-        if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
-        elif isinstance(node, ast.ImportFrom):
-            # What is imported from a package is one of its modules, or comes from its __init__.
-            base = resolve_name("." * node.level + (node.module or ""), package)
-            names = [base, *(f"{base}.{alias.name}" for alias in node.names)]
-        yield from (name for name in names if file_of(name) is not None)
+def _imported(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[str]:
+    """Modules that an import statement in a package imports."""
+    if isinstance(node, ast.Import):
+        names = [alias.name for alias in node.names]
+    else:
+        # What is imported from a package is one of its modules, or comes from its __init__.
+        base = resolve_name("." * node.level + (node.module or ""), package)
+        names = [base, *(f"{base}.{alias.name}" for alias in node.names)]
+    yield from (name for name in names if file_of(name) is not None)
 
 
 def _documented(node: ast.Module | ast.ClassDef | ast.FunctionDef) -> bool:

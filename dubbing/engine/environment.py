@@ -5,11 +5,10 @@ there. In a search path an empty entry is the current folder, and a relative one
 """
 
 import os
-import sys
-from pathlib import Path
+import sys  # nothing else, or it could come from the current folder yet
 
 # Where the top package lies that this module is part of.
-PACKAGES = str(Path(__file__).resolve().parents[__name__.count(".")])
+PACKAGES = os.path.realpath(os.path.join(__file__, *[os.pardir] * (__name__.count(".") + 1)))
 LIBRARIES = "LD_LIBRARY_PATH"
 SEARCHED = ("PATH", "DIRS")  # ends of the names of variables that hold search paths
 

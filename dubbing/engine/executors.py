@@ -6,7 +6,6 @@ their outcomes. `cluster` has the third, on other machines.
 
 import heapq
 import json
-import signal
 import subprocess
 import threading
 import time
@@ -24,7 +23,7 @@ from .stage_id import StageId
 from .update import run_stage
 
 MADE, KEPT, FAILED, HELD, KILLED = "made", "kept", "failed", "held", "killed"
-OUT_OF_MEMORY = 128 + signal.SIGKILL  # exit code of a shell or container whose process was killed
+OUT_OF_MEMORY = 128 + 9  # exit code of a shell or container whose process was killed
 
 
 @dataclass(frozen=True, order=True)

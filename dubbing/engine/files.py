@@ -8,6 +8,7 @@ import operator
 import os
 import re
 import stat
+import time
 import unicodedata
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +17,8 @@ from typing import Any, TypeVar
 
 from .errors import ExplainedError
 
+WINDOWS = os.name == "nt"
+PAUSES_S = (0.1, 0.2, 0.4, 0.8)
 FULL = (errno.ENOSPC, errno.EDQUOT)
 Found = TypeVar("Found")
 # A name of a file and what `atomic_path` adds to it must fit into this, in bytes of UTF-8.
@@ -50,6 +53,8 @@ def system_error(error: OSError, path: Path | str = "") -> ExplainedError:
     if isinstance(error, IsADirectoryError):
         return ExplainedError("a folder lies where a file should go", str(path), "move it away")
     remedy = "see whether the disk and the rights to it are as they should be, then run again"
+    if WINDOWS and isinstance(error, PermissionError):
+        remedy = "close the programs that have it open, then run again"
     if error.errno in FULL:
         remedy = "free some space, then run again"
     return ExplainedError(error.strerror or str(error), str(path or error.filename or ""), remedy)
@@ -83,7 +88,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         with writing(path):
             sync_file(temporary)
             note_digest(path, temporary)
-            os.replace(temporary, path)
+            patiently(lambda: os.replace(temporary, path))
             sync_file(path.parent)
     finally:
         with suppress(OSError):
@@ -172,13 +177,35 @@ def same_on_disk(name: str) -> str:
     return unicodedata.normalize("NFC", unicodedata.normalize("NFC", name).casefold())
 
 
+def patiently(action: Callable[[], object]) -> None:
+    """Do what Windows refuses for as long as anybody, such as a virus scanner, has the file open.
+
+    Raises:
+        PermissionError: it still does after all `PAUSES_S`.
+    """
+    for pause in PAUSES_S if WINDOWS else ():
+        try:
+            action()
+            return
+        except PermissionError:
+            time.sleep(pause)
+    action()
+
+
+def seen_from(folder: Path, path: Path) -> str:
+    """The way from a folder to a path, with slashes; the whole path on another drive of Windows."""
+    try:
+        return Path(os.path.relpath(path, folder)).as_posix()
+    except ValueError:
+        return path.as_posix()
+
+
 def sync_file(path: Path) -> None:
     """Push a file (or a folder's list of names) to the disk."""
-    windows = os.name == "nt"
-    if windows and path.is_dir():
+    if WINDOWS and path.is_dir():
         return  # it opens no folders
     # Windows flushes only what may be written to.
-    handle = os.open(path, os.O_RDWR if windows else os.O_RDONLY)
+    handle = os.open(path, os.O_RDWR if WINDOWS else os.O_RDONLY)
     try:
         os.fsync(handle)
     finally:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 
+PROCESSES = Path("/proc")  # of Linux
 BYTES, MOST_SHOWN = 2048, 200  # of a heartbeat, always as many, and characters of its message
 
 
@@ -32,8 +33,12 @@ class Heartbeat:
 
     @property
     def here(self) -> bool:
-        """Whether its process is one of those that can be seen from here."""
-        return self.machine == _machine()
+        """Whether its process is one of those that can be seen from here.
+
+        None can without /proc: a number may be another process's by now, and to ask for one ends it
+        on Windows. There only the heartbeat tells.
+        """
+        return self.machine == _machine() and (PROCESSES / "self" / "stat").exists()
 
     @property
     def alive(self) -> bool:
@@ -54,24 +59,19 @@ def _machine() -> str:
     """A name that two processes share only if they see one another's process numbers."""
     parts = [socket.gethostname()]
     for path, read in (
-        ("/proc/sys/kernel/random/boot_id", lambda p: Path(p).read_text().strip()),
-        ("/proc/self/ns/pid", os.readlink),
+        ("sys/kernel/random/boot_id", lambda path: path.read_text().strip()),
+        ("self/ns/pid", os.readlink),
     ):
         with suppress(OSError):
-            parts.append(read(path))
+            parts.append(read(PROCESSES / path))
     return " ".join(parts)
 
 
 def _started(process: int) -> str:
-    """When a process of this machine began; '' where there is none of that number."""
+    """When a process of this machine began; '' where there is none of that number, or no /proc."""
     try:
-        status = Path(f"/proc/{process}/stat").read_text(errors="replace")
+        status = (PROCESSES / str(process) / "stat").read_text(errors="replace")
     except OSError:
-        if Path("/proc/self/stat").exists():
-            return ""
-        with suppress(OSError):  # a system without /proc: its number alone must do
-            os.kill(process, 0)
-            return "runs"
         return ""
     fields = status.rpartition(")")[2].split()
     return "" if fields[0] == "Z" else fields[19]

@@ -16,6 +16,7 @@ from .files import (
     PARTIAL,
     atomic_write_json,
     digest_file,
+    patiently,
     remove_damaged,
     sync_file,
     system_error,
@@ -203,11 +204,11 @@ def _swap(stage: Stage, partial: Path) -> None:
     old = _old(stage)
     ready = partial.with_name(f"{partial.name.replace(PARTIAL, READY)}-{uuid4().hex}")
     try:
-        partial.rename(ready)
+        patiently(lambda: partial.rename(ready))
         shutil.rmtree(old, ignore_errors=True)
         if stage.folder.exists():
-            stage.folder.rename(old)
-        ready.rename(stage.folder)
+            patiently(lambda: stage.folder.rename(old))
+        patiently(lambda: ready.rename(stage.folder))
     except OSError as error:
         if old.exists() and not stage.folder.exists():
             old.rename(stage.folder)

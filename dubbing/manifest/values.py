@@ -20,6 +20,9 @@ LONGEST_SECONDS = 1e9
 LEARNED_SECONDS, BEST = 15.0, "best"
 # 1:05 or 0:01:05.5; the first number may be larger than 59.
 CLOCK = re.compile(r"(?:([0-9]{1,6}):(?=[0-5][0-9]:))?([0-9]{1,6}):([0-5][0-9](?:\.[0-9]*)?)")
+# Windows: devices, with any ending, and characters that no name has.
+RESERVED = re.compile(r"(con|prn|aux|nul|(com|lpt)[0-9¹²³]) *(\..*)?", re.IGNORECASE)
+FORBIDDEN = frozenset('<>"|?*')
 SIZES = range(64, 1025, 8)  # sides of the head crop, pixels
 
 
@@ -70,6 +73,8 @@ def check_name(value: Any) -> Any:
         raise ValueError("would leave the output folder: a name has no '/', '\\' or ':'")
     if value.startswith(".") or value != value.strip() or not value.isprintable():
         raise ValueError("must not start with a dot or a space, nor hold unprintable characters")
+    if files.WINDOWS and (RESERVED.fullmatch(value) or set(value) & FORBIDDEN or value[-1] == "."):
+        raise ValueError("cannot be the name of a file on Windows: give another one")
     return value
 
 

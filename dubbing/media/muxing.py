@@ -70,12 +70,11 @@ def mux(
         else:
             first, length = video[0]
             rate = probe(first).frames / length
-            listing = stack.enter_context(
-                tempfile.NamedTemporaryFile("w", encoding="utf-8", suffix=".txt")
-            )
-            listing.write(concat_list(video))
-            listing.flush()
-            picture = joined(listing.name).video
+            # A file of our own would be open still: Windows lets nobody else open it then.
+            folder = stack.enter_context(tempfile.TemporaryDirectory())
+            listing = Path(folder, "parts.txt")
+            listing.write_text(concat_list(video), encoding="utf-8", newline="\n")
+            picture = joined(listing).video
         if timecode:
             tags["timecode"] = timecode
         options = {"movflags": "+faststart"} if temporary.suffix in (".mp4", ".mov") else {}

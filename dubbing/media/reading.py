@@ -59,13 +59,14 @@ def read_frames(
     # Without an index (MPEG-TS, MPEG-PS) a seek may land between key frames, and decoding begins
     # at the next one, too late. The last lead goes back to the start, without a seek.
     for lead in (*takewhile(lambda frames: frames < start, SEEK_LEADS), start):
-        with tempfile.NamedTemporaryFile("r", suffix=".txt") as note:
-            graph = _frame_graph(info, note.name, start, lead, count, rate, pixels)
+        with tempfile.TemporaryDirectory() as folder:  # Windows opens no open file once more
+            note = Path(folder, "note.txt")
+            graph = _frame_graph(info, str(note), start, lead, count, rate, pixels)
             with Process(graph, str(path), pipe_out=True) as process:
                 for index in range(count):
                     frame = np.empty(shape, np.uint8)
                     filled = _fill(process, frame)
-                    if index == 0 and lead < start and not _landed(note.read(), lead, rate):
+                    if index == 0 and lead < start and not _landed(_content(note), lead, rate):
                         break
                     if not filled:
                         process.finish()
@@ -189,6 +190,10 @@ def _frame_graph(
         size = {"w": info.width, "h": info.height}
         picture = picture.filter("scale", **size, flags=SCALER, in_color_matrix=info.colour.matrix)
     return into(None, picture, format="rawvideo", pix_fmt=pixels, vframes=count)
+
+
+def _content(note: Path) -> str:
+    return note.read_text() if note.exists() else ""
 
 
 def _landed(note: str, lead: int, rate: Fraction) -> bool:

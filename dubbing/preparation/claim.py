@@ -8,7 +8,8 @@ from dubbing.engine import claims
 from dubbing.engine.files import make_folder
 from dubbing.engine.update import TEMPORARY
 from dubbing.errors import CallError
-from dubbing.preparation.prepared import BACKGROUND, CONTACT_SHEET, MATTE, SUMMARY, TRACK
+from dubbing.preparation.file_names import CONTACT_SHEET, SUMMARY
+from dubbing.preparation.prepared import BACKGROUND, MATTE, TRACK
 
 MARKS = (SUMMARY, "steps/key.json")  # files of `prepare`: one of them lies in a folder it has used
 CLAIMED = "prepare"

@@ -32,10 +32,10 @@ from dubbing.preparation.crops.tracked_crops import (
     TrackedCrops,
     open_images,
 )
+from dubbing.preparation.file_names import CONTACT_SHEET
 from dubbing.preparation.matting.masks import matte_step
 from dubbing.preparation.prepared import (
     BACKGROUND,
-    CONTACT_SHEET,
     HEAD_RADIUS,
     MATTE,
     OVERLAY,

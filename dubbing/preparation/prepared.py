@@ -22,6 +22,7 @@ from dubbing.engine.files import atomic_path, atomic_write_json
 from dubbing.errors import ExplainedError, PreparationError
 from dubbing.face.mesh_points import RIGID
 from dubbing.media import read_frames
+from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.tracking import cropping
 
@@ -29,7 +30,6 @@ VERSION = 9
 HEAD_RADIUS = 1.7  # units (10 cm), the largest extent of a head from its origin
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 OVERLAY = "overlay.mkv"  # masks of all frames, if something lies over the face in any
-CONTACT_SHEET, SUMMARY = "contact_sheet.png", "prepared.json"
 # Raised when a file of arrays cannot be read.
 UNREADABLE = (EOFError, OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
 # Fields of a prepared clip that its summary holds under their names, and its arrays.

@@ -13,7 +13,8 @@ from dubbing.engine import json_records
 from dubbing.engine.files import atomic_path, atomic_write_json, digest_file, note_digest
 from dubbing.engine.stage import Progress, ReportShare
 from dubbing.errors import ExplainedError, PreparationError
-from dubbing.preparation.prepared import SUMMARY, VERSION
+from dubbing.preparation.file_names import SUMMARY
+from dubbing.preparation.prepared import VERSION
 from dubbing.preparation.tracking.tracking import Arrays
 
 STEPS, LAYOUT = "steps", 5  # the folder of the steps, and the version of its files

@@ -1,12 +1,17 @@
 """The card of credits after a dub: that it was dubbed by AI, and who agreed to it."""
 
+from __future__ import annotations
+
 import unicodedata
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+
+if TYPE_CHECKING:  # `plan` is quick without it
+    from PIL import ImageFont
 
 TEXT = """\
 AI-dubbed
@@ -43,6 +48,8 @@ def undrawable(text: str) -> str:
     """The characters of a text that would not be seen as they are written, each once."""
     if not text:
         return ""
+    from PIL import ImageFont
+
     font = ImageFont.truetype(FONT, 20, layout_engine=ImageFont.Layout.BASIC)
     absent = bytes(font.getmask(ABSENT))
     return "".join(
@@ -56,6 +63,8 @@ def undrawable(text: str) -> str:
 
 def draw(text: str, width: int, height: int) -> np.ndarray:
     """A card, uint8 RGB (height, width, 3): light letters in the middle of a dark ground."""
+    from PIL import Image, ImageDraw, ImageFont
+
     letters = LETTERS * min(width, height)
     while True:
         font = ImageFont.truetype(FONT, letters, layout_engine=ImageFont.Layout.BASIC)

@@ -17,7 +17,7 @@ from dubbing.errors import ExplainedError
 from dubbing.identity.learned import CURVE_FILE, in_words, learned_if_known
 from dubbing.packages import missing_of
 from dubbing.pipeline import DUB, PERSON
-from dubbing.preparation.prepared import CONTACT_SHEET, SUMMARY
+from dubbing.preparation.file_names import CONTACT_SHEET, SUMMARY
 from dubbing.preparation.tracking.reach import Reach
 from dubbing.production.production import REPORTS, Production
 from dubbing.provenance import credentials

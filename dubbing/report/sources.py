@@ -1,6 +1,5 @@
 """The source of a dub on the page: the film, or a copy of one that no browser plays."""
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +7,7 @@ import av
 
 from dubbing import media
 from dubbing.engine.file_digests import digest_of
-from dubbing.engine.files import make_folder
+from dubbing.engine.files import make_folder, seen_from
 from dubbing.errors import ExplainedError
 from dubbing.media.opening import opened
 from dubbing.production.production import Production
@@ -65,4 +64,4 @@ def shown(production: Production, path: Path) -> str:
 
 def relative(production: Production, path: Path) -> str:
     """The way from the page to a file, which may lie elsewhere."""
-    return Path(os.path.relpath(path, production.output)).as_posix()
+    return seen_from(production.output, path)

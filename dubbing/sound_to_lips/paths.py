@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from dubbing.speech.features import weights_files
-from dubbing.speech.weight_paths import voice_detector_weights
+from dubbing.speech.weight_paths import VOICE_DETECTOR
 
 ENCODER_WEIGHTS = Path(__file__).with_name("encoder.safetensors")
 FILTER_WEIGHTS = Path(__file__).with_name("filter.safetensors")
@@ -17,4 +17,4 @@ def speech_weights(name: str, weights: Path | None) -> dict[str, Path]:
     """
     own = {f"features {of}".strip(): path for of, path in weights_files(name, weights).items()}
     lips = {"lip_encoder": ENCODER_WEIGHTS, "lip_filter": FILTER_WEIGHTS}
-    return {**own, **lips, **voice_detector_weights()}
+    return {**own, **lips, "voice_detector": VOICE_DETECTOR}

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from dubbing import packages
 from dubbing.errors import ExplainedError
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.rnn_features import voice_gate
@@ -74,7 +75,7 @@ def _load(name: str, folder: Path) -> Any:
     except ImportError as error:
         raise ExplainedError(
             f"{name} features need the transformers package: {error}",
-            remedy="pip install 'dfrf[hubert]', or choose speech: rnn",
+            remedy=f"run {packages.command(['transformers'])}, or choose speech: rnn",
         ) from error
     kind = getattr(transformers, MODELS[name])
     try:

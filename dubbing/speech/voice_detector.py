@@ -1,4 +1,4 @@
-"""The voice detector, Silero VAD (MIT), with the weights of its package.
+"""The voice detector, Silero VAD (MIT), with the published weights.
 
 It separates speech from music and noise.
 
@@ -16,10 +16,8 @@ from jaxtyping import Float
 from safetensors.torch import load_file
 from torch import Tensor, nn
 
-from dubbing import packages
-from dubbing.speech.weight_paths import voice_detector_weights
+from dubbing.speech.weight_paths import VOICE_DETECTOR
 
-PACKAGE = "silero_vad"  # never imported: it would set the number of torch's threads
 CHUNK = 512  # samples at 16 kHz
 CONTEXT = 64  # samples before a chunk that are passed with it
 FREQUENCIES = 129
@@ -54,16 +52,8 @@ class VoiceDetector(nn.Module):
 
 @lru_cache(maxsize=1)
 def load() -> VoiceDetector:
-    """The detector with its weights.
-
-    Raises:
-        ExplainedError: the package is not installed.
-    """
-    files = voice_detector_weights()
-    if not files:
-        raise packages.lacking([PACKAGE])
-    (file,) = files.values()
-    weights = load_file(file)
+    """The detector with its weights."""
+    weights = load_file(VOICE_DETECTOR)
     names = {"stft_conv": "spectrum", "final_conv": "last"}
     names |= {f"conv{k + 1}": f"layers.{k}" for k in range(len(STRIDES))}
     renamed = {}

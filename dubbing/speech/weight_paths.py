@@ -5,16 +5,11 @@ from typing import Any
 
 from dubbing.engine import json_records
 from dubbing.errors import ExplainedError
-from dubbing.shipped.package_files import of_package
 
 DEFAULT_WEIGHTS = Path(__file__).with_name("acoustic_weights.safetensors")
+VOICE_DETECTOR = Path(__file__).with_name("voice_detector.safetensors")
 DEEPSPEECH_GRAPH = "output_graph.pb of DeepSpeech 0.1.0 (deepspeech-0_1_0-b90017e8.pb)"
 WEIGHT_FILES = ("model.safetensors", "pytorch_model.bin", "model.safetensors.index.json")
-
-
-def voice_detector_weights() -> dict[str, Path]:
-    """The file of the voice detector's weights, by name; empty where its package is missing."""
-    return of_package("silero_vad", "data/silero_vad_16k.safetensors")
 
 
 def weights_file(folder: Path, name: str) -> Path:

@@ -3,13 +3,13 @@
 from pathlib import Path
 
 from dubbing.face.weight_paths import FACE_WEIGHTS
-from dubbing.speech.weight_paths import DEFAULT_WEIGHTS, voice_detector_weights
+from dubbing.speech.weight_paths import DEFAULT_WEIGHTS, VOICE_DETECTOR
 
 SYNC_WEIGHTS = Path(__file__).with_name("weights.safetensors")
 # All weights of the sync check, by name: its own, those that it hears with, and finds faces with.
 CHECK_WEIGHTS: dict[str, Path] = {
     "sync_weights": SYNC_WEIGHTS,
     "acoustic_weights": DEFAULT_WEIGHTS,
-    **voice_detector_weights(),
+    "voice_detector": VOICE_DETECTOR,
     **FACE_WEIGHTS,
 }

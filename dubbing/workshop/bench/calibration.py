@@ -23,9 +23,9 @@ def calibrate(progress: Progress) -> dict[str, Rate]:
     """Measure the rates of this machine and keep them; see `dubbing.batch.rates`.
 
     Raises:
-        ExplainedError: the synthetic speaker is not installed, or a stage failed.
+        ExplainedError: there is no renderer for this processor, or a stage failed.
     """
-    packages.require("synthetic")
+    packages.require_renderer()
     from dubbing.workshop.synthetic.speaker import make_speaker
 
     with tempfile.TemporaryDirectory(prefix="dfrf-") as name:

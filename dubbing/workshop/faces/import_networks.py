@@ -3,7 +3,7 @@
     python -m dubbing.workshop.faces.import_networks WHEEL --out dubbing/face
 
 WHEEL is the wheel of the package, or the folder `mediapipe` of an installed one. Also needs the
-package flatbuffers (`requirements-dev.txt`).
+package flatbuffers (the extra `dev`).
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=20.0, help="length of each clip")
     call = parser.parse_args()
     try:
-        packages.require("synthetic")  # before anything of it is imported
+        packages.require_renderer()  # before anything of it is imported
         identities(call.out, call.identities, call.size, call.seconds)
     except ExplainedError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.engine import claims, heartbeat, runner
+from dubbing.engine import claims, files, heartbeat, runner
 from dubbing.engine.errors import ExplainedError, LockedError, StageError
 from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.stage import Stage
@@ -219,3 +219,47 @@ def test_a_run_ends_at_a_dead_claim_that_may_not_be_removed(
     assert outcome.state == "failed"
     assert outcome.failure is not None
     assert outcome.failure.where == "model.claim/1"
+
+
+def test_without_proc_only_the_heartbeat_tells(
+    tmp_path: Path, quick: None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """macOS and Windows: no process is asked for by its number, which ends it on Windows."""
+    monkeypatch.setattr(heartbeat, "PROCESSES", tmp_path / "proc")
+    monkeypatch.setattr(os, "kill", None)
+    heartbeat._machine.cache_clear()
+    other = Elsewhere(tmp_path / "model")
+    other.life = replace(other.life, machine=heartbeat._machine(), process=os.getpid())
+    other.beat()
+    watch = claims.Watch(tmp_path / "model")
+    assert not watch.free()
+    other.beat()
+    assert not watch.free()
+    assert watch.alive
+    with pytest.raises(LockedError):
+        claims.take(tmp_path / "model")
+    monkeypatch.setattr(claims, "STALE_S", 0.0)
+    time.sleep(0.01)
+    assert watch.free()
+    claims.take(tmp_path / "model").release()
+    heartbeat._machine.cache_clear()
+
+
+def test_windows_claims_over_an_empty_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One that was killed while it gave its claim back leaves the folder, without a heartbeat."""
+    claims.place_of(tmp_path / "model").mkdir()
+    really = os.rename
+
+    def rename(source: Path, target: Path) -> None:
+        if os.path.exists(target):
+            raise FileExistsError(errno.EEXIST, "Cannot create a file when it already exists")
+        really(source, target)
+
+    monkeypatch.setattr(os, "rename", rename)
+    with monkeypatch.context() as patch:
+        patch.setattr(files, "WINDOWS", True)
+        claim = claims.take(tmp_path / "model")
+    claim.release()
+    assert left(tmp_path) == []

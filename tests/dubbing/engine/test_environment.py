@@ -63,3 +63,21 @@ def test_nor_by_python_m_dubbing(tmp_path: Path) -> None:
 def test_letters_that_the_card_lacks() -> None:
     assert card.undrawable("Ann Žižek, Ελλάδα, Юлия\n") == ""
     assert card.undrawable("Ann 李 and שלום") == "李שלום"
+
+
+def test_the_command_line_loads_without_what_only_unix_has() -> None:
+    """Windows has none of these; a command, a plan and a process for a task import all of it."""
+    code = """
+import os, signal, sys
+for name in ("SIGKILL", "SIGHUP", "SIGXCPU", "SIGXFSZ", "SIGUSR1", "SIGALRM"):
+    delattr(signal, name)
+for name in ("fork", "getuid", "nice", "sched_getaffinity", "getpgid", "killpg"):
+    delattr(os, name)
+for name in ("resource", "fcntl", "pwd", "grp", "termios"):
+    sys.modules[name] = None
+import dubbing.cli.doctor, dubbing.cli.main, dubbing.batch.task, dubbing.batch.batch
+import dubbing.cli.console, dubbing.cli.live, dubbing.engine.executors, dubbing.engine.task
+import dubbing.heads.fine_tuning, dubbing.heads.rendering, dubbing.preparation.prepare
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+    assert done.returncode == 0, done.stderr.decode()

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from dubbing.engine import files
 from dubbing.engine.files import (
     atomic_path,
     atomic_write_text,
@@ -134,10 +135,51 @@ def test_windows_flushes_files_that_may_be_written(
     folder, file = tmp_path, tmp_path / "a"
     with monkeypatch.context() as patch:
         patch.setattr(os, "open", note)
-        patch.setattr(os, "name", "nt")
+        patch.setattr(files, "WINDOWS", True)
         sync_file(folder)
         sync_file(file)
     assert opened == [(file, os.O_RDWR)]
+
+
+@pytest.mark.parametrize(("refusals", "ends"), [(2, "new"), (99, "old")])
+def test_windows_is_asked_again_while_somebody_has_the_file_open(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, refusals: int, ends: str
+) -> None:
+    (tmp_path / "a").write_text("old")
+    really, asked = os.replace, 0
+
+    def refused(source: Path, target: Path) -> None:
+        nonlocal asked
+        asked += 1
+        if asked <= refusals:
+            raise PermissionError(errno.EACCES, "The process cannot access the file")
+        really(source, target)
+
+    error = None
+    monkeypatch.setattr(files, "PAUSES_S", (0.0, 0.0, 0.0))
+    monkeypatch.setattr(os, "replace", refused)
+    with monkeypatch.context() as patch:
+        patch.setattr(files, "sync_file", lambda path: None)  # opens folders here
+        patch.setattr(files, "WINDOWS", True)
+        try:
+            with atomic_path(tmp_path / "a") as temporary:
+                temporary.write_text("new")
+        except ExplainedError as raised:
+            error = raised
+    assert (tmp_path / "a").read_text() == ends
+    assert (error is None) == (ends == "new")
+    if error is not None:
+        assert error.remedy.startswith("close the programs that have it open")
+
+
+def test_a_path_on_another_drive_stays_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert files.seen_from(Path("/films/out"), Path("/films/a b.mp4")) == "../a b.mp4"
+
+    def no_way(*_: object) -> str:
+        raise ValueError("path is on mount 'D:', start on mount 'C:'")
+
+    monkeypatch.setattr("os.path.relpath", no_way)
+    assert files.seen_from(Path("/films/out"), Path("/films/a b.mp4")) == "/films/a b.mp4"
 
 
 def test_a_file_is_on_the_disk_before_its_name_and_the_name_before_anything_else(

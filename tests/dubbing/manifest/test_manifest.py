@@ -144,14 +144,15 @@ def test_consent_is_required(folder: Path) -> None:
     [
         ("~no_such_user/x.mp4", "Could not determine home directory"),
         ("x" * 300, "File name too long"),
-        ("a\\0b", "embedded null byte"),
+        ("a\\0b", "embedded null"),
     ],
 )
 def test_what_cannot_be_a_path(folder: Path, path: str, message: str) -> None:
     text = GOOD.replace("host.mp4", f'"{path}"')
     found = problems(folder, text)
     assert len(found) == 1
-    assert found[0].startswith(f"line 4: identities.host.clip: cannot be a path: {message}")
+    assert found[0].startswith("line 4: identities.host.clip: cannot be a path: ")
+    assert message in found[0]
 
 
 @pytest.mark.parametrize("name", ["..", ".hidden", "a/b", "a\\\\b", "", " x", "C:x", "x" * 101])

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from dubbing import packages
 from dubbing.errors import ManifestError
 from dubbing.manifest.manifest import load
 from dubbing.production.production import Production
@@ -92,7 +93,7 @@ def test_credentials_without_the_library_name_what_to_install(
     write_chain(footage)
     (found,) = problems(footage, "certificate: signer.pem, key: signer.key")
     assert "not installed: c2pa" in found
-    assert "pip install c2pa-python" in found
+    assert packages.command(["c2pa"]) in found
 
 
 def test_what_becomes_of_broken_credentials_of_the_film_is_said(
