@@ -60,8 +60,10 @@ def cut_references_like(
     dataset: HeadDataset, frames: Int[Tensor, " N"], other: ReferenceViews
 ) -> ReferenceViews:
     """Reference views of frames of another film, of the size of a person's views."""
-    corners, _ = head_boxes(dataset.mattes[frames], round(MARGIN * dataset.size))
-    left_top = torch.tensor(corners).view(-1, 2).flip(1)
+    corners: list[tuple[int, int]] = []
+    if len(frames):
+        corners, _ = head_boxes(dataset.mattes[frames], round(MARGIN * dataset.size))
+    left_top = torch.tensor(corners, dtype=torch.long).view(-1, 2).flip(1)
     return _cut_like(dataset, frames, left_top, other)
 
 

@@ -54,6 +54,11 @@ def test_crops_of_the_same_frames_are_the_same_crops() -> None:
         assert ours.images[n, x[1], x[0]].equal(theirs.images[n, y[1], y[0]])
 
 
+def test_a_film_may_have_no_new_viewpoint() -> None:
+    none = cut_references_like(person(), torch.zeros(0, dtype=torch.long), learned())
+    assert none.images.shape == (0, *learned().images.shape[1:])
+
+
 def test_learned_views_and_those_of_the_film_are_one_set() -> None:
     ours = learned()
     assert ours.mouths is not None
