@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dubbing.preparation.prepared import PreparedClip
+from dubbing.video import own_pixels as module
 from dubbing.video.own_pixels import learned_views, own_pixels, reach, reasons, views
 from tests import clips, fakes
 
@@ -17,6 +18,11 @@ from tests import clips, fakes
 YAW = [-45, -21, -19, 0, 3, 19, 21, 45, 0, 0]
 NOD = [0, 0, 0, 0, 0, 0, 0, 0, 10, 30]
 LEARNED = [(3 / 25, 4 / 25)]  # the frame that looks straight ahead
+
+
+@pytest.fixture(autouse=True)
+def farthest(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "FARTHEST_VIEW", 20.0)
 
 
 @pytest.fixture
