@@ -4,7 +4,7 @@ BIN := .venv/bin
 # Two threads that spin on one busy core are ten times slower than two that wait.
 export OMP_WAIT_POLICY ?= PASSIVE
 
-.PHONY: install demo docs test test-fast attack check bench results speech-table lock clean
+.PHONY: install demo docs test test-fast attack check bench results true-dubs speech-table lock clean
 
 INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check
 
@@ -48,6 +48,15 @@ attack: .venv/installed-dev
 BENCH ?= out/demo/demo.yaml alba
 bench: .venv/installed
 	$(BIN)/python -m dubbing.workshop.bench.benchmark $(BENCH) out/bench.json
+
+# Films of the synthetic speaker whose dub has a true picture: makes them, dubs them, compares. SCENES are names or
+# patterns; the films take half an hour, once.
+TRUE_DUBS ?= out/true-dubs
+SCENES ?=
+true-dubs: .venv/installed
+	$(BIN)/python -m dubbing.workshop.true_dubs.films $(TRUE_DUBS) $(if $(SCENES),--only $(SCENES))
+	$(BIN)/dfrf dub $(TRUE_DUBS)/true_dubs.yaml --jobs 2
+	$(BIN)/python -m dubbing.workshop.true_dubs.measure $(TRUE_DUBS) $(if $(SCENES),--only $(SCENES))
 
 # The tables of docs/development/results.md: people of manifests, learned with several seeds. Takes hours; goes on
 # where it stopped. The real clips lie beside the clone, if at all.
