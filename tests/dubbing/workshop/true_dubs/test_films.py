@@ -23,10 +23,8 @@ def test_there_are_scenes_enough_and_each_face_exists() -> None:
 
 
 def test_how_a_head_turns() -> None:
-    held, passing, nods = (
-        Scene("x", **how).turns()
-        for how in ({"held": 60}, {"passing": 80}, {"nod": 25})  # type: ignore[arg-type]
-    )
+    scenes = Scene("x", held=60), Scene("x", passing=80), Scene("x", nod=25)
+    held, passing, nods = (scene.turns() for scene in scenes)
     assert (held[FIRST:, 1] == 60).all()
     assert held[0, 1] == 0
     assert (passing[:FIRST, 1] == 0).all()
