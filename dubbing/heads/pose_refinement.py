@@ -11,9 +11,11 @@ from typing import Any
 import cv2
 import numpy as np
 import torch
+import torch.nn.functional as F
 from torch import Tensor
 
 from dfrf.data.dataset import HEAD_MATTE
+from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.method_interface import Maps, Method
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
@@ -41,6 +43,8 @@ NOISE = 0.1  # of a channel; several times what it is, as neighbouring residuals
 SPREAD = np.repeat([0.03, 0.03], 3)
 BEND = np.repeat([0.01, 0.013], 3)
 AT_ONCE = 8
+# Turn from the nearest learned view, rad: up to where corrections count, and from where none does.
+SEEN, UNSEEN = np.radians(10.0), np.radians(18.0)
 
 
 def refined(
@@ -79,7 +83,21 @@ def refined(
         report(0.0)
         found = shot_corrections(method, maps, clip, c2w, expression, index, report)
         corrections[index] = torch.from_numpy(found)
+    corrections *= trust(c2w, maps)[:, None]
     return clip.with_poses(moved(c2w, corrections).double().numpy())
+
+
+def trust(c2w: Tensor, maps: Maps | None) -> Tensor:
+    """How much corrections count, (T,) 1..0: a head does not know itself from where it was unseen.
+
+    Args:
+        c2w: (T, 3, 4) cameras. maps: references, whose views were learned.
+    """
+    if not isinstance(maps, ReferenceMaps):
+        return torch.ones(len(c2w))
+    at, learned = (F.normalize(x[:, :, 3].cpu(), dim=-1) for x in (c2w, maps.views.c2w))
+    turn = torch.acos((at @ learned.T).clamp(-1, 1)).amin(1)
+    return ((UNSEEN - turn) / (UNSEEN - SEEN)).clamp(0, 1)
 
 
 def write_poses(clip: PreparedClip, out: Path) -> None:
