@@ -207,9 +207,17 @@ class Method(ABC, Generic[ShareT, MapsT]):
         """Called after every step; does nothing by default."""
 
     def with_surfaces(
-        self, dataset: HeadDataset, views: ReferenceViews, frames: Int[Tensor, " N"]
+        self,
+        dataset: HeadDataset,
+        views: ReferenceViews,
+        frames: Int[Tensor, " N"],
+        maps: MapsT | None = None,
     ) -> ReferenceViews:
-        """Views of frames of a person that know what they see; by default they do not."""
+        """Views of frames of a person that know what they see; by default they do not.
+
+        Args:
+            maps: references that tell where the head is; of the views themselves when None.
+        """
         return views
 
     def finish(

@@ -205,11 +205,15 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
 
     @torch.no_grad()
     def with_surfaces(
-        self, dataset: HeadDataset, views: ReferenceViews, frames: Int[Tensor, " N"]
+        self,
+        dataset: HeadDataset,
+        views: ReferenceViews,
+        frames: Int[Tensor, " N"],
+        maps: ReferenceMaps | None = None,
     ) -> ReferenceViews:
         conditioning = training_conditioning(self.model, [dataset])[dataset.name]
         views = views.to(self.model.device)
-        maps, rounded = self.maps(views), self.model.rounded().eval()
+        maps, rounded = maps or self.maps(views), self.model.rounded().eval()
 
         def seen(some: ReferenceViews, numbers: Int[Tensor, " n"]) -> ReferenceViews:
             def volume(number: int) -> Volume:

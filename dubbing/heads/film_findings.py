@@ -47,6 +47,6 @@ def find(
         for name, seconds in learned:
             for first, stop in seconds if name == clip.clip.name else ():
                 known[round(first * clip.rate) : round(stop * clip.rate)] = True
-        views = views_of_film(head, maps.views, clip, known, out / PICTURES_FOLDER)
+        views = views_of_film(head, maps, clip, known, out / PICTURES_FOLDER)
         shutil.rmtree(out / PICTURES_FOLDER, ignore_errors=True)
     saved_models.save_views(out / VIEWS_FILE, views)

@@ -21,6 +21,7 @@ from dfrf.data.reference_cuts import cut_mouths_like, cut_references_like
 from dfrf.fast.medoids import medoids
 from dfrf.field.audio import WINDOW
 from dfrf.field.mouth_pixels import MOUTHS, TURN, lip_traits
+from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.speaker_adaptation import NUMBERS
 from dfrf.model_interface import HeadModel
@@ -39,7 +40,7 @@ FEWEST = 10  # frames of a film that are worth it
 
 def views_of_film(
     model: HeadModel,
-    learned: ReferenceViews,
+    maps: ReferenceMaps,
     clip: PreparedClip,
     known: np.ndarray,
     folder: Path,
@@ -47,11 +48,12 @@ def views_of_film(
     """Views of a film, or None where it shows little that was not learned.
 
     Args:
-        model: of the person. learned: views it was learned from.
+        model: of the person. maps: of the views it was learned from.
         clip: the film, with refined poses.
         known: (T,) bool, frames that were learned from.
         folder: for the images while they are looked at.
     """
+    learned = maps.views
     frames = np.flatnonzero(clip.detected & ~clip.covered & ~clip.over & ~known)
     if len(frames) < FEWEST or learned.mouths is None:
         return None
@@ -65,7 +67,7 @@ def views_of_film(
     whole = new_viewpoints(film.c2w, learned.c2w)
     views = cut_references_like(film, whole, learned)
     views = replace(views, mouths=cut_mouths_like(film, mouths_of(film), learned.mouths))
-    return method_of(model).with_surfaces(film, views, whole)
+    return method_of(model).with_surfaces(film, views, whole, maps)
 
 
 def new_viewpoints(film: Float[Tensor, "T 3 4"], learned: Float[Tensor, "N 3 4"]) -> Tensor:
