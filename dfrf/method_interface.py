@@ -211,13 +211,8 @@ class Method(ABC, Generic[ShareT, MapsT]):
         dataset: HeadDataset,
         views: ReferenceViews,
         frames: Int[Tensor, " N"],
-        maps: MapsT | None = None,
     ) -> ReferenceViews:
-        """Views of frames of a person that know what they see; by default they do not.
-
-        Args:
-            maps: references that tell where the head is; of the views themselves when None.
-        """
+        """Views of frames of a person that know what they see; by default they do not."""
         return views
 
     def finish(

@@ -28,7 +28,6 @@ REFERENCE_SHAPES = {
     "c2w": ("N", 3, 4),
     "centres": ("N", 2),
 }
-VIEWS = "dfrf-views-1"  # the format of a file of views without a model
 SURFACE = "surface"  # of methods that know what a view sees
 SURFACE_SHAPE = ("a", "b")
 # Of the P crops of h x w pixels round a person's mouth.
@@ -102,25 +101,6 @@ def save_person(
     write_tensors(path, tensors, {**about, **header})
 
 
-def save_views(path: str | Path, views: ReferenceViews | None) -> None:
-    """Saves views of a film, see `load_views`; None is saved as none."""
-    tensors = {} if views is None else _view_tensors(views)
-    of = {} if views is None else {"focal": views.focal, "scale": views.scale}
-    write_tensors(path, tensors, {"format": VIEWS, **of})
-
-
-def load_views(path: str | Path) -> ReferenceViews | None:
-    """Views that `save_views` saved; None where there are none.
-
-    Raises:
-        CheckpointError: unreadable, or not such a file.
-    """
-    tensors, header = read_tensors(path)
-    if header.get("format") != VIEWS:
-        raise CheckpointError(f"{path}: holds no views of a film")
-    return _views_of(path, tensors, header, least=0)
-
-
 def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dict[str, Any]]:
     """A person's model, references (None where the method has none) and header.
 
@@ -149,9 +129,9 @@ def _view_tensors(views: ReferenceViews) -> dict[str, Tensor]:
 
 
 def _views_of(
-    path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any], least: int = 1
+    path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]
 ) -> ReferenceViews | None:
-    """The references among the tensors of a file, `least` of them; None where there are none."""
+    """The references among the tensors of a file; None where there are none."""
     if "reference.images" not in tensors:
         return None
     part, mouth = (
@@ -160,7 +140,7 @@ def _views_of(
     )
     try:
         views = _views(part, header)
-        if len(views.c2w) < least:
+        if not len(views.c2w):
             raise ValueError("no reference")
         return replace(views, mouths=_mouths(mouth, views)) if mouth else views
     except MALFORMED_ERRORS as error:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import torch
 from jaxtyping import Float, Int, UInt8
 from torch import Tensor
@@ -53,61 +51,6 @@ def cut_references(dataset: HeadDataset, frames: Int[Tensor, " N"]) -> Reference
         focal=dataset.focal,
         centres=torch.stack(centres),
         scale=dataset.size / 512,
-    )
-
-
-def cut_references_like(
-    dataset: HeadDataset, frames: Int[Tensor, " N"], other: ReferenceViews
-) -> ReferenceViews:
-    """Reference views of frames of another film, of the size of a person's views."""
-    corners: list[tuple[int, int]] = []
-    if len(frames):
-        corners, _ = head_boxes(dataset.mattes[frames], round(MARGIN * dataset.size))
-    left_top = torch.tensor(corners, dtype=torch.long).view(-1, 2).flip(1)
-    return _cut_like(dataset, frames, left_top, other)
-
-
-def cut_mouths_like(
-    dataset: HeadDataset, frames: Int[Tensor, " P"], other: MouthViews
-) -> MouthViews:
-    """Crops round the mouths of frames of another film, of the size of a person's crops."""
-    height, width = other.views.mattes.shape[1:]
-    middle = project(
-        region(dataset.lip_shape)[0], dataset.c2w[frames], dataset.focal, dataset.centres[frames]
-    )
-    left_top = (middle - middle.new_tensor([width, height]) / 2).round().long()
-    return replace(
-        other,
-        views=_cut_like(dataset, frames, left_top, other.views),
-        lips=dataset.lip_points[frames],
-        frames=frames,
-    )
-
-
-def _cut_like(
-    dataset: HeadDataset,
-    frames: Int[Tensor, " N"],
-    left_top: Int[Tensor, "N 2"],
-    other: ReferenceViews,
-) -> ReferenceViews:
-    """Views of frames, cut at corners to the size of other views; beyond the image they repeat."""
-    height, width = other.mattes.shape[1:]
-    images, mattes = [], []
-    for t, (left, top) in zip(frames.tolist(), left_top.tolist(), strict=True):
-        rows, columns = (
-            (torch.arange(length) + first).clamp(0, dataset.size - 1)
-            for length, first in ((height, top), (width, left))
-        )
-        images.append(dataset.images[t][rows][:, columns])
-        mattes.append(dataset.mattes[t][rows][:, columns])
-    return replace(
-        other,
-        images=torch.stack(images) if images else other.images[:0],
-        mattes=torch.stack(mattes) if mattes else other.mattes[:0],
-        c2w=dataset.c2w[frames],
-        centres=dataset.centres[frames] - left_top,
-        surface=None,
-        mouths=None,
     )
 
 

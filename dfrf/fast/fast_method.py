@@ -24,7 +24,7 @@ from dfrf.fast.fast_model import FastModel
 from dfrf.fast.medoids import medoids
 from dfrf.field.audio import NEIGHBOURS, WINDOW
 from dfrf.field.conditioned_field import ConditionedField
-from dfrf.field.mouth_pixels import MOUTHS, TURN, lip_traits
+from dfrf.field.mouth_pixels import MOUTHS, TURN, lip_traits, read_measures
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
@@ -209,11 +209,10 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         dataset: HeadDataset,
         views: ReferenceViews,
         frames: Int[Tensor, " N"],
-        maps: ReferenceMaps | None = None,
     ) -> ReferenceViews:
         conditioning = training_conditioning(self.model, [dataset])[dataset.name]
         views = views.to(self.model.device)
-        maps, rounded = maps or self.maps(views), self.model.rounded().eval()
+        maps, rounded = self.maps(views), self.model.rounded().eval()
 
         def seen(some: ReferenceViews, numbers: Int[Tensor, " n"]) -> ReferenceViews:
             def volume(number: int) -> Volume:
@@ -249,12 +248,49 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     def resting_volumes(
         self, expression: Float[Tensor, "F U"], maps: ReferenceMaps | None
     ) -> Callable[[int], Volume]:
+        return self._volumes(self._resting(expression), maps)
+
+    def _resting(self, expression: Float[Tensor, "F U"]) -> Float[Tensor, "F K"]:
+        """Conditioning of frames in silence."""
         model, frames = self.model, len(expression)
         windows = torch.zeros(frames, NEIGHBOURS, WINDOW, self.speech_dim)
         parts = windows, torch.zeros(frames + 2 * CONTEXT_FRAMES, NUMBERS), expression
-        conditioning = model.field.conditioning(*(part.to(model.device) for part in parts))
-        rounded = model.rounded()
+        resting: Tensor = model.field.conditioning(*(part.to(model.device) for part in parts))
+        return resting
+
+    def _volumes(
+        self, conditioning: Float[Tensor, "F K"], maps: ReferenceMaps | None
+    ) -> Callable[[int], Volume]:
+        rounded = self.model.rounded()
         return lambda frame: rounded.volume(conditioning[frame : frame + 1], maps)
+
+    @torch.no_grad()
+    def volumes_with_lips(
+        self,
+        expression: Float[Tensor, "F U"],
+        lips: Float[Tensor, "F Q 2"],
+        origins: Float[Tensor, "F 3"],
+        maps: ReferenceMaps | None,
+    ) -> Callable[[int], Volume]:
+        """Volumes of the head with lips as they are in a film; gives that of one of F frames.
+
+        Args:
+            expression: measures of the upper face.
+            lips: positions of the lips, see `mouth_pixels`.
+            origins: of the cameras, head frame.
+            maps: references of the person.
+        """
+        conditioning = self._resting(expression)
+        if maps is not None and maps.views.mouths is not None:
+            own, mouths = self.model.field.conditioning, maps.views.mouths
+            measures = read_measures(mouths, lips.to(conditioning), origins.to(conditioning))
+            known = read_measures(mouths, mouths.lips, mouths.views.c2w[:, :, 3])
+            measures = measures.clamp(known.amin(0), known.amax(0))
+            codes, rest = conditioning.split(
+                [self.model.config.field.code_dim, expression.shape[1]], 1
+            )
+            conditioning = torch.cat([own.project_to_lips(codes, measures), rest], 1)
+        return self._volumes(conditioning, maps)
 
     def render_frames(
         self, inputs: FrameInputs, maps: ReferenceMaps | None

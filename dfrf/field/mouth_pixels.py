@@ -94,6 +94,16 @@ def wanted_lips(
     return (inputs @ mouths.reading[:-1] + mouths.reading[-1]).view(-1, 2)
 
 
+def read_measures(
+    mouths: MouthViews, lips: Float[Tensor, "F Q 2"], origins: Float[Tensor, "F 3"]
+) -> Float[Tensor, "F L"]:
+    """The lip measures whose lips, seen from viewpoints, come nearest to given positions."""
+    count = len(mouths.reading) - 4
+    viewed = F.normalize(origins, dim=-1) @ mouths.reading[count:-1]
+    rest = lips.flatten(1) - viewed - mouths.reading[-1]
+    return torch.linalg.lstsq(mouths.reading[:count].T, rest.T).solution.T
+
+
 def fit_reading(
     measures: Float[Tensor, "T L"], c2w: Float[Tensor, "T 3 4"], lips: Float[Tensor, "T Q 2"]
 ) -> Float[Tensor, "I Q2"]:

@@ -37,8 +37,6 @@ def surfaces(volume: Callable[[int], Volume], views: ReferenceViews) -> Float[Te
     down, right = (torch.linspace(0, side - 1, n) for side, n in ((height, rows), (width, columns)))
     places = torch.stack([x.flatten() for x in torch.meshgrid(right, down, indexing="xy")], -1)
     seen = [_distances(volume(k), views, k, places) for k in range(len(views.c2w))]
-    if not seen:
-        return views.c2w.new_zeros(0, rows, columns)
     return nearest_around(torch.stack(seen).view(-1, rows, columns))
 
 

@@ -17,7 +17,6 @@ from dfrf.presets import method_of
 from dubbing.compositing.face_mask import rendered_region
 from dubbing.engine.stage import Progress
 from dubbing.errors import CheckpointError
-from dubbing.heads.film_views import joined
 from dubbing.identity.dataset import upper_face_expression
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
@@ -27,13 +26,8 @@ from dubbing.sound_to_lips.speech_frames import SpeechFrames
 SpeechPart = Callable[[int, int], SpeechFrames]
 
 
-def load(
-    model: Path, device: str = "auto", film: Path | None = None
-) -> tuple[HeadModel, Maps | None, dict[str, object]]:
+def load(model: Path, device: str = "auto") -> tuple[HeadModel, Maps | None, dict[str, object]]:
     """A person's model on a device with its reference maps, computed once; and its header.
-
-    Args:
-        film: file of views of the film that is dubbed, see `film_views`; without them when None.
 
     Raises:
         CheckpointError: the file cannot be used.
@@ -42,12 +36,6 @@ def load(
         person, views, header = saved_models.load_person(model)
     except checkpoint.CheckpointError as error:
         raise CheckpointError(str(error), remedy="run with --force finetune") from error
-    if views is not None and film is not None:
-        try:
-            beside = saved_models.load_views(film)
-        except checkpoint.CheckpointError as error:
-            raise CheckpointError(str(error), remedy="run with --force refine_poses") from error
-        views = views if beside is None else joined(views, beside)
     target = devices.choose(device)
     person.to(target).eval()
     maps = None if views is None else method_of(person).maps(views)
@@ -61,7 +49,6 @@ def render(
     out: Path,
     *,
     pose_index: np.ndarray,
-    film: Path | None = None,
     part: tuple[int, int] | None = None,
     device: str = "auto",
     progress: Progress | None = None,
@@ -79,7 +66,6 @@ def render(
         speech: of the frames to render; called for a segment at a time.
         out: folder.
         pose_index: (T,) frame of the clip each frame takes its pose from.
-        film: file of views of the film, see `load`.
         part: first and stop of those of the T frames to render; all by default.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
@@ -88,7 +74,7 @@ def render(
         CheckpointError: the model cannot be used.
     """
     count = len(pose_index)
-    person, maps, _ = load(model, device, film)
+    person, maps, _ = load(model, device)
     out.mkdir(parents=True, exist_ok=True)
 
     begin, end = part or (0, count)

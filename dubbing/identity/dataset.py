@@ -109,7 +109,6 @@ def load_identity(
     *,
     every: int = 1,
     folder: Path | None = None,
-    focal: float | None = None,
 ) -> HeadDataset:
     """Frames of a person's clips, without those that show no face.
 
@@ -120,14 +119,12 @@ def load_identity(
         name: of the person, for messages.
         every: keep the image of one frame of so many.
         folder: for the images, see `ImageStore`; in memory when None.
-        focal: of the camera, px; the first clip's when None.
 
     Raises:
         TrainingError: no frame shows a face.
         ExplainedError: the folder's disk is full.
     """
     first = clips[0].clip
-    focal = focal or float(first.focal)
     ends = np.cumsum([0, *(len(one.with_face) for one in clips)])
     number = [
         np.flatnonzero(np.flatnonzero(one.clip.detected[one.frames]) % every == 0) for one in clips
@@ -149,9 +146,9 @@ def load_identity(
         clip, speech, speaking = one.clip, one.speech, one.with_face
         if not len(speaking):
             continue
-        index = speaking[which]
+        index, frontal = speaking[which], clip.frontal_landmarks()
         gaps = np.cumsum(np.diff(one.frames, prepend=one.frames[:1]) > 1)
-        _add_images(store, one, gaps, which, focal)
+        _add_images(store, one, gaps, which, first.focal)
         runs = gaps[clip.detected[one.frames]] * (clip.segment.max() + 1)
         segment = clip.segment[speaking] + runs
         for field, values in {
@@ -161,8 +158,8 @@ def load_identity(
             "number": which + at,
             "windows": speech.windows[speaking],
             "predicted_lips": speech.lips[speaking],
-            "lips": lip_measures(clip.landmarks[speaking]),
-            "touching": lips_touch(clip.landmarks[speaking]),
+            "lips": lip_measures(frontal[speaking]),
+            "touching": lips_touch(frontal[speaking]),
             "segment": segment + shots,
             "lip_points": lip_points(clip, index).numpy(),
         }.items():
@@ -175,7 +172,7 @@ def load_identity(
         **{
             field: t if field in ("number", "segment") else t.float() for field, t in joined.items()
         },
-        focal=focal,
+        focal=float(first.focal),
         surface=surface_points(first),
         lip_shape=lip_shape(first),
     )

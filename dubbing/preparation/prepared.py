@@ -213,6 +213,17 @@ class PreparedClip:
         origin = -back @ self.translation[..., None]
         return np.concatenate((back @ flip, origin), axis=2)
 
+    def frontal_landmarks(self) -> np.ndarray:
+        """Landmarks as they are seen from the front, (T, 478, 2): x right, y down, head units.
+
+        Each lies as far from the camera as the mean shape does.
+        """
+        depth = (self.shape @ self.rotation.transpose(0, 2, 1))[..., 2] + self.translation[:, 2:]
+        rays = (self.landmarks - self.centre[:, None]) / self.focal
+        seen = np.concatenate([rays, np.ones_like(rays[..., :1])], 2) * depth[..., None]
+        turned = (seen - self.translation[:, None]) @ self.rotation
+        return np.asarray(turned[..., :2])
+
     def with_poses(self, c2w: np.ndarray) -> PreparedClip:
         """The same clip with other poses, given as :meth:`c2w` gives them, (T, 3, 4)."""
         flip = np.diag([1.0, -1.0, -1.0])

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class RefinePoses(DubbingStage):
-    """Refines poses, finds what lies over the face, and takes views; see `film_findings`.
+    """Refines poses and finds what lies over the face; see `dubbing.heads.film_findings`.
 
     Attributes:
         crops: frames, each as a share of a full head crop.
@@ -45,11 +45,8 @@ class RefinePoses(DubbingStage):
     def run(self, out: Path, progress: Progress) -> None:
         from dubbing.heads.film_findings import find
         from dubbing.heads.fine_tuning import MODEL_FILE
-        from dubbing.identity.learned import learned
 
-        known = learned(self.model.folder)
-        model = self.model.folder / MODEL_FILE
-        find(model, self.prepared.load(), known, out, self.device, progress)
+        find(self.model.folder / MODEL_FILE, self.prepared.load(), out, self.device, progress)
 
     def amount(self) -> float:
         return self.crops

@@ -80,7 +80,6 @@ class Render(DubbingStage):
 
     def run(self, out: Path, progress: Progress) -> None:
         from dubbing.heads.covers import seen_by_head
-        from dubbing.heads.film_views import VIEWS_FILE
         from dubbing.heads.fine_tuning import MODEL_FILE
         from dubbing.heads.rendering import render
         from dubbing.sound_to_lips.cue_speech import Speech
@@ -94,7 +93,6 @@ class Render(DubbingStage):
             speech.part,
             out,
             pose_index=poses[self.first :],
-            film=self.poses.folder / VIEWS_FILE,
             part=self.part,
             device=self.device,
             progress=progress,

@@ -13,7 +13,7 @@ from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking.reach import NOT_SEEN, Reach, hidden, reach_of, views_of
 
 # Degrees between a view of the head and the nearest that was learned: beyond, it is not rendered.
-FARTHEST_VIEW = 70.0
+FARTHEST_VIEW = 20.0
 REASONS = (*NOT_SEEN, "turned")  # by their numbers
 OVERLAID = ("", "something lies over it")
 

@@ -1,21 +1,13 @@
 """What lies over a face is found where a head cannot explain the picture."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
-from dubbing.heads.covers import (
-    Compared,
-    H,
-    W,
-    followed,
-    is_awry,
-    mask_of,
-    runs_of,
-    steady,
-    to_face,
-    unexplained,
-    usual_difference,
-)
+from dubbing.heads.comparison import Compared, H, W, is_awry, to_face, usual_difference
+from dubbing.heads.cover_cut import followed, is_like_skin, mask_of, steady, unexplained
+from dubbing.heads.covers import runs_of
 from tests import fakes
 
 FACE = np.zeros((H, W), bool)
@@ -37,7 +29,7 @@ def face(thing: tuple[slice, slice] | None = None, noise: int = 0) -> Compared:
     rng = np.random.default_rng(noise)
     picture = np.clip(picture + rng.normal(0, 2, picture.shape), 0, 255).astype(np.uint8)
     apart = np.abs(np.log(picture + 12.0) - np.log(expected + 12.0)).max(-1) * FACE
-    return Compared(picture, apart.astype(np.float32), FACE & ~LIPS, LIPS)
+    return Compared(picture, apart.astype(np.float32), FACE & ~LIPS, LIPS, FACE & ~LIPS)
 
 
 USUAL = np.full((H, W), 0.03, np.float32)
@@ -91,8 +83,16 @@ def test_places_that_always_differ_are_usual() -> None:
 
 def test_a_head_that_does_not_lie_on_the_face() -> None:
     compared = face()
-    shifted = Compared(compared.picture, compared.apart + 0.15, compared.known, compared.lips)
-    assert is_awry(shifted, USUAL)
+    assert is_awry(replace(compared, apart=compared.apart + 0.15), USUAL)
+
+
+def test_a_hand_cannot_be_told_from_a_face() -> None:
+    thing = np.zeros((H, W), bool)
+    thing[OBJECT] = True
+    assert not is_like_skin(face(OBJECT), thing)
+    hand = face()
+    hand.picture[OBJECT] = (185, 138, 120)
+    assert is_like_skin(hand, thing)
 
 
 def test_a_mask_follows_the_picture() -> None:

@@ -1,0 +1,178 @@
+"""A film beside the learned head: where the head does not explain what the film shows.
+
+The head is rendered for every frame with the lips that the film shows. Both are compared in the
+frame of the face, W x H pixels: upright, with the outer corners of the eyes `EYES` apart. T frames,
+S side of the crop in px.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+import torch
+
+from dfrf.cameras import Camera
+from dfrf.fast.fast_method import FastMethod
+from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.method_interface import Maps, Method
+from dfrf.rendering.frame_renderer import render_frame
+from dfrf.rendering.volume_rendering import Volume
+from dfrf.workers import Workers
+from dubbing.compositing.face_mask import lower_share
+from dubbing.face.face_contour import face_region
+from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.identity.dataset import lip_points, upper_face_expression
+from dubbing.media import read_frames
+from dubbing.preparation.matting.matting import dilate
+from dubbing.preparation.prepared import PreparedClip
+from dubbing.preparation.tracking import cropping
+
+SIDE = 128  # px of the pictures that are rendered
+EYES, W, H = 28.0, 88, 80  # of the frame of the face, px
+EYES_AT = 8.0  # px below its upper edge
+DARK = 12.0  # grey levels added before a logarithm is taken: noise of dark colours counts less
+OPAQUE = 0.9  # opacity from which the head is compared
+LIGHT = 9.0  # px, Gaussian: what varies more slowly is light
+OUTLIER = 0.25  # of a logarithm: a place that far off says little about the light
+TYPICAL = 60  # frames of a shot from which that is known
+LIPS = 0.04  # eye distances round the lips where words decide what is seen
+RIM = 3  # px round the face that are rendered
+MUCH, AWRY = 70, 0.1  # percent, logarithm: with so much beyond that, the head lies beside the face
+AT_ONCE = 8
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A frame in the frame of the face.
+
+    Attributes:
+        picture: (H, W, 3) uint8. apart: (H, W) float32, difference from the head as a logarithm.
+        known: (H, W) bool, the lower face beside the lips. lips: (H, W) bool.
+        face: (H, W) bool, all of the face beside the lips.
+    """
+
+    picture: np.ndarray
+    apart: np.ndarray
+    known: np.ndarray
+    lips: np.ndarray
+    face: np.ndarray
+
+
+def to_face(landmarks: np.ndarray) -> np.ndarray:
+    """The similarity (2, 3) from px of a crop to the frame of the face."""
+    left, right = landmarks[LEFT_EYE_OUTER], landmarks[RIGHT_EYE_OUTER]
+    across = (right - left).astype(np.float64)
+    length = max(float(np.hypot(*across)), 1.0)
+    cosine, sine = across / length
+    turn = EYES / length * np.array([[cosine, sine], [-sine, cosine]])
+    move = np.array([W / 2, EYES_AT]) - turn @ ((left + right) / 2)
+    return np.concatenate([turn, move[:, None]], 1)
+
+
+def compare(
+    image: np.ndarray, landmarks: np.ndarray, colour: np.ndarray, opacity: np.ndarray
+) -> Compared:
+    """A frame beside the head.
+
+    Args:
+        image: (S, S, 3) uint8. landmarks: (478, 2) px of it.
+        colour, opacity: of the head, premultiplied, (s, s, 3) and (s, s), 0..1, of any size s.
+    """
+    turn, size = to_face(landmarks), len(image)
+
+    def upright(pixels: np.ndarray) -> np.ndarray:
+        scale = len(pixels) / size
+        own = turn.copy()
+        own[:, 2] += own[:, :2] @ np.full(2, 0.5 / scale - 0.5)
+        own[:, :2] /= scale
+        return np.asarray(cv2.warpAffine(pixels, own, (W, H), flags=cv2.INTER_LINEAR))
+
+    small = cv2.resize(image, (len(opacity),) * 2, interpolation=cv2.INTER_AREA)
+    picture, alpha = upright(small), upright(opacity)
+    head = 255 * upright(colour) / np.maximum(alpha, 0.05)[..., None]
+    points = landmarks @ turn[:, :2].T + turn[:, 2]
+    side = max(W, H)
+    face = face_region(points, side)[:H, :W] > 0
+    lower = lower_share(points, side)[:H, :W] > 0
+    mouth = np.zeros((H, W), np.uint8)
+    cv2.fillPoly(mouth, [points[list(OUTER_LIP)].round().astype(np.int32)], 1)
+    lips = dilate(mouth > 0, LIPS * EYES)
+    solid = (alpha > OPAQUE) & face
+    ratio = np.log(picture + DARK) - np.log(np.clip(head, 0, 255) + DARK)
+    middle = np.median(ratio[solid & ~lips], 0) if (solid & ~lips).any() else np.zeros(3)
+    weight = (solid & ~lips) / (1 + (np.abs(ratio - middle).max(-1) / OUTLIER) ** 4)
+    light, around = (
+        cv2.GaussianBlur(x.astype(np.float32), (0, 0), LIGHT)
+        for x in (weight[..., None] * (ratio - middle), weight)
+    )
+    apart = np.abs(ratio - middle - light / (around[..., None] + 0.02)).max(-1) * solid
+    beside = solid & ~lips
+    return Compared(picture, apart.astype(np.float32), beside & lower, lips & lower, beside)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Renders the head of a clip's frames as it speaks there, and compares it with them."""
+
+    method: Method[Any, Any]
+    maps: Maps | None
+    clip: PreparedClip
+
+    def look(self, frames: np.ndarray) -> Iterator[Compared]:
+        """Frames (F,), rising, one by one."""
+        clip, device = self.clip, self.method.model.device
+        expression = torch.from_numpy(upper_face_expression(clip)[frames]).float()
+        c2w = torch.from_numpy(clip.c2w()[frames]).float().to(device)
+        volumes = self._volumes(expression, lip_points(clip, frames), c2w[:, :, 3])
+        scale = SIDE / clip.size
+        centre = (torch.from_numpy(clip.centre[frames]).float().to(device) + 0.5) * scale - 0.5
+
+        def one(job: tuple[int, np.ndarray]) -> Compared:
+            number, image = job
+            landmarks = clip.landmarks[frames[number]]
+            region = dilate(face_region((landmarks + 0.5) * scale - 0.5, SIDE) > 0, RIM)
+            camera = Camera(c2w[number], float(clip.focal) * scale, centre[number], SIDE)
+            head = render_frame(volumes(number), camera, torch.from_numpy(region).to(device))
+            return compare(image, landmarks, *(part.float().cpu().numpy() for part in head))
+
+        with Workers(device, AT_ONCE) as workers:
+            yield from workers.map(one, enumerate(images(clip, frames)))
+
+    def _volumes(
+        self, expression: torch.Tensor, lips: torch.Tensor, origins: torch.Tensor
+    ) -> Callable[[int], Volume]:
+        maps = self.maps
+        if isinstance(self.method, FastMethod) and isinstance(maps, ReferenceMaps):
+            return self.method.volumes_with_lips(expression, lips, origins, maps)
+        return self.method.resting_volumes(expression, self.maps)
+
+
+def images(clip: PreparedClip, frames: np.ndarray) -> Iterator[np.ndarray]:
+    """Crops (S, S, 3) of frames (F,), rising."""
+    if not len(frames):
+        return
+    first, wanted = int(frames[0]), set(frames.tolist())
+    films = read_frames(clip.clip, start=first, count=int(frames[-1]) - first + 1, rate=clip.rate)
+    for t, whole in enumerate(films, first):
+        if t in wanted:
+            yield cropping.crop(whole, clip.crop[t], clip.size)
+
+
+def usual_difference(apart: np.ndarray) -> np.ndarray:
+    """By how much places differ in most of the frames (F, H, W), and those beside them, (H, W)."""
+    some = np.unique(np.linspace(0, len(apart) - 1, TYPICAL).round().astype(int))
+    middle = np.median(apart[some].astype(np.float32), 0)
+    return np.asarray(cv2.dilate(middle, np.ones((3, 3))))
+
+
+def is_awry(compared: Compared, usual: np.ndarray) -> bool:
+    """Whether the head does not lie on the face: much of the face differs from it a little."""
+    if not compared.face.any():
+        return False
+    beyond = compared.apart[compared.face] - usual[compared.face]
+    return bool(np.percentile(beyond, MUCH) > AWRY)

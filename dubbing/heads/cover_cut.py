@@ -1,0 +1,127 @@
+"""Cuts out what lies over a face, in the frame of the face; see `comparison`.
+
+Beside the lips it is what differs from the head by more than usual, and over more than a fold of
+skin. On the lips colours decide, which `cv2.grabCut` learns. W x H pixels, S side of a crop in px.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dubbing.heads.comparison import EYES, Compared, H, W, to_face
+
+USUAL = 2.5  # times what a place differs by in most frames
+THIN = 1  # px to each side: what is thinner is an edge that does not fit
+APART = 0.22  # of a logarithm: no skin differs by more
+LIKE_SKIN = 12.0  # of a and b of CIELAB
+LEAST = 0.03  # of the squared eye distance that must differ, beside the lips
+AROUND, MOST = 2, 3  # in so many frames of those that near, or it is chance
+ROUNDS = 3  # of grabCut
+SOFT = 2.0  # px at 512, the edge of a mask
+
+
+def unexplained(compared: Compared, usual: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) bool beside the lips that the head does not explain; none where few are.
+
+    Args:
+        usual: (H, W), by how much places differ in most frames.
+    """
+    beyond = (compared.apart > np.maximum(APART, USUAL * usual)) & compared.known
+    kernel = np.ones((2 * THIN + 1,) * 2, np.uint8)
+    solid = cv2.morphologyEx(beyond.astype(np.uint8), cv2.MORPH_OPEN, kernel)
+    _, piece, stats, _ = cv2.connectedComponentsWithStats(solid)
+    large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= LEAST * EYES**2) + 1
+    return np.isin(piece, large)
+
+
+def is_like_skin(compared: Compared, over: np.ndarray) -> bool:
+    """Whether what lies over the face has its colours, as a hand has: no cut tells them apart."""
+    skin = compared.known & (compared.apart < APART / 2) & ~over
+    if not skin.any():
+        return True
+    chroma = cv2.cvtColor(compared.picture, cv2.COLOR_RGB2LAB)[..., 1:].astype(np.float32)
+    middles = [np.median(chroma[where], 0) for where in (over, skin)]
+    return bool(np.linalg.norm(middles[0] - middles[1]) < LIKE_SKIN)
+
+
+@dataclass
+class Models:
+    """Colours of what lies over a face and of what does not, as `cv2.grabCut` keeps them."""
+
+    behind: np.ndarray
+    over: np.ndarray
+
+
+def cut_out(
+    compared: Compared, seeds: np.ndarray, near: np.ndarray | None, models: Models | None
+) -> tuple[np.ndarray, Models | None]:
+    """All that lies over the face, (H, W) bool, and its colours.
+
+    Args:
+        seeds: (H, W) bool, what surely does.
+        near: the same of the frame before, or after it, if that is known; with its colours.
+    """
+    cut = np.full((H, W), cv2.GC_PR_BGD, np.uint8)
+    if near is not None:
+        cut[near] = cv2.GC_PR_FGD
+    cut[compared.known & (compared.apart < APART / 2)] = cv2.GC_BGD
+    cut[compared.known & (compared.apart > APART)] = cv2.GC_PR_FGD
+    cut[seeds] = cv2.GC_FGD
+    over = np.isin(cut, (cv2.GC_FGD, cv2.GC_PR_FGD))
+    if not over.any() or over.all() or not (cut == cv2.GC_BGD).any():
+        return seeds, models
+    of = Models(np.zeros((1, 65)), np.zeros((1, 65)))
+    mode = cv2.GC_INIT_WITH_MASK
+    if models is not None and not seeds.any():
+        of, mode = Models(models.behind.copy(), models.over.copy()), cv2.GC_EVAL_FREEZE_MODEL
+    cv2.setRNGSeed(0)
+    cv2.grabCut(compared.picture, cut, (0, 0, W, H), of.behind, of.over, ROUNDS, mode)
+    found = np.isin(cut, (cv2.GC_FGD, cv2.GC_PR_FGD)).astype(np.uint8)
+    _, piece = cv2.connectedComponents(found)
+    root = seeds if near is None else seeds | near
+    return np.isin(piece, np.setdiff1d(piece[root], 0)), of
+
+
+def followed(compared: list[Compared], seeds: list[np.ndarray]) -> list[np.ndarray]:
+    """What lies over the face in each of some frames in a row.
+
+    A frame without seeds takes on what its neighbours show, as far as it has the same colours.
+    """
+    found: list[np.ndarray] = [s.copy() for s in seeds]
+    for step in (1, -1):
+        near, models = None, None
+        for k in range(len(seeds))[::step]:
+            over, models = cut_out(compared[k], seeds[k], near, models)
+            found[k] = found[k] | over
+            near = over if over.any() else None
+            if near is None:
+                models = None
+    return found
+
+
+def steady(seeds: list[np.ndarray]) -> list[np.ndarray]:
+    """Seeds without those of frames in whose neighbourhood few others have any."""
+    some = np.array([s.any() for s in seeds], int)
+    votes = np.convolve(some, np.ones(2 * AROUND + 1, int), "same")
+    return [s if vote >= MOST else np.zeros_like(s) for s, vote in zip(seeds, votes, strict=True)]
+
+
+def mask_of(over: np.ndarray, image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
+    """Mask (S, S) uint8 of what lies over the face, with the edges of the picture.
+
+    Args:
+        over: (H, W) bool. image: (S, S, 3) uint8. landmarks: (478, 2) px of it.
+    """
+    size = len(image)
+    unit = size / 512
+    back = cv2.invertAffineTransform(to_face(landmarks))
+    wide = cv2.warpAffine(over.astype(np.float32), back, (size, size), flags=cv2.INTER_LINEAR)
+    reach = max(2, round(float(np.hypot(*back[:, 0])) * 1.5))
+    fine = cv2.ximgproc.guidedFilter(image, wide, reach, 1e-3 * 255**2)
+    soft = np.clip((fine - 0.3) / 0.4, 0, 1)
+    return np.asarray(
+        (255 * cv2.GaussianBlur(soft, (0, 0), max(0.5, SOFT * unit))).round(), np.uint8
+    )
