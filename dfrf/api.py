@@ -105,7 +105,8 @@ def fit_head(
     method = method_of(model)
     chosen = {dataset.name: references} if method.references else None
     fit(method, [dataset], config, chosen, FitOptions(device=device))
-    views = method.finish(dataset, references if method.references else None, config.seed)
+    views = method.reference_views(dataset, references) if method.references else None
+    method.finish(dataset, views, config.seed)
     return Head.of(model, views)
 
 

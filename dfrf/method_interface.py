@@ -206,20 +206,8 @@ class Method(ABC, Generic[ShareT, MapsT]):
     def after_step(self, step: int, config: TrainConfig) -> None:
         """Called after every step; does nothing by default."""
 
-    def with_surfaces(
-        self,
-        dataset: HeadDataset,
-        views: ReferenceViews,
-        frames: Int[Tensor, " N"],
-    ) -> ReferenceViews:
-        """Views of frames of a person that know what they see; by default they do not."""
-        return views
-
-    def finish(
-        self, dataset: HeadDataset, references: Int[Tensor, " N"] | None, seed: int
-    ) -> ReferenceViews | None:
-        """Called after the last step of a fine-tune: the person's references, if there are any."""
-        return None if references is None else self.reference_views(dataset, references)
+    def finish(self, dataset: HeadDataset, views: ReferenceViews | None, seed: int) -> None:
+        """Called after the last step of a fine-tune; does nothing by default."""
 
     def resting_volumes(
         self, expression: Float[Tensor, "F U"], maps: MapsT | None

@@ -28,8 +28,6 @@ REFERENCE_SHAPES = {
     "c2w": ("N", 3, 4),
     "centres": ("N", 2),
 }
-SURFACE = "surface"  # of methods that know what a view sees
-SURFACE_SHAPE = ("a", "b")
 # Of the P crops of h x w pixels round a person's mouth.
 MOUTH_SHAPES = {
     "images": ("P", "h", "w", 3),
@@ -95,8 +93,15 @@ def save_person(
     """Saves a person's model together with its references."""
     tensors = model.state_dict()
     if views is not None:
-        tensors |= _view_tensors(views)
+        tensors |= {
+            "reference.images": views.images,
+            "reference.mattes": views.mattes,
+            "reference.c2w": views.c2w,
+            "reference.centres": views.centres,
+        }
         header = {**header, "focal": views.focal, "scale": views.scale}
+        if views.mouths is not None:
+            tensors |= {f"mouth.{name}": value for name, value in _mouth_tensors(views.mouths)}
     about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
     write_tensors(path, tensors, {**about, **header})
 
@@ -108,51 +113,23 @@ def load_person(path: str | Path) -> tuple[HeadModel, ReferenceViews | None, dic
         CheckpointError: as `load_model`, or its references are another version's.
     """
     tensors, header = read_tensors(path)
-    views = _views_of(path, tensors, header)
+    views = None
+    if "reference.images" in tensors:
+        part, mouth = (
+            {k.removeprefix(of): v for k, v in tensors.items() if k.startswith(of)}
+            for of in ("reference.", "mouth.")
+        )
+        try:
+            views = _views(part, header)
+            if mouth:
+                views = replace(views, mouths=_mouths(mouth, views))
+        except MALFORMED_ERRORS as error:
+            raise CheckpointError(
+                f"{path}: its references are in another format than this version reads; fine-tune "
+                "the person again"
+            ) from error
     weights = {k: v for k, v in tensors.items() if not k.startswith(("reference.", "mouth."))}
     return _build(path, weights, header), views, header
-
-
-def _view_tensors(views: ReferenceViews) -> dict[str, Tensor]:
-    """Tensors of references and of crops of mouths, by the names that they are saved under."""
-    tensors = {
-        "reference.images": views.images,
-        "reference.mattes": views.mattes,
-        "reference.c2w": views.c2w,
-        "reference.centres": views.centres,
-        **_surface("reference.", views),
-    }
-    if views.mouths is not None:
-        tensors |= {f"mouth.{name}": value for name, value in _mouth_tensors(views.mouths)}
-        tensors |= _surface("mouth.", views.mouths.views)
-    return tensors
-
-
-def _views_of(
-    path: str | Path, tensors: dict[str, Tensor], header: dict[str, Any]
-) -> ReferenceViews | None:
-    """The references among the tensors of a file; None where there are none."""
-    if "reference.images" not in tensors:
-        return None
-    part, mouth = (
-        {k.removeprefix(of): v for k, v in tensors.items() if k.startswith(of)}
-        for of in ("reference.", "mouth.")
-    )
-    try:
-        views = _views(part, header)
-        if not len(views.c2w):
-            raise ValueError("no reference")
-        return replace(views, mouths=_mouths(mouth, views)) if mouth else views
-    except MALFORMED_ERRORS as error:
-        raise CheckpointError(
-            f"{path}: its references are in another format than this version reads; fine-tune "
-            "the person again"
-        ) from error
-
-
-def _surface(prefix: str, views: ReferenceViews) -> dict[str, Tensor]:
-    """What views see, by the name that it is saved under; nothing where it is not known."""
-    return {} if views.surface is None else {prefix + SURFACE: views.surface}
 
 
 def _mouth_tensors(mouths: MouthViews) -> Iterator[tuple[str, Tensor]]:
@@ -167,8 +144,6 @@ def _check(part: dict[str, Tensor], shapes: Mapping[str, Sequence[str | int]]) -
     Raises:
         ValueError, LookupError: a tensor has another shape, type or name.
     """
-    if SURFACE in part:
-        shapes = {**shapes, SURFACE: (shapes["images"][0], *SURFACE_SHAPE)}
     if part.keys() != shapes.keys():
         raise LookupError("other tensors")
     lengths: dict[str, int] = {}
@@ -200,7 +175,6 @@ def _mouths(part: dict[str, Tensor], whole: ReferenceViews) -> MouthViews:
         mattes=part["mattes"],
         c2w=part["c2w"],
         centres=part["centres"],
-        surface=part.get(SURFACE),
     )
     lips = part["lips"]
     return MouthViews(crops, lips, part["shape"], part["reading"], torch.arange(count), lips[:0])
@@ -213,9 +187,8 @@ def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
         ValueError, LookupError, TypeError: they have others.
     """
     focal, scale = (header[name] for name in ("focal", "scale"))
-    _check(part, REFERENCE_SHAPES)
-    if not (0 < focal < math.inf and 0 < scale < math.inf):
-        raise ValueError("focal and scale")
+    if not (_check(part, REFERENCE_SHAPES)["N"] and 0 < focal < math.inf and 0 < scale < math.inf):
+        raise ValueError("no reference, or focal and scale")
     return ReferenceViews(
         images=part["images"],
         mattes=part["mattes"],
@@ -223,5 +196,4 @@ def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
         centres=part["centres"],
         focal=float(focal),
         scale=float(scale),
-        surface=part.get(SURFACE),
     )

@@ -31,7 +31,6 @@ from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.grid_pruning import prune_grid
-from dfrf.rendering.view_surfaces import surfaces
 from dfrf.rendering.volume_rendering import Volume, render_rays
 from dfrf.training.lip_supervision import (
     closed_mouth_target,
@@ -203,46 +202,16 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         if (step + 1) % config.occupancy_every == 0:
             self.model.grid.refresh()
 
-    @torch.no_grad()
-    def with_surfaces(
-        self,
-        dataset: HeadDataset,
-        views: ReferenceViews,
-        frames: Int[Tensor, " N"],
-    ) -> ReferenceViews:
-        conditioning = training_conditioning(self.model, [dataset])[dataset.name]
-        views = views.to(self.model.device)
-        maps, rounded = self.maps(views), self.model.rounded().eval()
-
-        def seen(some: ReferenceViews, numbers: Int[Tensor, " n"]) -> ReferenceViews:
-            def volume(number: int) -> Volume:
-                frame = int(numbers[number])
-                return rounded.volume(conditioning[frame : frame + 1], maps)
-
-            return replace(some, surface=surfaces(volume, some))
-
-        mouths = views.mouths
-        if mouths is not None:
-            mouths = replace(mouths, views=seen(mouths.views, mouths.frames))
-        return replace(seen(views, frames), mouths=mouths)
-
-    def finish(
-        self, dataset: HeadDataset, references: Int[Tensor, " N"] | None, seed: int
-    ) -> ReferenceViews | None:
+    def finish(self, dataset: HeadDataset, views: ReferenceViews | None, seed: int) -> None:
         """Fits the person's part of the conditioning, and closes empty cells."""
-        model, own = self.model.eval(), self.model.field.conditioning
+        model, own = self.model, self.model.field.conditioning
         if model.config.field.learns_lips:
             fit_speaker_adaptation(own, dataset)
             own.closed_mouth_target.copy_(closed_mouth_target(own, dataset))
+        maps = None if views is None else self.maps(views)
         conditioning = training_conditioning(model, [dataset])[dataset.name]
         generator = torch.Generator().manual_seed(seed)
-        if references is None:
-            prune(model, conditioning, dataset.c2w, None, generator)
-            return None
-        views = self.reference_views(dataset, references)
-        views = self.with_surfaces(dataset, views, references)
-        prune(model, conditioning, dataset.c2w, self.maps(views), generator)
-        return views
+        prune(model.eval(), conditioning, dataset.c2w, maps, generator)
 
     @torch.no_grad()
     def resting_volumes(

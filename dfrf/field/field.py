@@ -129,7 +129,7 @@ class Field(nn.Module):
         fused, weight = self.aggregation(
             feature,
             towards.to(feature.dtype),
-            maps.log_weight(query.points, positions),
+            maps.log_view_weight,
             query.encoded,
             conditioning,
             query.belongs,

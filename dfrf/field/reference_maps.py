@@ -108,19 +108,10 @@ class ReferenceMaps:
                 mattes=views.mattes[:0],
                 c2w=views.c2w[chosen],
                 centres=views.centres[chosen],
-                surface=None if views.surface is None else views.surface[chosen],
             ),
             number=self.number[chosen],
             log_view_weight=log_view_weight,
         )
-
-    def log_weight(
-        self, points: Float[Tensor, "M 3"], positions: Float[Tensor, "n M 2"]
-    ) -> Float[Tensor, "n M"]:
-        """Logarithm of the weight of each view at points that it shows at positions, pixels."""
-        sides = positions.new_tensor([self.width - 1, self.height - 1])
-        seen = self.views.log_visibility(points, positions / sides)
-        return self.log_view_weight[:, None] + seen
 
     def first_rows(self) -> Int[Tensor, "n 1"]:
         """Row of the table where each of the views begins."""

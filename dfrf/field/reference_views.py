@@ -15,10 +15,6 @@ from torch import Tensor
 
 from dfrf.cameras import project
 
-# Head units behind the surface that a view shows: there it sees a point half as well.
-TOLERANCE, SOFTNESS = 0.15, 0.03
-HIDDEN = -7.0  # logarithm of the weight of a hidden point: where no view sees it, all count again
-
 
 @dataclass(frozen=True)
 class ReferenceViews:
@@ -31,8 +27,6 @@ class ReferenceViews:
         centres: principal points of the cut, (column, row).
         scale: pixels of the reference for one pixel at a 512 crop (the unit of the warp).
         mouths: crops round the mouth in many frames, see `mouth_pixels`; None without.
-        surface: distance from each camera to the surface it sees at h x w places spread over its
-            view, 0 where there is none; None where it is not known.
     """
 
     images: UInt8[Tensor, "P H W 3"]
@@ -42,7 +36,6 @@ class ReferenceViews:
     centres: Float[Tensor, "N 2"]
     scale: float
     mouths: MouthViews | None = None
-    surface: Float[Tensor, "N h w"] | None = None
 
     def to(self, device: torch.device) -> ReferenceViews:
         """The same views on a device."""
@@ -53,34 +46,11 @@ class ReferenceViews:
             c2w=self.c2w.to(device),
             centres=self.centres.to(device),
             mouths=None if self.mouths is None else self.mouths.to(device),
-            surface=None if self.surface is None else self.surface.to(device),
         )
 
     def project(self, points: Float[Tensor, "M 3"]) -> Float[Tensor, "N M 2"]:
         """Equation (1): positions of points in the views, pixels."""
         return project(points, self.c2w, self.focal, self.centres)
-
-    def log_visibility(
-        self, points: Float[Tensor, "M 3"], shares: Float[Tensor, "N M 2"]
-    ) -> Float[Tensor, "N M"]:
-        """Logarithm of how well each view sees each point: 0 where it does.
-
-        A soft depth test: a point behind the surface that a view shows there is hidden from it.
-
-        Args:
-            points: head frame.
-            shares: where the views show them, (column, row) as shares of a view's sides.
-        """
-        if self.surface is None:
-            return points.new_zeros(shares.shape[:2])
-        seen = F.grid_sample(
-            self.surface[:, None],
-            2 * shares[:, :, None] - 1,
-            padding_mode="border",
-            align_corners=True,
-        )[:, 0, :, 0]
-        behind = (points - self.c2w[:, None, :, 3]).norm(dim=-1) - seen
-        return F.logsigmoid((TOLERANCE - behind) / SOFTNESS).clamp_min(HIDDEN)
 
     def direction_differences(
         self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]

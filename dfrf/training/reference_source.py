@@ -59,8 +59,6 @@ class ReferenceSource:
             return self.fixed[dataset.name]
         if self.chosen is not None:
             views = self.method.reference_views(dataset, self.chosen[dataset.name])
-            if self.is_constant:
-                views = self.method.with_surfaces(dataset, views, self.chosen[dataset.name])
         else:
             frames = self.random_frames(dataset, exclude, generator)
             views = self.method.reference_views(dataset, frames, mouths=False)

@@ -102,14 +102,15 @@ def finetune(
         raise TrainingError(
             str(error), person.name, "lower the learning rate or change the seed"
         ) from error
-    views = method.finish(person, references, config.seed)
+    views = None if references is None else method.reference_views(person, references)
+    method.finish(person, views, config.seed)
     header = {
         **settings.speech_header(),
         "steps": config.iterations,
         "settings": asdict(settings),
         "clip": clips[0].clip.name,
     }
-    saved_models.save_person(out / MODEL_FILE, model, views, header)
+    saved_models.save_person(out / MODEL_FILE, model.cpu(), views, header)
     write_curve(out / CURVE_FILE, curve)
     write_events(out, curve)
     learned, *beside = [learned_parts(one) for one in footage]

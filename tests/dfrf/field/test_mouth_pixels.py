@@ -235,3 +235,15 @@ def test_of_many_frames_some_are_compared(monkeypatch: pytest.MonkeyPatch) -> No
     assert method.mouth_views(someone).frames.tolist() == [0, 1, 2, 3, 4, 5]
     monkeypatch.setattr("dfrf.fast.fast_method.MOST_COMPARED", 3)
     assert method.mouth_views(someone).frames.tolist() == [0, 2, 5]
+
+
+def test_measures_are_read_off_lips(someone: Someone) -> None:
+    """What `wanted_lips` makes of measures, `read_measures` undoes."""
+    mouths = someone.mouths
+    generator = torch.Generator().manual_seed(0)
+    reading = torch.randn(mouths.reading.shape, generator=generator)
+    some = replace(mouths, reading=reading)
+    measures, origin = torch.randn(3, 7, generator=generator), torch.tensor([0.3, -0.2, 7.0])
+    lips = torch.stack([mouth_pixels.wanted_lips(some, m, origin) for m in measures])
+    found = mouth_pixels.read_measures(some, lips, origin.expand(3, 3))
+    torch.testing.assert_close(found, measures, atol=1e-3, rtol=1e-3)

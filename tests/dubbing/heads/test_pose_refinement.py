@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from dfrf import presets
 from dfrf.cameras import Camera
@@ -22,10 +23,11 @@ from dubbing.heads.pose_refinement import (
     key_frames,
     refined,
     smoothest,
+    trust,
 )
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
-from tests.dfrf.people import FOCAL, SIZE, small_config
+from tests.dfrf.people import FOCAL, SIZE, random_model, small_config
 from tests.fakes import write_prepared
 
 pytestmark = pytest.mark.medium
@@ -180,3 +182,19 @@ def test_a_head_that_turns_fast_has_more_key_frames() -> None:
     gap = np.delete(seen, 12)  # frame 22 shows no face
     assert {21, 23} <= set(key_frames(gap, np.delete(rotation, 12, 0), 8, 0.03))
     np.testing.assert_array_equal(key_frames(seen[:1], rotation[:1], 8, 0.03), [10])
+
+
+def test_a_head_does_not_know_itself_from_where_it_was_not_seen() -> None:
+    _, maps = random_model()
+    middle = maps.views.c2w[:, :, 3].mean(0)
+
+    def trusted(degrees: float) -> float:
+        turn = Rotation.from_euler("y", degrees, degrees=True).as_matrix()
+        c2w = torch.zeros(1, 3, 4)
+        c2w[0, :, 3] = torch.from_numpy(turn).float() @ middle
+        return float(trust(c2w, maps))
+
+    assert trusted(0) == 1
+    assert 0 < trusted(16) < 1
+    assert trusted(40) == 0
+    assert trust(torch.zeros(4, 3, 4), None).tolist() == [1, 1, 1, 1]

@@ -87,8 +87,8 @@ def head(tmp_path_factory: pytest.TempPathFactory) -> Head:
     assert references is not None
     config = replace(presets.with_iterations(presets.FINETUNE, STEPS), rays=RAYS)
     fit(method, [person], config, references={person.name: references})
-    views = method.finish(person, references, config.seed)
-    assert views is not None
+    views = method.reference_views(person, references)
+    method.finish(person, views, config.seed)
     model.eval()
     return Head(model, method.maps(views), clip, speech, truth.opening[TESTED])
 

@@ -1,6 +1,6 @@
 """A prepared clip on disk and in memory."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -135,3 +135,13 @@ def test_pasting_a_crop_back_gives_the_frame(prepared: PreparedClip) -> None:
     outside[5 + 20 : 5 + 40, 12 + 20 : 12 + 40] = False
     assert np.array_equal(changed[outside], frame[outside])
     assert np.array_equal(laid == 0, outside)
+
+
+def test_landmarks_seen_from_the_front(prepared: PreparedClip) -> None:
+    """Whichever way the head is turned, a face at rest has the same frontal landmarks."""
+    shape = np.random.default_rng(1).normal(0, 0.4, (478, 3))
+    in_camera = shape @ prepared.rotation.transpose(0, 2, 1) + prepared.translation[:, None]
+    seen = prepared.focal * in_camera[..., :2] / in_camera[..., 2:] + prepared.centre[:, None]
+    turned = replace(prepared, shape=shape, landmarks=seen)
+    expected = np.tile(shape[:, :2], (len(prepared), 1, 1))
+    np.testing.assert_allclose(turned.frontal_landmarks(), expected, atol=1e-9)
