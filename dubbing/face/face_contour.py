@@ -6,28 +6,18 @@ cheek, heights along the face count, as they do not change when it turns.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
-from pathlib import Path
 
 import cv2
 import numpy as np
-from safetensors.numpy import load_file
 
 from dubbing.face.mesh_points import CHIN, FACE_OVAL, FOREHEAD_TOP, JAW
+from dubbing.face.mesh_triangles import TRIANGLES
 
-FILE = Path(__file__).with_name("mesh_triangles.safetensors")
 SHIFT = 4  # fractional bits of the coordinates that OpenCV draws at
 # Of points of the jaw, how far from the chin they are on the oval.
 CORNERS = JAW[4], JAW[-5]  # up to here everything may change when a jaw moves
 CHEEKS = JAW[2], JAW[-3]  # from here on nothing does
 LOBES = JAW[1], JAW[-2]  # the last ones below the ears
-
-
-@lru_cache
-def triangles() -> np.ndarray:
-    """Triangles (M, 3) of the mesh: numbers of its points."""
-    found: np.ndarray = load_file(FILE)["triangles"].astype(np.int64)
-    return found
 
 
 def face_region(landmarks: np.ndarray, size: int, margin: int = 0) -> np.ndarray:
@@ -39,7 +29,7 @@ def face_region(landmarks: np.ndarray, size: int, margin: int = 0) -> np.ndarray
     """
     face = np.zeros((size + 2 * margin,) * 2, np.uint8)
     corners = ((landmarks + margin) * (1 << SHIFT)).round().astype(np.int32)
-    for triangle in corners[triangles()]:
+    for triangle in corners[TRIANGLES]:
         cv2.fillConvexPoly(face, triangle, 255, shift=SHIFT)
     return face
 

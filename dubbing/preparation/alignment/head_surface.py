@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dubbing.face.face_contour import triangles
 from dubbing.face.mesh_points import NOSE_BASE
+from dubbing.face.mesh_triangles import TRIANGLES
 
 CENTRE, RADII = np.array([0.0, -0.1, 0.05]), 0.9 * np.array([0.85, 1.25, 1.05])  # the ellipsoid
 BELOW_NOSE = 0.02  # units: from there on words move the skin of the face
@@ -61,7 +61,7 @@ class HeadSurface:
         """Depth (P,) of the mesh at pixels, infinite beside it, and its normals (P, 3) there."""
         in_camera = self.shape @ rotation.T + shift
         seen = self.focal * in_camera[:, :2] / in_camera[:, 2:] + centre
-        corners = triangles()
+        corners = TRIANGLES
         low = np.floor(seen[:468].min(0)).astype(int)
         wide, high = np.maximum(np.ceil(seen[:468].max(0)).astype(int) - low + 1, 1)
         number = np.full((high, wide), -1.0, np.float32)

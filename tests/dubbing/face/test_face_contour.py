@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dubbing.face.face_contour import evenly, face_contour, face_region, triangles
+from dubbing.face.face_contour import evenly, face_contour, face_region
 from dubbing.face.landmarks import FaceMesh
 from dubbing.face.mesh_points import CHIN, FACE_OVAL, JAW
+from dubbing.face.mesh_triangles import TRIANGLES
 from dubbing.workshop.synthetic.anatomy.face import face_by_name
 from dubbing.workshop.synthetic.rendering.camera import FLIP, UNIT, Pose
 from dubbing.workshop.synthetic.rendering.render import REST_SHIFT, Renderer, State
@@ -79,7 +80,7 @@ def test_points_lie_evenly_on_a_line() -> None:
 
 
 def test_triangles_cover_every_point_once() -> None:
-    found = triangles()
+    found = TRIANGLES
     assert set(found.ravel()) == set(range(468))
     edges = np.sort(np.concatenate([found[:, [0, 1]], found[:, [1, 2]], found[:, [2, 0]]]), 1)
     _, uses = np.unique(edges, axis=0, return_counts=True)
