@@ -20,15 +20,14 @@ from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dubbing.engine.files import atomic_path
 from dubbing.engine.stage import Progress
-from dubbing.errors import PreparationError
 from dubbing.heads.comparison import Comparison, is_awry, usual_difference
 from dubbing.heads.cover_cut import followed, is_like_skin, mask_of, steady, unexplained
-from dubbing.heads.pose_refinement import refined, trust, with_refined_poses
+from dubbing.heads.pose_refinement import refined, trust
 from dubbing.media import VideoWriter
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
+from dubbing.preparation.head_findings import COVERED_FILE, COVERS_FILE
 from dubbing.preparation.prepared import PreparedClip
 
-COVERS, FRAMES = "covers.mkv", "covers.npz"
 EYES, W, H = 28.0, 88, 80  # of the frame of the face, px
 EVERY = 3  # frames between two that are looked at first
 BESIDE = 6  # frames round one with something over the face
@@ -55,7 +54,7 @@ def find_covers(
             clip, over, hidden = _covers(model, maps, clip, progress)
     shows = clip.over.copy()
     shows[list(over)] = True
-    with VideoWriter(out / COVERS, clip.size, clip.size, clip.rate, "ffv1-gray") as video:
+    with VideoWriter(out / COVERS_FILE, clip.size, clip.size, clip.rate, "ffv1-gray") as video:
         for t, frame in enumerate(clip.film_frames() if shows.any() else ()):
             mask = np.zeros((clip.size,) * 2, np.uint8) if frame.overlay is None else frame.overlay
             if t in over:
@@ -65,9 +64,9 @@ def find_covers(
             video.write(np.zeros((clip.size,) * 2, np.uint8))
     every = np.arange(len(clip))
     covered = (clip.covered & ~np.isin(every, list(over))) | np.isin(every, list(hidden))
-    with atomic_path(out / FRAMES) as temporary:
+    with atomic_path(out / COVERED_FILE) as temporary:
         np.savez(temporary, over=shows, covered=covered, landmarks=clip.landmarks)
-    return replace(clip, overlay=out / COVERS, over=shows, covered=covered)
+    return replace(clip, overlay=out / COVERS_FILE, over=shows, covered=covered)
 
 
 def _covers(
@@ -145,28 +144,6 @@ def _with_poses_mended(
     poses = Poses(posed.rotation[awry], posed.translation[awry])
     landmarks[awry] = project(to_camera(poses, clip.shape), clip.focal, clip.centre[awry])
     return replace(posed, landmarks=landmarks), beside_face
-
-
-def seen_by_head(clip: PreparedClip, folder: Path) -> PreparedClip:
-    """A clip with the poses and masks that were found with the learned head.
-
-    Args:
-        folder: that `write_poses` and `find_covers` wrote into.
-
-    Raises:
-        PreparationError: there are none, or they are of another clip.
-    """
-    clip = with_refined_poses(clip, folder)
-    try:
-        with np.load(folder / FRAMES, allow_pickle=False) as kept:
-            parts = {name: kept[name] for name in ("over", "covered", "landmarks")}
-    except (OSError, ValueError, KeyError) as error:
-        what = f"no masks of what lies over the face: {error}"
-        raise PreparationError(what, str(folder), "run with --force refine_poses") from error
-    if len(parts["over"]) != len(clip):
-        what = f"masks of {len(parts['over'])} frames for a clip of {len(clip)}"
-        raise PreparationError(what, str(folder), "run with --force refine_poses")
-    return replace(clip, overlay=folder / COVERS, **parts)
 
 
 def runs_of(frames: np.ndarray) -> list[np.ndarray]:

@@ -23,14 +23,13 @@ from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equati
 from dfrf.workers import Workers
 from dubbing.engine.files import atomic_path
 from dubbing.engine.stage import Progress, ReportShare
-from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.identity.dataset import upper_face_expression
 from dubbing.preparation.alignment.banded import DOF, lower_band, smoothness_blocks, solve_band
 from dubbing.preparation.alignment.rotations import relative_vectors
+from dubbing.preparation.head_findings import POSES_FILE
 from dubbing.preparation.prepared import PreparedClip
 
-POSES_FILE = "poses.npz"
 # Frames and turn (rad) from one key frame to the next, and steps: far ones first, which find what a
 # whole shot is off by, so that few steps are enough for the near ones. What a pose is off by
 # changes with the pose, so a head that turns fast has a key frame in every frame.
@@ -105,24 +104,6 @@ def write_poses(clip: PreparedClip, out: Path) -> None:
     c2w = clip.c2w()
     with atomic_path(out / POSES_FILE) as temporary:
         np.savez_compressed(temporary, allow_pickle=False, c2w=c2w)
-
-
-def with_refined_poses(clip: PreparedClip, folder: Path) -> PreparedClip:
-    """A clip with the poses that `write_poses` wrote into a folder.
-
-    Raises:
-        PreparationError: there are none, or they are of another clip.
-    """
-    try:
-        with np.load(folder / POSES_FILE, allow_pickle=False) as kept:
-            c2w = kept["c2w"]
-    except (OSError, ValueError, KeyError) as error:
-        what = f"no refined poses: {error}"
-        raise PreparationError(what, str(folder), "run with --force refine_poses") from error
-    if c2w.shape != (len(clip), 3, 4):
-        what = f"poses of {len(c2w)} frames for a clip of {len(clip)}"
-        raise PreparationError(what, str(folder), "run with --force refine_poses")
-    return clip.with_poses(c2w)
 
 
 def shot_corrections(

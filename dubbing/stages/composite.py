@@ -36,7 +36,7 @@ class PersonOnFilm:
 
     def film(self) -> PreparedClip:
         """The film, as it was prepared and as the learned head sees it."""
-        from dubbing.heads.covers import seen_by_head
+        from dubbing.preparation.head_findings import seen_by_head
 
         return seen_by_head(self.prepared.load(), self.poses.folder)
 

@@ -79,9 +79,9 @@ class Render(DubbingStage):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
-        from dubbing.heads.covers import seen_by_head
         from dubbing.heads.fine_tuning import MODEL_FILE
         from dubbing.heads.rendering import render
+        from dubbing.preparation.head_findings import seen_by_head
         from dubbing.sound_to_lips.cue_speech import Speech
 
         speech = Speech.load(self.speech.folder)
