@@ -81,12 +81,12 @@ def test_what_is_blurred_covered_or_seen_as_before_is_left(
 ) -> None:
     everywhere = heard(slice(0, FRAMES))
     talking = replace(clip, landmarks=clip.landmarks[np.arange(FRAMES) % PIECE + 2 * PIECE])
-    covered = talking.valid.copy()
+    covered = talking.detected.copy()
     covered[PIECE : 2 * PIECE : 2] = False
     sharp = np.ones(FRAMES)
     sharp[: 3 * PIECE // 4] = 0.1
     monkeypatch.setattr(best_seconds, "eye_energy", lambda clip: sharp)
-    clear = best_frames([replace(talking, valid=covered)], [everywhere], 2 * PIECE)[0]
+    clear = best_frames([replace(talking, detected=covered)], [everywhere], 2 * PIECE)[0]
     assert parts_of(clear) == [(2 * PIECE, 2 * PIECE)]
     # Two pieces of a head that looks ahead, and two of one that looks aside: one of each.
     monkeypatch.setattr(best_seconds, "eye_energy", lambda clip: np.ones(FRAMES))
