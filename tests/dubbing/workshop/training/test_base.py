@@ -12,12 +12,14 @@ import torch
 from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset
+from dfrf.fast.fast_model import FastModel
 from dfrf.method_interface import Method
 from dfrf.saved_models import load_model
 from dfrf.training import fit as training
 from dfrf.training.progress import Curve
 from dfrf.training.validation import HeldOutRays
 from dubbing.errors import CheckpointError, ExplainedError
+from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.manifest.manifest import load
 from dubbing.production.production import Production
 from dubbing.workshop.training import base as basetraining
@@ -110,6 +112,25 @@ def test_with_nobody_held_out_the_last_model_is_written(
     assert not (tmp_path / "base.held_out.csv").exists()
     # The next run begins afresh, whoever it learns from.
     assert not (tmp_path / "base.safetensors.resume").exists()
+
+
+@pytest.mark.usefixtures("small")
+def test_the_preset_of_a_base_can_be_another_than_the_manifests(
+    manifest: Production, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[FinetuneSettings] = []
+
+    def init_from_base(_: Path | None, settings: FinetuneSettings) -> FastModel:
+        made.append(settings)
+        return presets.build(small_config(lip_supervision=False))
+
+    monkeypatch.setattr(basetraining, "init_from_base", init_from_base)
+    out = tmp_path / "base.safetensors"
+    basetraining.train_base(
+        manifest, out, device="cpu", iterations=2, preset="fast-paper", progress=lambda *_: None
+    )
+    assert [settings.preset for settings in made] == ["fast-paper"]
+    assert load_model(out)[0].state_dict()["field.warp.out.bias"].shape == (2,)
 
 
 @pytest.mark.usefixtures("small")
