@@ -4,7 +4,8 @@ BIN := .venv/bin
 # Two threads that spin on one busy core are ten times slower than two that wait.
 export OMP_WAIT_POLICY ?= PASSIVE
 
-.PHONY: install demo docs test test-fast attack check bench results true-dubs speech-table lock clean
+.PHONY: install demo docs test test-fast attack check bench results true-dubs paper-tables speech-table lock
+.PHONY: clean
 
 INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check
 
@@ -70,6 +71,12 @@ results: .venv/installed
 	$(BIN)/python -m dubbing.workshop.lab.results $(RESULTS) --seeds $(SEEDS) --every $(EVERY) \
 		$(METHODS:%=--method %) $(SECONDS:%=--seconds %) $(LPIPS:%=--lpips-weights %) \
 		--commit "$$(git describe --always --dirty)"
+
+# The tables of docs/development/paper.md: people of the manifest PAPER, learned with several seeds and settings, some
+# from the base BASE of dfrf-paper. Takes a day or more; goes on where it stopped.
+paper-tables: .venv/installed
+	$(BIN)/python -m dubbing.workshop.lab.paper_tables $(PAPER) --base dfrf-paper=$(BASE) --seeds $(SEEDS) \
+		$(SECONDS:%=--seconds %) $(LPIPS:%=--lpips-weights %) --commit "$$(git describe --always --dirty)"
 
 check: .venv/installed-dev
 	$(BIN)/ruff format --check .

@@ -14,7 +14,8 @@ from typing import Any, TypeVar
 # number of steps of a fine-tune.
 FORMATS = {"fast": "dfrf-4", "paper": "dfrf-paper-1"}
 STEPS = {"fast": 1000, "paper": 40_000}
-FROM_BASE = ("fast", "fast-nowarp")  # presets that start from the base of `fast`
+# Presets that start from the base of `fast`: in training, a base reads no mouth views.
+FROM_BASE = ("fast", "fast-nocrops")
 PUBLISHED_SPEECH = "deepspeech"  # the speech features of published checkpoints
 
 # Half sizes of the box round the head, head frame, y up, face towards +z. Hair reaches higher than
@@ -74,6 +75,7 @@ class FieldConfig:
         use_speech: False leaves A out (a plain NeRF).
         lip_supervision: False lets the speech networks learn from images, as in AD-NeRF, not
             from lip measures.
+        mouth_views: False reads mouths off whole references alone, moved by (3), as in the paper.
         use_warp: False looks references up where they project, equation (1), without (3) and (4).
         feature_dim: channels of the reference features, colour and matte (4) included.
         width, depth: hidden layers of the radiance MLP.
@@ -88,6 +90,7 @@ class FieldConfig:
     reference_pool_size: int = 12
     use_speech: bool = True
     lip_supervision: bool = True
+    mouth_views: bool = True
     use_warp: bool = True
     feature_dim: int = 32
     cnn_width: int = 24

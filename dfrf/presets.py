@@ -107,8 +107,9 @@ PAPER_TRAININGS = Trainings(
 )
 PRESETS = {
     "fast": Preset(FieldConfig(), FAST_TRAININGS),
-    "fast-nowarp": Preset(FieldConfig(use_warp=False), FAST_TRAININGS),
     "fast-alone": Preset(FieldConfig(), FAST_TRAININGS),
+    "fast-nocrops": Preset(FieldConfig(mouth_views=False), FAST_TRAININGS),
+    "fast-paper": Preset(FieldConfig(mouth_views=False, lip_supervision=False), FAST_TRAININGS),
     "paper": Preset(PaperConfig(), PAPER_TRAININGS),
     "ad-nerf": Preset(FieldConfig(references=0, use_warp=False), FAST_TRAININGS),
     "ad-nerf-nolips": Preset(
@@ -135,7 +136,7 @@ def trainings(preset: str) -> Trainings:
 
 
 def model_config(
-    preset: str, speech_dim: int, references: int | None = None
+    preset: str, speech_dim: int, references: int | None = None, warp: bool = True
 ) -> ModelConfig | PaperConfig:
     """Sizes of a preset.
 
@@ -143,16 +144,21 @@ def model_config(
         preset: its name.
         speech_dim: numbers of the speech features.
         references: a fixed number of references for all frames, in place of the preset's.
+        warp: False leaves (3) and (4) out.
 
     Raises:
         ValueError: an unknown preset, or one whose number of references is fixed.
     """
     sizes = preset_named(preset).sizes
+    if not warp:
+        sizes = replace(sizes, use_warp=False)
     if isinstance(sizes, PaperConfig):
         if references is not None:
             raise ValueError(f"preset {preset!r} has a fixed number of references")
         return replace(sizes, speech_dim=speech_dim)
     if references is not None:
+        if not sizes.references:
+            raise ValueError(f"preset {preset!r} has no references")
         sizes = replace(sizes, references=references, reference_pool_size=references)
     field = replace(sizes, speech_dim=speech_dim)
     return ModelConfig(preset=preset, field=field, march=MarchConfig())
@@ -171,6 +177,12 @@ def build(config: ModelConfig | PaperConfig) -> FastModel | PaperModel:
     return model
 
 
+def teacher(model: HeadModel) -> str:
+    """Supervision of the speech networks of a model: lips or pictures."""
+    lips = isinstance(model, FastModel) and model.config.field.lip_supervision
+    return "lips" if lips else "pictures"
+
+
 @overload
 def adapt(base: HeadModel, config: ModelConfig) -> FastModel: ...
 @overload
@@ -179,11 +191,15 @@ def adapt(base: HeadModel, config: ModelConfig | PaperConfig) -> FastModel | Pap
     """A model of `config` with all tensors that it shares with a base; ablations start from it too.
 
     Raises:
-        ValueError: a base of the other family, which shares none, or of other sizes.
+        ValueError: a base of the other family, which shares none, of other sizes, or whose speech
+            networks learned from lips where the model's learn from pictures, or the reverse.
     """
     model = PaperModel(config) if isinstance(config, PaperConfig) else FastModel(config)
     if base.FAMILY != model.FAMILY:
         raise ValueError(f"a model of {model.FAMILY!r} cannot start from one of {base.FAMILY!r}")
+    theirs, ours = teacher(base), teacher(model)
+    if theirs != ours:
+        raise ValueError(f"its speech networks learned from {theirs}, not from {ours}")
     wanted = model.state_dict()
     shared = {
         name: value

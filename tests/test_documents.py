@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 from dubbing.cli.main import app
 from dubbing.manifest import yaml_lines
 from dubbing.stages import KINDS
-from dubbing.workshop.lab.evaluation import PRESET_OF_METHOD
+from dubbing.workshop.lab.variants import PRESET_OF_METHOD
 from tests import clips
 
 ROOT = Path(__file__).resolve().parents[1]

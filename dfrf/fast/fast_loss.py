@@ -38,8 +38,7 @@ def share_loss(
     batch = share.batch
     conditioning = share.conditioning
     if share.windows is not None:
-        codes = model.field.conditioning.speech_codes(share.windows)
-        conditioning = torch.cat([codes, conditioning[:, codes.shape[1] :]], 1)
+        conditioning = model.field.conditioning.with_codes(conditioning, share.windows)
     training_frames = batch.frames.to(conditioning.device)
     volume = model.volume(conditioning, maps, warp, training_frames)
     rendered = render_rays(volume, batch.rays, Search(jitter=share.jitter))

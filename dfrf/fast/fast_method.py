@@ -1,6 +1,7 @@
 """The method of the `fast` model and its ablations: rays through occupied cells.
 
-T frames, S the image's side in pixels, K numbers of conditioning.
+T frames, F of them in a batch, S the image's side in pixels, K numbers of conditioning, W steps of
+a speech window and D features of each.
 """
 
 from __future__ import annotations
@@ -67,6 +68,11 @@ def training_conditioning(
     }
 
 
+def speech_windows(dataset: HeadDataset, frames: Int[Tensor, " F"]) -> Float[Tensor, "F 8 W D"]:
+    """Speech windows of the neighbours of images of a person."""
+    return neighbour_windows(dataset.windows, dataset.segment, dataset.number[frames.cpu()])
+
+
 def prune(
     model: FastModel,
     conditioning: Float[Tensor, "T K"],
@@ -118,7 +124,8 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         self, dataset: HeadDataset, frames: Int[Tensor, " N"], mouths: bool = True
     ) -> ReferenceViews:
         views = cut_references(dataset, frames)
-        if not (mouths and self.model.config.field.use_speech):
+        config = self.model.config.field
+        if not (mouths and config.use_speech and config.mouth_views):
             return views
         return replace(views, mouths=self.mouth_views(dataset))
 
@@ -171,8 +178,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         shares = draw_shares(dataset, conditioning, config, generator, SHARES)
         if self.model.config.field.lip_supervision:
             return shares
-        frames = [dataset.number[share.batch.frames.cpu()] for share in shares]
-        windows = [neighbour_windows(dataset.windows, dataset.segment, f) for f in frames]
+        windows = [speech_windows(dataset, share.batch.frames) for share in shares]
         pairs = zip(shares, windows, strict=True)
         return [replace(share, windows=w.to(conditioning.device)) for share, w in pairs]
 
@@ -192,7 +198,11 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         self, dataset: HeadDataset, batch: RayBatch, maps: ReferenceMaps | None
     ) -> Float[Tensor, "B 3"]:
         conditioning = self.conditioning[dataset.name]
-        volume = self.model.volume(conditioning[batch.frames.to(conditioning.device)], maps)
+        conditioning = conditioning[batch.frames.to(conditioning.device)]
+        if not self.model.config.field.lip_supervision:  # codes change while pictures are learned
+            windows = speech_windows(dataset, batch.frames).to(conditioning.device)
+            conditioning = self.model.field.conditioning.with_codes(conditioning, windows)
+        volume = self.model.volume(conditioning, maps)
         return render_rays(volume, batch.rays).over(batch.background)
 
     def after_update(self, outcome: StepOutcome) -> None:

@@ -58,6 +58,13 @@ class Conditioning(nn.Module):
         codes = self.audio(windows.flatten(0, 1) * 2 - 1).view(frames, neighbours, -1)
         return self.attention(codes)
 
+    def with_codes(
+        self, conditioning: Float[Tensor, "F K"], windows: Float[Tensor, "F 8 W D"]
+    ) -> Float[Tensor, "F K"]:
+        """Conditioning whose codes are computed from the sound anew."""
+        codes = self.speech_codes(windows)
+        return torch.cat([codes, conditioning[:, codes.shape[1] :]], 1)
+
     def project_to_lips(
         self, codes: Float[Tensor, "F A"], lips: Float[Tensor, "*B L"]
     ) -> Float[Tensor, "F A"]:

@@ -69,14 +69,16 @@ class Validation:
 
     Args:
         datasets: of the people held out; nothing is measured without.
+        since: steps of the first stage: a model that never learned to warp is not the best of all.
 
     Attributes:
         rows: step and PSNR in dB of each person, 1 + P numbers for each measurement.
         best: weights of the best model by the mean PSNR.
     """
 
-    def __init__(self, datasets: Sequence[HeadDataset] = ()) -> None:
+    def __init__(self, datasets: Sequence[HeadDataset] = (), since: int = 0) -> None:
         self.datasets = datasets
+        self.since = since
         self.rows: list[tuple[float, ...]] = []
         self.best: dict[str, Tensor] = {}
         self._rays: list[HeldOutRays] = []
@@ -87,13 +89,17 @@ class Validation:
         return [p.name for p in self.datasets]
 
     def best_row(self) -> int:
-        """Index of the measurement with the highest mean; the first of equals."""
-        means = [sum(row[1:]) for row in self.rows]
+        """Index of the measurement with the highest mean since the warp learns; the first of
+        equals.
+        """
+        means = [sum(row[1:]) if row[0] >= self.since else -math.inf for row in self.rows]
         return means.index(max(means))
 
     def should_stop(self, patience: int) -> bool:
         """Whether the last `patience` measurements brought no improvement."""
-        return bool(self.rows) and len(self.rows) - 1 - self.best_row() >= patience
+        if not self.rows or self.rows[-1][0] < self.since:
+            return False
+        return len(self.rows) - 1 - self.best_row() >= patience
 
     def measure(
         self,

@@ -27,9 +27,24 @@ def evaluate(
         typer.Option(
             "--method",
             metavar="NAME",
-            help="dfrf, dfrf-nowarp, dfrf-alone (no base), dfrf-1, -2, -4 or -6 (so many "
-            "references, always the same), paper, ad-nerf, ad-nerf-nolips (its speech learned "
-            "from pictures alone) or nerf; may be repeated.",
+            help="dfrf, dfrf-alone (no base), dfrf-nocrops (no crops of mouths), dfrf-paper (nor "
+            "lips: speech learned from pictures alone; name its --base), paper, ad-nerf, "
+            "ad-nerf-nolips (speech from pictures alone) or nerf; may be repeated.",
+        ),
+    ] = None,
+    references: Annotated[
+        int | None,
+        typer.Option(
+            "--references", min=1, max=64, help="So many in every frame, always the same."
+        ),
+    ] = None,
+    no_warp: Annotated[
+        bool, typer.Option("--no-warp", help="Look references up where they project.")
+    ] = False,
+    base: Annotated[
+        Path | None,
+        file_option(
+            "--base", "Base of the methods, in place of the manifest's or the shipped one."
         ),
     ] = None,
     only: Only = None,
@@ -64,12 +79,14 @@ def evaluate(
     from dubbing.cli import console, live
     from dubbing.manifest.manifest import load
     from dubbing.workshop.lab.evaluation import evaluate as work
+    from dubbing.workshop.lab.variants import variants
 
+    chosen = variants(method or ("dfrf",), references, not no_warp, base)
     loaded = load(manifest)
     with live.progress_bar("evaluate") as progress:
         found = work(
             loaded,
-            methods=tuple(method or ("dfrf",)),
+            methods=chosen,
             only=tuple(only or ()),
             protocol=protocol,
             seconds=checked_seconds(seconds),

@@ -63,6 +63,14 @@ def train_base(
         int | None, typer.Option("--iterations", min=1, max=10**9, help="Training steps in all.")
     ] = None,
     init: Annotated[Path | None, file_option("--init", "A checkpoint to start from.")] = None,
+    method: Annotated[
+        str | None,
+        typer.Option(
+            "--method",
+            metavar="NAME",
+            help="Of the base, as of dfrf evaluate, in place of the manifest's preset: dfrf-paper.",
+        ),
+    ] = None,
     hold_out: Annotated[
         list[str] | None,
         typer.Option(
@@ -75,8 +83,10 @@ def train_base(
     packages.require()
     from dubbing.cli import live
     from dubbing.manifest.manifest import load
+    from dubbing.workshop.lab.variants import preset_of
     from dubbing.workshop.training.base import train_base as work
 
+    preset = None if method is None else preset_of(method)
     loaded, chosen = load(manifest), checked_device(device)
     clips = (person.clip.path for person in loaded.people.values())
     out = checked_output(out, manifest, *clips, *([init] if init else []))
@@ -88,6 +98,7 @@ def train_base(
             iterations=iterations,
             init=init,
             hold_out=tuple(hold_out or ()),
+            preset=preset,
             progress=progress,
         )
     typer.echo(f"wrote {out}")

@@ -35,7 +35,7 @@ def init_from_base(base: Path | None, settings: FinetuneSettings) -> HeadModel:
     """
     torch.manual_seed(settings.seed)
     dim = features.features_by_name(settings.speech, settings.weights).dim
-    config = presets.model_config(settings.preset, dim, settings.references)
+    config = presets.model_config(settings.preset, dim, settings.references, settings.warp)
     if base is None:
         return presets.build(config)
     try:

@@ -22,6 +22,7 @@ class FinetuneSettings:
         speech_weights: weights of the user's own for them, a path. What reads them declares the
             files behind it.
         references: so many in every frame, the same ones, instead of the preset's.
+        warp: False leaves equations (3) and (4) out.
         learning_rate: Adam's first, rays: of a step; None as the preset has them.
     """
 
@@ -31,6 +32,7 @@ class FinetuneSettings:
     speech: str = "rnn"
     speech_weights: Setting[str | None] = None
     references: int | None = None
+    warp: bool = True
     learning_rate: float | None = None
     rays: int | None = None
 

@@ -8,5 +8,5 @@ BASE = Path(__file__).with_name("base.safetensors")
 
 
 def shipped_base(preset: str) -> Path | None:
-    """The shipped base for `fast` and its ablations; None for other presets."""
+    """The shipped base for the presets that start from it; None for others."""
     return BASE if preset in FROM_BASE and BASE.is_file() else None

@@ -1,5 +1,7 @@
 """Presets: what they leave out, and that all of `fast`'s family start from its base."""
 
+from dataclasses import replace
+
 import pytest
 
 from dfrf import presets
@@ -20,6 +22,29 @@ def test_numbers_of_references(count: int) -> None:
     assert config.field.references == config.field.reference_pool_size == count
     with pytest.raises(ValueError, match="paper"):
         presets.model_config("paper", 8, references=count)
+    with pytest.raises(ValueError, match="'nerf' has no references"):
+        presets.model_config("nerf", 8, references=count)
+
+
+@pytest.mark.parametrize("preset", ["fast", "fast-paper", "fast-nocrops"])
+def test_the_warp_can_be_left_out(preset: str) -> None:
+    field = fast(preset).field
+    without = presets.model_config(preset, 8, warp=False)
+    assert isinstance(without, ModelConfig)
+    assert without.field == replace(field, use_warp=False) != field
+
+
+def test_the_paper_learns_its_speech_from_pictures_and_starts_from_no_base_that_did_not() -> None:
+    taught, paper = presets.build(fast("fast")), fast("fast-paper")
+    with pytest.raises(
+        ValueError, match="its speech networks learned from lips, not from pictures"
+    ):
+        presets.adapt(taught, paper)
+    own = presets.build(paper)
+    heard = own.field.conditioning.audio.state_dict()
+    again = presets.adapt(own, paper).field.conditioning.audio.state_dict()
+    assert all(value.equal(again[name]) for name, value in heard.items())
+    assert "fast-paper" not in FROM_BASE
 
 
 def test_a_person_has_more_references_than_are_looked_at() -> None:
@@ -44,5 +69,5 @@ def test_a_base_of_other_sizes_is_refused() -> None:
 
 
 def test_an_unknown_preset() -> None:
-    with pytest.raises(ValueError, match="fast-nowarp"):
+    with pytest.raises(ValueError, match="fast-nocrops"):
         presets.model_config("quick", 8)

@@ -16,7 +16,6 @@ from typing_extensions import TypedDict
 
 from dfrf import device as devices
 from dfrf.checkpoint import CheckpointError
-from dfrf.config import STEPS, family
 from dubbing.batch.jobs import chosen_names
 from dubbing.engine import claims
 from dubbing.engine import json_records as kept
@@ -28,9 +27,7 @@ from dubbing.heads.fine_tuning import MODEL_FILE, clip_speech
 from dubbing.identity.learned import SUMMARY_FILE
 from dubbing.pipeline import person_job
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.production.person import Person
 from dubbing.production.production import Production
-from dubbing.shipped.base import shipped_base
 from dubbing.stages.check_source import CheckSource
 from dubbing.stages.finetune import Finetune
 from dubbing.stages.prepare import Prepare
@@ -42,26 +39,11 @@ from dubbing.workshop.lab.measuring import measure
 from dubbing.workshop.lab.metrics import lpips
 from dubbing.workshop.lab.metrics.lpips import Lpips
 from dubbing.workshop.lab.sync_figures import sync_figures
+from dubbing.workshop.lab.variants import Variant
 
 RESULT_FILE = "evaluate.json"
 EVALUATION = "evaluation"  # folder of what is measured, in that of the stages
-PRESET_OF_METHOD = {
-    "dfrf": "fast",
-    "dfrf-nowarp": "fast-nowarp",
-    "dfrf-alone": "fast-alone",
-    "dfrf-1": "fast",
-    "dfrf-2": "fast",
-    "dfrf-4": "fast",
-    "dfrf-6": "fast",
-    "paper": "paper",
-    "ad-nerf": "ad-nerf",
-    "ad-nerf-nolips": "ad-nerf-nolips",
-    "nerf": "nerf",
-}
 PROTOCOLS = {"p15": ("p15",), "p15x": ("p15x",), "both": ("p15", "p15x")}
-# So many references, the same in every frame.
-REFERENCES_OF_METHOD = {"dfrf-1": 1, "dfrf-2": 2, "dfrf-4": 4, "dfrf-6": 6}
-
 FEWEST = 50  # frames of a protocol whose figures mean something: two seconds
 Figures = dict[str, dict[str, dict[str, Any]]]  # identity -> method -> figure -> value
 
@@ -77,7 +59,7 @@ class Learned(TypedDict):
 def evaluate(
     production: Production,
     *,
-    methods: tuple[str, ...] = ("dfrf",),
+    methods: tuple[Variant, ...] = (Variant(),),
     only: tuple[str, ...] = (),
     protocol: str = "both",
     seconds: float | None = None,
@@ -93,9 +75,7 @@ def evaluate(
 
     Args:
         production: its dubs are not needed.
-        methods: dfrf (the `fast` preset), dfrf-nowarp, dfrf-alone (without a base), dfrf-1, -2, -4,
-            -6 (so many references, the same in every frame), paper, ad-nerf, ad-nerf-nolips (its
-            speech networks learn from pictures alone), nerf.
+        methods: with what is changed in each.
         only: names of identities or patterns; all when empty.
         protocol: p15, p15x or both.
         seconds: of the held-out part that are tested, its first; all when None.
@@ -109,16 +89,13 @@ def evaluate(
         identity -> method -> figure -> value: what the file then holds.
 
     Raises:
-        ExplainedError: an unknown method, identity or protocol, other weights, nothing held out,
-            another evaluate.json, or a stage failed.
+        ExplainedError: an unknown method, one that has no references or warp to change, an unknown
+            identity or protocol, other weights, nothing held out, another evaluate.json, or a stage
+            failed.
         LockedError: another run evaluates in the manifest's output.
     """
-    if unknown := [m for m in methods if m not in PRESET_OF_METHOD]:
-        raise ExplainedError(
-            f"no method is called {', '.join(unknown)}",
-            "--method",
-            f"there is {', '.join(PRESET_OF_METHOD)}",
-        )
+    for method in methods:
+        method.check()
     chosen = chosen_names(only, list(production.people))
     if protocol not in PROTOCOLS:
         raise ExplainedError(
@@ -150,8 +127,8 @@ def evaluate(
                 figures = evaluate_one(
                     production, name, method, (seconds, protocols), every, network, device, notify
                 )
-                before = found.setdefault(name, {}).get(method, {})
-                found[name][method] = merged(before, figures)
+                before = found.setdefault(name, {}).get(str(method), {})
+                found[name][str(method)] = merged(before, figures)
                 atomic_write_json(path, found)
     return found
 
@@ -177,30 +154,10 @@ def merged(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
     return {**kept, **now}
 
 
-def learned_by(method: str, own: Person) -> Person:
-    """A person as a method learns them.
-
-    A base of the person's own serves its own family of presets, a number of references the method
-    `dfrf`.
-    """
-    preset, settings = PRESET_OF_METHOD[method], own.settings
-    keeps_base = own.own_base and family(preset) == family(settings.preset)
-    changed = replace(
-        settings,
-        preset=preset,
-        references=REFERENCES_OF_METHOD.get(
-            method, settings.references if method == "dfrf" else None
-        ),
-        iterations=settings.iterations if own.own_iterations else STEPS[family(preset)],
-    )
-    base = own.base if keeps_base else shipped_base(preset)
-    return replace(own, settings=changed, base=base, own_base=keeps_base)
-
-
 def evaluate_one(
     production: Production,
     name: str,
-    method: str,
+    method: Variant,
     tested: tuple[float | None, tuple[str, ...]],
     every: int,
     network: Lpips | None,
@@ -213,7 +170,7 @@ def evaluate_one(
         tested: seconds and protocols, see `frames_to_test`. every: one of so many, in P15.
     """
     own = production.people[name]
-    person = learned_by(method, own)
+    person = method.of(own)
     job = person_job(person, production.work, device=device)
     prepare, source, finetune = (job.stage(kind) for kind in (Prepare, CheckSource, Finetune))
     if person.settings != own.settings:
@@ -228,7 +185,7 @@ def evaluate_one(
     model = finetune.folder / MODEL_FILE
     offset = offset_of(source.folder)
     speech = clip_speech(clip, person.settings.speech, person.settings.weights, offset)
-    out = production.work / EVALUATION / name / method
+    out = production.work / EVALUATION / name / str(method)
     found: dict[str, Any] = {}
     if part.p15 is not None:
         first, count = part.p15
@@ -241,7 +198,7 @@ def evaluate_one(
                 progress=progress,
             )
         )
-        tiles.write_methods(out.parent, PRESET_OF_METHOD, method, clip, first, count, every)
+        tiles.write_methods(out, clip, first, count, every)
         if every == 1:
             found |= sync_figures(clip, out, part.p15)
         else:

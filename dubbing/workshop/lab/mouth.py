@@ -133,6 +133,7 @@ class MouthSeries:
                 "width_r": lips.correlation(wide, true_wide),
                 "closure_f1": lips.closure_f1(gap, true_gap),
                 "closure_f1_near": lips.closure_f1(gap, true_gap, tolerance=1),
+                "closure_mcc": lips.closure_mcc(gap, true_gap),
                 "opening_ratio": lips.spread_ratio(gap, true_gap),
                 "lag_ms": lips.lag_ms(gap, true_gap, self._rate),
             }

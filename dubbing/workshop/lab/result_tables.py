@@ -19,7 +19,8 @@ P15 = (
     ("LMD", "lmd", 2),
     ("opening r", "opening_r", 3),
     ("width r", "width_r", 3),
-    ("closures", "closure_f1_near", 3),
+    ("closures F1", "closure_f1_near", 3),
+    ("MCC", "closure_mcc", 3),
     ("sharpness mouth", "sharpness_mouth", 2),
     ("eyes", "sharpness_eyes", 2),
     ("flicker", "flicker", 2),
@@ -30,7 +31,8 @@ P15 = (
 P15X = (
     ("opening r", "opening_r", 3),
     ("width r", "width_r", 3),
-    ("closures", "closure_f1_near", 3),
+    ("closures F1", "closure_f1_near", 3),
+    ("MCC", "closure_mcc", 3),
     ("opening ratio", "opening_ratio", 2),
     ("lag, ms", "lag_ms", 0),
     ("LMD", "lmd", 2),
@@ -53,21 +55,21 @@ def table(columns: Columns, runs: Sequence[Figures]) -> list[str]:
     people = list(dict.fromkeys(name for run in runs for name in run))
     rows = []
     for method in methods:
-        for name in people:
-            measured = [run.get(name, {}).get(method, {}) for run in runs]
-            rows.append([f"`{name}`", method, *_cells(columns, measured)])
-        if len(people) > 1:
-            middle = [_medians(columns, run, method) for run in runs]
-            rows.append([f"median of {len(people)}", method, *_cells(columns, middle)])
+        known = [name for name in people if any(method in run.get(name, {}) for run in runs)]
+        measured = [[run.get(name, {}).get(method, {}) for run in runs] for name in known]
+        for name, figures in zip(known, measured, strict=True):
+            rows.append([f"`{name}`", method, *_cells(columns, figures)])
+        if len(known) > 1:
+            middle = [_medians(columns, results) for results in zip(*measured, strict=True)]
+            rows.append([f"median of {len(known)}", method, *_cells(columns, middle)])
     filled = [k for k in range(2 + len(columns)) if any(row[k] for row in rows)]
     head = ["clip", "method", *(title for title, _, _ in columns)]
     lines = [head, ["---"] * len(head), *rows]
     return ["| " + " | ".join(line[k] for k in filled) + " |" for line in lines]
 
 
-def _medians(columns: Columns, run: Figures, method: str) -> dict[str, float]:
+def _medians(columns: Columns, results: Sequence[dict[str, Any]]) -> dict[str, float]:
     """The median over people of each figure that all of them have."""
-    results = [methods[method] for methods in run.values()]
     figures = [
         figure for _, figure, _ in columns if all(f.get(figure) is not None for f in results)
     ]

@@ -30,6 +30,7 @@ from dubbing.stages.finetune import Finetune
 from dubbing.stages.prepare import Prepare
 from dubbing.workshop.lab.evaluation import EVALUATION, RESULT_FILE, Figures, Progress, evaluate
 from dubbing.workshop.lab.result_tables import P15, P15X, table
+from dubbing.workshop.lab.variants import Variant, variants
 
 BEGIN, END = "<!-- made by `make results` -->", "<!-- end of what `make results` made -->"
 DONE_FILE = "measured.json"
@@ -41,7 +42,7 @@ class Request:
     """What is measured, and by which commit, which the document names."""
 
     seeds: tuple[int, ...]
-    methods: tuple[str, ...]
+    methods: tuple[Variant, ...]
     every: int
     seconds: float | None
     lpips_weights: Path | None
@@ -58,14 +59,22 @@ def with_seed(production: Production, seed: int) -> Production:
     return replace(production, output=production.output / "seeds" / str(seed), people=people)
 
 
-def measure_seeds(production: Production, request: Request, progress: Progress) -> list[Figures]:
+def measure_seeds(
+    production: Production,
+    request: Request,
+    progress: Progress,
+    prepared: Production | None = None,
+) -> list[Figures]:
     """The figures of each seed: identity -> method -> figure -> value.
+
+    Args:
+        prepared: where the clips of these people are prepared already, if they are.
 
     Raises:
         ExplainedError: as `evaluate` does.
     """
     with claims.hold(production.work / EVALUATION):
-        first = with_seed(production, request.seeds[0])
+        first = prepared or with_seed(production, request.seeds[0])
         return [
             _measure(with_seed(production, seed), first, request, progress)
             for seed in request.seeds
@@ -78,12 +87,12 @@ def _measure(
     path = production.output / DONE_FILE
     done = kept.read(path, dict[str, str], "list of what was measured") if path.exists() else {}
     for name, person in production.people.items():
-        finetune = person_job(person, production.work).stage(Finetune)
-        read, settings = sorted(finetune.sources().values()), dict(finetune.parameters)
-        how = [request.every, request.seconds, request.lpips_weights is not None]
-        code = code_version(CODE, finetune.packages, finetune.without_effect)
-        way = digest_data([code, how, person.size, settings, read])
         for method in request.methods:
+            finetune = person_job(method.of(person), production.work).stage(Finetune)
+            read, settings = sorted(finetune.sources().values()), dict(finetune.parameters)
+            how = [request.every, request.seconds, request.lpips_weights is not None]
+            code = code_version(CODE, finetune.packages, finetune.without_effect)
+            way = digest_data([code, how, person.size, settings, read])
             key = f"{name}/{method}"
             if done.get(key) == way:
                 continue
@@ -101,7 +110,8 @@ def _measure(
             done[key] = way
             atomic_write_json(path, done)
     found = kept.read(production.output / RESULT_FILE, Figures, "figures")
-    return {n: {m: found[n][m] for m in request.methods} for n in production.people}
+    methods = [str(method) for method in request.methods]
+    return {name: {m: found[name][m] for m in methods} for name in production.people}
 
 
 def _share_prepared(first: Production, production: Production, name: str) -> None:
@@ -120,26 +130,12 @@ def document(text: str, request: Request, runs: Sequence[Figures], today: dateti
     Raises:
         ExplainedError: it has no such part.
     """
-    head, begin, rest = text.partition(BEGIN)
-    _, end, tail = rest.partition(END)
-    if not (begin and end):
-        raise ExplainedError(
-            "the document has no place for tables", remedy=f"add {BEGIN} and {END}"
-        )
-    seeds = ", ".join(map(str, request.seeds))
-    frames = "every frame" if request.every == 1 else f"one frame of {request.every} (P15)"
-    if request.seconds is not None:
-        frames += f", {request.seconds:g} s of each protocol at most"
     dubs = [
         {n: {m: f.get("p15x", {}) for m, f in found.items()} for n, found in run.items()}
         for run in runs
     ]
     lines = [
-        begin,
-        "",
-        f"Commit {request.commit}, seeds {seeds}, {frames}, {today:%d %B %Y}.",
-        f"Machine: {machine(request.device)}.",
-        "Each figure: mean ± standard deviation over the seeds.",
+        *conditions(request, today),
         "",
         "**P15**, beside the true pictures:",
         "",
@@ -148,10 +144,36 @@ def document(text: str, request: Request, runs: Sequence[Figures], today: dateti
         "**P15x**, the case of a dub:",
         "",
         *table(P15X, dubs),
-        "",
-        end,
     ]
-    return head + "\n".join(lines) + tail
+    return filled(text, (BEGIN, END), lines)
+
+
+def filled(text: str, marks: tuple[str, str], lines: Sequence[str]) -> str:
+    """A document with lines in the place of those between two marks.
+
+    Raises:
+        ExplainedError: it lacks one of them.
+    """
+    head, begin, rest = text.partition(marks[0])
+    _, end, tail = rest.partition(marks[1])
+    if not (begin and end):
+        raise ExplainedError(
+            "the document has no place for tables", remedy="add {} and {}".format(*marks)
+        )
+    return head + "\n".join([begin, "", *lines, "", end]) + tail
+
+
+def conditions(request: Request, today: datetime.date) -> list[str]:
+    """Lines that say how figures were measured."""
+    seeds = ", ".join(map(str, request.seeds))
+    frames = "every frame" if request.every == 1 else f"one frame of {request.every} (P15)"
+    if request.seconds is not None:
+        frames += f", {request.seconds:g} s of each protocol at most"
+    return [
+        f"Commit {request.commit}, seeds {seeds}, {frames}, {today:%d %B %Y}.",
+        f"Machine: {machine(request.device)}.",
+        "Each figure: mean ± standard deviation over the seeds.",
+    ]
 
 
 def machine(device: str) -> str:
@@ -163,6 +185,22 @@ def machine(device: str) -> str:
     chosen = devices.choose(device)
     gpu = torch.cuda.get_device_name(chosen) if chosen.type == "cuda" else "no GPU"
     return f"{os.cpu_count()} cores of {processor}, torch threads: {torch.get_num_threads()}, {gpu}"
+
+
+def seeds_from(text: str) -> tuple[int, ...]:
+    """Two or more seeds, with commas between them.
+
+    Raises:
+        argparse.ArgumentTypeError: they are not.
+    """
+    try:
+        seeds = tuple(sorted({int(seed) for seed in text.split(",")}))
+    except ValueError as error:
+        problem = f"numbers with commas between them, not {text!r}"
+        raise argparse.ArgumentTypeError(problem) from error
+    if len(seeds) < 2 or min(seeds) < 0:
+        raise argparse.ArgumentTypeError("two or more from 0 on, for a spread")
+    return seeds
 
 
 def printer() -> Progress:
@@ -182,7 +220,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Measures every seed, then writes the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("manifests", nargs="+", type=Path, metavar="MANIFEST")
-    parser.add_argument("--seeds", default="0,1,2", help="two or more, with commas between them")
+    parser.add_argument("--seeds", type=seeds_from, default="0,1,2", help="two or more")
     parser.add_argument("--method", action="append", help="as of `dfrf evaluate`; dfrf by default")
     parser.add_argument("--every", type=int, default=1, help="P15 takes one frame of so many")
     parser.add_argument("--seconds", type=float, help="as of `dfrf evaluate`; all by default")
@@ -193,25 +231,22 @@ def main(arguments: Sequence[str] | None = None) -> None:
     )
     parser.add_argument("--document", type=Path, default=Path("docs/development/results.md"))
     given = parser.parse_args(arguments)
-    try:
-        seeds = tuple(sorted({int(seed) for seed in given.seeds.split(",")}))
-    except ValueError:
-        parser.error(f"--seeds: numbers with commas between them, not {given.seeds!r}")
-    if len(seeds) < 2 or min(seeds) < 0 or given.every < 1:
-        parser.error("--seeds: two or more from 0 on, for a spread; --every: 1 or more")
+    if given.every < 1:
+        parser.error("--every: 1 or more")
     if given.seconds is not None and not 0 < given.seconds < float("inf"):
         parser.error("--seconds: more than 0")
-    methods = tuple(given.method or ["dfrf"])
     how = (given.every, given.seconds, given.lpips_weights, given.device, given.commit)
-    request = Request(seeds, methods, *how)
     try:
+        request = Request(given.seeds, variants(given.method or ["dfrf"]), *how)
         text = given.document.read_text(encoding="utf-8")
-        document(text, request, [{} for _ in seeds], datetime.date.min)  # before hours of work
+        document(
+            text, request, [{} for _ in given.seeds], datetime.date.min
+        )  # before hours of work
         productions = [load(path) for path in given.manifests]
         names = [name for production in productions for name in production.people]
         if twice := [name for name in names if names.count(name) > 1]:
             parser.error(f"{twice[0]!r} is in two manifests: give it another name")
-        runs: list[Figures] = [{} for _ in seeds]
+        runs: list[Figures] = [{} for _ in given.seeds]
         for production in productions:
             found = measure_seeds(production, request, printer())
             runs = [{**run, **more} for run, more in zip(runs, found, strict=True)]

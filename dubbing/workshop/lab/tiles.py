@@ -5,7 +5,7 @@ S is the side of the crop in px.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
@@ -34,29 +34,20 @@ def write_tiles(folder: Path, tiles: Sequence[np.ndarray]) -> None:
     _write(folder / TILES_FILE, np.concatenate(tiles, 1))
 
 
-def write_methods(
-    folder: Path,
-    methods: Iterable[str],
-    latest: str,
-    clip: PreparedClip,
-    first: int,
-    count: int,
-    every: int = 1,
-) -> None:
-    """FOLDER/methods.png: some of these frames and their mouths, of the source and of every method.
+def write_methods(latest: Path, clip: PreparedClip, first: int, count: int, every: int = 1) -> None:
+    """Writes methods.png: some of these frames and their mouths, of the source and of every method.
 
     Args:
-        folder: has the tiles of each method in a folder of the method's name. A method without
-            any, or with tiles of other frames than the latest, is left out.
-        methods: names, in the order of the rows. latest: the one just measured.
+        latest: folder of the method just measured, named after it. It lies beside the others', and
+            the picture beside it; a method with tiles of other frames is left out.
         clip, first, count, every: what it was measured on.
     """
-    rows = {"source": _read(folder / latest)[: clip.size]}
-    for method in methods:
-        if (folder / method / TILES_FILE).is_file():
-            both = _read(folder / method)
-            if np.array_equal(both[: clip.size], rows["source"]):
-                rows[method] = both[clip.size :]
+    folder = latest.parent
+    rows = {"source": _read(latest)[: clip.size]}
+    for tiles in sorted(folder.glob(f"*/{TILES_FILE}")):
+        both = _read(tiles.parent)
+        if np.array_equal(both[: clip.size], rows["source"]):
+            rows[tiles.parent.name] = both[clip.size :]
     frames = np.array(tile_frames(first, count, every))
     some = np.unique(np.linspace(0, len(frames) - 1, COLUMNS).round().astype(int))
     boxes = mouth_boxes(clip.landmarks[frames[some]], clip.size)

@@ -42,6 +42,7 @@ def train_base(
     iterations: int | None = None,
     init: Path | None = None,
     hold_out: tuple[str, ...] = (),
+    preset: str | None = None,
     progress: Progress,
 ) -> None:
     """Writes OUT and, beside it, its curve (.csv) and its history (.json).
@@ -61,6 +62,7 @@ def train_base(
             divides its 300k and 100k. The preset's by default.
         init: a base checkpoint to start from instead of random weights.
         hold_out: names of identities that are not learned from but measured on.
+        preset: of the base; that of the manifest's identities when None.
         progress: called with a message and the share done.
 
     Raises:
@@ -70,6 +72,8 @@ def train_base(
     """
     learned, unseen = learned_names(production, hold_out), sorted(set(hold_out))
     settings = common_settings(production)
+    if preset is not None:
+        settings = replace(settings, preset=preset)
     people, held = (
         [load_person(production, name, device, settings, progress) for name in names]
         for names in (learned, unseen)
@@ -85,7 +89,7 @@ def train_base(
         progress(str(state), state.step / state.iterations)
 
     resume = out.with_name(out.name + ".resume")
-    validation = Validation(held)
+    validation = Validation(held, config.coarse_iterations)
     try:
         curve = fit(
             method_of(model),

@@ -19,7 +19,6 @@ from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.sync.sync_network import load_network
 from dubbing.workshop.lab.chin import CHIN_LINE, HALF_BAND, distance_to_line, gradient_energies
 from dubbing.workshop.lab.measuring import first_of
-from dubbing.workshop.lab.metrics import lips
 from dubbing.workshop.lab.mouth import MouthSeries
 
 DIFFERENT = 3  # grey levels: less is no other picture
@@ -161,9 +160,7 @@ class DubFigures:
             *(["noise"] if noisy else []),
         )
         found |= {name: self._sums.ratio(name) for name in names}
-        mouths = self._mouths
-        gap, true_gap = mouths.series("opening"), mouths.series("source_opening")
-        found |= mouths.figures() | {"closure_mcc": lips.closure_mcc(gap, true_gap)}
+        found |= self._mouths.figures()
         return {name: value for name, value in found.items() if not np.isnan(value)}
 
 

@@ -230,6 +230,17 @@ def test_beside_the_mouth_no_colour_is_the_fields_own(someone: Someone) -> None:
     assert (after[3] - before[3]).min() > 0.05
 
 
+@pytest.mark.parametrize("crops", [True, False])
+def test_without_mouth_views_a_mouth_is_read_off_whole_references(crops: bool) -> None:
+    someone, config = person(), small_config(mouth_views=crops)
+    method = FastMethod(presets.build(config))
+    views = method.reference_views(someone, torch.tensor([0, 5]))
+    assert (views.mouths is not None) == crops
+    conditioning = torch.zeros(1, config.field.cond_dim)
+    field = ConditionedField(method.model.field, conditioning, method.maps(views))
+    assert bool(field.chosen_mouths(someone.c2w[0, :, 3])) == crops
+
+
 def test_of_many_frames_some_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     someone, method = person(), FastMethod(presets.build(small_config()))
     assert method.mouth_views(someone).frames.tolist() == [0, 1, 2, 3, 4, 5]

@@ -49,6 +49,32 @@ def marks(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return given
 
 
+def test_a_model_that_never_learned_to_warp_is_not_the_best_of_all(marks: list[float]) -> None:
+    marks += [30, 29, 28, 20, 24, 23]
+    held = Validation([stranger()], since=8)
+    _, curve = run(held, replace(CONFIG, coarse_iterations=8, patience=2))
+    assert len(curve.rows) == 12  # three worse ones in the first stage end nothing
+    assert held.rows[held.best_row()] == (10, 24)
+    best, _ = run(Validation(), replace(CONFIG, coarse_iterations=8), steps=10)
+    assert all(torch.equal(value, held.best[name]) for name, value in best.state_dict().items())
+
+
+def test_people_held_out_are_measured_with_the_codes_of_the_model_as_it_is() -> None:
+    """Where pictures teach the speech networks, codes change from step to step."""
+    config = small_config(lip_supervision=False, references=0, use_warp=False)
+    method, held = FastMethod(presets.build(config)), stranger()
+    method.begin([held], [], CONFIG, torch.Generator(), False)
+    rays = draw_held_out_rays(held, method, CONFIG)
+    before = rays.psnr(method)
+    with torch.no_grad():
+        for layer in method.model.field.conditioning.audio.parameters():
+            layer.mul_(3)
+    after = rays.psnr(method)
+    assert after != before
+    method.begin([held], [], CONFIG, torch.Generator(), False)
+    assert rays.psnr(method) == pytest.approx(after, abs=1e-4)
+
+
 def test_the_best_model_is_kept_and_training_ends_when_none_is_better(marks: list[float]) -> None:
     marks += [20, 25, 24, 23, 30, 30]
     held = Validation([stranger()])

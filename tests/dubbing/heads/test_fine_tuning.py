@@ -65,6 +65,11 @@ def test_other_weights_of_the_features_are_refused(
         init_from_base(base, RNN)
 
 
+def test_a_person_can_be_learned_without_the_warp() -> None:
+    model = init_from_base(None, replace(RNN, warp=False))
+    assert not any(name.startswith("field.warp") for name in model.state_dict())
+
+
 def footage_of(frames: range) -> Any:
     """Footage that shows some frames of a clip of its own."""
     return SimpleNamespace(clip=object(), with_face=np.array(frames))

@@ -12,11 +12,10 @@ import pytest
 
 from dubbing.errors import ExplainedError, MediaError
 from dubbing.manifest.manifest import load
-from dubbing.pipeline import person_job
 from dubbing.production.production import Production
-from dubbing.stages.finetune import Finetune
 from dubbing.workshop.lab import evaluation, sync_figures, tiles
 from dubbing.workshop.lab.held_out import frames_to_test
+from dubbing.workshop.lab.variants import Variant
 from tests import clips, fakes
 
 pytestmark = pytest.mark.medium
@@ -163,19 +162,15 @@ def test_a_damaged_clip_is_said(manifest: Production) -> None:
         evaluation.evaluate(damaged, device="cpu", progress=quiet)
 
 
-def test_another_number_of_references_is_another_fine_tune(manifest: Production) -> None:
-    own = manifest.people["ann"]
-    plain, two = (
-        person_job(person, manifest.work).stage(Finetune)
-        for person in (own, evaluation.learned_by("dfrf-2", own))
-    )
-    assert two.key() != plain.key()
-    assert (two.settings.references, two.settings.preset) == (2, "fast")
-
-
-def test_references_of_the_manifest_are_those_of_dfrf_alone(manifest: Production) -> None:
-    ann = manifest.people["ann"]
-    three = replace(ann, settings=replace(ann.settings, references=3))
-    assert evaluation.learned_by("dfrf", three).settings.references == 3
-    assert evaluation.learned_by("dfrf-1", three).settings.references == 1
-    assert evaluation.learned_by("nerf", three).settings.references is None
+def test_a_variant_has_figures_and_a_model_of_its_own(manifest: Production) -> None:
+    two = Variant("dfrf", references=2, warp=False)
+    found = evaluation.evaluate(manifest, methods=(two,), device="cpu", progress=quiet)
+    assert list(found["ann"]) == ["dfrf-2-nowarp"]
+    assert (manifest.work / "evaluation" / "ann" / "dfrf-2-nowarp" / "render.mp4").is_file()
+    stages = manifest.work / "identities" / "ann"
+    assert [folder.name for folder in stages.glob("finetune*")] == ["finetune-dfrf-2-nowarp"]
+    no_warp = Variant("ad-nerf", warp=False)
+    with pytest.raises(
+        ExplainedError, match=r"ad-nerf: preset 'ad-nerf' has no warp \(--no-warp\)"
+    ):
+        evaluation.evaluate(manifest, methods=(no_warp,), device="cpu", progress=quiet)

@@ -30,7 +30,7 @@ pytestmark = pytest.mark.medium
 
 FRAMES, LEARNED = 30, 24
 OF_LIPS = {
-    *("lmd", "lip_rms", "opening_r", "width_r", "closure_f1", "closure_f1_near"),
+    *("lmd", "lip_rms", "opening_r", "width_r", "closure_f1", "closure_f1_near", "closure_mcc"),
     *("opening_ratio", "texture_ratio", "offset_frames", "confidence", "suspicious", "frames"),
 }
 OF_PICTURES = {

@@ -131,4 +131,4 @@ def test_one_mouth_of_several_says_nothing_of_how_it_moves(
     show_faces(monkeypatch, measuring, [talk(gaps), talk(gaps)], scale=16)
     means, _ = measured(person, every=2)
     assert means["lmd"] == pytest.approx(0, abs=1e-6)
-    assert not {"opening_r", "closure_f1", "closure_f1_near", "lag_ms"} & set(means)
+    assert not {"opening_r", "closure_f1", "closure_f1_near", "closure_mcc", "lag_ms"} & set(means)

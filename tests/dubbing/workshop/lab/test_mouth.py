@@ -42,7 +42,7 @@ def test_the_same_mouth_in_another_pose_and_size_is_the_same() -> None:
     assert figures["lip_rms"] == pytest.approx(0, abs=1e-3)
     assert figures["opening_r"] == pytest.approx(1)
     assert figures["opening_ratio"] == pytest.approx(1)
-    assert figures["closure_f1"] == figures["closure_f1_near"] == 1
+    assert figures["closure_f1"] == figures["closure_f1_near"] == figures["closure_mcc"] == 1
     assert figures["lag_ms"] == pytest.approx(0, abs=1)
     assert figures["missed"] == 0
 
@@ -65,6 +65,13 @@ def test_a_mouth_that_opens_half_as_far_and_a_frame_late() -> None:
     assert figures["opening_ratio"] == pytest.approx(0.5, abs=0.01)
     assert figures["lag_ms"] == pytest.approx(40, abs=4)
     assert figures["closure_f1"] < figures["closure_f1_near"]
+
+
+def test_a_mouth_that_never_opens_gets_nothing_for_its_closures() -> None:
+    gap = spoken()
+    figures = series(seen(np.zeros(40)), seen(gap)).figures()
+    assert figures["closure_f1"] > 0.4
+    assert figures["closure_mcc"] == 0
 
 
 def test_distances_are_in_px_at_512_of_the_source() -> None:

@@ -16,6 +16,7 @@ from dubbing.production.production import Production
 from dubbing.workshop.lab import results
 from dubbing.workshop.lab.evaluation import RESULT_FILE
 from dubbing.workshop.lab.result_tables import table
+from dubbing.workshop.lab.variants import Variant
 from tests import clips
 
 pytestmark = pytest.mark.medium
@@ -42,12 +43,12 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
     def evaluate(
         production: Production,
         *,
-        methods: tuple[str, ...],
+        methods: tuple[Variant, ...],
         only: tuple[str, ...],
         every: int,
         **_: object,
     ) -> None:
-        (method,), (name,) = methods, only
+        (method,), (name,) = map(str, methods), only
         seed = production.people[name].settings.seed
         made.append((name, seed, method, every))
         path = production.output / RESULT_FILE
@@ -185,7 +186,7 @@ def test_a_document_without_a_place_is_refused_before_anything_is_measured(
         run(path)
     assert "no place for tables" in capsys.readouterr().err
     assert not calls
-    request = results.Request((0, 1), ("dfrf",), 1, None, None, "cpu", "abc")
+    request = results.Request((0, 1), (Variant(),), 1, None, None, "cpu", "abc")
     with pytest.raises(ExplainedError, match="no place"):
         results.document("", request, [], datetime.date.today())
 
@@ -200,5 +201,5 @@ def test_one_name_in_two_manifests_is_refused(
 
 def test_the_document_of_the_project_has_a_place() -> None:
     text = (Path(__file__).parents[4] / "docs" / "development" / "results.md").read_text()
-    request = results.Request((0, 1), ("dfrf",), 1, None, None, "cpu", "abc")
+    request = results.Request((0, 1), (Variant(),), 1, None, None, "cpu", "abc")
     assert results.BEGIN in results.document(text, request, [{}, {}], datetime.date.today())

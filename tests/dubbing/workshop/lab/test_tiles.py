@@ -17,7 +17,6 @@ pytestmark = pytest.mark.medium
 
 
 FIRST, COUNT, SIZE = 5, 12, 32
-METHODS = ("one", "two", "three")
 
 
 @pytest.fixture
@@ -62,9 +61,9 @@ def test_rows_are_the_source_and_every_method_then_their_mouths(
     clip: PreparedClip, tmp_path: Path
 ) -> None:
     green, blue = (0, 200, 0), (0, 0, 200)
-    write(tmp_path / "three", blue)
+    write(tmp_path / "two", blue)
     write(tmp_path / "one", green)
-    tiles.write_methods(tmp_path, METHODS, "three", clip, FIRST, COUNT)
+    tiles.write_methods(tmp_path / "two", clip, FIRST, COUNT)
     picture = read(tmp_path)
     side, strip = tiles.SIDE, tiles.STRIP
     assert picture.shape == (3 * (side + strip), tiles.COLUMNS * side, 3)
@@ -87,7 +86,7 @@ def test_rows_are_the_source_and_every_method_then_their_mouths(
 def test_tiles_of_other_frames_are_left_out(clip: PreparedClip, tmp_path: Path) -> None:
     write(tmp_path / "one", (0, 200, 0), first=FIRST - 1)
     write(tmp_path / "two", (0, 0, 200))
-    tiles.write_methods(tmp_path, METHODS, "two", clip, FIRST, COUNT)
+    tiles.write_methods(tmp_path / "two", clip, FIRST, COUNT)
     picture = read(tmp_path)
     assert len(picture) == 2 * (tiles.SIDE + tiles.STRIP)
     assert (picture[tiles.SIDE + tiles.SIDE // 2, 0] == (0, 0, 200)).all()
