@@ -58,9 +58,9 @@ class Structure:
         for step in range(STEPS):
             system = self._system(state, free)
             new = None
-            while new is None or new.cost >= state.cost:
+            while new is None or not new.cost < state.cost:  # nor where it is not a number
                 new = self._stepped(state, system, free, damping)
-                damping = damping * 5 if new.cost >= state.cost else max(damping / 5, 1e-6)
+                damping = max(damping / 5, 1e-6) if new.cost < state.cost else damping * 5
                 if damping > MOST_DAMPING:
                     return state.poses
             gain, state = (state.cost - new.cost) / state.cost, new
