@@ -10,12 +10,13 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-FINE, COARSE = 0.8, 2.4  # px, Gaussian: detail between them is compared
+COARSE = 1.2  # px, Gaussian: detail finer than that is compared
 SIGMAS = np.array([0.0, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 2.8, 3.5])  # px, blurs that are tried
 SHUTTERS = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])  # shares of a frame's time
 MOVES = 1.5  # px a frame: a head that moves less has no blur of motion
 LEAST = 150  # px that must be compared
 OPAQUE = 250  # of 255
+TELLING = 0.2  # share of a film's detail that is no noise: with less, noise hides its focus
 SHARPER = 0.9  # share of the render's detail: a film that has more is as sharp
 NOISE_SEED = 20240607
 QUIET = 0.3  # levels: a film with less noise has none
@@ -42,7 +43,10 @@ def in_focus(
     rows, columns = (np.flatnonzero(beside.any(axis)) for axis in (1, 0))
     part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
     here, grey = beside[part], [luma(x[part]) for x in (image, head[..., :3])]
-    wanted = detail(grey[0], here) - noise_in_detail(noise)
+    filmed = detail(grey[0], here)
+    wanted = filmed - noise_in_detail(noise)
+    if wanted < TELLING * filmed:
+        return head
     if wanted >= SHARPER * detail(grey[1], here):
         return head
     if np.hypot(*motion) > MOVES:
@@ -96,8 +100,8 @@ def blurred(image: np.ndarray, sigma: float) -> np.ndarray:
 
 
 def detail(grey: np.ndarray, where: np.ndarray) -> float:
-    """Energy of an image's detail between `FINE` and `COARSE`, the mean over some pixels."""
-    band = cv2.GaussianBlur(grey, (0, 0), FINE) - cv2.GaussianBlur(grey, (0, 0), COARSE)
+    """Energy of an image's detail finer than `COARSE`, the mean over some pixels."""
+    band = grey - cv2.GaussianBlur(grey, (0, 0), COARSE)
     return float(np.square(band[where]).mean())
 
 
@@ -108,12 +112,11 @@ def noise_in_detail(noise: np.ndarray) -> float:
     variance = shared * weights.sum() ** 2 + (1 - shared) * (weights**2).sum()
     grain = 0.5 / np.sqrt(-np.log(beside)) if beside > 0.05 else 0.0
 
-    def left(sigma: float) -> float:
-        """Share of the variance of Gaussian noise of that grain that a Gaussian blur leaves."""
+    def shared_with(sigma: float) -> float:
+        """Share of the variance of such grain that a Gaussian blur leaves, twice sigma wide."""
         return float((grain**2 + 0.08) / (grain**2 + sigma**2 + 0.08))
 
-    cross = 2 * (grain**2 + 0.08) / (2 * grain**2 + FINE**2 + COARSE**2 + 0.16)
-    return float(variance * max(left(FINE) + left(COARSE) - 2 * cross, 0))
+    return float(variance * (1 + shared_with(COARSE) - 2 * shared_with(COARSE / 2**0.5)))
 
 
 def between(energies: np.ndarray, values: np.ndarray, wanted: float) -> float:
