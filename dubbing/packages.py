@@ -145,7 +145,7 @@ def installer() -> list[str]:
 
 
 def _origin() -> list[str]:
-    """What dfrf was installed from, for pip: its folder, or its name in a registry."""
+    """The source that dfrf was installed from, for pip: its folder, or its name in a registry."""
     import json
     from importlib import metadata
     from urllib.parse import urlsplit

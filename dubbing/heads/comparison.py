@@ -24,13 +24,12 @@ from dfrf.rendering.volume_rendering import Volume
 from dfrf.workers import Workers
 from dubbing.compositing.face_mask import lower_share
 from dubbing.face.face_contour import face_region
-from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth_shape import OUTER_LIP
 from dubbing.identity.dataset import lip_points, upper_face_expression
 from dubbing.media import read_frames
 from dubbing.preparation.matting.matting import dilate
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.preparation.tracking import cropping
+from dubbing.preparation.tracking import cropping, usual_colours
 
 SIDE = 128  # px of the pictures that are rendered
 EYES, W, H = 28.0, 88, 80  # of the frame of the face, px
@@ -39,7 +38,6 @@ DARK = 12.0  # grey levels added before a logarithm is taken: noise of dark colo
 OPAQUE = 0.9  # opacity from which the head is compared
 LIGHT = 9.0  # px, Gaussian: what varies more slowly is light
 OUTLIER = 0.25  # of a logarithm: a place that far off says little about the light
-TYPICAL = 60  # frames of a shot from which that is known
 LIPS = 0.04  # eye distances round the lips where words decide what is seen
 RIM = 3  # px round the face that are rendered
 MUCH, AWRY = 70, 0.1  # percent, logarithm: with so much beyond that, the head lies beside the face
@@ -64,14 +62,8 @@ class Compared:
 
 
 def to_face(landmarks: np.ndarray) -> np.ndarray:
-    """The similarity (2, 3) from px of a crop to the frame of the face."""
-    left, right = landmarks[LEFT_EYE_OUTER], landmarks[RIGHT_EYE_OUTER]
-    across = (right - left).astype(np.float64)
-    length = max(float(np.hypot(*across)), 1.0)
-    cosine, sine = across / length
-    turn = EYES / length * np.array([[cosine, sine], [-sine, cosine]])
-    move = np.array([W / 2, EYES_AT]) - turn @ ((left + right) / 2)
-    return np.concatenate([turn, move[:, None]], 1)
+    """The similarity (2, 3) float64 from px of a crop to the frame of the face."""
+    return usual_colours.to_face(landmarks, EYES, W, EYES_AT).astype(np.float64)
 
 
 def compare(
@@ -165,8 +157,7 @@ def images(clip: PreparedClip, frames: np.ndarray) -> Iterator[np.ndarray]:
 
 def usual_difference(apart: np.ndarray) -> np.ndarray:
     """By how much places differ in most of the frames (F, H, W), and those beside them, (H, W)."""
-    some = np.unique(np.linspace(0, len(apart) - 1, TYPICAL).round().astype(int))
-    middle = np.median(apart[some].astype(np.float32), 0)
+    middle = np.median(apart, 0)
     return np.asarray(cv2.dilate(middle, np.ones((3, 3))))
 
 

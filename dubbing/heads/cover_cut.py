@@ -86,7 +86,7 @@ def cut_out(
 
 
 def followed(compared: list[Compared], seeds: list[np.ndarray]) -> list[np.ndarray]:
-    """What lies over the face in each of some frames in a row.
+    """Pixels that lie over the face in each of some frames in a row.
 
     A frame without seeds takes on what its neighbours show, as far as it has the same colours.
     """

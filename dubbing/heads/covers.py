@@ -1,4 +1,4 @@
-"""What lies over a face, told by the learned head: whatever it cannot explain.
+"""Finds things that lie over a face: whatever the learned head cannot explain.
 
 A hand, a microphone, a caption stay in front of the new mouth. Where something has the colours of
 skin, or the head does not lie on the face, the frame is covered: the film keeps its own mouth. T
@@ -29,6 +29,7 @@ from dubbing.preparation.head_findings import COVERED_FILE, COVERS_FILE
 from dubbing.preparation.prepared import PreparedClip
 
 EYES, W, H = 28.0, 88, 80  # of the frame of the face, px
+TYPICAL = 60  # frames of a shot from which is known what differs usually
 EVERY = 3  # frames between two that are looked at first
 BESIDE = 6  # frames round one with something over the face
 RUN = 500  # frames at most that are looked at together
@@ -88,11 +89,12 @@ def _covers(
         if not len(frames):
             continue
         some = np.union1d(frames[::EVERY], frames[-1:])
-        first = list(Comparison(method, maps, clip).look(some))
-        usual = usual_difference(np.stack([c.apart for c in first]))
+        comparison = Comparison(method, maps, clip)
+        spread = some[np.unique(np.linspace(0, len(some) - 1, TYPICAL).round().astype(int))]
+        usual = usual_difference(np.stack([c.apart for c in comparison.look(spread)]))
         flagged = [
             t
-            for t, c in zip(some, first, strict=True)
+            for t, c in zip(some, comparison.look(some), strict=True)
             if unexplained(c, usual).any() or is_awry(c, usual)
         ]
         near = frames[np.isin(frames, np.add.outer(flagged, np.arange(-BESIDE, BESIDE + 1)))]

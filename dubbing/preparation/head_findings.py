@@ -1,4 +1,4 @@
-"""What the learned head of a person found out about a film, read from its files.
+"""Poses and masks of a film that were found with the learned head, read from their files.
 
 T frames.
 """

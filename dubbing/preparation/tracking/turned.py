@@ -27,7 +27,7 @@ FEWEST = 8  # frontal frames of a shot
 
 @dataclass(frozen=True)
 class Footage:
-    """What poses are found from.
+    """The pictures and masks that poses are found from.
 
     Attributes:
         crops: (T, S, S, 3), people: (T, S, S) person masks, uint8.

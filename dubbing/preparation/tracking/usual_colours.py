@@ -83,14 +83,21 @@ class UsualColours:
         return ~inside & still & (np.abs(face - self.middle).max(-1) < UNCHANGED)
 
 
-def to_face(points: np.ndarray) -> np.ndarray:
-    """The similarity (2, 3) float32 from px of a crop to the frame of the face."""
+def to_face(
+    points: np.ndarray, eyes: float = EYES, width: int = W, below: float = EYES_AT
+) -> np.ndarray:
+    """The similarity (2, 3) float32 from px of a crop to a frame of the face.
+
+    Args:
+        eyes: distance between the outer corners of the eyes there, px.
+        width: of that frame, px. below: how far the eyes are below its upper edge, px.
+    """
     left, right = (points[k, :2].astype(np.float64) for k in (LEFT_EYE_OUTER, RIGHT_EYE_OUTER))
     across = right - left
     length = max(float(np.hypot(*across)), 1.0)
     cosine, sine = across / length
-    turn = EYES / length * np.array([[cosine, sine], [-sine, cosine]])
-    move = np.array([W / 2, EYES_AT]) - turn @ ((left + right) / 2)
+    turn = eyes / length * np.array([[cosine, sine], [-sine, cosine]])
+    move = np.array([width / 2, below]) - turn @ ((left + right) / 2)
     return np.concatenate([turn, move[:, None]], 1).astype(np.float32)
 
 

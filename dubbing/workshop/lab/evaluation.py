@@ -49,7 +49,7 @@ Figures = dict[str, dict[str, dict[str, Any]]]  # identity -> method -> figure -
 
 
 class Learned(TypedDict):
-    """What is read of a fine-tune's summary."""
+    """The keys of a fine-tune's summary that are read."""
 
     steps: int
     seconds: float

@@ -46,7 +46,7 @@ PICTURES, DUBS = (
 
 @dataclass(frozen=True)
 class Row:
-    """What is learned how long, in one or several of the tables."""
+    """A method and how long it learns, in one or several of the tables."""
 
     variant: Variant
     seconds: float

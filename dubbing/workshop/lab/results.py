@@ -39,7 +39,7 @@ CODE = "dubbing.workshop.lab.evaluation"
 
 @dataclass(frozen=True)
 class Request:
-    """What is measured, and by which commit, which the document names."""
+    """The measurements that are asked for, and the commit, which the document names."""
 
     seeds: tuple[int, ...]
     methods: tuple[Variant, ...]

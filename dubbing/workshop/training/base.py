@@ -134,7 +134,7 @@ def train_base(
 
 
 def person_key(production: Production, name: str) -> list[Any]:
-    """What of an identity is learned or measured on: name, digest of the clip, and which part."""
+    """The part of an identity that is learned or measured on: name, clip and seconds."""
     person = production.people[name]
     return [name, digest_file(person.clip.path), person.size, person.start, person.seconds]
 

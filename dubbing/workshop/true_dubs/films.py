@@ -35,7 +35,7 @@ STAYS_FOR = "bruno"  # the face of who passes by
 
 
 def covers(scene: Scene, mouths: np.ndarray) -> Iterator[Cover | None]:
-    """What is in front of the face in each frame."""
+    """The object in front of the face in each frame."""
     still = microphone(mouths[FIRST:, 0].mean(0), scene.size)
     for t in range(FRAMES):
         seen = t >= FIRST

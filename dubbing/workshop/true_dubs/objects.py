@@ -1,4 +1,4 @@
-"""What comes in front of the face, or passes behind it: drawn over rendered frames.
+"""Objects in front of the face, and people behind it: drawn over rendered frames.
 
 S side of the rendered frame in px; lengths are given for S = 320 and scale with it.
 """

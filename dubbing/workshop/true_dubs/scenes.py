@@ -18,7 +18,7 @@ TURNS_AT, TURNED_AT = 1.6, 2.6  # seconds: between them a head turns to where it
 
 @dataclass(frozen=True)
 class Look:
-    """What the camera and its light add to a rendered frame.
+    """Light, lens, motion and film stock, as they change a rendered frame.
 
     Attributes:
         flicker: the lamp's change, as a share of its light.
