@@ -151,16 +151,21 @@ def chosen(only: Sequence[str]) -> list[Scene]:
     return [s for s in SCENES if not only or any(fnmatchcase(s.name, p) for p in only)]
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(
-        prog="python -m dubbing.workshop.true_dubs.films", description=__doc__
+def parser(program: str, about: str | None) -> argparse.ArgumentParser:
+    """The arguments of a program that works on scenes."""
+    made = argparse.ArgumentParser(
+        prog=f"python -m dubbing.workshop.true_dubs.{program}", description=about
     )
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--only", nargs="*", default=[], help="names of scenes, or patterns")
-    call = parser.parse_args()
+    made.formatter_class = argparse.RawDescriptionHelpFormatter
+    made.add_argument("out", type=Path)
+    made.add_argument("--only", nargs="*", default=[], help="names of scenes, or patterns")
+    return made
+
+
+def main() -> int:
+    call = parser("films", __doc__).parse_args()
     try:
-        packages.require("synthetic")
+        packages.require_renderer()
         scenes = chosen(call.only)
         for scene in tqdm(scenes, desc="films"):
             write(scene, call.out)

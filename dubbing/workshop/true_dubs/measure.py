@@ -6,7 +6,6 @@
 the dub and the true dub above one another.
 """
 
-import argparse
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -21,7 +20,7 @@ from dubbing.engine.files import atomic_path, atomic_write_json
 from dubbing.errors import ExplainedError
 from dubbing.media import read_frames
 from dubbing.workshop.true_dubs.figures import DubFigures, mean_of
-from dubbing.workshop.true_dubs.films import COVER, FILM, FIRST, TRUE_FILM, TRUTH, chosen
+from dubbing.workshop.true_dubs.films import COVER, FILM, FIRST, TRUE_FILM, TRUTH, chosen, parser
 from dubbing.workshop.true_dubs.scenes import FRAMES, RATE
 
 FIGURES = "figures.json"
@@ -120,14 +119,9 @@ def measure(out: Path, names: Sequence[str], jobs: int) -> dict[str, dict[str, f
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(
-        prog="python -m dubbing.workshop.true_dubs.measure", description=__doc__
-    )
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--only", nargs="*", default=[], help="names of scenes, or patterns")
-    parser.add_argument("--jobs", type=int, default=2, help="scenes at a time")
-    call = parser.parse_args()
+    arguments = parser("measure", __doc__)
+    arguments.add_argument("--jobs", type=int, default=2, help="scenes at a time")
+    call = arguments.parse_args()
     try:
         figures = measure(call.out, [scene.name for scene in chosen(call.only)], call.jobs)
     except ExplainedError as error:

@@ -1,5 +1,6 @@
 """Scenes, what the camera adds, what comes before the face, and the manifest."""
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from dubbing.errors import ExplainedError
 from dubbing.workshop.synthetic.anatomy.face import FACES
+from dubbing.workshop.true_dubs import films, measure
 from dubbing.workshop.true_dubs.camera_look import CameraLook
 from dubbing.workshop.true_dubs.films import FIRST, MANIFEST, chosen, manifest, write
 from dubbing.workshop.true_dubs.measure import cell, table
@@ -85,6 +87,20 @@ def test_scenes_are_chosen_by_patterns() -> None:
     assert [scene.name for scene in chosen(["held-*", "front"])][:2] == ["front", "held-20"]
     with pytest.raises(ExplainedError, match="no scene is called nobody"):
         chosen(["nobody"])
+
+
+def test_the_program_writes_films_and_their_manifest(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    written: list[str] = []
+    monkeypatch.setattr(films, "write", lambda scene, out: written.append(scene.name))
+    monkeypatch.setattr(sys, "argv", ["films", str(tmp_path), "--only", "held-*"])
+    assert films.main() == 0
+    assert written == ["held-20", "held-40", "held-60", "held-80"]
+    assert "held-60/film.mkv" in (tmp_path / MANIFEST).read_text()
+    monkeypatch.setattr(sys, "argv", ["measure", str(tmp_path), "--only", "held-60"])
+    assert measure.main() == 1
+    assert "dfrf dub" in capsys.readouterr().err
 
 
 def test_a_table_says_what_it_knows() -> None:
