@@ -20,7 +20,6 @@ from dubbing.errors import PreparationError
 from dubbing.media import MediaInfo, probe
 from dubbing.preparation.alignment.bundle import Observations
 from dubbing.preparation.alignment.camera import Poses
-from dubbing.preparation.alignment.head_surface import HeadSurface
 from dubbing.preparation.alignment.score import root_mean_square
 from dubbing.preparation.alignment.silhouette import Silhouette
 from dubbing.preparation.background.background import background_step
@@ -48,8 +47,9 @@ from dubbing.preparation.tracking.occlusion import covered_step
 from dubbing.preparation.tracking.overlay import Overlay, overlay_step
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.tracking import Arrays
-from dubbing.preparation.tracking.turned import Footage, turned_step
 from dubbing.preparation.tracking.warnings import face_warnings_of, warnings_of
+from dubbing.preparation.turning.head_surface import HeadSurface
+from dubbing.preparation.turning.turned import Footage, turned_step
 
 
 def prepare(

@@ -38,7 +38,7 @@ from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
 from dubbing.preparation.tracking.survey import Survey, survey
-from dubbing.preparation.tracking.turned import FRONTAL, angles, frontal
+from dubbing.preparation.turning.turned import FRONTAL, angles, frontal
 
 APART = 3.0  # px at a crop of 512: tracking and static mode disagree, something may cover the face
 HIDDEN = 2.0  # times as much: the frame is not used at all

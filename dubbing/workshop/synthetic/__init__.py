@@ -1,5 +1,5 @@
 """A synthetic speaker: a rendered head whose mouth follows phones with known times.
 
 It stands in for footage of people in the demo and the tests, and gives clips with exact truth:
-head poses, mattes, mouth opening, phone times, A/V offset. It needs the extra `synthetic`.
+head poses, mattes, mouth opening, phone times, A/V offset.
 """

@@ -17,8 +17,8 @@ from scipy.sparse import bsr_matrix, csr_matrix
 
 from dubbing.preparation.alignment.banded import DOF, HUBER, huber_weight, smoothness_blocks
 from dubbing.preparation.alignment.camera import Poses, point_jacobian, pose_jacobian
-from dubbing.preparation.alignment.point_tracks import PointTracks
 from dubbing.preparation.alignment.rotations import relative_vectors
+from dubbing.preparation.turning.point_tracks import PointTracks
 
 PIXEL = 0.5  # px, deviation of an observation
 PLACE = 0.15  # units, by how much a first guess of a point is off

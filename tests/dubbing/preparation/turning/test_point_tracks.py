@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 
 from dubbing.preparation.alignment.camera import Poses
-from dubbing.preparation.alignment.head_surface import CENTRE, RADII, HeadSurface
-from dubbing.preparation.alignment.point_tracks import SHORTEST, follow
+from dubbing.preparation.turning.head_surface import CENTRE, RADII, HeadSurface
+from dubbing.preparation.turning.point_tracks import SHORTEST, follow
 
 S, FOCAL = 200, 480.0
 SURFACE = HeadSurface(np.zeros((478, 3)), FOCAL)  # a mesh of no size: the ellipsoid alone

@@ -13,9 +13,9 @@ import numpy as np
 
 from dubbing.engine.stage import ReportShare
 from dubbing.preparation.alignment.camera import Poses
-from dubbing.preparation.alignment.head_surface import HeadSurface
-from dubbing.preparation.alignment.point_tracks import follow
-from dubbing.preparation.alignment.structure import Structure
+from dubbing.preparation.turning.head_surface import HeadSurface
+from dubbing.preparation.turning.point_tracks import follow
+from dubbing.preparation.turning.structure import Structure
 
 FRONTAL = np.radians(20.0)  # between the face and the camera: up to here landmarks decide
 FARTHEST = np.radians(105.0)  # beyond, nothing of a face is seen

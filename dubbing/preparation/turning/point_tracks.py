@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from dubbing.preparation.alignment.camera import Poses
-from dubbing.preparation.alignment.head_surface import HeadSurface
+from dubbing.preparation.turning.head_surface import HeadSurface
 
 POINTS = 400  # in a frame, at most
 SPACING = 0.014  # of the crop's side, between points

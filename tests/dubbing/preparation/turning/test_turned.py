@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from dubbing.media import VideoWriter
 from dubbing.preparation.alignment.camera import Poses
 from dubbing.preparation.prepare import prepare
-from dubbing.preparation.tracking.turned import ANCHORS, AT_ONCE, FEWEST, frontal, parts_of
+from dubbing.preparation.turning.turned import ANCHORS, AT_ONCE, FEWEST, frontal, parts_of
 from dubbing.workshop.synthetic.anatomy.face import face_by_name
 from dubbing.workshop.synthetic.anatomy.lips import MouthShape
 from dubbing.workshop.synthetic.motion import move

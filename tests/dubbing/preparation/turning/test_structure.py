@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dubbing.preparation.alignment.camera import Poses
-from dubbing.preparation.alignment.point_tracks import PointTracks
-from dubbing.preparation.alignment.structure import Structure
+from dubbing.preparation.turning.point_tracks import PointTracks
+from dubbing.preparation.turning.structure import Structure
 
 FOCAL, CENTRE = 600.0, np.array([128.0, 120.0])
 FRAMES, POINTS, ANCHORED, SEEN = 40, 300, 6, 18

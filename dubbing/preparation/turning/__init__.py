@@ -1,0 +1,1 @@
+"""Poses of heads that are turned far: points are followed and solved together with the poses."""
