@@ -220,6 +220,23 @@ class Method(ABC, Generic[ShareT, MapsT]):
         """
         raise NotImplementedError
 
+    def volumes_with_lips(
+        self,
+        expression: Float[Tensor, "F U"],
+        lips: Float[Tensor, "F Q 2"],
+        origins: Float[Tensor, "F 3"],
+        maps: MapsT | None,
+    ) -> Callable[[int], Volume]:
+        """Volumes of the head with the lips of a film; by default those of `resting_volumes`.
+
+        Args:
+            expression: measures of the upper face.
+            lips: positions of the lips, see `mouth_pixels`.
+            origins: of the cameras, head frame.
+            maps: references of the person.
+        """
+        return self.resting_volumes(expression, maps)
+
     @abstractmethod
     def render_frames(
         self, inputs: FrameInputs, maps: MapsT | None

@@ -251,14 +251,6 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         origins: Float[Tensor, "F 3"],
         maps: ReferenceMaps | None,
     ) -> Callable[[int], Volume]:
-        """Volumes of the head with lips as they are in a film; gives that of one of F frames.
-
-        Args:
-            expression: measures of the upper face.
-            lips: positions of the lips, see `mouth_pixels`.
-            origins: of the cameras, head frame.
-            maps: references of the person.
-        """
         conditioning = self._resting(expression)
         if maps is not None and maps.views.mouths is not None:
             own, mouths = self.model.field.conditioning, maps.views.mouths

@@ -7,7 +7,7 @@ S side of the crop in px.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,11 +16,8 @@ import numpy as np
 import torch
 
 from dfrf.cameras import Camera
-from dfrf.fast.fast_method import FastMethod
-from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.method_interface import Maps, Method
 from dfrf.rendering.frame_renderer import render_frame
-from dfrf.rendering.volume_rendering import Volume
 from dfrf.workers import Workers
 from dubbing.compositing.face_mask import lower_share
 from dubbing.face.face_contour import face_region
@@ -120,7 +117,8 @@ class Comparison:
         clip, device = self.clip, self.method.model.device
         expression = torch.from_numpy(upper_face_expression(clip)[frames]).float()
         c2w = torch.from_numpy(clip.c2w()[frames]).float().to(device)
-        volumes = self._volumes(expression, lip_points(clip, frames), c2w[:, :, 3])
+        lips = lip_points(clip, frames)
+        volumes = self.method.volumes_with_lips(expression, lips, c2w[:, :, 3], self.maps)
         scale = SIDE / clip.size
         centre = (torch.from_numpy(clip.centre[frames]).float().to(device) + 0.5) * scale - 0.5
 
@@ -134,14 +132,6 @@ class Comparison:
 
         with Workers(device, AT_ONCE) as workers:
             yield from workers.map(one, enumerate(images(clip, frames)))
-
-    def _volumes(
-        self, expression: torch.Tensor, lips: torch.Tensor, origins: torch.Tensor
-    ) -> Callable[[int], Volume]:
-        maps = self.maps
-        if isinstance(self.method, FastMethod) and isinstance(maps, ReferenceMaps):
-            return self.method.volumes_with_lips(expression, lips, origins, maps)
-        return self.method.resting_volumes(expression, self.maps)
 
 
 def images(clip: PreparedClip, frames: np.ndarray) -> Iterator[np.ndarray]:
