@@ -249,7 +249,7 @@ def test_of_many_frames_some_are_compared(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_measures_are_read_off_lips(someone: Someone) -> None:
-    """What `wanted_lips` makes of measures, `read_measures` undoes."""
+    """`read_measures` undoes `wanted_lips`."""
     mouths = someone.mouths
     generator = torch.Generator().manual_seed(0)
     reading = torch.randn(mouths.reading.shape, generator=generator)

@@ -1,4 +1,4 @@
-"""What lies over a face is found where a head cannot explain the picture."""
+"""Covers of a face are found where a head cannot explain the picture."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What ships is what the importer writes; runs where the source is installed."""
+"""The importer writes the files that ship; runs where the source is installed."""
 
 from __future__ import annotations
 
