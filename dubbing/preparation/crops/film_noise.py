@@ -17,6 +17,7 @@ LIKE_SKIN = 0.4  # share of the face's brightness that a block may be off: noise
 FACE = (0.35, 0.65)  # of the window's sides: surely face
 LEAST_BLOCKS = 20
 NUMBERS = 5
+CHANNELS = ((0, 1), (0, 2), (1, 2))  # pairs of them
 
 
 class NoiseMeter:
@@ -72,10 +73,16 @@ def measured(before: np.ndarray, after: np.ndarray) -> np.ndarray | None:
     if luma <= 0:
         return np.zeros(NUMBERS)
     own = chosen.var((0, 1, 2)) * typical / ITS_VALUE / luma / 2
-    shared = np.corrcoef(chosen.reshape(-1, 3).T)[np.triu_indices(3, 1)].mean()
+    shared = np.mean([correlation(chosen[..., a], chosen[..., b]) for a, b in CHANNELS])
     pairs = [(chosen[:, :, 1:], chosen[:, :, :-1]), (chosen[:, 1:], chosen[:, :-1])]
-    beside = np.mean([np.corrcoef(a.ravel(), b.ravel())[0, 1] for a, b in pairs])
+    beside = np.mean([correlation(a, b) for a, b in pairs])
     return np.array([*np.sqrt(own), np.clip(shared, 0, 1), np.clip(beside, 0, 0.95)])
+
+
+def correlation(one: np.ndarray, other: np.ndarray) -> float:
+    """Correlation of two arrays of one shape; 0 where one of them does not change."""
+    spread = float(one.std() * other.std())
+    return float(np.mean((one - one.mean()) * (other - other.mean()))) / spread if spread else 0.0
 
 
 def blocks(image: np.ndarray) -> np.ndarray:

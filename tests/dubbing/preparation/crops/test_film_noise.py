@@ -54,6 +54,16 @@ def test_what_channels_and_neighbours_share() -> None:
     assert coarse[4] == pytest.approx(np.exp(-1 / (4 * 0.8**2)), abs=0.08)
 
 
+@pytest.mark.parametrize("channels", [[2], [0, 1]])
+def test_channels_that_never_change_have_no_noise(channels: list[int]) -> None:
+    before, after = noisy(even(), 1), noisy(even(), 2)
+    before[..., channels] = after[..., channels] = 40
+    found = measured(before, after)
+    assert found is not None
+    assert np.isfinite(found).all()
+    np.testing.assert_allclose(found[channels], 0, atol=1e-6)
+
+
 def test_a_film_without_noise_has_none() -> None:
     still = even().astype(np.uint8)
     found = measured(still, still)
