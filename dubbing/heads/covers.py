@@ -33,6 +33,7 @@ TYPICAL = 60  # frames of a shot from which is known what differs usually
 EVERY = 3  # frames between two that are looked at first
 BESIDE = 6  # frames round one with something over the face
 RUN = 500  # frames at most that are looked at together
+BRIEF = 0.3  # s: nothing that hides a face, and has its colours, is there for less
 
 
 def find_covers(
@@ -108,7 +109,7 @@ def _covers(
                     over[t] = mask
                 elif mask.any() or t in awry:
                     hidden.add(t)
-    return clip, over, hidden
+    return clip, over, lasting(hidden, BRIEF * float(clip.rate))
 
 
 def _with_poses_mended(
@@ -146,6 +147,12 @@ def _with_poses_mended(
     poses = Poses(posed.rotation[awry], posed.translation[awry])
     landmarks[awry] = project(to_camera(poses, clip.shape), clip.focal, clip.centre[awry])
     return replace(posed, landmarks=landmarks), beside_face
+
+
+def lasting(hidden: set[int], least: float) -> set[int]:
+    """Frames that are in a run of at least so many: a turned head differs in a few by chance."""
+    runs = runs_of(np.array(sorted(hidden), int))
+    return {t for run in runs if len(run) >= least for t in run.tolist()}
 
 
 def runs_of(frames: np.ndarray) -> list[np.ndarray]:

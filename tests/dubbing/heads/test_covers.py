@@ -7,7 +7,7 @@ import numpy as np
 
 from dubbing.heads.comparison import Compared, H, W, is_awry, to_face, usual_difference
 from dubbing.heads.cover_cut import followed, is_like_skin, mask_of, steady, unexplained
-from dubbing.heads.covers import runs_of
+from dubbing.heads.covers import lasting, runs_of
 from tests import fakes
 
 FACE = np.zeros((H, W), bool)
@@ -112,3 +112,8 @@ def test_frames_in_a_row_are_looked_at_together() -> None:
     runs = runs_of(np.array([3, 4, 5, 9, 10, 20]))
     assert [run.tolist() for run in runs] == [[3, 4, 5], [9, 10], [20]]
     assert runs_of(np.zeros(0, int)) == []
+
+
+def test_a_face_is_not_hidden_for_a_blink() -> None:
+    assert lasting({3, 4, 5, 20, 21, 22, 23, 24, 25, 26, 27}, 7.5) == set(range(20, 28))
+    assert lasting(set(), 7.5) == set()
