@@ -43,7 +43,7 @@ class Aggregation(nn.Module):
         self,
         feature: Float[Tensor, "N M C"],
         view: Float[Tensor, "N M 4"],
-        log_view_weight: Float[Tensor, " N"],
+        log_view_weight: Float[Tensor, "N M"],
         point: Float[Tensor, "M E"],
         conditioning: Float[Tensor, "F K"],
         belongs: Float[Tensor, "M F"],
@@ -53,7 +53,7 @@ class Aggregation(nn.Module):
         Args:
             feature: of each reference at the point.
             view: differences of the directions, see `ReferenceViews.direction_differences`.
-            log_view_weight: logarithm of the weight of each reference before attention.
+            log_view_weight: logarithm of the weight of each reference at a point before attention.
             point: encoded points.
             conditioning: of each frame.
             belongs: 1 where a point belongs to a frame.
@@ -61,7 +61,7 @@ class Aggregation(nn.Module):
         shared = self.point(point) + per_point(self.conditioning(conditioning), belongs)
         token = self.feature(torch.cat([feature, view], -1)).add_(shared)
         token = F.relu(token, inplace=True)
-        weight = (self.logit(token).squeeze(-1).float() + log_view_weight[:, None]).softmax(0)
+        weight = (self.logit(token).squeeze(-1).float() + log_view_weight).softmax(0)
         w = weight[..., None].to(feature.dtype)
         mean = weighted_sum(w, feature)
         spread = weighted_sum(w, (feature[..., COLOUR] - mean[..., COLOUR]) ** 2)

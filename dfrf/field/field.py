@@ -19,7 +19,7 @@ from dfrf.field.aggregation import Aggregation
 from dfrf.field.conditioning import Conditioning
 from dfrf.field.encodings import encoded_size, frequency_encoding
 from dfrf.field.query import FieldQuery, per_point
-from dfrf.field.reference_encoder import COLOUR, ReferenceEncoder
+from dfrf.field.reference_encoder import COLOUR, ReferenceEncoder, shows_head
 from dfrf.field.reference_maps import ChosenMouths, ReferenceMaps
 from dfrf.field.warp import Warp, warped
 
@@ -129,7 +129,7 @@ class Field(nn.Module):
         fused, weight = self.aggregation(
             feature,
             towards.to(feature.dtype),
-            maps.log_view_weight,
+            maps.log_view_weight[:, None] + shows_head(feature).log(),
             query.encoded,
             conditioning,
             query.belongs,

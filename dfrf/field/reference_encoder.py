@@ -18,7 +18,14 @@ from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.sharpening import sharpened
 
 COLOUR = slice(0, 3)  # of the features of a reference
+MATTE = 3
 MATTE_AND_COLOUR = 4  # channels that are copied, not computed by the network
+LEAST_SHOWN = 0.1  # so that weights change slowly where few views show the head
+
+
+def shows_head(features: Float[Tensor, "N M C"]) -> Float[Tensor, "N M"]:
+    """How much views count at points for showing the head there, and not what is beside it."""
+    return features[..., MATTE].float().clamp_min(LEAST_SHOWN).square()
 
 
 class ReferenceEncoder(nn.Module):

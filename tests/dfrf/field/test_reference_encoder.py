@@ -1,0 +1,37 @@
+"""What a view shows beside the head says nothing of the head."""
+
+import torch
+
+from dfrf import presets
+from dfrf.data.reference_cuts import cut_references
+from dfrf.field.query import FieldQuery
+from dfrf.field.reference_encoder import MATTE, shows_head
+from tests.dfrf.people import person, small_config
+
+VIEWS, POINTS = 4, 30
+
+
+@torch.no_grad()
+def test_a_view_that_shows_the_wall_at_a_point_gives_no_colour(arithmetic: float) -> None:
+    someone, model = person(VIEWS), presets.build(small_config()).eval()
+    maps = model.field.encoder(cut_references(someone, torch.arange(VIEWS)))
+    table = maps.table.clone()
+    table[:, MATTE] = 1.0
+    wall = slice(maps.height * maps.width)  # the first view's pixels
+    table[wall, MATTE] = 0.0
+    conditioning = torch.zeros(1, model.config.field.cond_dim)
+    points, frame = torch.zeros(POINTS, 3), torch.zeros(POINTS).long()
+    directions = torch.tensor([0.0, 0.0, -1.0]).expand(POINTS, 3)
+    positions = (torch.rand(1, POINTS, 2) * 15 + 5).expand(VIEWS, POINTS, 2)
+    query: FieldQuery = model.field.query(points, directions, frame, conditioning)
+    _, _, weight = model.field.aggregate(query, maps.with_features(table), conditioning, positions)
+    assert weight[0].max() < 0.05
+    assert weight[1:].min() > 0.1
+    assert arithmetic > 0
+
+
+def test_where_every_view_shows_the_wall_all_count_alike() -> None:
+    features = torch.zeros(VIEWS, POINTS, 8)
+    shown = shows_head(features)
+    assert (shown == shown[0, 0]).all()
+    assert shown[0, 0] > 0
