@@ -69,7 +69,7 @@ def jaw_lines(clip: TrackedCrops, progress: ReportShare) -> np.ndarray:
     """The outlines moved to the visible edge of the jaw, (T, POINTS, 2) px."""
 
     def work(t: int) -> np.ndarray:
-        return edge_costs(clip.crops[t], clip.outline[t])
+        return edge_costs(clip.crops[t], clip.opacity[t], clip.outline[t])
 
     costs = []
     for cost in in_order(work, ((t,) for t in range(len(clip)))):

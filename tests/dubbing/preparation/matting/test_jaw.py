@@ -30,7 +30,12 @@ def picture(below: float, collar: int | None = None) -> np.ndarray:
 
 def offsets_in(image: np.ndarray, line: np.ndarray) -> np.ndarray:
     """Offsets (POINTS,) px of the edge in one picture."""
-    return edge_offsets(edge_costs(image, line)[None], len(image))[0]
+    return offsets_of(image, np.full(image.shape[:2], 255, np.uint8), line)
+
+
+def offsets_of(image: np.ndarray, person: np.ndarray, line: np.ndarray) -> np.ndarray:
+    """The same with a mask of the person (S, S) uint8."""
+    return edge_offsets(edge_costs(image, person, line)[None], len(image))[0]
 
 
 def test_the_edge_is_found_where_it_is() -> None:
@@ -39,6 +44,20 @@ def test_the_edge_is_found_where_it_is() -> None:
         line = moved(LINE, offset)[MIDDLE]
         truth = 300 + 80 * np.sin((line[:, 0] - 120) / 272 * np.pi) + below
         assert np.abs(line[:, 1] - truth).max() < 1.6
+
+
+def test_a_chin_before_the_wall_ends_where_the_person_does() -> None:
+    """As in a profile: nothing but the mask tells the chin from a wall of its colour."""
+    image = np.full((SIZE, SIZE, 3), 190, np.uint8)
+    row, column = np.mgrid[:SIZE, :SIZE].astype(float)
+    edge = 318 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi)
+    chin = np.where((row < edge) | (column < 200), 255, 0).astype(np.uint8)  # and a neck
+    line = moved(LINE, offsets_of(image, chin, LINE))
+    there = line[(line[:, 0] > 240) & (line[:, 0] < 330)]
+    truth = 318 + 80 * np.sin((there[:, 0] - 120) / 272 * np.pi)
+    assert np.abs(there[:, 1] - truth).max() < 2.5
+    neck = offsets_of(image, chin, LINE)[: POINTS // 5]
+    assert np.abs(neck).max() < 2.5
 
 
 def test_a_collar_further_down_is_no_chin() -> None:
