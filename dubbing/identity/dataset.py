@@ -26,6 +26,7 @@ from dubbing.preparation.prepared import PreparedClip
 EYES_POINTS = ((133, 33, 159, 145, 105, 468), (362, 263, 386, 374, 334, 473))
 # Lengths that count as 1, in eye distances.
 LIDS, BROWS, GAZE = 0.1, 0.03, 0.01
+MOST_EXPRESSION = 4.0  # of these, to either side of the median
 RIM_WIDTH = 0.016  # of the crop's side
 
 
@@ -56,10 +57,11 @@ def upper_face_expression(clip: PreparedClip) -> np.ndarray:
 
     Opening of the lids and height of the brow of the left and of the right eye, gaze of both to the
     right and downwards, the order of `MIRRORED_EXPRESSION` in `dfrf.data.dataset`: in units of the
-    distance between the eyes, minus their medians over the clip. Speech does not determine them, so
-    the field is conditioned on them: a rendered frame takes them, like its pose, from the clip.
+    distance between the eyes, minus their medians over the clip, as seen from the front. Speech
+    does not determine them, so the field is conditioned on them: a rendered frame takes them, like
+    its pose, from the clip.
     """
-    points = clip.landmarks
+    points = clip.frontal_landmarks()
     _, right, unit = eye_axes(points[:, list(EYE_CORNERS)])
     down = -upwards(right)
     raised, looks = [], []
@@ -72,7 +74,9 @@ def upper_face_expression(clip: PreparedClip) -> np.ndarray:
     measures = np.stack([*raised, *gaze], -1) / unit[:, None]
     measures = np.concatenate([lid_openings(points) / LIDS, measures], -1)
     middle = np.median(measures[clip.detected], 0)
-    return np.where(clip.detected[:, None], measures - middle, 0.0)
+    # Eyes that are hardly seen give any number, and a field that knows no such number has holes.
+    known = np.clip(measures - middle, -MOST_EXPRESSION, MOST_EXPRESSION)
+    return np.where(clip.detected[:, None], known, 0.0)
 
 
 def eye_boxes(landmarks: np.ndarray, size: int) -> np.ndarray:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from scipy.spatial.transform import Rotation
 
 from dfrf.cameras import project
 from dfrf.data.dataset import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
@@ -21,6 +22,7 @@ from dubbing.identity.dataset import (
     EYES_POINTS,
     GAZE,
     LIDS,
+    MOST_EXPRESSION,
     eye_boxes,
     lip_points,
     lip_shape,
@@ -100,6 +102,27 @@ def test_a_tilted_or_nearer_face_has_the_same_measures(clip: PreparedClip) -> No
     turn = 1.5 * np.array([[np.cos(0.4), -np.sin(0.4)], [np.sin(0.4), np.cos(0.4)]])
     tilted = replace(clip, landmarks=(clip.landmarks @ turn.T).astype(np.float32))
     np.testing.assert_allclose(upper_face_expression(tilted), straight, atol=1e-3)
+
+
+def test_a_head_that_turns_keeps_its_measures(clip: PreparedClip) -> None:
+    """Eyes of a face in profile are narrow: what is measured in the picture has any value."""
+    shape = np.zeros((478, 3))
+    shape[:, :2] = (face() - (250, 200)) / UNIT * 0.9
+    shape[:, 2] = -np.cos(2 * shape[:, 0])  # a round face
+    turns = np.linspace(-70, 70, FRAMES)[:, None]
+    rotation = Rotation.from_euler("y", turns, degrees=True).as_matrix()
+    translation = np.tile([0.0, 0.0, 7.0], (FRAMES, 1))
+    seen = shape @ rotation.transpose(0, 2, 1) + translation[:, None]
+    landmarks = clip.centre[:, None] + clip.focal * seen[..., :2] / seen[..., 2:]
+    turned = replace(
+        clip, shape=shape, rotation=rotation, translation=translation, landmarks=landmarks
+    )
+    assert np.abs(upper_face_expression(turned)).max() < 0.01
+
+
+def test_no_measure_is_wild(clip: PreparedClip) -> None:
+    clip.landmarks[3, EYES_POINTS[0][5]] += 40
+    assert np.abs(upper_face_expression(clip)).max() == MOST_EXPRESSION
 
 
 def test_frames_without_a_face_are_at_rest(clip: PreparedClip) -> None:
