@@ -76,9 +76,7 @@ def test_another_key_finds_nothing(marked: Path) -> None:
     assert not seen.present
 
 
-def test_nothing_is_found_where_nothing_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_nothing_is_found_where_nothing_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     some = mark_match.candidates()[::6]  # every sixth: all of them take a minute
     monkeypatch.setattr(mark_search, "candidates", lambda: some)
     seen = found(film.write(tmp_path / "plain.mp4", film.frames(30)))
