@@ -6,9 +6,11 @@ import cv2
 import numpy as np
 
 from dubbing.engine.files import atomic_write_bytes
+from dubbing.media import read_frames
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.crops.threads import in_order
-from dubbing.preparation.prepared import PreparedClip
+from dubbing.preparation.matting.matting import inpaint_mask
+from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
 
 COLUMNS = 8
 CELL = 240  # px
@@ -17,17 +19,23 @@ COLOURS = ((230, 60, 60), (60, 200, 60), (70, 110, 255))  # x, y, z
 GREEN = np.array([0, 177, 64], np.float32)
 
 
-def contact_sheet(clip: PreparedClip, path: Path) -> None:
-    """Write the page as PNG: a column a frame, rows source with axes, cut-out head, background."""
+def contact_sheet(clip: PreparedClip, crops: np.ndarray, path: Path) -> None:
+    """Write the page as PNG: a column a frame, rows source with axes, cut-out head, background.
+
+    Args:
+        crops: (T, S, S, 3) uint8 of all frames.
+    """
     chosen = np.unique(np.linspace(0, len(clip) - 1, COLUMNS + 2).round().astype(int)[1:-1])
-    columns = list(in_order(column, ((clip, int(t)) for t in chosen)))
+    columns = list(in_order(column, ((clip, crops[t], int(t)) for t in chosen)))
     _, png = cv2.imencode(".png", cv2.cvtColor(np.hstack(columns), cv2.COLOR_RGB2BGR))
     atomic_write_bytes(path, png.tobytes())
 
 
-def column(clip: PreparedClip, t: int) -> np.ndarray:
-    """Images (4 * CELL, CELL, 3) of frame t, one above the other."""
-    image, matte, background = next(clip.frames(t, 1))
+def column(clip: PreparedClip, image: np.ndarray, t: int) -> np.ndarray:
+    """Images (4 * CELL, CELL, 3) of frame t, one above the other; image: its crop."""
+    (matte,) = read_frames(clip.folder / MATTE, start=t, count=1, pixels="gray")
+    (fill,) = read_frames(clip.folder / BACKGROUND, start=t, count=1)
+    background = np.where(inpaint_mask(matte)[..., None], fill, image)
     share = matte[..., None].astype(np.float32) / 255
     cut_out = (GREEN + share * (image - GREEN)).round().astype(np.uint8)
     images = (with_axes(image, clip, t), cut_out, np.repeat(matte[..., None], 3, 2), background)

@@ -87,7 +87,7 @@ def prepare(
     tracked = _track(steps, info, people, size, out / OVERLAY)
     _cut_out(steps, info, tracked, out)
     prepared = _record(clip, out, info, tracked)
-    contact_sheet(prepared, out / CONTACT_SHEET)
+    contact_sheet(prepared, open_images(steps.folder / CROPS), out / CONTACT_SHEET)
     prepared.save()
     shutil.rmtree(steps.folder)
     return prepared

@@ -15,7 +15,12 @@ from dubbing.preparation.background.neck import neck, neck_profile, smooth_profi
 from dubbing.preparation.background.pixels import box_of, chosen
 from dubbing.preparation.background.rim import CONTEXT_PX, restore, rim
 from dubbing.preparation.background.torso import Torso, torso
-from dubbing.preparation.background.wall import background_pixels, plate, slow_difference
+from dubbing.preparation.background.wall import (
+    background_pixels,
+    plate,
+    slow_difference,
+    thinned,
+)
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.crops.tracked_crops import TrackedCrops
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, covered, inpaint_mask
@@ -132,7 +137,8 @@ def background_step(
         x, y = offsets[t]
         shot = behind[clip.segment[t]]
         plate_here = clip.lit(shot.wall[y : y + size, x : x + size], t)
-        light = slow_difference(image, plate_here, background_pixels(mask))
+        seen = map(thinned, (image, plate_here, background_pixels(mask)))
+        light = slow_difference(*seen, size)
         wall = plate_here[box] + light[box]
         under, left = image[box], region[box]
         if shot.torso is not None:

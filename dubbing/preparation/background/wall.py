@@ -13,6 +13,7 @@ from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 PERSON_LEAST = 0.1  # of the person mask: below this a pixel belongs to the background
 PERSON_MARGIN = 9  # px at S = 512
 COARSE = 8  # the slow difference of frame and plate is computed at 1 / COARSE of the size
+THIN = 2  # of so many pixels in a row one is enough for it
 
 
 def background_pixels(person: np.ndarray) -> np.ndarray:
@@ -31,13 +32,20 @@ def plate(images: np.ndarray, known: np.ndarray) -> np.ndarray:
     return pull_push(known_median(images, known), np.asarray(ever_known))
 
 
-def slow_difference(image: np.ndarray, behind: np.ndarray, known: np.ndarray) -> np.ndarray:
+def thinned(image: np.ndarray) -> np.ndarray:
+    """Every pixel of so many (`THIN`) of an image, in both directions."""
+    return np.ascontiguousarray(image[::THIN, ::THIN])
+
+
+def slow_difference(
+    image: np.ndarray, behind: np.ndarray, known: np.ndarray, size: int
+) -> np.ndarray:
     """Low-frequency part (S, S, 3) of image - plate, extended into unknown pixels.
 
     Args:
-        image: (S, S, 3) uint8. behind: (S, S, 3), the plate. known: (S, S) bool.
+        image: (H, H, 3) uint8, perhaps `thinned`. behind: (H, H, 3), the plate. known: (H, H) bool.
+        size: S.
     """
-    size = len(image)
     small = (max(1, size // COARSE),) * 2
     mask = known.astype(np.uint8)
     difference = cv2.copyTo(cv2.subtract(image, behind, dtype=cv2.CV_32F), mask)
