@@ -6,11 +6,10 @@ import cv2
 import numpy as np
 
 from dubbing.engine.files import atomic_write_bytes
-from dubbing.media import read_frames
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.matting.matting import inpaint_mask
-from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
+from dubbing.preparation.prepared import PreparedClip
 
 COLUMNS = 8
 CELL = 240  # px
@@ -19,22 +18,31 @@ COLOURS = ((230, 60, 60), (60, 200, 60), (70, 110, 255))  # x, y, z
 GREEN = np.array([0, 177, 64], np.float32)
 
 
-def contact_sheet(clip: PreparedClip, crops: np.ndarray, path: Path) -> None:
+def frames_shown(count: int) -> list[int]:
+    """Numbers of the frames of so many that a contact sheet shows."""
+    return np.unique(np.linspace(0, count - 1, COLUMNS + 2).round().astype(int)[1:-1]).tolist()
+
+
+def contact_sheet(
+    clip: PreparedClip, crops: np.ndarray, mattes: np.ndarray, fills: np.ndarray, path: Path
+) -> None:
     """Write the page as PNG: a column a frame, rows source with axes, cut-out head, background.
 
     Args:
-        crops: (T, S, S, 3) uint8 of all frames.
+        crops: (T, S, S, 3), mattes: (T, S, S) uint8 of all frames.
+        fills: (K, S, S, 3) uint8, backgrounds of those of `frames_shown`.
     """
-    chosen = np.unique(np.linspace(0, len(clip) - 1, COLUMNS + 2).round().astype(int)[1:-1])
-    columns = list(in_order(column, ((clip, crops[t], int(t)) for t in chosen)))
+    shown = frames_shown(len(clip))
+    jobs = ((clip, crops[t], mattes[t], fill, t) for t, fill in zip(shown, fills, strict=True))
+    columns = list(in_order(column, jobs))
     _, png = cv2.imencode(".png", cv2.cvtColor(np.hstack(columns), cv2.COLOR_RGB2BGR))
     atomic_write_bytes(path, png.tobytes())
 
 
-def column(clip: PreparedClip, image: np.ndarray, t: int) -> np.ndarray:
-    """Images (4 * CELL, CELL, 3) of frame t, one above the other; image: its crop."""
-    (matte,) = read_frames(clip.folder / MATTE, start=t, count=1, pixels="gray")
-    (fill,) = read_frames(clip.folder / BACKGROUND, start=t, count=1)
+def column(
+    clip: PreparedClip, image: np.ndarray, matte: np.ndarray, fill: np.ndarray, t: int
+) -> np.ndarray:
+    """Images (4 * CELL, CELL, 3) of frame t, one above the other."""
     background = np.where(inpaint_mask(matte)[..., None], fill, image)
     share = matte[..., None].astype(np.float32) / 255
     cut_out = (GREEN + share * (image - GREEN)).round().astype(np.uint8)
