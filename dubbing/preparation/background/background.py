@@ -17,10 +17,11 @@ from dubbing.preparation.background.pixels import box_of, chosen
 from dubbing.preparation.background.rim import CONTEXT_PX, restore, rim
 from dubbing.preparation.background.torso import Torso, torso
 from dubbing.preparation.background.wall import (
+    all_of,
     background_pixels,
+    halved,
     plate,
     slow_difference,
-    thinned,
 )
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.crops.tracked_crops import TrackedCrops
@@ -148,8 +149,8 @@ def background_step(
         x, y = offsets[t]
         shot = behind[clip.segment[t]]
         plate_here = clip.lit(shot.wall[y : y + size, x : x + size], t)
-        seen = map(thinned, (image, plate_here, background_pixels(mask)))
-        light = slow_difference(*seen, size)
+        known = all_of(background_pixels(mask))
+        light = slow_difference(halved(image), halved(plate_here), known, size)
         wall = plate_here[box] + light[box]
         under, left = image[box], region[box]
         if shot.torso is not None:

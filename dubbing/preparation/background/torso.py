@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from dubbing.preparation.background.known_median import known_median
 from dubbing.preparation.background.neck import bottom_of
 from dubbing.preparation.background.pixels import box_of, chosen, rounded, spread
-from dubbing.preparation.background.wall import THIN, slow_difference, thinned
+from dubbing.preparation.background.wall import all_of, halved, slow_difference
 from dubbing.preparation.matting.matting import GREY, REFERENCE_SIZE, dilate
 
 PERSON = 0.5  # of the person mask: above this a pixel is torso, where the head is not
@@ -97,10 +97,11 @@ class Torso:
 
     def _light(self, image: np.ndarray, region: np.ndarray, motion: np.ndarray) -> np.ndarray:
         """How much brighter the torso is in the image, (S, S, 3); see `slow_difference`."""
-        image, region = thinned(image), thinned(region)
-        visible, share = self._seen(motion / THIN, region.shape)
-        known = visible & ~region & (share > PERSON)
-        colour = cv2.warpAffine(self.colour, motion / THIN, region.shape[::-1])
+        image, known = halved(image), all_of(~region)
+        half = (motion - np.array([[0, 0, 0.5], [0, 0, 0.5]])) / 2
+        visible, share = self._seen(half, known.shape)
+        known &= visible & (share > PERSON)
+        colour = cv2.warpAffine(self.colour, half, known.shape[::-1])
         return slow_difference(image, colour, known, len(self.share))
 
 
@@ -109,13 +110,6 @@ def _shifted(motion: np.ndarray, box: tuple[slice, slice]) -> np.ndarray:
     out = motion.copy()
     out[:, 2] -= (box[1].start, box[0].start)
     return out
-
-
-def halved(image: np.ndarray) -> np.ndarray:
-    """An image (H, W) of half the size; px x of it lies at 2 x + .5."""
-    return cv2.resize(
-        image, (image.shape[1] // 2, image.shape[0] // 2), interpolation=cv2.INTER_AREA
-    )
 
 
 def reached(region: np.ndarray, visible: np.ndarray, unit: float) -> np.ndarray:

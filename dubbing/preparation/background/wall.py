@@ -13,7 +13,6 @@ from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 PERSON_LEAST = 0.1  # of the person mask: below this a pixel belongs to the background
 PERSON_MARGIN = 9  # px at S = 512
 COARSE = 8  # the slow difference of frame and plate is computed at 1 / COARSE of the size
-THIN = 2  # of so many pixels in a row one is enough for it
 
 
 def background_pixels(person: np.ndarray) -> np.ndarray:
@@ -32,11 +31,15 @@ def plate(images: np.ndarray, known: np.ndarray) -> np.ndarray:
     return pull_push(known_median(images, known), np.asarray(ever_known))
 
 
-def thinned(image: np.ndarray) -> np.ndarray:
-    """One pixel of so many (`THIN`) of an image (S, S[, 3]), in both directions."""
-    side = (len(image) // THIN,) * 2
-    plain = image.view(np.uint8) if image.dtype == bool else image
-    return cv2.resize(plain, side, interpolation=cv2.INTER_NEAREST).astype(image.dtype, copy=False)
+def halved(image: np.ndarray) -> np.ndarray:
+    """An image (H, W[, C]) of half the size; its px x lies at 2 x + .5 of the image."""
+    side = image.shape[1] // 2, image.shape[0] // 2
+    return cv2.resize(image, side, interpolation=cv2.INTER_AREA)
+
+
+def all_of(mask: np.ndarray) -> np.ndarray:
+    """Pixels of a mask (H, W) bool of half the size all of which are in it."""
+    return np.asarray(halved(np.where(mask, np.uint8(255), np.uint8(0))) == 255)
 
 
 def slow_difference(
@@ -45,7 +48,7 @@ def slow_difference(
     """Low-frequency part (S, S, 3) of image - plate, extended into unknown pixels.
 
     Args:
-        image: (H, H, 3) uint8, perhaps `thinned`. behind: (H, H, 3), the plate. known: (H, H) bool.
+        image: (H, H, 3) uint8, perhaps `halved`. behind: (H, H, 3), the plate. known: (H, H) bool.
         size: S.
     """
     small = (max(1, size // COARSE),) * 2
