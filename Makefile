@@ -32,12 +32,16 @@ install: .venv/installed
 demo: .venv/installed
 	$(BIN)/dfrf demo out/demo
 
+# The tests in WORKERS processes of one thread each: two that share a core wait for one another.
+WORKERS ?= 2
+test test-fast: PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -n $(WORKERS) --dist worksteal
+
 test: .venv/installed-parity
-	$(BIN)/python -m pytest -q
+	$(PYTEST)
 
 # Under a minute on two quiet cores: without the files and tests that are marked slow or medium.
 test-fast: .venv/installed-dev
-	$(BIN)/python -m pytest -q -m "not slow and not medium"
+	$(PYTEST) -m "not slow and not medium"
 
 # TIMES as many cases of bad input as `make test` has, from another seed each time; ends with a table.
 TIMES ?= 10

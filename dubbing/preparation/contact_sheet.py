@@ -8,6 +8,7 @@ import numpy as np
 from dubbing.engine.files import atomic_write_bytes
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.crops.threads import in_order
+from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.prepared import PreparedClip
 
 COLUMNS = 8
@@ -17,17 +18,32 @@ COLOURS = ((230, 60, 60), (60, 200, 60), (70, 110, 255))  # x, y, z
 GREEN = np.array([0, 177, 64], np.float32)
 
 
-def contact_sheet(clip: PreparedClip, path: Path) -> None:
-    """Write the page as PNG: a column a frame, rows source with axes, cut-out head, background."""
-    chosen = np.unique(np.linspace(0, len(clip) - 1, COLUMNS + 2).round().astype(int)[1:-1])
-    columns = list(in_order(column, ((clip, int(t)) for t in chosen)))
+def frames_shown(count: int) -> list[int]:
+    """Numbers of the frames of so many that a contact sheet shows."""
+    return np.unique(np.linspace(0, count - 1, COLUMNS + 2).round().astype(int)[1:-1]).tolist()
+
+
+def contact_sheet(
+    clip: PreparedClip, crops: np.ndarray, mattes: np.ndarray, fills: np.ndarray, path: Path
+) -> None:
+    """Write the page as PNG: a column a frame, rows source with axes, cut-out head, background.
+
+    Args:
+        crops: (T, S, S, 3), mattes: (T, S, S) uint8 of all frames.
+        fills: (K, S, S, 3) uint8, backgrounds of those of `frames_shown`.
+    """
+    shown = frames_shown(len(clip))
+    jobs = ((clip, crops[t], mattes[t], fill, t) for t, fill in zip(shown, fills, strict=True))
+    columns = list(in_order(column, jobs))
     _, png = cv2.imencode(".png", cv2.cvtColor(np.hstack(columns), cv2.COLOR_RGB2BGR))
     atomic_write_bytes(path, png.tobytes())
 
 
-def column(clip: PreparedClip, t: int) -> np.ndarray:
+def column(
+    clip: PreparedClip, image: np.ndarray, matte: np.ndarray, fill: np.ndarray, t: int
+) -> np.ndarray:
     """Images (4 * CELL, CELL, 3) of frame t, one above the other."""
-    image, matte, background = next(clip.frames(t, 1))
+    background = np.where(inpaint_mask(matte)[..., None], fill, image)
     share = matte[..., None].astype(np.float32) / 255
     cut_out = (GREEN + share * (image - GREEN)).round().astype(np.uint8)
     images = (with_axes(image, clip, t), cut_out, np.repeat(matte[..., None], 3, 2), background)

@@ -1,7 +1,7 @@
 """`prepare`: tracks a clip, mattes the head and restores the background, step by step.
 
 Every step writes its result into a folder beside the finished files, with the crops and person
-masks: 5 bytes a pixel and frame (2 GB a minute at 512 px), until the end. A run that was killed
+masks: 6 bytes a pixel and frame (2.4 GB a minute at 512 px), until the end. A run that was killed
 resumes after the last finished step, and the result is the same bit for bit.
 """
 
@@ -23,8 +23,9 @@ from dubbing.preparation.alignment.camera import Poses
 from dubbing.preparation.alignment.score import root_mean_square
 from dubbing.preparation.alignment.silhouette import Silhouette
 from dubbing.preparation.background.background import background_step
-from dubbing.preparation.contact_sheet import contact_sheet
+from dubbing.preparation.contact_sheet import contact_sheet, frames_shown
 from dubbing.preparation.crops.tracked_crops import (
+    ALPHA,
     CROPS,
     OPACITY,
     PERSON,
@@ -85,9 +86,9 @@ def prepare(
     steps = Steps(out / STEPS, clip, key, progress or (lambda step, share: None))
 
     tracked = _track(steps, info, people, size, out / OVERLAY)
-    _cut_out(steps, info, tracked, out)
+    images = _cut_out(steps, info, tracked, out)
     prepared = _record(clip, out, info, tracked)
-    contact_sheet(prepared, out / CONTACT_SHEET)
+    contact_sheet(prepared, *images, out / CONTACT_SHEET)
     prepared.save()
     shutil.rmtree(steps.folder)
     return prepared
@@ -150,8 +151,14 @@ def _track(
     return _Tracked(size, surveyed, detected, track, observed, light, over, poses, known, landmarks)
 
 
-def _cut_out(steps: Steps, info: MediaInfo, tracked: _Tracked, out: Path) -> None:
-    """Write the head's matte and the background behind it into `out`."""
+def _cut_out(
+    steps: Steps, info: MediaInfo, tracked: _Tracked, out: Path
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Write the head's matte and the background behind it into `out`.
+
+    Returns:
+        Crops, mattes and backgrounds for the contact sheet.
+    """
     surveyed, landmarks, observed = tracked.surveyed, tracked.landmarks, tracked.observed
     outline = tracking.jaw_outline(
         landmarks, tracked.track["shape"], tracked.poses, observed, tracked.size
@@ -161,18 +168,19 @@ def _cut_out(steps: Steps, info: MediaInfo, tracked: _Tracked, out: Path) -> Non
     places = surveyed["window"], landmarks, outline, visible, surveyed["segment"]
     light = noticed(tracked.light["gain"], tracked.light["offset"])
     crops = TrackedCrops(info, open_images(steps.folder / CROPS), *masks, *places, *light)
-    matte, background = out / MATTE, out / BACKGROUND
+    matte, background, alphas = out / MATTE, out / BACKGROUND, steps.folder / ALPHA
 
     def write_matte(report: ReportShare) -> Arrays:
-        matte_step(crops, matte, report)
+        matte_step(crops, matte, alphas, report)
         return {}
 
     def write_background(report: ReportShare) -> Arrays:
-        background_step(crops, matte, background, report)
-        return {}
+        shown = frames_shown(len(crops))
+        return {"shown": background_step(crops, open_images(alphas), shown, background, report)}
 
-    steps.run("matte", write_matte, matte)
-    steps.run("background", write_background, background)
+    steps.run("matte", write_matte, matte, alphas)
+    shown = steps.run("background", write_background, background)["shown"]
+    return crops.crops, open_images(alphas), shown
 
 
 def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> PreparedClip:

@@ -3,6 +3,7 @@
 T frames, S the side of the crop in px.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -10,12 +11,18 @@ from pathlib import Path
 import numpy as np
 
 from dubbing.engine.stage import ReportShare
-from dubbing.media import VideoWriter, read_frames
+from dubbing.media import VideoWriter
 from dubbing.preparation.background.neck import neck, neck_profile, smooth_profiles
 from dubbing.preparation.background.pixels import box_of, chosen
 from dubbing.preparation.background.rim import CONTEXT_PX, restore, rim
 from dubbing.preparation.background.torso import Torso, torso
-from dubbing.preparation.background.wall import background_pixels, plate, slow_difference
+from dubbing.preparation.background.wall import (
+    all_of,
+    background_pixels,
+    halved,
+    plate,
+    slow_difference,
+)
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.crops.tracked_crops import TrackedCrops
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, covered, inpaint_mask
@@ -47,17 +54,16 @@ def plate_frames(segment: np.ndarray, lit: np.ndarray) -> list[np.ndarray]:
 
 
 def neck_profiles(
-    clip: TrackedCrops, matte: Path, wanted: set[int], progress: ReportShare
+    clip: TrackedCrops, alphas: np.ndarray, wanted: set[int], progress: ReportShare
 ) -> tuple[np.ndarray, dict[int, np.ndarray]]:
     """Neck profiles (T, PROFILE, 4) of all frames, and the inpaint masks of those wanted."""
 
-    def work(alpha: np.ndarray, t: int) -> tuple[np.ndarray, np.ndarray]:
-        hole = inpaint_mask(alpha)
+    def work(t: int) -> tuple[np.ndarray, np.ndarray]:
+        hole = inpaint_mask(alphas[t])
         return neck_profile(clip.crops[t], clip.person[t], hole, clip.landmarks[t]), hole
 
     profiles, holes = [], {}
-    frames = zip(read_frames(matte, pixels="gray"), range(len(clip)), strict=True)
-    for t, (profile, hole) in enumerate(in_order(work, frames)):
+    for t, (profile, hole) in enumerate(in_order(work, ((t,) for t in range(len(clip))))):
         profiles.append(profile)
         if t in wanted:
             holes[t] = hole
@@ -111,19 +117,30 @@ def torso_motions(clip: TrackedCrops, behind: list[Shot], progress: ReportShare)
 
 
 def background_step(
-    clip: TrackedCrops, matte: Path, background: Path, progress: ReportShare
-) -> None:
-    """Write the restored background: the pixels of the inpaint mask, black elsewhere."""
+    clip: TrackedCrops,
+    alphas: np.ndarray,
+    shown: Sequence[int],
+    background: Path,
+    progress: ReportShare,
+) -> np.ndarray:
+    """Write the restored background: the pixels of the inpaint mask, black elsewhere.
+
+    Args:
+        alphas: (T, S, S) uint8, the matte. shown: numbers of K frames, rising.
+
+    Returns:
+        The frames shown, (K, S, S, 3) uint8.
+    """
     size, rate = clip.size, clip.info.rate
     unit = size / REFERENCE_SIZE
     plates = plate_frames(clip.segment, clip.well_lit())
     wanted = set(np.concatenate(plates).tolist())
-    smooth, holes = neck_profiles(clip, matte, wanted, lambda share: progress(0.1 * share))
+    smooth, holes = neck_profiles(clip, alphas, wanted, lambda share: progress(0.1 * share))
     behind, offsets = shots(clip, plates, holes), clip.offsets()
     motions = torso_motions(clip, behind, lambda share: progress(0.1 + 0.2 * share))
 
-    def work(alpha: np.ndarray, t: int) -> np.ndarray:
-        image, mask = clip.crops[t], clip.person[t]
+    def work(t: int) -> np.ndarray:
+        image, mask, alpha = clip.crops[t], clip.person[t], alphas[t]
         out, hole = np.zeros_like(image), inpaint_mask(alpha)
         if not hole.any():
             return out
@@ -132,7 +149,8 @@ def background_step(
         x, y = offsets[t]
         shot = behind[clip.segment[t]]
         plate_here = clip.lit(shot.wall[y : y + size, x : x + size], t)
-        light = slow_difference(image, plate_here, background_pixels(mask))
+        known = all_of(background_pixels(mask))
+        light = slow_difference(halved(image), halved(plate_here), known, size)
         wall = plate_here[box] + light[box]
         under, left = image[box], region[box]
         if shot.torso is not None:
@@ -144,8 +162,11 @@ def background_step(
         out[box] = chosen(hole[box], restore(under, left, wall, growing), out[box])
         return out
 
-    frames = zip(read_frames(matte, pixels="gray"), range(len(clip)), strict=True)
+    kept: list[np.ndarray] = []
     with VideoWriter(background, size, size, rate, "ffv1") as writer:
-        for filled in in_order(work, frames):
+        for t, filled in enumerate(in_order(work, ((t,) for t in range(len(clip))))):
             writer.write(filled)
+            if t in shown:
+                kept.append(filled)
             progress(0.3 + 0.7 * writer.frames / len(clip))
+    return np.stack(kept)

@@ -16,13 +16,14 @@ from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from dubbing.preparation.background.known_median import known_median
 from dubbing.preparation.background.neck import bottom_of
 from dubbing.preparation.background.pixels import box_of, chosen, rounded, spread
-from dubbing.preparation.background.wall import slow_difference
+from dubbing.preparation.background.wall import all_of, halved, slow_difference
 from dubbing.preparation.matting.matting import GREY, REFERENCE_SIZE, dilate
 
 PERSON = 0.5  # of the person mask: above this a pixel is torso, where the head is not
 MOST_CORNERS, CORNER_QUALITY, CORNER_GAP = 200, 0.005, 5.0
 LEAST_CORNERS = 20
 PATCH, LEVELS = 41, 4  # px and pyramid levels of the Lucas-Kanade tracker
+SMALL_PATCH, SMALL_LEVELS = 21, 3  # of images of half the size
 THERE_AND_BACK = 0.7  # px, largest error of a corner tracked forwards and back
 OUTLIER = 1.5  # px
 CLEAR = 4.0  # px round an inpaint mask that may still show the jaw
@@ -40,8 +41,8 @@ class Torso:
         colour: (S, S, 3) uint8.
         share: (S, S) float32 in 0..1, share of a pixel that is person and not wall.
         visible: (S, S) bool, whether enough frames showed it.
-        reference: (S, S) uint8 grey levels of the reference frame.
-        corners: (P, 1, 2) float32 px that are tracked.
+        reference: (S / 2, S / 2) uint8 grey levels of the reference frame.
+        corners: (P, 1, 2) float32 px of it that are tracked.
     """
 
     colour: np.ndarray
@@ -52,7 +53,12 @@ class Torso:
 
     def motion(self, image: np.ndarray) -> np.ndarray | None:
         """Similarity (2, 3) that aligns the torso to an image (S, S, 3), None if not tracked."""
-        return follow(self.reference, cv2.cvtColor(image, GREY), self.corners)
+        grey = halved(cv2.cvtColor(image, GREY))
+        motion = follow(self.reference, grey, self.corners, SMALL_PATCH, SMALL_LEVELS)
+        if motion is None:
+            return None
+        turn, shift = motion[:, :2], motion[:, 2]
+        return np.column_stack((turn, 2 * shift + 0.5 - 0.5 * turn.sum(1)))
 
     def fill(
         self,
@@ -70,23 +76,40 @@ class Torso:
             motion: (2, 3) that aligns the torso to the image.
             box: rows and columns of the part, which holds all of the region.
         """
-        side = region.shape[::-1]
-        share = cv2.warpAffine(self.share, motion, side)
-        visible = cv2.warpAffine(self.visible.astype(np.uint8) * 255, motion, side) > 0.99 * 255
-        known = visible & ~region & (share > PERSON)
-        light = slow_difference(image, cv2.warpAffine(self.colour, motion, side), known)
         part, left = image[box].copy(), region[box]
-        here = reached(left, visible[box], len(image) / REFERENCE_SIZE)
+        visible, share = self._seen(_shifted(motion, box), left.shape)
+        here = reached(left, visible, len(image) / REFERENCE_SIZE)
         if here.any():
-            row, column = inner = box_of(here, 0)
-            corner = np.array([box[1].start + column.start, box[0].start + row.start])
-            shape = column.stop - column.start, row.stop - row.start
-            shifted = motion - np.array([[0, 0, corner[0]], [0, 0, corner[1]]])
-            colour = cv2.warpAffine(self.colour, shifted, shape, flags=cv2.INTER_CUBIC)
-            colour = colour + light[box][inner]
-            filled = wall[inner] + spread(share[box][inner]) * (colour - wall[inner])
+            inner = box_of(here, 0)
+            shape = inner[1].stop - inner[1].start, inner[0].stop - inner[0].start
+            there = _shifted(_shifted(motion, box), inner)
+            colour = cv2.warpAffine(self.colour, there, shape, flags=cv2.INTER_CUBIC)
+            colour = colour + self._light(image, region, motion)[box][inner]
+            filled = wall[inner] + spread(share[inner]) * (colour - wall[inner])
             part[inner] = chosen(here[inner], rounded(filled), part[inner])
         return part, left & ~here
+
+    def _seen(self, motion: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Where a moved torso is visible, (H, W) bool, and its share of a pixel, (H, W)."""
+        side = shape[1], shape[0]
+        visible = cv2.warpAffine(self.visible.astype(np.uint8) * 255, motion, side) > 0.99 * 255
+        return visible, cv2.warpAffine(self.share, motion, side)
+
+    def _light(self, image: np.ndarray, region: np.ndarray, motion: np.ndarray) -> np.ndarray:
+        """How much brighter the torso is in the image, (S, S, 3); see `slow_difference`."""
+        image, known = halved(image), all_of(~region)
+        half = (motion - np.array([[0, 0, 0.5], [0, 0, 0.5]])) / 2
+        visible, share = self._seen(half, known.shape)
+        known &= visible & (share > PERSON)
+        colour = cv2.warpAffine(self.colour, half, known.shape[::-1])
+        return slow_difference(image, colour, known, len(self.share))
+
+
+def _shifted(motion: np.ndarray, box: tuple[slice, slice]) -> np.ndarray:
+    """A similarity (2, 3) to px of the box, rows and columns, in an image."""
+    out = motion.copy()
+    out[:, 2] -= (box[1].start, box[0].start)
+    return out
 
 
 def reached(region: np.ndarray, visible: np.ndarray, unit: float) -> np.ndarray:
@@ -107,19 +130,25 @@ def reached(region: np.ndarray, visible: np.ndarray, unit: float) -> np.ndarray:
     return region & (bottom - row < even) & (row <= bottom)
 
 
-def follow(reference: np.ndarray, grey: np.ndarray, corners: np.ndarray) -> np.ndarray | None:
+def follow(
+    reference: np.ndarray,
+    grey: np.ndarray,
+    corners: np.ndarray,
+    patch: int = PATCH,
+    levels: int = LEVELS,
+) -> np.ndarray | None:
     """Similarity (2, 3) that maps the reference to a frame, both (S, S) uint8.
 
     Args:
-        corners: (P, 1, 2) px in the reference.
+        corners: (P, 1, 2) px in the reference. patch, levels: see `flow`.
 
     Returns:
         None where too few corners agree on one.
     """
     if len(corners) < LEAST_CORNERS:
         return None
-    there, tracked = flow(reference, grey, corners)
-    back, returned = flow(grey, reference, there)
+    there, tracked = flow(reference, grey, corners, patch, levels)
+    back, returned = flow(grey, reference, there, patch, levels)
     unit = len(grey) / REFERENCE_SIZE
     error = np.linalg.norm(back - corners, axis=-1)[:, 0]
     good = tracked & returned & (error < THERE_AND_BACK * unit)
@@ -133,10 +162,16 @@ def follow(reference: np.ndarray, grey: np.ndarray, corners: np.ndarray) -> np.n
     return np.asarray(motion)
 
 
-def flow(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (P, 1, 2) px tracked into the next image by Lucas and Kanade, and which succeeded."""
+def flow(
+    start: np.ndarray, end: np.ndarray, points: np.ndarray, patch: int, levels: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points (P, 1, 2) px tracked into the next image by Lucas and Kanade, and which succeeded.
+
+    Args:
+        patch: px that are compared. levels: of the pyramid.
+    """
     there, tracked, _ = cv2.calcOpticalFlowPyrLK(
-        start, end, points, points.copy(), winSize=(PATCH, PATCH), maxLevel=LEVELS
+        start, end, points, points.copy(), winSize=(patch, patch), maxLevel=levels
     )
     return np.asarray(there), np.asarray(tracked)[:, 0] > 0
 
@@ -180,6 +215,6 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
         colour=rounded(known_median(np.stack(colours), visible)),
         share=known_median(np.stack(shares)[..., None], visible)[..., 0] / 255,
         visible=visible.mean(0) >= LEAST_SEEN,
-        reference=reference,
-        corners=corners,
+        reference=halved(reference),
+        corners=(corners - np.float32(0.5)) / 2,
     )

@@ -31,13 +31,26 @@ def plate(images: np.ndarray, known: np.ndarray) -> np.ndarray:
     return pull_push(known_median(images, known), np.asarray(ever_known))
 
 
-def slow_difference(image: np.ndarray, behind: np.ndarray, known: np.ndarray) -> np.ndarray:
+def halved(image: np.ndarray) -> np.ndarray:
+    """An image (H, W[, C]) of half the size; its px x lies at 2 x + .5 of the image."""
+    side = image.shape[1] // 2, image.shape[0] // 2
+    return cv2.resize(image, side, interpolation=cv2.INTER_AREA)
+
+
+def all_of(mask: np.ndarray) -> np.ndarray:
+    """Pixels of a mask (H, W) bool of half the size all of which are in it."""
+    return np.asarray(halved(np.where(mask, np.uint8(255), np.uint8(0))) == 255)
+
+
+def slow_difference(
+    image: np.ndarray, behind: np.ndarray, known: np.ndarray, size: int
+) -> np.ndarray:
     """Low-frequency part (S, S, 3) of image - plate, extended into unknown pixels.
 
     Args:
-        image: (S, S, 3) uint8. behind: (S, S, 3), the plate. known: (S, S) bool.
+        image: (H, H, 3) uint8, perhaps `halved`. behind: (H, H, 3), the plate. known: (H, H) bool.
+        size: S.
     """
-    size = len(image)
     small = (max(1, size // COARSE),) * 2
     mask = known.astype(np.uint8)
     difference = cv2.copyTo(cv2.subtract(image, behind, dtype=cv2.CV_32F), mask)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 BLOCK = 8
-EVERY = 3  # frames from one pair that is measured to the next
+PAIRS = 30  # of frames that are measured in a shot, spread over it
 LOW, HIGH = 5.0, 30.0  # percent: blocks whose differences are taken for noise
 QUANTILE, ITS_VALUE = 15.0, 0.86  # percent of the blocks, and the variance there, of the noise's
 LIKE_SKIN = 0.4  # share of the face's brightness that a block may be off: noise depends on it
@@ -29,21 +29,19 @@ class NoiseMeter:
 
     def __init__(self, segment: np.ndarray, window: np.ndarray) -> None:
         self._segment, self._window = segment, window.astype(int)
+        self._firsts = {t for shot in np.unique(segment) for t in pairs(segment == shot)}
         self._before: np.ndarray | None = None
         self._found: dict[int, list[np.ndarray]] = {}
 
     def add(self, t: int, image: np.ndarray) -> None:
         """Frame t of the film, (H, W, 3) uint8."""
-        if t % EVERY == 0:
-            self._before = image
-        elif t % EVERY == 1 and self._segment[t] == self._segment[t - 1]:
-            assert self._before is not None
+        if self._before is not None:
             x0, y0, side = self._window[t]
             part = np.s_[y0 : y0 + side, x0 : x0 + side]
             found = measured(self._before[part], image[part])
             if found is not None:
                 self._found.setdefault(int(self._segment[t]), []).append(found)
-            self._before = None
+        self._before = image if t in self._firsts else None
 
     def noise(self) -> np.ndarray:
         """Noise of every frame, (T, NUMBERS) float32, that of its shot; see `measured`."""
@@ -51,6 +49,13 @@ class NoiseMeter:
         for shot, found in self._found.items():
             out[self._segment == shot] = np.median(found, 0)
         return out
+
+
+def pairs(shot: np.ndarray) -> list[int]:
+    """First frames of the pairs that are measured in a shot (T,) bool."""
+    firsts = np.flatnonzero(shot)[:-1]
+    some = np.linspace(0, len(firsts) - 1, min(PAIRS, len(firsts))).round().astype(int)
+    return [int(t) for t in firsts[some]]
 
 
 def measured(before: np.ndarray, after: np.ndarray) -> np.ndarray | None:

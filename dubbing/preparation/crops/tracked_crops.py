@@ -15,7 +15,7 @@ import numpy as np
 
 from dubbing.media import MediaInfo
 
-CROPS, PERSON, OPACITY = "crops.npy", "person.npy", "opacity.npy"
+CROPS, PERSON, OPACITY, ALPHA = "crops.npy", "person.npy", "opacity.npy", "alpha.npy"
 
 
 def create_images(path: Path, *shape: int) -> np.ndarray:

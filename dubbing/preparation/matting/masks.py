@@ -80,9 +80,9 @@ def jaw_lines(clip: TrackedCrops, progress: ReportShare) -> np.ndarray:
     return np.stack([moved(*pair) for pair in zip(clip.outline, smooth, strict=True)])
 
 
-def matte_step(clip: TrackedCrops, matte: Path, progress: ReportShare) -> None:
-    """Write the matte; frames that do not show the head get an empty one."""
-    size = clip.size
+def matte_step(clip: TrackedCrops, matte: Path, images: Path, progress: ReportShare) -> None:
+    """Write the matte, as a video and as images; frames that do not show the head: an empty one."""
+    size, alphas = clip.size, create_images(images, *clip.opacity.shape)
     lines = jaw_lines(clip, lambda share: progress(0.2 * share))
 
     def work(t: int) -> np.ndarray:
@@ -91,6 +91,7 @@ def matte_step(clip: TrackedCrops, matte: Path, progress: ReportShare) -> None:
         return head_matte(clip.opacity[t], lines[t], clip.landmarks[t, NOSE_BRIDGE])
 
     with VideoWriter(matte, size, size, clip.info.rate, "ffv1-gray") as mattes:
-        for alpha in in_order(work, ((t,) for t in range(len(clip)))):
+        for t, alpha in enumerate(in_order(work, ((t,) for t in range(len(clip))))):
+            alphas[t] = alpha
             mattes.write(alpha)
             progress(0.2 + 0.8 * mattes.frames / len(clip))

@@ -32,6 +32,7 @@ from dubbing.preparation.tracking.usual_colours import (
 )
 
 FRAMES = 150  # from which usual colours are taken
+EVERY = 2  # frames from one in which detections are made to the next
 BEYOND = 25.0  # levels from usual colours
 LEAST_AREA = 0.002  # of the squared eye distance, in one piece; 0 on clips without graphics
 DARKEST = 0.25  # gain of the light: below, noise is as strong as colours
@@ -106,15 +107,15 @@ class Overlay:
         return UsualColours.of(faces, np.concatenate(skin), np.concatenate(lips))
 
     def detections(self, progress: ReportShare) -> list[Detection]:
-        """Frames in which something lies over the face."""
+        """Frames in which something lies over the face, of one in so many (`EVERY`)."""
 
         def look(t: int) -> Detection | None:
             return self._detect(t, self.usual) if self.usual and self.usable[t] else None
 
-        detections = []
-        for t, detection in enumerate(in_order(look, ((t,) for t in range(len(self.crops))))):
+        detections, some = [], range(0, len(self.crops), EVERY)
+        for detection in in_order(look, ((t,) for t in some)):
             detections.append(detection)
-            progress((t + 1) / len(self.crops))
+            progress(len(detections) / len(some))
         return [detection for detection in detections if detection is not None]
 
     def _detect(self, t: int, usual: UsualColours) -> Detection | None:
@@ -179,7 +180,7 @@ class Overlay:
         near_face, settled = self._places(t, usual)
         mask[~near_face] = 0
         mask[settled & ~_over_face(exact, points)] = 0
-        if not any(detection.at_mouth for detection in near if abs(detection.frame - t) <= 1):
+        if not any(detection.at_mouth for detection in near if abs(detection.frame - t) < EVERY):
             mask[mouth(points, eyes, (size, size))] = 0
         reach = max(2, round(OUTLINE * eyes))
         round_ = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))

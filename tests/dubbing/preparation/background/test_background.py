@@ -8,7 +8,13 @@ from dubbing.preparation.background.neck import PROFILE, neck, neck_profile, smo
 from dubbing.preparation.background.pixels import box_of, chosen, rounded
 from dubbing.preparation.background.pull_push import pull_push
 from dubbing.preparation.background.rim import CONTEXT_PX, restore, rim
-from dubbing.preparation.background.wall import background_pixels, plate, slow_difference
+from dubbing.preparation.background.wall import (
+    all_of,
+    background_pixels,
+    halved,
+    plate,
+    slow_difference,
+)
 
 SIZE = 96
 HEAD = np.array([250, 0, 250], np.uint8)  # a colour that nothing else has
@@ -34,7 +40,7 @@ def test_nothing_of_the_head_is_in_the_background_and_the_rest_is_untouched() ->
     measured = neck_profile(image, person, region, landmarks)
     profile = smooth_profiles(np.stack([measured] * 3), np.zeros(3, int))[1]
     behind = np.tile(WALL.astype(np.float32), (SIZE, SIZE, 1))
-    wall = behind + slow_difference(image, behind, background_pixels(person))
+    wall = behind + slow_difference(image, behind, background_pixels(person), SIZE)
     growing = neck(image, region, landmarks, profile, SIZE / 512)
     out = restore(image, region, wall, growing)
     assert np.array_equal(out[~region], image[~region])
@@ -133,7 +139,10 @@ def test_light_that_changes_slowly_is_carried_behind_a_person() -> None:
     known = np.ones((SIZE, SIZE), bool)
     known[30:60, 30:60] = False
     image[~known] = 250
-    np.testing.assert_allclose(slow_difference(image, behind, known), 110 - 90, atol=1e-3)
+    whole = slow_difference(image, behind, known, SIZE)
+    half = slow_difference(halved(image), halved(behind), all_of(known), SIZE)
+    for light in (whole, half):
+        np.testing.assert_allclose(light, 110 - 90, atol=1e-3)
 
 
 @pytest.mark.parametrize("corner", [(0, 40), (150, 200)])

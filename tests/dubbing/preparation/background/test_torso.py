@@ -58,6 +58,17 @@ def test_motion_is_found_and_a_blank_is_not_followed() -> None:
     assert follow(blank, blank, np.zeros((3, 1, 2), np.float32)) is None
 
 
+def test_its_motion_is_known_to_a_fraction_of_a_pixel() -> None:
+    """Though it is measured at half the size."""
+    assert FOUND is not None
+    for k, (image, *_) in enumerate(FRAMES):
+        motion = FOUND.motion(image)
+        assert motion is not None
+        middle = motion @ np.array([SIZE / 2, SIZE / 2, 1])
+        there = [2 * np.sin(k) - 2 * np.sin(len(FRAMES) // 2), 0]
+        np.testing.assert_allclose(middle - SIZE / 2, there, atol=0.15)
+
+
 def test_a_shot_without_texture_has_no_torso() -> None:
     images = np.full((6, SIZE, SIZE, 3), 120, np.uint8)
     person, inpaint_masks = (np.stack([f[k] for f in FRAMES[:6]]) for k in (2, 3))

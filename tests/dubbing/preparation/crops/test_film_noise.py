@@ -4,7 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.preparation.crops.film_noise import NoiseMeter, measured
+from dubbing.preparation.crops import film_noise
+from dubbing.preparation.crops.film_noise import PAIRS, NoiseMeter, measured
 
 S = 160
 
@@ -69,6 +70,22 @@ def test_a_film_without_noise_has_none() -> None:
     found = measured(still, still)
     assert found is not None
     assert not found.any()
+
+
+def test_pairs_are_spread_over_a_shot_and_never_across_a_cut(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    segment = np.repeat([0, 1, 2], [1, 6, 400])
+    seen: list[tuple[int, int]] = []
+    monkeypatch.setattr(film_noise, "measured", lambda a, b: seen.append((a[0, 0], b[0, 0])))
+    meter = NoiseMeter(segment, np.tile([0, 0, 4], (len(segment), 1)))
+    for t in range(len(segment)):
+        meter.add(t, np.full((4, 4), t))
+    assert all(b == a + 1 and segment[a] == segment[b] for a, b in seen)
+    assert seen[:5] == [(t, t + 1) for t in range(1, 6)]
+    assert len(seen) == 5 + PAIRS
+    assert seen[5] == (7, 8)
+    assert seen[-1] == (405, 406)
 
 
 def test_each_shot_has_its_own() -> None:
