@@ -1,15 +1,15 @@
 """The density of a learned head on a lattice: looked up where marching asks a network.
 
-Before `softplus`, density changes so smoothly that it can be interpolated between lattice points.
-What changes it from frame to frame, lips, upper face and viewpoint, changes it nearly linearly.
+Before softplus, density changes so slowly that it can be interpolated between lattice points. Lips,
+upper face and viewpoint, the numbers that describe a frame, change it nearly linearly.
 
-V lattice points, G cells along an axis, D numbers that describe a frame, R rays, S samples a ray.
+V lattice points, g of them along an axis, D numbers that describe a frame, T frames, R rays.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 import torch.nn.functional as F
@@ -20,34 +20,19 @@ from dfrf.cameras import Rays
 from dfrf.field.field import DENSITY_SCALE
 from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.ray_marching import Search, search_interval
-from dfrf.rendering.volume_rendering import PointField
 
-# Before softplus. A sample below is transparent, one above is opaque.
+# Before softplus: a sample of EMPTY is transparent, one of SOLID is opaque.
 EMPTY, SOLID = -8.0, 4.0
-FRAMES = 64
 RIDGE = 1.0  # frames' worth
-RAYS_AT_ONCE = 4096  # samples stay in the cache
+MIN_OPACITY = 1e-6
 
 
 @dataclass(frozen=True)
-class Sight:
-    """The first surface that rays meet.
+class FrameDensity:
+    """The density of a head in one frame.
 
     Attributes:
-        opacity: sum of the weights.
-        depth: mean distance where light comes from; of no meaning where opacity is 0.
-    """
-
-    opacity: Float[Tensor, " R"]
-    depth: Float[Tensor, " R"]
-
-
-@dataclass(frozen=True)
-class DensityOfFrame:
-    """The density of one frame.
-
-    Attributes:
-        grid: its box; nothing is outside of its open cells' bounds.
+        grid: its open cells; there is no density outside of their bounds.
         raw: before softplus, at lattice points.
     """
 
@@ -65,104 +50,116 @@ class DensityOfFrame:
         )
         return DENSITY_SCALE * F.softplus(raw.view(points.shape[:-1]))
 
-    def sight(self, rays: Rays, step: float, search: Search | None = None) -> Sight:
-        """The surface along rays, sampled where `ray_marching.march` samples them.
+    def along(
+        self, rays: Rays, step: float, search: Search | None = None
+    ) -> tuple[Float[Tensor, " R"], Float[Tensor, " R"]]:
+        """Opacity of rays, and the mean distance that their light comes from.
+
+        They are sampled where `ray_marching.march` samples them.
 
         Args:
             rays: head frame.
             step: distance between samples, head units.
-            search: where along each ray to search.
+            search: where along each ray to search; everywhere when None.
         """
         enter, leave = search_interval(rays, self.grid, step, search or Search())
         span = (leave - enter).amax().clamp_min(0) if len(enter) else enter.new_zeros(())
         steps = torch.arange(int(torch.ceil(span / step).item()), device=enter.device)
-        along = enter[:, None] + (steps + 0.5) * step
-        points = rays.origins[:, None] + along[..., None] * rays.directions[:, None]
+        distance = enter[:, None] + (steps + 0.5) * step
+        points = rays.origins[:, None] + distance[..., None] * rays.directions[:, None]
         # Equation (8), as in `render_rays`.
-        thickness = (self(points) * step).where(along < leave[:, None], 0)
-        before = F.pad(thickness.cumsum(1), (1, 0))
-        weights = torch.exp(-before[:, :-1]) - torch.exp(-before[:, 1:])
+        thickness = (self(points) * step).where(distance < leave[:, None], 0)
+        passed = torch.exp(-F.pad(thickness.cumsum(1), (1, 0)))
+        weights = passed[:, :-1] - passed[:, 1:]
         opacity = weights.sum(1)
-        return Sight(opacity, (weights * along).sum(1) / opacity.clamp_min(1e-6))
+        return opacity, (weights * distance).sum(1) / opacity.clamp_min(MIN_OPACITY)
 
 
 class BakedDensity(nn.Module):
-    """Density before softplus at lattice points, linear in what describes a frame.
+    """Density before softplus at lattice points, linear in the numbers that describe a frame.
 
     Attributes:
-        at: flat index of each point in a lattice of (G + 1)^3 points; empty before `bake`.
-        slopes: of each number that describes a frame, then the constant.
-        low, high: least and largest of these numbers where it was fitted.
+        points: places in a lattice of (G + 1)^3 points, counted row by row; none before `fit`.
+        slopes: for each number that describes a frame, and a constant.
+        low, high: least and largest of these numbers in the frames it was fitted to.
     """
 
-    at: Int[Tensor, " V"]
-    slopes: Float[Tensor, "D1 V"]
+    points: Int[Tensor, " V"]
+    slopes: Float[Tensor, "_ V"]
     low: Float[Tensor, " D"]
     high: Float[Tensor, " D"]
 
     def __init__(self) -> None:
         super().__init__()
-        self.register_buffer("at", torch.zeros(0, dtype=torch.int32))
-        for name in ("slopes", "low", "high"):
-            self.register_buffer(name, torch.zeros((0, 0) if name == "slopes" else 0))
+        self.register_buffer("points", torch.zeros(0, dtype=torch.long))
+        self.register_buffer("slopes", torch.zeros(1, 0))
+        self.register_buffer("low", torch.zeros(0))
+        self.register_buffer("high", torch.zeros(0))
 
-    @property
-    def is_empty(self) -> bool:
-        """Whether nothing was baked."""
-        return not len(self.at)
+    def __bool__(self) -> bool:
+        """Whether it was fitted."""
+        return len(self.points) > 0
 
     @torch.no_grad()
-    def bake(
+    def fit(
         self,
-        grid: OccupancyGrid,
+        points: Int[Tensor, " V"],
         described: Float[Tensor, "T D"],
-        origins: Float[Tensor, "T 3"],
-        field_of: Callable[[int], PointField],
+        density: Float[Tensor, "T V"],
     ) -> None:
-        """Fits the density to that of frames.
+        """Fits it to the density of frames.
 
         Args:
-            grid: the corners of its open cells become lattice points.
+            points: places in the lattice.
             described: the numbers that describe each frame.
-            origins: of their cameras, head frame.
-            field_of: the field in a frame, seen from its camera.
+            density: of each frame at each point.
         """
-        self.at = corners(grid.occupied).view(-1).nonzero()[:, 0].int()
-        points = lattice(grid).view(-1, 3)[self.at]
-        raw = []
-        for frame, origin in enumerate(origins):
-            directions = F.normalize(points - origin, dim=-1)
-            zero = torch.zeros(len(points), dtype=torch.long, device=points.device)
-            density = field_of(frame)(points, directions, zero).density / DENSITY_SCALE
-            raw.append(density.expm1().log().where(density < SOLID, SOLID).clamp_min(EMPTY))
+        scaled = density / DENSITY_SCALE
+        raw = scaled.expm1().log().where(scaled < SOLID, SOLID).clamp_min(EMPTY).double()
         self.low, self.high = described.amin(0), described.amax(0)
-        self.slopes = ridge(described, torch.stack(raw))
+        centre, middle = described.double().mean(0), raw.mean(0)
+        x = described.double() - centre
+        square = x.T @ x + torch.diag(RIDGE * x.square().mean(0) + 1e-9)
+        slopes = torch.linalg.solve(square, x.T @ (raw - middle))
+        self.slopes = torch.cat([slopes, (middle - centre @ slopes)[None]]).float()
+        self.points = points
 
-    def of_frame(self, grid: OccupancyGrid, described: Float[Tensor, " D"]) -> DensityOfFrame:
-        """The density of a frame that numbers describe; no further than where it was fitted."""
-        inside = described.clamp(self.low, self.high)
-        raw = grid.low.new_full(((grid.resolution + 1) ** 3,), EMPTY)
-        raw[self.at] = inside @ self.slopes[:-1] + self.slopes[-1]
-        return DensityOfFrame(grid, raw.view((grid.resolution + 1,) * 3))
+    def of_frame(self, grid: OccupancyGrid, described: Float[Tensor, " D"]) -> FrameDensity:
+        """The density of a frame; no number counts beyond those of the frames it was fitted to."""
+        side = grid.resolution + 1
+        inside = torch.minimum(torch.maximum(described, self.low), self.high)
+        raw = self.slopes.new_full((side**3,), EMPTY)
+        raw[self.points] = inside @ self.slopes[:-1] + self.slopes[-1]
+        return FrameDensity(grid, raw.view(side, side, side))
+
+    def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:
+        """Takes the sizes of what is loaded; a model that was not baked, a base, has nothing."""
+        for name, own in list(self.named_buffers()):
+            found = state.setdefault(prefix + name, own)
+            setattr(self, name, own.new_zeros(found.shape))
+        super()._load_from_state_dict(state, prefix, *rest)
+        if not self.fits():
+            errors = rest[4]
+            errors.append(f"{prefix.rstrip('.')}: tensors of other sizes")
+
+    def fits(self) -> bool:
+        """Whether its tensors belong together."""
+        points, count = self.points, len(self.low)
+        return (
+            self.low.shape == self.high.shape == (count,)
+            and points.dim() == 1
+            and self.slopes.shape == (count + 1, len(points))
+        )
 
 
-def ridge(inputs: Float[Tensor, "T D"], values: Float[Tensor, "T V"]) -> Float[Tensor, "D1 V"]:
-    """Slopes and constant of a ridge regression; inputs count by their spread."""
-    centre = inputs.mean(0)
-    x = (inputs - centre).double()
-    square = x.T @ x + torch.diag(RIDGE * x.square().mean(0) + 1e-9)
-    slopes = torch.linalg.solve(square, x.T @ (values - values.mean(0)).double()).float()
-    return torch.cat([slopes, (values.mean(0) - centre @ slopes)[None]])
-
-
-def corners(occupied: Bool[Tensor, "G G G"]) -> Bool[Tensor, "g g g"]:
-    """Lattice points that are a corner of an open cell, g = G + 1."""
+def corners(occupied: Bool[Tensor, "G G G"]) -> Int[Tensor, " V"]:
+    """Places in the lattice of the points that are a corner of an open cell."""
     around = F.pad(occupied.float(), (1,) * 6)
-    return F.max_pool3d(around[None, None], 2, 1)[0, 0] > 0
+    return F.max_pool3d(around[None, None], 2, 1).view(-1).nonzero()[:, 0]
 
 
-def lattice(grid: OccupancyGrid) -> Float[Tensor, "g g g 3"]:
-    """All lattice points, head frame."""
-    axis = torch.arange(grid.resolution + 1, device=grid.low.device) / grid.resolution
-    unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1)
-    return grid.low + unit * (grid.high - grid.low)
+def positions(grid: OccupancyGrid, points: Int[Tensor, " V"]) -> Float[Tensor, "V 3"]:
+    """Lattice points, head frame."""
+    side = grid.resolution + 1
+    place = torch.stack([points // side**2, points // side % side, points % side], 1)
+    return grid.low + place / grid.resolution * (grid.high - grid.low)

@@ -1,11 +1,11 @@
 """Renders a whole frame of a head off its baked density.
 
-The density is looked up along rays through every fourth pixel of every fourth row. Where they see
-the head, the field is evaluated once: where each view shows that point, and how much it counts.
-Between these pixels that is interpolated; the views themselves are read for every pixel. At the
-head's edge, opacity is looked up for every pixel too.
+Rays through every fourth pixel of every fourth row, the vertices, look the density up. Where they
+see the head, the field is evaluated once: where each view shows that point, how much the view
+counts, and the residual to it. Between vertices, all that is interpolated; the views themselves are
+read for every pixel. At the edge of the head, every pixel looks its opacity up.
 
-h x w vertices at every fourth pixel of a window into the frame, C channels, P pixels.
+h x w vertices of a window into the frame, H x W pixels of it, V views, C channels, P pixels.
 """
 
 from __future__ import annotations
@@ -21,96 +21,53 @@ from torch import Tensor
 from dfrf.cameras import Camera, Rays
 from dfrf.field.reference_encoder import COLOUR
 from dfrf.field.reference_maps import ReferenceMaps
-from dfrf.rendering.baked_density import DensityOfFrame
+from dfrf.rendering.baked_density import FrameDensity
+from dfrf.rendering.frame_buffer import Pixels
 from dfrf.rendering.frame_renderer import BLOCK, grown, head_blocks
 from dfrf.rendering.ray_marching import Search
 from dfrf.rendering.surface_details import SurfaceDetails
 from dfrf.rendering.volume_rendering import Volume
 
-SEEN = 0.05  # opacity from which the field is asked what it sees
+SEEN = 0.05  # opacity from which a vertex is asked what it shows
 FAINT, OPAQUE = 0.02, 0.98  # opacities between which a pixel lies on the head's edge
-SPREAD = 3  # vertices beyond the head that get what is known at the nearest
-BEHIND = 0.3  # head units that a surface may lie before or behind that of its neighbours
+SPREAD = 2  # vertices beyond those, which show what their neighbours show
+DEEPER = 0.3  # head units that a surface may lie before or behind its neighbours'
 
 
 @dataclass(frozen=True)
-class Pictures:
+class ViewImages:
     """Colours of a person's views as images.
 
     Attributes:
         whole: the references.
-        mouths: the crops round the mouth; none without.
+        mouths: the crops round the mouth; empty without.
     """
 
-    whole: Float[Tensor, "N 3 H W"]
-    mouths: Float[Tensor, "P 3 I J"]
+    whole: Float[Tensor, "N 3 _ _"]
+    mouths: Float[Tensor, "M 3 _ _"]
 
     @classmethod
     def of(cls, maps: ReferenceMaps) -> Self:
         """Those of maps."""
-        return cls(images(maps), maps.table.new_zeros(0, 3, 1, 1) if maps.mouths is None else images(maps.mouths))
+        whole = images(maps)
+        return cls(whole, whole[:0] if maps.mouths is None else images(maps.mouths))
 
-    def read_by(self, maps: ReferenceMaps) -> list[Float[Tensor, "3 _ _"]]:
-        """Those that maps of one frame choose, in the order of `Shading.positions`."""
-        chosen = [self.whole[i] for i in maps.number]
-        return chosen + [self.mouths[i] for mouths in maps.chosen for i in mouths.maps.number]
+    def chosen(self, maps: ReferenceMaps) -> list[Float[Tensor, "3 _ _"]]:
+        """Those that the maps of one frame read, in the order of `Shading`."""
+        mouths = [self.mouths[i] for one in maps.chosen for i in one.maps.number]
+        return [*(self.whole[i] for i in maps.number), *mouths]
 
 
-def images(maps: ReferenceMaps) -> Float[Tensor, "N 3 H W"]:
+def images(maps: ReferenceMaps) -> Float[Tensor, "N 3 _ _"]:
     """Colours of all views in the table of maps."""
     table = maps.table.view(-1, maps.height, maps.width, maps.table.shape[1])
     return table[..., COLOUR].movedim(-1, 1).float().contiguous()
 
 
-def unit(positions: Float[Tensor, "M 2"], image: Float[Tensor, "3 H W"]) -> Float[Tensor, "M 2"]:
-    """Positions as `grid_sample` takes them."""
+def unit(positions: Float[Tensor, "k 2"], image: Float[Tensor, "3 _ _"]) -> Float[Tensor, "k 2"]:
+    """Positions (column, row) as `grid_sample` takes them."""
     height, width = image.shape[1:]
     return positions * 2 / positions.new_tensor([width - 1, height - 1]) - 1
-
-
-def spread(
-    values: Float[Tensor, "C h w"], known: Bool[Tensor, "h w"], times: int = SPREAD
-) -> Float[Tensor, "C h w"]:
-    """Values where they are known, and the mean of known neighbours beside them."""
-    weight = known.to(values.dtype)[None]
-    values = values * weight
-    for _ in range(times):
-        total, count = (F.avg_pool2d(x[None], 3, 1, 1)[0] for x in (values, weight))
-        new = (weight == 0) & (count > 0)
-        values = torch.where(new, total / count.clamp_min(1e-6), values)
-        weight = torch.where(new, 1.0, weight)
-    return values
-
-
-def between(values: Float[Tensor, "C h w"]) -> Float[Tensor, "C H W"]:
-    """Values at all pixels up to the last vertex."""
-    size = [BLOCK * (n - 1) + 1 for n in values.shape[1:]]
-    return F.interpolate(values[None], size, mode="bilinear", align_corners=True)[0]
-
-
-def colours(
-    pictures: list[Float[Tensor, "3 _ _"]], shown: Float[Tensor, "C h w"]
-) -> Float[Tensor, "3 H W"]:
-    """Colours of all pixels, without opacity.
-
-    Args:
-        pictures: V views.
-        shown: at vertices: the residual, then share and position of each view.
-    """
-    residual, of_views = shown[:3], shown[3:].unflatten(0, (-1, 3))
-    total = between(residual)
-    for picture, view in zip(pictures, of_views, strict=True):
-        seen = grown(view[0] > 0, 1)
-        if not seen.any():
-            continue
-        rows, columns = (range_of(seen.any(axis)) for axis in (1, 0))
-        fine = between(view[:, rows, columns])
-        colour = F.grid_sample(
-            picture[None], fine[None, 1:].movedim(1, -1), padding_mode="border", align_corners=True
-        )[0]
-        inside = [slice(BLOCK * i.start, BLOCK * (i.stop - 1) + 1) for i in (rows, columns)]
-        total[:, inside[0], inside[1]].addcmul_(fine[:1], colour)
-    return total
 
 
 def range_of(some: Bool[Tensor, " n"]) -> slice:
@@ -119,74 +76,174 @@ def range_of(some: Bool[Tensor, " n"]) -> slice:
     return slice(int(at[0]), int(at[-1]) + 1)
 
 
-@torch.no_grad()
-def render_baked_frame(
-    volume: Volume,
-    density: DensityOfFrame,
-    pictures: Pictures,
-    camera: Camera,
-    region: Bool[Tensor, "S S"] | None = None,
-) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
-    """The head of one frame, on the device of its camera; as `frame_renderer.render_frame`.
+def between(values: Float[Tensor, "C h w"]) -> Float[Tensor, "C H W"]:
+    """Values of all pixels from the first vertex to the last."""
+    size = [BLOCK * (n - 1) + 1 for n in values.shape[1:]]
+    return F.interpolate(values[None], size, mode="bilinear", align_corners=True)[0]
+
+
+def spread(
+    values: Float[Tensor, "C h w"], known: Bool[Tensor, "h w"], times: int = SPREAD
+) -> Float[Tensor, "C h w"]:
+    """Values where they are known, and the mean of known neighbours up to `times` vertices off."""
+    weight = known.to(values.dtype)[None]
+    for _ in range(times):
+        total, count = (F.avg_pool2d(x, 3, 1, 1) for x in (values * weight, weight))
+        new = (weight == 0) & (count > 0)
+        values = torch.where(new, total / count.clamp_min(1e-6), values)
+        weight = torch.where(new, 1.0, weight)
+    return values
+
+
+def limits(
+    opacity: Float[Tensor, "h w"], depth: Float[Tensor, "h w"], at: Pixels, stride: int
+) -> tuple[Float[Tensor, " P"], Float[Tensor, " P"]]:
+    """Where rays between known ones have to be searched; from inf on where nothing is.
 
     Args:
-        volume: the head as it is in that frame; its field has references.
-        density: its density, baked.
-        pictures: of its references.
-        camera: of the frame.
-        region: the pixels that are needed; others may be left blank. None is all.
+        opacity, depth: of rays `stride` apart.
+        at: rows and columns of others, of which these have multiples of it.
     """
-    size, step = camera.size, volume.march.step
-    frame = torch.zeros(size, size, 4, device=camera.c2w.device)
-    blocks = head_blocks(volume.grid, camera, region)
-    if not blocks.any():
-        return frame[..., :3], frame[..., 3]
-    details = SurfaceDetails.of(volume.field.seen_from(camera.c2w[:, 3]))
-    assert details is not None
-    blocks = grown(blocks, 1)
-    rows, columns = (range_of(blocks.any(axis)) for axis in (1, 0))
-    known = blocks[rows, columns]
-    first = torch.tensor([rows.start, columns.start], device=known.device) * BLOCK
-
-    def rays(at: tuple[Tensor, Tensor]) -> Rays:
-        return camera.rays((at[0] + first[0]) * size + at[1] + first[1])
-
-    at = known.nonzero(as_tuple=True)
-    coarse = rays(tuple(i * BLOCK for i in at))
-    sight = density.sight(coarse, step)
-    opacity, depth = (known.new_zeros(known.shape, dtype=torch.float32) for _ in range(2))
-    opacity[at], depth[at] = sight.opacity, sight.depth
-    hits = (sight.opacity > SEEN).nonzero()[:, 0]
-    directions = coarse.directions[hits]
-    shading = details.shade(coarse.origins[hits] + sight.depth[hits, None] * directions, directions)
-    views = pictures.read_by(details.maps)
-    rows_of_views = [
-        torch.cat([share[:, None], unit(position, picture)], 1)
-        for share, position, picture in zip(shading.shares, shading.positions, views, strict=True)
-    ]
-    shown = opacity.new_zeros(3 + 3 * len(views), *known.shape)
-    places = tuple(i[hits] for i in at)
-    shown[:, places[0], places[1]] = torch.cat([shading.residual, *rows_of_views], 1).T
-    seen = torch.zeros_like(known)
-    seen[places] = True
-    colour = colours(views, spread(shown, seen))
-    fine = between(opacity[None])[0]
-    edge = edges(opacity)
-    height, width = (min(a, size - int(b)) for a, b in zip(fine.shape, first, strict=True))
-    pixels = edge[:height, :width].nonzero(as_tuple=True)
-    near = -F.max_pool2d(-depth.where(seen, torch.inf)[None], 3, 1, 1)
-    far = F.max_pool2d(depth[None], 3, 1, 1)
-    near, far = (x[0].repeat_interleave(BLOCK, 0).repeat_interleave(BLOCK, 1) for x in (near, far))
-    limits = near[pixels] - BEHIND, far[pixels] + BEHIND
-    fine[pixels] = density.sight(rays(pixels), step, Search(between=limits)).opacity
-    inside = frame[first[0] : first[0] + height, first[1] : first[1] + width]
-    inside[..., 3] = fine[:height, :width]
-    inside[..., :3] = (colour * fine).movedim(0, -1)[:height, :width]
-    return frame[..., :3], frame[..., 3]
+    some = opacity > FAINT
+    ends = torch.stack([-depth.where(some, torch.inf), depth.where(some, -torch.inf)])
+    near, far = F.max_pool2d(ends[None], 3, 1, 1)[0, :, at[0] // stride, at[1] // stride]
+    return -near - DEEPER, far + DEEPER
 
 
-def edges(opacity: Float[Tensor, "h w"]) -> Bool[Tensor, "H W"]:
-    """Pixels between vertices of which some are opaque or faint and others are not."""
-    most, least = (F.max_pool2d(x[None], 3, 1, 1)[0] for x in (opacity, -opacity))
-    edge = (most > FAINT) & (-least < OPAQUE)
-    return between(edge.float()[None])[0] > 0
+def edge(opacity: Float[Tensor, "h w"]) -> Bool[Tensor, "H W"]:
+    """Pixels between vertices that are not all opaque and not all faint."""
+    most, least = F.max_pool2d(torch.stack([opacity, -opacity])[None], 3, 1, 1)[0]
+    return between(((most > FAINT) & (-least < OPAQUE)).float()[None])[0] > 0
+
+
+def read(
+    views: list[Float[Tensor, "3 _ _"]], shown: Float[Tensor, "C h w"]
+) -> Float[Tensor, "3 H W"]:
+    """Colours of all pixels, without opacity.
+
+    Args:
+        views: images.
+        shown: C = 3 + 3 V numbers a vertex: the residual; share and position (`unit`) of each view.
+    """
+    colour = between(shown[:3])
+    for image, part in zip(views, shown[3:].unflatten(0, (-1, 3)), strict=True):
+        counts = grown(part[0] > 0, 1)
+        if not counts.any():
+            continue
+        across = [range_of(counts.any(axis)) for axis in (1, 0)]
+        fine = between(part[:, *across])
+        place = fine[None, 1:].movedim(1, -1)
+        seen = F.grid_sample(image[None], place, padding_mode="border", align_corners=True)[0]
+        rows, columns = (slice(BLOCK * i.start, BLOCK * (i.stop - 1) + 1) for i in across)
+        colour[:, rows, columns].addcmul_(fine[:1], seen)
+    return colour
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of a frame.
+
+    Attributes:
+        camera: of the frame.
+        row, column: first of it.
+    """
+
+    camera: Camera
+    row: int
+    column: int
+
+    def rays(self, at: Pixels) -> Rays:
+        """Rays through pixels of the window."""
+        return self.camera.rays((at[0] + self.row) * self.camera.size + at[1] + self.column)
+
+    def vertex_rays(self, at: Pixels) -> Rays:
+        """Rays through vertices of the window."""
+        return self.rays((BLOCK * at[0], BLOCK * at[1]))
+
+
+@dataclass(frozen=True)
+class BakedHead:
+    """The head in one frame.
+
+    Attributes:
+        volume: the field in that frame, with references.
+        density: its density.
+        images: colours of its references.
+    """
+
+    volume: Volume
+    density: FrameDensity
+    images: ViewImages
+
+    @torch.no_grad()
+    def render(
+        self, camera: Camera, region: Bool[Tensor, "S S"] | None = None
+    ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+        """Premultiplied colour in 0..1, and opacity; as `frame_renderer.render_frame`.
+
+        Args:
+            camera: of the frame.
+            region: the pixels that are needed; others may be left blank. None is all.
+        """
+        size = camera.size
+        frame = torch.zeros(4, size, size, device=camera.c2w.device)
+        blocks = grown(head_blocks(self.volume.grid, camera, region), 1)
+        if blocks.any():
+            rows, columns = (range_of(blocks.any(axis)) for axis in (1, 0))
+            window = Window(camera, BLOCK * rows.start, BLOCK * columns.start)
+            colour, opacity = self.window(window, blocks[rows, columns])
+            inside = frame[:, window.row :, window.column :]
+            height, width = (
+                min(a, b) for a, b in zip(opacity.shape, inside.shape[1:], strict=True)
+            )
+            inside = inside[:, :height, :width]
+            torch.mul(colour[:, :height, :width], opacity[:height, :width], out=inside[:3])
+            inside[3] = opacity[:height, :width]
+        return frame[:3].movedim(0, -1), frame[3]
+
+    def window(
+        self, window: Window, needed: Bool[Tensor, "h w"]
+    ) -> tuple[Float[Tensor, "3 H W"], Float[Tensor, "H W"]]:
+        """Colour and opacity of a window; vertices that are not needed may be left blank."""
+        opacity, depth = self.vertices(window, needed)
+        at = (opacity > SEEN).nonzero(as_tuple=True)
+        details = SurfaceDetails.of(self.volume.field.seen_from(window.camera.c2w[:, 3]))
+        assert details is not None
+        rays = window.vertex_rays(at)
+        shading = details.shade(
+            rays.origins + depth[at][:, None] * rays.directions, rays.directions
+        )
+        views = self.images.chosen(details.maps)
+        shown = opacity.new_zeros(3 + 3 * len(views), *needed.shape)
+        of_views = zip(shading.shares, shading.positions, views, strict=True)
+        parts = [torch.cat([a[:, None], unit(p, image)], 1) for a, p, image in of_views]
+        shown[:, *at] = torch.cat([shading.residual, *parts], 1).T
+        colour = read(views, spread(shown, opacity > SEEN))
+        fine = between(opacity[None])[0]
+        on_edge = edge(opacity).nonzero(as_tuple=True)
+        search = Search(between=limits(opacity, depth, on_edge, BLOCK))
+        fine[on_edge], _ = self.along(window.rays(on_edge), search)
+        return colour, fine
+
+    def vertices(
+        self, window: Window, needed: Bool[Tensor, "h w"]
+    ) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"]]:
+        """Opacity and depth of the vertices that are needed: every second each way, then all."""
+        opacity, depth = torch.zeros(2, *needed.shape, device=needed.device)
+        first = torch.zeros_like(needed)
+        first[::2, ::2] = grown(needed, 1)[::2, ::2]
+        at = first.nonzero(as_tuple=True)
+        opacity[at], depth[at] = self.along(window.vertex_rays(at))
+        at = (needed & ~first).nonzero(as_tuple=True)
+        near, far = limits(opacity[::2, ::2], depth[::2, ::2], at, 2)
+        some = near < far
+        at = at[0][some], at[1][some]
+        search = Search(between=(near[some], far[some]))
+        opacity[at], depth[at] = self.along(window.vertex_rays(at), search)
+        return opacity, depth
+
+    def along(
+        self, rays: Rays, search: Search | None = None
+    ) -> tuple[Float[Tensor, " P"], Float[Tensor, " P"]]:
+        """Opacity and depth of rays."""
+        return self.density.along(rays, self.volume.march.step, search)

@@ -53,8 +53,7 @@ def head_blocks(
     """
     c2w, focal, centre, size = camera.c2w, camera.focal, camera.centre, camera.size
     side = -(-size // BLOCK)
-    centres = grid.centres()[grid.occupied.view(-1)]
-    local = (centres - c2w[:, 3]) @ c2w[:, :3]
+    local = (grid.open_centres() - c2w[:, 3]) @ c2w[:, :3]
     depth = -local[:, 2]
     column = (centre[0] + focal * local[:, 0] / depth) / BLOCK
     row = (centre[1] - focal * local[:, 1] / depth) / BLOCK

@@ -114,12 +114,13 @@ class SurfaceDetails:
 
     def shade(self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]) -> Shading:
         """What the field finds out about points of a surface, seen along unit directions."""
-        size = devices.chunk_size(points.device)
-        padding = devices.padding(len(points))
-        padded = (F.pad(x, (0, 0, 0, padding), value=1.0) for x in (points, directions))
+        size, count = devices.chunk_size(points.device), len(points)
+        padding = devices.padding(count) if count else devices.PADDED_MULTIPLE
+        places, towards = (
+            F.pad(x, (0, 0, 0, padding), value=1.0).split(size) for x in (points, directions)
+        )
         with devices.arithmetic(points.device):
-            parts = [self._shade(*some) for some in zip(*(x.split(size) for x in padded))]
-        count = len(points)
+            parts = [self._shade(*some) for some in zip(places, towards, strict=True)]
         return Shading(
             torch.cat([part.positions for part in parts], 1)[:, :count],
             torch.cat([part.shares for part in parts], 1)[:, :count],
