@@ -41,7 +41,7 @@ class FastModel(HeadModel):
         self.config = config
         self.field = Field(config.field)
         self.grid = OccupancyGrid(config.march.resolution)
-        self.baked = BakedDensity()
+        self.baked = BakedDensity(config.march.resolution)
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:

@@ -79,7 +79,8 @@ class BakedDensity(nn.Module):
     """Density before softplus at lattice points, linear in the numbers that describe a frame.
 
     Attributes:
-        points: places in a lattice of (G + 1)^3 points, counted row by row; none before `fit`.
+        side: g.
+        points: places in the lattice, counted row by row; none before `fit`.
         slopes: for each number that describes a frame, and a constant.
         low, high: least and largest of these numbers in the frames it was fitted to.
     """
@@ -89,8 +90,9 @@ class BakedDensity(nn.Module):
     low: Float[Tensor, " D"]
     high: Float[Tensor, " D"]
 
-    def __init__(self) -> None:
+    def __init__(self, resolution: int) -> None:
         super().__init__()
+        self.side = resolution + 1
         self.register_buffer("points", torch.zeros(0, dtype=torch.long))
         self.register_buffer("slopes", torch.zeros(1, 0))
         self.register_buffer("low", torch.zeros(0))
@@ -126,11 +128,10 @@ class BakedDensity(nn.Module):
 
     def of_frame(self, grid: OccupancyGrid, described: Float[Tensor, " D"]) -> FrameDensity:
         """The density of a frame; no number counts beyond those of the frames it was fitted to."""
-        side = grid.resolution + 1
         inside = torch.minimum(torch.maximum(described, self.low), self.high)
-        raw = self.slopes.new_full((side**3,), EMPTY)
+        raw = self.slopes.new_full((self.side**3,), EMPTY)
         raw[self.points] = inside @ self.slopes[:-1] + self.slopes[-1]
-        return FrameDensity(grid, raw.view(side, side, side))
+        return FrameDensity(grid, raw.view((self.side,) * 3))
 
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:
         """Takes the sizes of what is loaded; a model that was not baked, a base, has nothing."""
@@ -140,7 +141,7 @@ class BakedDensity(nn.Module):
         super()._load_from_state_dict(state, prefix, *rest)
         if not self.fits():
             errors = rest[4]
-            errors.append(f"{prefix.rstrip('.')}: tensors of other sizes")
+            errors.append(f"{prefix.rstrip('.')}: tensors that do not belong together")
 
     def fits(self) -> bool:
         """Whether its tensors belong together."""
@@ -148,6 +149,7 @@ class BakedDensity(nn.Module):
         return (
             self.low.shape == self.high.shape == (count,)
             and points.dim() == 1
+            and bool(((points >= 0) & (points < self.side**3)).all())
             and self.slopes.shape == (count + 1, len(points))
         )
 

@@ -76,6 +76,12 @@ def range_of(some: Bool[Tensor, " n"]) -> slice:
     return slice(int(at[0]), int(at[-1]) + 1)
 
 
+def true_of(mask: Bool[Tensor, "h w"]) -> Pixels:
+    """Rows and columns of what is true."""
+    rows, columns = mask.nonzero(as_tuple=True)
+    return rows, columns
+
+
 def between(values: Float[Tensor, "C h w"]) -> Float[Tensor, "C H W"]:
     """Values of all pixels from the first vertex to the last."""
     size = [BLOCK * (n - 1) + 1 for n in values.shape[1:]]
@@ -154,7 +160,7 @@ class Window:
 
     def rays(self, at: Pixels) -> Rays:
         """Rays through pixels of the window."""
-        return self.camera.rays((at[0] + self.row) * self.camera.size + at[1] + self.column)
+        return self.camera.rays_at(at[0] + self.row, at[1] + self.column)
 
     def vertex_rays(self, at: Pixels) -> Rays:
         """Rays through vertices of the window."""
@@ -187,43 +193,40 @@ class BakedHead:
         """
         size = camera.size
         frame = torch.zeros(4, size, size, device=camera.c2w.device)
-        blocks = grown(head_blocks(self.volume.grid, camera, region), 1)
+        blocks = head_blocks(self.volume.grid, camera, region)
         if blocks.any():
-            rows, columns = (range_of(blocks.any(axis)) for axis in (1, 0))
+            # A pixel depends on vertices of the next block, and these on those round them.
+            blocks = F.pad(blocks, (0, 3, 0, 3))
+            needed = grown(blocks, 2)
+            rows, columns = (range_of(needed.any(axis)) for axis in (1, 0))
+            rows, columns = (slice(i.start // 2 * 2, i.stop) for i in (rows, columns))
             window = Window(camera, BLOCK * rows.start, BLOCK * columns.start)
-            colour, opacity = self.window(window, blocks[rows, columns])
+            both = self.window(window, needed[rows, columns], blocks[rows, columns])
             inside = frame[:, window.row :, window.column :]
             height, width = (
-                min(a, b) for a, b in zip(opacity.shape, inside.shape[1:], strict=True)
+                min(a, b) for a, b in zip(both.shape[1:], inside.shape[1:], strict=True)
             )
-            inside = inside[:, :height, :width]
-            torch.mul(colour[:, :height, :width], opacity[:height, :width], out=inside[:3])
-            inside[3] = opacity[:height, :width]
+            inside[:, :height, :width] = both[:, :height, :width]
         return frame[:3].movedim(0, -1), frame[3]
 
     def window(
-        self, window: Window, needed: Bool[Tensor, "h w"]
-    ) -> tuple[Float[Tensor, "3 H W"], Float[Tensor, "H W"]]:
-        """Colour and opacity of a window; vertices that are not needed may be left blank."""
+        self, window: Window, needed: Bool[Tensor, "h w"], blocks: Bool[Tensor, "h w"]
+    ) -> Float[Tensor, "4 H W"]:
+        """Premultiplied colour and opacity of a window.
+
+        Args:
+            window: of the frame.
+            needed: vertices; others may be left blank.
+            blocks: blocks of pixels, below and right of each vertex; likewise.
+        """
         opacity, depth = self.vertices(window, needed)
-        at = (opacity > SEEN).nonzero(as_tuple=True)
-        details = SurfaceDetails.of(self.volume.field.seen_from(window.camera.c2w[:, 3]))
-        assert details is not None
-        rays = window.vertex_rays(at)
-        shading = details.shade(
-            rays.origins + depth[at][:, None] * rays.directions, rays.directions
-        )
-        views = self.images.chosen(details.maps)
-        shown = opacity.new_zeros(3 + 3 * len(views), *needed.shape)
-        of_views = zip(shading.shares, shading.positions, views, strict=True)
-        parts = [torch.cat([a[:, None], unit(p, image)], 1) for a, p, image in of_views]
-        shown[:, *at] = torch.cat([shading.residual, *parts], 1).T
-        colour = read(views, spread(shown, opacity > SEEN))
-        fine = between(opacity[None])[0]
-        on_edge = edge(opacity).nonzero(as_tuple=True)
-        search = Search(between=limits(opacity, depth, on_edge, BLOCK))
-        fine[on_edge], _ = self.along(window.rays(on_edge), search)
-        return colour, fine
+        colour = self.colours(window, opacity, depth)
+        fine = between(opacity[None])
+        shown = blocks.repeat_interleave(BLOCK, 0).repeat_interleave(BLOCK, 1)
+        at = true_of(edge(opacity) & shown[: fine.shape[1], : fine.shape[2]])
+        search = Search(between=limits(opacity, depth, at, BLOCK))
+        fine[0, at[0], at[1]], _ = self.along(window.rays(at), search)
+        return torch.cat([colour.mul_(fine), fine])
 
     def vertices(
         self, window: Window, needed: Bool[Tensor, "h w"]
@@ -231,16 +234,32 @@ class BakedHead:
         """Opacity and depth of the vertices that are needed: every second each way, then all."""
         opacity, depth = torch.zeros(2, *needed.shape, device=needed.device)
         first = torch.zeros_like(needed)
-        first[::2, ::2] = grown(needed, 1)[::2, ::2]
-        at = first.nonzero(as_tuple=True)
+        first[::2, ::2] = grown(needed, 2)[::2, ::2]
+        at = true_of(first)
         opacity[at], depth[at] = self.along(window.vertex_rays(at))
-        at = (needed & ~first).nonzero(as_tuple=True)
+        at = true_of(needed & ~first)
         near, far = limits(opacity[::2, ::2], depth[::2, ::2], at, 2)
         some = near < far
         at = at[0][some], at[1][some]
         search = Search(between=(near[some], far[some]))
         opacity[at], depth[at] = self.along(window.vertex_rays(at), search)
         return opacity, depth
+
+    def colours(
+        self, window: Window, opacity: Float[Tensor, "h w"], depth: Float[Tensor, "h w"]
+    ) -> Float[Tensor, "3 H W"]:
+        """Colours of all pixels, without opacity, from what the field finds at the vertices."""
+        details = SurfaceDetails.of(self.volume.field.seen_from(window.camera.c2w[:, 3]))
+        assert details is not None
+        at = true_of(opacity > SEEN)
+        rays = window.vertex_rays(at)
+        points = rays.origins + depth[at][:, None] * rays.directions
+        shading, views = details.shade(points, rays.directions), self.images.chosen(details.maps)
+        of_views = zip(shading.shares, shading.positions, views, strict=True)
+        parts = [torch.cat([a[:, None], unit(p, image)], 1) for a, p, image in of_views]
+        shown = opacity.new_zeros(3 + 3 * len(views), *opacity.shape)
+        shown[:, at[0], at[1]] = torch.cat([shading.residual, *parts], 1).T
+        return read(views, spread(shown, opacity > SEEN))
 
     def along(
         self, rays: Rays, search: Search | None = None

@@ -38,7 +38,7 @@ NEGLIGIBLE = 0.01  # weight of a sample that neighbours ignore
 VISIBLE_OPACITY = 0.5  # opacity from which a ray sees a surface
 
 
-def grown(blocks: Bool[Tensor, "b b"], times: int) -> Bool[Tensor, "b b"]:
+def grown(blocks: Bool[Tensor, "h w"], times: int) -> Bool[Tensor, "h w"]:
     """Blocks with those that are at most `times` blocks away."""
     return F.max_pool2d(blocks.float()[None], 2 * times + 1, 1, times)[0] > 0
 

@@ -143,7 +143,7 @@ class SurfaceDetails:
                 mouth = field.aggregate(
                     query.only(near), mouths.maps, conditioning, in_mouths[:, near]
                 )
-                fused = blend_at(fused, mouth[:2], near, share[near, None])
+                fused = blend_at(fused, mouth, near, share[near, None])
                 of_mouths[:, near] = mouth[2].float()
             positions = torch.cat([positions, in_mouths])
             weights = torch.cat([weights * (1 - share), of_mouths * share])
