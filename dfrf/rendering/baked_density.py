@@ -23,6 +23,9 @@ from dfrf.rendering.ray_marching import Search, search_interval
 
 # Before softplus: a sample of EMPTY is transparent, one of SOLID is opaque.
 EMPTY, SOLID = -8.0, 4.0
+# Nothing is below: a sample of .05 head units has an opacity of .003 there, but all those of a ray
+# through the whole box would be a haze.
+AIR = -6.0
 RIDGE = 1.0  # frames' worth
 MIN_OPACITY = 1e-6
 
@@ -48,7 +51,8 @@ class FrameDensity:
             padding_mode="border",
             align_corners=True,
         )
-        return DENSITY_SCALE * F.softplus(raw.view(points.shape[:-1]))
+        raw = raw.view(points.shape[:-1])
+        return DENSITY_SCALE * F.softplus(raw).where(raw > AIR, 0)
 
     def along(
         self, rays: Rays, step: float, search: Search | None = None
