@@ -51,12 +51,16 @@ class Camera:
 
     def rays(self, pixels: Int[Tensor, " P"]) -> Rays:
         """Rays through pixels, counted row by row; all of them of frame 0."""
-        count = pixels.numel()
-        position = torch.stack([pixels % self.size, pixels // self.size], -1).float()
+        return self.rays_at(pixels // self.size, pixels % self.size)
+
+    def rays_at(self, rows: Int[Tensor, " P"], columns: Int[Tensor, " P"]) -> Rays:
+        """Rays through places that may lie outside of the image; all of them of frame 0."""
+        count = rows.numel()
+        position = torch.stack([columns, rows], -1).float()
         origins, directions = pixel_rays(
             self.c2w.expand(count, 3, 4), self.focal, self.centre.expand(count, 2), position
         )
-        return Rays(origins, F.normalize(directions, dim=-1), torch.zeros_like(pixels))
+        return Rays(origins, F.normalize(directions, dim=-1), torch.zeros_like(rows))
 
 
 def pixel_rays(

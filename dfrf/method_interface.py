@@ -76,6 +76,7 @@ class FrameInputs:
         expression: measures of the upper face.
         size: S.
         regions: the pixels that are needed; others may be left blank. None is all.
+        baked: whether density is looked up, where a person's has been baked, instead of marched.
     """
 
     c2w: Float[Tensor, "T 3 4"]
@@ -86,6 +87,7 @@ class FrameInputs:
     expression: Float[Tensor, "T U"]
     size: int
     regions: Bool[Tensor, "T S S"] | None = None
+    baked: bool = False
 
 
 ShareT = TypeVar("ShareT", bound=Share)

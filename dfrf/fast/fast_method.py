@@ -30,9 +30,11 @@ from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
+from dfrf.rendering.baked_density import corners, positions
+from dfrf.rendering.baked_frame import BakedHead, ViewImages
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.grid_pruning import prune_grid
-from dfrf.rendering.volume_rendering import Volume, render_rays
+from dfrf.rendering.volume_rendering import Volume, density_at, render_rays
 from dfrf.training.lip_supervision import (
     closed_mouth_target,
     dataset_codes,
@@ -46,6 +48,7 @@ from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
 FRAMES_AT_ONCE = 8
+BAKED_FRAMES = 64
 MOST_COMPARED = 1000  # frames of a person, each with all others: 8 MB of distances
 
 
@@ -86,6 +89,28 @@ def prune(
         return ConditionedField(model.field, conditioning[frame : frame + 1], maps)
 
     prune_grid(model.grid, model.config.march.step, field_of, c2w, generator)
+
+
+@torch.no_grad()
+def bake(
+    model: FastModel,
+    conditioning: Float[Tensor, "T K"],
+    origins: Float[Tensor, "T 3"],
+    maps: ReferenceMaps,
+) -> None:
+    """Fits the baked density of a learned model to some of these frames."""
+    some = torch.linspace(0, len(origins) - 1, min(BAKED_FRAMES, len(origins))).round().long()
+    points = corners(model.grid.occupied)
+    at, rounded = positions(model.grid, points), model.rounded()
+
+    def density(frame: int) -> Float[Tensor, " V"]:
+        volume = rounded.volume(conditioning[frame : frame + 1], maps)
+        return density_at(volume.field.seen_from(origins[frame]), at, origins[frame])
+
+    with Workers(model.device, FRAMES_AT_ONCE) as workers:
+        of_frames = torch.stack(list(workers.map(density, some.tolist())))
+    described = model.described(conditioning[some], origins[some])
+    model.baked.fit(points, described, of_frames)
 
 
 class FastMethod(Method[RayShare, ReferenceMaps]):
@@ -222,6 +247,8 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         conditioning = training_conditioning(model, [dataset])[dataset.name]
         generator = torch.Generator().manual_seed(seed)
         prune(model.eval(), conditioning, dataset.c2w, maps, generator)
+        if maps is not None:
+            bake(model, conditioning, dataset.c2w[:, :, 3].to(model.device), maps)
 
     @torch.no_grad()
     def resting_volumes(
@@ -273,12 +300,19 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
                 inputs.windows, inputs.predicted_lips, inputs.expression
             )
             model = self.model.rounded()
+            described = self.model.described(conditioning, inputs.c2w[:, :, 3])
+        images = None
+        if inputs.baked and model.baked and maps is not None:
+            images = ViewImages.of(maps)
 
         def one(t: int) -> tuple[Tensor, Tensor]:
             camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)
             region = None if inputs.regions is None else inputs.regions[t]
             volume = model.volume(conditioning[t : t + 1], maps)
-            return render_frame(volume, camera, region)
+            if images is None:
+                return render_frame(volume, camera, region)
+            density = model.baked.of_frame(model.grid, described[t])
+            return BakedHead(volume, density, images).render(camera, region)
 
         with Workers(inputs.c2w.device, FRAMES_AT_ONCE) as workers:
             yield from workers.map(one, range(inputs.c2w.shape[0]))

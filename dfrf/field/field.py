@@ -202,28 +202,49 @@ class Field(nn.Module):
             warp: False in the coarse stage.
         """
         query = self.query(points, directions, frame, conditioning)
-        parts, offset = [query.encoded], points.new_zeros(0, points.shape[0], 2)
-        if maps is not None:
-            share = mouth_pixels.share(maps, points)
-            fused, blended, offset = self.fuse_references(query, maps, conditioning, warp, share)
-            parts.append(fused.to(query.encoded.dtype))
+        if maps is None:
+            density, colour = self.radiance(query, conditioning)
+            return FieldOutput(density, colour, points.new_zeros(0, points.shape[0], 2))
+        share = mouth_pixels.share(maps, points)
+        fused = self.fuse_references(query, maps, conditioning, warp, share)
+        # The field's own colour is blurred: in training that costs less than misplaced teeth. Where
+        # lips move further than in training, it turns white beside them. So it is unused there.
+        near = mouth_pixels.nearness(maps, points)
+        density, colour = self.radiance(query, conditioning, fused[:2], near)
+        return FieldOutput(density, colour, fused[2])
+
+    def radiance(
+        self,
+        query: FieldQuery,
+        conditioning: Float[Tensor, "F K"],
+        fused: tuple[Float[Tensor, "M O"], Float[Tensor, "M 3"]] | None = None,
+        near: Float[Tensor, " M"] | None = None,
+    ) -> tuple[Float[Tensor, " M"], Float[Tensor, "M 3"]]:
+        """Equation (7): density and colour of points.
+
+        Args:
+            query: the points.
+            conditioning: see `Conditioning`.
+            fused: F~ and the colour that the references blend to; None for a field without them.
+            near: share of that colour that is taken in any case.
+        """
+        parts = [query.encoded]
+        if fused is not None:
+            parts.append(fused[0].to(query.encoded.dtype))
         # Equation (7): colour and density = F_theta(p, d, A, F~).
         h = self.input(torch.cat(parts, -1))
         shared = per_point(self.input_conditioning(conditioning), query.belongs)
         h = F.relu(h.add_(shared), inplace=True)
         for layer in self.hidden:
             h = F.relu(layer(h), inplace=True)
-        raw_density = 4 * self.density(h).squeeze(-1).float() + density_prior(points)
+        raw_density = 4 * self.density(h).squeeze(-1).float() + density_prior(query.points)
         density = DENSITY_SCALE * F.softplus(raw_density)
-        towards = frequency_encoding(directions, self.config.direction_octaves).to(
+        towards = frequency_encoding(query.directions, self.config.direction_octaves).to(
             query.encoded.dtype
         )
         raw = self.colour(F.relu(self.view(torch.cat([h, towards], -1)), inplace=True)).float()
         own = raw[..., :3].sigmoid()
-        if maps is None:
-            return FieldOutput(density, own, offset)
-        # The field's own colour is blurred: in training that costs less than misplaced teeth. Where
-        # lips move further than in training, it turns white beside them. So it is unused there.
-        near = mouth_pixels.nearness(maps, points)[:, None]
-        gate = torch.lerp((raw[..., 3:] + 2).sigmoid(), raw.new_ones(()), near)
-        return FieldOutput(density, gate * blended + (1 - gate) * own, offset)
+        if fused is None or near is None:
+            return density, own
+        gate = torch.lerp((raw[..., 3:] + 2).sigmoid(), raw.new_ones(()), near[:, None])
+        return density, gate * fused[1] + (1 - gate) * own

@@ -38,7 +38,7 @@ NEGLIGIBLE = 0.01  # weight of a sample that neighbours ignore
 VISIBLE_OPACITY = 0.5  # opacity from which a ray sees a surface
 
 
-def grown(blocks: Bool[Tensor, "b b"], times: int) -> Bool[Tensor, "b b"]:
+def grown(blocks: Bool[Tensor, "h w"], times: int) -> Bool[Tensor, "h w"]:
     """Blocks with those that are at most `times` blocks away."""
     return F.max_pool2d(blocks.float()[None], 2 * times + 1, 1, times)[0] > 0
 
@@ -53,8 +53,7 @@ def head_blocks(
     """
     c2w, focal, centre, size = camera.c2w, camera.focal, camera.centre, camera.size
     side = -(-size // BLOCK)
-    centres = grid.centres()[grid.occupied.view(-1)]
-    local = (centres - c2w[:, 3]) @ c2w[:, :3]
+    local = (grid.open_centres() - c2w[:, 3]) @ c2w[:, :3]
     depth = -local[:, 2]
     column = (centre[0] + focal * local[:, 0] / depth) / BLOCK
     row = (centre[1] - focal * local[:, 1] / depth) / BLOCK

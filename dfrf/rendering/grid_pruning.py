@@ -11,14 +11,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import torch
-import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
-from dfrf.cameras import Rays
 from dfrf.rendering.occupancy import OccupancyGrid
-from dfrf.rendering.ray_marching import PackedSamples
-from dfrf.rendering.volume_rendering import ViewField, evaluate
+from dfrf.rendering.volume_rendering import ViewField, density_at
 
 MIN_OPACITY = 0.01  # opacity of a sample
 FRAMES = 64
@@ -52,13 +49,9 @@ def prune_grid(
     for frame in torch.randperm(len(c2w), generator=generator)[:FRAMES].tolist():
         where = torch.rand(len(open_cells), 3, generator=generator).to(device) - 0.5
         points = (centres + where * size)[empty]  # one frame that shows something is enough
-        origin, count = c2w[frame, :, 3].to(device), len(points)
-        if not count:
+        if not len(points):
             break
-        ray = torch.arange(count, device=device)
-        zero = torch.zeros(count, dtype=torch.long, device=device)
-        rays = Rays(origin.expand(count, 3), F.normalize(points - origin, dim=-1), zero)
-        samples = PackedSamples(points, ray, zero, points.new_zeros(count), 1, count)
-        out = evaluate(field_of(frame).seen_from(origin), samples, rays)
-        empty[empty.clone()] = -torch.expm1(-out.density * step) < MIN_OPACITY
+        origin = c2w[frame, :, 3].to(device)
+        density = density_at(field_of(frame).seen_from(origin), points, origin)
+        empty[empty.clone()] = -torch.expm1(-density * step) < MIN_OPACITY
     grid.occupied.view(-1)[open_cells] = ~empty

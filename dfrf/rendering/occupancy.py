@@ -49,6 +49,11 @@ class OccupancyGrid(nn.Module):
         unit = torch.stack(torch.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
         return self.low + unit * (self.high - self.low)
 
+    def open_centres(self) -> Float[Tensor, "c 3"]:
+        """Centre of every open cell."""
+        unit = (self.occupied.nonzero() + 0.5) / self.resolution
+        return self.low + unit * (self.high - self.low)
+
     def bounds(self) -> tuple[Float[Tensor, 3], Float[Tensor, 3]]:
         """Corners of the box that holds all open cells; the same twice where none is open."""
         low, high = self.low.clone(), self.low.clone()

@@ -15,12 +15,14 @@ from dataclasses import dataclass
 from typing import Self
 
 import torch
+import torch.nn.functional as F
 from jaxtyping import Float
 from torch import Tensor
 
 from dfrf import device as devices
 from dfrf.field import mouth_pixels
 from dfrf.field.conditioned_field import ConditionedField
+from dfrf.field.field import blend_at
 from dfrf.field.reference_encoder import COLOUR
 from dfrf.field.reference_maps import ReferenceMaps
 
@@ -34,6 +36,21 @@ def blend(
     weights = weights / weights.sum(1, keepdim=True).clamp_min(MIN_WEIGHT)
     colours = maps.read_bilinear(positions)[..., COLOUR].float()
     return (weights.T[..., None] * colours).sum(0)
+
+
+@dataclass(frozen=True)
+class Shading:
+    """What a field finds out about points of a surface.
+
+    Attributes:
+        positions: where each of V = n + m views shows them, pixels.
+        shares: of their colour that come from each view; they add up to 1.
+        residual: to the colour that the views show.
+    """
+
+    positions: Float[Tensor, "V M 2"]
+    shares: Float[Tensor, "V M"]
+    residual: Float[Tensor, "M 3"]
 
 
 @dataclass(frozen=True)
@@ -94,6 +111,45 @@ class SurfaceDetails:
             _, _, mouth_weights = field.sample_mouths(query.only(near), chosen, conditioning)
             of_mouths[near] = mouth_weights.T.float()
         return torch.cat([moved, weights.T.float(), of_mouths], 1)
+
+    def shade(self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]) -> Shading:
+        """What the field finds out about points of a surface, seen along unit directions."""
+        size, count = devices.chunk_size(points.device), len(points)
+        padding = devices.padding(count) if count else devices.PADDED_MULTIPLE
+        places, towards = (
+            F.pad(x, (0, 0, 0, padding), value=1.0).split(size) for x in (points, directions)
+        )
+        with devices.arithmetic(points.device):
+            parts = [self._shade(*some) for some in zip(places, towards, strict=True)]
+        return Shading(
+            torch.cat([part.positions for part in parts], 1)[:, :count],
+            torch.cat([part.shares for part in parts], 1)[:, :count],
+            torch.cat([part.residual for part in parts])[:count],
+        )
+
+    def _shade(self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]) -> Shading:
+        conditioning, maps, field = self.field.conditioning, self.maps, self.field.field
+        frame = torch.zeros(len(points), dtype=torch.long, device=points.device)
+        query = field.query(points, directions, frame, conditioning)
+        positions, offset = field.locate(query, maps, conditioning, self.field.warp)
+        features, colour, weights = field.aggregate(query, maps, conditioning, positions)
+        fused = features, colour, offset
+        if maps.chosen:
+            mouths, share = maps.chosen[0], mouth_pixels.share(maps, points)
+            in_mouths = mouths.maps.views.project(points) + mouth_pixels.moved(mouths, points)
+            of_mouths = weights.new_zeros(len(in_mouths), len(points))
+            near = share.nonzero()[:, 0]
+            if len(near):
+                mouth = field.aggregate(
+                    query.only(near), mouths.maps, conditioning, in_mouths[:, near]
+                )
+                fused = blend_at(fused, mouth, near, share[near, None])
+                of_mouths[:, near] = mouth[2].float()
+            positions = torch.cat([positions, in_mouths])
+            weights = torch.cat([weights * (1 - share), of_mouths * share])
+        nearness = mouth_pixels.nearness(maps, points)
+        _, shown = field.radiance(query, conditioning, fused[:2], nearness)
+        return Shading(positions, weights, shown - fused[1])
 
     def colours(
         self, points: Float[Tensor, "M 3"], anchors: Float[Tensor, "M K"]

@@ -105,6 +105,18 @@ def evaluate(field: PointField, samples: PackedSamples, rays: Rays) -> FieldOutp
     )
 
 
+def density_at(
+    field: PointField, points: Float[Tensor, "M 3"], origin: Float[Tensor, 3]
+) -> Float[Tensor, " M"]:
+    """Density of single points, seen from a viewpoint."""
+    count = len(points)
+    zero = torch.zeros(count, dtype=torch.long, device=points.device)
+    rays = Rays(origin.expand(count, 3), F.normalize(points - origin, dim=-1), zero)
+    ray = torch.arange(count, device=points.device)
+    samples = PackedSamples(points, ray, zero, points.new_zeros(count), 1, count)
+    return evaluate(field, samples, rays).density
+
+
 def evaluate_until_opaque(
     field: PointField, samples: PackedSamples, rays: Rays, step: float
 ) -> FieldOutput:

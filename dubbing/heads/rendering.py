@@ -50,6 +50,7 @@ def render(
     *,
     pose_index: np.ndarray,
     part: tuple[int, int] | None = None,
+    baked: bool = False,
     device: str = "auto",
     progress: Progress | None = None,
 ) -> None:
@@ -67,6 +68,7 @@ def render(
         out: folder.
         pose_index: (T,) frame of the clip each frame takes its pose from.
         part: first and stop of those of the T frames to render; all by default.
+        baked: whether its baked density is looked up, where the model has one; else rays march.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
 
@@ -93,7 +95,7 @@ def render(
                 low, high = max(0, first - around), min(count, stop + around)
                 some = (speech(low, high - low), pose_index[low:high])
                 needed = regions_of(clip, pose_index[first:stop])
-                heads = frames(person, maps, clip, *some, first - low, stop - low, needed)
+                heads = frames(person, maps, clip, *some, first - low, stop - low, needed, baked)
                 for done, (colour, opacity) in enumerate(heads, first + 1):
                     video.write(to_rgba(colour, opacity))
                     notify(done)
@@ -110,6 +112,7 @@ def frames(
     first: int,
     stop: int,
     regions: np.ndarray | None = None,
+    baked: bool = False,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop.
 
@@ -131,6 +134,7 @@ def frames(
         torch.from_numpy(upper_face_expression(clip)[poses]).float().to(device),
         clip.size,
         None if regions is None else torch.from_numpy(regions).to(device),
+        baked,
     )
     yield from method.render_frames(inputs, maps)
 

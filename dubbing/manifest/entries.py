@@ -200,6 +200,10 @@ class Dub(Entry):
     """If speech is longer than the film: run its last shot backwards and forwards, repeat it, hold
     its last frame, cut the speech, or refuse.
     """
+    render: Literal["baked", "marched"] = "baked"
+    """How heads are made, preset `fast`: `baked` looks density up that was kept when the person was
+    learned; `marched` asks the model along every ray, ten times as long.
+    """
     frame: Literal["full", "crop"] = "full"
     """`full`: paste the face back into the film. `crop`: the head crop alone."""
     label: Annotated[Label, BeforeValidator(_label, json_schema_input_type=bool | Label)] = Label()

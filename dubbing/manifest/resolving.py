@@ -153,6 +153,7 @@ def _dub(place: int, dub: entries.Dub, people: Mapping[str, Person], findings: F
         length=scene.length,
         first=scene.first,
         on_longer_audio=scene.on_longer_audio,
+        baked=dub.render == "baked",
         undubbed=scene.undubbed,
         elsewhere=scene.elsewhere,
         settings=VideoSettings(

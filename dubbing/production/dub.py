@@ -43,6 +43,7 @@ class Dub:
         length: frames, without a card of credits.
         first: frame of the film under its first frame.
         on_longer_audio: see `timeline.pose_index`.
+        baked: whether heads are rendered off their baked density; see `dfrf.rendering.baked_frame`.
         undubbed: lines of the script in this film that nobody dubs.
         elsewhere: how many lines of the script are of other films.
         settings: of its video, but for the invisible mark; see `marking`.
@@ -58,6 +59,7 @@ class Dub:
     length: int = 0
     first: int = 0
     on_longer_audio: str = "bounce"
+    baked: bool = True
     undubbed: tuple[Undubbed, ...] = ()
     elsewhere: int = 0
     settings: VideoSettings = field(default_factory=VideoSettings)

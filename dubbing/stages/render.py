@@ -18,9 +18,10 @@ if TYPE_CHECKING:
     from dubbing.script.timeline import Cue
 
 PART = 250  # frames that are rendered on one machine: a multiple of every method's segment
-# A frame of preset `paper` on two processor cores at 512 px: 744 s without the noise of its slots,
+# Of a frame at 512 px on two processor cores. Preset `paper`: 744 s without the noise of its slots,
 # times 1.55, the cost of that noise on 256 rays.
 PAPER_FRAME_SECONDS = 1150.0
+FRAME_SECONDS = {"paper": PAPER_FRAME_SECONDS, "marched": 0.32}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +33,7 @@ class Render(DubbingStage):
         speech: the stage that made the speech features of the cue.
         first, stop: frames of the cue in the dub.
         film_first, on_longer_audio: frames of the film under the dub; see `timeline.pose_index`.
+        baked: whether heads are rendered off the model's baked density; False for a preset without.
         crop: area of the head crop as a share of a full one.
         part: first and stop of those of the cue's frames that are rendered; None for all.
     """
@@ -44,12 +46,13 @@ class Render(DubbingStage):
     stop: int
     film_first: int
     on_longer_audio: str
+    baked: bool
     preset: Setting[str]  # part of the model
     crop: Setting[float]
     device: Setting[str]
     part: Setting[tuple[int, int] | None] = None
 
-    typical: ClassVar[Rate] = Rate(0.32, 15e3)
+    typical: ClassVar[Rate] = Rate(0.05, 15e3)
 
     @classmethod
     def of(
@@ -73,6 +76,7 @@ class Render(DubbingStage):
             stop=cue.stop,
             film_first=dub.first,
             on_longer_audio=dub.on_longer_audio,
+            baked=dub.baked and family(person.settings.preset) == "fast",
             preset=person.settings.preset,
             crop=person.crops(dub.film),
             device=device,
@@ -94,6 +98,7 @@ class Render(DubbingStage):
             out,
             pose_index=poses[self.first :],
             part=self.part,
+            baked=self.baked,
             device=self.device,
             progress=progress,
         )
@@ -111,12 +116,14 @@ class Render(DubbingStage):
         return {f"{first}-{stop}": replace(self, part=(first, stop)) for first, stop in ranges}
 
     def rate_kind(self) -> str:
-        return f"{self.kind} paper" if self._is_paper else self.kind
+        return f"{self.kind} {self._how}" if self._how in FRAME_SECONDS else self.kind
 
     def typical_rate(self) -> Rate:
-        return Rate(PAPER_FRAME_SECONDS, self.typical.bytes) if self._is_paper else self.typical
+        return Rate(FRAME_SECONDS.get(self._how, self.typical.seconds), self.typical.bytes)
 
     @property
-    def _is_paper(self) -> bool:
-        """Whether the preset takes a thousand times as long for a frame."""
-        return family(self.preset) == "paper"
+    def _how(self) -> str:
+        """What the time of a frame depends on."""
+        if family(self.preset) == "paper":
+            return "paper"
+        return "baked" if self.baked else "marched"

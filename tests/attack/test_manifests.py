@@ -41,6 +41,7 @@ WHOLE: dict[str, Any] = {
             "audio_seconds": 1,
             "video_start": 0,
             "on_longer_audio": "bounce",
+            "render": "baked",
             "frame": "full",
             "codec": "h264",
             "audio_rate": 48000,

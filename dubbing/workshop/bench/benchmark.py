@@ -153,7 +153,7 @@ def main() -> None:
     tools = other_tools(scene.device)
     march_row = next(r for r in rows if r.stage == "march")
     rays = next(r for r in rows if r.stage == "project the grid").count
-    ours = sum(r.seconds for r in rows if r.stage in ("the same, frames in a row", "composite"))
+    ours = sum(r.seconds for r in rows if r.stage in ("baked, frames in a row", "composite"))
     peak = (peak_memory() or 0) / 2**30
     print(table(rows, rate))
     print(f"\na frame of ours: {ours:.3f} s\n{tool_table(tools, ours)}")

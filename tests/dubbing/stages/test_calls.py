@@ -94,6 +94,7 @@ def render(folder: Path, clip: Path, **changed: Any) -> Render:
         "stop": 40,
         "film_first": 0,
         "on_longer_audio": "bounce",
+        "baked": True,
         "preset": "fast",
         "crop": 0.5,
         "device": "cpu",

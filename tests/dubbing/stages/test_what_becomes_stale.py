@@ -67,6 +67,7 @@ OF_ONE: list[tuple[str, Any, set[str]]] = [
     ("dubs.0.audio_seconds", 0.6, SPOKEN),
     ("dubs.0.video_start", 0.04, {"render", "composite"}),
     ("dubs.0.on_longer_audio", "loop", {"render", "composite"}),
+    ("dubs.0.render", "marched", {"render"}),
     ("dubs.0.frame", "crop", {"composite"}),
     ("dubs.0.label", {**LABEL, "mark": False}, {"composite"}),
     ("dubs.0.label.credits.seconds", 2, {"composite", "check"}),

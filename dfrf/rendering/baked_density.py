@@ -1,0 +1,171 @@
+"""The density of a learned head on a lattice: looked up where marching asks a network.
+
+Before softplus, density changes so slowly that it can be interpolated between lattice points. Lips,
+upper face and viewpoint, the numbers that describe a frame, change it nearly linearly.
+
+V lattice points, g of them along an axis, D numbers that describe a frame, T frames, R rays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float, Int
+from torch import Tensor, nn
+
+from dfrf.cameras import Rays
+from dfrf.field.field import DENSITY_SCALE
+from dfrf.rendering.occupancy import OccupancyGrid
+from dfrf.rendering.ray_marching import Search, search_interval
+
+# Before softplus: a sample of EMPTY is transparent, one of SOLID is opaque.
+EMPTY, SOLID = -8.0, 4.0
+# Nothing is below: a sample of .05 head units has an opacity of .003 there, but all those of a ray
+# through the whole box would be a haze.
+AIR = -6.0
+RIDGE = 1.0  # frames' worth
+MIN_OPACITY = 1e-6
+
+
+@dataclass(frozen=True)
+class FrameDensity:
+    """The density of a head in one frame.
+
+    Attributes:
+        grid: its open cells; there is no density outside of their bounds.
+        raw: before softplus, at lattice points.
+    """
+
+    grid: OccupancyGrid
+    raw: Float[Tensor, "g g g"]
+
+    def __call__(self, points: Float[Tensor, "*B 3"]) -> Float[Tensor, "*B"]:
+        """Density of points."""
+        unit = (points - self.grid.low) / (self.grid.high - self.grid.low) * 2 - 1
+        raw = F.grid_sample(
+            self.raw[None, None],
+            unit.flip(-1).view(1, 1, 1, -1, 3),
+            padding_mode="border",
+            align_corners=True,
+        )
+        raw = raw.view(points.shape[:-1])
+        return DENSITY_SCALE * F.softplus(raw).where(raw > AIR, 0)
+
+    def along(
+        self, rays: Rays, step: float, search: Search | None = None
+    ) -> tuple[Float[Tensor, " R"], Float[Tensor, " R"]]:
+        """Opacity of rays, and the mean distance that their light comes from.
+
+        They are sampled where `ray_marching.march` samples them.
+
+        Args:
+            rays: head frame.
+            step: distance between samples, head units.
+            search: where along each ray to search; everywhere when None.
+        """
+        enter, leave = search_interval(rays, self.grid, step, search or Search())
+        span = (leave - enter).amax().clamp_min(0) if len(enter) else enter.new_zeros(())
+        steps = torch.arange(int(torch.ceil(span / step).item()), device=enter.device)
+        distance = enter[:, None] + (steps + 0.5) * step
+        points = rays.origins[:, None] + distance[..., None] * rays.directions[:, None]
+        # Equation (8), as in `render_rays`.
+        thickness = (self(points) * step).where(distance < leave[:, None], 0)
+        passed = torch.exp(-F.pad(thickness.cumsum(1), (1, 0)))
+        weights = passed[:, :-1] - passed[:, 1:]
+        opacity = weights.sum(1)
+        return opacity, (weights * distance).sum(1) / opacity.clamp_min(MIN_OPACITY)
+
+
+class BakedDensity(nn.Module):
+    """Density before softplus at lattice points, linear in the numbers that describe a frame.
+
+    Attributes:
+        side: g.
+        points: places in the lattice, counted row by row; none before `fit`.
+        slopes: for each number that describes a frame, and a constant.
+        low, high: least and largest of these numbers in the frames it was fitted to.
+    """
+
+    points: Int[Tensor, " V"]
+    slopes: Float[Tensor, "_ V"]
+    low: Float[Tensor, " D"]
+    high: Float[Tensor, " D"]
+
+    def __init__(self, resolution: int) -> None:
+        super().__init__()
+        self.side = resolution + 1
+        self.register_buffer("points", torch.zeros(0, dtype=torch.long))
+        self.register_buffer("slopes", torch.zeros(1, 0))
+        self.register_buffer("low", torch.zeros(0))
+        self.register_buffer("high", torch.zeros(0))
+
+    def __bool__(self) -> bool:
+        """Whether it was fitted."""
+        return len(self.points) > 0
+
+    @torch.no_grad()
+    def fit(
+        self,
+        points: Int[Tensor, " V"],
+        described: Float[Tensor, "T D"],
+        density: Float[Tensor, "T V"],
+    ) -> None:
+        """Fits it to the density of frames.
+
+        Args:
+            points: places in the lattice.
+            described: the numbers that describe each frame.
+            density: of each frame at each point.
+        """
+        scaled = density / DENSITY_SCALE
+        raw = scaled.expm1().log().where(scaled < SOLID, SOLID).clamp_min(EMPTY).double()
+        self.low, self.high = described.amin(0), described.amax(0)
+        centre, middle = described.double().mean(0), raw.mean(0)
+        x = described.double() - centre
+        square = x.T @ x + torch.diag(RIDGE * x.square().mean(0) + 1e-9)
+        slopes = torch.linalg.solve(square, x.T @ (raw - middle))
+        self.slopes = torch.cat([slopes, (middle - centre @ slopes)[None]]).float()
+        self.points = points
+
+    def of_frame(self, grid: OccupancyGrid, described: Float[Tensor, " D"]) -> FrameDensity:
+        """The density of a frame; no number counts beyond those of the frames it was fitted to."""
+        inside = torch.minimum(torch.maximum(described, self.low), self.high)
+        raw = self.slopes.new_full((self.side**3,), EMPTY)
+        raw[self.points] = inside @ self.slopes[:-1] + self.slopes[-1]
+        return FrameDensity(grid, raw.view((self.side,) * 3))
+
+    def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:
+        """Takes the sizes of what is loaded; a model that was not baked, a base, has nothing."""
+        for name, own in list(self.named_buffers()):
+            found = state.setdefault(prefix + name, own)
+            setattr(self, name, own.new_zeros(found.shape))
+        super()._load_from_state_dict(state, prefix, *rest)
+        if not self.fits():
+            errors = rest[4]
+            errors.append(f"{prefix.rstrip('.')}: tensors that do not belong together")
+
+    def fits(self) -> bool:
+        """Whether its tensors belong together."""
+        points, count = self.points, len(self.low)
+        return (
+            self.low.shape == self.high.shape == (count,)
+            and points.dim() == 1
+            and bool(((points >= 0) & (points < self.side**3)).all())
+            and self.slopes.shape == (count + 1, len(points))
+        )
+
+
+def corners(occupied: Bool[Tensor, "G G G"]) -> Int[Tensor, " V"]:
+    """Places in the lattice of the points that are a corner of an open cell."""
+    around = F.pad(occupied.float(), (1,) * 6)
+    return F.max_pool3d(around[None, None], 2, 1).view(-1).nonzero()[:, 0]
+
+
+def positions(grid: OccupancyGrid, points: Int[Tensor, " V"]) -> Float[Tensor, "V 3"]:
+    """Lattice points, head frame."""
+    side = grid.resolution + 1
+    place = torch.stack([points // side**2, points // side % side, points % side], 1)
+    return grid.low + place / grid.resolution * (grid.high - grid.low)

@@ -1,0 +1,268 @@
+"""Renders a whole frame of a head off its baked density.
+
+Rays through every fourth pixel of every fourth row, the vertices, look the density up. Where they
+see the head, the field is evaluated once: where each view shows that point, how much the view
+counts, and the residual to it. Between vertices, all that is interpolated; the views themselves are
+read for every pixel. At the edge of the head, every pixel looks its opacity up.
+
+h x w vertices of a window into the frame, H x W pixels of it, V views, C channels, P pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import torch
+import torch.nn.functional as F
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from dfrf.cameras import Camera, Rays
+from dfrf.field.reference_encoder import COLOUR
+from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.rendering.baked_density import FrameDensity
+from dfrf.rendering.frame_buffer import Pixels
+from dfrf.rendering.frame_renderer import BLOCK, grown, head_blocks
+from dfrf.rendering.ray_marching import Search
+from dfrf.rendering.surface_details import SurfaceDetails
+from dfrf.rendering.volume_rendering import Volume
+
+SEEN = 0.05  # opacity from which a vertex is asked what it shows
+FAINT, OPAQUE = 0.02, 0.98  # opacities between which a pixel lies on the head's edge
+SPREAD = 2  # vertices beyond those, which show what their neighbours show
+DEEPER = 0.3  # head units that a surface may lie before or behind its neighbours'
+
+
+@dataclass(frozen=True)
+class ViewImages:
+    """Colours of a person's views as images.
+
+    Attributes:
+        whole: the references.
+        mouths: the crops round the mouth; empty without.
+    """
+
+    whole: Float[Tensor, "N 3 _ _"]
+    mouths: Float[Tensor, "M 3 _ _"]
+
+    @classmethod
+    def of(cls, maps: ReferenceMaps) -> Self:
+        """Those of maps."""
+        whole = images(maps)
+        return cls(whole, whole[:0] if maps.mouths is None else images(maps.mouths))
+
+    def chosen(self, maps: ReferenceMaps) -> list[Float[Tensor, "3 _ _"]]:
+        """Those that the maps of one frame read, in the order of `Shading`."""
+        mouths = [self.mouths[i] for one in maps.chosen for i in one.maps.number]
+        return [*(self.whole[i] for i in maps.number), *mouths]
+
+
+def images(maps: ReferenceMaps) -> Float[Tensor, "N 3 _ _"]:
+    """Colours of all views in the table of maps."""
+    table = maps.table.view(-1, maps.height, maps.width, maps.table.shape[1])
+    return table[..., COLOUR].movedim(-1, 1).float().contiguous()
+
+
+def unit(positions: Float[Tensor, "k 2"], image: Float[Tensor, "3 _ _"]) -> Float[Tensor, "k 2"]:
+    """Positions (column, row) as `grid_sample` takes them."""
+    height, width = image.shape[1:]
+    return positions * 2 / positions.new_tensor([width - 1, height - 1]) - 1
+
+
+def range_of(some: Bool[Tensor, " n"]) -> slice:
+    """From the first to the last that is true."""
+    at = some.nonzero()
+    return slice(int(at[0]), int(at[-1]) + 1)
+
+
+def true_of(mask: Bool[Tensor, "h w"]) -> Pixels:
+    """Rows and columns of what is true."""
+    rows, columns = mask.nonzero(as_tuple=True)
+    return rows, columns
+
+
+def between(values: Float[Tensor, "C h w"]) -> Float[Tensor, "C H W"]:
+    """Values of all pixels from the first vertex to the last."""
+    size = [BLOCK * (n - 1) + 1 for n in values.shape[1:]]
+    return F.interpolate(values[None], size, mode="bilinear", align_corners=True)[0]
+
+
+def spread(
+    values: Float[Tensor, "C h w"], known: Bool[Tensor, "h w"], times: int = SPREAD
+) -> Float[Tensor, "C h w"]:
+    """Values where they are known, and the mean of known neighbours up to `times` vertices off."""
+    weight = known.to(values.dtype)[None]
+    for _ in range(times):
+        total, count = (F.avg_pool2d(x, 3, 1, 1) for x in (values * weight, weight))
+        new = (weight == 0) & (count > 0)
+        values = torch.where(new, total / count.clamp_min(1e-6), values)
+        weight = torch.where(new, 1.0, weight)
+    return values
+
+
+def limits(
+    opacity: Float[Tensor, "h w"], depth: Float[Tensor, "h w"], at: Pixels, stride: int
+) -> tuple[Float[Tensor, " P"], Float[Tensor, " P"]]:
+    """Where rays between known ones have to be searched; from inf on where nothing is.
+
+    Args:
+        opacity, depth: of rays `stride` apart.
+        at: rows and columns of others, of which these have multiples of it.
+    """
+    some = opacity > FAINT
+    ends = torch.stack([-depth.where(some, torch.inf), depth.where(some, -torch.inf)])
+    near, far = F.max_pool2d(ends[None], 3, 1, 1)[0, :, at[0] // stride, at[1] // stride]
+    return -near - DEEPER, far + DEEPER
+
+
+def edge(opacity: Float[Tensor, "h w"]) -> Bool[Tensor, "H W"]:
+    """Pixels between vertices that are not all opaque and not all faint."""
+    most, least = F.max_pool2d(torch.stack([opacity, -opacity])[None], 3, 1, 1)[0]
+    return between(((most > FAINT) & (-least < OPAQUE)).float()[None])[0] > 0
+
+
+def read(
+    views: list[Float[Tensor, "3 _ _"]], shown: Float[Tensor, "C h w"]
+) -> Float[Tensor, "3 H W"]:
+    """Colours of all pixels, without opacity.
+
+    Args:
+        views: images.
+        shown: C = 3 + 3 V numbers a vertex: the residual; share and position (`unit`) of each view.
+    """
+    colour = between(shown[:3])
+    for image, part in zip(views, shown[3:].unflatten(0, (-1, 3)), strict=True):
+        counts = grown(part[0] > 0, 1)
+        if not counts.any():
+            continue
+        across = [range_of(counts.any(axis)) for axis in (1, 0)]
+        fine = between(part[:, *across])
+        place = fine[None, 1:].movedim(1, -1)
+        seen = F.grid_sample(image[None], place, padding_mode="border", align_corners=True)[0]
+        rows, columns = (slice(BLOCK * i.start, BLOCK * (i.stop - 1) + 1) for i in across)
+        colour[:, rows, columns].addcmul_(fine[:1], seen)
+    return colour
+
+
+@dataclass(frozen=True)
+class Window:
+    """A part of a frame.
+
+    Attributes:
+        camera: of the frame.
+        row, column: first of it.
+    """
+
+    camera: Camera
+    row: int
+    column: int
+
+    def rays(self, at: Pixels) -> Rays:
+        """Rays through pixels of the window."""
+        return self.camera.rays_at(at[0] + self.row, at[1] + self.column)
+
+    def vertex_rays(self, at: Pixels) -> Rays:
+        """Rays through vertices of the window."""
+        return self.rays((BLOCK * at[0], BLOCK * at[1]))
+
+
+@dataclass(frozen=True)
+class BakedHead:
+    """The head in one frame.
+
+    Attributes:
+        volume: the field in that frame, with references.
+        density: its density.
+        images: colours of its references.
+    """
+
+    volume: Volume
+    density: FrameDensity
+    images: ViewImages
+
+    @torch.no_grad()
+    def render(
+        self, camera: Camera, region: Bool[Tensor, "S S"] | None = None
+    ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+        """Premultiplied colour in 0..1, and opacity; as `frame_renderer.render_frame`.
+
+        Args:
+            camera: of the frame.
+            region: the pixels that are needed; others may be left blank. None is all.
+        """
+        size = camera.size
+        frame = torch.zeros(4, size, size, device=camera.c2w.device)
+        blocks = head_blocks(self.volume.grid, camera, region)
+        if blocks.any():
+            # A pixel depends on vertices of the next block, and these on those round them.
+            blocks = F.pad(blocks, (0, 3, 0, 3))
+            needed = grown(blocks, 2)
+            rows, columns = (range_of(needed.any(axis)) for axis in (1, 0))
+            rows, columns = (slice(i.start // 2 * 2, i.stop) for i in (rows, columns))
+            window = Window(camera, BLOCK * rows.start, BLOCK * columns.start)
+            both = self.window(window, needed[rows, columns], blocks[rows, columns])
+            inside = frame[:, window.row :, window.column :]
+            height, width = (
+                min(a, b) for a, b in zip(both.shape[1:], inside.shape[1:], strict=True)
+            )
+            inside[:, :height, :width] = both[:, :height, :width]
+        return frame[:3].movedim(0, -1), frame[3]
+
+    def window(
+        self, window: Window, needed: Bool[Tensor, "h w"], blocks: Bool[Tensor, "h w"]
+    ) -> Float[Tensor, "4 H W"]:
+        """Premultiplied colour and opacity of a window.
+
+        Args:
+            window: of the frame.
+            needed: vertices; others may be left blank.
+            blocks: blocks of pixels, below and right of each vertex; likewise.
+        """
+        opacity, depth = self.vertices(window, needed)
+        colour = self.colours(window, opacity, depth)
+        fine = between(opacity[None])
+        shown = blocks.repeat_interleave(BLOCK, 0).repeat_interleave(BLOCK, 1)
+        at = true_of(edge(opacity) & shown[: fine.shape[1], : fine.shape[2]])
+        search = Search(between=limits(opacity, depth, at, BLOCK))
+        fine[0, at[0], at[1]], _ = self.along(window.rays(at), search)
+        return torch.cat([colour.mul_(fine), fine])
+
+    def vertices(
+        self, window: Window, needed: Bool[Tensor, "h w"]
+    ) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"]]:
+        """Opacity and depth of the vertices that are needed: every second each way, then all."""
+        opacity, depth = torch.zeros(2, *needed.shape, device=needed.device)
+        first = torch.zeros_like(needed)
+        first[::2, ::2] = grown(needed, 2)[::2, ::2]
+        at = true_of(first)
+        opacity[at], depth[at] = self.along(window.vertex_rays(at))
+        at = true_of(needed & ~first)
+        near, far = limits(opacity[::2, ::2], depth[::2, ::2], at, 2)
+        some = near < far
+        at = at[0][some], at[1][some]
+        search = Search(between=(near[some], far[some]))
+        opacity[at], depth[at] = self.along(window.vertex_rays(at), search)
+        return opacity, depth
+
+    def colours(
+        self, window: Window, opacity: Float[Tensor, "h w"], depth: Float[Tensor, "h w"]
+    ) -> Float[Tensor, "3 H W"]:
+        """Colours of all pixels, without opacity, from what the field finds at the vertices."""
+        details = SurfaceDetails.of(self.volume.field.seen_from(window.camera.c2w[:, 3]))
+        assert details is not None
+        at = true_of(opacity > SEEN)
+        rays = window.vertex_rays(at)
+        points = rays.origins + depth[at][:, None] * rays.directions
+        shading, views = details.shade(points, rays.directions), self.images.chosen(details.maps)
+        of_views = zip(shading.shares, shading.positions, views, strict=True)
+        parts = [torch.cat([a[:, None], unit(p, image)], 1) for a, p, image in of_views]
+        shown = opacity.new_zeros(3 + 3 * len(views), *opacity.shape)
+        shown[:, at[0], at[1]] = torch.cat([shading.residual, *parts], 1).T
+        return read(views, spread(shown, opacity > SEEN))
+
+    def along(
+        self, rays: Rays, search: Search | None = None
+    ) -> tuple[Float[Tensor, " P"], Float[Tensor, " P"]]:
+        """Opacity and depth of rays."""
+        return self.density.along(rays, self.volume.march.step, search)
