@@ -147,7 +147,7 @@ def dubbed(
         done += count
         for start in range(first, first + count, AT_ONCE):
             stop = min(start + AT_ONCE, first + count)
-            rendered = heads.frames(person, maps, posed, speech, index, start, stop)
+            rendered = heads.frames(person, maps, posed, speech, index, start, stop, baked=True)
             films = composer.read_frames(clip, index[start:stop])
             for k, (colour, opacity), film in zip(
                 index[start:stop].tolist(), rendered, films, strict=True
