@@ -9,7 +9,7 @@ from torch import Tensor
 
 from dfrf.data.dataset import EYES, HeadDataset
 from dfrf.fast.medoids import medoids
-from dfrf.metrics.image import crop, gradient_energy
+from dfrf.metrics.image import gradient_energy
 from dubbing.face.mouth_shape import OUTER_LIP
 
 UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
@@ -63,8 +63,9 @@ def eye_sharpness(person: HeadDataset, frames: np.ndarray) -> np.ndarray:
     """Gradient energy of the luminance round the eyes of frames (F,); 0 without eyes."""
     energy = np.zeros(len(frames))
     for n, t in enumerate(frames):
-        rows, columns = torch.nonzero(person.regions[t] == EYES).unbind(1)
-        if rows.numel() and rows.min() < rows.max() and columns.min() < columns.max():
-            box = torch.stack([columns.min(), rows.min(), columns.max() + 1, rows.max() + 1])
-            energy[n] = gradient_energy(crop(person.images[t].float() / 255, box))
+        eyes = person.regions[t].numpy() == EYES
+        rows, columns = (np.flatnonzero(eyes.any(axis)) for axis in (1, 0))
+        if len(rows) > 1 and len(columns) > 1:
+            box = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+            energy[n] = gradient_energy(person.images[t][box].float() / 255)
     return energy
