@@ -32,6 +32,15 @@ def lip_measures(landmarks: np.ndarray) -> np.ndarray:
     return standardised(lip_lengths(landmarks))
 
 
-def lips_touch(landmarks: np.ndarray) -> np.ndarray:
-    """Whether the inner lips touch in the middle, (T,) bool, from landmarks (T, 478, 2)."""
-    return np.asarray(lip_lengths(landmarks)[:, 0] < TOUCHING)
+def lips_touch(landmarks: np.ndarray, eyes: np.ndarray | None = None) -> np.ndarray:
+    """Whether the inner lips touch in the middle, (T,) bool.
+
+    Args:
+        landmarks: (T, 478, 2) as the picture shows them.
+        eyes: (T,) distance of the eyes of a head that may be turned; None: as landmarks show it.
+    """
+    upper, lower = LIP_DISTANCES[0]
+    gap = np.linalg.norm(landmarks[:, upper] - landmarks[:, lower], axis=-1)
+    if eyes is None:
+        eyes = np.linalg.norm(landmarks[:, LEFT_EYE_OUTER] - landmarks[:, RIGHT_EYE_OUTER], axis=-1)
+    return np.asarray(gap < TOUCHING * eyes)

@@ -163,7 +163,8 @@ def load_identity(
             "windows": speech.windows[speaking],
             "predicted_lips": speech.lips[speaking],
             "lips": lip_measures(frontal[speaking]),
-            "touching": lips_touch(frontal[speaking]),
+            # The lips of the mean face do not touch, so those seen from the front hardly do.
+            "touching": lips_touch(clip.landmarks[speaking], clip.eye_distances()[speaking]),
             "segment": segment + shots,
             "lip_points": lip_points(clip, index).numpy(),
         }.items():

@@ -20,7 +20,7 @@ from typing_extensions import TypedDict
 from dubbing.engine import json_records
 from dubbing.engine.files import atomic_path, atomic_write_json
 from dubbing.errors import ExplainedError, PreparationError
-from dubbing.face.mesh_points import RIGID
+from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.media import read_frames
 from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.matting.matting import inpaint_mask
@@ -223,6 +223,15 @@ class PreparedClip:
         seen = np.concatenate([rays, np.ones_like(rays[..., :1])], 2) * depth[..., None]
         turned = (seen - self.translation[:, None]) @ self.rotation
         return np.asarray(turned[..., :2])
+
+    def eye_distances(self) -> np.ndarray:
+        """Distance of the outer corners of the eyes (T,) px, as if the head faced the camera."""
+        corners = self.shape[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER]]
+        depth = (corners @ self.rotation.transpose(0, 2, 1))[..., 2].mean(1) + self.translation[
+            :, 2
+        ]
+        apart = float(np.linalg.norm(corners[0] - corners[1]))
+        return np.asarray(self.focal * apart / depth)
 
     def with_poses(self, c2w: np.ndarray) -> PreparedClip:
         """The same clip with other poses, given as :meth:`c2w` gives them, (T, 3, 4)."""

@@ -14,6 +14,7 @@ from dfrf.data.dataset import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
 from dfrf.field.mouth_pixels import LOWER_RIM, UPPER_RIM
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.errors import ExplainedError, TrainingError
+from dubbing.face.lip_measures import LIP_DISTANCES
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.identity.clip_frames import ClipFrames
@@ -118,6 +119,28 @@ def test_a_head_that_turns_keeps_its_measures(clip: PreparedClip) -> None:
         clip, shape=shape, rotation=rotation, translation=translation, landmarks=landmarks
     )
     assert np.abs(upper_face_expression(turned)).max() < 0.01
+
+
+def test_lips_that_touch_are_seen_to_touch_however_the_head_is_turned(clip: PreparedClip) -> None:
+    """The lips of the mean face are open, so shut ones seem open when seen from the front."""
+    shape = np.zeros((478, 3))
+    shape[:, :2] = (face() - (250, 200)) / UNIT * 0.9
+    upper, lower = LIP_DISTANCES[0]
+    shape[[upper, lower]] = (0, 0.9, -1.0), (0, 1.0, -0.9)
+    turns = np.stack([np.linspace(-60, 60, FRAMES), np.full(FRAMES, 15.0)], 1)
+    rotation = Rotation.from_euler("yx", turns, degrees=True).as_matrix()
+    translation = np.tile([0.0, 0.0, 7.0], (FRAMES, 1))
+    shut = np.tile(shape, (FRAMES, 1, 1))
+    shut[::2, lower] = shut[::2, upper] + (0, 0.01, 0)  # the others stay open
+    seen = shut @ rotation.transpose(0, 2, 1) + translation[:, None]
+    landmarks = clip.centre[:, None] + clip.focal * seen[..., :2] / seen[..., 2:]
+    turned = replace(
+        clip, shape=shape, rotation=rotation, translation=translation, landmarks=landmarks
+    )
+    turned.save()
+    speech = SpeechFrames(np.zeros((FRAMES, 16, 2), np.float32), np.zeros((FRAMES, 8), np.float32))
+    person = load_identity("someone", [ClipFrames(turned, speech, np.arange(FRAMES))])
+    assert person.touching.tolist() == [1.0, 0.0] * (FRAMES // 2)
 
 
 def test_no_measure_is_wild(clip: PreparedClip) -> None:
