@@ -60,10 +60,13 @@ def follow_light(
     near, around = (cv2.GaussianBlur(x, (0, 0), sigma) for x in (weight, weight * (ratio - middle)))
     slow = middle + around / (near + PRIOR_WEIGHT)
     gain = cv2.resize(np.exp(slow).astype(np.float32), (size, size), interpolation=cv2.INTER_LINEAR)
-    opacity = head[..., 3:].astype(np.float32) / 255
-    lit = (head[..., :3] + DARK * opacity) * gain + (haze - DARK) * opacity
     out = head.copy()
-    out[..., :3] = np.clip(lit.round(), 0, head[..., 3:])
+    rows, columns = (np.flatnonzero(head[..., 3].any(axis)) for axis in (1, 0))
+    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    colour, most = head[part][..., :3], head[part][..., 3:]
+    opacity = most.astype(np.float32) / 255
+    lit = (colour + DARK * opacity) * gain[part] + (haze - DARK) * opacity
+    out[part][..., :3] = np.clip(lit.round(), 0, most)
     return out
 
 
