@@ -297,7 +297,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         with torch.no_grad():
             field = self.model.eval().field
             conditioning = field.conditioning(
-                inputs.windows, inputs.predicted_lips, inputs.expression
+                inputs.windows, inputs.predicted_lips, inputs.expression, inputs.strength
             )
             model = self.model.rounded()
             described = self.model.described(conditioning, inputs.c2w[:, :, 3])

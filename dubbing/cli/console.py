@@ -75,13 +75,15 @@ def plan(
     needed: Estimate,
     learned: Mapping[str, Learned],
     undubbed: Mapping[str, Sequence[dict[str, Any]]] | None = None,
+    edits: Mapping[str, Sequence[dict[str, Any]]] | None = None,
     reach: Mapping[str, Sequence[dict[str, Any]]] | None = None,
     *,
     as_json: bool,
 ) -> None:
     """Print the stages that would run, why, their cost, and the seconds people were learned from.
 
-    And by dub the lines of scripts that nobody dubs, and how much of the others can be dubbed.
+    And by dub the lines of scripts that nobody dubs, those with edits, and how much of the others
+    can be dubbed.
     """
     from dubbing.identity.learned import in_words
 
@@ -92,7 +94,8 @@ def plan(
             for row in rows
         ]
         found = {"warnings": list(warnings), "stages": entries, "estimate": asdict(needed)}
-        found |= {"learned": learned, "undubbed": undubbed or {}, "reach": reach or {}}
+        found |= {"learned": learned, "undubbed": undubbed or {}, "edits": edits or {}}
+        found |= {"reach": reach or {}}
         print(json.dumps(found, indent=2))
         return
     table = _table("job", "stage", "state", "why")
@@ -108,6 +111,9 @@ def plan(
             who = f"{left['speaker']}: " if left["speaker"] else ""
             what = f"line {left['line']} at {left['in']}, {who}{left['words']}"
             line(out, f"{dub}: nobody dubs {what} ({left['why']})", "yellow")
+    for dub, lines in (edits or {}).items():
+        for one in lines:
+            line(out, f"{dub}, line {one['line']} at {one['in']}: edited: {one['edit']}")
     for dub, lines in (reach or {}).items():
         for one in lines:
             text = f"{dub}, line {one['line']} at {one['in']}: {one['reach']}"

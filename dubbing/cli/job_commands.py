@@ -97,7 +97,7 @@ def plan(
     from dubbing.identity.learned import learned_if_known
     from dubbing.manifest.manifest import load
     from dubbing.pipeline import DUB, PERSON
-    from dubbing.report.lines import undubbed_of
+    from dubbing.report.lines import edits_of, undubbed_of
     from dubbing.report.reach import planned_reach
     from dubbing.report.report import face_warnings
     from dubbing.stages.composite import Composite
@@ -122,10 +122,12 @@ def plan(
         for name, job in planned.named(PERSON).items()
         if (clips := learned_if_known(job.stage(Finetune).folder))
     }
-    undubbed = {name: undubbed_of(production.dubs[name]) for name in planned.named(DUB)}
+    dubs = {name: production.dubs[name] for name in planned.named(DUB)}
+    undubbed = {name: undubbed_of(dub) for name, dub in dubs.items()}
+    edits = {name: edits_of(dub) for name, dub in dubs.items()}
     needed = estimates.estimate(planned, rows, calibrated())
     reach = planned_reach(production, rows)
-    console.plan(rows, warnings, needed, learned, undubbed, reach, as_json=as_json)
+    console.plan(rows, warnings, needed, learned, undubbed, edits, reach, as_json=as_json)
 
 
 def init(

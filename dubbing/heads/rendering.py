@@ -51,6 +51,7 @@ def render(
     pose_index: np.ndarray,
     part: tuple[int, int] | None = None,
     baked: bool = False,
+    strength: float = 1.0,
     device: str = "auto",
     progress: Progress | None = None,
 ) -> None:
@@ -69,6 +70,7 @@ def render(
         pose_index: (T,) frame of the clip each frame takes its pose from.
         part: first and stop of those of the T frames to render; all by default.
         baked: whether its baked density is looked up, where the model has one; else rays march.
+        strength: of the lips' movement; see `dfrf.method_interface.FrameInputs`.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
 
@@ -95,7 +97,8 @@ def render(
                 low, high = max(0, first - around), min(count, stop + around)
                 some = (speech(low, high - low), pose_index[low:high])
                 needed = regions_of(clip, pose_index[first:stop])
-                heads = frames(person, maps, clip, *some, first - low, stop - low, needed, baked)
+                span = (first - low, stop - low)
+                heads = frames(person, maps, clip, *some, *span, needed, baked, strength)
                 for done, (colour, opacity) in enumerate(heads, first + 1):
                     video.write(to_rgba(colour, opacity))
                     notify(done)
@@ -113,6 +116,7 @@ def frames(
     stop: int,
     regions: np.ndarray | None = None,
     baked: bool = False,
+    strength: float = 1.0,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop.
 
@@ -135,6 +139,7 @@ def frames(
         clip.size,
         None if regions is None else torch.from_numpy(regions).to(device),
         baked,
+        strength,
     )
     yield from method.render_frames(inputs, maps)
 

@@ -11,6 +11,7 @@ from pydantic import (
 )
 
 from dubbing.manifest.consent_entry import Consent, read_form
+from dubbing.manifest.edit_entry import Edits
 from dubbing.manifest.entry import Entry
 from dubbing.manifest.values import (
     BEST,
@@ -182,6 +183,8 @@ class Dub(Entry):
     """The new speech: a recording, or in a scene one for each speaker. With `{cue}` or `{cue:03}`
     in its name, one for each line.
     """
+    edits: Edits = ()
+    """How mouths of lines are to differ from what their speech asks for: an edit, or a list."""
     music_effects: FilePath | None = None
     """Music and effects, which the voices are mixed over."""
     loudness: Literal["r128", "streaming", "none"] = "none"

@@ -7,6 +7,7 @@ from pathlib import Path
 from dubbing.errors import ExplainedError, MediaError
 from dubbing.manifest import preset_checks as published
 from dubbing.manifest import provenance_checks, sound_checks, terms
+from dubbing.manifest.edits import edited
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Findings, Scene
 from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without_lines
@@ -189,6 +190,7 @@ def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Iden
         _whole_audio(findings, place, dub, identities)
     scene = findings.scenes.get(place)
     if scene is not None:
+        findings.scenes[place] = edited(findings, at, dub, scene, identities)
         provenance_checks.inspect_film(findings, at, dub, scene.clip)
         sound_checks.of_dub(findings, at, dub, scene)
         _slow(findings, dub, scene, identities)

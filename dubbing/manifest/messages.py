@@ -3,7 +3,7 @@
 import difflib
 import reprlib
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, get_args
 
 from dubbing.manifest.entries import Entry
 
@@ -16,8 +16,10 @@ def plain(detail: Any, model: type[Entry]) -> str:
     kind, value = detail["type"], detail.get("input")
     if kind == "extra_forbidden":
         known: Any = model.model_fields
-        for part in detail["loc"][:-1]:
-            known = getattr(known[part].annotation, "model_fields", {}) if part in known else {}
+        for part in (part for part in detail["loc"][:-1] if isinstance(part, str)):
+            kind_of = known[part].annotation if part in known else None
+            kind_of = next(iter(get_args(kind_of)), kind_of)  # an entry, or several
+            known = getattr(kind_of, "model_fields", {})
         return "unknown key" + suggestion(str(detail["loc"][-1]), known)
     if kind == "value_error":
         return str(detail["ctx"]["error"])

@@ -182,11 +182,14 @@ class Reader:
             return None
 
     def _written(self, path: KeyPath) -> KeyPath:
-        """Where the value at ``path`` was written: there, or under ``defaults``."""
-        own = path[:3]
-        if len(path) > 2 and own not in self.document.lines and path[2] in self.defaults:
-            return ("defaults", *path[2:])
-        return path
+        """Where the value at ``path`` was written: there, or under ``defaults``.
+
+        The only one of several can be written without a list.
+        """
+        own, lines = path[:3], self.document.lines
+        if len(path) > 2 and own not in lines and path[2] in self.defaults:
+            path = ("defaults", *path[2:])
+        return tuple(part for k, part in enumerate(path) if part != 0 or path[: k + 1] in lines)
 
     def _section(self, key: str, kind: type, empty: Any) -> Any:
         value = self.data.get(key)

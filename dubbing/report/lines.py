@@ -15,7 +15,7 @@ from dubbing.errors import ExplainedError
 from dubbing.preparation.tracking.reach import Reach
 from dubbing.production.dub import Dub
 from dubbing.script.edl import Marker, edl
-from dubbing.script.timeline import Cue
+from dubbing.script.timeline import Cue, Edit
 from dubbing.stages.check import Check
 from dubbing.stages.composite import Composite
 from dubbing.sync.records import SYNC_FILE
@@ -76,6 +76,7 @@ def lines_of(dub: Dub, job: Job) -> list[dict[str, Any]]:
                     f"{part['reason']} {part['first']}-{part['stop']}" for part in kept
                 ),
                 "overlaid": "; ".join(f"{part['first']}-{part['stop']}" for part in over),
+                **edit_columns(cue.edit),
                 "words": cue.words,
             }
         )
@@ -90,6 +91,23 @@ def reach_columns(reach: Reach | None) -> dict[str, Any]:
         "pitch": reach and reach.tilted(),
         "reasons": reach and reach.why_not(),
     }
+
+
+def edit_columns(edit: Edit) -> dict[str, Any]:
+    """The edit of a line, as columns of a table; nothing in those that it leaves as spoken."""
+    strength = None if edit.strength == 1 else edit.strength
+    return {"shift": edit.shift or None, "strength": strength, "note": edit.note}
+
+
+def edits_of(dub: Dub) -> list[dict[str, Any]]:
+    """The edited lines of a dub, in the order of their times."""
+    return [
+        {"line": cue.number, "in": dub.timecode(cue.first), "speaker": cue.speaker}
+        | edit_columns(cue.edit)
+        | {"edit": cue.edit.in_words()}
+        for cue in dub.cues
+        if cue.edit != Edit()
+    ]
 
 
 def _judged(check: dict[str, Any], dub: Dub, cue: Cue) -> dict[str, Any]:

@@ -210,7 +210,10 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
         "video": relative(production, video) if video.is_file() else None,
         **source_of(production, dub.film.path, start),
         "undubbed": lines.undubbed_of(dub),
-        "lines": [row | _reach(of) for row, of in zip(rows, reach, strict=True)],
+        "lines": [
+            row | _reach(of) | {"edit": cue.edit.in_words()}
+            for row, of, cue in zip(rows, reach, dub.cues, strict=True)
+        ],
         "short_lines": sum(of is not None and of.short for of in reach),
         "line_counts": {v: verdicts.count(v) for v in lines.COLOURS if v in verdicts},
         "untouched": lines.scene_of(job).get("untouched"),

@@ -17,6 +17,31 @@ FADE = 3  # frames at a cue's edges over which the rendered head fades in and ou
 
 
 @dataclass(frozen=True)
+class Edit:
+    """How the mouth of a cue differs from what its speech asks for.
+
+    Attributes:
+        shift: ms by which it comes later than the sound.
+        strength: how far the lips leave the closed mouth: 0 never, 1 as spoken.
+        note: for people.
+    """
+
+    shift: float = 0.0
+    strength: float = 1.0
+    note: Setting[str] = ""
+
+    def in_words(self) -> str:
+        """``the mouth 80 ms later, strength 0.5: mumbled``; empty without an edit."""
+        found = []
+        if self.shift:
+            side = "later" if self.shift > 0 else "earlier"
+            found.append(f"the mouth {abs(self.shift):g} ms {side}")
+        if self.strength != 1:
+            found.append(f"strength {self.strength:g}")
+        return ": ".join(part for part in (", ".join(found), self.note) if part)
+
+
+@dataclass(frozen=True)
 class Cue:
     """Frames of a dub with new speech of one person.
 
@@ -25,6 +50,7 @@ class Cue:
         first, stop: frames first .. stop of the dub.
         audio, audio_start, seconds: the speech: file, first second and length.
         number, speaker, words: of the line. No image or audio depends on them.
+        edit: which only `render` depends on.
     """
 
     identity: str
@@ -36,6 +62,7 @@ class Cue:
     number: Setting[int] = 1
     speaker: Setting[str] = ""
     words: Setting[str] = ""
+    edit: Setting[Edit] = Edit()
 
     @property
     def name(self) -> str:

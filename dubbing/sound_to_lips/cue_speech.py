@@ -54,8 +54,8 @@ class Speech:
         summary = json_records.read(folder / SUMMARY, Summary, "speech", "run with --force listen")
         return Speech(**summary, **load_file(folder / TENSORS))
 
-    def part(self, first: int, count: int) -> SpeechFrames:
-        """Speech features of the video frames first .. first + count."""
+    def part(self, first: float, count: int) -> SpeechFrames:
+        """Speech features of the video frames first .. first + count; see `at_frames`."""
         return at_frames(self.features, self.lips, count, self.rate, first)
 
 

@@ -39,16 +39,16 @@ class SpeechFrames:
 
 
 def at_frames(
-    speech_features: np.ndarray, lips: np.ndarray, frames: int, rate: Fraction, first: int = 0
+    speech_features: np.ndarray, lips: np.ndarray, frames: int, rate: Fraction, first: float = 0
 ) -> SpeechFrames:
     """Speech at video frames from features (T, D) and lips (T, P), both 50 a second.
 
     Args:
         frames: how many.
         rate: frames a second.
-        first: number of the first one.
+        first: number of the first one; a fraction lies between frames.
     """
-    middle = (np.arange(first, first + frames) + 0.5) / float(rate)
+    middle = (first + np.arange(frames) + 0.5) / float(rate)
     # Outside the audio the lips stay as at its ends: it is silent there, so they are closed.
     inside = np.clip(middle, 0.5 / voice.STEP_RATE, (len(lips) - 0.5) / voice.STEP_RATE)
     return SpeechFrames(

@@ -130,21 +130,22 @@ def _named(name: str, weights: Path | None) -> Path:
     return weights
 
 
-def windows(features: np.ndarray, frames: int, rate: Fraction, first: int = 0) -> np.ndarray:
+def windows(features: np.ndarray, frames: int, rate: Fraction, first: float = 0) -> np.ndarray:
     """Features around each video frame.
 
     Args:
         features: (T, D), 50 a second.
         frames: number of video frames.
         rate: frames a second.
-        first: number of the first frame, to process a long sound in pieces.
+        first: number of the first frame, to process a long sound in pieces; a fraction lies between
+            frames.
 
     Returns:
         (frames, 16, D) float32: 16 steps of 20 ms centred on the middle of frame i, at
         (i + 0.5) / rate. Interpolated between steps where the rate needs it; silence (0)
         before the first and after the last step.
     """
-    middle = (np.arange(first, first + frames) + 0.5) / float(rate)
+    middle = (first + np.arange(frames) + 0.5) / float(rate)
     # The middle of the frame lies between the eighth and the ninth value. At 25 fps it is an edge
     # of the 20 ms grid, so the values are the steps themselves.
     offsets = (np.arange(WINDOW) - (WINDOW - 1) / 2) / RATE

@@ -11,6 +11,7 @@ from dfrf.config import family
 from dubbing.engine.fields import Setting
 from dubbing.engine.stage import Progress, Rate, Stage
 from dubbing.script import timeline
+from dubbing.script.timeline import Edit
 from dubbing.stages.base import DubbingStage, Prepared
 
 if TYPE_CHECKING:
@@ -34,6 +35,7 @@ class Render(DubbingStage):
         first, stop: frames of the cue in the dub.
         film_first, on_longer_audio: frames of the film under the dub; see `timeline.pose_index`.
         baked: whether heads are rendered off the model's baked density; False for a preset without.
+        edit: of the cue's line.
         crop: area of the head crop as a share of a full one.
         part: first and stop of those of the cue's frames that are rendered; None for all.
     """
@@ -47,6 +49,7 @@ class Render(DubbingStage):
     film_first: int
     on_longer_audio: str
     baked: bool
+    edit: Edit
     preset: Setting[str]  # part of the model
     crop: Setting[float]
     device: Setting[str]
@@ -77,6 +80,7 @@ class Render(DubbingStage):
             film_first=dub.first,
             on_longer_audio=dub.on_longer_audio,
             baked=dub.baked and family(person.settings.preset) == "fast",
+            edit=cue.edit,
             preset=person.settings.preset,
             crop=person.crops(dub.film),
             device=device,
@@ -91,14 +95,16 @@ class Render(DubbingStage):
         speech = Speech.load(self.speech.folder)
         clip = seen_by_head(self.prepared.load(), self.poses.folder)
         poses = timeline.pose_index(self.stop, clip.segment, self.film_first, self.on_longer_audio)
+        late = self.edit.shift / 1000 * float(speech.rate)  # frames
         render(
             self.model.folder / MODEL_FILE,
             clip,
-            speech.part,
+            lambda first, count: speech.part(first - late, count),
             out,
             pose_index=poses[self.first :],
             part=self.part,
             baked=self.baked,
+            strength=self.edit.strength,
             device=self.device,
             progress=progress,
         )

@@ -13,6 +13,7 @@ import typer
 from dubbing.cli.main import app
 from dubbing.engine.files import atomic_write_text
 from dubbing.manifest import schema
+from dubbing.manifest.edit_entry import Edit
 from dubbing.manifest.entries import (
     Consent,
     Credits,
@@ -36,6 +37,7 @@ ENTRIES: dict[type[Entry], str] = {
     FacePoint: "face",
     Finetune: "finetune",
     Dub: "A dub",
+    Edit: "edits",
     Label: "label",
     Credits: "credits",
     Mark: "mark",

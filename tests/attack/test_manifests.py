@@ -45,6 +45,7 @@ WHOLE: dict[str, Any] = {
             "frame": "full",
             "codec": "h264",
             "audio_rate": 48000,
+            "edits": [{"line": 1, "shift": -20, "strength": 0.5, "note": "softer"}],
             "label": True,
         }
     ],

@@ -164,6 +164,23 @@ def test_one_line_changed_is_one_line_made(scene: Path) -> None:
     assert dub(scene)[1] == ["it:composite", "it:check"]
 
 
+def test_an_edit_of_a_line_is_named_in_what_is_handed_over(scene: Path) -> None:
+    dub(scene)
+    edit = ", edits: {line: 3, shift: -40, strength: 0.5, note: mumbled}}\n"
+    scene.write_text(scene.read_text().replace("codec: ffv1}\n", f"codec: ffv1{edit}"))
+    # (The stand-in heads do not depend on edits, so the video stays as it is.)
+    assert dub(scene)[1] == ["it:render"]
+    named = [(row["line"], row["edit"]) for row in report_of(scene)["lines"]]
+    words = "the mouth 40 ms earlier, strength 0.5: mumbled"
+    assert named == [(1, ""), (3, words), (4, "")]
+    scene.write_text(scene.read_text().replace("mumbled", "softer"))
+    assert dub(scene)[1] == []
+    text = (scene.parent / "out" / "it.lines.csv").read_text()
+    found = [(r["shift"], r["strength"], r["note"]) for r in csv.DictReader(text.splitlines())]
+    assert found == [("", "", ""), ("-40.0", "0.5", "softer"), ("", "", "")]
+    assert report_of(scene)["lines"][1]["edit"].endswith(": softer")
+
+
 def test_another_process_finds_each_stage_by_its_key(scene: Path) -> None:
     add_clips(scene)
     made = jobs.build(load(scene))

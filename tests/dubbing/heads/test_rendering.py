@@ -41,7 +41,9 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
         requests.append((first, number))
         return speech.part(first, first + number)
 
-    def made(folder: Path, part: tuple[int, int] | None = None) -> list[np.ndarray]:
+    def made(
+        folder: Path, part: tuple[int, int] | None = None, strength: float = 1.0
+    ) -> list[np.ndarray]:
         heads.render(
             tmp_path / "model.safetensors",
             clip,
@@ -49,6 +51,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
             folder,
             pose_index=np.arange(count),
             part=part,
+            strength=strength,
             device="cpu",
         )
         files = sorted(folder.glob("*.mkv"))
@@ -72,6 +75,12 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     assert requests == [(9, 15), (0, 15), (1, 22)]
     for file in (tmp_path / "three").iterdir():
         assert (tmp_path / "ranges" / file.name).read_bytes() == file.read_bytes()
+    # Muted, it says what it says in silence, and not what is heard.
+    muted = made(tmp_path / "muted", strength=0.0)
+    speech = SpeechFrames(np.zeros_like(windows), speech.lips)
+    for a, b in zip(muted, made(tmp_path / "silent"), strict=True):
+        np.testing.assert_allclose(a.astype(int), b, atol=1)
+    assert max(np.abs(a.astype(int) - b).max() for a, b in zip(muted, whole, strict=True)) > 5
 
 
 def test_only_what_a_dub_shows_is_requested(tmp_path: Path) -> None:

@@ -52,7 +52,9 @@ dubs:
     reel_start: 01:00:00:00
     mark: {key: studio.key}
     audio_rate: source
+    edits: [{line: 3, shift: -40.5}, {line: 7, speaker: BOB, strength: 1.5, note: "louder"}]
   - {identity: bob, audio: it.wav, reel_start: 3600.5, mark: false, label: {mark: false}}
+  - {identity: bob, audio: it.wav, edits: {shift: 80}}
 """
 
 
@@ -95,6 +97,7 @@ def test_every_way_to_write_a_value_is_valid() -> None:
         ("languages: [it, pt-BR]", "form: form.yaml", "identities.bob.consent: anyOf"),
         ("rays: 99", "ray: 99", "defaults.finetune.ray: not allowed"),
         ("audio: it.wav, clip", "clip", "dubs[0]: required"),
+        ("shift: 80", "shift: 501", "dubs[3].edits: anyOf"),
         ('name: "Szene 1"', "name: a/b", "dubs[1].name: pattern"),
         ("mark: {key: studio.key}", "mark: studio.key", "dubs[1].mark: anyOf"),
         ('"Ann Smith":', '"/ann":', "identities./ann: pattern"),

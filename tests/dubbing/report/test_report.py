@@ -169,7 +169,7 @@ def test_the_lines_of_a_scene_are_listed_where_one_asks_for_them() -> None:
     data = found(("scene", "pass", 0.3))
     proof = {"frames": 30, "of": 90, "source": "ab" * 32, "result": "ab" * 32, "identical": True}
     data["dubs"]["scene"] |= {
-        "lines": [line(1, "pass"), line(2, None)],
+        "lines": [line(1, "pass"), line(2, None) | {"edit": "strength 0.5: <b>"}],
         "line_counts": {"pass": 1, "unjudged": 1},
         "short_lines": 1,
         "untouched": {**proof, "psnr": None},
@@ -187,14 +187,16 @@ def test_the_lines_of_a_scene_are_listed_where_one_asks_for_them() -> None:
     assert page.count(part) == 2  # above the table, and beside the line
     assert f"{part}\n80 % of the frames dubbed" in page
     assert "<br>all frames dubbed" in page
+    assert page.count('<span class="tag">edited</span> strength 0.5: &lt;b&gt;') == 1
     assert "30 of 90 frames are" in page
     assert "SHA-256\nabababababababab" in page
 
 
 def test_how_much_is_dubbed_stands_below_a_dub_of_one_recording() -> None:
     data = found(("one", "pass", 0.3))
-    data["dubs"]["one"]["lines"] = [line(1, "pass") | {"words": ""}]
+    data["dubs"]["one"]["lines"] = [line(1, "pass") | {"words": "", "edit": "strength 0.5"}]
     page = page_of(data)
+    assert '<p class="note"><span class="tag">edited</span> strength 0.5</p>' in page
     assert '<p class="note"><span class="tag warn">dubbed in part</span>\n80 % of the' in page
 
 

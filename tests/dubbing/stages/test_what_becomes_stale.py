@@ -17,6 +17,7 @@ from pydantic import BaseModel
 from dfrf.checkpoint import read_tensors, write_tensors
 from dubbing.batch import jobs
 from dubbing.manifest import entries
+from dubbing.manifest.edit_entry import Edit
 from dubbing.manifest.manifest import load
 from dubbing.shipped.base import BASE
 from tests import clips
@@ -76,6 +77,11 @@ OF_ONE: list[tuple[str, Any, set[str]]] = [
     ("dubs.0.mark", {"key": "mark.key"}, {"composite"}),
     ("dubs.0.codec", "prores", {"composite", "check"}),
     ("dubs.0.audio_rate", "source", {"composite"}),
+    ("dubs.0.edits", {"shift": 80}, {"render"}),
+    ("dubs.0.edits.shift", -20.5, {"render"}),
+    ("dubs.0.edits.strength", 0, {"render"}),
+    ("dubs.0.edits.line", 1, set()),
+    ("dubs.0.edits.note", "say it again", set()),
     ("dubs.0.language", "it-IT", set()),  # compared with what was agreed to, and no more
 ]
 OF_SCENE: list[tuple[str, Any, set[str]]] = [
@@ -84,6 +90,8 @@ OF_SCENE: list[tuple[str, Any, set[str]]] = [
     ("dubs.0.audio", "b{cue:02}.wav", {"listen", "composite"}),
     ("dubs.0.music_effects", "other.wav", {"composite"}),
     ("dubs.0.loudness", "r128", {"composite"}),
+    ("dubs.0.edits", {"line": 1, "strength": 0.5}, {"render"}),
+    ("dubs.0.edits", {"line": 1, "speaker": "ANN", "note": "softer"}, set()),
 ]
 OF_SIGNED: list[tuple[str, Any, set[str]]] = [
     ("dubs.0.audio", "other.wav", {"listen", "composite", "sign"}),
@@ -96,6 +104,7 @@ ELSEWHERE = {  # keys that no single value of this file changes
     *("identities.ann.clips", "identities.ann.speech_weights", "identities.ann.base"),
     *("dubs.0.clip", "dubs.0.reel_start", "dubs.0.certificate", "dubs.0.key"),
     *("identities.ann.consent.sha256", "identities.ann.consent.form"),
+    "dubs.0.edits.speaker",
 }
 
 
@@ -162,6 +171,16 @@ def test_of_a_scene(folder: Path, place: str, value: Any, expected: set[str]) ->
     assert stale(folder, before, changed(before, place, value)) == expected
 
 
+def test_of_an_edit_only_its_own_line(folder: Path) -> None:
+    before = changed(manifest_of(SCENE), "dubs.0.speakers", {"ANN": "ann", "BEN": "ann"})
+    plain, unset = keys(folder, before), {"line": 1, "shift": 0.0, "strength": 1, "note": "fine"}
+    assert keys(folder, changed(before, "dubs.0.edits", [unset])) == plain
+    edited = keys(folder, changed(before, "dubs.0.edits", [unset, {"line": 2, "shift": 40}]))
+    renders = sorted(name for name in plain if name.startswith("render"))
+    assert len(renders) == 2
+    assert [name for name in plain if edited[name] != plain[name]] == renders[1:]
+
+
 @pytest.mark.parametrize(("place", "value", "expected"), OF_SIGNED)
 def test_of_a_signed_dub(folder: Path, place: str, value: Any, expected: set[str]) -> None:
     pytest.importorskip("c2pa")
@@ -199,7 +218,7 @@ def fields(kind: type[BaseModel], place: str) -> Iterator[str]:
     """Places of the keys of an entry, those of the entries in it too."""
     inner: dict[str, type[BaseModel]] = {
         **{"consent": entries.Consent, "finetune": entries.Finetune},
-        **{"label": entries.Label, "credits": entries.Credits},
+        **{"label": entries.Label, "credits": entries.Credits, "edits": Edit},
     }
     for name in kind.model_fields:
         yield f"{place}.{name}"

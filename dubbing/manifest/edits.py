@@ -1,0 +1,69 @@
+"""The edits of a dub: which of its lines each is of, and what is wrong with them."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from dubbing.manifest import edit_entry
+from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.findings import Findings, Scene
+from dubbing.manifest.messages import some, suggestion
+from dubbing.manifest.yaml_lines import KeyPath
+from dubbing.script.timeline import Cue, Edit
+
+# Presets whose models have nothing that a key could change, and why.
+WITHOUT = {
+    "strength": dict.fromkeys(("paper", "ad-nerf", "nerf"), "has no lip measures"),
+    "shift": {"nerf": "hears no speech"},
+}
+
+
+def edited(
+    findings: Findings, at: KeyPath, dub: Dub, scene: Scene, identities: Mapping[str, Identity]
+) -> Scene:
+    """The scene of a dub, whose cues have the edits of their lines."""
+    edits: dict[str, Edit] = {}
+    for k, edit in enumerate(dub.edits):
+        key = (*at, "edits", k)
+        cue = _cue(findings, key, dub, scene, edit)
+        if cue is None:
+            continue
+        if cue.name in edits:
+            findings.add(key, f"line {cue.number} has an edit already: write both into one")
+        edits[cue.name] = Edit(edit.shift, edit.strength, edit.note)
+        preset = identities[cue.identity].preset
+        for name, reasons in WITHOUT.items():
+            if preset in reasons and getattr(edit, name) != getattr(Edit(), name):
+                why = f"preset {preset!r} of {cue.identity} {reasons[preset]}"
+                findings.add((*key, name), f"{why}: leave it out, or take preset 'fast'")
+    cues = (replace(cue, edit=edits.get(cue.name, Edit())) for cue in scene.cues)
+    return replace(scene, cues=tuple(cues))
+
+
+def _cue(
+    findings: Findings, key: KeyPath, dub: Dub, scene: Scene, edit: edit_entry.Edit
+) -> Cue | None:
+    """The cue that an edit is of."""
+    numbers = some(list(dict.fromkeys(str(cue.number) for cue in scene.cues)))
+    number = 1 if dub.lines is None and edit.line is None else edit.line
+    if number is None:
+        findings.add((*key, "line"), f"is required: which line of the scene; there is {numbers}")
+        return None
+    cues = [cue for cue in scene.cues if cue.number == number]
+    if not cues:
+        left = [f" ({line.why})" for line in scene.undubbed if line.number == number]
+        message = f"nobody dubs a line {number}{''.join(left[:1])}; there is {numbers}"
+        findings.add((*key, "line"), message)
+        return None
+    own = [cue for cue in cues if edit.speaker in (None, cue.speaker)]
+    speakers = list(dict.fromkeys(cue.speaker for cue in cues))
+    if not own:
+        there = f"; it is of {some(speakers)}" if any(speakers) else ": leave it out"
+        message = f"{edit.speaker!r} does not speak line {number}"
+        close = suggestion(str(edit.speaker), speakers)
+        findings.add((*key, "speaker"), message + (close or there))
+        return None
+    if len(own) > 1:
+        remedy = "number them anew" if edit.speaker or len(speakers) == 1 else "name its speaker"
+        findings.add((*key, "line"), f"{len(own)} lines have the number {number}: {remedy}")
+        return None
+    return own[0]

@@ -1,0 +1,88 @@
+"""The strength of a person's lips: how far they leave the closed mouth."""
+
+from __future__ import annotations
+
+import pytest
+import torch
+from torch import Tensor
+
+from dfrf import presets
+from dfrf.field.conditioning import Conditioning
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, LIP_MEASURES, NUMBERS, OPENING, OWN
+from tests.dfrf.people import small_config
+
+FRAMES = 12
+WIDER = 3.0  # times the predicted lips: what the person's own are
+EXPRESSION = torch.zeros(FRAMES, 6)
+
+
+@pytest.fixture(scope="module")
+def person() -> Conditioning:
+    """Somebody who opens the mouth wider than predicted; closed, it is far from all of that."""
+    model = presets.build(small_config())
+    own = model.field.conditioning
+    assert isinstance(own, Conditioning)
+    with torch.no_grad():
+        own.speaker_adaptation.linear.weight[:, OWN] *= WIDER
+        own.closed_mouth_target.copy_(torch.linspace(-4, -1, LIP_MEASURES))
+    return own.eval()
+
+
+@pytest.fixture(scope="module")
+def speech() -> tuple[Tensor, Tensor]:
+    generator = torch.Generator().manual_seed(0)
+    predicted = torch.randn(FRAMES + 2 * CONTEXT_FRAMES, NUMBERS, generator=generator)
+    return torch.rand(FRAMES, 8, 16, 8, generator=generator) + 0.1, predicted
+
+
+@torch.no_grad()
+def wanted(person: Conditioning, speech: tuple[Tensor, Tensor], strength: float) -> Tensor:
+    """Lip measures (FRAMES, L) that are read from the codes."""
+    codes = person(*speech, EXPRESSION, strength)[:, : person.config.code_dim]
+    lips: Tensor = person.lips(codes)
+    return lips
+
+
+@torch.no_grad()
+def test_as_spoken_nothing_changes(person: Conditioning, speech: tuple[Tensor, Tensor]) -> None:
+    codes = person.speech_codes(speech[0])
+    lips = person.speaker_adaptation(speech[1], person.closed_mouth_target)
+    unedited = person.project_to_lips(codes, lips)
+    assert torch.equal(person.adapted_codes(*speech), unedited)
+    assert torch.equal(person(*speech, EXPRESSION, 1.0), person(*speech, EXPRESSION))
+
+
+@pytest.mark.parametrize("strength", [0.0, 0.4, 1.5])
+def test_the_person_s_own_lips_leave_the_closed_mouth_by_so_much(
+    person: Conditioning, speech: tuple[Tensor, Tensor], strength: float
+) -> None:
+    closed = person.closed_mouth_target
+    own = WIDER * speech[1][CONTEXT_FRAMES:-CONTEXT_FRAMES, :LIP_MEASURES]
+    expected = closed + strength * (own - closed)
+    made = wanted(person, speech, strength)
+    torch.testing.assert_close(made, expected, atol=1e-3, rtol=1e-3)
+    spoken, opens = wanted(person, speech, 1.0)[:, OPENING], own[:, OPENING] > closed[OPENING]
+    assert opens.sum() > 3
+    assert bool((made[opens, OPENING] > spoken[opens]).all()) == (strength > 1)
+
+
+@torch.no_grad()
+def test_a_muted_mouth_is_still_and_as_in_silence(
+    person: Conditioning, speech: tuple[Tensor, Tensor]
+) -> None:
+    codes = person.adapted_codes(*speech, strength=0.0)
+    silent = person.adapted_codes(torch.zeros_like(speech[0]), speech[1])
+    torch.testing.assert_close(codes, silent, atol=1e-4, rtol=1e-4)
+    assert (codes - codes[0]).abs().max() < 1e-4
+    assert person.adapted_codes(*speech).std(0).max() > 0.1
+
+
+@pytest.mark.parametrize("changes", [{"lip_supervision": False}, {"use_speech": False}])
+def test_a_model_without_lip_measures_refuses(
+    speech: tuple[Tensor, Tensor], changes: dict[str, bool]
+) -> None:
+    own = presets.build(small_config(**changes)).field.conditioning
+    assert isinstance(own, Conditioning)
+    own(*speech, EXPRESSION)
+    with pytest.raises(ValueError, match="without lip measures"):
+        own(*speech, EXPRESSION, 0.5)
