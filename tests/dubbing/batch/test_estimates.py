@@ -52,7 +52,7 @@ FIRST = {
     "finetune": 357,
     "refine_poses": 24,
     "listen": 1,
-    "render": 81,
+    "render": 10,
     "composite": 10,
     "check": 3,
 }

@@ -109,7 +109,8 @@ def test_frames_go_through_the_compositor_of_a_dub(
     clip = replace(clip, landmarks=clip.landmarks + place[:, None])
     asked: list[int] = []
 
-    def frames(*arguments: object) -> list[int]:
+    def frames(*arguments: object, baked: bool) -> list[int]:
+        assert baked  # as in a dub
         first, stop = arguments[-2:]
         assert isinstance(first, int)
         assert isinstance(stop, int)
