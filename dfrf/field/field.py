@@ -19,7 +19,7 @@ from dfrf.field.aggregation import Aggregation
 from dfrf.field.conditioning import Conditioning
 from dfrf.field.encodings import encoded_size, frequency_encoding
 from dfrf.field.query import FieldQuery, per_point
-from dfrf.field.reference_encoder import COLOUR, ReferenceEncoder, shows_head
+from dfrf.field.reference_encoder import COLOUR, MATTE, ReferenceEncoder, shows_head
 from dfrf.field.reference_maps import ChosenMouths, ReferenceMaps
 from dfrf.field.warp import Warp, warped
 
@@ -129,7 +129,7 @@ class Field(nn.Module):
         fused, weight = self.aggregation(
             feature,
             towards.to(feature.dtype),
-            maps.log_view_weight[:, None] + shows_head(feature).log(),
+            maps.log_view_weight[:, None] + shows_head(feature[..., MATTE]).log(),
             query.encoded,
             conditioning,
             query.belongs,
@@ -203,34 +203,34 @@ class Field(nn.Module):
         """
         query = self.query(points, directions, frame, conditioning)
         if maps is None:
-            density, colour = self.radiance(query, conditioning)
-            return FieldOutput(density, colour, points.new_zeros(0, points.shape[0], 2))
+            density, own, _ = self.radiance(query, conditioning)
+            return FieldOutput(density, own, points.new_zeros(0, points.shape[0], 2))
         share = mouth_pixels.share(maps, points)
         fused = self.fuse_references(query, maps, conditioning, warp, share)
         # The field's own colour is blurred: in training that costs less than misplaced teeth. Where
         # lips move further than in training, it turns white beside them. So it is unused there.
         near = mouth_pixels.nearness(maps, points)
-        density, colour = self.radiance(query, conditioning, fused[:2], near)
-        return FieldOutput(density, colour, fused[2])
+        density, own, gate = self.radiance(query, conditioning, fused[0], near)
+        return FieldOutput(density, gate * fused[1] + (1 - gate) * own, fused[2])
 
     def radiance(
         self,
         query: FieldQuery,
         conditioning: Float[Tensor, "F K"],
-        fused: tuple[Float[Tensor, "M O"], Float[Tensor, "M 3"]] | None = None,
+        fused: Float[Tensor, "M O"] | None = None,
         near: Float[Tensor, " M"] | None = None,
-    ) -> tuple[Float[Tensor, " M"], Float[Tensor, "M 3"]]:
-        """Equation (7): density and colour of points.
+    ) -> tuple[Float[Tensor, " M"], Float[Tensor, "M 3"], Float[Tensor, "M 1"]]:
+        """Equation (7): density, the field's own colour, and the share of the references' colour.
 
         Args:
             query: the points.
             conditioning: see `Conditioning`.
-            fused: F~ and the colour that the references blend to; None for a field without them.
-            near: share of that colour that is taken in any case.
+            fused: F~; None for a field without references, whose share is 0.
+            near: share of the references' colour that is taken in any case.
         """
         parts = [query.encoded]
         if fused is not None:
-            parts.append(fused[0].to(query.encoded.dtype))
+            parts.append(fused.to(query.encoded.dtype))
         # Equation (7): colour and density = F_theta(p, d, A, F~).
         h = self.input(torch.cat(parts, -1))
         shared = per_point(self.input_conditioning(conditioning), query.belongs)
@@ -245,6 +245,9 @@ class Field(nn.Module):
         raw = self.colour(F.relu(self.view(torch.cat([h, towards], -1)), inplace=True)).float()
         own = raw[..., :3].sigmoid()
         if fused is None or near is None:
-            return density, own
-        gate = torch.lerp((raw[..., 3:] + 2).sigmoid(), raw.new_ones(()), near[:, None])
-        return density, gate * fused[1] + (1 - gate) * own
+            return density, own, torch.zeros_like(raw[..., 3:])
+        return (
+            density,
+            own,
+            torch.lerp((raw[..., 3:] + 2).sigmoid(), raw.new_ones(()), near[:, None]),
+        )

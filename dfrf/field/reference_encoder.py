@@ -23,9 +23,13 @@ MATTE_AND_COLOUR = 4  # channels that are copied, not computed by the network
 LEAST_SHOWN = 0.1  # so that weights change slowly where few views show the head
 
 
-def shows_head(features: Float[Tensor, "N M C"]) -> Float[Tensor, "N M"]:
-    """How much views count at points for showing the head there, and not what is beside it."""
-    return features[..., MATTE].float().clamp_min(LEAST_SHOWN).square()
+def shows_head(matte: Float[Tensor, "*B"]) -> Float[Tensor, "*B"]:
+    """How much a view counts at a point for showing the head there, and not what is beside it.
+
+    Args:
+        matte: of the view at the point, a feature.
+    """
+    return matte.float().clamp_min(LEAST_SHOWN).square()
 
 
 class ReferenceEncoder(nn.Module):

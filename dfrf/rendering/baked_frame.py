@@ -2,8 +2,8 @@
 
 Rays through every fourth pixel of every fourth row, the vertices, look the density up. Where they
 see the head, the field is evaluated once: where each view shows that point, how much the view
-counts, and the residual to it. Between vertices, all that is interpolated; the views themselves are
-read for every pixel. At the edge of the head, every pixel looks its opacity up.
+counts, and the field's own colour. Between vertices, all that is interpolated; the views and their
+mattes are read for every pixel. At the edge of the head, every pixel looks its opacity up.
 
 h x w vertices of a window into the frame, H x W pixels of it, V views, C channels, P pixels.
 """
@@ -19,7 +19,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from dfrf.cameras import Camera, Rays
-from dfrf.field.reference_encoder import COLOUR
+from dfrf.field.reference_encoder import MATTE, shows_head
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.baked_density import FrameDensity
 from dfrf.rendering.frame_buffer import Pixels
@@ -31,20 +31,21 @@ from dfrf.rendering.volume_rendering import Volume
 SEEN = 0.05  # opacity from which a vertex is asked what it shows
 FAINT, OPAQUE = 0.02, 0.98  # opacities between which a pixel lies on the head's edge
 SPREAD = 2  # vertices beyond those, which show what their neighbours show
+LEAST_SHARE = 1e-6  # of the views of a group together
 DEEPER = 0.3  # head units that a surface may lie before or behind its neighbours'
 
 
 @dataclass(frozen=True)
 class ViewImages:
-    """Colours of a person's views as images.
+    """Colours and mattes of a person's views as images.
 
     Attributes:
         whole: the references.
         mouths: the crops round the mouth; empty without.
     """
 
-    whole: Float[Tensor, "N 3 _ _"]
-    mouths: Float[Tensor, "M 3 _ _"]
+    whole: Float[Tensor, "N 4 _ _"]
+    mouths: Float[Tensor, "M 4 _ _"]
 
     @classmethod
     def of(cls, maps: ReferenceMaps) -> Self:
@@ -52,19 +53,25 @@ class ViewImages:
         whole = images(maps)
         return cls(whole, whole[:0] if maps.mouths is None else images(maps.mouths))
 
-    def chosen(self, maps: ReferenceMaps) -> list[Float[Tensor, "3 _ _"]]:
-        """Those that the maps of one frame read, in the order of `Shading`."""
+    def chosen(self, maps: ReferenceMaps) -> list[list[Float[Tensor, "4 _ _"]]]:
+        """Those that the maps of one frame read, in the order of `Shading`: whole, and mouths."""
         mouths = [self.mouths[i] for one in maps.chosen for i in one.maps.number]
-        return [*(self.whole[i] for i in maps.number), *mouths]
+        return [[self.whole[i] for i in maps.number], mouths]
 
 
-def images(maps: ReferenceMaps) -> Float[Tensor, "N 3 _ _"]:
-    """Colours of all views in the table of maps."""
+def images(maps: ReferenceMaps) -> Float[Tensor, "N 4 _ _"]:
+    """Colours and mattes of all views in the table of maps."""
     table = maps.table.view(-1, maps.height, maps.width, maps.table.shape[1])
-    return table[..., COLOUR].movedim(-1, 1).float().contiguous()
+    return table[..., : MATTE + 1].movedim(-1, 1).float().contiguous()
 
 
-def unit(positions: Float[Tensor, "k 2"], image: Float[Tensor, "3 _ _"]) -> Float[Tensor, "k 2"]:
+def sampled(image: Float[Tensor, "C _ _"], place: Float[Tensor, "H W 2"]) -> Float[Tensor, "C H W"]:
+    """An image at places (`unit`)."""
+    place = place[None]
+    return F.grid_sample(image[None], place, padding_mode="border", align_corners=True)[0]
+
+
+def unit(positions: Float[Tensor, "k 2"], image: Float[Tensor, "4 _ _"]) -> Float[Tensor, "k 2"]:
     """Positions (column, row) as `grid_sample` takes them."""
     height, width = image.shape[1:]
     return positions * 2 / positions.new_tensor([width - 1, height - 1]) - 1
@@ -122,27 +129,46 @@ def edge(opacity: Float[Tensor, "h w"]) -> Bool[Tensor, "H W"]:
     return between(((most > FAINT) & (-least < OPAQUE)).float()[None])[0] > 0
 
 
+def group(
+    views: list[Float[Tensor, "4 _ _"]],
+    shares: Float[Tensor, "k P"],
+    positions: Float[Tensor, "k P 2"],
+) -> Float[Tensor, "C P"]:
+    """What is interpolated of views at vertices: their share, then weight and position of each.
+
+    Weights are without the views' mattes, which change from pixel to pixel, and add up to 1.
+    """
+    places = [unit(p, image) for p, image in zip(positions, views, strict=True)]
+    mattes = [sampled(i[MATTE:], p[None])[0, 0] for i, p in zip(views, places, strict=True)]
+    weights = shares / shows_head(torch.stack(mattes))
+    weights = weights / weights.sum(0).clamp_min(LEAST_SHARE)
+    parts = [torch.cat([w[None], p.T]) for w, p in zip(weights, places, strict=True)]
+    return torch.cat([shares.sum(0)[None], *parts])
+
+
 def read(
-    views: list[Float[Tensor, "3 _ _"]], shown: Float[Tensor, "C h w"]
+    views: list[Float[Tensor, "4 _ _"]], shown: Float[Tensor, "C h w"]
 ) -> Float[Tensor, "3 H W"]:
-    """Colours of all pixels, without opacity.
+    """Colours of all pixels that come from some views, times the share of these views.
 
     Args:
         views: images.
-        shown: C = 3 + 3 V numbers a vertex: the residual; share and position (`unit`) of each view.
+        shown: see `group`.
     """
-    colour = between(shown[:3])
-    for image, part in zip(views, shown[3:].unflatten(0, (-1, 3)), strict=True):
+    share = between(shown[:1])
+    total = share.new_zeros(4, *share.shape[1:])  # of weighted colours, and of the weights
+    for image, part in zip(views, shown[1:].unflatten(0, (-1, 3)), strict=True):
         counts = grown(part[0] > 0, 1)
         if not counts.any():
             continue
         across = [range_of(counts.any(axis)) for axis in (1, 0)]
         fine = between(part[:, *across])
-        place = fine[None, 1:].movedim(1, -1)
-        seen = F.grid_sample(image[None], place, padding_mode="border", align_corners=True)[0]
+        seen = sampled(image, fine[1:].movedim(0, -1))
+        weight = fine[:1] * shows_head(seen[MATTE:])
         rows, columns = (slice(BLOCK * i.start, BLOCK * (i.stop - 1) + 1) for i in across)
-        colour[:, rows, columns].addcmul_(fine[:1], seen)
-    return colour
+        seen[MATTE:] = 1
+        total[:, rows, columns].addcmul_(weight, seen)
+    return total[:MATTE].mul_(share / total[MATTE:].clamp_min(LEAST_SHARE))
 
 
 @dataclass(frozen=True)
@@ -254,12 +280,22 @@ class BakedHead:
         at = true_of(opacity > SEEN)
         rays = window.vertex_rays(at)
         points = rays.origins + depth[at][:, None] * rays.directions
-        shading, views = details.shade(points, rays.directions), self.images.chosen(details.maps)
-        of_views = zip(shading.shares, shading.positions, views, strict=True)
-        parts = [torch.cat([a[:, None], unit(p, image)], 1) for a, p, image in of_views]
-        shown = opacity.new_zeros(3 + 3 * len(views), *opacity.shape)
-        shown[:, at[0], at[1]] = torch.cat([shading.residual, *parts], 1).T
-        return read(views, spread(shown, opacity > SEEN))
+        shading = details.shade(points, rays.directions)
+        groups = [views for views in self.images.chosen(details.maps) if views]
+        sizes = [len(views) for views in groups]
+        parts = [shading.own.T] + [
+            group(*of)
+            for of in zip(
+                groups, shading.shares.split(sizes), shading.positions.split(sizes), strict=True
+            )
+        ]
+        shown = opacity.new_zeros(sum(map(len, parts)), *opacity.shape)
+        shown[:, at[0], at[1]] = torch.cat(parts)
+        own, *of_views = spread(shown, opacity > SEEN).split([len(part) for part in parts])
+        colour = between(own)
+        for views, part in zip(groups, of_views, strict=True):
+            colour += read(views, part)
+        return colour
 
     def along(
         self, rays: Rays, search: Search | None = None

@@ -44,13 +44,13 @@ class Shading:
 
     Attributes:
         positions: where each of V = n + m views shows them, pixels.
-        shares: of their colour that come from each view; they add up to 1.
-        residual: to the colour that the views show.
+        shares: of their colour that come from each view; the rest is the field's own.
+        own: colour of the field's own, times its share.
     """
 
     positions: Float[Tensor, "V M 2"]
     shares: Float[Tensor, "V M"]
-    residual: Float[Tensor, "M 3"]
+    own: Float[Tensor, "M 3"]
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class SurfaceDetails:
         return Shading(
             torch.cat([part.positions for part in parts], 1)[:, :count],
             torch.cat([part.shares for part in parts], 1)[:, :count],
-            torch.cat([part.residual for part in parts])[:count],
+            torch.cat([part.own for part in parts])[:count],
         )
 
     def _shade(self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]) -> Shading:
@@ -148,8 +148,8 @@ class SurfaceDetails:
             positions = torch.cat([positions, in_mouths])
             weights = torch.cat([weights * (1 - share), of_mouths * share])
         nearness = mouth_pixels.nearness(maps, points)
-        _, shown = field.radiance(query, conditioning, fused[:2], nearness)
-        return Shading(positions, weights, shown - fused[1])
+        _, own, gate = field.radiance(query, conditioning, fused[0], nearness)
+        return Shading(positions, weights * gate.T, (1 - gate) * own)
 
     def colours(
         self, points: Float[Tensor, "M 3"], anchors: Float[Tensor, "M K"]

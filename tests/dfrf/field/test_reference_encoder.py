@@ -31,7 +31,6 @@ def test_a_view_that_shows_the_wall_at_a_point_gives_no_colour(arithmetic: float
 
 
 def test_where_every_view_shows_the_wall_all_count_alike() -> None:
-    features = torch.zeros(VIEWS, POINTS, 8)
-    shown = shows_head(features)
+    shown = shows_head(torch.zeros(VIEWS, POINTS))
     assert (shown == shown[0, 0]).all()
     assert shown[0, 0] > 0

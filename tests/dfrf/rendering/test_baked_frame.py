@@ -47,7 +47,7 @@ def test_a_baked_frame_is_the_marched_one_within_decibels(arithmetic: float) -> 
     for (colour, opacity), (other, seen) in zip(marched, baked, strict=True):
         assert 0.1 < float((opacity > 0.98).float().mean()) < 0.9
         assert decibels(colour, other) > 40
-        assert decibels(colour[opacity > 0.98], other[opacity > 0.98]) > 39
+        assert decibels(colour[opacity > 0.98], other[opacity > 0.98]) > 43
         assert decibels(opacity, seen) > 32
     # It is no copy: nothing but the density is the same.
     assert not torch.equal(marched[0][0], baked[0][0])
