@@ -51,12 +51,14 @@ def light_of(colours: np.ndarray, usual: np.ndarray, still: np.ndarray) -> Light
     """The light of frames, by robust least squares.
 
     Args:
-        colours: (T, P, 3). usual: (P, 3). still: indices of the points to compare. Eyes and brows
-            are added: they are dark, and without them gain and offset cannot be separated.
+        colours: (T, P, 3), NaN where a frame does not see a point.
+        usual: (P, 3). still: indices of the points to compare. Eyes and brows are added: they are
+            dark, and without them gain and offset cannot be separated.
     """
     index = np.union1d(still, (*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW))
     own, of = colours[:, index].astype(np.float64), usual[None, index].astype(np.float64)
-    weight = np.ones_like(own)
+    seen = ~np.isnan(own)
+    own, weight = np.nan_to_num(own), seen.astype(np.float64)
     for _ in range(ROUNDS):
         total = weight.sum(1, keepdims=True)
         middle_of = (weight * of).sum(1, keepdims=True) / total
@@ -66,8 +68,8 @@ def light_of(colours: np.ndarray, usual: np.ndarray, still: np.ndarray) -> Light
         gain /= np.maximum((weight * apart**2).sum(1, keepdims=True), 1e-9)
         offset = middle - gain * middle_of
         left = np.abs(own - gain * of - offset)
-        spread = np.maximum(1.4826 * np.median(left, 1, keepdims=True), 1.0)
-        weight = 1 / np.maximum(1, left / (HUBER * spread))
+        middle_left = np.nanmedian(np.where(seen, left, np.nan), 1, keepdims=True)
+        weight = seen / np.maximum(1, left / (HUBER * np.maximum(1.4826 * middle_left, 1.0)))
     counted = offset * np.clip((np.abs(offset) - HAZE_FROM) / (HAZE_FULL - HAZE_FROM), 0, 1)
     gain = (middle - counted) / np.maximum(middle_of, 1.0)
     return Light(np.maximum(gain[:, 0], LEAST_GAIN), counted[:, 0])
