@@ -21,6 +21,9 @@ LEAST_GAIN = 0.02  # a darker frame shows nothing
 # Offsets count from the first to the second of these, grey levels. A smaller one can come from a
 # head that turns in light from the side; a larger one is haze, a fade to white or a dissolve.
 HAZE_FROM, HAZE_FULL = 20.0, 40.0
+# Turn from the usual view, rad, up to which an offset counts, and from which it does not: landmarks
+# of a turned head lie beside dark brows and eyes, which looks like haze.
+HAZE_KNOWN, HAZE_UNKNOWN = 0.2, 0.4
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,23 @@ class Light:
         return np.asarray((colours - self.offset[:, None]) / self.gain[:, None])
 
 
+@dataclass(frozen=True)
+class Sight:
+    """What frames see of a face.
+
+    Attributes:
+        colours: (T, P, 3) at the points of the mesh, NaN where a point is not seen.
+        turn: (T,) from the usual view, rad.
+    """
+
+    colours: np.ndarray
+    turn: np.ndarray
+
+    def of(self, frames: np.ndarray) -> "Sight":
+        """Of some frames (T,) bool."""
+        return Sight(self.colours[frames], self.turn[frames])
+
+
 def sampled(image: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Colours (P, 3) float32 of an RGB image at points (P, 2 or more) px."""
     smooth = cv2.GaussianBlur(image, (0, 0), max(0.6, BLUR * float(np.ptp(points[:, 0]))))
@@ -47,16 +67,17 @@ def sampled(image: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.asarray(read[0], np.float32)
 
 
-def light_of(colours: np.ndarray, usual: np.ndarray, still: np.ndarray) -> Light:
+def light_of(sight: Sight, usual: np.ndarray, still: np.ndarray) -> Light:
     """The light of frames, by robust least squares.
 
     Args:
-        colours: (T, P, 3), NaN where a frame does not see a point.
-        usual: (P, 3). still: indices of the points to compare. Eyes and brows are added: they are
-            dark, and without them gain and offset cannot be separated.
+        sight: of the frames.
+        usual: (P, 3).
+        still: indices of the points to compare. Eyes and brows are added: they are dark, and
+            without them gain and offset cannot be separated.
     """
     index = np.union1d(still, (*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW))
-    own, of = colours[:, index].astype(np.float64), usual[None, index].astype(np.float64)
+    own, of = sight.colours[:, index].astype(np.float64), usual[None, index].astype(np.float64)
     seen = ~np.isnan(own)
     own, weight = np.nan_to_num(own), seen.astype(np.float64)
     for _ in range(ROUNDS):
@@ -71,6 +92,8 @@ def light_of(colours: np.ndarray, usual: np.ndarray, still: np.ndarray) -> Light
         middle_left = np.nanmedian(np.where(seen, left, np.nan), 1, keepdims=True)
         weight = seen / np.maximum(1, left / (HUBER * np.maximum(1.4826 * middle_left, 1.0)))
     counted = offset * np.clip((np.abs(offset) - HAZE_FROM) / (HAZE_FULL - HAZE_FROM), 0, 1)
+    known = (HAZE_UNKNOWN - sight.turn) / (HAZE_UNKNOWN - HAZE_KNOWN)
+    counted *= np.clip(known, 0, 1)[:, None, None]
     gain = (middle - counted) / np.maximum(middle_of, 1.0)
     return Light(np.maximum(gain[:, 0], LEAST_GAIN), counted[:, 0])
 

@@ -15,7 +15,7 @@ from dubbing.face.mesh_points import NOSE_BASE, NOSE_BRIDGE, RIGID
 from dubbing.face.mesh_triangles import TRIANGLES
 from dubbing.face.mouth_shape import INNER_LIP
 from dubbing.preparation.alignment.skin import vertex_normals
-from dubbing.preparation.tracking.light import Light, coarse_gain, light_of, sampled
+from dubbing.preparation.tracking.light import Light, Sight, coarse_gain, light_of, sampled
 
 HALF_WIDTH = 0.42  # units of 10 cm from the middle of the face: beyond, cheeks turn away
 DARK = 8.0  # added to colours (0..255) before their logarithm: noise of dark ones counts less
@@ -63,10 +63,8 @@ def covered_step(
         own = valid & (segment == shot)
         reference = own if own.sum() >= OWN_FRAMES else valid
         if own.any():
-            turn, seen = turns_and_sight(shape, views, views[reference])
-            visible = np.where(seen[..., None], colours, np.nan)
-            of, beside = (visible[own], turn[own]), (visible[reference], turn[reference])
-            share[own], light = unusual_share(of, beside, shape)
+            sight = sight_of(colours, shape, views, views[reference])
+            share[own], light = unusual_share(sight.of(own), sight.of(reference), shape)
             gain[own], offset[own] = light.gain, light.offset
             faceless = (segment == shot) & ~valid
             gain[faceless] = coarse_gain(level[faceless], np.median(level[own], 0))
@@ -77,49 +75,43 @@ def covered_step(
     return {"covered": (covered > 0) & valid, "gain": gain, "offset": offset}
 
 
-def turns_and_sight(
-    shape: np.ndarray, views: np.ndarray, reference: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """How far frames are turned from the usual view, (T,) rad; which points they see, (T, P) bool.
+def sight_of(
+    colours: np.ndarray, shape: np.ndarray, views: np.ndarray, reference: np.ndarray
+) -> Sight:
+    """What frames see of colours (T, P, 3) at the points of a mesh (P, 3).
 
     Args:
-        shape: (P, 3). views: (T, 3). reference: (U, 3), views that are mostly the usual one.
+        views: (T, 3). reference: (U, 3), views that are mostly the usual one.
     """
     usual = reference[(reference @ np.median(reference, 0)).argmax()]
     normals = vertex_normals(shape, TRIANGLES)
     facing = views @ normals.T
+    seen = (facing > FACING) | (facing > normals @ usual - LESS)
     turn = np.arccos(np.clip(views @ usual, -1, 1))
-    return turn, (facing > FACING) | (facing > normals @ usual - LESS)
+    return Sight(np.where(seen[..., None], colours, np.nan), turn)
 
 
-def unusual_share(
-    frames: tuple[np.ndarray, np.ndarray],
-    reference: tuple[np.ndarray, np.ndarray],
-    shape: np.ndarray,
-) -> tuple[np.ndarray, Light]:
+def unusual_share(sight: Sight, reference: Sight, shape: np.ndarray) -> tuple[np.ndarray, Light]:
     """Share (T,) of the lower face's points with an unusual colour, and the light of the frames.
 
     Args:
-        frames: colours (T, P, 3), NaN where a point is not seen, and turns (T,) from the usual
-            view.
-        reference: the same of frames that are mostly not covered.
+        reference: of frames that are mostly not covered.
         shape: (P, 3) in the head frame.
     """
     lower, upper = regions(shape)
-    colours, turn = frames
-    usual = np.nanmedian(reference[0], 0)
-    usual = np.nanmedian(light_of(reference[0], usual, upper).unlit(reference[0]), 0)
+    usual = np.nanmedian(reference.colours, 0)
+    usual = np.nanmedian(light_of(reference, usual, upper).unlit(reference.colours), 0)
 
-    def away(of: np.ndarray, light: Light) -> np.ndarray:
-        there = np.log(np.maximum(of[:, lower], 0) + DARK)
+    def away(of: Sight, light: Light) -> np.ndarray:
+        there = np.log(np.maximum(of.colours[:, lower], 0) + DARK)
         wanted = np.log(np.maximum(light.lit(usual[lower]), 0) + DARK)
         return np.asarray(np.linalg.norm(there - wanted, axis=2))
 
-    apart = away(reference[0], light_of(reference[0], usual, upper))
+    apart = away(reference, light_of(reference, usual, upper))
     spread = np.maximum(1.4826 * np.nanmedian(apart, 0), LEAST_SPREAD)
-    light = light_of(colours, usual, upper)
-    shaded = SHADED * np.maximum(turn - TURNED, 0)
-    apart = away(colours, light)
+    light = light_of(sight, usual, upper)
+    shaded = SHADED * np.maximum(sight.turn - TURNED, 0)
+    apart = away(sight, light)
     unusual = apart > UNUSUAL * spread + shaded[:, None]
     return np.asarray(unusual.sum(1) / np.maximum((~np.isnan(apart)).sum(1), 1)), light
 

@@ -13,7 +13,7 @@ from dubbing.preparation.tracking.occlusion import (
     AROUND,
     SHARE,
     covered_step,
-    turns_and_sight,
+    sight_of,
     unusual_share,
 )
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
@@ -73,15 +73,15 @@ def test_what_a_turned_head_hides_of_itself_covers_nothing(
     shape = head_frame(mean_shape(meshes(people["alba"][:3]), tuple(range(468))))
     yaw = np.deg2rad([0.0] * 40 + [60.0] * 3)
     views = np.stack([np.sin(yaw), 0 * yaw, -np.cos(yaw)], 1)
-    turn, seen = turns_and_sight(shape, views, views)
-    assert turn[-1] == pytest.approx(yaw[-1])
-    assert seen[:40].all()
-    assert 0.3 < seen[-1].mean() < 0.7
     colours = np.random.default_rng(0).normal((190, 140, 120), 3, (43, len(shape), 3))
     colours[:, [*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW]] *= 0.4
     colours[40:, shape[:, 0] < -0.2] = (60, 90, 200)  # the far side: the wall behind it
     if covered:
         colours[41, shape[:, 1] > 0] = (40, 40, 40)
-    colours = np.where(seen[..., None], colours, np.nan)
-    share, _ = unusual_share((colours, turn), (colours, turn), shape)
+    sight = sight_of(colours, shape, views, views)
+    assert sight.turn[-1] == pytest.approx(yaw[-1])
+    seen = ~np.isnan(sight.colours[..., 0])
+    assert seen[:40].all()
+    assert 0.3 < seen[-1].mean() < 0.7
+    share, _ = unusual_share(sight, sight, shape)
     assert (share > SHARE).nonzero()[0].tolist() == ([41] if covered else [])
