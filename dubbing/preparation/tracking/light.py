@@ -49,14 +49,16 @@ class Sight:
     Attributes:
         colours: (T, P, 3) at the points of the mesh, NaN where a point is not seen.
         turn: (T,) from the usual view, rad.
+        dark: (T, 3) of the darkest pixels of the frames: no haze is brighter.
     """
 
     colours: np.ndarray
     turn: np.ndarray
+    dark: np.ndarray
 
     def of(self, frames: np.ndarray) -> "Sight":
         """Of some frames (T,) bool."""
-        return Sight(self.colours[frames], self.turn[frames])
+        return Sight(self.colours[frames], self.turn[frames], self.dark[frames])
 
 
 def sampled(image: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -91,6 +93,7 @@ def light_of(sight: Sight, usual: np.ndarray, still: np.ndarray) -> Light:
         left = np.abs(own - gain * of - offset)
         middle_left = np.nanmedian(np.where(seen, left, np.nan), 1, keepdims=True)
         weight = seen / np.maximum(1, left / (HUBER * np.maximum(1.4826 * middle_left, 1.0)))
+    offset = np.minimum(offset, sight.dark[:, None])
     counted = offset * np.clip((np.abs(offset) - HAZE_FROM) / (HAZE_FULL - HAZE_FROM), 0, 1)
     known = (HAZE_UNKNOWN - sight.turn) / (HAZE_UNKNOWN - HAZE_KNOWN)
     counted *= np.clip(known, 0, 1)[:, None, None]

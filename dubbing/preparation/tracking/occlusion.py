@@ -29,6 +29,7 @@ FACING, LESS = 0.3, 0.2
 # A head that turns further than so much (rad) from its usual view looks different: by so much of a
 # logarithm for every rad.
 TURNED, SHADED = 0.2, 0.4
+DARKEST = 1  # percent of a frame's pixels
 OWN_FRAMES = 25  # of a shot to have its own usual colours; a shorter one takes the clip's
 
 
@@ -53,9 +54,10 @@ def covered_step(
         covered (T,) bool; gain and offset (T, 3) of the light, see :class:`Light`.
     """
     colours = np.zeros((len(points), len(shape), 3), np.float32)
-    level = np.zeros((len(points), 3))
+    level, dark = np.zeros((2, len(points), 3))
     for t, image in enumerate(crops):
-        colours[t], level[t] = sampled(image, points[t]), image[::8, ::8].mean((0, 1))
+        colours[t], some = sampled(image, points[t]), image[::8, ::8]
+        level[t], dark[t] = some.mean((0, 1)), np.percentile(some, DARKEST, (0, 1))
         progress((t + 1) / len(points))
     share = np.zeros(len(points))
     gain, offset = np.ones((len(points), 3)), np.zeros((len(points), 3))
@@ -63,7 +65,7 @@ def covered_step(
         own = valid & (segment == shot)
         reference = own if own.sum() >= OWN_FRAMES else valid
         if own.any():
-            sight = sight_of(colours, shape, views, views[reference])
+            sight = sight_of(colours, dark, shape, views, views[reference])
             share[own], light = unusual_share(sight.of(own), sight.of(reference), shape)
             gain[own], offset[own] = light.gain, light.offset
             faceless = (segment == shot) & ~valid
@@ -76,11 +78,16 @@ def covered_step(
 
 
 def sight_of(
-    colours: np.ndarray, shape: np.ndarray, views: np.ndarray, reference: np.ndarray
+    colours: np.ndarray,
+    dark: np.ndarray,
+    shape: np.ndarray,
+    views: np.ndarray,
+    reference: np.ndarray,
 ) -> Sight:
     """What frames see of colours (T, P, 3) at the points of a mesh (P, 3).
 
     Args:
+        dark: (T, 3) of their darkest pixels.
         views: (T, 3). reference: (U, 3), views that are mostly the usual one.
     """
     usual = reference[(reference @ np.median(reference, 0)).argmax()]
@@ -88,7 +95,7 @@ def sight_of(
     facing = views @ normals.T
     seen = (facing > FACING) | (facing > normals @ usual - LESS)
     turn = np.arccos(np.clip(views @ usual, -1, 1))
-    return Sight(np.where(seen[..., None], colours, np.nan), turn)
+    return Sight(np.where(seen[..., None], colours, np.nan), turn, dark)
 
 
 def unusual_share(sight: Sight, reference: Sight, shape: np.ndarray) -> tuple[np.ndarray, Light]:

@@ -78,7 +78,7 @@ def test_what_a_turned_head_hides_of_itself_covers_nothing(
     colours[40:, shape[:, 0] < -0.2] = (60, 90, 200)  # the far side: the wall behind it
     if covered:
         colours[41, shape[:, 1] > 0] = (40, 40, 40)
-    sight = sight_of(colours, shape, views, views)
+    sight = sight_of(colours, np.zeros((43, 3)), shape, views, views)
     assert sight.turn[-1] == pytest.approx(yaw[-1])
     seen = ~np.isnan(sight.colours[..., 0])
     assert seen[:40].all()
