@@ -39,7 +39,7 @@ def test_several_clips_are_named() -> None:
 
 def test_a_plan_says_it(capsys: pytest.CaptureFixture[str]) -> None:
     nothing = Estimate(0, 0, 0, 0, 0)
-    learned = [("ann.mp4", [(3.0, 6.0), (21.04, 33.0)], [])]
+    learned: Learned = [("ann.mp4", [(3.0, 6.0), (21.04, 33.0)], [])]
     console.plan([], [], nothing, {"ann": learned}, as_json=False)
     assert "ann: learned from 3.0-6.0 s, 21.0-33.0 s" in capsys.readouterr().out
     console.plan([], [], nothing, {"ann": [("ann.mp4", [(3.0, 6.0)], [])]}, as_json=True)
