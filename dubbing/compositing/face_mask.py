@@ -11,7 +11,7 @@ import numpy as np
 from dubbing.compositing.extent import extent
 from dubbing.face.face_contour import FaceContour, face_contour
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
-from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
+from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 # Between these distances from the edge of the face, px, the film's own pixels take over: a model's
 # errors are largest there.
@@ -53,7 +53,8 @@ def face_mask(landmarks: np.ndarray, contour: FaceContour) -> np.ndarray:
 def rendered_region(landmarks: np.ndarray, size: int) -> np.ndarray:
     """Pixels (S, S) bool of a rendered head that a composite depends on; see `face_mask`."""
     mask = face_mask(landmarks, face_contour(landmarks, size))
-    return dilate(mask > 0, AROUND * size / REFERENCE_SIZE)
+    away = cv2.distanceTransform((mask == 0).astype(np.uint8), cv2.DIST_L2, 5)
+    return np.asarray(away <= AROUND * size / REFERENCE_SIZE)
 
 
 def lower_share(landmarks: np.ndarray, size: int) -> np.ndarray:

@@ -19,6 +19,7 @@ from dubbing.engine.stage import Progress
 from dubbing.errors import CheckpointError
 from dubbing.identity.dataset import upper_face_expression
 from dubbing.media import VideoWriter
+from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 
@@ -150,9 +151,10 @@ def regions_of(clip: PreparedClip, poses: np.ndarray) -> np.ndarray:
     None where no face is seen.
     """
     regions = np.zeros((len(poses), clip.size, clip.size), bool)
-    for region, pose in zip(regions, poses, strict=True):
-        if clip.valid[pose]:
-            region[:] = rendered_region(clip.landmarks[pose], clip.size)
+    shown = clip.valid[poses]
+    jobs = ((landmarks, clip.size) for landmarks in clip.landmarks[poses[shown]])
+    for k, region in zip(np.flatnonzero(shown), in_order(rendered_region, jobs), strict=True):
+        regions[k] = region
     return regions
 
 
