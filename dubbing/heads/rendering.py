@@ -89,22 +89,40 @@ def render(
             progress(f"frame {done} of {count}", (done - begin) / (end - begin))
 
     segment = method_of(person).segment
-    around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
     for first in range(begin, end, segment):
         stop = min(first + segment, end)
         path = out / f"{first:06d}.mkv"
         if not path.exists():
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
-                low, high = max(0, first - around), min(count, stop + around)
-                some = (speech(low, high - low), pose_index[low:high])
-                needed = regions_of(clip, pose_index[first:stop])
-                span = (first - low, stop - low)
-                heads = frames(person, maps, clip, *some, *span, needed, baked, strength)
-                for done, (colour, opacity) in enumerate(heads, first + 1):
-                    video.write(to_rgba(colour, opacity))
+                made = heads_of(
+                    person, maps, clip, speech, pose_index, first, stop, baked, strength
+                )
+                for done, head in enumerate(made, first + 1):
+                    video.write(head)
                     notify(done)
         else:
             notify(stop)
+
+
+def heads_of(
+    person: HeadModel,
+    maps: Maps | None,
+    clip: PreparedClip,
+    speech: SpeechPart,
+    pose_index: np.ndarray,
+    first: int,
+    stop: int,
+    baked: bool,
+    strength: float,
+) -> Iterator[np.ndarray]:
+    """Heads (S, S, 4) uint8 of frames first .. stop of a dub; see `render`."""
+    around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
+    low, high = max(0, first - around), min(len(pose_index), stop + around)
+    some = (speech(low, high - low), pose_index[low:high])
+    needed = regions_of(clip, pose_index[first:stop])
+    span = (first - low, stop - low)
+    for colour, opacity in frames(person, maps, clip, *some, *span, needed, baked, strength):
+        yield to_rgba(colour, opacity)
 
 
 def frames(

@@ -47,6 +47,7 @@ def make(
     pose_index: np.ndarray,
     settings: VideoSettings,
     progress: Progress,
+    proven: bool = True,
 ) -> Path:
     """Write OUT/video.<suffix>: composited, marked, encoded, with its sound; checked by decoding.
 
@@ -62,6 +63,7 @@ def make(
     Args:
         heads: of all cues; their clips are of one film.
         pose_index: (F,) frame of the film under every frame of the dub.
+        proven: whether frames of a scene without new speech are compared with the film.
 
     Raises:
         MediaError: a file broke off, or ffmpeg failed.
@@ -113,7 +115,7 @@ def make(
     if (out / MIXED).is_file():
         progress("comparing with the film", 1.0)
         own = composer.untouched()
-        proof = compare(film.clip, result, own, rate) if own.any() else None
+        proof = compare(film.clip, result, own, rate) if proven and own.any() else None
         figures = json_records.read(out / MIXED, dict[str, Any], "figures of the mix")
         atomic_write_json(out / SCENE_FILE, {"sound": figures, "untouched": proof})
         (out / SOUND).unlink(missing_ok=True)
