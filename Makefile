@@ -4,7 +4,7 @@ BIN := .venv/bin
 # Two threads that spin on one busy core are ten times slower than two that wait.
 export OMP_WAIT_POLICY ?= PASSIVE
 
-.PHONY: install demo docs test test-fast attack check bench results true-dubs paper-tables speech-table lock
+.PHONY: install demo docs test test-fast attack check bench gpu results true-dubs paper-tables speech-table lock
 .PHONY: clean
 
 INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check
@@ -53,6 +53,12 @@ attack: .venv/installed-dev
 BENCH ?= out/demo/demo.yaml alba
 bench: .venv/installed
 	$(BIN)/python -m dubbing.workshop.bench.benchmark $(BENCH) out/bench.json
+
+# Everything that is to be measured on a GPU, into GPU_DAY: 25 minutes; called again it goes on.
+GPU_DAY ?= out/gpu
+MINUTES ?= 25
+gpu: .venv/installed
+	$(BIN)/python -m dubbing.workshop.bench.gpu_day $(GPU_DAY) --minutes $(MINUTES)
 
 # Films of the synthetic speaker whose dub has a true picture: makes them, dubs them, compares. SCENES are names or
 # patterns; the films take half an hour, once.
