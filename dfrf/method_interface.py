@@ -77,8 +77,8 @@ class FrameInputs:
         size: S.
         regions: the pixels that are needed; others may be left blank. None is all.
         baked: whether density is looked up, where a person's has been baked, instead of marched.
-        strength: of the lips' movement, 1 as spoken, 0 a closed mouth; other than 1 only where a
-            model has lip measures.
+        strength: of the lips' movement, 1 as spoken, 0 a closed mouth; None as spoken; other than 1
+            only where a model has lip measures.
     """
 
     c2w: Float[Tensor, "T 3 4"]
@@ -90,7 +90,7 @@ class FrameInputs:
     size: int
     regions: Bool[Tensor, "T S S"] | None = None
     baked: bool = False
-    strength: float = 1.0
+    strength: Float[Tensor, " T"] | None = None
 
 
 ShareT = TypeVar("ShareT", bound=Share)

@@ -52,7 +52,7 @@ def render(
     pose_index: np.ndarray,
     part: tuple[int, int] | None = None,
     baked: bool = False,
-    strength: float = 1.0,
+    strength: np.ndarray | None = None,
     device: str = "auto",
     progress: Progress | None = None,
 ) -> None:
@@ -71,7 +71,7 @@ def render(
         pose_index: (T,) frame of the clip each frame takes its pose from.
         part: first and stop of those of the T frames to render; all by default.
         baked: whether its baked density is looked up, where the model has one; else rays march.
-        strength: of the lips' movement; see `dfrf.method_interface.FrameInputs`.
+        strength: (T,) of the lips' movement; see `dfrf.method_interface.FrameInputs`.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
 
@@ -113,7 +113,7 @@ def heads_of(
     first: int,
     stop: int,
     baked: bool,
-    strength: float,
+    strength: np.ndarray | None,
 ) -> Iterator[np.ndarray]:
     """Heads (S, S, 4) uint8 of frames first .. stop of a dub; see `render`."""
     around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
@@ -121,7 +121,8 @@ def heads_of(
     some = (speech(low, high - low), pose_index[low:high])
     needed = regions_of(clip, pose_index[first:stop])
     span = (first - low, stop - low)
-    for colour, opacity in frames(person, maps, clip, *some, *span, needed, baked, strength):
+    own = None if strength is None else strength[first:stop]
+    for colour, opacity in frames(person, maps, clip, *some, *span, needed, baked, own):
         yield to_rgba(colour, opacity)
 
 
@@ -135,11 +136,12 @@ def frames(
     stop: int,
     regions: np.ndarray | None = None,
     baked: bool = False,
-    strength: float = 1.0,
+    strength: np.ndarray | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop.
 
     Of the whole head, or of what of it lies in regions (stop - first, S, S) bool at least.
+    `strength` is (stop - first,).
     """
     device = model.device
     method = method_of(model)
@@ -158,7 +160,7 @@ def frames(
         clip.size,
         None if regions is None else torch.from_numpy(regions).to(device),
         baked,
-        strength,
+        None if strength is None else torch.from_numpy(strength).to(device),
     )
     yield from method.render_frames(inputs, maps)
 

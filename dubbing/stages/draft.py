@@ -92,6 +92,7 @@ class Draft(Composite):
             model, maps, _ = people[cue.identity]
             edit, speech = self.edits[cue.name], Speech.load(self.heads[cue.name].folder)
             late = edit.shift / 1000 * float(speech.rate)  # frames
+            strength = edit.strengths(cue.stop - cue.first, speech.rate)
             segment = method_of(model).segment
 
             def read(first: int, count: int) -> Iterator[np.ndarray]:
@@ -105,7 +106,7 @@ class Draft(Composite):
                         begin,
                         min(begin + segment, first + count),
                         baked=True,
-                        strength=edit.strength,
+                        strength=strength,
                     )
 
             return read

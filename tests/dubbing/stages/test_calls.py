@@ -139,14 +139,14 @@ def test_speech_then_heads(clip: Path, tmp_path: Path, monkeypatch: pytest.Monke
     np.testing.assert_array_equal(listen(13, 9).windows, whole.windows[13:22])
     np.testing.assert_allclose(listen(13, 9).lips, whole.lips[13:22], atol=1e-6)
     np.testing.assert_array_equal(work.call_args[1]["pose_index"], [*range(30), *range(28, 18, -1)])
-    assert work.call_args[1]["strength"] == 1
+    np.testing.assert_array_equal(work.call_args[1]["strength"], np.ones(40))
     # An edited line: the mouth 80 ms later, two frames, then half a frame earlier.
     render(tmp_path, clip, edit=Edit(shift=80, strength=0.5)).run(out, quiet)
     late, named = work.call_args[0][2], work.call_args[1]
     np.testing.assert_array_equal(late(13, 9).lips, whole.lips[11:20])
     np.testing.assert_array_equal(late(13, 9).windows, whole.windows[11:20])
     assert late(0, 1).windows[:, :11].max() < 1e-9  # before the recording it is silent
-    assert named["strength"] == 0.5
+    np.testing.assert_array_equal(named["strength"], np.full(40, 0.5))
     render(tmp_path, clip, edit=Edit(shift=-20)).run(out, quiet)
     early = work.call_args[0][2](13, 9)
     between = whole.windows[13:22, 1:]  # 20 ms on: its steps, one later
