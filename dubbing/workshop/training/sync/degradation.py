@@ -2,7 +2,7 @@
 
     python -m dubbing.workshop.training.sync.degradation CLIP...
 
-The confidence must fall from line to line, and a frozen mouth must fail.
+The closeness must fall from line to line, and a frozen mouth must fail.
 
 Letters: H and W pixels.
 """
@@ -94,16 +94,16 @@ def changes() -> dict[str, Change]:
 
 def table(clips: Sequence[Path], seconds: float) -> str:
     """Markdown: offset, confidence and verdict of every clip and change."""
-    lines = ["| clip | picture | offset | confidence | opening range | verdict |"]
+    lines = ["| clip | picture | offset | confidence | closeness | verdict |"]
     lines.append("|---|---|---|---|---|---|")
     for clip in clips:
         source = None
         for name, change in changes().items():
             result = check_changed(clip, seconds, change, source)
             source = source or result
-            reach = f"{result.motion.opening_range:.3f}" if result.motion else ""
+            near = f"{result.closeness:.2f}" if result.closeness is not None else ""
             cells = [clip.stem, name, f"{result.offset_frames}", f"{result.confidence or 0:.3f}"]
-            lines.append(f"| {' | '.join([*cells, reach, result.verdict])} |")
+            lines.append(f"| {' | '.join([*cells, near, result.verdict])} |")
     return "\n".join(lines)
 
 
