@@ -124,7 +124,8 @@ def judge(
     has 60 % of the `typical` confidence.
     """
     share = best.confidence / max((film and film.confidence) or typical, 1e-6)
-    enough = f"{100 * share:.0f} % of the certainty of real speakers"
+    whose = "the film's" if film is not None else "real speakers'"
+    enough = f"{100 * share:.0f} % of {whose} certainty"
     follows, number, needed = 1.0, share, PASS_SHARE
     if near is not None:
         follows, number, needed = near.follows, near.number, pass_closeness(seconds)

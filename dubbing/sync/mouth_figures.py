@@ -101,15 +101,20 @@ def mouth_figures(
         offset: frames by which the sound comes early; it is moved back.
     """
     mouth, rate = smoothed(series.opening), series.rate
-    voice, loudness, asked, touching = (
+    voice, loudness, wanted, rush, touching = (
         moved(sound, offset)
-        for sound in (series.voice, series.loudness, series.asked, series.touching)
+        for sound in (
+            series.voice,
+            smoothed(series.loudness),
+            smoothed(series.asked),
+            pace(series.asked, rate),
+            series.touching,
+        )
     )
-    seen = chosen & np.isfinite(mouth + series.speed + voice)
+    seen = chosen & np.isfinite(mouth + series.speed + voice + rush)
     speech = seen & (voice > SPOKEN)
     if speech.sum() < MIN_SPEECH * rate or not np.isfinite(curve).all():
         return None
-    wanted = smoothed(asked)
     centre = MAX_OFFSET + offset
     nearest = curve[max(centre - 1, 0) : centre + 2].min()
     closed = -np.minimum(series.opening, np.median(series.opening[seen]))
@@ -121,8 +126,8 @@ def mouth_figures(
         closures=correlation(closed[speech], touching[speech]),
         spread=float(mouth[speech].std()),
         range=float(mouth[speech].std() / max(wanted[speech].std(), 1e-6)),
-        speed=float(series.speed[speech].mean() / max(pace(asked, rate)[speech].mean(), 1e-6)),
-        loudness=correlation(mouth[speech], smoothed(loudness)[speech]),
+        speed=float(series.speed[speech].mean() / max(rush[speech].mean(), 1e-6)),
+        loudness=correlation(mouth[speech], loudness[speech]),
         sharpness=float(np.sqrt(np.median(series.sharpness[seen]))),
         restless=float(moving.mean()) if len(moving) >= MIN_SILENCE * rate else None,
     )
