@@ -139,7 +139,8 @@ def judge(
         (not moves, "fail", "The mouth hardly moves"),
         (share < FAIL_SHARE, "fail", stranger),
         (off == "fail", "fail", apart),
-        (follows < FOLLOWS, "fail", stranger),
+        # Words that are late are these words still.
+        (follows < FOLLOWS and not (off and share >= PASS_SHARE), "fail", stranger),
         (near is not None and number < FAIL_CLOSENESS, "fail", wrong),
         (off == "warn", "warn", apart),
         (number < needed, "warn", f"{wrong}, look at it"),

@@ -71,10 +71,13 @@ def test_verdicts_beside_a_film(
     assert expected[1] in reason
 
 
-def test_a_dub_as_close_as_the_original_may_be_out_of_sync() -> None:
-    near = Closeness(1.0, {"certainty": 1.0, "opening": 1.0})
-    assert judge(Estimate(2, 0.2, 1.0), 80, MOVING, FILM, near)[0] == "warn"
+def test_words_that_are_late_are_these_words_still() -> None:
+    near = Closeness(0.8, {"certainty": 0.4, "opening": 0.4})
+    assert judge(Estimate(-3, 0.2, 1.0), -120, MOVING, FILM, near)[0] == "warn"
     assert judge(Estimate(3, 0.2, 1.0), 120, MOVING, FILM, near)[0] == "fail"
+    verdict, reason = judge(Estimate(-3, 0.1, 1.0), -120, MOVING, FILM, near)
+    assert verdict == "fail"
+    assert "does not follow" in reason
 
 
 def test_more_seconds_must_be_closer() -> None:
