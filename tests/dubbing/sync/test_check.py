@@ -155,3 +155,13 @@ def test_parts_are_judged_by_themselves(speaker: Speaker, sound_file: Write) -> 
     assert short.verdict == "unjudged"
     assert "only 0.1 s long" in short.reason
     assert result.media.picture_seconds == 3.2
+
+
+def test_voices_are_listened_to_when_they_are_heard(speaker: Speaker, sound_file: Write) -> None:
+    """The voices by themselves lie elsewhere than in the sound of the video: a fault of a mux."""
+    truth = check(speaker.clip)
+    found = check(speaker.clip, voices=sound_file(shifted(speaker.sound, 7)), source=truth)
+    assert (found.verdict, found.offset_frames) == ("pass", 0)
+    assert found.closeness == pytest.approx(1, abs=0.05)
+    lost = check(speaker.clip, voices=sound_file(speaker.sound[::-1]), source=truth)
+    assert (lost.verdict, lost.reason) == ("fail", "The voices are not heard in the video.")
