@@ -16,15 +16,15 @@ from dubbing.sync.result import Figures
 # Timing halves where ITU-R BT.1359 finds that viewers notice, ms of sound that is early and late.
 NOTICED_EARLY_MS, NOTICED_LATE_MS = 45.0, 125.0
 WEIGHTS = {
-    "timing": 0.36,
-    "certainty": 0.06,
-    "opening": 0.06,
-    "closures": 0.045,
-    "range": 0.06,
-    "speed": 0.11,
+    "timing": 0.34,
+    "certainty": 0.025,
+    "opening": 0.025,
+    "closures": 0.05,
+    "range": 0.055,
+    "speed": 0.12,
     "loudness": 0.025,
-    "sharpness": 0.28,
-    "silence": 0.08,
+    "sharpness": 0.23,
+    "silence": 0.13,
 }
 LEAST = 0.05  # of a part, for its logarithm
 # A film's own figures count as at least these: a mouth that hides its words must not excuse all.

@@ -22,9 +22,9 @@ TOLERANCE_MS = 40.0
 FAIL_EARLY_MS, FAIL_LATE_MS = 90.0, 125.0
 # Closeness of a dub to its film: what 3 s of a person have to the rest of them, and more seconds
 # more (docs/development/sync.md).
-PASS_MOST, PASS_SPREAD = 0.9, 0.25
+PASS_MOST, PASS_SPREAD = 0.9, 0.27
 FAIL_CLOSENESS = 0.5
-FOLLOWS = 0.3  # `Closeness.follows` of a mouth that says these words
+FOLLOWS = 0.25  # `Closeness.follows` of a mouth that says these words
 # Opening of a mouth that moves, standard deviation in eye distances; a still one has below .003.
 MOVING_SPREAD = 0.01
 # Shares of the confidence of the source clip.
@@ -125,28 +125,29 @@ def judge(
     """
     share = best.confidence / max((film and film.confidence) or typical, 1e-6)
     whose = "the film's" if film is not None else "real speakers'"
-    enough = f"{100 * share:.0f} % of {whose} certainty"
+    sure = enough = f"{100 * share:.0f} % of {whose} certainty"
     follows, number, needed = 1.0, share, PASS_SHARE
     if near is not None:
         follows, number, needed = near.follows, near.number, pass_closeness(seconds)
         enough = f"{100 * number:.0f} % of the original"
     moves = figures is None or figures.spread >= MOVING_SPREAD
     off = out_of_sync(best.offset, offset_ms)
-    stranger = "The mouth moves, but does not follow these words"
-    apart = f"Out of sync, {in_words(best.offset, offset_ms)}"
+    # Words that are late are these words still.
+    follows = follows if not off or share < PASS_SHARE else 1.0
+    stranger = f"The mouth moves, but does not follow these words: {sure}"
+    apart = f"Out of sync, {in_words(best.offset, offset_ms)}: {enough}"
     wrong = WRONG[near.weakest if near is not None else "certainty"]
     findings: tuple[tuple[bool, Verdict, str], ...] = (
         (not moves, "fail", "The mouth hardly moves"),
         (share < FAIL_SHARE, "fail", stranger),
         (off == "fail", "fail", apart),
-        # Words that are late are these words still.
-        (follows < FOLLOWS and not (off and share >= PASS_SHARE), "fail", stranger),
-        (near is not None and number < FAIL_CLOSENESS, "fail", wrong),
+        (follows < FOLLOWS, "fail", stranger),
+        (near is not None and number < FAIL_CLOSENESS, "fail", f"{wrong}: {enough}"),
         (off == "warn", "warn", apart),
-        (number < needed, "warn", f"{wrong}, look at it"),
-        (True, "pass", "In sync. The mouth follows the words"),
+        (number < needed, "warn", f"{wrong}, look at it: {enough}"),
+        (True, "pass", f"In sync. The mouth follows the words: {enough}"),
     )
-    return next((verdict, f"{words}: {enough}.") for holds, verdict, words in findings if holds)
+    return next((verdict, f"{words}.") for holds, verdict, words in findings if holds)
 
 
 def pass_closeness(seconds: float) -> float:

@@ -59,7 +59,12 @@ def test_verdicts_without_a_film(
         (0.78, {"sharpness": 0.4}, 3, ("warn", "softer or sharper")),
         (0.45, {"closures": 0.0}, 3, ("fail", "do not close")),
         # Neither network finds the words, wherever the other parts are.
-        (0.8, {"certainty": 0.5, "opening": 0.5}, 3, ("fail", "does not follow these words: 80")),
+        (
+            0.8,
+            {"certainty": 0.5, "opening": 0.5},
+            3,
+            ("fail", "does not follow these words: 100 %"),
+        ),
     ],
 )
 def test_verdicts_beside_a_film(

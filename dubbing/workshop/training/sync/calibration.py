@@ -3,7 +3,7 @@
     python -m dubbing.workshop.training.sync.calibration --cache FOLDER [--network FILE] CLIP...
 
 Clips show one talking person each, with their own speech. Nobody should be among them whom the
-network learned from. Windows of 3 s are compared with the rest of their clip, as a dub with its
+network learned from. Windows are compared with the rest of their clip, as a dub with its
 film. All faults are made on curves and crops, or by another sound; nothing is rendered.
 
 Letters: F frames, K = 31 offsets, N windows, P parts.
@@ -104,8 +104,9 @@ class Window(NamedTuple):
 class Calibration:
     """Measures windows with one network."""
 
-    def __init__(self, network: SyncNetwork) -> None:
+    def __init__(self, network: SyncNetwork, seconds: float = SECONDS) -> None:
         self.network = network
+        self.seconds = seconds
         self.channels = SoundChannels()
 
     def talker(self, path: Path, cache: Path) -> Talker:
@@ -136,7 +137,7 @@ class Calibration:
     def windows(self, talker: Talker, others: Sequence[Talker]) -> Iterator[Window]:
         """Windows of a talker: the person's own, and those with a fault."""
         own = self.take(talker.rate, talker.mouth, talker.sound, talker.heard)
-        frames, count = len(own.rows), round(SECONDS * talker.rate)
+        frames, count = len(own.rows), round(self.seconds * talker.rate)
         parts = [slice(s, s + count) for s in range(0, frames - count + 1, count // 2)]
         films = [own.without(part) for part in parts]
         for kind, take in self.takes(talker, own):
@@ -149,7 +150,7 @@ class Calibration:
         for part, film in zip(parts, films, strict=True):
             mouth = talker.mouth.at(np.arange(part.start, part.stop))
             for other in rng.choice(len(others), min(OTHERS, len(others)), replace=False):
-                room = len(others[other].samples) / SAMPLE_RATE - SECONDS
+                room = len(others[other].samples) / SAMPLE_RATE - self.seconds
                 begin = rng.uniform(0, room) + np.arange(count) / talker.rate
                 take = self.take(talker.rate, mouth, others[other].sound, begin)
                 kind = "speech of others"
@@ -230,7 +231,7 @@ def fit(logs: np.ndarray, kinds: np.ndarray) -> np.ndarray:
     return np.asarray(weights / weights.sum())
 
 
-def table(windows: Sequence[Window]) -> str:
+def table(windows: Sequence[Window], seconds: float = SECONDS) -> str:
     """Markdown: fitted weights, then a line a kind, by the weights in use and fitted to others."""
     logs = logarithms(windows)
     kinds, names = (np.array([getattr(w, key) for w in windows]) for key in ("kind", "name"))
@@ -246,12 +247,10 @@ def table(windows: Sequence[Window]) -> str:
     for name in np.unique(names):
         weights = fit(logs[counted & (names != name)], kinds[counted & (names != name)])
         strange[names == name] = numbers(logs[names == name], weights)
-    real, needed = kinds == REAL, pass_closeness(SECONDS)
+    real, needed = kinds == REAL, pass_closeness(seconds)
     failed = (used < FAIL_CLOSENESS) | (np.array([w.near.follows for w in windows]) < FOLLOWS)
-    lines += [
-        "",
-        "| windows of 3 s | number | 5 % | median | 95 % | AUC | left out | enough | fail |",
-    ]
+    head = "number | 5 % | median | 95 % | AUC | left out | enough | fail"
+    lines += ["", f"| windows of {seconds:g} s | {head} |"]
     lines.append("|---|---|---|---|---|---|---|---|---|")
     faults = counted & ~real
     for kind, chosen in {
@@ -266,7 +265,7 @@ def table(windows: Sequence[Window]) -> str:
             f"| {kind} | {chosen.sum()} | {low:.2f} | {median:.2f} | {high:.2f} "
             f"| {' | '.join(cells)} |"
         )
-    lines += ["", "| person | least of 3 s | median | halves |", "|---|---|---|---|"]
+    lines += ["", "| person | least window | median | halves |", "|---|---|---|---|"]
     for name in dict.fromkeys(names.tolist()):
         own, half = used[real & (names == name)], used[(kinds == HALF) & (names == name)]
         halves = ", ".join(f"{value:.2f}" for value in half)
@@ -278,15 +277,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("clips", nargs="+", type=Path)
     parser.add_argument("--network", type=Path, default=DEFAULT_WEIGHTS, help="of train-sync")
+    parser.add_argument("--seconds", type=float, default=SECONDS, help="of a window")
     parser.add_argument("--cache", type=Path, required=True, help="keeps the measured clips")
     chosen = parser.parse_args(arguments)
     chosen.cache.mkdir(parents=True, exist_ok=True)
-    calibration = Calibration(load_network(chosen.network))
+    calibration = Calibration(load_network(chosen.network), chosen.seconds)
     talkers = [calibration.talker(path, chosen.cache) for path in chosen.clips]
     found: list[Window] = []
     for talker in talkers:
         found += calibration.windows(talker, [other for other in talkers if other is not talker])
-    print(table(found))
+    print(table(found, chosen.seconds))
 
 
 if __name__ == "__main__":
