@@ -83,13 +83,19 @@ def sound_offset(result: SyncResult) -> int:
 def film_face(
     source: SyncResult | None, method: str, place: tuple[float, float]
 ) -> FaceResult | None:
-    """The face of the source nearest to a place, of those that follow their sound for certain."""
+    """The face of the source nearest to a place, if it follows its own sound for certain."""
     if source is None or source.method != method:
         return None
-    least = PASS_SHARE * TYPICAL_CONFIDENCE
-    sure = [face for face in source.faces if face.figures and (face.confidence or 0) >= least]
     column, row = place
-    return min(sure, key=lambda f: (f.column - column) ** 2 + (f.row - row) ** 2, default=None)
+    nearest = min(
+        (face for face in source.faces if face.seconds >= MIN_SECONDS),
+        key=lambda face: (face.column - column) ** 2 + (face.row - row) ** 2,
+        default=None,
+    )
+    least = PASS_SHARE * TYPICAL_CONFIDENCE
+    if nearest is None or nearest.figures is None or (nearest.confidence or 0) < least:
+        return None
+    return nearest
 
 
 def unjudgeable(media: Media, tracked: bool) -> str | None:
