@@ -61,7 +61,7 @@ def test_verdicts_without_a_film(
         # Neither network finds the words, wherever the other parts are.
         (
             0.8,
-            {"certainty": 0.5, "opening": 0.5},
+            {"certainty": 0.4, "opening": 0.5},
             3,
             ("fail", "does not follow these words: 100 %"),
         ),

@@ -23,12 +23,12 @@ from dubbing.face.mouth_crop import mouth_crops
 from dubbing.face.mouth_shape import mouth_shape
 from dubbing.speech.voice_activity import SAMPLE_RATE, STEP_RATE, at_times
 from dubbing.sync.closeness import LEAST, WEIGHTS, Closeness, closeness
-from dubbing.sync.curves import MAX_OFFSET, CurveSum, distances, early_ms
+from dubbing.sync.curves import MAX_OFFSET, CurveSum, distances, early_ms, estimate
 from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
-from dubbing.sync.judgement import FAIL_CLOSENESS, FOLLOWS, pass_closeness
+from dubbing.sync.judgement import judge
 from dubbing.sync.measure import Sound
 from dubbing.sync.mouth_figures import MouthSeries, mouth_figures, of_mouth
-from dubbing.sync.result import Figures
+from dubbing.sync.result import FaceResult, Figures, Verdict
 from dubbing.sync.sound_channels import SoundChannels
 from dubbing.sync.sums import SILENT_WEIGHT
 from dubbing.sync.sync_network import DEFAULT_WEIGHTS, SyncNetwork, load_network
@@ -94,11 +94,12 @@ class Take(NamedTuple):
 
 
 class Window(NamedTuple):
-    """Whose seconds, with which fault, and how close they come to the rest of the clip."""
+    """Whose seconds, with which fault, how close they come to the rest of the clip, and verdict."""
 
     name: str
     kind: str
     near: Closeness
+    verdict: Verdict
 
 
 class Calibration:
@@ -190,9 +191,17 @@ def compared(
     name: str, kind: str, take: Take, part: slice, film: Figures | None
 ) -> Iterator[Window]:
     """A window beside its film, if both have enough speech."""
-    found = take.figures(part)
-    if found is not None and film is not None:
-        yield Window(name, kind, closeness(found, film, take.early_ms(part)))
+    found, curve, rate = take.figures(part), take.curve(part), take.series.rate
+    best = estimate(curve)
+    if found is not None and film is not None and best is not None:
+        near, seconds = (
+            closeness(found, film, early_ms(curve, rate)),
+            (part.stop - part.start) / rate,
+        )
+        face = FaceResult(0, 0.5, 0.5, seconds, 0, film.certainty, film)
+        early = best.offset * 1000 / rate
+        verdict, _ = judge(best, early, found, face, near, seconds=seconds)
+        yield Window(name, kind, near, verdict)
 
 
 def logarithms(windows: Sequence[Window]) -> np.ndarray:
@@ -247,11 +256,10 @@ def table(windows: Sequence[Window], seconds: float = SECONDS) -> str:
     for name in np.unique(names):
         weights = fit(logs[counted & (names != name)], kinds[counted & (names != name)])
         strange[names == name] = numbers(logs[names == name], weights)
-    real, needed = kinds == REAL, pass_closeness(seconds)
-    failed = (used < FAIL_CLOSENESS) | (np.array([w.near.follows for w in windows]) < FOLLOWS)
-    head = "number | 5 % | median | 95 % | AUC | left out | enough | fail"
+    real, verdicts = kinds == REAL, np.array([window.verdict for window in windows])
+    head = "number | 5 % | median | 95 % | AUC | left out | pass | warn | fail"
     lines += ["", f"| windows of {seconds:g} s | {head} |"]
-    lines.append("|---|---|---|---|---|---|---|---|---|")
+    lines.append("|---|---|---|---|---|---|---|---|---|---|")
     faults = counted & ~real
     for kind, chosen in {
         **{kind: kinds == kind for kind in dict.fromkeys(kinds.tolist())},
@@ -259,7 +267,7 @@ def table(windows: Sequence[Window], seconds: float = SECONDS) -> str:
     }.items():
         low, median, high = np.quantile(used[chosen], [0.05, 0.5, 0.95])
         areas = [area_under_roc(by[real], by[chosen]) for by in (used, strange)]
-        shares = [np.mean(used[chosen] >= needed), np.mean(failed[chosen])]
+        shares = [np.mean(verdicts[chosen] == verdict) for verdict in ("pass", "warn", "fail")]
         cells = [f"{value:.3f}" for value in (*areas, *shares)]
         lines.append(
             f"| {kind} | {chosen.sum()} | {low:.2f} | {median:.2f} | {high:.2f} "

@@ -56,7 +56,7 @@ def made(kind: str, amount: int, **parts: float) -> list[Window]:
         noisy = {
             p: parts.get(p, 0.95) * rng.uniform(0.9, 1) for p in WEIGHTS if p != "silence" or k % 2
         }
-        found.append(Window("ab"[k % 2], kind, Closeness(number_of(noisy), noisy)))
+        found.append(Window("ab"[k % 2], kind, Closeness(number_of(noisy), noisy), "warn"))
     return found
 
 
