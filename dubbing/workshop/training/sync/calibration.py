@@ -70,27 +70,23 @@ class Take(NamedTuple):
     series: MouthSeries
     rows: np.ndarray
 
-    def early_ms(self, part: slice) -> float:
-        return early_ms(self.curve(part), self.series.rate)
-
-    def curve(self, part: slice) -> np.ndarray:
+    def curve(self, chosen: slice | np.ndarray) -> np.ndarray:
+        """Of chosen frames, a slice or (F,) bool."""
         total = CurveSum.empty()
-        total.add(self.rows[part], SILENT_WEIGHT + self.series.voice[part])
+        total.add(self.rows[chosen], SILENT_WEIGHT + self.series.voice[chosen])
         return total.curve()
 
-    def figures(self, part: slice) -> Figures | None:
-        chosen = np.zeros(len(self.rows), bool)
-        chosen[part] = True
-        return mouth_figures(self.series, chosen, self.curve(part))
+    def figures(self, chosen: slice | np.ndarray) -> Figures | None:
+        mask = np.zeros(len(self.rows), bool)
+        mask[chosen] = True
+        return mouth_figures(self.series, mask, self.curve(chosen))
 
     def without(self, part: slice) -> Figures | None:
         """Figures of the rest of a clip."""
         apart = round(APART * self.series.rate)
         chosen = np.ones(len(self.rows), bool)
         chosen[max(part.start - apart, 0) : part.stop + apart] = False
-        total = CurveSum.empty()
-        total.add(self.rows[chosen], SILENT_WEIGHT + self.series.voice[chosen])
-        return mouth_figures(self.series, chosen, total.curve())
+        return self.figures(chosen)
 
 
 class Window(NamedTuple):
@@ -122,7 +118,7 @@ class Calibration:
             Sound.of(0.0, recording.samples, self.channels),
         )
         take = self.take(found.rate, found.mouth, found.sound, found.heard)
-        return replace(found, early=take.early_ms(slice(None)) / 1000)
+        return replace(found, early=early_ms(take.curve(slice(None)), found.rate) / 1000)
 
     def take(self, rate: float, mouth: Mouth, sound: Sound, heard: np.ndarray) -> Take:
         """A mouth of F frames beside what is heard of a sound at moments (F,)."""

@@ -5,6 +5,7 @@ import pytest
 
 from dubbing.face.mouth_shape import mouth_shape, opening
 from dubbing.sync.closeness import WEIGHTS, Closeness, number_of
+from dubbing.sync.curves import early_ms
 from dubbing.sync.sync_network import load_network
 from dubbing.workshop.training.sync.calibration import (
     HALF,
@@ -82,5 +83,5 @@ def test_a_clip_is_nearer_to_itself_than_its_faults(speaker: Speaker) -> None:
     assert figures is not None
     assert figures.opening > 0.3
     takes = dict(calibration.takes(talker, own))
-    assert takes["sound 160 ms early"].early_ms(whole) == pytest.approx(160, abs=40)
-    assert takes["sound 80 ms late"].early_ms(whole) == pytest.approx(-80, abs=40)
+    for kind, early in (("sound 160 ms early", 160), ("sound 80 ms late", -80)):
+        assert early_ms(takes[kind].curve(whole), 25.0) == pytest.approx(early, abs=40)
