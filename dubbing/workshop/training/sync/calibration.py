@@ -222,16 +222,14 @@ def fit(logs: np.ndarray, kinds: np.ndarray) -> np.ndarray:
     amount, sign = np.array([share[kind] for kind in kinds]), np.where(real, 1.0, -1.0)
     known = np.nan_to_num(logs)
 
-    def loss(values: np.ndarray) -> tuple[float, np.ndarray]:
+    def loss(values: np.ndarray) -> float:
         steep = np.exp(values[1:])
         margin = sign * (values[0] + known @ steep)
-        pull = -amount * sign / (1 + np.exp(np.clip(margin, -50, 50)))
-        slope = np.append(pull.sum(), (known.T @ pull + 2 * DECAY * steep) * steep)
-        return float(amount @ np.logaddexp(0, -margin) + DECAY * steep @ steep), slope
+        return float(amount @ np.logaddexp(0, -margin) + DECAY * steep @ steep)
 
     start = np.append(3.0, np.zeros(logs.shape[1]))
     bounds = [(None, None)] + [BOUNDS] * logs.shape[1]
-    found = np.exp(minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds).x[1:])
+    found = np.exp(minimize(loss, start, method="L-BFGS-B", bounds=bounds).x[1:])
     weights = np.maximum(found / found.sum(), LEAST_WEIGHT)
     return np.asarray(weights / weights.sum())
 
