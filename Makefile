@@ -5,7 +5,7 @@ BIN := .venv/bin
 export OMP_WAIT_POLICY ?= PASSIVE
 
 .PHONY: install demo docs test test-fast attack check bench gpu results true-dubs paper-tables speech-table lock
-.PHONY: clean
+.PHONY: clean verdict-table
 
 INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check
 
@@ -104,6 +104,13 @@ docs: .venv/installed
 # The tables of docs/development/speech.md: CLIPS of one talking person each, TEST clips never trained on.
 speech-table: .venv/installed
 	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.workshop.training.speech.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
+
+# The tables of docs/development/sync.md: CLIPS of one talking person each, whom the sync network NETWORK never saw.
+NETWORK ?= dubbing/sync/weights.safetensors
+VERDICT_CACHE ?= out/verdict
+verdict-table: .venv/installed
+	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.workshop.training.sync.calibration $(CLIPS) --network $(NETWORK) \
+		--cache $(VERDICT_CACHE) $(SECONDS:%=--seconds %)
 
 # Newer versions, within the ranges, of everything with all extras; needs uv.
 lock:

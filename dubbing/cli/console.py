@@ -159,6 +159,9 @@ def sync(found: dict[str, Any]) -> None:
     out.print(f"offset {found['offset_frames']} frames, {found['offset_ms']:.0f} ms", end="")
     out.print(f" ({found['words']})" if found.get("words") else "")
     out.print(f"confidence {found['confidence']:.3f}, distance {found['distance']:.3f}")
+    if parts := found.get("parts"):
+        shares = (f"{part} {100 * share:.0f} %" for part, share in parts.items())
+        out.print(f"as in the film: {', '.join(shares)}")
 
 
 def metrics(found: dict[str, dict[str, dict[str, Any]]]) -> None:

@@ -25,7 +25,7 @@ from dubbing.video.own_pixels import OwnPixels
 FORMULA = tuple("=+-@|%\uff1d\uff0b\uff0d\uff20")  # what a formula begins with, in wide signs, too
 COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unjudged": "blue"}
 OF_SOUND = ("loudness", "true_peak", "gain")
-OF_SYNC = ("verdict", "reason", "offset_frames", "confidence")
+OF_SYNC = ("verdict", "reason", "offset_frames", "confidence", "closeness")
 
 Shape = TypeVar("Shape")
 

@@ -24,7 +24,7 @@ from dubbing.stages.listen import Listen
 from dubbing.stages.prepare import Prepare
 from dubbing.stages.render import PART, Render
 from dubbing.sync.records import SYNC_FILE
-from dubbing.sync.result import Media, Motion, Segment, SyncResult
+from dubbing.sync.result import Media, Segment, SyncResult
 from tests import clips, fakes
 
 torch = pytest.importorskip("torch")
@@ -157,10 +157,9 @@ def test_speech_then_heads(clip: Path, tmp_path: Path, monkeypatch: pytest.Monke
 def test_check_reads_the_sources_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import dubbing.sync.check  # noqa: F401 (to be found in sys.modules)
 
-    motion = Motion(0.1, True, None, 1.0, None)
     segments = [Segment(0.0, 3.0, 1, 2.0, 0.5, 0.9)]
     result = SyncResult("pass", "fine", "lips", FACTS, 1, 40.0, 2.0, 0.5, [0.0] * 31)
-    result = SyncResult(**{**vars(result), "motion": motion, "segments": segments})
+    result = SyncResult(**{**vars(result), "segments": segments})
     module = sys.modules["dubbing.sync.check"]
     work = create_autospec(module.check, return_value=result)
     monkeypatch.setattr(module, "check", work)
@@ -181,7 +180,7 @@ def test_check_reads_the_sources_figures(tmp_path: Path, monkeypatch: pytest.Mon
     stage.run(tmp_path / "check", quiet)
     assert work.call_args[0] == (tmp_path / "composite" / "video.mkv",)
     named = work.call_args[1]
-    assert (named["source"], named["sound_from"]) == (result, None)
+    assert (named["source"], named["voices"]) == (result, None)
     assert (named["parts"], named["leave_out"]) == (((3, 9),), 7)
 
 
