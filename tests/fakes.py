@@ -169,7 +169,8 @@ def install(patch: Any) -> None:
         learned = [[0.0, self.seconds]]
         beside = [[clip.prepared.clip.name, learned] for clip in self.clips[1:]]
         summary = {"steps": 6, "seconds": 1.0, "clip": "", "learned": learned, "beside": beside}
-        atomic_write_json(out / "finetune.json", summary)
+        turned: list[list[float]] = [[] for _ in self.clips]
+        atomic_write_json(out / "finetune.json", summary | {"turned": turned})
         atomic_write_text(out / "loss.csv", "step,loss,psnr,seconds\n1,0.5,20,1\n2,0.25,22,2\n")
 
     def render(self: Render, out: Path, progress: Any) -> None:

@@ -31,6 +31,7 @@ from dubbing.identity.dataset import load_identity
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.identity.learned import CURVE_FILE, SUMMARY_FILE
 from dubbing.identity.reference_choice import choose_references, turns_far
+from dubbing.identity.turned_frames import with_turned
 from dubbing.media.voice_channel import is_silent
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
@@ -76,7 +77,8 @@ def finetune(
     speeches = [
         clip_speech(clip, settings.speech, settings.weights, offset) for clip, offset in films
     ]
-    footage = choose_frames(clips, speeches, start, seconds)
+    chosen = choose_frames(clips, speeches, start, seconds)
+    footage = with_turned(chosen) if settings.turned else chosen
     pictures = out / RESUME_FOLDER / PICTURES_FOLDER
     person = load_identity(clips[0].clip.stem, footage, folder=pictures)
     model = init_from_base(base, settings)
@@ -114,13 +116,18 @@ def finetune(
     saved_models.save_person(out / MODEL_FILE, model.cpu(), views, header)
     write_curve(out / CURVE_FILE, curve)
     write_events(out, curve)
-    learned, *beside = [learned_parts(one) for one in footage]
+    learned, *beside = [learned_parts(one, one.frames) for one in chosen]
+    turned = [
+        learned_parts(one, np.setdiff1d(one.frames, of.frames))
+        for one, of in zip(footage, chosen, strict=True)
+    ]
     summary = {
         "train": asdict(config),
         "frames": person.frames,
         "seconds": curve.seconds,
         "learned": learned,
         "beside": [[c.clip.name, parts] for c, parts in zip(clips[1:], beside, strict=True)],
+        "turned": turned,
     }
     atomic_write_json(out / SUMMARY_FILE, {**header, **summary})
     shutil.rmtree(out / RESUME_FOLDER)
@@ -189,10 +196,10 @@ def learn(
     return person, curve
 
 
-def learned_parts(footage: ClipFrames) -> list[tuple[float, float]]:
-    """From which second to which of its clip it is."""
+def learned_parts(footage: ClipFrames, frames: np.ndarray) -> list[tuple[float, float]]:
+    """From which second to which of its clip some frames (F,) are."""
     rate = float(footage.clip.rate)
-    return [(first / rate, (first + n) / rate) for first, n in parts_of(footage.frames)]
+    return [(first / rate, (first + n) / rate) for first, n in parts_of(frames)]
 
 
 def clip_speech(

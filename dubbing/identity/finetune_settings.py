@@ -26,6 +26,8 @@ class FinetuneSettings:
             files behind it.
         references: so many in every frame, the same ones, instead of the preset's.
         warp: False leaves equations (3) and (4) out.
+        turned: learns beside its seconds from frames in which the head is turned further; see
+            `dubbing.identity.turned_frames`.
         learning_rate: Adam's first, rays: of a step; None as the preset has them.
     """
 
@@ -36,6 +38,7 @@ class FinetuneSettings:
     speech_weights: Setting[str | None] = None
     references: int | None = None
     warp: bool = True
+    turned: bool = True
     learning_rate: float | None = None
     rays: int | None = None
 

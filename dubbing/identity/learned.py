@@ -14,7 +14,8 @@ from dubbing.errors import ExplainedError
 SUMMARY_FILE, CURVE_FILE = "finetune.json", "loss.csv"
 
 Seconds = list[tuple[float, float]]  # first and last second of each part
-Learned = Sequence[tuple[str, Seconds]]  # file names of clips, the main one first, with seconds
+# File names of clips, the main one first; their seconds, and those in which the head turns further.
+Learned = Sequence[tuple[str, Seconds, Seconds]]
 
 
 class Summary(TypedDict):
@@ -23,6 +24,7 @@ class Summary(TypedDict):
     clip: str
     learned: Seconds
     beside: list[tuple[str, Seconds]]
+    turned: list[Seconds]
 
 
 def learned(finetune: Path) -> Learned:
@@ -35,7 +37,8 @@ def learned(finetune: Path) -> Learned:
         ExplainedError: its summary cannot be read.
     """
     summary = kept.read(finetune / SUMMARY_FILE, Summary, "summary of finetune")
-    return [(summary["clip"], summary["learned"]), *summary["beside"]]
+    clips = [(summary["clip"], summary["learned"]), *summary["beside"]]
+    return [(*clip, turned) for clip, turned in zip(clips, summary["turned"], strict=True)]
 
 
 def learned_if_known(finetune: Path) -> Learned:
@@ -47,10 +50,16 @@ def learned_if_known(finetune: Path) -> Learned:
 
 
 def in_words(clips: Learned) -> str:
-    """``learned from 3.0-6.0 s, 21.0-33.0 s``, with the names of clips where there are several."""
+    """``learned from 3.0-6.0 s, 21.0-33.0 s``, with the names of clips where there are several.
+
+    Where the head turns further elsewhere: ``and 1.2 s of turned heads``.
+    """
     parts = []
-    for name, seconds in clips:
-        if seconds:
-            times = ", ".join(f"{first:.1f}-{stop:.1f} s" for first, stop in seconds)
+    for name, seconds, turned in clips:
+        times = ", ".join(f"{first:.1f}-{stop:.1f} s" for first, stop in seconds)
+        if turned:
+            further = f"{sum(stop - first for first, stop in turned):.1f} s of turned heads"
+            times = f"{times} and {further}" if times else further
+        if times:
             parts.append(f"{name} {times}" if len(clips) > 1 else times)
     return "learned from " + "; ".join(parts)

@@ -116,7 +116,9 @@ class Identity(Entry):
     start: Seconds = Field(default=0.0, ge=0, le=LONGEST_SECONDS, allow_inf_nan=False)
     """Where in the clip to begin to learn."""
     seconds: LearnedSeconds = LEARNED_SECONDS
-    """How many seconds to learn from, or `best`: the 15 s of all clips that vary most."""
+    """How many seconds to learn from, or `best`: the 15 s of all clips that vary most. Up to 40
+    frames beside them, in which the head is turned further, are learned too.
+    """
     consent: Annotated[
         Consent, BeforeValidator(read_form, json_schema_input_type=PathText | Consent)
     ]

@@ -47,6 +47,7 @@ from dubbing.preparation.tracking.light import noticed
 from dubbing.preparation.tracking.occlusion import covered_step
 from dubbing.preparation.tracking.overlay import Overlay, overlay_step
 from dubbing.preparation.tracking.portraits import Portrait
+from dubbing.preparation.tracking.reach import views_of
 from dubbing.preparation.tracking.tracking import Arrays
 from dubbing.preparation.tracking.warnings import face_warnings_of, warnings_of
 from dubbing.preparation.turning.head_surface import HeadSurface
@@ -127,7 +128,8 @@ def _track(
     crops = open_images(steps.folder / CROPS)
 
     def find_covered(report: ReportShare) -> Arrays:
-        return covered_step(crops, *places, bundle["shape"], report)
+        views = views_of(bundle["rotation"], bundle["translation"])
+        return covered_step(crops, *places, bundle["shape"], views, report)
 
     def find_overlay(report: ReportShare) -> Arrays:
         return overlay_step(Overlay(crops, *places, bundle["shape"], light), overlay, info, report)

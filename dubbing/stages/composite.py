@@ -50,9 +50,8 @@ class PersonOnFilm:
         from dubbing.identity.learned import learned
         from dubbing.video.own_pixels import learned_views, reasons
 
-        seconds = learned(self.model.folder)
-        parts = zip(self.learned, seconds, strict=True)
-        views = [learned_views(of.load(), stretches) for of, (_, stretches) in parts]
+        parts = zip(self.learned, learned(self.model.folder), strict=True)
+        views = [learned_views(of.load(), [*some, *turned]) for of, (_, some, turned) in parts]
         return reasons(clip, np.concatenate(views))
 
 

@@ -14,6 +14,9 @@ from dubbing.preparation.tracking.reach import NOT_SEEN, Reach, hidden, reach_of
 
 # Degrees between a view of the head and the nearest that was learned: beyond, it is not rendered.
 FARTHEST_VIEW = 20.0
+# Degrees from the front beyond which a face in which no landmarks are found is a profile: where its
+# mouth is can only be guessed.
+PROFILE = 60.0
 REASONS = (*NOT_SEEN, "turned")  # by their numbers
 OVERLAID = ("", "something lies over it")
 
@@ -33,8 +36,9 @@ def reasons(clip: PreparedClip, learned: np.ndarray) -> np.ndarray:
     Args:
         learned: (L, 3) views that were learned from; see `views`.
     """
-    cosine = (views(clip) @ learned.T).max(1)
-    turned = cosine < np.cos(np.deg2rad(FARTHEST_VIEW))
+    seen = views(clip)
+    turned = (seen @ learned.T).max(1) < np.cos(np.deg2rad(FARTHEST_VIEW))
+    turned |= ~clip.detected & (-seen[:, 2] < np.cos(np.deg2rad(PROFILE)))
     return np.select([~clip.valid, clip.covered, turned], [1, 2, 3], 0)
 
 
@@ -44,11 +48,11 @@ def views(clip: PreparedClip) -> np.ndarray:
 
 
 def learned_views(clip: PreparedClip, seconds: Sequence[tuple[float, float]]) -> np.ndarray:
-    """Views (L, 3) of the frames that show the face from one second of a clip to another."""
+    """Views (L, 3) of the frames in which the face is detected, from one second to another."""
     learned = np.zeros(len(clip), bool)
     for start, stop in seconds:
         learned[round(start * clip.rate) : round(stop * clip.rate)] = True
-    return views(clip)[learned & clip.valid]
+    return views(clip)[learned & clip.detected]
 
 
 def own_pixels(

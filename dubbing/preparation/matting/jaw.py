@@ -21,7 +21,8 @@ ABOVE, BELOW = 2.5, 14.0  # px: expected distance of the edge from FaceMesh's li
 STEP = 5  # px on either side whose means are compared
 CLEAR = 60.0  # grey levels: a step of this height is worth half of MAX_REWARD
 MAX_REWARD = 3.0  # of a step: the white of a collar is no better a chin
-WALL = 6.0  # reward where the person ends, and cost of what is beyond
+# Reward where the person ends, and cost of what is beyond; of any face, and of a profile.
+WALL, PROFILE_WALL = 6.0, 12.0
 CROSSED = 0.012  # cost a px and grey level of steps crossed on the way outwards
 BEND = 0.5  # cost of a step of one px from point to point, squared
 ENDS = 0.06  # share of the line at each end, beside the ears, that does not move
@@ -38,7 +39,8 @@ def normals(line: np.ndarray) -> np.ndarray:
 def edge_costs(image: np.ndarray, person: np.ndarray, outline: np.ndarray) -> np.ndarray:
     """Cost (POINTS, J) of the edge lying OFFSETS below an outline (K, 2) px.
 
-    Where a chin lies before the wall, as in a profile, its edge is that of the person.
+    Where a chin lies before the wall, as in a profile, its edge is that of the person: FaceMesh's
+    line is then far off, and what is crossed on the way to the wall is the chin's own shading.
 
     Args:
         image: (S, S, 3) uint8 RGB. person: (S, S) uint8, opacity.
@@ -54,11 +56,14 @@ def edge_costs(image: np.ndarray, person: np.ndarray, outline: np.ndarray) -> np
     outward = np.where(OFFSETS >= 0, step, 0)
     passed = np.cumsum(outward, axis=1) - outward
     passed = np.pad(passed, ((0, 0), (STEP, 0)))[:, : len(OFFSETS)]
-    cost = far**2 / 2 - MAX_REWARD * step / (step + CLEAR) + CROSSED * SPACING * passed
     inside = cv2.remap(person, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) >= OPAQUE
     ends = np.where((inside.all(1) | ~inside[:, 0])[:, None], np.inf, inside.argmin(1)[:, None])
+    wall = WALL
+    if np.isfinite(ends[line[:, 1].argmax()]):  # the lowest point: a chin without a neck below it
+        wall, passed = PROFILE_WALL, np.where(np.isfinite(ends), 0, passed)
+    cost = far**2 / 2 - MAX_REWARD * step / (step + CLEAR) + CROSSED * SPACING * passed
     place = np.arange(len(OFFSETS))
-    cost += np.where(place > ends, WALL, np.where(place >= ends - 1, -WALL, 0))
+    cost += np.where(place > ends, wall, np.where(place >= ends - 1, -wall, 0))
     still = round(ENDS * POINTS)
     for end in (slice(0, still), slice(POINTS - still, None)):
         cost[end] = OFFSETS**2

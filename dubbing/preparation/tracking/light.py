@@ -21,6 +21,9 @@ LEAST_GAIN = 0.02  # a darker frame shows nothing
 # Offsets count from the first to the second of these, grey levels. A smaller one can come from a
 # head that turns in light from the side; a larger one is haze, a fade to white or a dissolve.
 HAZE_FROM, HAZE_FULL = 20.0, 40.0
+# Turn from the usual view, rad, up to which an offset counts, and from which it does not: landmarks
+# of a turned head lie beside dark brows and eyes, which looks like haze.
+HAZE_KNOWN, HAZE_UNKNOWN = 0.2, 0.4
 
 
 @dataclass(frozen=True)
@@ -39,6 +42,25 @@ class Light:
         return np.asarray((colours - self.offset[:, None]) / self.gain[:, None])
 
 
+@dataclass(frozen=True)
+class Sight:
+    """What frames see of a face.
+
+    Attributes:
+        colours: (T, P, 3) at the points of the mesh, NaN where a point is not seen.
+        turn: (T,) from the usual view, rad.
+        dark: (T, 3) of the darkest pixels of the frames: no haze is brighter.
+    """
+
+    colours: np.ndarray
+    turn: np.ndarray
+    dark: np.ndarray
+
+    def of(self, frames: np.ndarray) -> "Sight":
+        """Of some frames (T,) bool."""
+        return Sight(self.colours[frames], self.turn[frames], self.dark[frames])
+
+
 def sampled(image: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Colours (P, 3) float32 of an RGB image at points (P, 2 or more) px."""
     smooth = cv2.GaussianBlur(image, (0, 0), max(0.6, BLUR * float(np.ptp(points[:, 0]))))
@@ -47,16 +69,19 @@ def sampled(image: np.ndarray, points: np.ndarray) -> np.ndarray:
     return np.asarray(read[0], np.float32)
 
 
-def light_of(colours: np.ndarray, usual: np.ndarray, still: np.ndarray) -> Light:
+def light_of(sight: Sight, usual: np.ndarray, still: np.ndarray) -> Light:
     """The light of frames, by robust least squares.
 
     Args:
-        colours: (T, P, 3). usual: (P, 3). still: indices of the points to compare. Eyes and brows
-            are added: they are dark, and without them gain and offset cannot be separated.
+        sight: of the frames.
+        usual: (P, 3).
+        still: indices of the points to compare. Eyes and brows are added: they are dark, and
+            without them gain and offset cannot be separated.
     """
     index = np.union1d(still, (*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW))
-    own, of = colours[:, index].astype(np.float64), usual[None, index].astype(np.float64)
-    weight = np.ones_like(own)
+    own, of = sight.colours[:, index].astype(np.float64), usual[None, index].astype(np.float64)
+    seen = ~np.isnan(own)
+    own, weight = np.nan_to_num(own), seen.astype(np.float64)
     for _ in range(ROUNDS):
         total = weight.sum(1, keepdims=True)
         middle_of = (weight * of).sum(1, keepdims=True) / total
@@ -66,9 +91,12 @@ def light_of(colours: np.ndarray, usual: np.ndarray, still: np.ndarray) -> Light
         gain /= np.maximum((weight * apart**2).sum(1, keepdims=True), 1e-9)
         offset = middle - gain * middle_of
         left = np.abs(own - gain * of - offset)
-        spread = np.maximum(1.4826 * np.median(left, 1, keepdims=True), 1.0)
-        weight = 1 / np.maximum(1, left / (HUBER * spread))
+        middle_left = np.nanmedian(np.where(seen, left, np.nan), 1, keepdims=True)
+        weight = seen / np.maximum(1, left / (HUBER * np.maximum(1.4826 * middle_left, 1.0)))
+    offset = np.minimum(offset, sight.dark[:, None])
     counted = offset * np.clip((np.abs(offset) - HAZE_FROM) / (HAZE_FULL - HAZE_FROM), 0, 1)
+    known = (HAZE_UNKNOWN - sight.turn) / (HAZE_UNKNOWN - HAZE_KNOWN)
+    counted *= np.clip(known, 0, 1)[:, None, None]
     gain = (middle - counted) / np.maximum(middle_of, 1.0)
     return Light(np.maximum(gain[:, 0], LEAST_GAIN), counted[:, 0])
 

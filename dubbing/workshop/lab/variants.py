@@ -84,7 +84,7 @@ class Variant:
             raise ExplainedError(f"{self.method}: {error}", option, "leave it out") from error
 
     def of(self, own: Person) -> Person:
-        """A person as the method learns them.
+        """A person as the method learns them: from their seconds alone, as the rest is held out.
 
         A base of the person's own serves their own preset, and all that the shipped base serves
         where that is one of them. References of their own are those of `dfrf`.
@@ -101,6 +101,7 @@ class Variant:
             preset=preset,
             references=count,
             warp=self.warp,
+            turned=False,
             iterations=settings.iterations if keeps_steps else STEPS[family(preset)],
         )
         base = own.base if keeps_base else self.base or shipped_base(preset)

@@ -73,7 +73,7 @@ def found(*dubs: tuple[str, str, float]) -> dict[str, Any]:
         "clip": "/films/ann.mp4",
         "consent": consent,
         "warnings": [],
-        "learned": in_words([("ann.mp4", [(3.0, 6.0), (21.04, 33.0)])]),
+        "learned": in_words([("ann.mp4", [(3.0, 6.0), (21.04, 33.0)], [])]),
         "contact_sheet": "work/sheet.png",
         "loss": [],
         "psnr": [],

@@ -41,6 +41,15 @@ def test_a_frame_turned_further_than_was_learned_keeps_its_face(clip: PreparedCl
     assert reasons(clip, both).tolist() == [3, 3, 0, 0, 0, 0, 3, 0, 0, 3]
 
 
+def test_a_profile_without_landmarks_keeps_its_face(clip: PreparedClip) -> None:
+    turns = Rotation.from_euler("y", np.linspace(0, 90, len(clip))[:, None], degrees=True)
+    detected = np.arange(len(clip)) % 3 > 0
+    profile = replace(clip, rotation=turns.as_matrix(), detected=detected)
+    found = reasons(profile, views(profile))
+    assert found.tolist() == [0, 0, 0, 0, 0, 0, 0, 0, 0, 3]  # 60 degrees are no profile yet
+    assert not reasons(replace(profile, detected=detected | True), views(profile)).any()
+
+
 def test_the_first_reason_is_the_one_that_is_given(clip: PreparedClip) -> None:
     flags = np.zeros((2, len(clip)), bool)
     flags[0, [0, 4]] = flags[1, [0, 1, 5]] = True
@@ -58,9 +67,9 @@ def test_a_view_points_from_the_head_to_the_camera(clip: PreparedClip) -> None:
 
 
 def test_views_are_learned_from_the_seconds_that_show_a_face(clip: PreparedClip) -> None:
-    valid = np.ones(len(clip), bool)
-    valid[6] = False
-    found = learned_views(replace(clip, valid=valid), [(0.0, 0.08), (0.2, 0.32)])
+    detected = np.ones(len(clip), bool)
+    detected[6] = False
+    found = learned_views(replace(clip, detected=detected), [(0.0, 0.08), (0.2, 0.32)])
     np.testing.assert_allclose(found, views(clip)[[0, 1, 5, 7]])
 
 

@@ -60,6 +60,18 @@ def test_a_chin_before_the_wall_ends_where_the_person_does() -> None:
     assert np.abs(neck).max() < 2.5
 
 
+def test_the_shading_of_a_profile_is_no_edge_but_that_of_a_neck_is() -> None:
+    row, column = np.mgrid[:SIZE, :SIZE].astype(float)
+    line = 300 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi)
+    shade = np.clip(190 - 5 * np.maximum(row - line, 0), 90, None)
+    image = np.repeat(shade[..., None], 3, 2).astype(np.uint8)
+    middle = slice(POINTS // 2 - 5, POINTS // 2 + 5)
+    chin = np.where(row < line + 20, 255, 0).astype(np.uint8)
+    assert np.abs(offsets_of(image, chin, LINE)[middle] - 20).max() < 2.5
+    neck = np.where((row < line + 20) | (np.abs(column - 256) < 40), 255, 0).astype(np.uint8)
+    assert offsets_of(image, neck, LINE)[middle].max() < 12
+
+
 def test_a_collar_further_down_is_no_chin() -> None:
     chin = offsets_in(picture(1.0), LINE)[POINTS // 2 - 5 : POINTS // 2 + 5]
     with_collar = offsets_in(picture(1.0, collar=400), LINE)[POINTS // 2 - 5 : POINTS // 2 + 5]

@@ -1,10 +1,12 @@
 """The light of frames, from colours that are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dubbing.face.mesh_points import LEFT_EYE_AND_BROW
-from dubbing.preparation.tracking.light import coarse_gain, light_of, noticed
+from dubbing.preparation.tracking.light import Sight, coarse_gain, light_of, noticed
 
 FRAMES, POINTS = 6, 478
 STILL = np.arange(100, 200)
@@ -13,11 +15,13 @@ USUAL = RNG.uniform(90, 220, (POINTS, 3))
 USUAL[list(LEFT_EYE_AND_BROW)] = RNG.uniform(20, 90, (len(LEFT_EYE_AND_BROW), 3))
 
 
-def seen(gain: float | list[float], offset: float = 0.0) -> np.ndarray:
-    """Colours (T, P, 3) in that light, with noise, and a tenth of the points covered."""
+def seen(
+    gain: float | list[float], offset: float = 0.0, turn: float = 0.0, dark: float = 255.0
+) -> Sight:
+    """A face in that light, with noise, and a tenth of the points covered."""
     lit = np.multiply(USUAL, gain) + offset + RNG.normal(0, 2, (FRAMES, POINTS, 3))
     lit[:, 100:110] = 10
-    return lit
+    return Sight(lit, np.full(FRAMES, turn), np.full((FRAMES, 3), dark))
 
 
 @pytest.mark.parametrize("gain", [0.1, 0.4, 1.0, 1.2, [1.1, 1.0, 0.7]])
@@ -38,6 +42,23 @@ def test_a_fade_to_white_is_haze(white: float) -> None:
 
 def test_a_little_haze_is_a_head_that_turns() -> None:
     assert not light_of(seen(0.95, 12.0), USUAL, STILL).offset.any()
+
+
+def test_a_head_that_is_turned_far_shows_no_haze() -> None:
+    light = light_of(seen(0.5, 100.0, turn=0.5), USUAL, STILL)
+    assert not light.offset.any()
+
+
+def test_haze_leaves_nothing_darker_than_itself() -> None:
+    assert not light_of(seen(0.5, 100.0, dark=15.0), USUAL, STILL).offset.any()
+    assert np.abs(light_of(seen(0.5, 100.0, dark=100.0), USUAL, STILL).offset - 100).max() < 6
+
+
+def test_what_a_frame_does_not_see_has_no_light() -> None:
+    sight = seen(0.5)
+    sight.colours[:, :150] = 250
+    blind = replace(sight, colours=np.where(sight.colours == 250, np.nan, sight.colours))
+    assert np.abs(light_of(blind, USUAL, STILL).gain - 0.5).max() < 0.03
 
 
 def test_only_what_one_notices_is_told_from_the_usual_light() -> None:

@@ -60,7 +60,8 @@ def look(frames: np.ndarray, points: np.ndarray, out: Path) -> tuple[np.ndarray,
     """Masks (T, S, S) and over (T,) of what is found in frames."""
     shape = head_frame(mean_shape(points, tuple(range(468))))
     valid, one = np.ones(len(frames), bool), np.zeros(len(frames), int)
-    light = covered_step(frames, points, valid, one, shape, lambda _: None)
+    views = np.tile([0.0, 0, -1], (len(frames), 1))
+    light = covered_step(frames, points, valid, one, shape, views, lambda _: None)
     overlay = Overlay(frames, points, valid, one, shape, light)
     info = cast("MediaInfo", SimpleNamespace(rate=Fraction(25)))
     over = overlay_step(overlay, out, info, lambda _: None)["over"]

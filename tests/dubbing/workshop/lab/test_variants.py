@@ -38,6 +38,11 @@ def test_another_number_of_references_is_another_fine_tune(own: Person, tmp_path
     assert not still.settings.warp
 
 
+def test_what_is_measured_is_learned_from_its_own_seconds_alone(own: Person) -> None:
+    assert own.settings.turned
+    assert not Variant("dfrf").of(own).settings.turned
+
+
 def test_references_of_the_manifest_are_those_of_dfrf_alone(own: Person) -> None:
     three = replace(own, settings=replace(own.settings, references=3))
     assert Variant("dfrf").of(three).settings.references == 3
