@@ -4,8 +4,8 @@ BIN := .venv/bin
 # Two threads that spin on one busy core are ten times slower than two that wait.
 export OMP_WAIT_POLICY ?= PASSIVE
 
-.PHONY: install demo docs test test-fast attack check bench results true-dubs paper-tables speech-table lock
-.PHONY: clean
+.PHONY: install demo docs test test-fast attack check bench gpu results true-dubs paper-tables speech-table lock
+.PHONY: clean verdict-table
 
 INSTALL := $(BIN)/python -m pip install -q --disable-pip-version-check
 
@@ -49,10 +49,19 @@ SEED ?= $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 attack: .venv/installed-dev
 	DFRF_ATTACK=$(TIMES) $(BIN)/python -m pytest -q tests/attack --hypothesis-seed=$(SEED)
 
-# Times a person that was dubbed before; the demo's by default.
+# Times a person that was dubbed before, the demo's by default: a frame and a step, part by part. Then what a dubbing
+# team waits for, with the clip and speech of WAITS.
 BENCH ?= out/demo/demo.yaml alba
+WAITS ?= out/demo/source/clip.mp4 out/demo/source/italian.wav
 bench: .venv/installed
 	$(BIN)/python -m dubbing.workshop.bench.benchmark $(BENCH) out/bench.json
+	$(BIN)/python -m dubbing.workshop.bench.dub_times $(WAITS) out/bench-$$(date +%s)
+
+# Everything that is to be measured on a GPU, into GPU_DAY: 25 minutes; called again it goes on.
+GPU_DAY ?= out/gpu
+MINUTES ?= 25
+gpu: .venv/installed
+	$(BIN)/python -m dubbing.workshop.bench.gpu_day $(GPU_DAY) --minutes $(MINUTES)
 
 # Films of the synthetic speaker whose dub has a true picture: makes them, dubs them, compares. SCENES are names or
 # patterns; the films take half an hour, once.
@@ -95,6 +104,13 @@ docs: .venv/installed
 # The tables of docs/development/speech.md: CLIPS of one talking person each, TEST clips never trained on.
 speech-table: .venv/installed
 	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.workshop.training.speech.evaluation $(CLIPS) $(if $(TEST),--test $(TEST))
+
+# The tables of docs/development/sync.md: CLIPS of one talking person each, whom the sync network NETWORK never saw.
+NETWORK ?= dubbing/sync/weights.safetensors
+VERDICT_CACHE ?= out/verdict
+verdict-table: .venv/installed
+	OMP_NUM_THREADS=1 $(BIN)/python -m dubbing.workshop.training.sync.calibration $(CLIPS) --network $(NETWORK) \
+		--cache $(VERDICT_CACHE) $(SECONDS:%=--seconds %)
 
 # Newer versions, within the ranges, of everything with all extras; needs uv.
 lock:

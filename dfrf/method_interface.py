@@ -20,7 +20,7 @@ from dfrf.data.dataset import HeadDataset
 from dfrf.data.ray_batch import RayBatch
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.model_interface import HeadModel
-from dfrf.rendering.volume_rendering import Volume
+from dfrf.rendering.frame_head import FrameHead
 
 
 class Share(Protocol):
@@ -77,8 +77,8 @@ class FrameInputs:
         size: S.
         regions: the pixels that are needed; others may be left blank. None is all.
         baked: whether density is looked up, where a person's has been baked, instead of marched.
-        strength: of the lips' movement, 1 as spoken, 0 a closed mouth; other than 1 only where a
-            model has lip measures.
+        strength: of the lips' movement, 1 as spoken, 0 a closed mouth; None as spoken; other than 1
+            only where a model has lip measures.
     """
 
     c2w: Float[Tensor, "T 3 4"]
@@ -90,7 +90,7 @@ class FrameInputs:
     size: int
     regions: Bool[Tensor, "T S S"] | None = None
     baked: bool = False
-    strength: float = 1.0
+    strength: Float[Tensor, " T"] | None = None
 
 
 ShareT = TypeVar("ShareT", bound=Share)
@@ -104,7 +104,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
         parallel_shares: largest number of shares of a step that are computed in parallel.
         segment: frames rendered between two saves; a killed run loses no more than these.
         reach: frames before and after the rendered ones whose speech is needed too.
-        refines_poses: whether `resting_volumes` exist, with which poses are refined.
+        refines_poses: whether `resting_heads` exist, with which poses are refined.
     """
 
     parallel_shares: int
@@ -214,25 +214,32 @@ class Method(ABC, Generic[ShareT, MapsT]):
     def finish(self, dataset: HeadDataset, views: ReferenceViews | None, seed: int) -> None:
         """Called after the last step of a fine-tune; does nothing by default."""
 
-    def resting_volumes(
-        self, expression: Float[Tensor, "F U"], maps: MapsT | None
-    ) -> Callable[[int], Volume]:
-        """Volumes of the head while nobody speaks; gives that of one of F frames.
+    def bake(self, dataset: HeadDataset, maps: MapsT | None) -> None:
+        """Makes a person's density quick to look up, as it is now; does nothing by default."""
+
+    def resting_heads(
+        self,
+        expression: Float[Tensor, "F U"],
+        origins: Float[Tensor, "F 3"],
+        maps: MapsT | None,
+    ) -> Callable[[int], FrameHead]:
+        """The head while nobody speaks; gives that of one of F frames.
 
         Args:
             expression: measures of the upper face.
+            origins: of the cameras, head frame.
             maps: references of the person.
         """
         raise NotImplementedError
 
-    def volumes_with_lips(
+    def heads_with_lips(
         self,
         expression: Float[Tensor, "F U"],
         lips: Float[Tensor, "F Q 2"],
         origins: Float[Tensor, "F 3"],
         maps: MapsT | None,
-    ) -> Callable[[int], Volume]:
-        """Volumes of the head with the lips of a film; by default those of `resting_volumes`.
+    ) -> Callable[[int], FrameHead]:
+        """The head with the lips of a film; by default those of `resting_heads`.
 
         Args:
             expression: measures of the upper face.
@@ -240,7 +247,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
             origins: of the cameras, head frame.
             maps: references of the person.
         """
-        return self.resting_volumes(expression, maps)
+        return self.resting_heads(expression, origins, maps)
 
     @abstractmethod
     def render_frames(

@@ -2,6 +2,7 @@
 
     person:  prepare -> check_source -> finetune -> refine_poses
     dub:     listen -> render -> composite -> check (-> sign, with a certificate)
+    draft:   listen -> draft
 
 Every stage declares its dependencies itself; see `dubbing.stages`. The planner, the runner, the
 report and ``--force`` read the jobs that are made here. Nothing here imports torch.
@@ -19,6 +20,7 @@ from dubbing.stages.base import Prepared
 from dubbing.stages.check import Check
 from dubbing.stages.check_source import CheckSource
 from dubbing.stages.composite import Composite, PersonOnFilm
+from dubbing.stages.draft import Draft
 from dubbing.stages.finetune import Finetune, LearnedClip
 from dubbing.stages.listen import Listen
 from dubbing.stages.prepare import Prepare
@@ -28,7 +30,18 @@ from dubbing.stages.sign import Sign
 from dubbing.video.files import video_file
 
 PERSON, DUB = "identity", "dub"  # kinds of jobs
-STAGES = (Prepare, CheckSource, Finetune, RefinePoses, Listen, Render, Composite, Check, Sign)
+STAGES = (
+    Prepare,
+    CheckSource,
+    Finetune,
+    RefinePoses,
+    Listen,
+    Render,
+    Composite,
+    Check,
+    Sign,
+    Draft,
+)
 
 
 def people_jobs(
@@ -66,13 +79,19 @@ def person_job(
 
 
 def dub_job(
-    dub: Dub, people: Mapping[str, Job], work: Path, device: str = "auto", name: str = ""
+    dub: Dub,
+    people: Mapping[str, Job],
+    work: Path,
+    device: str = "auto",
+    name: str = "",
+    draft: bool = False,
 ) -> Job:
     """The stages of a dub; none where its film or a sound is damaged.
 
     Args:
         people: the jobs of people, by name.
         name: of its folder; its own by default.
+        draft: whether a draft is made in its place.
     """
     waits = tuple(people[person.name].label for person in dub.people)
     job = Job(DUB, dub.name, dub_folder(work, name or dub.name), "cues", waits, dub.blocked)
@@ -81,11 +100,17 @@ def dub_job(
         person, own = dub.person(cue), people[cue.identity]
         film, model = person.clip_at(dub.film.path), own.stage(Finetune)
         speech = job.add(Listen.of(cue, person, dub.film.rate), cue.name)
+        if draft:
+            heads[cue.name] = speech
+            continue
         poses = own.stage(RefinePoses, film.name)
         render = Render.of(dub, cue, prepared(own, film), model, poses, speech, device)
         heads[cue.name] = job.add(render, cue.name)
     if heads:
         on_film = {who.name: on_film_of(dub, who, people[who.name]) for who in dub.people}
+        if draft:
+            job.add(Draft.of_speech(dub, heads, on_film, device))
+            return job
         video = job.add(Composite.of(dub, heads, on_film))
         first = dub.people[0]
         source = people[first.name].stage(CheckSource, first.clip_at(dub.film.path).name)

@@ -32,9 +32,9 @@ from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
 from dfrf.rendering.baked_density import corners, positions
 from dfrf.rendering.baked_frame import BakedHead, ViewImages
-from dfrf.rendering.frame_renderer import render_frame
+from dfrf.rendering.frame_head import FrameHead, MarchedHead
 from dfrf.rendering.grid_pruning import prune_grid
-from dfrf.rendering.volume_rendering import Volume, density_at, render_rays
+from dfrf.rendering.volume_rendering import density_at, render_rays
 from dfrf.training.lip_supervision import (
     closed_mouth_target,
     dataset_codes,
@@ -48,7 +48,7 @@ from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
 FRAMES_AT_ONCE = 8
-BAKED_FRAMES = 64
+BAKED_FRAMES = 32
 MOST_COMPARED = 1000  # frames of a person, each with all others: 8 MB of distances
 
 
@@ -247,14 +247,22 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         conditioning = training_conditioning(model, [dataset])[dataset.name]
         generator = torch.Generator().manual_seed(seed)
         prune(model.eval(), conditioning, dataset.c2w, maps, generator)
+        self.bake(dataset, maps)
+
+    def bake(self, dataset: HeadDataset, maps: ReferenceMaps | None) -> None:
         if maps is not None:
+            model = self.model.eval()
+            conditioning = training_conditioning(model, [dataset])[dataset.name]
             bake(model, conditioning, dataset.c2w[:, :, 3].to(model.device), maps)
 
     @torch.no_grad()
-    def resting_volumes(
-        self, expression: Float[Tensor, "F U"], maps: ReferenceMaps | None
-    ) -> Callable[[int], Volume]:
-        return self._volumes(self._resting(expression), maps)
+    def resting_heads(
+        self,
+        expression: Float[Tensor, "F U"],
+        origins: Float[Tensor, "F 3"],
+        maps: ReferenceMaps | None,
+    ) -> Callable[[int], FrameHead]:
+        return self._heads(self._resting(expression), origins, maps)
 
     def _resting(self, expression: Float[Tensor, "F U"]) -> Float[Tensor, "F K"]:
         """Conditioning of frames in silence."""
@@ -264,20 +272,14 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         resting: Tensor = model.field.conditioning(*(part.to(model.device) for part in parts))
         return resting
 
-    def _volumes(
-        self, conditioning: Float[Tensor, "F K"], maps: ReferenceMaps | None
-    ) -> Callable[[int], Volume]:
-        rounded = self.model.rounded()
-        return lambda frame: rounded.volume(conditioning[frame : frame + 1], maps)
-
     @torch.no_grad()
-    def volumes_with_lips(
+    def heads_with_lips(
         self,
         expression: Float[Tensor, "F U"],
         lips: Float[Tensor, "F Q 2"],
         origins: Float[Tensor, "F 3"],
         maps: ReferenceMaps | None,
-    ) -> Callable[[int], Volume]:
+    ) -> Callable[[int], FrameHead]:
         conditioning = self._resting(expression)
         if maps is not None and maps.views.mouths is not None:
             own, mouths = self.model.field.conditioning, maps.views.mouths
@@ -288,7 +290,30 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
                 [self.model.config.field.code_dim, expression.shape[1]], 1
             )
             conditioning = torch.cat([own.project_to_lips(codes, measures), rest], 1)
-        return self._volumes(conditioning, maps)
+        return self._heads(conditioning, origins, maps)
+
+    @torch.no_grad()
+    def _heads(
+        self,
+        conditioning: Float[Tensor, "F K"],
+        origins: Float[Tensor, "F 3"],
+        maps: ReferenceMaps | None,
+        baked: bool = True,
+    ) -> Callable[[int], FrameHead]:
+        """The head of each frame: baked if that is wanted and the person's has been baked."""
+        model, images = self.model.rounded(), None
+        described = self.model.described(conditioning, origins.to(conditioning))
+        if baked and model.baked and maps is not None:
+            images = ViewImages.of(maps)
+
+        def head(frame: int) -> FrameHead:
+            volume = model.volume(conditioning[frame : frame + 1], maps)
+            if images is None:
+                return MarchedHead(volume)
+            density = model.baked.of_frame(model.grid, described[frame])
+            return BakedHead(volume, density, images)
+
+        return head
 
     def render_frames(
         self, inputs: FrameInputs, maps: ReferenceMaps | None
@@ -299,20 +324,11 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
             conditioning = field.conditioning(
                 inputs.windows, inputs.predicted_lips, inputs.expression, inputs.strength
             )
-            model = self.model.rounded()
-            described = self.model.described(conditioning, inputs.c2w[:, :, 3])
-        images = None
-        if inputs.baked and model.baked and maps is not None:
-            images = ViewImages.of(maps)
+        heads = self._heads(conditioning, inputs.c2w[:, :, 3], maps, inputs.baked)
 
         def one(t: int) -> tuple[Tensor, Tensor]:
             camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)
-            region = None if inputs.regions is None else inputs.regions[t]
-            volume = model.volume(conditioning[t : t + 1], maps)
-            if images is None:
-                return render_frame(volume, camera, region)
-            density = model.baked.of_frame(model.grid, described[t])
-            return BakedHead(volume, density, images).render(camera, region)
+            return heads(t).render(camera, None if inputs.regions is None else inputs.regions[t])
 
         with Workers(inputs.c2w.device, FRAMES_AT_ONCE) as workers:
             yield from workers.map(one, range(inputs.c2w.shape[0]))

@@ -75,17 +75,20 @@ class Conditioning(nn.Module):
         self,
         windows: Float[Tensor, "F 8 W D"],
         predicted_lips: Float[Tensor, "N P"],
-        strength: float = 1.0,
+        strength: Float[Tensor, " F"] | None = None,
     ) -> Float[Tensor, "F A"]:
         """Codes of F frames as this person speaks; N = F + 2 CONTEXT_FRAMES.
 
-        The person's lips are moved away from the closed mouth by `strength`. With 0 all frames have
-        the code of silence: a code also holds what no lip measure is read from.
+        The person's lips are moved away from the closed mouth by `strength`. With 0 frames have the
+        code of silence: a code also holds what no lip measure is read from.
         """
-        silent_code = self.speech_codes(torch.zeros_like(windows[:1]))
-        codes = torch.lerp(silent_code, self.speech_codes(windows), min(strength, 1.0))
+        codes = self.speech_codes(windows)
         lips = self.speaker_adaptation(predicted_lips, self.closed_mouth_target)
-        lips = torch.lerp(self.closed_mouth_target, lips, strength)
+        if strength is not None:
+            silent_code = self.speech_codes(torch.zeros_like(windows[:1]))
+            share = strength[:, None].to(codes)
+            codes = torch.lerp(silent_code, codes, share.clamp(max=1))
+            lips = torch.lerp(self.closed_mouth_target, lips, share.to(lips))
         codes = self.project_to_lips(codes, lips)
         silent = silence(windows[:, windows.shape[1] // 2]).to(codes.dtype)
         closed = self.project_to_lips(codes, self.closed_mouth_target)
@@ -96,7 +99,7 @@ class Conditioning(nn.Module):
         windows: Float[Tensor, "F 8 W D"],
         predicted_lips: Float[Tensor, "N P"],
         expression: Float[Tensor, "F U"],
-        strength: float = 1.0,
+        strength: Float[Tensor, " F"] | None = None,
     ) -> Float[Tensor, "F K"]:
         """Conditioning of F frames in a row when their person speaks; N = F + 2 CONTEXT_FRAMES.
 
@@ -106,15 +109,15 @@ class Conditioning(nn.Module):
             windows: speech windows of each frame's neighbours.
             predicted_lips: of these frames and of those beside them, see `speaker_adaptation`.
             expression: measures of the upper face.
-            strength: of the lips' movement, 1 as spoken; see `adapted_codes`.
+            strength: of the lips' movement, 1 as spoken, as is None; see `adapted_codes`.
 
         Raises:
             ValueError: another strength than 1, of networks that do not learn from lip measures.
         """
         if self.config.learns_lips:
             codes = self.adapted_codes(windows, predicted_lips, strength)
-        elif strength != 1:
-            raise ValueError(f"strength {strength:g} of a model without lip measures: only 1 is")
+        elif strength is not None and (strength != 1).any():
+            raise ValueError("a strength of a model without lip measures: only 1 is")
         else:
             codes = self.speech_codes(windows)
         return torch.cat([codes, expression], -1)

@@ -10,6 +10,7 @@ h x w vertices of a window into the frame, H x W pixels of it, V views, C channe
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Self
 
@@ -23,6 +24,7 @@ from dfrf.field.reference_encoder import MATTE, shows_head
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.baked_density import FrameDensity
 from dfrf.rendering.frame_buffer import Pixels
+from dfrf.rendering.frame_head import SeenRays
 from dfrf.rendering.frame_renderer import BLOCK, grown, head_blocks
 from dfrf.rendering.ray_marching import Search
 from dfrf.rendering.surface_details import SurfaceDetails
@@ -296,6 +298,24 @@ class BakedHead:
         for views, part in zip(groups, of_views, strict=True):
             colour += read(views, part)
         return colour
+
+    def see(self, rays: Rays) -> SeenRays:
+        """Single rays: the field is evaluated once for each that sees the head."""
+        opacity, depth = self.along(rays)
+        details = SurfaceDetails.of(self.volume.field.seen_from(rays.origins.mean(0)))
+        assert details is not None
+        at = (opacity > SEEN).nonzero()[:, 0]
+        directions = rays.directions[at]
+        shading = details.shade(rays.origins[at] + depth[at, None] * directions, directions)
+        shown = shading.own
+        views = itertools.chain(*self.images.chosen(details.maps))
+        for image, share, place in zip(views, shading.shares, shading.positions, strict=True):
+            some = share.nonzero()[:, 0]
+            seen = sampled(image[:MATTE], unit(place[some], image)[None])[:, 0]
+            shown = shown.index_add(0, some, share[some, None] * seen.T)
+        colour = torch.zeros_like(rays.origins)
+        colour[at] = shown * opacity[at, None]
+        return SeenRays(colour, opacity, depth * opacity)
 
     def along(
         self, rays: Rays, search: Search | None = None

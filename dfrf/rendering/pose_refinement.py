@@ -20,7 +20,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from dfrf.cameras import Rays, pixel_rays, project
-from dfrf.rendering.volume_rendering import Volume, render_rays
+from dfrf.rendering.frame_head import FrameHead
 
 APART = 0.5  # px between the rays whose difference is the slope of the image
 STEP = 1e-3  # of a correction: its effect on the position of a point is nearly linear
@@ -70,7 +70,7 @@ def moved(
 
 @torch.no_grad()
 def normal_equations(
-    volume: Volume, observation: PoseObservation, c2w: Float[Tensor, "3 4"]
+    head: FrameHead, observation: PoseObservation, c2w: Float[Tensor, "3 4"]
 ) -> tuple[Float[Tensor, "6 6"], Float[Tensor, 6]]:
     """J^T W J and -J^T W r of one frame at its pose.
 
@@ -78,7 +78,7 @@ def normal_equations(
     loss, so that parts with their own motion (lids, strands of hair) count little.
 
     Args:
-        volume: the head in that frame.
+        head: in that frame.
         observation: pixels of the frame.
         c2w: its camera.
     """
@@ -94,7 +94,7 @@ def normal_equations(
         F.normalize(directions, dim=-1).reshape(-1, 3),
         torch.zeros(3 * count, dtype=torch.long, device=c2w.device),
     )
-    rendered = render_rays(volume, rays)
+    rendered = head.see(rays)
     opacity = rendered.opacity.view(3, count)
     behind = (1 - opacity[..., None]) * observation.background
     images = rendered.colour.view(3, count, 3) + behind

@@ -24,8 +24,9 @@ from dubbing.report import lines, report
 from dubbing.report.report import Sync
 from dubbing.stages.check import Check
 from dubbing.stages.composite import Composite
+from dubbing.stages.draft import Draft
 from dubbing.sync.records import SYNC_FILE
-from dubbing.video.files import PROXY_FILE
+from dubbing.video.files import PROXY_FILE, video_file
 
 DEFAULT = Options()
 RESULTS = "results"  # claimed while they are put into the output folder
@@ -38,14 +39,16 @@ class Result:
 
     Attributes:
         outcomes: by the label of the job.
-        report: its page, or why there is none.
+        report: its page, or why there is none; None of drafts, which have none.
         syncs: dub -> its check.
+        drafts: files that were made, or held.
     """
 
     outcomes: dict[str, Outcome]
     code: int
-    report: Path | ExplainedError
+    report: Path | ExplainedError | None
     syncs: dict[str, Sync]
+    drafts: tuple[Path, ...] = ()
 
 
 def dub(
@@ -95,7 +98,44 @@ def dub(
     return Result(outcomes, code, written, syncs)
 
 
-def begin(production: Production, *, only: tuple[str, ...] = (), device: str = "auto") -> Jobs:
+def drafts(
+    production: Production,
+    planned: Jobs,
+    reporter: Reporter,
+    options: Options = DEFAULT,
+    executor: Executor | None = None,
+) -> Result:
+    """Make the draft of every planned dub.
+
+    Args:
+        planned: from `jobs.build`, with drafts.
+        executor: see `dub`.
+
+    Raises:
+        ExplainedError: nothing can be written.
+    """
+    outcomes = runner.run(planned, options, reporter, executor)
+    made = []
+    with claims.hold(production.work / RESULTS, wait=True):
+        ledger = results.ledger_of(production)
+        for name, job in planned.named(pipeline.DUB).items():
+            outcome = outcomes[job.label]
+            if outcome.state in ("made", "kept"):
+                video = video_file(job.stage(Draft).folder, "h264")
+                try:
+                    made.append(results.put_draft(ledger, production.dubs[name], video))
+                except (ExplainedError, OSError) as error:
+                    outcome.state, outcome.failure = "failed", failure_of("publish", error)
+    return Result(outcomes, exit_code(outcomes, {}), None, {}, tuple(made))
+
+
+def begin(
+    production: Production,
+    *,
+    only: tuple[str, ...] = (),
+    device: str = "auto",
+    draft: bool = False,
+) -> Jobs:
     """The jobs of a run, after a look at its output folder; folders of renamed dubs are renamed.
 
     Raises:
@@ -108,7 +148,7 @@ def begin(production: Production, *, only: tuple[str, ...] = (), device: str = "
     make_folder(production.work)
     with claims.hold(production.work / RESULTS, wait=True):
         results.ledger_of(production).keep()  # as it is before anything is made
-    return jobs.build(production, only=only, device=device, adopt=True)
+    return jobs.build(production, only=only, device=device, adopt=not draft, draft=draft)
 
 
 def time_left(planned: Jobs, options: Options, *, workers: int, parts: bool) -> TimeLeft:

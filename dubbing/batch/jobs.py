@@ -20,12 +20,14 @@ def build(
     only: tuple[str, ...] = (),
     device: str = "auto",
     adopt: bool = False,
+    draft: bool = False,
 ) -> Jobs:
     """The jobs of a production, or of those people and dubs that ``only`` names.
 
     Args:
         only: names, or patterns of names as a shell's: ``shot1_*``.
         adopt: whether the folder of a dub that was renamed gets its new name.
+        draft: whether drafts are made in the place of dubs.
 
     Raises:
         ExplainedError: ``only`` names something that there is not.
@@ -35,6 +37,9 @@ def build(
     needed = {person.name for dub in dubs for person in dub.people}
     people = [p for p in production.people.values() if p.name in named or p.name in needed]
     made = people_jobs(people, dubs, production.work, device)
+    if draft:
+        drafts = [dub_job(dub, made, production.work, device, draft=True) for dub in dubs]
+        return Jobs.of([*made.values(), *drafts])
     return Jobs.of(
         [*made.values(), *(_found(production, dub, made, device, adopt) for dub in dubs)]
     )

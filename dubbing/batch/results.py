@@ -194,9 +194,7 @@ def put(ledger: Ledger, dub: Dub, files: Mapping[str, Path], texts: Mapping[str,
         for kind in names
     }
     for name in _names(dub):
-        if problem := ledger.problem(name):
-            what, _, remedy = problem.rpartition(": ")
-            raise ExplainedError(what, remedy=remedy)
+        _refuse_others(ledger, name)
         remove_torn(output / name)
     there = {name: digest_of(output / name) for name in names.values()}
     if there[names[VIDEO]] not in ("", made[names[VIDEO]]):
@@ -212,6 +210,25 @@ def put(ledger: Ledger, dub: Dub, files: Mapping[str, Path], texts: Mapping[str,
             atomic_write_bytes(output / name, contents[kind])
         else:
             _link(files[kind], output / name)
+
+
+def put_draft(ledger: Ledger, dub: Dub, video: Path) -> Path:
+    """Put the draft of a dub into the output folder, in place of the one there.
+
+    Raises:
+        ExplainedError: a file there is not ours to replace, or nothing can be written.
+    """
+    _refuse_others(ledger, dub.draft)
+    target = ledger.production.output / dub.draft
+    ledger.enter({dub.draft: digest_of(video)})
+    _link(video, target)
+    return target
+
+
+def _refuse_others(ledger: Ledger, name: str) -> None:
+    if problem := ledger.problem(name):
+        what, _, remedy = problem.rpartition(": ")
+        raise ExplainedError(what, remedy=remedy)
 
 
 def _names(dub: Dub) -> Iterator[str]:

@@ -17,6 +17,7 @@ from dubbing.manifest.manifest import load
 from dubbing.pipeline import PERSON, person_job
 
 MODULE = "dubbing.batch.task"
+DRAFT = "draft"
 # The error where a parameter that depends on the machine differs.
 KNOWN = {
     "mark": (
@@ -27,12 +28,12 @@ KNOWN = {
 }
 
 
-def program(manifest: Path, device: str = "auto") -> Program:
-    """The program for the stages of a manifest."""
-    return Program(MODULE, (str(manifest), device))
+def program(manifest: Path, device: str = "auto", draft: bool = False) -> Program:
+    """The program for the stages of a manifest, or of its drafts."""
+    return Program(MODULE, (str(manifest), device, *[DRAFT] * draft))
 
 
-def job_of(label: str, manifest: str, device: str) -> Job:
+def job_of(label: str, manifest: str, device: str, draft: str = "") -> Job:
     """One job of a manifest again.
 
     Raises:
@@ -43,7 +44,7 @@ def job_of(label: str, manifest: str, device: str) -> Job:
     if kind == PERSON and name in production.people:
         person = production.people[name]
         return person_job(person, production.work, person.clips, device)
-    jobs = build(production, device=device)
+    jobs = build(production, device=device, draft=draft == DRAFT)
     if label not in jobs.by_label:
         raise ExplainedError(f"the manifest has no {kind} {name}", manifest, "run it again")
     return jobs.by_label[label]

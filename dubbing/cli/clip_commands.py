@@ -57,7 +57,7 @@ def sync(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure the lip sync of any video: offset, confidence, distance. Exit code 3 on fail."""
+    """Measure the lip sync of any video, and how near it is to a source. Exit code 3 on fail."""
     if source and weights:
         raise CallError(
             "judges by our network only", "--source", "leave --source or --weights away"

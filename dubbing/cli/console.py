@@ -56,9 +56,12 @@ def summary(result: Result) -> None:
     for name, sync in result.syncs.items():
         text = f"{name}: sync {sync.get('verdict')}: {sync.get('reason')}"
         line(out, text, COLOURS.get(str(sync.get("verdict"))))
+    for draft in result.drafts:
+        line(out, f"draft: {draft}")
     failed = isinstance(result.report, Exception)
-    text = f"no report: {result.report}" if failed else f"report: {result.report}"
-    line(out, text, "red" if failed else None)
+    if result.report is not None:
+        text = f"no report: {result.report}" if failed else f"report: {result.report}"
+        line(out, text, "red" if failed else None)
 
 
 def result_line(result: Result) -> None:
@@ -66,7 +69,9 @@ def result_line(result: Result) -> None:
     failed = isinstance(result.report, Exception)
     outcomes = {name: asdict(outcome) for name, outcome in result.outcomes.items()}
     found = {"event": "result", "code": result.code, "jobs": outcomes, "syncs": result.syncs}
-    print(json.dumps({**found, "report": None if failed else str(result.report)}), flush=True)
+    report = None if failed or result.report is None else str(result.report)
+    drafts = [str(path) for path in result.drafts]
+    print(json.dumps({**found, "report": report, "drafts": drafts}), flush=True)
 
 
 def plan(
@@ -154,6 +159,9 @@ def sync(found: dict[str, Any]) -> None:
     out.print(f"offset {found['offset_frames']} frames, {found['offset_ms']:.0f} ms", end="")
     out.print(f" ({found['words']})" if found.get("words") else "")
     out.print(f"confidence {found['confidence']:.3f}, distance {found['distance']:.3f}")
+    if parts := found.get("parts"):
+        shares = (f"{part} {100 * share:.0f} %" for part, share in parts.items())
+        out.print(f"as in the film: {', '.join(shares)}")
 
 
 def metrics(found: dict[str, dict[str, dict[str, Any]]]) -> None:

@@ -45,6 +45,10 @@ def dub(
     keep_going: Annotated[
         bool, typer.Option("--keep-going/--fail-fast", help="Go on with the other jobs.")
     ] = True,
+    draft: Annotated[
+        bool,
+        typer.Option("--draft", help="Make NAME.draft.mp4: half size, visible mark, no check."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Make every dub of a manifest that is not up to date."""
@@ -64,7 +68,7 @@ def dub(
     )
     if not production.dubs:
         raise CallError(WITHOUT_DUBS, str(production.manifest), "name new speech for somebody")
-    worker = program(production.manifest, checked_device(device, here=scheduler is None))
+    worker = program(production.manifest, checked_device(device, here=scheduler is None), draft)
     if scheduler:
         from dubbing.engine.cluster import Cluster
 
@@ -72,12 +76,13 @@ def dub(
     else:
         executor = Processes(worker, jobs) if jobs > 1 else InLine()
     with closing(executor):
-        planned = batch.begin(production, only=tuple(only or ()), device=device)
+        planned = batch.begin(production, only=tuple(only or ()), device=device, draft=draft)
         parts = bool(scheduler) or jobs > 1
         left = batch.time_left(planned, options, workers=jobs, parts=parts)
         reporter = (live.JsonLines if as_json else live.Bars)(production.warnings, left)
+        make = batch.drafts if draft else batch.dub
         with reporter:
-            result = batch.dub(production, planned, reporter, options, executor)
+            result = make(production, planned, reporter, options, executor)
     (console.result_line if as_json else console.summary)(result)
     raise typer.Exit(result.code)
 

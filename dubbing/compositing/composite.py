@@ -6,10 +6,12 @@ S side of the crop in px. All lengths are given for S = 512 and scale with it.
 import cv2
 import numpy as np
 
+from dubbing.compositing.extent import extent
 from dubbing.compositing.face_mask import face_mask
 from dubbing.compositing.film_look import in_focus
 from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import with_neck
+from dubbing.face.face_contour import face_contour
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, inpaint_mask
 from dubbing.preparation.prepared import FilmFrame
 
@@ -35,14 +37,15 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     lit = follow_light(image, film.matte, clean, landmarks, film.haze, film.overlay)
     if film.overlay is not None:
         image = cv2.inpaint(image, film.overlay, INPAINT, cv2.INPAINT_TELEA)
-    share = face_mask(landmarks, size)
+    contour = face_contour(landmarks, size)
+    share = face_mask(landmarks, contour)
     if film.overlay is not None:
         share = np.minimum(share, 255 - film.overlay)
     beside = (share < HALF) & (film.matte >= OPAQUE)
     if film.overlay is not None:
         beside &= film.overlay == 0
     lit = in_focus(film.image, lit, beside, film.noise, film.motion)
-    under, stretched = with_neck(image, film.background, film.matte, lit[..., 3], landmarks)
+    under, stretched = with_neck(image, film.background, film.matte, lit[..., 3], contour)
     return composite(under, restored | stretched, lit, share)
 
 
@@ -67,7 +70,7 @@ def composite(
     inside = restored | (opacity > 0)
     mask = np.minimum(feathered(inside, max(1.0, FEATHER * scale)), share)
     out = background.copy()
-    rows, columns = _extent(opacity > 0)
+    rows, columns = extent(opacity > 0)
     under = background[rows, columns].astype(np.float32)
     over = head[rows, columns].astype(np.float32)
     blended = over[..., :3] + (1 - over[..., 3:] / 255) * under
@@ -77,7 +80,7 @@ def composite(
 
 def blend(image: np.ndarray, over: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """``over`` where the mask is 255, ``image`` where it is 0, blended between; (S, S, 3)."""
-    rows, columns = _extent(mask > 0)
+    rows, columns = extent(mask > 0)
     out = image.copy()
     share = mask[rows, columns, None].astype(np.float32) / 255
     below = image[rows, columns].astype(np.float32)
@@ -94,12 +97,11 @@ def without_haze(head: np.ndarray, restored: np.ndarray, reach: float) -> np.nda
     away = cv2.distanceTransform((~restored).astype(np.uint8), cv2.DIST_L2, 3)
     if not restored.any():
         away = np.zeros_like(away)
-    keep = np.clip(2 - away / max(reach, 1.0), 0, 1)
-    keep[head[..., 3] < FLOOR] = 0
-    rows, columns = _extent(head[..., 3] > 0)
     out = np.zeros_like(head)
-    part = head[rows, columns].astype(np.float32) * keep[rows, columns, None]
-    out[rows, columns] = part.round()
+    part = extent(head[..., 3] >= FLOOR)
+    keep = np.clip(2 - away[part] / max(reach, 1.0), 0, 1)
+    keep[head[part][..., 3] < FLOOR] = 0
+    out[part] = (head[part] * keep[..., None]).round()
     return out
 
 
@@ -107,11 +109,3 @@ def feathered(inside: np.ndarray, width: float) -> np.ndarray:
     """Mask (S, S) uint8: 0 outside, rising to 255 over ``width`` px inwards from the edge."""
     depth = cv2.distanceTransform(inside.astype(np.uint8), cv2.DIST_L2, 3)
     return np.clip(depth * (255 / (width + 1)), 0, 255).round().astype(np.uint8)
-
-
-def _extent(mask: np.ndarray) -> tuple[slice, slice]:
-    """Rows and columns that hold all of a mask: only these are computed."""
-    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
-    if not len(rows):
-        return slice(0, 0), slice(0, 0)
-    return slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)

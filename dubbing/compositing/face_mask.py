@@ -8,9 +8,10 @@ it.
 import cv2
 import numpy as np
 
-from dubbing.face.face_contour import face_contour, face_region
+from dubbing.compositing.extent import extent
+from dubbing.face.face_contour import FaceContour, face_contour
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
-from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
+from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 # Between these distances from the edge of the face, px, the film's own pixels take over: a model's
 # errors are largest there.
@@ -24,7 +25,7 @@ SHORTEST = 0.3
 AROUND = 24.0
 
 
-def face_mask(landmarks: np.ndarray, size: int) -> np.ndarray:
+def face_mask(landmarks: np.ndarray, contour: FaceContour) -> np.ndarray:
     """Share of each pixel that a rendered head may replace, (S, S) uint8.
 
     255 on the lower face and all round its jaw, falling to 0 across the rest of its edge and from
@@ -32,20 +33,28 @@ def face_mask(landmarks: np.ndarray, size: int) -> np.ndarray:
 
     Args:
         landmarks: (478, 2) px.
-        size: S.
+        contour: of these.
     """
-    face = face_region(landmarks, size)
+    face, size = contour.region, len(contour.region)
     unit = size / REFERENCE_SIZE
-    outside, inside = (cv2.distanceTransform(part, cv2.DIST_L2, 5) for part in (255 - face, face))
+    lower = lower_share(landmarks, size)
+    rows, columns = part = extent(lower > 0)
+    outside, inside = (
+        cv2.distanceTransform(side, cv2.DIST_L2, 5)[part] for side in (255 - face, face)
+    )
     near = np.clip((OUTSIDE * unit - outside + inside) / ((OUTSIDE + INSIDE) * unit), 0, 1)
-    x, y = (np.arange(size) - middle for middle in face_middle(landmarks))
-    share = np.maximum(near, jaw_share(landmarks, np.arctan2(y[:, None], x), size))
-    return (share * lower_share(landmarks, size) * 255).round().astype(np.uint8)
+    x, y = (np.arange(size)[i] - k for i, k in zip((columns, rows), contour.middle, strict=True))
+    share = np.maximum(near, jaw_share(contour, np.arctan2(y[:, None], x)))
+    mask = np.zeros((size, size), np.uint8)
+    mask[part] = (share * lower[part] * 255).round()
+    return mask
 
 
 def rendered_region(landmarks: np.ndarray, size: int) -> np.ndarray:
     """Pixels (S, S) bool of a rendered head that a composite depends on; see `face_mask`."""
-    return dilate(face_mask(landmarks, size) > 0, AROUND * size / REFERENCE_SIZE)
+    mask = face_mask(landmarks, face_contour(landmarks, size))
+    away = cv2.distanceTransform((mask == 0).astype(np.uint8), cv2.DIST_L2, 5)
+    return np.asarray(away <= AROUND * size / REFERENCE_SIZE)
 
 
 def lower_share(landmarks: np.ndarray, size: int) -> np.ndarray:
@@ -61,17 +70,10 @@ def lower_share(landmarks: np.ndarray, size: int) -> np.ndarray:
     return share
 
 
-def face_middle(landmarks: np.ndarray) -> np.ndarray:
-    """Middle (2,) of the box round the face, px."""
-    middle: np.ndarray = (landmarks.min(0) + landmarks.max(0)) / 2
-    return middle
-
-
-def jaw_share(landmarks: np.ndarray, angles: np.ndarray, size: int) -> np.ndarray:
+def jaw_share(contour: FaceContour, angles: np.ndarray) -> np.ndarray:
     """Share of pixels outside the face that may change, at angles (...) (rad) from its middle.
 
     1 round the jaw, which hinges below the ears, 0 beyond the cheeks and the forehead.
     """
-    contour = face_contour(landmarks, size)
-    x, y = (contour.points - face_middle(landmarks)).T
+    x, y = (contour.points - contour.middle).T
     return np.interp(angles, np.arctan2(y, x), contour.jaw_shares(), period=2 * np.pi)

@@ -10,6 +10,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from dubbing.compositing.extent import extent
+
 COARSE = 1.2  # px, Gaussian: detail finer than that is compared
 SIGMAS = np.array([0.0, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 2.8, 3.5])  # px, blurs that are tried
 SHUTTERS = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])  # shares of a frame's time
@@ -40,8 +42,7 @@ def in_focus(
     beside = cv2.erode((beside & (head[..., 3] >= OPAQUE)).astype(np.uint8), np.ones((5, 5))) > 0
     if beside.sum() < LEAST:
         return head
-    rows, columns = (np.flatnonzero(beside.any(axis)) for axis in (1, 0))
-    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    part = extent(beside)
     here, grey = beside[part], [luma(x[part]) for x in (image, head[..., :3])]
     filmed = detail(grey[0], here)
     wanted = filmed - noise_in_detail(noise)
@@ -69,10 +70,9 @@ def with_noise(
         number: of the frame; the same number gives the same noise.
     """
     *deviation, shared, beside = noise.tolist()
-    rows, columns = np.flatnonzero(replaced.any(1)), np.flatnonzero(replaced.any(0))
-    if max(deviation) < QUIET or not len(rows):
+    if max(deviation) < QUIET or not replaced.any():
         return image
-    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    part = extent(replaced > 0)
     share = replaced[part].astype(np.float32) / 255
     drawn = np.random.default_rng([NOISE_SEED, number]).standard_normal(
         (*share.shape, 4), np.float32

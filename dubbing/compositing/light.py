@@ -9,6 +9,7 @@ scale with it.
 import cv2
 import numpy as np
 
+from dubbing.compositing.extent import extent
 from dubbing.face.mouth_shape import OUTER_LIP
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
@@ -48,10 +49,11 @@ def follow_light(
         same &= overlay == 0
     if same.mean() < MIN_SHARE:
         return head
-    share = _small(same.astype(np.float32))[..., None]
+    counts = same.astype(np.uint8)
+    share = _small(counts)[..., None]
     filmed, rendered = (
-        _small(same[..., None] * pixels.astype(np.float32)) / np.maximum(share, 1e-6)
-        for pixels in (image, head[..., :3])
+        _small(cv2.bitwise_and(pixels, pixels, mask=counts))[..., :3] / np.maximum(share, 1e-6)
+        for pixels in (image, head)
     )
     ratio = np.log(np.maximum(filmed - haze, 0) + DARK) - np.log(rendered + DARK)
     middle = np.median(ratio[share[..., 0] > 0.5], 0) if (share > 0.5).any() else ratio.mean((0, 1))
@@ -61,16 +63,16 @@ def follow_light(
     slow = middle + around / (near + PRIOR_WEIGHT)
     gain = cv2.resize(np.exp(slow).astype(np.float32), (size, size), interpolation=cv2.INTER_LINEAR)
     out = head.copy()
-    rows, columns = (np.flatnonzero(head[..., 3].any(axis)) for axis in (1, 0))
-    part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    part = extent(head[..., 3] > 0)
     colour, most = head[part][..., :3], head[part][..., 3:]
     opacity = most.astype(np.float32) / 255
-    lit = (colour + DARK * opacity) * gain[part] + (haze - DARK) * opacity
+    lit = (colour + DARK * opacity) * gain[part] + (haze - DARK).astype(np.float32) * opacity
     out[part][..., :3] = np.clip(lit.round(), 0, most)
     return out
 
 
 def _small(image: np.ndarray) -> np.ndarray:
-    """An image (S, S[, C]) downsampled by `STEP`, each pixel the mean of its block."""
+    """An image (S, S[, C]) uint8 downsampled by `STEP`: each pixel the mean of its block."""
     side = max(1, len(image) // STEP)
-    return np.asarray(cv2.resize(image, (side, side), interpolation=cv2.INTER_AREA))
+    pixels = image.astype(np.float32)
+    return np.asarray(cv2.resize(pixels, (side, side), interpolation=cv2.INTER_AREA))

@@ -9,7 +9,8 @@ in px, given for S = 512 and scaled. S is the side of the crop.
 import cv2
 import numpy as np
 
-from dubbing.compositing.face_mask import face_middle, jaw_share
+from dubbing.compositing.face_mask import jaw_share
+from dubbing.face.face_contour import FaceContour
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 ANGLES = 720
@@ -26,7 +27,7 @@ def with_neck(
     background: np.ndarray,
     matte: np.ndarray,
     opacity: np.ndarray,
-    landmarks: np.ndarray,
+    contour: FaceContour,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A background whose neck reaches up to the rendered chin, and the pixels that it changed.
 
@@ -36,17 +37,17 @@ def with_neck(
     Args:
         image: (S, S, 3) uint8 frame of the film. background: the same with its head removed.
         matte, opacity: (S, S) uint8 of the film's head and of the rendered one.
-        landmarks: (478, 2) px of the film's face.
+        contour: of the film's face.
 
     Returns:
         (S, S, 3) uint8 and (S, S) bool.
     """
     size = len(image)
     unit = size / REFERENCE_SIZE
-    middle = face_middle(landmarks)
+    middle = contour.middle
     low = smooth(outline(matte, middle)) + BESIDE * unit
     high = smooth(outline(opacity, middle))
-    jaw = jaw_share(landmarks, np.arange(ANGLES) * (2 * np.pi / ANGLES), size)
+    jaw = jaw_share(contour, np.arange(ANGLES) * (2 * np.pi / ANGLES))
     room = smooth(room_below(image, low, middle, jaw > 0))
     share = jaw * np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
     share[(high >= low) | (high < low / 2)] = 0  # covered, or there is no head
@@ -120,7 +121,7 @@ def room_below(
     """
     unit = len(image) / REFERENCE_SIZE
     lines = along(cv2.blur(image, (3, 3)), middle) + 1
-    red = lines[..., 0] / lines.sum(2)
+    red = lines[..., 0] / (lines[..., 0] + lines[..., 1] + lines[..., 2])
     place = np.arange(lines.shape[1])
     face = (place > low[:, None] / 2) & (place < low[:, None] - 2 * BESIDE * unit)
     skin = red[face & jaw[:, None]]

@@ -39,12 +39,16 @@ class FaceContour:
     """The contour of a face.
 
     Attributes:
+        region: (S, S) uint8, see `face_region`.
+        middle: (2,) of the box round the face, px.
         points: (P, 2) px, clockwise.
         heights: (P,) above the chin, in heights of the face.
         corners, cheeks, lobes: heights at which the jaw begins to be still, is still, and ends;
             at the left and at the right of the image.
     """
 
+    region: np.ndarray
+    middle: np.ndarray
     points: np.ndarray
     heights: np.ndarray
     corners: np.ndarray
@@ -87,13 +91,13 @@ def evenly(line: np.ndarray, count: int) -> np.ndarray:
 def face_contour(landmarks: np.ndarray, size: int) -> FaceContour:
     """The contour of a face with landmarks (478, 2) px in an image of side `size`."""
     oval = landmarks[list(FACE_OVAL)]
-    margin = int(max(0, -oval.min(), (oval - size).max())) + 2
-    region = face_region(landmarks, size, min(margin, size))
+    margin = min(int(max(0, -oval.min(), (oval - size).max())) + 2, size)
+    region = face_region(landmarks, size, margin)
     found, _ = cv2.findContours(region, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     if not found:  # the face lies far outside of the image
         points = oval.astype(np.float64)
     else:
-        points = max(found, key=len)[:, 0].astype(np.float64) - min(margin, size)
+        points = max(found, key=len)[:, 0].astype(np.float64) - margin
     if cv2.contourArea(points.astype(np.float32), oriented=True) < 0:
         points = points[::-1]
     up = landmarks[FOREHEAD_TOP] - landmarks[CHIN]
@@ -103,4 +107,8 @@ def face_contour(landmarks: np.ndarray, size: int) -> FaceContour:
         return np.asarray((at - landmarks[CHIN]) @ up)
 
     marks = (height(landmarks[list(pair)]) for pair in (CORNERS, CHEEKS, LOBES))
-    return FaceContour(points, height(points), *marks)
+    inside, middle = (
+        region[margin:-margin, margin:-margin],
+        (landmarks.min(0) + landmarks.max(0)) / 2,
+    )
+    return FaceContour(np.ascontiguousarray(inside), middle, points, height(points), *marks)

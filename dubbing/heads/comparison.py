@@ -17,7 +17,6 @@ import torch
 
 from dfrf.cameras import Camera
 from dfrf.method_interface import Maps, Method
-from dfrf.rendering.frame_renderer import render_frame
 from dfrf.workers import Workers
 from dubbing.compositing.face_mask import lower_share
 from dubbing.face.face_contour import face_region
@@ -118,7 +117,7 @@ class Comparison:
         expression = torch.from_numpy(upper_face_expression(clip)[frames]).float()
         c2w = torch.from_numpy(clip.c2w()[frames]).float().to(device)
         lips = lip_points(clip, frames)
-        volumes = self.method.volumes_with_lips(expression, lips, c2w[:, :, 3], self.maps)
+        heads = self.method.heads_with_lips(expression, lips, c2w[:, :, 3], self.maps)
         scale = SIDE / clip.size
         centre = (torch.from_numpy(clip.centre[frames]).float().to(device) + 0.5) * scale - 0.5
 
@@ -127,8 +126,8 @@ class Comparison:
             landmarks = clip.landmarks[frames[number]]
             region = dilate(face_region((landmarks + 0.5) * scale - 0.5, SIDE) > 0, RIM)
             camera = Camera(c2w[number], float(clip.focal) * scale, centre[number], SIDE)
-            head = render_frame(volumes(number), camera, torch.from_numpy(region).to(device))
-            return compare(image, landmarks, *(part.float().cpu().numpy() for part in head))
+            seen = heads(number).render(camera, torch.from_numpy(region).to(device))
+            return compare(image, landmarks, *(part.float().cpu().numpy() for part in seen))
 
         with Workers(device, AT_ONCE) as workers:
             yield from workers.map(one, enumerate(images(clip, frames)))

@@ -83,8 +83,9 @@ def finetune(
     person = load_identity(clips[0].clip.stem, footage, folder=pictures)
     model = init_from_base(base, settings)
     trainings = presets.trainings(settings.preset)
+    steps = settings.steps(from_base=base is not None, turned=turns_far(person))
     config = training_settings(
-        settings, trainings.from_scratch if base is None else trainings.finetune
+        settings, trainings.from_scratch if base is None else trainings.finetune, steps
     )
     method = method_of(model)
     landmarks = np.concatenate([one.landmarks(person.focal) for one in footage])
@@ -184,6 +185,7 @@ def learn(
         maps = (
             None if references is None else method.maps(method.reference_views(person, references))
         )
+        method.bake(person, maps)
         posed = np.concatenate(
             [refined(model, maps, one.clip, one.with_face).c2w()[one.with_face] for one in footage]
         )

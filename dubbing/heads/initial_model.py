@@ -16,11 +16,11 @@ from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.speech import features
 
 
-def training_settings(settings: FinetuneSettings, preset: TrainConfig) -> TrainConfig:
-    """Settings of `fit`: those of a preset, with a person's own in their place."""
+def training_settings(settings: FinetuneSettings, preset: TrainConfig, steps: int) -> TrainConfig:
+    """Settings of `fit`: those of a preset, with a person's own in their place, for some steps."""
     own = {"learning_rate": settings.learning_rate, "rays": settings.rays}
     changed: dict[str, Any] = {key: value for key, value in own.items() if value is not None}
-    lasting = presets.with_iterations(preset, settings.iterations)
+    lasting = presets.with_iterations(preset, steps)
     return replace(lasting, seed=settings.seed, **changed)
 
 

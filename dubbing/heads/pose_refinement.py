@@ -131,14 +131,14 @@ def shot_corrections(
 
     def equations(key: tuple[int, PoseObservation, Tensor]) -> tuple[np.ndarray, np.ndarray]:
         number, observation, camera = key
-        left, right = normal_equations(volumes(number), observation.to(device), camera)
+        left, right = normal_equations(heads(number), observation.to(device), camera)
         report(next(looked) / looks)
         return left.cpu().numpy(), right.cpu().numpy()
 
     with Workers(device, AT_ONCE) as workers:
         for wanted, steps in passes:
             found, keys = between(found, keys, wanted), wanted
-            volumes = method.resting_volumes(expression[keys], maps)
+            heads = method.resting_heads(expression[keys], c2w[keys, :, 3], maps)
             for _ in range(steps):
                 cameras = moved(c2w[keys], torch.from_numpy(found).float()).to(device)
                 inputs = zip(itertools.count(), [observations[k] for k in keys], cameras)

@@ -19,6 +19,7 @@ from dubbing.engine.stage import Progress
 from dubbing.errors import CheckpointError
 from dubbing.identity.dataset import upper_face_expression
 from dubbing.media import VideoWriter
+from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 
@@ -51,7 +52,7 @@ def render(
     pose_index: np.ndarray,
     part: tuple[int, int] | None = None,
     baked: bool = False,
-    strength: float = 1.0,
+    strength: np.ndarray | None = None,
     device: str = "auto",
     progress: Progress | None = None,
 ) -> None:
@@ -70,7 +71,7 @@ def render(
         pose_index: (T,) frame of the clip each frame takes its pose from.
         part: first and stop of those of the T frames to render; all by default.
         baked: whether its baked density is looked up, where the model has one; else rays march.
-        strength: of the lips' movement; see `dfrf.method_interface.FrameInputs`.
+        strength: (T,) of the lips' movement; see `dfrf.method_interface.FrameInputs`.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
 
@@ -88,22 +89,41 @@ def render(
             progress(f"frame {done} of {count}", (done - begin) / (end - begin))
 
     segment = method_of(person).segment
-    around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
     for first in range(begin, end, segment):
         stop = min(first + segment, end)
         path = out / f"{first:06d}.mkv"
         if not path.exists():
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
-                low, high = max(0, first - around), min(count, stop + around)
-                some = (speech(low, high - low), pose_index[low:high])
-                needed = regions_of(clip, pose_index[first:stop])
-                span = (first - low, stop - low)
-                heads = frames(person, maps, clip, *some, *span, needed, baked, strength)
-                for done, (colour, opacity) in enumerate(heads, first + 1):
-                    video.write(to_rgba(colour, opacity))
+                made = heads_of(
+                    person, maps, clip, speech, pose_index, first, stop, baked, strength
+                )
+                for done, head in enumerate(made, first + 1):
+                    video.write(head)
                     notify(done)
         else:
             notify(stop)
+
+
+def heads_of(
+    person: HeadModel,
+    maps: Maps | None,
+    clip: PreparedClip,
+    speech: SpeechPart,
+    pose_index: np.ndarray,
+    first: int,
+    stop: int,
+    baked: bool,
+    strength: np.ndarray | None,
+) -> Iterator[np.ndarray]:
+    """Heads (S, S, 4) uint8 of frames first .. stop of a dub; see `render`."""
+    around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
+    low, high = max(0, first - around), min(len(pose_index), stop + around)
+    some = (speech(low, high - low), pose_index[low:high])
+    needed = regions_of(clip, pose_index[first:stop])
+    span = (first - low, stop - low)
+    own = None if strength is None else strength[first:stop]
+    for colour, opacity in frames(person, maps, clip, *some, *span, needed, baked, own):
+        yield to_rgba(colour, opacity)
 
 
 def frames(
@@ -116,11 +136,12 @@ def frames(
     stop: int,
     regions: np.ndarray | None = None,
     baked: bool = False,
-    strength: float = 1.0,
+    strength: np.ndarray | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop.
 
     Of the whole head, or of what of it lies in regions (stop - first, S, S) bool at least.
+    `strength` is (stop - first,).
     """
     device = model.device
     method = method_of(model)
@@ -139,7 +160,7 @@ def frames(
         clip.size,
         None if regions is None else torch.from_numpy(regions).to(device),
         baked,
-        strength,
+        None if strength is None else torch.from_numpy(strength).to(device),
     )
     yield from method.render_frames(inputs, maps)
 
@@ -150,9 +171,10 @@ def regions_of(clip: PreparedClip, poses: np.ndarray) -> np.ndarray:
     None where no face is seen.
     """
     regions = np.zeros((len(poses), clip.size, clip.size), bool)
-    for region, pose in zip(regions, poses, strict=True):
-        if clip.valid[pose]:
-            region[:] = rendered_region(clip.landmarks[pose], clip.size)
+    shown = clip.valid[poses]
+    jobs = ((landmarks, clip.size) for landmarks in clip.landmarks[poses[shown]])
+    for k, region in zip(np.flatnonzero(shown), in_order(rendered_region, jobs), strict=True):
+        regions[k] = region
     return regions
 
 

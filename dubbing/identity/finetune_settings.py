@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from dfrf.config import STEPS
+from dfrf.config import STEPS, family
 from dubbing.engine.fields import Setting
 from dubbing.speech import features
+
+# That a dub needs of a person who looks into the camera, and of one who turns.
+FRONT_STEPS, TURNED_STEPS = 120, 250
 
 
 @dataclass(frozen=True)
@@ -16,7 +19,7 @@ class FinetuneSettings:
 
     Attributes:
         preset: name in `dfrf.presets`.
-        iterations: optimiser steps.
+        iterations: optimiser steps; None for as many as a dub needs, see `steps`.
         seed: of rays and, without a base, of the weights.
         speech: name of the speech features.
         speech_weights: weights of the user's own for them, a path. What reads them declares the
@@ -29,7 +32,7 @@ class FinetuneSettings:
     """
 
     preset: str = "fast"
-    iterations: int = STEPS["fast"]
+    iterations: int | None = None
     seed: int = 0
     speech: str = "rnn"
     speech_weights: Setting[str | None] = None
@@ -38,6 +41,23 @@ class FinetuneSettings:
     turned: bool = True
     learning_rate: float | None = None
     rays: int | None = None
+
+    def steps(self, *, from_base: bool, turned: bool = False) -> int:
+        """Optimiser steps.
+
+        The mouth of a dub comes from crops of the film, so it is no better after more steps than
+        these. Chin and far cheek of a turned head need more; hair and skin, which a dub takes from
+        the film, go on to gain.
+
+        Args:
+            from_base: whether it starts from a base.
+            turned: whether the views differ much; see `reference_choice.turns_far`.
+        """
+        if self.iterations is not None:
+            return self.iterations
+        if family(self.preset) != "fast" or not from_base:
+            return STEPS[family(self.preset)]
+        return TURNED_STEPS if turned else FRONT_STEPS
 
     @property
     def weights(self) -> Path | None:

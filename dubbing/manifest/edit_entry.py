@@ -8,6 +8,16 @@ from dubbing.manifest.entry import Entry
 
 LONGEST_SHIFT = 500  # ms
 LONGEST_NOTE = 1000  # characters
+MOST_KEYS, LATEST = 1000, 86400.0  # of a line; s
+
+
+class Key(Entry):
+    """How far the lips leave the closed mouth at one moment of a line."""
+
+    at: float = Field(ge=0, le=LATEST, allow_inf_nan=False)
+    """Seconds of the line's sound."""
+    strength: float = Field(ge=0, le=1.5, allow_inf_nan=False)
+    """As `strength` of the line: 0 closes the mouth."""
 
 
 class Edit(Entry):
@@ -21,6 +31,8 @@ class Edit(Entry):
     """Milliseconds by which the mouth comes later than the sound; below 0, earlier."""
     strength: float = Field(default=1.0, ge=0, le=1.5, allow_inf_nan=False)
     """How far the lips leave the closed mouth: 0 never, 1 as spoken. Preset `fast` only."""
+    keys: list[Key] = Field(default=[], max_length=MOST_KEYS)
+    """Moments at which the strength is another; 120 ms beside each it is the line's again."""
     note: str = Field(default="", max_length=LONGEST_NOTE)
     """Text for people; changes nothing."""
 

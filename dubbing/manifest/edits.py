@@ -10,9 +10,10 @@ from dubbing.manifest.messages import some, suggestion
 from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.script.timeline import Cue, Edit
 
+NO_LIPS = dict.fromkeys(("paper", "ad-nerf", "nerf"), "has no lip measures")
 # Presets whose models have nothing that a key could change, and why.
 WITHOUT = {
-    "strength": dict.fromkeys(("paper", "ad-nerf", "nerf"), "has no lip measures"),
+    **dict.fromkeys(("strength", "keys"), NO_LIPS),
     "shift": {"nerf": "hears no speech"},
 }
 
@@ -29,10 +30,15 @@ def edited(
             continue
         if cue.name in edits:
             findings.add(key, f"line {cue.number} has an edit already: write both into one")
-        edits[cue.name] = Edit(edit.shift, edit.strength, edit.note)
+        keys = tuple((one.at, one.strength) for one in edit.keys)
+        for number, one in enumerate(edit.keys):
+            if one.at > cue.seconds:
+                late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
+                findings.add((*key, "keys", number, "at"), late)
+        edits[cue.name] = Edit(edit.shift, edit.strength, edit.note, keys)
         preset = identities[cue.identity].preset
         for name, reasons in WITHOUT.items():
-            if preset in reasons and getattr(edit, name) != getattr(Edit(), name):
+            if preset in reasons and getattr(edits[cue.name], name) != getattr(Edit(), name):
                 why = f"preset {preset!r} of {cue.identity} {reasons[preset]}"
                 findings.add((*key, name), f"{why}: leave it out, or take preset 'fast'")
     cues = (replace(cue, edit=edits.get(cue.name, Edit())) for cue in scene.cues)

@@ -4,7 +4,6 @@ import itertools
 from collections.abc import Mapping
 from pathlib import Path
 
-from dfrf.config import STEPS, family
 from dubbing.engine.files import same_on_disk
 from dubbing.errors import ExplainedError, RenderingError
 from dubbing.identity.finetune_settings import FinetuneSettings
@@ -67,7 +66,7 @@ def _settings(identity: entries.Identity) -> FinetuneSettings:
     own, weights = identity.finetune, identity.speech_weights
     return FinetuneSettings(
         preset=identity.preset,
-        iterations=own.iterations or STEPS[family(identity.preset)],
+        iterations=own.iterations,
         seed=identity.seed,
         speech=identity.speech,
         speech_weights=None if weights is None else str(weights),

@@ -250,9 +250,13 @@ class PreparedClip:
         for frame in self.film_frames(start, count):
             yield frame.image, frame.matte, frame.background
 
+    def whole_frames(self, start: int = 0, count: int | None = None) -> Iterator[np.ndarray]:
+        """Frames (H, W, 3) uint8 of the source, one by one."""
+        return read_frames(self.clip, start=start, count=count, rate=self.rate)
+
     def film_frames(self, start: int = 0, count: int | None = None) -> Iterator[FilmFrame]:
         """Frames with all that belongs to them, one by one; the video is decoded once."""
-        images = read_frames(self.clip, start=start, count=count, rate=self.rate)
+        images = self.whole_frames(start, count)
         mattes = read_frames(self.folder / MATTE, start=start, count=count, pixels="gray")
         fills = read_frames(self.folder / BACKGROUND, start=start, count=count)
         overlays: Iterable[np.ndarray | None] = itertools.repeat(None)

@@ -112,6 +112,11 @@ class Dub:
         """Names of the files that it becomes, by kind."""
         return results_of(self.name, self.settings.codec)
 
+    @property
+    def draft(self) -> str:
+        """Name of the file that its draft becomes."""
+        return f"{self.name}.draft.mp4"
+
     def previous(self, name: str) -> str:
         """Name of an earlier result that is kept beside a new one."""
         return previous_of(self.name, name)

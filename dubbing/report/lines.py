@@ -25,7 +25,7 @@ from dubbing.video.own_pixels import OwnPixels
 FORMULA = tuple("=+-@|%\uff1d\uff0b\uff0d\uff20")  # what a formula begins with, in wide signs, too
 COLOURS = {"pass": "green", "warn": "yellow", "fail": "red", "unjudged": "blue"}
 OF_SOUND = ("loudness", "true_peak", "gain")
-OF_SYNC = ("verdict", "reason", "offset_frames", "confidence")
+OF_SYNC = ("verdict", "reason", "offset_frames", "confidence", "closeness")
 
 Shape = TypeVar("Shape")
 
@@ -96,7 +96,8 @@ def reach_columns(reach: Reach | None) -> dict[str, Any]:
 def edit_columns(edit: Edit) -> dict[str, Any]:
     """The edit of a line, as columns of a table; nothing in those that it leaves as spoken."""
     strength = None if edit.strength == 1 else edit.strength
-    return {"shift": edit.shift or None, "strength": strength, "note": edit.note}
+    keys = ", ".join(f"{at:g}: {value:g}" for at, value in edit.keys)
+    return {"shift": edit.shift or None, "strength": strength, "keys": keys, "note": edit.note}
 
 
 def edits_of(dub: Dub) -> list[dict[str, Any]]:

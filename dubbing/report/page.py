@@ -44,11 +44,11 @@ def in_table(dub: dict[str, Any]) -> bool:
 
 
 def worst_first(dubs: dict[str, Any]) -> list[tuple[str, Any]]:
-    """Names and dubs by verdict; of one verdict, those first whose sync check is least sure."""
+    """Names and dubs by verdict; of one verdict, those first that are least like their film."""
 
     def rank(item: tuple[str, Any]) -> tuple[int, float]:
         sync = item[1]["sync"] or {}
-        return VERDICTS.index(item[1]["verdict"]), sync.get("confidence") or 0.0
+        return VERDICTS.index(item[1]["verdict"]), sync.get("closeness") or 0.0
 
     return sorted(dubs.items(), key=rank)
 

@@ -60,6 +60,8 @@ class Sync(TypedDict, total=False):
     offset_frames: int | None
     offset_ms: float | None
     confidence: float | None
+    closeness: float | None
+    parts: dict[str, float]
     distance: float | None
     curve: list[float]
     source: dict[str, Any] | None

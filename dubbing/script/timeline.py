@@ -6,6 +6,7 @@ F frames of the dub, T frames of the film.
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from dubbing.engine.fields import Setting
 from dubbing.errors import RenderingError
 
+HELD, AROUND = 0.04, 0.12  # s beside a key: its strength holds, and has gone
 FADE = 3  # frames at a cue's edges over which the rendered head fades in and out
 
 
@@ -24,11 +26,31 @@ class Edit:
         shift: ms by which it comes later than the sound.
         strength: how far the lips leave the closed mouth: 0 never, 1 as spoken.
         note: for people.
+        keys: seconds of the cue's sound, and the strength there.
     """
 
     shift: float = 0.0
     strength: float = 1.0
     note: Setting[str] = ""
+    keys: tuple[tuple[float, float], ...] = ()
+
+    def strengths(self, frames: int, rate: Fraction) -> np.ndarray:
+        """The strength in each frame of the cue, (F,) float32.
+
+        A key holds for `HELD` on both sides; from there to `AROUND` the line's own strength comes
+        back, or the next key's.
+        """
+        heard = np.arange(frames) / float(rate) - self.shift / 1000
+        keys = sorted(self.keys)
+        points = [(at + side * HELD, value) for at, value in keys for side in (-1, 1)]
+        for (before, _), (after, _) in pairwise([(-np.inf, 0), *keys, (np.inf, 0)]):
+            for at in (before + AROUND, after - AROUND):
+                if after - before > 2 * AROUND and np.isfinite(at):
+                    points.append((at, self.strength))
+        if not points:
+            return np.full(frames, self.strength, np.float32)
+        at, values = np.array(sorted(points)).T
+        return np.interp(heard, at, values).astype(np.float32)
 
     def in_words(self) -> str:
         """``the mouth 80 ms later, strength 0.5: mumbled``; empty without an edit."""
@@ -38,6 +60,7 @@ class Edit:
             found.append(f"the mouth {abs(self.shift):g} ms {side}")
         if self.strength != 1:
             found.append(f"strength {self.strength:g}")
+        found += [f"{strength:g} at {at:g} s" for at, strength in self.keys]
         return ": ".join(part for part in (", ".join(found), self.note) if part)
 
 

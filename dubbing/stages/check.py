@@ -59,7 +59,7 @@ class Check(DubbingStage):
         result = check(
             video_file(self.video.folder, self.codec),
             source=read_check(self.source.folder),
-            sound_from=voices if voices.is_file() else None,
+            voices=voices if voices.is_file() else None,
             parts=self.spoken,
             leave_out=self.credits,
             progress=lambda share: progress("listening and looking", share),

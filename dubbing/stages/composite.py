@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
     from dubbing.preparation.prepared import PreparedClip
     from dubbing.production.dub import Dub
+    from dubbing.script.timeline import Cue
+    from dubbing.video.composer import Heads
 
 
 @dataclass(frozen=True)
@@ -93,27 +96,38 @@ class Composite(DubbingStage):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
-        from dubbing.script import timeline
         from dubbing.video.assembly import make
-        from dubbing.video.composer import Heads
+        from dubbing.video.composer import read_heads
 
         clips = {name: person.film() for name, person in self.people.items()}
         kept = {name: person.kept(clips[name]) for name, person in self.people.items()}
-        segment = next(iter(clips.values())).segment
+        poses = self.poses(clips)
         heads = [
-            Heads(
-                folder=self.heads[cue.name].folder,
-                clip=clips[cue.identity],
-                first=cue.first,
-                stop=cue.stop,
-                kept=kept[cue.identity],
-                name=cue.name,
-            )
+            heads_of(cue, partial(read_heads, self.heads[cue.name].folder), clips, kept)
             for cue in self.sound.cues
         ]
-        poses = timeline.pose_index(self.length, segment, self.first, self.on_longer_audio)
         settings = replace(self.settings, mark=self.mark)
         make(heads, self.sound, out, pose_index=poses, settings=settings, progress=progress)
 
+    def poses(self, clips: Mapping[str, PreparedClip]) -> np.ndarray:
+        """Frame of the film under every frame of the dub, (F,)."""
+        from dubbing.script import timeline
+
+        segment = next(iter(clips.values())).segment
+        return timeline.pose_index(self.length, segment, self.first, self.on_longer_audio)
+
     def amount(self) -> float:
         return self.length
+
+
+def heads_of(
+    cue: Cue,
+    read: Callable[[int, int], Iterator[np.ndarray]],
+    clips: Mapping[str, PreparedClip],
+    kept: Mapping[str, np.ndarray],
+) -> Heads:
+    """The heads of a cue, over the film of its person."""
+    from dubbing.video.composer import Heads
+
+    person = cue.identity
+    return Heads(read, clips[person], cue.first, cue.stop, kept[person], cue.name)

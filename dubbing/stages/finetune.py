@@ -89,7 +89,8 @@ class Finetune(DubbingStage):
         )
 
     def amount(self) -> float:
-        return self.settings.iterations + REFINED * self.crops
+        steps = self.settings.steps(from_base=self.base is not None)
+        return steps + REFINED * self.crops
 
     def memory(self) -> float:
         return super().memory() + PIXEL_BYTES * FULL_CROP * self.crops

@@ -104,7 +104,7 @@ class Render(DubbingStage):
             pose_index=poses[self.first :],
             part=self.part,
             baked=self.baked,
-            strength=self.edit.strength,
+            strength=self.edit.strengths(self.stop - self.first, speech.rate),
             device=self.device,
             progress=progress,
         )

@@ -1,125 +1,34 @@
 """The sync check: offset between the sound and the mouth of a video, and how well they fit."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from dubbing import media
 from dubbing.engine.stage import ReportShare
-from dubbing.speech.voice_activity import STEP_RATE, at_times
-from dubbing.sync.curves import MAX_OFFSET, CurveSum, distances, estimate
-from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
-from dubbing.sync.judgement import Measurement, conclude, judge_part, reference_confidence
-from dubbing.sync.measure import Block, measure
-from dubbing.sync.motion import MotionSum
+from dubbing.sync.curves import estimate
+from dubbing.sync.judgement import Measurement, conclude, film_face, judge_part
+from dubbing.sync.measure import measure
 from dubbing.sync.result import FaceResult, Media, Segment, SyncResult
-from dubbing.sync.sync_network import SyncNetwork, load_network
+from dubbing.sync.sums import FaceSum, Parts, Sums, evidence
+from dubbing.sync.sync_network import load_network
+from dubbing.sync.voices_lag import voices_lag
 
 METHOD = "lip geometry and mouth pixels against log-mel and speech features, two streams"
-SEGMENT_SECONDS = 5.0
-# A last segment shorter than this is joined to the one before.
-SHORTEST_SEGMENT = 3.0
-# Weight of a frame without voice; one in full speech has 1 more. A closed mouth in silence is
-# evidence, too, but a long silence must not outweigh the rest.
-SILENT_WEIGHT = 0.2
 # A segment or a face needs this many compared frames to have an offset of its own.
 MIN_ROWS = 40
-Parts = Sequence[tuple[int, int]]
 
 
-@dataclass
-class _FaceSum:
-    """Sums for one face over the whole video."""
-
-    whole: CurveSum
-    parts: list[CurveSum]
-    motion: MotionSum
-    place: np.ndarray
-    frames: int = 0
-
-    @classmethod
-    def empty(cls, segments: int, rate: float) -> "_FaceSum":
-        parts = [CurveSum.empty() for _ in range(segments)]
-        return cls(CurveSum.empty(), parts, MotionSum(rate), np.zeros(2))
-
-    @property
-    def evidence(self) -> float:
-        """Grows with the confidence and with the duration (noise falls as 1 / sqrt)."""
-        return _evidence(self.whole)
-
-
-def _evidence(total: CurveSum) -> float:
-    best = estimate(total.curve())
-    return best.confidence * total.rows**0.5 if best is not None else 0.0
-
-
-class _Sums:
-    """All sums over the blocks of one video."""
-
-    def __init__(self, network: SyncNetwork, info: media.MediaInfo, parts: Parts | None) -> None:
-        self._network = network
-        self.rate = float(info.rate)
-        self.apart = parts is not None
-        edges = segment_edges(info.frames, self.rate).tolist()
-        self.parts = parts if parts is not None else [*pairwise(edges)]
-        self.part_of = np.full(info.frames, -1)  # of the frames that count
-        for k, (first, stop) in enumerate(self.parts):
-            self.part_of[first:stop] = k
-        self.faces: dict[int, _FaceSum] = {}
-        self.voice = np.zeros(len(self.parts))
-
-    def add(self, block: Block) -> None:
-        times = block.times - block.sound.start
-        around = (np.arange(-MAX_OFFSET, block.frames + MAX_OFFSET) + 0.5) / self.rate + (
-            block.first / self.rate - block.sound.start
-        )
-        sounds = sound_embeddings(self._network, block.sound.features, around)
-        frame = block.first + np.arange(-MAX_OFFSET, block.frames + MAX_OFFSET)
-        beyond = around >= len(block.sound.features) / STEP_RATE
-        sounds[(frame < 0) | beyond] = np.nan
-        voice = at_times(block.sound.voice, times)
-        part = self.part_of[block.first : block.first + block.frames]
-        counts = part >= 0
-        self.voice += np.bincount(part[counts], voice[counts], len(self.voice))
-        for track, face in block.faces.items():
-            if track not in self.faces:
-                self.faces[track] = _FaceSum.empty(len(self.voice), self.rate)
-            total = self.faces[track]
-            mouth = mouth_embeddings(self._network, face.shapes, face.crops, times)
-            rows = distances(mouth, sounds)
-            weights = SILENT_WEIGHT + voice
-            total.whole.add(rows[counts], weights[counts])
-            for s in np.unique(part[counts]):
-                chosen = part == s
-                total.parts[s].add(rows[chosen], weights[chosen])
-            total.motion.add(np.where(counts[:, None, None], face.shapes, np.nan), voice)
-            frames = int(np.isfinite(face.shapes[counts, 0, 0]).sum())
-            total.place += frames * np.array(face.centre)
-            total.frames += frames
-
-
-def segment_edges(frames: int, rate: float) -> np.ndarray:
-    """First frames of the 5 s segments, and the number of frames at the end."""
-    edges = [
-        round(k * SEGMENT_SECONDS * rate) for k in range(int(frames / rate / SEGMENT_SECONDS) + 1)
-    ]
-    edges = [e for e in edges if e < frames] + [frames]
-    if len(edges) > 2 and edges[-1] - edges[-2] < SHORTEST_SEGMENT * rate:
-        del edges[-2]
-    return np.array(edges)
-
-
-def _segments(sums: _Sums, speaker: _FaceSum, reference: float | None) -> list[Segment]:
+def _segments(sums: Sums, speaker: FaceSum, source: SyncResult | None) -> list[Segment]:
     """Results of the parts: for the speaker, or in requested parts for the face that speaks."""
     segments = []
     for k, (first, stop) in enumerate(sums.parts):
-        faces = [face.parts[k] for face in sums.faces.values()] if sums.apart else []
-        part = max(faces, key=_evidence, default=speaker.parts[k])
+        faces = sums.faces.values() if sums.apart else ()
+        face = max(faces, key=lambda f: evidence(f.parts[k]), default=speaker)
+        part = face.parts[k]
         best = estimate(part.curve()) if part.rows >= MIN_ROWS else None
         voice = float(sums.voice[k] / (stop - first))
+        film = film_face(source, METHOD, face.centre)
+        near = sums.near(face, sums.part_of == k, part, film) if best else None
         length = (stop - first) / sums.rate
         segments.append(
             Segment(
@@ -129,28 +38,31 @@ def _segments(sums: _Sums, speaker: _FaceSum, reference: float | None) -> list[S
                 best.confidence if best else None,
                 best.distance if best else None,
                 voice,
-                *judge_part(best, sums.rate, length, voice, reference),
+                *judge_part(best, sums.rate, length, voice, film, near),
+                near.number if near else None,
+                near.parts if near else {},
             )
         )
     return segments
 
 
-def _faces(sums: _Sums) -> list[FaceResult]:
+def _faces(sums: Sums) -> list[FaceResult]:
     results = []
-    for track, face in sorted(sums.faces.items(), key=lambda item: -item[1].evidence):
+    speaking = sums.speaking()
+    for place, (track, face) in enumerate(sums.faces.items()):
         best = estimate(face.whole.curve()) if face.whole.rows >= MIN_ROWS else None
-        column, row = face.place / max(face.frames, 1)
+        own = speaking == place
         results.append(
             FaceResult(
                 track,
-                float(column),
-                float(row),
+                *face.centre,
                 face.frames / sums.rate,
                 best.offset if best else None,
                 best.confidence if best else None,
+                sums.figures(face, own, face.whole, best.offset) if best else None,
             )
         )
-    return results
+    return sorted(results, key=lambda face: -evidence(sums.faces[face.track].whole))
 
 
 def check(
@@ -158,6 +70,7 @@ def check(
     *,
     source: SyncResult | None = None,
     sound_from: Path | None = None,
+    voices: Path | None = None,
     parts: Parts | None = None,
     leave_out: int = 0,
     progress: ReportShare | None = None,
@@ -168,8 +81,10 @@ def check(
 
     Args:
         video: with picture and sound.
-        source: result of the clip that the video was made from, to compare the confidence with.
+        source: result of the clip that the video was made from, to compare with.
         sound_from: another file to take the sound from, starting together with the video.
+        voices: the voices in the video's sound, by themselves. They are listened to, at the moment
+            at which they are heard in the video.
         parts: the only frames (first, stop) to check; they become the segments, unless they are
             the whole video.
         leave_out: frames at the end whose picture and sound are ignored.
@@ -182,17 +97,21 @@ def check(
     info = replace(info, frames=info.frames - leave_out)
     if parts is not None and [*parts] == [(0, info.frames)]:
         parts = None
+    lag = None
+    if voices is not None:
+        first = parts[0][0] if parts else 0
+        lag, sound_from = voices_lag(video, voices, first / float(info.rate)), voices
     sound = info if sound_from is None else media.probe(sound_from)
     if sound.audio_rate is None:
         facts = Media(info.frames, str(info.rate), info.duration, 0.0, 0.0, 0.0)
         return SyncResult("unjudged", "no sound in it", METHOD, facts, source=source)
     network = load_network()
-    sums = _Sums(network, info, parts)
+    sums = Sums(network, info, parts)
     for block in measure(
         video, network.face.numpy(), sound_from=sound_from, leave_out=leave_out, progress=progress
     ):
-        sums.add(block)
-    speaker = max(sums.faces.values(), key=lambda f: f.evidence, default=None)
+        sums.add(block, lag or 0.0)
+    speaker = max(sums.faces.values(), key=lambda f: evidence(f.whole), default=None)
     heard = info.frames / sums.rate if leave_out else sound.sound_seconds
     facts = Media(
         frames=info.frames,
@@ -206,14 +125,19 @@ def check(
     measured = None
     if speaker is not None and best is not None:
         faces = _faces(sums)
-        reference = reference_confidence(source, METHOD)
+        film = film_face(source, METHOD, speaker.centre)
         measured = Measurement(
             best,
             speaker.whole.curve().tolist(),
             sums.rate,
             faces[0].track,
-            speaker.motion.result(),
-            _segments(sums, speaker, reference),
+            faces[0].figures,
+            film,
+            sums.near(speaker, sums.part_of >= 0, speaker.whole, film),
+            _segments(sums, speaker, source),
             faces,
         )
-    return conclude(measured, METHOD, facts, source, tracked=bool(sums.faces))
+    result = conclude(measured, METHOD, facts, source, tracked=bool(sums.faces))
+    if voices is not None and lag is None and result.verdict != "unjudged":
+        return replace(result, verdict="fail", reason="The voices are not heard in the video.")
+    return result

@@ -71,3 +71,14 @@ def estimate(curve: np.ndarray) -> Estimate | None:
     best = int(np.argmin(curve))
     distance = float(curve[best])
     return Estimate(OFFSETS[best], float(np.median(curve)) - distance, distance)
+
+
+def early_ms(curve: np.ndarray, rate: float) -> float:
+    """Where a curve (K,) is lowest, between frames, in ms by which the audio is early."""
+    best = int(np.argmin(curve))
+    if 0 < best < len(curve) - 1:
+        before, lowest, after = curve[best - 1 : best + 2]
+        between = (before - after) / max(before - 2 * lowest + after, 1e-9) / 2
+    else:
+        between = 0.0
+    return float((best - len(curve) // 2 + between) * 1000 / rate)

@@ -16,26 +16,43 @@ from pathlib import Path
 
 import numpy as np
 
+from dfrf.field.speaker_adaptation import OPENING, TOUCHING
 from dubbing import media
 from dubbing.engine.stage import ReportShare
 from dubbing.face.face_tracker import FaceTracker
 from dubbing.face.mouth_crop import COLUMNS, ROWS, mouth_crop
 from dubbing.face.mouth_shape import MOUTH, mouth_shape
-from dubbing.speech.voice_activity import SAMPLE_RATE, voice_activity
+from dubbing.sound_to_lips.predict import predict
+from dubbing.speech.voice_activity import SAMPLE_RATE, energy_db, voice_activity
 from dubbing.sync.sound_channels import SoundChannels
 
 BLOCK_SECONDS = 60.0
 # Sound is read this far beyond a block: the largest offset that is searched, and a window.
 MARGIN_SECONDS = 2.0
+SILENT_DB = -120.0  # of full scale, the least that `energy_db` gives
 
 
 @dataclass(frozen=True)
 class Sound:
-    """The sound of a block: features and voice in steps of 20 ms, the first starting at `start`."""
+    """The sound of a block in steps of 20 ms, the first starting at `start`.
+
+    Attributes:
+        features: (T, D).
+        heard: (T, 4): voice, loudness (dB above -120), the opening that the sound asks for, and a
+            score of touching lips.
+    """
 
     start: float
-    features: np.ndarray  # (T, D)
-    voice: np.ndarray  # (T,)
+    features: np.ndarray
+    heard: np.ndarray
+
+    @classmethod
+    def of(cls, start: float, samples: np.ndarray, channels: SoundChannels) -> "Sound":
+        """The sound of samples (N,) at 16 kHz; features are normalised to their level."""
+        lips = predict(lambda: [samples])[:, [OPENING, TOUCHING]]
+        loudness = energy_db([samples]) - SILENT_DB
+        heard = np.column_stack([voice_activity(samples), loudness, lips])
+        return cls(start, channels.extract(samples), heard)
 
 
 @dataclass(frozen=True)
@@ -102,7 +119,7 @@ def block_lengths(frames: int, rate: Fraction) -> list[int]:
 def measure_sound(
     path: Path, start: float, seconds: float, channels: SoundChannels, end: float = math.inf
 ) -> Sound:
-    """Sound of a part of a file, up to ``end``; features are normalised to the part's level."""
+    """Sound of a part of a file, up to ``end``."""
     begin = max(0.0, start - MARGIN_SECONDS)
     samples = media.read_audio(
         path,
@@ -110,7 +127,7 @@ def measure_sound(
         start=begin,
         seconds=min(end, start + seconds + MARGIN_SECONDS) - begin,
     )
-    return Sound(begin, channels.extract(samples), voice_activity(samples))
+    return Sound.of(begin, samples, channels)
 
 
 def measure(

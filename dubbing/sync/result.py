@@ -8,6 +8,13 @@ from dubbing.sync.curves import OFFSETS
 Verdict = Literal["pass", "warn", "fail", "unjudged"]
 
 
+def in_words(offset: int, offset_ms: float) -> str:
+    """An offset that is not 0, as "audio early by 2 frames (80 ms)"."""
+    side = "early" if offset > 0 else "late"
+    plural = "s" if abs(offset) > 1 else ""
+    return f"audio {side} by {abs(offset)} frame{plural} ({abs(offset_ms):.0f} ms)"
+
+
 @dataclass(frozen=True)
 class Segment:
     """Five seconds of the video, or one of the requested parts.
@@ -23,6 +30,34 @@ class Segment:
     voice: float  # share of speech
     verdict: Verdict = "unjudged"
     reason: str = ""
+    closeness: float | None = None
+    parts: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Figures:
+    """Figures of a mouth in speech; see `dubbing.sync.mouth_figures`.
+
+    Attributes:
+        certainty: median minus minimum of the curve of distance, where the sound belongs.
+        opening: correlation of the opening with the one that the sound asks for.
+        closures: the same of nearly closed lips.
+        spread: standard deviation of the opening in speech, eye distances.
+        range, speed: of the mouth, in what the sound asks for.
+        loudness: correlation of the opening with the loudness.
+        sharpness: amplitude of fine detail over that of all edges.
+        restless: share of silent frames in which the mouth moves; None without silence.
+    """
+
+    certainty: float
+    opening: float
+    closures: float
+    spread: float
+    range: float
+    speed: float
+    loudness: float
+    sharpness: float
+    restless: float | None
 
 
 @dataclass(frozen=True)
@@ -35,17 +70,7 @@ class FaceResult:
     seconds: float
     offset_frames: int | None
     confidence: float | None
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Mouth motion: range of the opening (5th to 95th percentile) in eye distances, speeds a s."""
-
-    opening_range: float
-    moves: bool
-    moves_in_silence: bool | None  # None: too little silence to tell
-    speed_in_speech: float | None
-    speed_in_silence: float | None
+    figures: Figures | None = None
 
 
 @dataclass(frozen=True)
@@ -77,7 +102,8 @@ class SyncResult:
     segments: list[Segment] = field(default_factory=list)
     speaking_face: int | None = None
     faces: list[FaceResult] = field(default_factory=list)
-    motion: Motion | None = None
+    closeness: float | None = None  # of a dub to its film, 0..1; see `dubbing.sync.closeness`
+    parts: dict[str, float] = field(default_factory=dict)  # of the closeness
     source: "SyncResult | None" = None
 
     @property
@@ -90,10 +116,7 @@ class SyncResult:
             return "not measured"
         if self.offset_frames == 0:
             return "no offset" if self.verdict == "fail" else "in sync"
-        side = "early" if self.offset_frames > 0 else "late"
-        count = abs(self.offset_frames)
-        plural = "s" if count > 1 else ""
-        return f"audio {side} by {count} frame{plural} ({abs(self.offset_ms):.0f} ms)"
+        return in_words(self.offset_frames, self.offset_ms)
 
     def to_json(self) -> dict[str, Any]:
         """Plain values, ready for json.dumps; `source` holds the same of the source clip."""

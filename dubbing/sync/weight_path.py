@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from dubbing.face.weight_paths import FACE_WEIGHTS
+from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 from dubbing.speech.weight_paths import DEFAULT_WEIGHTS, VOICE_DETECTOR
 
 SYNC_WEIGHTS = Path(__file__).with_name("weights.safetensors")
@@ -11,5 +12,7 @@ CHECK_WEIGHTS: dict[str, Path] = {
     "sync_weights": SYNC_WEIGHTS,
     "acoustic_weights": DEFAULT_WEIGHTS,
     "voice_detector": VOICE_DETECTOR,
+    "lip_encoder": ENCODER_WEIGHTS,
+    "lip_filter": FILTER_WEIGHTS,
     **FACE_WEIGHTS,
 }

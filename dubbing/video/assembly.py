@@ -5,7 +5,7 @@ files, so memory does not grow with the length and a kill costs one segment. S s
 """
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import asdict
 from fractions import Fraction
@@ -23,6 +23,7 @@ from dubbing.media.colour import Colour
 from dubbing.media.overlap import ahead, behind
 from dubbing.mixing.mix import mix
 from dubbing.mixing.sound import SOUND, Sound
+from dubbing.preparation.crops.threads import in_order
 from dubbing.provenance import provenance
 from dubbing.provenance.mark_key import Marking, id_of
 from dubbing.provenance.mark_search import search
@@ -46,6 +47,7 @@ def make(
     pose_index: np.ndarray,
     settings: VideoSettings,
     progress: Progress,
+    proven: bool = True,
 ) -> Path:
     """Write OUT/video.<suffix>: composited, marked, encoded, with its sound; checked by decoding.
 
@@ -61,6 +63,7 @@ def make(
     Args:
         heads: of all cues; their clips are of one film.
         pose_index: (F,) frame of the film under every frame of the dub.
+        proven: whether frames of a scene without new speech are compared with the film.
 
     Raises:
         MediaError: a file broke off, or ffmpeg failed.
@@ -112,7 +115,7 @@ def make(
     if (out / MIXED).is_file():
         progress("comparing with the film", 1.0)
         own = composer.untouched()
-        proof = compare(film.clip, result, own, rate) if own.any() else None
+        proof = compare(film.clip, result, own, rate) if proven and own.any() else None
         figures = json_records.read(out / MIXED, dict[str, Any], "figures of the mix")
         atomic_write_json(out / SCENE_FILE, {"sound": figures, "untouched": proof})
         (out / SOUND).unlink(missing_ok=True)
@@ -136,16 +139,20 @@ def _pictures(
     def writer(part: Path) -> media.VideoWriter:
         return media.VideoWriter(part, *composer.size, rate, settings.codec, colour)
 
+    def finished(first: int, stop: int) -> Generator[np.ndarray]:
+        with closing(ahead(composer.read(first, stop))) as read:
+            jobs = ((*of, int(poses[k]), k) for k, of in enumerate(read, first))
+            yield from in_order(composer.frame, jobs)
+
     for first in range(0, frames, SEGMENT):
         stop = min(first + SEGMENT, frames)
         part = folder / f"{first:06d}{SUFFIX}"
         parts.append((part, (stop - first) / rate))
         if not part.exists():
             encoder = writer(part)
-            read = composer.read(first, stop)
-            with encoder, behind(encoder.write) as write, closing(ahead(read)) as ready:
-                for done, (image, faces) in enumerate(ready, first):
-                    write(composer.frame(image, faces, int(poses[done]), done))
+            with encoder, behind(encoder.write) as write, closing(finished(first, stop)) as made:
+                for done, picture in enumerate(made, first):
+                    write(picture)
                     progress("compositing", done / frames)
     if settings.card is not None:
         part = folder / f"card{SUFFIX}"

@@ -32,13 +32,16 @@ Picture = TypeVar("Picture")
 
 @dataclass(frozen=True)
 class Heads:
-    """Rendered heads of a cue, FFV1 RGBA segments: of frames first .. stop of the dub.
+    """Rendered heads of a cue, of frames first .. stop of the dub.
 
-    Over ``clip``, of which every dub has one a person. ``kept``: (T,) numbers of the reasons why
-    its frames keep their own face; see `own_pixels`. ``name``: of the cue.
+    Attributes:
+        read: gives so many (S, S, 4) uint8, from a first one of the cue on.
+        clip: under them, of which every dub has one a person.
+        kept: (T,) numbers of the reasons why its frames keep their own face; see `own_pixels`.
+        name: of the cue.
     """
 
-    folder: Path
+    read: Callable[[int, int], Iterator[np.ndarray]]
     clip: PreparedClip
     first: int
     stop: int
@@ -140,7 +143,7 @@ class Composer:
     ) -> Iterator[tuple[np.ndarray, list[Face]]]:
         poses = self.poses[low:high]
         films = [read_frames(h.clip, poses) for h in heads]
-        rendered = [read_heads(h.folder, low - h.first, high - low) for h in heads]
+        rendered = [h.read(low - h.first, high - low) for h in heads]
         for k in range(low, high):
             faces = [
                 Face(h.clip, next(film), next(head), float(self.shares[h.clip.folder][k]))
@@ -202,10 +205,7 @@ def read_frames(clip: PreparedClip, poses: np.ndarray) -> Iterator[FilmFrame]:
 
 def read_film(clip: PreparedClip, poses: np.ndarray) -> Iterator[np.ndarray]:
     """The frames of the film a clip was prepared from, whichever way they run."""
-    return _in_order(
-        lambda first, count: media.read_frames(clip.clip, start=first, count=count, rate=clip.rate),
-        poses,
-    )
+    return _in_order(clip.whole_frames, poses)
 
 
 def _in_order(
@@ -226,7 +226,9 @@ def _in_order(
 
 
 def read_heads(folder: Path, first: int, count: int) -> Iterator[np.ndarray]:
-    """Heads (S, S, 4) uint8 of frames first .. first + count; files bear their first frame.
+    """Heads (S, S, 4) uint8 of frames first .. first + count, of FFV1 RGBA files in a folder.
+
+    Files bear their first frame.
 
     Raises:
         RenderingError: there are not so many.

@@ -31,13 +31,15 @@ def dub(
     path: Path,
     *,
     only: tuple[str, ...] = (),
+    draft: bool = False,
     listener: Listener | None = None,
     executor: Executor | None = None,
     **options: object,
 ) -> tuple[batch.Result, list[str]]:
-    """Run a batch; gives its result, and the stages that ran."""
+    """Run a batch, or make its drafts; gives its result, and the stages that ran."""
     listener = listener or Listener()
     production = load(path)
-    planned = batch.begin(production, only=only)
+    planned = batch.begin(production, only=only, draft=draft)
     chosen = Options(**options)  # type: ignore[arg-type]
-    return batch.dub(production, planned, listener, chosen, executor), listener.began
+    make = batch.drafts if draft else batch.dub
+    return make(production, planned, listener, chosen, executor), listener.began

@@ -25,6 +25,8 @@ from dfrf.field.reference_views import ReferenceViews
 from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
 from dfrf.presets import method_of
 from dfrf.published.paper_model import PaperModel, References
+from dfrf.rendering.baked_frame import BakedHead, ViewImages
+from dfrf.rendering.frame_head import FrameHead, MarchedHead
 from dfrf.rendering.frame_renderer import BLOCK, head_blocks, render_frame
 from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.pose_refinement import normal_equations
@@ -131,6 +133,15 @@ class Scene:
         """Measures of the upper face (1, U)."""
         return torch.from_numpy(upper_face_expression(self.clip)[[frame]]).float().to(self.device)
 
+    def baked(self, conditioning: Tensor, camera: Camera) -> FrameHead:
+        """The head as dubs show it: baked, where the person has references."""
+        volume = self.model.volume(conditioning, self.maps)
+        if self.maps is None or not self.model.baked:
+            return MarchedHead(volume)
+        described = self.model.described(conditioning, camera.c2w[None, :, 3])
+        density = self.model.baked.of_frame(self.model.grid, described[0])
+        return BakedHead(volume, density, ViewImages.of(self.maps))
+
 
 @torch.no_grad()
 def frame_rows(scene: Scene) -> list[Row]:
@@ -170,11 +181,13 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     region = torch.from_numpy(rendered_region(landmarks, scene.clip.size)).to(device)
     replaced = int(region.sum())
     note("head, what a dub shows", lambda: render_frame(volume, camera, region), replaced, "px")
+    baked = scene.baked(conditioning, camera)
+    note("baked head, what a dub shows", lambda: baked.render(camera, region), replaced, "px")
     observations = observations_of(scene.clip, np.array([frame]))[frame].to(device)
-    count = 7 * len(observations.pixels)
+    count = 3 * len(observations.pixels)
     note(
         "a step of a pose",
-        lambda: normal_equations(volume, observations, camera.c2w),
+        lambda: normal_equations(baked, observations, camera.c2w),
         count,
         "rays",
     )

@@ -10,6 +10,7 @@ from dubbing.identity.best_seconds import Part
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.provenance import provenance
 from dubbing.sync.check import check
+from dubbing.sync.result import SyncResult
 
 
 def sync_figures(clip: PreparedClip, out: Path, part: Part) -> dict[str, Any]:
@@ -19,8 +20,8 @@ def sync_figures(clip: PreparedClip, out: Path, part: Part) -> dict[str, Any]:
         part: frames of the clip that were spoken in them.
     """
     start, length = (float(frames / clip.rate) for frames in part)
-    checks = {}
-    for kind in ("render", "source"):
+    checks: dict[str, SyncResult] = {}
+    for kind in ("source", "render"):
         video = out / f"{kind}.mp4"
         silent = out / f"{kind}_picture.mp4"
         media.mux(
@@ -32,28 +33,12 @@ def sync_figures(clip: PreparedClip, out: Path, part: Part) -> dict[str, Any]:
             metadata=provenance.tags() if kind == "render" else None,
         )
         silent.unlink()
-        checks[kind] = check(video)
+        checks[kind] = check(video, source=checks.get("source"))
     render, source = checks["render"], checks["source"]
     return {
         "offset_frames": render.offset_frames,
         "confidence": render.confidence,
+        "closeness": render.closeness,
         "source_offset_frames": source.offset_frames,
         "source_confidence": source.confidence,
-        **suspicion(render.confidence, source.confidence),
     }
-
-
-def suspicion(confidence: float | None, of_source: float | None) -> dict[str, Any]:
-    """`suspicious`, and a sentence where a render fits its sound better than the person does.
-
-    Lips that do what speech sounds like on average please a sync network more than real ones.
-    """
-    if confidence is None or of_source is None:
-        return {}
-    if confidence <= of_source:
-        return {"suspicious": False}
-    why = (
-        f"sync confidence {confidence:.3f} is above the source's own {of_source:.3f}: "
-        "no success, lips of the average please a sync network more than a person's own"
-    )
-    return {"suspicious": True, "suspicion": why}

@@ -95,13 +95,14 @@ class Variant:
         count = self.references
         if count is None and self.method == "dfrf":
             count = settings.references
+        keeps_steps = own.own_iterations or self.method == "dfrf"
         changed = replace(
             settings,
             preset=preset,
             references=count,
             warp=self.warp,
             turned=False,
-            iterations=settings.iterations if own.own_iterations else STEPS[family(preset)],
+            iterations=settings.iterations if keeps_steps else STEPS[family(preset)],
         )
         base = own.base if keeps_base else self.base or shipped_base(preset)
         return replace(own, settings=changed, base=base, own_base=keeps_base)

@@ -14,6 +14,7 @@ from tests.dfrf.people import small_config
 FRAMES = 12
 WIDER = 3.0  # times the predicted lips: what the person's own are
 EXPRESSION = torch.zeros(FRAMES, 6)
+ONE = torch.ones(FRAMES)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def speech() -> tuple[Tensor, Tensor]:
 
 
 @torch.no_grad()
-def wanted(person: Conditioning, speech: tuple[Tensor, Tensor], strength: float) -> Tensor:
+def wanted(person: Conditioning, speech: tuple[Tensor, Tensor], strength: Tensor) -> Tensor:
     """Lip measures (FRAMES, L) that are read from the codes."""
     codes = person(*speech, EXPRESSION, strength)[:, : person.config.code_dim]
     lips: Tensor = person.lips(codes)
@@ -49,28 +50,30 @@ def test_as_spoken_nothing_changes(person: Conditioning, speech: tuple[Tensor, T
     lips = person.speaker_adaptation(speech[1], person.closed_mouth_target)
     unedited = person.project_to_lips(codes, lips)
     assert torch.equal(person.adapted_codes(*speech), unedited)
-    assert torch.equal(person(*speech, EXPRESSION, 1.0), person(*speech, EXPRESSION))
+    assert torch.equal(person(*speech, EXPRESSION, ONE), person(*speech, EXPRESSION))
 
 
-@pytest.mark.parametrize("strength", [0.0, 0.4, 1.5])
+@pytest.mark.parametrize("strength", [0.0, 0.4, 1.5, "each frame its own"])
 def test_the_person_s_own_lips_leave_the_closed_mouth_by_so_much(
-    person: Conditioning, speech: tuple[Tensor, Tensor], strength: float
+    person: Conditioning, speech: tuple[Tensor, Tensor], strength: float | str
 ) -> None:
+    own_each = torch.linspace(0.1, 0.9, FRAMES)
+    share = own_each if isinstance(strength, str) else torch.full((FRAMES,), strength)
     closed = person.closed_mouth_target
     own = WIDER * speech[1][CONTEXT_FRAMES:-CONTEXT_FRAMES, :LIP_MEASURES]
-    expected = closed + strength * (own - closed)
-    made = wanted(person, speech, strength)
+    expected = closed + share[:, None] * (own - closed)
+    made = wanted(person, speech, share)
     torch.testing.assert_close(made, expected, atol=1e-3, rtol=1e-3)
-    spoken, opens = wanted(person, speech, 1.0)[:, OPENING], own[:, OPENING] > closed[OPENING]
+    spoken, opens = wanted(person, speech, ONE)[:, OPENING], own[:, OPENING] > closed[OPENING]
     assert opens.sum() > 3
-    assert bool((made[opens, OPENING] > spoken[opens]).all()) == (strength > 1)
+    assert bool((made[opens, OPENING] > spoken[opens]).all()) == bool((share > 1).all())
 
 
 @torch.no_grad()
 def test_a_muted_mouth_is_still_and_as_in_silence(
     person: Conditioning, speech: tuple[Tensor, Tensor]
 ) -> None:
-    codes = person.adapted_codes(*speech, strength=0.0)
+    codes = person.adapted_codes(*speech, strength=torch.zeros(FRAMES))
     silent = person.adapted_codes(torch.zeros_like(speech[0]), speech[1])
     torch.testing.assert_close(codes, silent, atol=1e-4, rtol=1e-4)
     assert (codes - codes[0]).abs().max() < 1e-4
@@ -85,4 +88,4 @@ def test_a_model_without_lip_measures_refuses(
     assert isinstance(own, Conditioning)
     own(*speech, EXPRESSION)
     with pytest.raises(ValueError, match="without lip measures"):
-        own(*speech, EXPRESSION, 0.5)
+        own(*speech, EXPRESSION, 0.5 * ONE)

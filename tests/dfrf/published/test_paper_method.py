@@ -295,7 +295,7 @@ def test_a_rendered_frame_is_what_the_model_says_of_all_its_pixels(
             close(mine[region], theirs[region])
             assert not mine[~region].any()
     with pytest.raises(ValueError, match="no lip measures"):
-        next(iter(method.render_frames(replace(inputs, strength=0.5), maps)))
+        next(iter(method.render_frames(replace(inputs, strength=torch.full((2,), 0.5)), maps)))
 
 
 def test_frames_and_chunks_of_rays_share_the_noise(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -5,12 +5,14 @@ from dataclasses import replace
 import pytest
 import torch
 
+from dfrf.cameras import Camera
 from dfrf.data.dataset import neighbour_windows
 from dfrf.fast.fast_method import FastMethod
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
 from dfrf.method_interface import FrameInputs
-from dfrf.rendering.baked_frame import BLOCK, between, edge, spread
+from dfrf.rendering.baked_frame import BLOCK, BakedHead, between, edge, spread
+from dfrf.rendering.frame_head import MarchedHead
 from tests.dfrf.people import FOCAL, SIZE, person, random_model
 
 TIMES = 4  # as many pixels a side as the references
@@ -61,6 +63,25 @@ def test_a_baked_frame_is_the_marched_one_within_decibels(arithmetic: float) -> 
     assert not opacity[: inputs.size // 2 - 4 * BLOCK].any()
     assert not none.any()
     assert not nothing.any()
+
+
+@pytest.mark.medium
+def test_single_rays_see_what_marched_rays_see(arithmetic: float) -> None:
+    method, maps, inputs = learned(1)
+    camera = Camera(inputs.c2w[0], inputs.focal, inputs.centres[0], inputs.size)
+    rays = camera.rays(torch.arange(0, inputs.size**2, 5))
+    baked = method.resting_heads(inputs.expression, inputs.c2w[:, :, 3], maps)(0)
+    assert isinstance(baked, BakedHead)
+    marched = MarchedHead(baked.volume)
+    with torch.no_grad():
+        seen, true = baked.see(rays), marched.see(rays)
+    solid = true.opacity > 0.98
+    assert 0.1 < float(solid.float().mean()) < 0.9
+    assert decibels(seen.opacity, true.opacity) > 30
+    assert decibels(seen.colour[solid], true.colour[solid]) > 40
+    assert (seen.depth - true.depth)[solid].abs().mean() < 0.04  # of a head, of radius 1
+    # Where nothing is, nothing has a colour.
+    assert not seen.colour[seen.opacity < 0.001].any()
 
 
 @pytest.mark.medium

@@ -8,6 +8,7 @@ from dfrf.cameras import Camera, pixel_grid
 from dfrf.data.reference_cuts import cut_references
 from dfrf.fast.fast_model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
+from dfrf.rendering.frame_head import MarchedHead
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equations
 from tests.dfrf.people import FOCAL, SIZE, person, small_config
@@ -67,7 +68,9 @@ def test_steps_find_the_camera_that_a_picture_was_taken_with() -> None:
 
     before = off(camera)
     for _ in range(6):
-        left, right = normal_equations(model.volume(conditioning, maps), observation, camera)
+        left, right = normal_equations(
+            MarchedHead(model.volume(conditioning, maps)), observation, camera
+        )
         assert torch.linalg.eigvalsh(left).min() > -1e-4 * left.abs().max()
         camera = moved(camera, torch.linalg.solve(left + 1e-3 * torch.eye(6), right))
     assert before > 0.3
@@ -81,9 +84,9 @@ def test_what_the_head_does_not_explain_has_little_say() -> None:
     pixels = pixel_grid(SIZE, SIZE)[10:30, 10:30].reshape(-1, 2)
     behind = torch.zeros(len(pixels), 3)
     observation = PoseObservation(pixels, torch.ones(len(pixels), 3) * 5, behind, FOCAL, centre)
-    left, right = normal_equations(model.volume(conditioning, maps), observation, true)
+    left, right = normal_equations(MarchedHead(model.volume(conditioning, maps)), observation, true)
     plain = PoseObservation(pixels, torch.zeros(len(pixels), 3), behind, FOCAL, centre)
-    black, _ = normal_equations(model.volume(conditioning, maps), plain, true)
+    black, _ = normal_equations(MarchedHead(model.volume(conditioning, maps)), plain, true)
     assert left.diagonal().sum() < 1e-3 * black.diagonal().sum()
     assert right.isfinite().all()
 
@@ -94,7 +97,7 @@ def test_a_frame_without_pixels_says_nothing() -> None:
     none = torch.zeros(0, 2), torch.zeros(0, 3), torch.zeros(0, 3)
     observation = PoseObservation(*none, FOCAL, someone.centres[3])
     left, right = normal_equations(
-        model.volume(torch.zeros(1, 70), maps), observation, someone.c2w[3]
+        MarchedHead(model.volume(torch.zeros(1, 70), maps)), observation, someone.c2w[3]
     )
     assert not left.any()
     assert not right.any()

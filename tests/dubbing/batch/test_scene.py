@@ -181,6 +181,29 @@ def test_an_edit_of_a_line_is_named_in_what_is_handed_over(scene: Path) -> None:
     assert report_of(scene)["lines"][1]["edit"].endswith(": softer")
 
 
+def test_a_draft_is_the_scene_at_half_size(scene: Path) -> None:
+    result, began = dub(scene, draft=True)
+    assert result.code == 0, result.outcomes
+    path = scene.parent / "out" / "it.draft.mp4"
+    assert result.drafts == (path,)
+    assert not {"render", "composite", "check"} & {name.split()[0] for name in began}
+    info, film = media.probe(path), media.probe(scene.parent / "film.mp4")
+    assert (info.width, info.height) == (film.width // 2, film.height // 2)
+    assert info.frames == FRAMES
+    assert info.sound_seconds == pytest.approx(float(FRAMES / FPS), abs=0.05)
+    drawn = np.stack([*media.read_frames(path)])[:, 9:12, 11:14].mean((1, 2))
+    filmed = np.stack([*media.read_frames(scene.parent / "film.mp4")])[:, 18:24, 22:28]
+    # A head of 5 px is all edge: it is only much redder than the film.
+    middles = [(first + stop) // 2 for first, stop in CUES]
+    assert (drawn[middles, 0] > filmed.mean((1, 2))[middles, 0] + 60).all()
+    spoken = [k for first, stop in CUES for k in range(first, stop)]
+    left = np.setdiff1d(np.arange(FRAMES), spoken)
+    assert np.abs(drawn - filmed.mean((1, 2)))[left].max() < 20
+    # Nothing else is there: no report, no dub.
+    assert sorted(p.name for p in (scene.parent / "out").iterdir()) == ["it.draft.mp4", "work"]
+    assert dub(scene, draft=True)[1] == []
+
+
 def test_another_process_finds_each_stage_by_its_key(scene: Path) -> None:
     add_clips(scene)
     made = jobs.build(load(scene))

@@ -16,9 +16,9 @@ from dubbing.engine.stage import Stage
 from dubbing.stages.check import Check
 from dubbing.stages.check_source import CheckSource
 from dubbing.sync.curves import OFFSETS, Estimate
-from dubbing.sync.judgement import Measurement, conclude
+from dubbing.sync.judgement import Measurement, conclude, film_face
 from dubbing.sync.records import SYNC_FILE
-from dubbing.sync.result import Media, SyncResult
+from dubbing.sync.result import FaceResult, Figures, Media, SyncResult
 from tests import clips
 
 pytestmark = pytest.mark.medium
@@ -101,6 +101,9 @@ def test_the_module_of_the_name_is_the_tool_and_loads_no_torch() -> None:
     assert "MANIFEST" in done.stdout
 
 
+FIGURES = Figures(0.2, 0.7, 0.6, 0.05, 0.05, 0.3, 0.1, 0.4, None)
+
+
 class Film(Stage):
     """A video that lies there already."""
 
@@ -115,7 +118,9 @@ def test_sync_beside_the_source_prints_what_the_report_has(
     def measured(path: Path, *, source: SyncResult | None = None, **_: Any) -> SyncResult:
         best = Estimate(0, confidence if path == video else 0.27, 1.0)
         facts = Media(250, "25", 10.0, 10.0, 9.0, 9.0)
-        found = Measurement(best, [1.0] * len(OFFSETS), 25.0, 0)
+        face = FaceResult(0, 0.5, 0.5, 9.0, 0, best.confidence, FIGURES)
+        film = film_face(source, "ours", (0.5, 0.5))
+        found = Measurement(best, [1.0] * len(OFFSETS), 25.0, 0, film=film, faces=[face])
         return conclude(found, "ours", facts, source, tracked=True)
 
     monkeypatch.setattr("dubbing.sync.check.check", measured)

@@ -12,6 +12,7 @@ from dubbing.compositing.face_mask import (
     lower_share,
     rendered_region,
 )
+from dubbing.face.face_contour import face_contour
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 
 S = 256
@@ -31,9 +32,13 @@ def landmarks(roll: float = 0.0) -> np.ndarray:
     return 128 + points @ np.array([[cos, sin], [-sin, cos]])
 
 
+def mask_of(points: np.ndarray, size: int) -> np.ndarray:
+    return face_mask(points, face_contour(points, size))
+
+
 @pytest.mark.parametrize("roll", [0.0, 40.0, -75.0])
 def test_the_lower_face_and_the_room_round_its_jaw(roll: float) -> None:
-    share = face_mask(landmarks(roll), S)
+    share = mask_of(landmarks(roll), S)
 
     def at(degrees: float, radius: float) -> int:
         """Of the pixel so many degrees from the chin, as the head is held."""
@@ -61,7 +66,7 @@ def test_the_lower_face_and_the_room_round_its_jaw(roll: float) -> None:
 
 
 def test_it_rises_all_the_way_from_the_eyes_to_the_mouth() -> None:
-    share = face_mask(landmarks(), S).astype(int)
+    share = mask_of(landmarks(), S).astype(int)
     columns = share[128 + EYES : 128 + 20, 128 - 40 : 128 + 41]
     assert (np.diff(columns, axis=0) >= 0).all()
     assert (columns[0] == 0).all()
@@ -70,7 +75,7 @@ def test_it_rises_all_the_way_from_the_eyes_to_the_mouth() -> None:
 
 
 def test_both_sides_are_treated_alike() -> None:
-    share = face_mask(landmarks(), S)[:, 1:].astype(int)  # column 128 is the middle
+    share = mask_of(landmarks(), S)[:, 1:].astype(int)  # column 128 is the middle
     assert np.abs(share - share[:, ::-1]).mean() < 0.5  # the outline is drawn to a pixel or so
     points = landmarks(12)
     seen = lower_share(points, S)
@@ -82,11 +87,11 @@ def test_both_sides_are_treated_alike() -> None:
 def test_a_nose_towards_the_camera_leaves_the_lids_to_the_film() -> None:
     points = landmarks()
     points[NOSE_BASE] = (128, 128 + EYES)
-    assert (face_mask(points, S)[: 128 + EYES + 5] == 0).all()
+    assert (mask_of(points, S)[: 128 + EYES + 5] == 0).all()
 
 
 def test_the_region_to_render_holds_the_mask_and_what_decides_about_it() -> None:
-    share = face_mask(landmarks(), S)
+    share = mask_of(landmarks(), S)
     region = rendered_region(landmarks(), S)
     assert region[share > 0].all()
     rows = np.flatnonzero((share > 0).any(1))
@@ -95,6 +100,6 @@ def test_the_region_to_render_holds_the_mask_and_what_decides_about_it() -> None
 
 
 def test_lengths_follow_the_crop() -> None:
-    small, large = face_mask(landmarks(), S), face_mask(landmarks() * 2 + 0.5, 2 * S)
+    small, large = mask_of(landmarks(), S), mask_of(landmarks() * 2 + 0.5, 2 * S)
     assert small.dtype == np.uint8
     assert np.abs(large[::2, ::2].astype(int) - small).mean() < 2

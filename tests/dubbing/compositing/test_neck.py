@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from dubbing.compositing.neck import outline, with_neck
+from dubbing.face.face_contour import FaceContour, face_contour
 from tests import fakes
 
 S = 256
@@ -20,8 +21,8 @@ def disc(radius: float) -> np.ndarray:
     return (255 * soft).round().astype(np.uint8)
 
 
-def scene(collar: float = COLLAR) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Film, background and matte of an open jaw above a neck with a line in it; landmarks."""
+def scene(collar: float = COLLAR) -> tuple[np.ndarray, np.ndarray, np.ndarray, FaceContour]:
+    """Film, background, matte and contour of an open jaw above a neck with a line in it."""
     rows, columns = np.mgrid[:S, :S] - S / 2
     radius = np.hypot(rows, columns)
     image = np.empty((S, S, 3), np.uint8)
@@ -31,13 +32,12 @@ def scene(collar: float = COLLAR) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
     image[radius < FILM] = SKIN
     background = image.copy()
     background[radius < FILM + 4] = GROWN
-    landmarks = fakes.face(S)
-    return image, background, disc(FILM), landmarks
+    return image, background, disc(FILM), face_contour(fakes.face(S), S)
 
 
 def test_the_films_neck_reaches_up_to_a_chin_that_is_higher() -> None:
-    image, background, matte, landmarks = scene()
-    made, where = with_neck(image, background, matte, disc(90), landmarks)
+    image, background, matte, contour = scene()
+    made, where = with_neck(image, background, matte, disc(90), contour)
     below = made[:, S // 2].astype(int)  # down from the middle of the face
     at = S // 2
     assert np.abs(below[at + 91 : at + 95] - SKIN).max() < 4  # grey before
@@ -53,33 +53,33 @@ def test_the_films_neck_reaches_up_to_a_chin_that_is_higher() -> None:
 
 
 def test_a_chin_that_is_lower_changes_nothing() -> None:
-    image, background, matte, landmarks = scene()
-    made, where = with_neck(image, background, matte, disc(FILM + 6), landmarks)
+    image, background, matte, contour = scene()
+    made, where = with_neck(image, background, matte, disc(FILM + 6), contour)
     np.testing.assert_array_equal(made, background)
     assert not where.any()
 
 
 def test_a_collar_right_below_the_chin_is_not_pulled_up() -> None:
-    image, background, matte, landmarks = scene(collar=FILM + 4)
-    made, where = with_neck(image, background, matte, disc(90), landmarks)
+    image, background, matte, contour = scene(collar=FILM + 4)
+    made, where = with_neck(image, background, matte, disc(90), contour)
     np.testing.assert_array_equal(made, background)
     assert not where.any()
 
 
 def test_without_a_head_the_background_stays() -> None:
-    image, background, matte, landmarks = scene()
+    image, background, matte, contour = scene()
     nothing = np.zeros((S, S), np.uint8)
     for film, head in ((matte, nothing), (nothing, disc(90)), (nothing, nothing)):
-        made, where = with_neck(image, background, film, head, landmarks)
+        made, where = with_neck(image, background, film, head, contour)
         np.testing.assert_array_equal(made, background)
         assert not where.any()
 
 
 def test_it_moves_as_smoothly_as_the_chin() -> None:
-    image, background, matte, landmarks = scene()
+    image, background, matte, contour = scene()
     film = image.astype(int)
     chins = np.linspace(88, 104, 33)
-    seen = [with_neck(image, background, matte, disc(r), landmarks)[0] for r in chins]
+    seen = [with_neck(image, background, matte, disc(r), contour)[0] for r in chins]
     below = [made.astype(int)[S // 2 + 110 :] for made in seen]  # under every chin
     jumps = [np.abs(b - a).mean() for a, b in pairwise(below)]
     assert max(jumps) < 0.5

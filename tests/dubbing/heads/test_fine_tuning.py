@@ -46,10 +46,9 @@ def test_a_base_starts_a_person_with_the_same_features(base: Path) -> None:
 def test_settings_of_a_fine_tune_take_the_place_of_the_presets() -> None:
     preset = presets.FINETUNE
     settings = FinetuneSettings(iterations=10, seed=3, learning_rate=1e-3, rays=64)
-    own = training_settings(settings, preset)
+    own = training_settings(settings, preset, 10)
     assert own == replace(preset, iterations=10, seed=3, learning_rate=1e-3, rays=64)
-    ten = FinetuneSettings(iterations=10)
-    assert training_settings(ten, preset) == replace(preset, iterations=10)
+    assert training_settings(FinetuneSettings(), preset, 9) == replace(preset, iterations=9)
 
 
 def test_other_features_are_refused(base: Path) -> None:

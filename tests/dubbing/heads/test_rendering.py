@@ -42,7 +42,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
         return speech.part(first, first + number)
 
     def made(
-        folder: Path, part: tuple[int, int] | None = None, strength: float = 1.0
+        folder: Path, part: tuple[int, int] | None = None, strength: np.ndarray | None = None
     ) -> list[np.ndarray]:
         heads.render(
             tmp_path / "model.safetensors",
@@ -76,11 +76,16 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     for file in (tmp_path / "three").iterdir():
         assert (tmp_path / "ranges" / file.name).read_bytes() == file.read_bytes()
     # Muted, it says what it says in silence, and not what is heard.
-    muted = made(tmp_path / "muted", strength=0.0)
+    muted = made(tmp_path / "muted", strength=np.zeros(count, np.float32))
     speech = SpeechFrames(np.zeros_like(windows), speech.lips)
     for a, b in zip(muted, made(tmp_path / "silent"), strict=True):
         np.testing.assert_allclose(a.astype(int), b, atol=1)
     assert max(np.abs(a.astype(int) - b).max() for a, b in zip(muted, whole, strict=True)) > 5
+    # Muted in some frames, which lie in two segments, it is as muted there and as spoken beside.
+    some = np.where((np.arange(count) >= 6) & (np.arange(count) < 10), 0, 1).astype(np.float32)
+    speech = SpeechFrames(windows, speech.lips)
+    for k, head in enumerate(made(tmp_path / "some", strength=some)):
+        np.testing.assert_allclose(head.astype(int), (whole if some[k] else muted)[k], atol=1)
 
 
 def test_only_what_a_dub_shows_is_requested(tmp_path: Path) -> None:

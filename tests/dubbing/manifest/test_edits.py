@@ -79,6 +79,13 @@ def test_an_edit_is_of_its_line(folder: Path) -> None:
     assert edits(scene(folder, "[]")) == [Edit(), Edit()]
 
 
+def test_keys_are_moments_of_a_line(folder: Path) -> None:
+    keys = "keys: [{at: 0.2, strength: 0}, {at: 0.1, strength: 1.5}]"
+    (_, edit) = edits(scene(folder, f"{{line: 3, {keys}, note: shut on the m}}"))
+    assert edit.keys == ((0.2, 0.0), (0.1, 1.5))
+    assert edit.in_words() == "0 at 0.2 s, 1.5 at 0.1 s: shut on the m"
+
+
 def test_the_edit_of_one_recording_needs_no_line(folder: Path) -> None:
     alone = ALONE.replace("WHO", "ann")
     for text in ("{shift: 80}", "[{shift: 80.0}]", "{line: 1, shift: 80}"):
@@ -105,6 +112,10 @@ def test_of_several_who_speak_in_one_cue_the_speaker_is_named(folder: Path) -> N
         ("{line: 3, strength: 1.6}", "edits.strength", "must be less than or equal to 1.5"),
         ("{line: 3, strength: -0.1}", "edits.strength", "must be greater than or equal to 0"),
         ("{line: 3, strength: true}", "edits.strength", "must be a valid number, not True"),
+        ("{line: 3, keys: [{at: 0.1}]}", "edits.keys.strength", "is required"),
+        ("{line: 3, keys: [{at: -1, strength: 0}]}", "edits.keys.at", "greater than or equal"),
+        ("{line: 3, keys: [{at: 9, strength: 0}]}", "edits.keys.at", "ends after"),
+        ("{line: 3, keys: 4}", "edits.keys", "must be"),
         ("[{line: 3}, {line: 1, strenght: 0}]", "edits[1].strenght", "mean 'strength'?"),
         ("{line: 3, strenght: 0}", "edits.strenght", "unknown key; did you mean 'strength'?"),
         ("{line: three}", "edits.line", "must be a valid integer, not 'three'"),
@@ -137,6 +148,7 @@ def test_a_mistake_stands_on_its_own_line_of_the_file(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("who", "text", "why"),
     [
+        ("old", "{keys: [{at: 0, strength: 0.5}]}", "preset 'paper' of old has no lip measures"),
         ("old", "{strength: 0.5}", "preset 'paper' of old has no lip measures"),
         ("mute", "{strength: 0}", "preset 'nerf' of mute has no lip measures"),
         ("mute", "{shift: 40}", "preset 'nerf' of mute hears no speech"),

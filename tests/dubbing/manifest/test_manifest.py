@@ -8,7 +8,6 @@ import pytest
 import soundfile
 from safetensors.numpy import save_file
 
-from dfrf.config import STEPS
 from dubbing.batch import jobs
 from dubbing.engine.files import atomic_path
 from dubbing.engine.stage import Stage
@@ -188,17 +187,15 @@ def test_date_of_consent(folder: Path) -> None:
     assert message.startswith("line 4: not valid YAML: identities.host.consent.date '2026-13-45'")
 
 
-def test_a_changed_number_of_steps_is_seen(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def stage() -> Stage:
-        return jobs.build(read(folder, GOOD)).by_label["identity/host"].stage(Finetune)
+def test_a_changed_number_of_steps_is_seen(folder: Path) -> None:
+    def stage(more: str = "") -> Stage:
+        text = GOOD.replace("consent:", f"{more}consent:", 1)
+        return jobs.build(read(folder, text)).by_label["identity/host"].stage(Finetune)
 
-    before = stage()
-    assert before.parameters["settings"]["iterations"] == STEPS["fast"]
-    monkeypatch.setitem(STEPS, "fast", 7)
-    assert stage().parameters["settings"]["iterations"] == 7
-    assert stage().key() != before.key()
-    monkeypatch.undo()
-    assert stage().key() == before.key()
+    few, many = (stage(f"finetune: {{iterations: {n}}}, ") for n in (7, 2000))
+    assert few.parameters["settings"]["iterations"] == 7
+    assert len({few.key(), many.key(), stage().key()}) == 3
+    assert few.amount() < stage().amount() < many.amount()
 
 
 def test_what_a_researcher_changes_of_a_fine_tune(folder: Path) -> None:

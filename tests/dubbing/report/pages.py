@@ -23,12 +23,14 @@ DUBS = (*MIXED, ("shot10", "warn", 0.1), ("shot9", "pass", 0.4))
 SOURCE = "../clips/ann 100% #1?.mp4"
 
 
-def dub_of(name: str, verdict: str, place: int, confidence: float | None = 0.2) -> dict[str, Any]:
+def dub_of(name: str, verdict: str, place: int, closeness: float | None = 0.2) -> dict[str, Any]:
     sync = {
         "verdict": verdict,
         "reason": f"measured {name}",
         "words": "in sync",
-        "confidence": confidence,
+        "confidence": 0.2,
+        "closeness": closeness,
+        "parts": {"timing": 0.96, "sharpness": 0.5},
         "source_confidence": 0.3,
         "curve": [2.0, 1.0, 2.0],
     }

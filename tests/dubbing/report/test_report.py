@@ -102,6 +102,7 @@ def test_the_sync_is_said_once_and_for_a_director() -> None:
     page = page_of(found(("weak", "fail", 0.1)))
     assert "<p>measured weak</p>" in page
     assert "in sync" not in page
+    assert "as in the film: timing 96 %, sharpness 50 %" in " ".join(page.split())
 
 
 def test_what_is_shown_of_a_film(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from dubbing.stages.listen import Listen
 from dubbing.stages.prepare import Prepare
 from dubbing.stages.render import PART, Render
 from dubbing.sync.records import SYNC_FILE
-from dubbing.sync.result import Media, Motion, Segment, SyncResult
+from dubbing.sync.result import Media, Segment, SyncResult
 from tests import clips, fakes
 
 torch = pytest.importorskip("torch")
@@ -139,14 +139,14 @@ def test_speech_then_heads(clip: Path, tmp_path: Path, monkeypatch: pytest.Monke
     np.testing.assert_array_equal(listen(13, 9).windows, whole.windows[13:22])
     np.testing.assert_allclose(listen(13, 9).lips, whole.lips[13:22], atol=1e-6)
     np.testing.assert_array_equal(work.call_args[1]["pose_index"], [*range(30), *range(28, 18, -1)])
-    assert work.call_args[1]["strength"] == 1
+    np.testing.assert_array_equal(work.call_args[1]["strength"], np.ones(40))
     # An edited line: the mouth 80 ms later, two frames, then half a frame earlier.
     render(tmp_path, clip, edit=Edit(shift=80, strength=0.5)).run(out, quiet)
     late, named = work.call_args[0][2], work.call_args[1]
     np.testing.assert_array_equal(late(13, 9).lips, whole.lips[11:20])
     np.testing.assert_array_equal(late(13, 9).windows, whole.windows[11:20])
     assert late(0, 1).windows[:, :11].max() < 1e-9  # before the recording it is silent
-    assert named["strength"] == 0.5
+    np.testing.assert_array_equal(named["strength"], np.full(40, 0.5))
     render(tmp_path, clip, edit=Edit(shift=-20)).run(out, quiet)
     early = work.call_args[0][2](13, 9)
     between = whole.windows[13:22, 1:]  # 20 ms on: its steps, one later
@@ -157,10 +157,9 @@ def test_speech_then_heads(clip: Path, tmp_path: Path, monkeypatch: pytest.Monke
 def test_check_reads_the_sources_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import dubbing.sync.check  # noqa: F401 (to be found in sys.modules)
 
-    motion = Motion(0.1, True, None, 1.0, None)
     segments = [Segment(0.0, 3.0, 1, 2.0, 0.5, 0.9)]
     result = SyncResult("pass", "fine", "lips", FACTS, 1, 40.0, 2.0, 0.5, [0.0] * 31)
-    result = SyncResult(**{**vars(result), "motion": motion, "segments": segments})
+    result = SyncResult(**{**vars(result), "segments": segments})
     module = sys.modules["dubbing.sync.check"]
     work = create_autospec(module.check, return_value=result)
     monkeypatch.setattr(module, "check", work)
@@ -181,7 +180,7 @@ def test_check_reads_the_sources_figures(tmp_path: Path, monkeypatch: pytest.Mon
     stage.run(tmp_path / "check", quiet)
     assert work.call_args[0] == (tmp_path / "composite" / "video.mkv",)
     named = work.call_args[1]
-    assert (named["source"], named["sound_from"]) == (result, None)
+    assert (named["source"], named["voices"]) == (result, None)
     assert (named["parts"], named["leave_out"]) == (((3, 9),), 7)
 
 

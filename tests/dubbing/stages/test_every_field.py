@@ -17,6 +17,7 @@ from dubbing.engine.graph import Jobs
 from dubbing.engine.stage import Progress, Stage
 from dubbing.manifest.manifest import load
 from dubbing.pipeline import STAGES
+from dubbing.stages.draft import Draft
 from tests import clips, fakes
 from tests.dubbing.batches import dub
 from tests.dubbing.provenance.chain import write_chain
@@ -59,8 +60,9 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
     with pytest.MonkeyPatch.context() as patch:
         fakes.install(patch.setattr)
-        result, _ = dub(path)
-    assert result.code == 0, result.outcomes
+        for draft in (False, True):
+            result, _ = dub(path, draft=draft)
+            assert result.code == 0, result.outcomes
     return path
 
 
@@ -124,7 +126,7 @@ def change(stage: Stage, name: str, value: Any) -> None:
 
 @pytest.mark.parametrize("kind", STAGES, ids=lambda kind: kind.kind)
 def test_a_field_makes_its_stage_stale_and_those_after_it(made: Path, kind: type[Stage]) -> None:
-    planned = jobs.build(load(made))
+    planned = jobs.build(load(made), draft=kind is Draft)
     assert states(planned) == (set(), set())
     elsewhere = made.parent / "elsewhere"
     elsewhere.write_text("something else")

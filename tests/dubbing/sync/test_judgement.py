@@ -6,82 +6,105 @@ from dataclasses import replace
 import pytest
 from pydantic import TypeAdapter
 
+from dubbing.sync.closeness import Closeness
 from dubbing.sync.curves import Estimate
-from dubbing.sync.judgement import judge, reference_confidence, sound_offset, unjudgeable
-from dubbing.sync.result import Media, Motion, Segment, SyncResult
+from dubbing.sync.judgement import (
+    film_face,
+    judge,
+    pass_closeness,
+    sound_offset,
+    unjudgeable,
+)
+from dubbing.sync.result import FaceResult, Figures, Media, Segment, SyncResult
 
-MOVING = Motion(0.1, True, False, 0.3, 0.05)
-STILL = Motion(0.01, False, None, 0.02, None)
+MOVING = Figures(0.2, 0.7, 0.6, 0.05, 0.05, 0.3, 0.1, 0.4, None)
+STILL = replace(MOVING, spread=0.002)
 FACTS = Media(100, "25", 4.0, 4.0, 3.0, 4.0)
+FILM = FaceResult(0, 0.5, 0.5, 4.0, 0, 0.2, MOVING)
 
 
 @pytest.mark.parametrize(
-    ("offset", "ms", "confidence", "motion", "expected"),
+    ("offset", "ms", "confidence", "figures", "expected"),
     [
-        (0, 0, 0.20, MOVING, ("pass", "offset 0")),
-        (1, 40, 0.13, MOVING, ("pass", "65%")),
-        (-1, -40, 0.20, None, ("pass", "source")),
+        (0, 0, 0.20, MOVING, ("pass", "In sync.")),
+        (1, 40, 0.13, MOVING, ("pass", "65 %")),
+        (-1, -40, 0.20, None, ("pass", "real speakers")),
         # Two frames at 60 fps are 33 ms: nobody sees that.
-        (2, 33, 0.20, MOVING, ("pass", "offset 2")),
+        (2, 33, 0.20, MOVING, ("pass", "In sync.")),
         (2, 80, 0.20, MOVING, ("warn", "early by 2 frames (80 ms)")),
         (-3, -120, 0.20, MOVING, ("warn", "late by 3 frames (120 ms)")),
+        # ITU-R BT.1359 accepts sound that is early less than sound that is late.
+        (3, 120, 0.20, MOVING, ("fail", "early by 3 frames (120 ms)")),
         (-4, -160, 0.20, MOVING, ("fail", "late by 4 frames (160 ms)")),
-        (0, 0, 0.10, MOVING, ("warn", "50%")),
+        (0, 0, 0.10, MOVING, ("warn", "50 %")),
         (0, 0, 0.05, MOVING, ("fail", "follow")),
         (9, 360, 0.05, MOVING, ("fail", "follow")),
         (0, 0, 0.20, STILL, ("fail", "hardly moves")),
     ],
 )
-def test_verdicts(
-    offset: int, ms: float, confidence: float, motion: Motion | None, expected: tuple[str, str]
+def test_verdicts_without_a_film(
+    offset: int, ms: float, confidence: float, figures: Figures | None, expected: tuple[str, str]
 ) -> None:
-    verdict, reason = judge(Estimate(offset, confidence, 1.0), ms, motion, 0.2)
+    verdict, reason = judge(Estimate(offset, confidence, 1.0), ms, figures, typical=0.2)
     assert verdict == expected[0], reason
     assert expected[1] in reason
 
 
 @pytest.mark.parametrize(
-    ("reference", "confidence", "expected"),
+    ("number", "parts", "seconds", "expected"),
     [
-        (0.40, 0.20, "pass"),  # half of a source that the network knows, and all a stranger has
-        (0.40, 0.16, "warn"),
-        (0.40, 0.11, "fail"),  # what does not follow is judged by the source's own confidence still
-        (0.40, 0.35, "pass"),
-        (0.28, 0.16, "warn"),
-        (0.28, 0.17, "pass"),
-        (0.20, 0.13, "pass"),
-        (0.20, 0.11, "warn"),
+        (0.94, {}, 20, ("pass", "In sync. The mouth follows the words: 94 % of the original.")),
+        (0.88, {}, 3, ("pass", "88 %")),
+        (0.88, {"range": 0.3}, 20, ("warn", "opens more or less than in the film, look at it: 88")),
+        (0.78, {"sharpness": 0.4}, 3, ("warn", "softer or sharper")),
+        (0.45, {"closures": 0.0}, 3, ("fail", "do not close")),
+        # Neither network finds the words, wherever the other parts are.
+        (
+            0.8,
+            {"certainty": 0.4, "opening": 0.5},
+            3,
+            ("fail", "does not follow these words: 100 %"),
+        ),
     ],
 )
-def test_no_dub_is_requested_more_than_a_new_speaker_has(
-    reference: float, confidence: float, expected: str
+def test_verdicts_beside_a_film(
+    number: float, parts: dict[str, float], seconds: float, expected: tuple[str, str]
 ) -> None:
-    verdict, reason = judge(Estimate(0, confidence, 1.0), 0, MOVING, reference)
-    assert verdict == expected, reason
-    if verdict != "fail":
-        asked = (
-            "the source's"
-            if reference <= 0.28 or confidence > 0.24
-            else "a clear unknown speaker's"
-        )
-        assert asked in reason
+    near = Closeness(number, {"certainty": 1.0, "opening": 1.0} | parts)
+    verdict, reason = judge(Estimate(0, 0.2, 1.0), 0, MOVING, FILM, near, seconds=seconds)
+    assert verdict == expected[0], reason
+    assert expected[1] in reason
+
+
+def test_words_that_are_late_are_these_words_still() -> None:
+    near = Closeness(0.8, {"certainty": 0.4, "opening": 0.4})
+    assert judge(Estimate(-3, 0.2, 1.0), -120, MOVING, FILM, near)[0] == "warn"
+    assert judge(Estimate(3, 0.2, 1.0), 120, MOVING, FILM, near)[0] == "fail"
+    verdict, reason = judge(Estimate(-3, 0.1, 1.0), -120, MOVING, FILM, near)
+    assert verdict == "fail"
+    assert "does not follow" in reason
+
+
+def test_more_seconds_must_be_closer() -> None:
+    needed = [pass_closeness(seconds) for seconds in (1, 3, 5, 60)]
+    assert needed[0] == needed[1] < needed[2] < needed[3] < 1
 
 
 def test_a_slow_clip_may_be_one_frame_off() -> None:
-    assert judge(Estimate(1, 0.2, 1.0), 1000 / 12, MOVING, 0.2)[0] == "pass"
+    assert judge(Estimate(1, 0.2, 1.0), 1000 / 12, MOVING)[0] == "pass"
 
 
-def test_without_a_source_a_typical_confidence_stands_in() -> None:
-    verdict, reason = judge(Estimate(0, 5.0, 7.0), 0, None, None, 6.0)
-    assert verdict == "pass"
-    assert "real speakers" in reason
-
-
-def test_only_the_same_method_is_a_reference() -> None:
-    source = SyncResult("pass", "", "a", FACTS, confidence=0.3)
-    assert reference_confidence(source, "a") == 0.3
-    assert reference_confidence(source, "b") is None
-    assert reference_confidence(None, "a") is None
+def test_a_dub_is_compared_with_the_face_of_the_film_that_is_in_its_place() -> None:
+    left, right = replace(FILM, column=0.2), replace(FILM, column=0.8)
+    source = SyncResult("pass", "", "a", FACTS, faces=[left, right])
+    assert film_face(source, "a", (0.3, 0.5)) is left
+    assert film_face(source, "a", (0.7, 0.5)) is right
+    assert film_face(source, "b", (0.3, 0.5)) is None, "measured in another way"
+    assert film_face(None, "a", (0.3, 0.5)) is None
+    unsure = replace(source, faces=[replace(left, confidence=0.05), right])
+    assert film_face(unsure, "a", (0.3, 0.5)) is None, "a face that does not follow its own sound"
+    short = replace(source, faces=[replace(left, seconds=0.5), right])
+    assert film_face(short, "a", (0.3, 0.5)) is right
 
 
 @pytest.mark.parametrize(
@@ -120,8 +143,9 @@ def test_words(frames: int | None, words: str) -> None:
 
 
 def test_json_round_trip() -> None:
-    source = SyncResult("pass", "fine", "m", FACTS, offset_frames=0, offset_ms=0.0, motion=STILL)
-    result = replace(source, segments=[Segment(0, 4, None, None, None, 0.5)], source=source)
+    source = SyncResult("pass", "fine", "m", FACTS, offset_frames=0, offset_ms=0.0, faces=[FILM])
+    segment = Segment(0, 4, None, None, None, 0.5, closeness=0.9, parts={"range": 0.8})
+    result = replace(source, closeness=0.9, segments=[segment], source=source)
     text = json.dumps(result.to_json())
     assert TypeAdapter(SyncResult).validate_json(text) == result
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from dubbing.sync.check import check
+from dubbing.sync.judgement import MOVING_SPREAD
 from dubbing.sync.result import SyncResult
 from tests import clips, needs
 
@@ -23,8 +24,8 @@ def own() -> SyncResult:
 def test_a_speaker_follows_their_own_sound(own: SyncResult) -> None:
     assert own.verdict == "pass", own.reason
     assert abs(own.offset_frames or 0) <= 1
-    assert own.motion is not None
-    assert own.motion.moves
+    assert own.faces[0].figures is not None
+    assert own.faces[0].figures.spread > MOVING_SPREAD
 
 
 def test_sound_moved_by_frames_is_found_that_much_later(own: SyncResult, tmp_path: Path) -> None:
@@ -44,5 +45,12 @@ def test_their_words_of_another_moment_do_not_pass(own: SyncResult, tmp_path: Pa
     )
     clips.ffmpeg("-i", source, "-filter_complex", halves, "-map", "0:v", "-map", "[s]", mixed)
     found = check(mixed, source=own)
-    assert found.verdict in ("warn", "fail")
+    assert found.verdict == "fail"
     assert (found.confidence or 0) < 0.6 * (own.confidence or 0)
+    assert (found.closeness or 0) < 0.6
+
+
+def test_their_own_words_are_the_original(own: SyncResult) -> None:
+    again = check(needs.shared("clips/menendez.mp4"), source=own)
+    assert again.verdict == "pass"
+    assert (again.closeness or 0) > 0.95

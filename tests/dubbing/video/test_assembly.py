@@ -5,6 +5,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import av
@@ -62,7 +63,15 @@ class Scene:
         chosen = VideoSettings(**settings)  # type: ignore[arg-type]
         prepared = PreparedClip.load(self.prepared)
         return make(
-            [Heads(self.folder / "heads", prepared, 0, len(poses), kept_of(prepared))],
+            [
+                Heads(
+                    partial(read_heads, self.folder / "heads"),
+                    prepared,
+                    0,
+                    len(poses),
+                    kept_of(prepared),
+                )
+            ],
             recording(self.audio, 0.0, seconds, len(poses)),
             self.folder / name,
             pose_index=poses,
@@ -121,7 +130,7 @@ def test_every_pixel_that_is_not_replaced_is_handed_on_as_it_is(
     (tmp_path / "own.key").write_bytes(b"a secret that nobody knows")
     clip, mark = PreparedClip.load(scene.prepared), marking(tmp_path / "own.key", "a dub")
     fakes.write_heads(scene.folder / "heads", 12, scene.rate)
-    heads = [Heads(scene.folder / "heads", clip, 0, 12, kept_of(clip))]
+    heads = [Heads(partial(read_heads, scene.folder / "heads"), clip, 0, 12, kept_of(clip))]
     plain, marked = (
         composer.Composer(heads, np.arange(12), VideoSettings(codec=codec, label=False, mark=m))
         for m in (None, mark)
@@ -232,7 +241,7 @@ def test_the_finished_sound_lies_where_it_was_recorded(tmp_path: Path, codec: st
     noise = clips.write_noise(tmp_path / "noise.wav", 3)
     fakes.write_heads(tmp_path / "heads", 28, scene.rate)
     clip = PreparedClip.load(scene.prepared)
-    heads = [Heads(tmp_path / "heads", clip, 0, 28, kept_of(clip))]
+    heads = [Heads(partial(read_heads, tmp_path / "heads"), clip, 0, 28, kept_of(clip))]
     settings, poses = VideoSettings(codec=codec, label=False), np.arange(28)
     whole = media.read_audio(noise, rate=rate)
 
@@ -243,7 +252,7 @@ def test_the_finished_sound_lies_where_it_was_recorded(tmp_path: Path, codec: st
 
     cue = Cue("ann", 7, 25, noise, 0.9, float(18 / scene.rate))
     lines = Sound((cue,), film_heard=True)
-    heads = [Heads(tmp_path / "heads", clip, 7, 25, kept_of(clip))]
+    heads = [Heads(partial(read_heads, tmp_path / "heads"), clip, 7, 25, kept_of(clip))]
     out = make(heads, lines, tmp_path / "b", pose_index=poses, settings=settings, progress=quiet)
     first = round(7 * rate / scene.rate)
     # A seek would be as exact as the time stamps, which are milliseconds in Matroska.
@@ -314,8 +323,8 @@ def test_two_faces_in_one_frame_each_while_it_speaks(scene: Scene) -> None:
     for name, count in (("a", 6), ("b", 5)):
         fakes.write_heads(folder / name, count, scene.rate)
     heads = [
-        Heads(folder / "a", film, 2, 8, kept_of(film)),
-        Heads(folder / "b", other, 6, 11, kept_of(other)),
+        Heads(partial(read_heads, folder / "a"), film, 2, 8, kept_of(film)),
+        Heads(partial(read_heads, folder / "b"), other, 6, 11, kept_of(other)),
     ]
     out = make(
         heads,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from dubbing.mixing.sound import Sound
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.script.timeline import Cue
 from dubbing.video.assembly import make
-from dubbing.video.composer import Heads
+from dubbing.video.composer import Heads, read_heads
 from dubbing.video.settings import VideoSettings
 from tests import clips, fakes
 
@@ -52,7 +53,11 @@ def test_what_is_replaced_goes_with_the_face(tmp_path: Path, poses: list[int], f
     fakes.write_heads(tmp_path / "heads", len(poses), clip.rate)
     sound = clips.write_sound(tmp_path / "it.wav", 1.0)
     out = make(
-        [Heads(tmp_path / "heads", clip, 0, len(poses), np.zeros(FRAMES, int))],
+        [
+            Heads(
+                partial(read_heads, tmp_path / "heads"), clip, 0, len(poses), np.zeros(FRAMES, int)
+            )
+        ],
         Sound((Cue("ann", 0, len(poses), sound, 0.0, len(poses) / 25),)),
         tmp_path / "out",
         pose_index=np.array(poses),

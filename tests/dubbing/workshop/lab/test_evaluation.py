@@ -56,13 +56,13 @@ def _stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
             clips.write_video(out / f"{kind}_picture.mp4", FRAMES - LEARNED)
         return {"opening_r": 0.5}
 
-    checked = SimpleNamespace(offset_frames=1, confidence=0.5)
+    checked = SimpleNamespace(offset_frames=1, confidence=0.5, closeness=0.9)
     fakes.install(monkeypatch.setattr)
     monkeypatch.setattr(evaluation, "measure", measure)
     monkeypatch.setattr(evaluation, "measure_dub", measure_dub)
     monkeypatch.setattr(evaluation, "clip_speech", lambda *_: None)
     monkeypatch.setattr(evaluation, "offset_of", lambda _: 0)
-    monkeypatch.setattr(sync_figures, "check", lambda _: checked)
+    monkeypatch.setattr(sync_figures, "check", lambda _, source: checked)
     monkeypatch.setattr(tiles, "write_methods", lambda *_: None)
 
 
@@ -88,9 +88,9 @@ def test_the_figures_of_a_dub_stand_by_themselves(manifest: Production) -> None:
         "opening_r": 0.5,
         "offset_frames": 1,
         "confidence": 0.5,
+        "closeness": 0.9,
         "source_offset_frames": 1,
         "source_confidence": 0.5,
-        "suspicious": False,
     }
     dub = manifest.work / "evaluation" / "ann" / "dfrf" / "p15x" / "render.mp4"
     with av.open(str(dub)) as file:

@@ -31,7 +31,7 @@ pytestmark = pytest.mark.medium
 FRAMES, LEARNED = 30, 24
 OF_LIPS = {
     *("lmd", "lip_rms", "opening_r", "width_r", "closure_f1", "closure_f1_near", "closure_mcc"),
-    *("opening_ratio", "texture_ratio", "offset_frames", "confidence", "suspicious", "frames"),
+    *("opening_ratio", "texture_ratio", "offset_frames", "confidence", "closeness", "frames"),
 }
 OF_PICTURES = {
     *("psnr", "ssim", "psnr_face", "psnr_mouth", "sharpness", "steps", "seconds", "p15x"),
@@ -65,7 +65,7 @@ def test_both_protocols_of_a_tiny_person(
     )
     gaps, wide = np.array([0.0, 0.1, 0.2, 0.05, 0.0, 0.15]), np.linspace(0.4, 0.6, 6)
     talks = [talk(gaps / 2, wide), talk(gaps, wide)]
-    checked = SimpleNamespace(offset_frames=0, confidence=0.25)
+    checked = SimpleNamespace(offset_frames=0, confidence=0.25, closeness=0.9)
     random = np.random.default_rng(1)
     monkeypatch.setattr(Prepare, "run", prepare)
     monkeypatch.setattr(Finetune, "run", finetune)
@@ -73,7 +73,7 @@ def test_both_protocols_of_a_tiny_person(
     monkeypatch.setattr(evaluation, "offset_of", lambda _: 0)
     speech = SpeechFrames(random.random((FRAMES, 16, 8)), random.random((FRAMES, NUMBERS)))
     monkeypatch.setattr(evaluation, "clip_speech", lambda *_: speech)
-    monkeypatch.setattr(sync_figures, "check", lambda _: checked)
+    monkeypatch.setattr(sync_figures, "check", lambda _, source: checked)
     show_faces(monkeypatch, measuring, talks, scale=16)
     show_faces(monkeypatch, cross_driving, talks, scale=16)
     manifest = load(tmp_path / "m.yaml")
@@ -86,7 +86,6 @@ def test_both_protocols_of_a_tiny_person(
         assert figures["opening_ratio"] == pytest.approx(0.5, rel=0.01)
         assert figures["opening_r"] == pytest.approx(1)
         assert figures["width_r"] == pytest.approx(1)
-        assert figures["suspicious"] is False
         assert "measured: 6, and fewer than 50 say little" in figures["frames suspicion"]
     assert evaluation.few({"frames": 50}) == {}
     console.metrics({"ann": {"dfrf": found}})

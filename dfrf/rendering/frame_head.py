@@ -1,0 +1,67 @@
+"""The head in one frame, as renderings of any kind offer it. S side of the image, R rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from dfrf.cameras import Camera, Rays
+from dfrf.rendering.frame_renderer import render_frame
+from dfrf.rendering.volume_rendering import Volume, render_rays
+
+
+@dataclass(frozen=True)
+class SeenRays:
+    """What rays see of the head.
+
+    Attributes:
+        colour: premultiplied, in 0..1.
+        opacity: of each ray.
+        depth: mean distance that the light comes from, times opacity.
+    """
+
+    colour: Float[Tensor, "R 3"]
+    opacity: Float[Tensor, " R"]
+    depth: Float[Tensor, " R"]
+
+
+class FrameHead(Protocol):
+    """The head in one frame."""
+
+    def render(
+        self, camera: Camera, region: Bool[Tensor, "S S"] | None = None
+    ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+        """Premultiplied colour in 0..1, and opacity.
+
+        Args:
+            camera: of the frame.
+            region: the pixels that are needed; others may be left blank. None is all.
+        """
+
+    def see(self, rays: Rays) -> SeenRays:
+        """Single rays, in the head frame."""
+
+
+@dataclass(frozen=True)
+class MarchedHead:
+    """The head whose field is evaluated along every ray.
+
+    Attributes:
+        volume: the head as it is in that frame, the only one of its conditioning.
+    """
+
+    volume: Volume
+
+    def render(
+        self, camera: Camera, region: Bool[Tensor, "S S"] | None = None
+    ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+        """See `FrameHead`."""
+        return render_frame(self.volume, camera, region)
+
+    def see(self, rays: Rays) -> SeenRays:
+        """See `FrameHead`."""
+        seen = render_rays(self.volume, rays)
+        return SeenRays(seen.colour, seen.opacity, seen.depth)

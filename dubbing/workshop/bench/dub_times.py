@@ -1,0 +1,111 @@
+"""What a dubbing team waits for: a first dub, a second line, a line that was edited, a draft.
+
+    python -m dubbing.workshop.bench.dub_times CLIP SPEECH OUT [--seconds 10] [--size 512]
+
+CLIP shows one person, who may say SPEECH: other seconds of the clip, or any speech for a person who
+agreed. OUT is a new folder. Every step is a process of its own, as a user starts it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from dubbing.engine.files import atomic_write_json
+
+CONSENT = {"by": "for timing alone", "reference": "none: nothing made here leaves this folder"}
+PERSON = "somebody"
+
+
+@dataclass(frozen=True)
+class Wait:
+    """A thing that somebody waits for: seconds by the clock, and of each stage that was made."""
+
+    what: str
+    seconds: float
+    stages: dict[str, float]
+
+
+def manifest(clip: Path, speech: Path, out: Path, seconds: float, size: int) -> dict[str, Any]:
+    """A manifest of one person and one dub."""
+    person = {"clip": str(clip), "size": size, "consent": CONSENT}
+    dub = {"name": "one", "identity": PERSON, "audio": str(speech), "audio_seconds": seconds}
+    return {"version": 1, "output": str(out), "identities": {PERSON: person}, "dubs": [dub]}
+
+
+def stage_seconds(work: Path) -> dict[tuple[str, float], float]:
+    """Seconds of all stages that are done, by folder and time of their records."""
+    return {
+        (str(path.parent.relative_to(work)), path.stat().st_mtime): json.loads(path.read_text())[
+            "seconds"
+        ]
+        for path in work.rglob("stage.json")
+    }
+
+
+def waits(clip: Path, speech: Path, out: Path, seconds: float, size: int) -> list[Wait]:
+    """Runs `dfrf dub` again and again, each time after a change."""
+    out.mkdir(parents=True)
+    path, found = out / "manifest.yaml", []
+    plan = manifest(clip, speech, out, seconds, size)
+    first = plan["dubs"][0]
+
+    def wait(what: str, *options: str) -> None:
+        atomic_write_json(path, plan)  # JSON is YAML, too
+        before = stage_seconds(out / "work") if (out / "work").is_dir() else {}
+        call = [sys.executable, "-m", "dubbing", "dub", str(path), *options]
+        began = time.monotonic()
+        subprocess.run(call, check=True, stdout=subprocess.DEVNULL)
+        took = time.monotonic() - began
+        new = {k: v for k, v in stage_seconds(out / "work").items() if k not in before}
+        stages: dict[str, float] = {}
+        for (folder, _), spent in new.items():
+            kind = Path(folder).name
+            stages[kind] = stages.get(kind, 0.0) + spent
+        found.append(Wait(what, took, stages))
+
+    wait("first dub")
+    wait("a draft of it", "--draft")
+    plan["dubs"] = [first, {**first, "name": "two", "audio_start": 1.0}]
+    wait("a second dub of the person")
+    first["edits"] = {"shift": 80}
+    wait("a line that was edited")
+    wait("a draft of that", "--draft", "--only", "one")
+    return found
+
+
+def table(found: list[Wait]) -> str:
+    """What was waited for as a table in Markdown."""
+    rows = [
+        f"| {one.what} | {one.seconds:.1f} | "
+        + ", ".join(f"{kind} {spent:.1f}" for kind, spent in one.stages.items())
+        + " |"
+        for one in found
+    ]
+    return "\n".join(["| | seconds | of which |", "|---|---|---|", *rows])
+
+
+def main() -> None:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("clip", type=Path)
+    parser.add_argument("speech", type=Path)
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--size", type=int, default=512)
+    arguments = parser.parse_args()
+    if arguments.out.exists():
+        parser.error(f"{arguments.out} exists: name a new folder")
+    paths = (path.resolve() for path in (arguments.clip, arguments.speech, arguments.out))
+    clip, speech, out = paths
+    print(table(waits(clip, speech, out, arguments.seconds, arguments.size)))
+
+
+if __name__ == "__main__":
+    main()

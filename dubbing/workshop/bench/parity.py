@@ -1,0 +1,74 @@
+"""How alike a person's heads are on the CPU and on another device.
+
+    python -m dubbing.workshop.bench.parity MANIFEST IDENTITY OUT.json --device cuda
+
+IDENTITY is a person of the manifest who was fine-tuned before. Decibels of colour where the head is
+opaque, baked and marched.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from dubbing.engine.files import atomic_write_json
+from dubbing.heads import rendering
+from dubbing.heads.fine_tuning import MODEL_FILE, clip_speech
+from dubbing.manifest.manifest import load
+from dubbing.pipeline import person_job
+from dubbing.preparation.prepared import PreparedClip
+from dubbing.stages.check_source import CheckSource
+from dubbing.stages.finetune import Finetune
+from dubbing.stages.prepare import Prepare
+from dubbing.sync.records import offset_of
+
+FRAMES = 3
+SOLID = 0.98  # opacity
+WANTED = 40.0  # dB
+
+
+def decibels(manifest: Path, name: str, device: str) -> dict[str, list[float]]:
+    """Decibels of heads on a device to those on the CPU, of some frames, by how rendered."""
+    production = load(manifest)
+    person = production.people[name]
+    job = person_job(person, production.work)
+    clip = PreparedClip.load(job.stage(Prepare).folder, person.clip.path)
+    offset = offset_of(job.stage(CheckSource).folder)
+    speech = clip_speech(clip, person.settings.speech, person.settings.weights, offset)
+    poses = np.arange(len(clip))
+    found = {}
+    for how in ("baked", "marched"):
+        heads = []
+        for place in ("cpu", device):
+            model, maps, _ = rendering.load(job.stage(Finetune).folder / MODEL_FILE, place)
+            arguments = (model, maps, clip, speech, poses, 0, FRAMES, None, how == "baked")
+            heads.append(
+                [[part.float().cpu() for part in of] for of in rendering.frames(*arguments)]
+            )
+        found[how] = [
+            float(-10 * torch.log10((mine - theirs)[seen > SOLID].square().mean().clamp_min(1e-12)))
+            for (mine, seen), (theirs, _) in zip(*heads, strict=True)
+        ]
+    return found
+
+
+def main() -> None:
+    """Prints the decibels and writes them; exit code 1 where they fall short."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("manifest", type=Path)
+    parser.add_argument("identity")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--device", default="cuda")
+    arguments = parser.parse_args()
+    found = decibels(arguments.manifest, arguments.identity, arguments.device)
+    atomic_write_json(arguments.out, found)
+    least = min(min(values) for values in found.values())
+    print(f"heads on {arguments.device} beside the CPU: at least {least:.1f} dB, of {WANTED:.0f}")
+    raise SystemExit(least < WANTED)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,47 @@
+"""The strength of a line's lips from frame to frame."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from dubbing.script.timeline import AROUND, HELD, Edit
+
+RATE = Fraction(100)  # a frame each 10 ms
+
+
+def test_without_keys_it_is_the_line_s() -> None:
+    np.testing.assert_array_equal(Edit().strengths(5, RATE), np.ones(5))
+    np.testing.assert_array_equal(Edit(strength=0.5).strengths(5, RATE), np.full(5, 0.5))
+
+
+def test_a_key_holds_and_the_line_s_own_comes_back() -> None:
+    found = Edit(strength=0.8, keys=((0.5, 0.0),)).strengths(100, RATE)
+    held, around = round(100 * HELD), round(100 * AROUND)
+    assert not found[50 - held : 51 + held].any()
+    assert found[50 - around] == found[50 + around] == pytest.approx(0.8)
+    np.testing.assert_allclose(np.diff(found[50 + held : 51 + around]), 0.1, atol=1e-6)
+    np.testing.assert_allclose(np.delete(found, range(50 - around, 51 + around)), 0.8)
+
+
+def test_between_keys_that_are_near_the_line_s_own_does_not_come_back() -> None:
+    found = Edit(keys=((0.6, 1.4), (0.4, 0.0))).strengths(100, RATE)  # in any order
+    assert found[40] == 0
+    assert found[60] == pytest.approx(1.4)
+    assert (np.diff(found[44:57]) > 0).all()
+    assert found[52] == pytest.approx(1.4 * (52 - 44) / (56 - 44))
+    # Further apart, it does.
+    far = Edit(keys=((0.3, 0.0), (0.7, 0.0))).strengths(100, RATE)
+    np.testing.assert_allclose(far[42:59], 1)
+
+
+def test_a_key_at_the_beginning_is_not_cut_off() -> None:
+    found = Edit(keys=((0.0, 0.0),)).strengths(30, RATE)
+    assert found[0] == 0
+    np.testing.assert_allclose(found[12:], 1)
+
+
+def test_keys_are_moments_of_the_sound_which_a_shifted_mouth_follows() -> None:
+    plain = Edit(keys=((0.5, 0.0),)).strengths(100, RATE)
+    late = Edit(shift=80, keys=((0.5, 0.0),)).strengths(100, RATE)
+    np.testing.assert_allclose(late[8:], plain[:-8])
