@@ -1,8 +1,7 @@
 """Chooses frames of a person's clips in which the head is turned as in no learned second.
 
 A film that is dubbed often shows its person from where the learned seconds do not. What the head
-looks like from there is learned from it, whatever it says there. F learned frames, T frames of all
-clips.
+looks like from there is learned from it, whatever is said there.
 """
 
 from __future__ import annotations
@@ -26,10 +25,10 @@ def with_turned(footage: Sequence[ClipFrames]) -> list[ClipFrames]:
 
     Each is the one furthest from all views so far; none is covered.
     """
-    ends = np.cumsum([0, *(len(one.clip) for one in footage)])
-    clips = [one.clip for one in footage]
     if not any(len(one.with_face) for one in footage):
         return list(footage)
+    clips = [one.clip for one in footage]
+    ends = np.cumsum([0, *map(len, clips)])
     views = np.concatenate([views_of(clip.rotation, clip.translation) for clip in clips])
     clear = np.concatenate([clip.detected & ~clip.covered & ~clip.over for clip in clips])
     learned = np.concatenate([a + one.with_face for a, one in zip(ends, footage, strict=False)])
