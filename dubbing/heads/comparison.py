@@ -8,7 +8,7 @@ S side of the crop in px.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -20,6 +20,7 @@ from dfrf.method_interface import Maps, Method
 from dfrf.workers import Workers
 from dubbing.compositing.face_mask import lower_share
 from dubbing.face.face_contour import face_region
+from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth_shape import OUTER_LIP
 from dubbing.identity.dataset import lip_points, upper_face_expression
 from dubbing.media import read_frames
@@ -38,6 +39,8 @@ LIPS = 0.04  # eye distances round the lips where words decide what is seen
 RIM = 3  # px round the face that are rendered
 MUCH, AWRY = 70, 0.1  # percent, logarithm: with so much beyond that, the head lies beside the face
 AT_ONCE = 8
+EYE_OUTERS = LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+ZOOMED = 0.8  # of what the eyes' distance says: below 1 it is chance
 
 
 @dataclass(frozen=True)
@@ -48,6 +51,7 @@ class Compared:
         picture: (H, W, 3) uint8. apart: (H, W) float32, difference from the head as a logarithm.
         known: (H, W) bool, the lower face beside the lips. lips: (H, W) bool.
         face: (H, W) bool, all of the face beside the lips.
+        zoom: how much larger than one that looks ahead a turned face is here; 1 at least.
     """
 
     picture: np.ndarray
@@ -55,6 +59,7 @@ class Compared:
     known: np.ndarray
     lips: np.ndarray
     face: np.ndarray
+    zoom: float = 1.0
 
 
 def to_face(landmarks: np.ndarray) -> np.ndarray:
@@ -116,7 +121,7 @@ class Comparison:
         clip, device = self.clip, self.method.model.device
         expression = torch.from_numpy(upper_face_expression(clip)[frames]).float()
         c2w = torch.from_numpy(clip.c2w()[frames]).float().to(device)
-        lips = lip_points(clip, frames)
+        lips, eyes = lip_points(clip, frames), clip.eye_distances()
         heads = self.method.heads_with_lips(expression, lips, c2w[:, :, 3], self.maps)
         scale = SIDE / clip.size
         centre = (torch.from_numpy(clip.centre[frames]).float().to(device) + 0.5) * scale - 0.5
@@ -127,7 +132,10 @@ class Comparison:
             region = dilate(face_region((landmarks + 0.5) * scale - 0.5, SIDE) > 0, RIM)
             camera = Camera(c2w[number], float(clip.focal) * scale, centre[number], SIDE)
             seen = heads(number).render(camera, torch.from_numpy(region).to(device))
-            return compare(image, landmarks, *(part.float().cpu().numpy() for part in seen))
+            compared = compare(image, landmarks, *(part.float().cpu().numpy() for part in seen))
+            across = np.linalg.norm(np.diff(landmarks[list(EYE_OUTERS)], axis=0))
+            zoom = ZOOMED * eyes[frames[number]] / max(float(across), 1.0)
+            return replace(compared, zoom=max(1.0, float(zoom)))
 
         with Workers(device, AT_ONCE) as workers:
             yield from workers.map(one, enumerate(images(clip, frames)))

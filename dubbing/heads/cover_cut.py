@@ -33,7 +33,8 @@ def unexplained(compared: Compared, usual: np.ndarray) -> np.ndarray:
     kernel = np.ones((2 * THIN + 1,) * 2, np.uint8)
     solid = cv2.morphologyEx(beyond.astype(np.uint8), cv2.MORPH_OPEN, kernel)
     _, piece, stats, _ = cv2.connectedComponentsWithStats(solid)
-    large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= LEAST * EYES**2) + 1
+    least = LEAST * (EYES * compared.zoom) ** 2
+    large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= least) + 1
     return np.isin(piece, large)
 
 

@@ -47,6 +47,13 @@ def test_nothing_lies_over_a_face_that_speaks() -> None:
     assert not is_awry(face(), USUAL)
 
 
+def test_what_is_small_on_a_face_is_small_on_a_profile_that_is_shown_larger() -> None:
+    shadow = face(np.s_[30:38, 20:28])
+    assert unexplained(shadow, USUAL).any()
+    assert not unexplained(replace(shadow, zoom=2.0), USUAL).any()
+    assert unexplained(replace(face(OBJECT), zoom=2.0), USUAL).any()
+
+
 def test_a_thing_is_found_as_a_whole() -> None:
     compared = [face(OBJECT, k) for k in range(5)]
     seeds = steady([unexplained(c, USUAL) for c in compared])
