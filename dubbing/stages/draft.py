@@ -34,7 +34,7 @@ class Draft(Composite):
     edits: Mapping[str, Edit]
     device: Setting[str]
 
-    typical: ClassVar[Rate] = Rate(0.06, 1e3)
+    typical: ClassVar[Rate] = Rate(0.052, 1e3)
 
     @classmethod
     def of_speech(

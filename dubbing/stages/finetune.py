@@ -53,7 +53,7 @@ class Finetune(DubbingStage):
     crops: Setting[float]
     device: Setting[str]
 
-    typical: ClassVar[Rate] = Rate(0.30, 10e3)
+    typical: ClassVar[Rate] = Rate(0.25, 10e3)
 
     @classmethod
     def of(cls, person: Person, clips: Sequence[LearnedClip], device: str) -> Self:

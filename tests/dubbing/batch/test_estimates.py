@@ -47,14 +47,14 @@ def amounts_of(path: Path) -> dict[str, float]:
 
 # What a first dub took on two cores: a clip of 20 s, 15 s learned from, 10 s of speech, 512 px.
 FIRST = {
-    "prepare": 29,
-    "check_source": 4,
-    "finetune": 357,
-    "refine_poses": 24,
+    "prepare": 32,
+    "check_source": 8,
+    "finetune": 78,
+    "refine_poses": 18,
     "listen": 1,
-    "render": 10,
-    "composite": 10,
-    "check": 3,
+    "render": 12,
+    "composite": 11,
+    "check": 4,
 }
 
 

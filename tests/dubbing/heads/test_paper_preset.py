@@ -238,5 +238,5 @@ def test_the_stage_asks_for_the_steps_of_the_preset(
     prepared.mkdir(parents=True)
     fakes.write_prepared(person.clip.path, prepared)
     job.stage(Finetune).run(tmp_path, lambda _message, _share: None)
-    assert (fitted[0].preset, fitted[0].iterations) == ("paper", 40_000)
+    assert (fitted[0].preset, fitted[0].steps(from_base=True)) == ("paper", 40_000)
     assert presets.trainings("paper").finetune.iterations == 40_000

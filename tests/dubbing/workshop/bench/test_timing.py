@@ -25,6 +25,7 @@ STAGES = (
     "field, every sample",
     "head, what is seen",
     "head, what a dub shows",
+    "baked head, what a dub shows",
     "a step of a pose",
     "composite",
 )
