@@ -79,38 +79,25 @@ def person_job(
 
 
 def dub_job(
-    dub: Dub,
-    people: Mapping[str, Job],
-    work: Path,
-    device: str = "auto",
-    name: str = "",
-    draft: bool = False,
+    dub: Dub, people: Mapping[str, Job], work: Path, device: str = "auto", name: str = ""
 ) -> Job:
     """The stages of a dub; none where its film or a sound is damaged.
 
     Args:
         people: the jobs of people, by name.
         name: of its folder; its own by default.
-        draft: whether a draft is made in its place.
     """
-    waits = tuple(people[person.name].label for person in dub.people)
-    job = Job(DUB, dub.name, dub_folder(work, name or dub.name), "cues", waits, dub.blocked)
+    job = empty_job(dub, people, dub_folder(work, name or dub.name))
     heads: dict[str, Stage] = {}
     for cue in dub.cues:
         person, own = dub.person(cue), people[cue.identity]
         film, model = person.clip_at(dub.film.path), own.stage(Finetune)
         speech = job.add(Listen.of(cue, person, dub.film.rate), cue.name)
-        if draft:
-            heads[cue.name] = speech
-            continue
         poses = own.stage(RefinePoses, film.name)
         render = Render.of(dub, cue, prepared(own, film), model, poses, speech, device)
         heads[cue.name] = job.add(render, cue.name)
     if heads:
         on_film = {who.name: on_film_of(dub, who, people[who.name]) for who in dub.people}
-        if draft:
-            job.add(Draft.of_speech(dub, heads, on_film, device))
-            return job
         video = job.add(Composite.of(dub, heads, on_film))
         first = dub.people[0]
         source = people[first.name].stage(CheckSource, first.clip_at(dub.film.path).name)
@@ -119,6 +106,25 @@ def dub_job(
             models = {name: person.model for name, person in on_film.items()}
             job.add(Sign.of(dub, dub.signer, video, models))
     return job
+
+
+def draft_job(dub: Dub, people: Mapping[str, Job], work: Path, device: str = "auto") -> Job:
+    """The stages of the draft of a dub; see `dub_job`."""
+    job = empty_job(dub, people, dub_folder(work, dub.name))
+    speech: dict[str, Stage] = {
+        cue.name: job.add(Listen.of(cue, dub.person(cue), dub.film.rate), cue.name)
+        for cue in dub.cues
+    }
+    if speech:
+        on_film = {who.name: on_film_of(dub, who, people[who.name]) for who in dub.people}
+        job.add(Draft.of(dub, speech, on_film, device))
+    return job
+
+
+def empty_job(dub: Dub, people: Mapping[str, Job], folder: Path) -> Job:
+    """The job of a dub, which waits for its people, without stages."""
+    waits = tuple(people[person.name].label for person in dub.people)
+    return Job(DUB, dub.name, folder, "cues", waits, dub.blocked)
 
 
 def on_film_of(dub: Dub, person: Person, job: Job) -> PersonOnFilm:

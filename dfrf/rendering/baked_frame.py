@@ -136,7 +136,7 @@ def group(
     shares: Float[Tensor, "k P"],
     positions: Float[Tensor, "k P 2"],
 ) -> Float[Tensor, "C P"]:
-    """What is interpolated of views at vertices: their share, then weight and position of each.
+    """Numbers of views at vertices, to interpolate: their share, then weight and position of each.
 
     Weights are without the views' mattes, which change from pixel to pixel, and add up to 1.
     """
@@ -213,12 +213,7 @@ class BakedHead:
     def render(
         self, camera: Camera, region: Bool[Tensor, "S S"] | None = None
     ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
-        """Premultiplied colour in 0..1, and opacity; as `frame_renderer.render_frame`.
-
-        Args:
-            camera: of the frame.
-            region: the pixels that are needed; others may be left blank. None is all.
-        """
+        """See `frame_head.FrameHead`."""
         size = camera.size
         frame = torch.zeros(4, size, size, device=camera.c2w.device)
         blocks = head_blocks(self.volume.grid, camera, region)

@@ -15,7 +15,7 @@ from dfrf.rendering.volume_rendering import Volume, render_rays
 
 @dataclass(frozen=True)
 class SeenRays:
-    """What rays see of the head.
+    """Rays, as they see the head.
 
     Attributes:
         colour: premultiplied, in 0..1.

@@ -40,7 +40,7 @@ def blend(
 
 @dataclass(frozen=True)
 class Shading:
-    """What a field finds out about points of a surface.
+    """Findings of a field about points of a surface.
 
     Attributes:
         positions: where each of V = n + m views shows them, pixels.
@@ -113,7 +113,7 @@ class SurfaceDetails:
         return torch.cat([moved, weights.T.float(), of_mouths], 1)
 
     def shade(self, points: Float[Tensor, "M 3"], directions: Float[Tensor, "M 3"]) -> Shading:
-        """What the field finds out about points of a surface, seen along unit directions."""
+        """Findings of the field about points of a surface, seen along unit directions."""
         size, count = devices.chunk_size(points.device), len(points)
         padding = devices.padding(count) if count else devices.PADDED_MULTIPLE
         places, towards = (

@@ -2,6 +2,7 @@
 
 import shutil
 import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -77,14 +78,12 @@ def dub(
     dubs = planned.named(pipeline.DUB)
     with claims.hold(production.work / RESULTS, wait=True):
         ledger = results.ledger_of(production)
-        for name, job in dubs.items():
-            outcome = outcomes[job.label]
-            if outcome.state in ("made", "kept"):
-                try:
-                    publish(production.dubs[name], job, ledger)
-                    remove_old_cues(job)
-                except (ExplainedError, OSError) as error:
-                    outcome.state, outcome.failure = "failed", failure_of("publish", error)
+
+        def put(name: str, job: Job) -> None:
+            publish(production.dubs[name], job, ledger)
+            remove_old_cues(job)
+
+        put_each(dubs, outcomes, put)
         syncs = {name: report.sync_of(job) for name, job in dubs.items()}
         code = exit_code(outcomes, syncs)
         seconds = time.perf_counter() - started
@@ -115,18 +114,29 @@ def drafts(
         ExplainedError: nothing can be written.
     """
     outcomes = runner.run(planned, options, reporter, executor)
-    made = []
+    made: list[Path] = []
     with claims.hold(production.work / RESULTS, wait=True):
         ledger = results.ledger_of(production)
-        for name, job in planned.named(pipeline.DUB).items():
-            outcome = outcomes[job.label]
-            if outcome.state in ("made", "kept"):
-                video = video_file(job.stage(Draft).folder, "h264")
-                try:
-                    made.append(results.put_draft(ledger, production.dubs[name], video))
-                except (ExplainedError, OSError) as error:
-                    outcome.state, outcome.failure = "failed", failure_of("publish", error)
+
+        def put(name: str, job: Job) -> None:
+            video = video_file(job.stage(Draft).folder, "h264")
+            made.append(results.put_draft(ledger, production.dubs[name], video))
+
+        put_each(planned.named(pipeline.DUB), outcomes, put)
     return Result(outcomes, exit_code(outcomes, {}), None, {}, tuple(made))
+
+
+def put_each(
+    dubs: Mapping[str, Job], outcomes: Mapping[str, Outcome], put: Callable[[str, Job], None]
+) -> None:
+    """Call `put` with the name and the job of each dub that is there; an error fails that dub."""
+    for name, job in dubs.items():
+        outcome = outcomes[job.label]
+        if outcome.state in ("made", "kept"):
+            try:
+                put(name, job)
+            except (ExplainedError, OSError) as error:
+                outcome.state, outcome.failure = "failed", failure_of("publish", error)
 
 
 def begin(

@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 from dubbing.engine import claims
 from dubbing.engine.graph import Job, Jobs
 from dubbing.errors import ExplainedError
-from dubbing.pipeline import dub_job, people_jobs
+from dubbing.pipeline import draft_job, dub_job, people_jobs
 from dubbing.production.dub import Dub
 from dubbing.production.production import Production
 
@@ -38,7 +38,7 @@ def build(
     people = [p for p in production.people.values() if p.name in named or p.name in needed]
     made = people_jobs(people, dubs, production.work, device)
     if draft:
-        drafts = [dub_job(dub, made, production.work, device, draft=True) for dub in dubs]
+        drafts = [draft_job(dub, made, production.work, device) for dub in dubs]
         return Jobs.of([*made.values(), *drafts])
     return Jobs.of(
         [*made.values(), *(_found(production, dub, made, device, adopt) for dub in dubs)]

@@ -15,7 +15,7 @@ from dubbing.preparation.prepared import FilmFrame, PreparedClip
 from dubbing.preparation.tracking import cropping
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class HalvedClip(PreparedClip):
     """A prepared clip, its film and its crop at half their size.
 
@@ -24,9 +24,9 @@ class HalvedClip(PreparedClip):
         scale, shift: (T, 1), (T, 2): a place p in px of the full crop is at scale p + shift here.
     """
 
-    full: PreparedClip = None  # type: ignore[assignment]  # after fields with defaults
-    scale: np.ndarray = None  # type: ignore[assignment]
-    shift: np.ndarray = None  # type: ignore[assignment]
+    full: PreparedClip
+    scale: np.ndarray
+    shift: np.ndarray
 
     @classmethod
     def of(cls, clip: PreparedClip) -> Self:

@@ -56,11 +56,10 @@ class PersonOnFilm:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Composite(DubbingStage):
-    """Makes the video; see `dubbing.video.assembly`.
+class OnFilm(DubbingStage):
+    """A stage that puts heads onto the film of a dub.
 
     Attributes:
-        heads: the stages that rendered them, by cue.
         people: by name.
         length, first, on_longer_audio: frames of the film under the dub; see `Dub`.
         consent: who agreed. No pixel depends on it, but a result records it.
@@ -68,32 +67,55 @@ class Composite(DubbingStage):
 
     film: Path
     sound: Sound
-    heads: Mapping[str, Stage]
     people: Mapping[str, PersonOnFilm]
     length: int
     first: int
     on_longer_audio: str
     settings: VideoSettings
-    mark: Marking | None
     consent: Any
+
+    @staticmethod
+    def common(dub: Dub, people: Mapping[str, PersonOnFilm]) -> dict[str, Any]:
+        """The fields of a dub, but for its settings."""
+        return {
+            "film": dub.film.path,
+            "sound": dub.sound,
+            "people": people,
+            "length": dub.length,
+            "first": dub.first,
+            "on_longer_audio": dub.on_longer_audio,
+            "consent": dub.consent(),
+        }
+
+    def poses(self, clips: Mapping[str, PreparedClip]) -> np.ndarray:
+        """Frame of the film under every frame of the dub, (F,)."""
+        from dubbing.script import timeline
+
+        segment = next(iter(clips.values())).segment
+        return timeline.pose_index(self.length, segment, self.first, self.on_longer_audio)
+
+    def amount(self) -> float:
+        return self.length
+
+
+@dataclass(frozen=True, kw_only=True)
+class Composite(OnFilm):
+    """Makes the video; see `dubbing.video.assembly`.
+
+    Attributes:
+        heads: the stages that rendered them, by cue.
+    """
+
+    heads: Mapping[str, Stage]
+    mark: Marking | None
 
     typical: ClassVar[Rate] = Rate(0.04, 3e3)
 
     @classmethod
     def of(cls, dub: Dub, heads: Mapping[str, Stage], people: Mapping[str, PersonOnFilm]) -> Self:
         """The stage for a dub."""
-        return cls(
-            film=dub.film.path,
-            sound=dub.sound,
-            heads=heads,
-            people=people,
-            length=dub.length,
-            first=dub.first,
-            on_longer_audio=dub.on_longer_audio,
-            settings=dub.settings,
-            mark=dub.marking(),
-            consent=dub.consent(),
-        )
+        common = cls.common(dub, people)
+        return cls(**common, settings=dub.settings, heads=heads, mark=dub.marking())
 
     def run(self, out: Path, progress: Progress) -> None:
         from dubbing.video.assembly import make
@@ -108,16 +130,6 @@ class Composite(DubbingStage):
         ]
         settings = replace(self.settings, mark=self.mark)
         make(heads, self.sound, out, pose_index=poses, settings=settings, progress=progress)
-
-    def poses(self, clips: Mapping[str, PreparedClip]) -> np.ndarray:
-        """Frame of the film under every frame of the dub, (F,)."""
-        from dubbing.script import timeline
-
-        segment = next(iter(clips.values())).segment
-        return timeline.pose_index(self.length, segment, self.first, self.on_longer_audio)
-
-    def amount(self) -> float:
-        return self.length
 
 
 def heads_of(

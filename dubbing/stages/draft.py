@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from dubbing.engine.fields import Setting
 from dubbing.engine.stage import Progress, Rate, Stage
 from dubbing.script.timeline import Edit
-from dubbing.stages.composite import Composite, PersonOnFilm, heads_of
+from dubbing.stages.composite import OnFilm, PersonOnFilm, heads_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -21,23 +21,24 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Draft(Composite):
+class Draft(OnFilm):
     """Renders, composites and encodes in one go, a quarter of the pixels.
 
     It has the visible mark, and no invisible one. Heads are not kept.
 
     Attributes:
-        heads: the stages that listen to the cues.
+        speech: the stages that listen to the cues.
         edits: of the cues.
     """
 
+    speech: Mapping[str, Stage]
     edits: Mapping[str, Edit]
     device: Setting[str]
 
     typical: ClassVar[Rate] = Rate(0.052, 1e3)
 
     @classmethod
-    def of_speech(
+    def of(
         cls,
         dub: Dub,
         speech: Mapping[str, Stage],
@@ -45,11 +46,10 @@ class Draft(Composite):
         device: str,
     ) -> Self:
         """The stage for a dub."""
-        whole = Composite.of(dub, speech, people)
-        same = {field.name: getattr(whole, field.name) for field in fields(whole)}
-        settings = replace(dub.settings, label=True, card=None, codec="h264")
         return cls(
-            **same | {"settings": settings, "mark": None},
+            **cls.common(dub, people),
+            settings=replace(dub.settings, label=True, card=None, codec="h264"),
+            speech=speech,
             edits={cue.name: cue.edit for cue in dub.cues},
             device=device,
         )
@@ -90,7 +90,7 @@ class Draft(Composite):
 
         def of_cue(cue: Cue) -> Callable[[int, int], Iterator[np.ndarray]]:
             model, maps, _ = people[cue.identity]
-            edit, speech = self.edits[cue.name], Speech.load(self.heads[cue.name].folder)
+            edit, speech = self.edits[cue.name], Speech.load(self.speech[cue.name].folder)
             late = edit.shift / 1000 * float(speech.rate)  # frames
             strength = edit.strengths(cue.stop - cue.first, speech.rate)
             segment = method_of(model).segment

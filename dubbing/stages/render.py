@@ -129,7 +129,7 @@ class Render(DubbingStage):
 
     @property
     def _how(self) -> str:
-        """What the time of a frame depends on."""
+        """The kind of rendering, on which the time of a frame depends."""
         if family(self.preset) == "paper":
             return "paper"
         return "baked" if self.baked else "marched"

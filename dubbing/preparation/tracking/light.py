@@ -44,7 +44,7 @@ class Light:
 
 @dataclass(frozen=True)
 class Sight:
-    """What frames see of a face.
+    """A face, as frames see it.
 
     Attributes:
         colours: (T, P, 3) at the points of the mesh, NaN where a point is not seen.

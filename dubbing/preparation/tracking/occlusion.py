@@ -84,7 +84,7 @@ def sight_of(
     views: np.ndarray,
     reference: np.ndarray,
 ) -> Sight:
-    """What frames see of colours (T, P, 3) at the points of a mesh (P, 3).
+    """Those of colours (T, P, 3) at the points of a mesh (P, 3) that frames see.
 
     Args:
         dark: (T, 3) of their darkest pixels.

@@ -25,16 +25,9 @@ from dfrf.field.reference_maps import ReferenceMaps
 from dubbing.engine.files import atomic_write_json
 from dubbing.errors import ExplainedError
 from dubbing.heads import rendering as heads
-from dubbing.heads.fine_tuning import MODEL_FILE, clip_speech
-from dubbing.manifest.manifest import load
-from dubbing.pipeline import person_job
-from dubbing.preparation.prepared import PreparedClip
 from dubbing.report.peak_memory import peak_memory
-from dubbing.stages.check_source import CheckSource
-from dubbing.stages.finetune import Finetune
-from dubbing.stages.prepare import Prepare
-from dubbing.sync.records import offset_of
 from dubbing.workshop.bench import other_networks as others
+from dubbing.workshop.bench.learned_person import LearnedPerson
 from dubbing.workshop.bench.timing import (
     Row,
     Scene,
@@ -128,23 +121,16 @@ def main() -> None:
     parser.add_argument("--device", default="auto")
     arguments = parser.parse_args()
     try:
-        production = load(arguments.manifest)
-        people = production.people
-        if arguments.identity not in people:
-            parser.error(f"no identity {arguments.identity!r}; there is {', '.join(people)}")
-        person = people[arguments.identity]
-        job = person_job(person, production.work)
-        clip = PreparedClip.load(job.stage(Prepare).folder, person.clip.path)
-        model, maps, _ = heads.load(job.stage(Finetune).folder / MODEL_FILE, arguments.device)
-        offset = offset_of(job.stage(CheckSource).folder)
-        speech = clip_speech(clip, person.settings.speech, person.settings.weights, offset)
+        person = LearnedPerson.of(arguments.manifest, arguments.identity)
+        model, maps, _ = heads.load(person.model, arguments.device)
     except ExplainedError as error:
         parser.error(str(error))
     if not (isinstance(model, FastModel) and isinstance(maps, ReferenceMaps | None)):
         parser.error(f"{arguments.identity!r} is a person of preset 'paper'; choose one of 'fast'")
+    clip = person.clip
     usable = np.flatnonzero(clip.valid)
     frames = usable[np.linspace(0, len(usable) - 1, FRAMES + 2).round().astype(int)][1:-1]
-    scene = Scene(model, maps, clip, speech, frames.tolist())
+    scene = Scene(model, maps, clip, person.speech, frames.tolist())
     rate = matrix_rate(scene.device)
     rows = [*frame_rows(scene), dub_row(scene)]
     if maps is not None:

@@ -1,4 +1,4 @@
-"""What a dubbing team waits for: a first dub, a second line, a line that was edited, a draft.
+"""Times that a dubbing team waits: a first dub, a second line, a line that was edited, a draft.
 
     python -m dubbing.workshop.bench.dub_times CLIP SPEECH OUT [--seconds 10] [--size 512]
 
@@ -81,7 +81,7 @@ def waits(clip: Path, speech: Path, out: Path, seconds: float, size: int) -> lis
 
 
 def table(found: list[Wait]) -> str:
-    """What was waited for as a table in Markdown."""
+    """The times as a table in Markdown."""
     rows = [
         f"| {one.what} | {one.seconds:.1f} | "
         + ", ".join(f"{kind} {spent:.1f}" for kind, spent in one.stages.items())

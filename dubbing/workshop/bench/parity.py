@@ -15,36 +15,34 @@ import numpy as np
 import torch
 
 from dubbing.engine.files import atomic_write_json
+from dubbing.errors import ExplainedError
 from dubbing.heads import rendering
-from dubbing.heads.fine_tuning import MODEL_FILE, clip_speech
-from dubbing.manifest.manifest import load
-from dubbing.pipeline import person_job
-from dubbing.preparation.prepared import PreparedClip
-from dubbing.stages.check_source import CheckSource
-from dubbing.stages.finetune import Finetune
-from dubbing.stages.prepare import Prepare
-from dubbing.sync.records import offset_of
+from dubbing.workshop.bench.learned_person import LearnedPerson
 
 FRAMES = 3
 SOLID = 0.98  # opacity
 WANTED = 40.0  # dB
 
 
-def decibels(manifest: Path, name: str, device: str) -> dict[str, list[float]]:
+def decibels(person: LearnedPerson, device: str) -> dict[str, list[float]]:
     """Decibels of heads on a device to those on the CPU, of some frames, by how rendered."""
-    production = load(manifest)
-    person = production.people[name]
-    job = person_job(person, production.work)
-    clip = PreparedClip.load(job.stage(Prepare).folder, person.clip.path)
-    offset = offset_of(job.stage(CheckSource).folder)
-    speech = clip_speech(clip, person.settings.speech, person.settings.weights, offset)
-    poses = np.arange(len(clip))
+    poses = np.arange(len(person.clip))
     found = {}
     for how in ("baked", "marched"):
         heads = []
         for place in ("cpu", device):
-            model, maps, _ = rendering.load(job.stage(Finetune).folder / MODEL_FILE, place)
-            arguments = (model, maps, clip, speech, poses, 0, FRAMES, None, how == "baked")
+            model, maps, _ = rendering.load(person.model, place)
+            arguments = (
+                model,
+                maps,
+                person.clip,
+                person.speech,
+                poses,
+                0,
+                FRAMES,
+                None,
+                how == "baked",
+            )
             heads.append(
                 [[part.float().cpu() for part in of] for of in rendering.frames(*arguments)]
             )
@@ -63,7 +61,11 @@ def main() -> None:
     parser.add_argument("out", type=Path)
     parser.add_argument("--device", default="cuda")
     arguments = parser.parse_args()
-    found = decibels(arguments.manifest, arguments.identity, arguments.device)
+    try:
+        person = LearnedPerson.of(arguments.manifest, arguments.identity)
+        found = decibels(person, arguments.device)
+    except ExplainedError as error:
+        parser.error(str(error))
     atomic_write_json(arguments.out, found)
     least = min(min(values) for values in found.values())
     print(f"heads on {arguments.device} beside the CPU: at least {least:.1f} dB, of {WANTED:.0f}")
