@@ -315,16 +315,21 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
 
         return head
 
+    @torch.no_grad()
+    def speaking_heads(
+        self, inputs: FrameInputs, maps: ReferenceMaps | None
+    ) -> Callable[[int], FrameHead]:
+        """Gives the head of each frame by its number: lips as spoken, `inputs.strength` of them."""
+        conditioning = self.model.eval().field.conditioning(
+            inputs.windows, inputs.predicted_lips, inputs.expression, inputs.strength
+        )
+        return self._heads(conditioning, inputs.c2w[:, :, 3], maps, inputs.baked)
+
     def render_frames(
         self, inputs: FrameInputs, maps: ReferenceMaps | None
     ) -> Iterator[tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]]:
         """Renders one frame a core at a time on a CPU."""
-        with torch.no_grad():
-            field = self.model.eval().field
-            conditioning = field.conditioning(
-                inputs.windows, inputs.predicted_lips, inputs.expression, inputs.strength
-            )
-        heads = self._heads(conditioning, inputs.c2w[:, :, 3], maps, inputs.baked)
+        heads = self.speaking_heads(inputs, maps)
 
         def one(t: int) -> tuple[Tensor, Tensor]:
             camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)

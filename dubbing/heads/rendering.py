@@ -1,6 +1,7 @@
 """Rendering a person's head for every frame of new speech, in segments that survive a kill."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -143,14 +144,32 @@ def frames(
     Of the whole head, or of what of it lies in regions (stop - first, S, S) bool at least.
     `strength` is (stop - first,).
     """
-    device = model.device
-    method = method_of(model)
+    inputs = inputs_of(model, clip, speech, pose_index, first, stop)
+    inputs = replace(
+        inputs,
+        regions=None if regions is None else torch.from_numpy(regions).to(model.device),
+        baked=baked,
+        strength=None if strength is None else torch.from_numpy(strength).to(model.device),
+    )
+    yield from method_of(model).render_frames(inputs, maps)
+
+
+def inputs_of(
+    model: HeadModel,
+    clip: PreparedClip,
+    speech: SpeechFrames,
+    pose_index: np.ndarray,
+    first: int,
+    stop: int,
+) -> FrameInputs:
+    """Inputs of frames first .. stop, on the model's device: whole heads, marched, as spoken."""
+    device, reach = model.device, method_of(model).reach
     # Speech does not stop at a cut of the picture, so all frames count as one run.
     one_run, own = torch.zeros(len(speech)), torch.arange(first, stop)
     near = neighbour_windows(torch.from_numpy(speech.windows).float(), one_run, own)
-    around = np.arange(first - method.reach, stop + method.reach).clip(0, len(speech) - 1)
+    around = np.arange(first - reach, stop + reach).clip(0, len(speech) - 1)
     poses = pose_index[first:stop]
-    inputs = FrameInputs(
+    return FrameInputs(
         torch.from_numpy(clip.c2w()[poses]).float().to(device),
         float(clip.focal),
         torch.from_numpy(clip.centre[poses]).float().to(device),
@@ -158,11 +177,7 @@ def frames(
         torch.from_numpy(speech.lips[around]).float().to(device),
         torch.from_numpy(upper_face_expression(clip)[poses]).float().to(device),
         clip.size,
-        None if regions is None else torch.from_numpy(regions).to(device),
-        baked,
-        None if strength is None else torch.from_numpy(strength).to(device),
     )
-    yield from method.render_frames(inputs, maps)
 
 
 def regions_of(clip: PreparedClip, poses: np.ndarray) -> np.ndarray:
