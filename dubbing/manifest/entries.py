@@ -221,8 +221,9 @@ class Dub(Entry):
     """Certificate chain (PEM) for signed content credentials; needs `key`."""
     key: FilePath | None = None
     """Private key of `certificate` (PEM)."""
-    codec: Literal["h264", "prores", "ffv1"] = "h264"
-    """Video codec: `h264` in mp4, `prores` in mov, lossless `ffv1` in mkv."""
+    codec: Literal["h264", "hevc", "prores", "prores4444", "dnxhr", "ffv1"] = "h264"
+    """Video codec: `h264` and `hevc` in mp4, `prores` (422 HQ), `prores4444` and `dnxhr` (HQX) in
+    mov, lossless `ffv1` in mkv."""
     audio_rate: Literal[48000, "source"] = 48000
     """Sampling rate of the result in Hz; `source`: that of the recording."""
 

@@ -55,6 +55,11 @@ class HalvedClip(PreparedClip):
             shift=shift,
         )
 
+    @property
+    def pixels(self) -> None:
+        """A draft is made of RGB pictures."""
+        return None
+
     def whole_frames(self, start: int = 0, count: int | None = None) -> Iterator[np.ndarray]:
         """See `PreparedClip.whole_frames`."""
         for whole in self.full.whole_frames(start, count):

@@ -21,7 +21,7 @@ from dubbing.engine import json_records
 from dubbing.engine.files import atomic_path, atomic_write_json
 from dubbing.errors import ExplainedError, PreparationError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
-from dubbing.media import read_frames
+from dubbing.media import PixelFormat, Planes, probe, read_frames, read_planes
 from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.tracking import cropping
@@ -253,6 +253,15 @@ class PreparedClip:
     def whole_frames(self, start: int = 0, count: int | None = None) -> Iterator[np.ndarray]:
         """Frames (H, W, 3) uint8 of the source, one by one."""
         return read_frames(self.clip, start=start, count=count, rate=self.rate)
+
+    @property
+    def pixels(self) -> PixelFormat | None:
+        """Format of the film's own values; None where its frames are RGB pictures alone."""
+        return probe(self.clip).pixels
+
+    def whole_planes(self, start: int = 0, count: int | None = None) -> Iterator[Planes]:
+        """The same frames in the film's own values."""
+        return read_planes(self.clip, start=start, count=count, rate=self.rate)
 
     def film_frames(self, start: int = 0, count: int | None = None) -> Iterator[FilmFrame]:
         """Frames with all that belongs to them, one by one; the video is decoded once."""
