@@ -34,7 +34,7 @@ from dubbing.preparation.prepared import PreparedClip
 # whole shot is off by, so that few steps are enough for the near ones. What a pose is off by
 # changes with the pose, so a head that turns fast has a key frame in every frame.
 PASSES = ((50, np.inf, 4), (5, np.radians(1.5), 2))
-RAYS = 1000
+RAYS = 500  # twice as many find no better poses
 FACE_SHARE = 0.7  # of the rays; hair and ears, which show the turn better, are larger than the face
 RIM = 8  # px at 512 beyond the matte: background that a head out of place would cover
 NOISE = 0.1  # of a channel; several times what it is, as neighbouring residuals are alike
