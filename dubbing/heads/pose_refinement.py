@@ -31,9 +31,9 @@ from dubbing.preparation.head_findings import POSES_FILE
 from dubbing.preparation.prepared import PreparedClip
 
 # Frames and turn (rad) from one key frame to the next, and steps: far ones first, which find what a
-# whole shot is off by, so that few steps are enough for the near ones. What a pose is off by
+# whole shot is off by, so that one step is enough for the near ones, and a second finds no better. What a pose is off by
 # changes with the pose, so a head that turns fast has a key frame in every frame.
-PASSES = ((50, np.inf, 4), (5, np.radians(1.5), 2))
+PASSES = ((50, np.inf, 4), (5, np.radians(1.5), 1))
 RAYS = 500  # twice as many find no better poses
 FACE_SHARE = 0.7  # of the rays; hair and ears, which show the turn better, are larger than the face
 RIM = 8  # px at 512 beyond the matte: background that a head out of place would cover
