@@ -33,7 +33,7 @@ BASE_TRAINING = TrainConfig(
     learn_references_every=4,
     lip_iterations=LIP_ITERATIONS,
 )
-FINETUNE = TrainConfig(iterations=STEPS["fast"], warmup=20, rays=1536, frames=8)
+FINETUNE = TrainConfig(iterations=STEPS["fast"], warmup=20)
 # The paper's 300,000 + 100,000 steps of 850 rays, split over 17 frames so that the samples of 50
 # rays are all that is in memory at once. Rates as published: 5e-4 falls to .29 times that in
 # 400,000 steps; a fine-tune continues from there.
@@ -97,7 +97,7 @@ class Preset:
 FAST_TRAININGS = Trainings(
     base=BASE_TRAINING,
     finetune=FINETUNE,
-    from_scratch=TrainConfig(iterations=STEPS["fast"], lip_iterations=LIP_ITERATIONS),
+    from_scratch=replace(FINETUNE, lip_iterations=LIP_ITERATIONS, warmup=TrainConfig.warmup),
 )
 # From scratch the first stage trains without the warp, as for a base.
 PAPER_TRAININGS = Trainings(
