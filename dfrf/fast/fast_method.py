@@ -48,7 +48,7 @@ from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
 FRAMES_AT_ONCE = 8
-BAKED_FRAMES = 32
+BAKED_FRAMES, POSING_FRAMES = 32, 8  # of which a head is baked to show lips, or to be posed
 MOST_COMPARED = 1000  # frames of a person, each with all others: 8 MB of distances
 
 
@@ -97,9 +97,10 @@ def bake(
     conditioning: Float[Tensor, "T K"],
     origins: Float[Tensor, "T 3"],
     maps: ReferenceMaps,
+    count: int,
 ) -> None:
-    """Fits the baked density of a learned model to some of these frames."""
-    some = torch.linspace(0, len(origins) - 1, min(BAKED_FRAMES, len(origins))).round().long()
+    """Fits the baked density of a learned model to `count` of these frames."""
+    some = torch.linspace(0, len(origins) - 1, min(count, len(origins))).round().long()
     points = corners(model.grid.occupied)
     at, rounded = positions(model.grid, points), model.rounded()
 
@@ -247,13 +248,16 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         conditioning = training_conditioning(model, [dataset])[dataset.name]
         generator = torch.Generator().manual_seed(seed)
         prune(model.eval(), conditioning, dataset.c2w, maps, generator)
-        self.bake(dataset, maps)
+        self._bake(dataset, maps, BAKED_FRAMES)
 
-    def bake(self, dataset: HeadDataset, maps: ReferenceMaps | None) -> None:
+    def bake_for_poses(self, dataset: HeadDataset, maps: ReferenceMaps | None) -> None:
+        self._bake(dataset, maps, POSING_FRAMES)
+
+    def _bake(self, dataset: HeadDataset, maps: ReferenceMaps | None, count: int) -> None:
         if maps is not None:
             model = self.model.eval()
             conditioning = training_conditioning(model, [dataset])[dataset.name]
-            bake(model, conditioning, dataset.c2w[:, :, 3].to(model.device), maps)
+            bake(model, conditioning, dataset.c2w[:, :, 3].to(model.device), maps, count)
 
     @torch.no_grad()
     def resting_heads(

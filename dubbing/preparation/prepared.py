@@ -11,9 +11,11 @@ import zipfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from typing_extensions import TypedDict
 
@@ -76,8 +78,8 @@ class FilmFrame:
     """A frame of a prepared clip.
 
     Attributes:
-        image: (S, S, 3) crop. matte: (S, S) of the head. background: (S, S, 3), equal to the image
-            bit for bit outside of the matte's inpaint mask. All uint8.
+        image: (S, S, 3) crop. matte: (S, S) of the head. fill: (S, S, 3), what is behind it. All
+            uint8.
         overlay: (S, S) uint8, 255 where something lies over the face; None where nothing does.
         haze: (3,) grey levels of light over the image; see `tracking.light`.
         noise: (5,) of the film, see `film_noise`. motion: (2,) px that the head moves in a frame.
@@ -87,13 +89,23 @@ class FilmFrame:
 
     image: np.ndarray
     matte: np.ndarray
-    background: np.ndarray
+    fill: np.ndarray
     overlay: np.ndarray | None
     haze: np.ndarray
     noise: np.ndarray
     motion: np.ndarray
     landmarks: np.ndarray
     whole: np.ndarray
+
+    @cached_property
+    def restored(self) -> np.ndarray:
+        """Where the background is restored, (S, S) bool: the matte's inpaint mask."""
+        return inpaint_mask(self.matte)
+
+    @cached_property
+    def background(self) -> np.ndarray:
+        """The frame without the head, (S, S, 3) uint8: the image where nothing is restored."""
+        return cv2.copyTo(self.fill, self.restored.astype(np.uint8), self.image.copy())
 
 
 @dataclass(frozen=True)
@@ -280,7 +292,7 @@ class PreparedClip:
             yield FilmFrame(
                 image,
                 matte,
-                np.where(inpaint_mask(matte)[..., None], fill, image),
+                fill,
                 overlay if self.over[index] else None,
                 self.haze[index],
                 self.noise[index],
