@@ -30,7 +30,7 @@ from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
-from dfrf.rendering.baked_density import corners, positions
+from dfrf.rendering.baked_density import chosen_frames, corners, positions
 from dfrf.rendering.baked_frame import BakedHead, ViewImages
 from dfrf.rendering.frame_head import FrameHead, MarchedHead
 from dfrf.rendering.grid_pruning import prune_grid
@@ -48,7 +48,7 @@ from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
 FRAMES_AT_ONCE = 8
-BAKED_FRAMES, POSING_FRAMES = 32, 8  # of which a head is baked to show lips, or to be posed
+BAKED_FRAMES, POSING_FRAMES = 48, 8  # of which a head is baked to show lips, or to be posed
 MOST_COMPARED = 1000  # frames of a person, each with all others: 8 MB of distances
 
 
@@ -100,7 +100,8 @@ def bake(
     count: int,
 ) -> None:
     """Fits the baked density of a learned model to `count` of these frames."""
-    some = torch.linspace(0, len(origins) - 1, min(count, len(origins))).round().long()
+    described = model.described(conditioning, origins)
+    some = chosen_frames(described, count)
     points = corners(model.grid.occupied)
     at, rounded = positions(model.grid, points), model.rounded()
 
@@ -109,9 +110,8 @@ def bake(
         return density_at(volume.field.seen_from(origins[frame]), at, origins[frame])
 
     with Workers(model.device, FRAMES_AT_ONCE) as workers:
-        of_frames = torch.stack(list(workers.map(density, some.tolist())))
-    described = model.described(conditioning[some], origins[some])
-    model.baked.fit(points, described, of_frames)
+        of_frames = torch.stack(list(workers.map(density, some)))
+    model.baked.fit(points, described[some], of_frames)
 
 
 class FastMethod(Method[RayShare, ReferenceMaps]):
