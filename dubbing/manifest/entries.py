@@ -55,8 +55,8 @@ class Credits(Entry):
 class Label(Entry):
     """Labels that viewers can read."""
 
-    mark: bool = True
-    """Write `AI-dubbed` over the image."""
+    mark: bool | None = None
+    """Write `AI-dubbed` over the image. Without: yes, but for `codec: ffv1`, a master."""
     credits: Credits | None = None
     """Add a card of credits."""
 
