@@ -1,6 +1,6 @@
 """The entry of an edit: how a line's mouth is to differ from what its speech asks for."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
@@ -35,6 +35,8 @@ class Edit(Entry):
     """Moments at which the strength is another; 120 ms beside each it is the line's again."""
     note: str = Field(default="", max_length=LONGEST_NOTE)
     """Text for people; changes nothing."""
+    status: Literal["open", "approved", "redo"] = "open"
+    """What people decided about the line; changes nothing."""
 
 
 Edits = Annotated[

@@ -30,19 +30,24 @@ def edited(
             continue
         if cue.name in edits:
             findings.add(key, f"line {cue.number} has an edit already: write both into one")
-        keys = tuple((one.at, one.strength) for one in edit.keys)
-        for number, one in enumerate(edit.keys):
-            if one.at > cue.seconds:
-                late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
-                findings.add((*key, "keys", number, "at"), late)
-        edits[cue.name] = Edit(edit.shift, edit.strength, edit.note, keys)
-        preset = identities[cue.identity].preset
-        for name, reasons in WITHOUT.items():
-            if preset in reasons and getattr(edits[cue.name], name) != getattr(Edit(), name):
-                why = f"preset {preset!r} of {cue.identity} {reasons[preset]}"
-                findings.add((*key, name), f"{why}: leave it out, or take preset 'fast'")
+        edits[cue.name] = checked(findings, key, edit, cue, identities[cue.identity].preset)
     cues = (replace(cue, edit=edits.get(cue.name, Edit())) for cue in scene.cues)
     return replace(scene, cues=tuple(cues))
+
+
+def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, preset: str) -> Edit:
+    """The edit of a cue, whose person has a model of a preset; what is wrong goes to findings."""
+    for number, one in enumerate(edit.keys):
+        if one.at > cue.seconds:
+            late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
+            findings.add((*key, "keys", number, "at"), late)
+    keys = tuple((one.at, one.strength) for one in edit.keys)
+    found = Edit(edit.shift, edit.strength, edit.note, keys, edit.status)
+    for name, reasons in WITHOUT.items():
+        if preset in reasons and getattr(found, name) != getattr(Edit(), name):
+            why = f"preset {preset!r} of {cue.identity} {reasons[preset]}"
+            findings.add((*key, name), f"{why}: leave it out, or take preset 'fast'")
+    return found
 
 
 def _cue(

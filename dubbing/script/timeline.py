@@ -27,12 +27,14 @@ class Edit:
         strength: how far the lips leave the closed mouth: 0 never, 1 as spoken.
         note: for people.
         keys: seconds of the cue's sound, and the strength there.
+        status: open, approved or redo; for people.
     """
 
     shift: float = 0.0
     strength: float = 1.0
     note: Setting[str] = ""
     keys: tuple[tuple[float, float], ...] = ()
+    status: Setting[str] = "open"
 
     def strengths(self, frames: int, rate: Fraction) -> np.ndarray:
         """The strength in each frame of the cue, (F,) float32.
