@@ -145,17 +145,14 @@ def frames(
     """
     device = model.device
     method = method_of(model)
-    # Speech does not stop at a cut of the picture, so all frames count as one run.
-    one_run, own = torch.zeros(len(speech)), torch.arange(first, stop)
-    near = neighbour_windows(torch.from_numpy(speech.windows).float(), one_run, own)
-    around = np.arange(first - method.reach, stop + method.reach).clip(0, len(speech) - 1)
+    near, lips = _heard(speech, first, stop, method.reach)
     poses = pose_index[first:stop]
     inputs = FrameInputs(
         torch.from_numpy(clip.c2w()[poses]).float().to(device),
         float(clip.focal),
         torch.from_numpy(clip.centre[poses]).float().to(device),
         near.to(device),
-        torch.from_numpy(speech.lips[around]).float().to(device),
+        lips.to(device),
         torch.from_numpy(upper_face_expression(clip)[poses]).float().to(device),
         clip.size,
         None if regions is None else torch.from_numpy(regions).to(device),
@@ -163,6 +160,32 @@ def frames(
         None if strength is None else torch.from_numpy(strength).to(device),
     )
     yield from method.render_frames(inputs, maps)
+
+
+def wanted_lips(
+    model: HeadModel, speech: SpeechFrames, strength: np.ndarray | None = None
+) -> np.ndarray | None:
+    """Lip measures (F, L) that a model wants in F frames of speech; None where it has none.
+
+    `strength` is (F,).
+    """
+    own = getattr(getattr(model, "field", None), "conditioning", None)
+    if own is None or not own.config.learns_lips:
+        return None
+    parts = _heard(speech, 0, len(speech), method_of(model).reach)
+    with torch.no_grad():
+        near, lips = (part.to(model.device) for part in parts)
+        share = None if strength is None else torch.from_numpy(strength).to(model.device)
+        return np.asarray(own.lips(own.adapted_codes(near, lips, share)).float().cpu())
+
+
+def _heard(speech: SpeechFrames, first: int, stop: int, reach: int) -> tuple[Tensor, Tensor]:
+    """Speech windows of the neighbours of frames first .. stop, and lips of `reach` more."""
+    # Speech does not stop at a cut of the picture, so all frames count as one run.
+    one_run, own = torch.zeros(len(speech)), torch.arange(first, stop)
+    near = neighbour_windows(torch.from_numpy(speech.windows).float(), one_run, own)
+    around = np.arange(first - reach, stop + reach).clip(0, len(speech) - 1)
+    return near, torch.from_numpy(speech.lips[around]).float()
 
 
 def regions_of(clip: PreparedClip, poses: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """The edits of a dub: which of its lines each is of, and what is wrong with them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from dubbing.manifest import edit_entry
@@ -22,17 +22,35 @@ def edited(
     findings: Findings, at: KeyPath, dub: Dub, scene: Scene, identities: Mapping[str, Identity]
 ) -> Scene:
     """The scene of a dub, whose cues have the edits of their lines."""
+    presets = {name: identity.preset for name, identity in identities.items()}
+    edits = edits_of(findings, (*at, "edits"), dub.edits, scene, presets)
+    cues = (replace(cue, edit=edits.get(cue.name, Edit())) for cue in scene.cues)
+    return replace(scene, cues=tuple(cues))
+
+
+def edits_of(
+    findings: Findings,
+    at: KeyPath,
+    given: Sequence[edit_entry.Edit],
+    scene: Scene,
+    presets: Mapping[str, str],
+) -> dict[str, Edit]:
+    """The edits of a scene's cues, by their names; what is wrong goes to findings.
+
+    Args:
+        at: place of the list.
+        presets: of the models of people.
+    """
     edits: dict[str, Edit] = {}
-    for k, edit in enumerate(dub.edits):
-        key = (*at, "edits", k)
-        cue = _cue(findings, key, dub, scene, edit)
+    for k, edit in enumerate(given):
+        key = (*at, k)
+        cue = _cue(findings, key, scene, edit)
         if cue is None:
             continue
         if cue.name in edits:
             findings.add(key, f"line {cue.number} has an edit already: write both into one")
-        edits[cue.name] = checked(findings, key, edit, cue, identities[cue.identity].preset)
-    cues = (replace(cue, edit=edits.get(cue.name, Edit())) for cue in scene.cues)
-    return replace(scene, cues=tuple(cues))
+        edits[cue.name] = checked(findings, key, edit, cue, presets[cue.identity])
+    return edits
 
 
 def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, preset: str) -> Edit:
@@ -50,12 +68,10 @@ def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, p
     return found
 
 
-def _cue(
-    findings: Findings, key: KeyPath, dub: Dub, scene: Scene, edit: edit_entry.Edit
-) -> Cue | None:
+def _cue(findings: Findings, key: KeyPath, scene: Scene, edit: edit_entry.Edit) -> Cue | None:
     """The cue that an edit is of."""
     numbers = some(list(dict.fromkeys(str(cue.number) for cue in scene.cues)))
-    number = 1 if dub.lines is None and edit.line is None else edit.line
+    number = 1 if not scene.film_heard and edit.line is None else edit.line
     if number is None:
         findings.add((*key, "line"), f"is required: which line of the scene; there is {numbers}")
         return None

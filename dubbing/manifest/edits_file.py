@@ -39,7 +39,7 @@ def read(path: Path) -> yaml_lines.Document:
 
 def text_of(edits: Sequence[Edit]) -> bytes:
     """Edits as such a file holds them: the same bytes for the same edits."""
-    yaml = YAML(typ="safe", pure=True)
+    yaml: Any = YAML(typ="safe", pure=True)
     yaml.default_flow_style, yaml.allow_unicode, yaml.width = None, True, LONGEST_ROW
     yaml.sort_base_mapping_type_on_output = False
     out = io.StringIO()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -15,9 +16,13 @@ from dubbing.stages.composite import OnFilm, PersonOnFilm, heads_of
 if TYPE_CHECKING:
     import numpy as np
 
+    from dfrf.method_interface import Maps
+    from dfrf.model_interface import HeadModel
     from dubbing.preparation.prepared import PreparedClip
     from dubbing.production.dub import Dub
     from dubbing.script.timeline import Cue
+    from dubbing.sound_to_lips.cue_speech import Speech
+    from dubbing.video.composer import Heads
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,60 +60,91 @@ class Draft(OnFilm):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
-        from dubbing.preparation.halved import HalvedClip
         from dubbing.video.assembly import make
 
-        films = {name: person.film() for name, person in self.people.items()}
-        kept = {name: person.kept(films[name]) for name, person in self.people.items()}
-        clips = {name: HalvedClip.of(film) for name, film in films.items()}
-        poses = self.poses(clips)
-        rendered = self._rendered(clips, poses)
-        heads = [heads_of(cue, rendered(cue), clips, kept) for cue in self.sound.cues]
+        film = self.opened()
         make(
-            heads,
+            [film.heads(cue, self.edits[cue.name]) for cue in self.sound.cues],
             self.sound,
             out,
-            pose_index=poses,
+            pose_index=film.poses,
             settings=self.settings,
             progress=progress,
             proven=False,
         )
 
-    def _rendered(
-        self, clips: Mapping[str, PreparedClip], poses: np.ndarray
-    ) -> Callable[[Cue], Callable[[int, int], Iterator[np.ndarray]]]:
-        """What renders the heads of a cue as they are read."""
-        from dfrf.presets import method_of
-        from dubbing.heads import rendering
-        from dubbing.heads.fine_tuning import MODEL_FILE
+    def opened(self) -> HalfSize:
+        """The film with its people, ready to be drafted with any edits."""
+        from dubbing.preparation.halved import HalvedClip
         from dubbing.sound_to_lips.cue_speech import Speech
 
-        people = {
-            name: rendering.load(person.model.folder / MODEL_FILE, self.device)
-            for name, person in self.people.items()
+        films = {name: person.film() for name, person in self.people.items()}
+        clips = {name: HalvedClip.of(film) for name, film in films.items()}
+        return HalfSize(
+            clips,
+            {name: person.kept(films[name]) for name, person in self.people.items()},
+            self.poses(clips),
+            {name: Speech.load(stage.folder) for name, stage in self.speech.items()},
+            {name: person.model.folder for name, person in self.people.items()},
+            self.device,
+        )
+
+
+@dataclass(frozen=True)
+class HalfSize:
+    """A film at half size, and the people in it.
+
+    Attributes:
+        clips, kept, folders: by person: the film; why its frames keep their own face; where the
+            model lies.
+        poses: (F,) frame of the film under every frame of the dub.
+        speech: by cue.
+    """
+
+    clips: Mapping[str, PreparedClip]
+    kept: Mapping[str, np.ndarray]
+    poses: np.ndarray
+    speech: Mapping[str, Speech]
+    folders: Mapping[str, Path]
+    device: str
+
+    @cached_property
+    def models(self) -> Mapping[str, tuple[HeadModel, Maps | None]]:
+        """The model of each person, with its maps."""
+        from dubbing.heads.fine_tuning import MODEL_FILE
+        from dubbing.heads.rendering import load
+
+        return {
+            name: load(folder / MODEL_FILE, self.device)[:2]
+            for name, folder in self.folders.items()
         }
 
-        def of_cue(cue: Cue) -> Callable[[int, int], Iterator[np.ndarray]]:
-            model, maps, _ = people[cue.identity]
-            edit, speech = self.edits[cue.name], Speech.load(self.speech[cue.name].folder)
-            late = edit.shift / 1000 * float(speech.rate)  # frames
-            strength = edit.strengths(cue.stop - cue.first, speech.rate)
-            segment = method_of(model).segment
+    def heads(self, cue: Cue, edit: Edit) -> Heads:
+        """The heads of a cue, which are rendered as they are read."""
+        return heads_of(cue, self._rendered(cue, edit), self.clips, self.kept)
 
-            def read(first: int, count: int) -> Iterator[np.ndarray]:
-                for begin in range(first, first + count, segment):
-                    yield from rendering.heads_of(
-                        model,
-                        maps,
-                        clips[cue.identity],
-                        lambda low, some: speech.part(low - late, some),
-                        poses[cue.first : cue.stop],
-                        begin,
-                        min(begin + segment, first + count),
-                        baked=True,
-                        strength=strength,
-                    )
+    def _rendered(self, cue: Cue, edit: Edit) -> Callable[[int, int], Iterator[np.ndarray]]:
+        from dfrf.presets import method_of
+        from dubbing.heads import rendering
 
-            return read
+        model, maps = self.models[cue.identity]
+        speech = self.speech[cue.name]
+        late = edit.shift / 1000 * float(speech.rate)  # frames
+        strength = edit.strengths(cue.stop - cue.first, speech.rate)
+        segment = method_of(model).segment
 
-        return of_cue
+        def read(first: int, count: int) -> Iterator[np.ndarray]:
+            for begin in range(first, first + count, segment):
+                yield from rendering.heads_of(
+                    model,
+                    maps,
+                    self.clips[cue.identity],
+                    lambda low, some: speech.part(low - late, some),
+                    self.poses[cue.first : cue.stop],
+                    begin,
+                    min(begin + segment, first + count),
+                    baked=True,
+                    strength=strength,
+                )
+
+        return read
