@@ -192,7 +192,7 @@ class Film:
         with closing(ahead(every())) as found:
             for number, one in found:
                 pose = int(self.half.poses[number])
-                yield number, composer.frame(*one, pose, number) if kind == DRAFT else one
+                yield number, composer.frame(one[0], one[1], pose, number) if kind == DRAFT else one
 
     def heard(self) -> dict[str, dict[str, Any]]:
         """By cue: opening and width of the lips in its frames, heard and of a closed mouth.
