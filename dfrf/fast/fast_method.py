@@ -322,7 +322,11 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         with torch.no_grad():
             field = self.model.eval().field
             conditioning = field.conditioning(
-                inputs.windows, inputs.predicted_lips, inputs.expression, inputs.strength
+                inputs.windows,
+                inputs.predicted_lips,
+                inputs.expression,
+                inputs.strength,
+                inputs.lips,
             )
         heads = self._heads(conditioning, inputs.c2w[:, :, 3], maps, inputs.baked)
 

@@ -66,7 +66,7 @@ def options(
 COMMANDS = {
     "Dubbing": (
         *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.schema),
-        *(studio_commands.studio, job_commands.demo, clip_commands.prepare),
+        *(studio_commands.studio, job_commands.curves, job_commands.demo, clip_commands.prepare),
     ),
     "Checking": (
         *(clip_commands.sync, provenance_commands.verify, provenance_commands.consent),

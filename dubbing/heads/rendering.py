@@ -53,6 +53,7 @@ def render(
     part: tuple[int, int] | None = None,
     baked: bool = False,
     strength: np.ndarray | None = None,
+    lips: np.ndarray | None = None,
     device: str = "auto",
     progress: Progress | None = None,
 ) -> None:
@@ -71,7 +72,7 @@ def render(
         pose_index: (T,) frame of the clip each frame takes its pose from.
         part: first and stop of those of the T frames to render; all by default.
         baked: whether its baked density is looked up, where the model has one; else rays march.
-        strength: (T,) of the lips' movement; see `dfrf.method_interface.FrameInputs`.
+        strength, lips: (T,), (T, L); see `dfrf.method_interface.FrameInputs`.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
 
@@ -95,7 +96,7 @@ def render(
         if not path.exists():
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
                 made = heads_of(
-                    person, maps, clip, speech, pose_index, first, stop, baked, strength
+                    person, maps, clip, speech, pose_index, first, stop, baked, strength, lips
                 )
                 for done, head in enumerate(made, first + 1):
                     video.write(head)
@@ -114,6 +115,7 @@ def heads_of(
     stop: int,
     baked: bool,
     strength: np.ndarray | None,
+    lips: np.ndarray | None = None,
 ) -> Iterator[np.ndarray]:
     """Heads (S, S, 4) uint8 of frames first .. stop of a dub; see `render`."""
     around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
@@ -121,8 +123,8 @@ def heads_of(
     some = (speech(low, high - low), pose_index[low:high])
     needed = regions_of(clip, pose_index[first:stop])
     span = (first - low, stop - low)
-    own = None if strength is None else strength[first:stop]
-    for colour, opacity in frames(person, maps, clip, *some, *span, needed, baked, own):
+    own = (None if values is None else values[first:stop] for values in (strength, lips))
+    for colour, opacity in frames(person, maps, clip, *some, *span, needed, baked, *own):
         yield to_rgba(colour, opacity)
 
 
@@ -137,46 +139,55 @@ def frames(
     regions: np.ndarray | None = None,
     baked: bool = False,
     strength: np.ndarray | None = None,
+    lips: np.ndarray | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop.
 
     Of the whole head, or of what of it lies in regions (stop - first, S, S) bool at least.
-    `strength` is (stop - first,).
+    `strength` is (stop - first,), `lips` (stop - first, L).
     """
     device = model.device
     method = method_of(model)
-    near, lips = _heard(speech, first, stop, method.reach)
+    near, predicted = _heard(speech, first, stop, method.reach)
     poses = pose_index[first:stop]
     inputs = FrameInputs(
         torch.from_numpy(clip.c2w()[poses]).float().to(device),
         float(clip.focal),
         torch.from_numpy(clip.centre[poses]).float().to(device),
         near.to(device),
-        lips.to(device),
+        predicted.to(device),
         torch.from_numpy(upper_face_expression(clip)[poses]).float().to(device),
         clip.size,
         None if regions is None else torch.from_numpy(regions).to(device),
         baked,
-        None if strength is None else torch.from_numpy(strength).to(device),
+        _on(strength, device),
+        _on(lips, device),
     )
     yield from method.render_frames(inputs, maps)
 
 
 def wanted_lips(
-    model: HeadModel, speech: SpeechFrames, strength: np.ndarray | None = None
+    model: HeadModel,
+    speech: SpeechFrames,
+    strength: np.ndarray | None = None,
+    lips: np.ndarray | None = None,
 ) -> np.ndarray | None:
     """Lip measures (F, L) that a model wants in F frames of speech; None where it has none.
 
-    `strength` is (F,).
+    `strength` is (F,), `lips` (F, L): see `dfrf.method_interface.FrameInputs`.
     """
     own = getattr(getattr(model, "field", None), "conditioning", None)
     if own is None or not own.config.learns_lips:
         return None
     parts = _heard(speech, 0, len(speech), method_of(model).reach)
     with torch.no_grad():
-        near, lips = (part.to(model.device) for part in parts)
-        share = None if strength is None else torch.from_numpy(strength).to(model.device)
-        return np.asarray(own.lips(own.adapted_codes(near, lips, share)).float().cpu())
+        near, predicted = (part.to(model.device) for part in parts)
+        edit = (_on(values, model.device) for values in (strength, lips))
+        return np.asarray(own.lips(own.adapted_codes(near, predicted, *edit)).float().cpu())
+
+
+def _on(values: np.ndarray | None, device: torch.device) -> Tensor | None:
+    return None if values is None else torch.from_numpy(values).float().to(device)
 
 
 def _heard(speech: SpeechFrames, first: int, stop: int, reach: int) -> tuple[Tensor, Tensor]:

@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from dubbing.errors import ExplainedError
+from dubbing.face.lip_curves import LipCurves
 from dubbing.manifest import edit_entry
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Findings, Scene
@@ -13,7 +15,7 @@ from dubbing.script.timeline import Cue, Edit
 NO_LIPS = dict.fromkeys(("paper", "ad-nerf", "nerf"), "has no lip measures")
 # Presets whose models have nothing that a key could change, and why.
 WITHOUT = {
-    **dict.fromkeys(("strength", "keys"), NO_LIPS),
+    **dict.fromkeys(("strength", "keys", "curves"), NO_LIPS),
     "shift": {"nerf": "hears no speech"},
 }
 
@@ -60,11 +62,18 @@ def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, p
             late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
             findings.add((*key, "keys", number, "at"), late)
     keys = tuple((one.at, one.strength) for one in edit.keys)
-    found = Edit(edit.shift, edit.strength, edit.note, keys, edit.status)
+    curves = None if edit.curves is None else (edit.curves, cue.number)
+    found = Edit(edit.shift, edit.strength, edit.note, keys, edit.status, curves)
+    before = len(findings.problems)
     for name, reasons in WITHOUT.items():
         if preset in reasons and getattr(found, name) != getattr(Edit(), name):
             why = f"preset {preset!r} of {cue.identity} {reasons[preset]}"
             findings.add((*key, name), f"{why}: leave it out, or take preset 'fast'")
+    if curves is not None and len(findings.problems) == before:
+        try:
+            LipCurves.read(*curves)
+        except ExplainedError as error:
+            findings.add((*key, "curves"), str(error))
     return found
 
 

@@ -97,7 +97,8 @@ def edit_columns(edit: Edit) -> dict[str, Any]:
     """The edit of a line, as columns of a table; nothing in those that it leaves as spoken."""
     strength = None if edit.strength == 1 else edit.strength
     keys = ", ".join(f"{at:g}: {value:g}" for at, value in edit.keys)
-    own = {"shift": edit.shift or None, "strength": strength, "keys": keys}
+    curves = edit.curves[0].name if edit.curves else ""
+    own = {"shift": edit.shift or None, "strength": strength, "keys": keys, "curves": curves}
     return {**own, "note": edit.note, "status": edit.status}
 
 

@@ -28,6 +28,7 @@ class Edit:
         note: for people.
         keys: seconds of the cue's sound, and the strength there.
         status: open, approved or redo; for people.
+        curves: a file, and the line in it whose lips take the place of those heard.
     """
 
     shift: float = 0.0
@@ -35,6 +36,7 @@ class Edit:
     note: Setting[str] = ""
     keys: tuple[tuple[float, float], ...] = ()
     status: Setting[str] = "open"
+    curves: tuple[Path, int] | None = None
 
     def strengths(self, frames: int, rate: Fraction) -> np.ndarray:
         """The strength in each frame of the cue, (F,) float32.
@@ -63,6 +65,7 @@ class Edit:
         if self.strength != 1:
             found.append(f"strength {self.strength:g}")
         found += [f"{strength:g} at {at:g} s" for at, strength in self.keys]
+        found += [f"lips of {self.curves[0].name}"] if self.curves else []
         return ": ".join(part for part in (", ".join(found), self.note) if part)
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from dfrf.method_interface import Maps
     from dfrf.model_interface import HeadModel
+    from dubbing.identity.lip_scale import LipScale
     from dubbing.preparation.prepared import PreparedClip
     from dubbing.production.dub import Dub
     from dubbing.script.timeline import Cue
@@ -85,7 +86,7 @@ class Draft(OnFilm):
             {name: person.kept(films[name]) for name, person in self.people.items()},
             self.poses(clips),
             {name: Speech.load(stage.folder) for name, stage in self.speech.items()},
-            {name: person.model.folder for name, person in self.people.items()},
+            self.people,
             self.device,
         )
 
@@ -95,8 +96,7 @@ class HalfSize:
     """A film at half size, and the people in it.
 
     Attributes:
-        clips, kept, folders: by person: the film; why its frames keep their own face; where the
-            model lies.
+        clips, kept, people: by person: the film; why its frames keep their own face; the stages.
         poses: (F,) frame of the film under every frame of the dub.
         speech: by cue.
     """
@@ -105,7 +105,7 @@ class HalfSize:
     kept: Mapping[str, np.ndarray]
     poses: np.ndarray
     speech: Mapping[str, Speech]
-    folders: Mapping[str, Path]
+    people: Mapping[str, PersonOnFilm]
     device: str
 
     @cached_property
@@ -115,9 +115,14 @@ class HalfSize:
         from dubbing.heads.rendering import load
 
         return {
-            name: load(folder / MODEL_FILE, self.device)[:2]
-            for name, folder in self.folders.items()
+            name: load(person.model.folder / MODEL_FILE, self.device)[:2]
+            for name, person in self.people.items()
         }
+
+    @cached_property
+    def scales(self) -> Mapping[str, LipScale]:
+        """The size of the lip measures of each person's model."""
+        return {name: person.scale() for name, person in self.people.items()}
 
     def heads(self, cue: Cue, edit: Edit) -> Heads:
         """The heads of a cue, which are rendered as they are read."""
@@ -126,11 +131,14 @@ class HalfSize:
     def _rendered(self, cue: Cue, edit: Edit) -> Callable[[int, int], Iterator[np.ndarray]]:
         from dfrf.presets import method_of
         from dubbing.heads import rendering
+        from dubbing.identity.lip_scale import given_lips
 
         model, maps = self.models[cue.identity]
         speech = self.speech[cue.name]
         late = edit.shift / 1000 * float(speech.rate)  # frames
-        strength = edit.strengths(cue.stop - cue.first, speech.rate)
+        frames = cue.stop - cue.first
+        strength = edit.strengths(frames, speech.rate)
+        lips = given_lips(edit, frames, speech.rate, lambda: self.scales[cue.identity])
         segment = method_of(model).segment
 
         def read(first: int, count: int) -> Iterator[np.ndarray]:
@@ -145,6 +153,21 @@ class HalfSize:
                     min(begin + segment, first + count),
                     baked=True,
                     strength=strength,
+                    lips=lips,
                 )
 
         return read
+
+    def lips(self, cue: Cue, edit: Edit, strength: np.ndarray | None = None) -> np.ndarray | None:
+        """Lengths (F, L) of the lips in the frames of a cue, in eye distances; None without lips.
+
+        As heard, or as the curves of the edit give them; its shift and strength count for nothing.
+        """
+        from dubbing.heads.rendering import wanted_lips
+        from dubbing.identity.lip_scale import given_lips
+
+        speech, name = self.speech[cue.name], cue.identity
+        frames = min(cue.stop, len(self.poses)) - cue.first
+        given = given_lips(replace(edit, shift=0.0), frames, speech.rate, lambda: self.scales[name])
+        found = wanted_lips(self.models[name][0], speech.part(0, frames), strength, given)
+        return None if found is None else self.scales[name].lengths(found)

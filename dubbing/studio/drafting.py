@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import signal
 from collections import OrderedDict
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from dubbing.batch.jobs import build
 from dubbing.errors import ExplainedError
+from dubbing.face.lip_curves import LENGTHS
 from dubbing.script.timeline import Cue, Edit
 from dubbing.stages.draft import Draft
 
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 QUALITY = 88  # of JPEG
 MOST_KEPT = 300 * 10**6  # bytes of drawn frames
 FIRST_BLOCK, LONGEST_BLOCK = 2, 24  # frames that are rendered at once: the first comes soon
+DRAWN = ("opening", "width")
 SOURCE, DUB, DRAFT = "source", "dub", "draft"
 
 
@@ -121,13 +123,13 @@ class Desk:
             self.films[name] = Film(job.by_label[f"dub/{name}"].stage(Draft))
         return self.films[name]
 
-    def curves(self, dub: str, folder: str) -> Iterator[dict[str, Any]]:
+    def curves(self, dub: str, folder: str, edits: dict[str, Edit]) -> Iterator[dict[str, Any]]:
         """The sound of a dub as a file in a folder, and what is heard of lips in each line."""
         from dubbing.studio.sound import write_sound
 
         film = self.film(dub)
         file, peaks = write_sound(self.production.dubs[dub], Path(folder))
-        yield {"file": file, "peaks": peaks, "lines": film.heard()}
+        yield {"file": file, "peaks": peaks, "lines": film.heard(edits)}
 
     def frames(
         self, dub: str, kind: str, wanted: list[tuple[int, str]], edits: dict[str, Edit]
@@ -194,16 +196,25 @@ class Film:
                 pose = int(self.half.poses[number])
                 yield number, composer.frame(one[0], one[1], pose, number) if kind == DRAFT else one
 
-    def heard(self) -> dict[str, dict[str, Any]]:
+    def heard(self, edits: Mapping[str, Edit]) -> dict[str, dict[str, Any]]:
         """By cue: opening and width of the lips in its frames, heard and of a closed mouth.
 
         In eye distances; nothing of models without lip measures.
         """
-        from dubbing.studio.lips import heard_lips
+        return {cue.name: self._heard(cue, edits.get(cue.name, Edit())) for cue in self.cues}
 
+    def _heard(self, cue: Cue, edit: Edit) -> dict[str, Any]:
+        import numpy as np
+
+        heard = self.half.lips(cue, edit)
+        if heard is None:
+            return {}
+        closed = self.half.lips(cue, Edit(), np.zeros(len(heard), np.float32))
+        assert closed is not None
         return {
-            cue.name: heard_lips(self.half, self.stage.people[cue.identity], cue)
-            for cue in self.cues
+            name: {"heard": heard[:, k].round(4).tolist(), "closed": round(float(closed[0, k]), 4)}
+            for k, name in enumerate(LENGTHS)
+            if name in DRAWN
         }
 
 

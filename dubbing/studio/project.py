@@ -6,16 +6,18 @@ F frames of a dub.
 import hashlib
 from collections.abc import Mapping
 from functools import cached_property
+from pathlib import Path
 from threading import Lock
 from typing import Any
 
 import numpy as np
 from pydantic import ValidationError
 
+from dubbing.batch.curves import check_made
 from dubbing.batch.jobs import build
 from dubbing.engine import planner
+from dubbing.engine.file_digests import digest_of
 from dubbing.engine.graph import Jobs
-from dubbing.engine.stage import Stage
 from dubbing.errors import ExplainedError
 from dubbing.manifest import edit_entry, edits_file, yaml_lines
 from dubbing.manifest.edits import edits_of
@@ -29,7 +31,6 @@ from dubbing.script.timeline import Cue, Edit
 from dubbing.stages.draft import Draft
 
 OF_LINE = ("line", "speaker", "identity", "in", "verdict", "reason", "words")
-NOT_MADE = "is not learned yet, or its speech was not listened to"
 
 
 class StaleError(ExplainedError):
@@ -50,12 +51,12 @@ class Project:
         self.lacking: dict[str, str] = {}
         drafts = build(production, draft=True).named(DUB)
         for name, job in drafts.items():
-            before = [one for draft in job.all_of(Draft) for one in draft.inputs.values()]
-            made = all(one.record() for one in before if isinstance(one, Stage))
-            if why := production.dubs[name].blocked:
-                self.lacking[name] = str(why)
-            elif not before or not made:
-                self.lacking[name] = f"{name} {NOT_MADE}: run dfrf dub {production.manifest} first"
+            self.lacking |= {name: str(why)} if (why := production.dubs[name].blocked) else {}
+            for draft in job.all_of(Draft):
+                try:
+                    check_made(production, name, draft)
+                except ExplainedError as error:
+                    self.lacking[name] = str(error)
         self.dubs = {n: d for n, d in production.dubs.items() if n not in self.lacking}
 
     @cached_property
@@ -150,7 +151,7 @@ class Project:
         for cue in dub.cues:
             edit = edits[cue.name]
             for k, share in enumerate(self._strengths(dub, cue, edit), cue.first):
-                parts[k] += f"{edit.shift:g}/{share:.4f} "
+                parts[k] += f"{edit.shift:g}/{share:.4f}/{_digest(edit)} "
         return parts[first:stop]
 
     def _strengths(self, dub: Dub, cue: Cue, edit: Edit) -> np.ndarray:
@@ -165,12 +166,12 @@ class Project:
         if document.problems:
             raise ExplainedError(str(document.problems[0]), path.name, "mend the file")
         data = document.data if isinstance(document.data, list) else [document.data]
-        return revision, [_validated(one, path.name) for one in data]
+        return revision, [_validated(one, path.name, path.parent) for one in data]
 
     def _entry(self, dub: Dub, cue: Cue, given: Any) -> edit_entry.Edit:
         if not isinstance(given, dict) or {"line", "speaker"} & {*given}:
             raise ExplainedError("an edit is an object without line and speaker")
-        return _validated(_line(dub, cue) | given, "")
+        return _validated(_line(dub, cue) | given, "", self.production.manifest.parent)
 
     def _cue(self, dub: Dub, edit: edit_entry.Edit) -> Cue:
         """The cue of an edit in the file."""
@@ -196,9 +197,14 @@ def _line(dub: Dub, cue: Cue) -> dict[str, Any]:
     return {"line": cue.number} | ({"speaker": cue.speaker} if several else {})
 
 
-def _validated(given: Any, where: str) -> edit_entry.Edit:
+def _digest(edit: Edit) -> str:
+    """Of the curves of an edit."""
+    return digest_of(edit.curves[0])[:8] if edit.curves else ""
+
+
+def _validated(given: Any, where: str, folder: Path) -> edit_entry.Edit:
     try:
-        return edit_entry.Edit.model_validate(given)
+        return edit_entry.Edit.model_validate(given, context={"folder": folder})
     except ValidationError as error:
         detail = error.errors()[0]
         key = yaml_lines.key_path(tuple(detail["loc"]))
@@ -208,4 +214,5 @@ def _validated(given: Any, where: str) -> edit_entry.Edit:
 
 def _as_json(edit: Edit) -> dict[str, Any]:
     keys = [{"at": at, "strength": strength} for at, strength in edit.keys]
-    return {**vars(edit), "keys": keys}
+    curves = str(edit.curves[0]) if edit.curves else None
+    return {**vars(edit), "keys": keys, "curves": curves}

@@ -194,7 +194,8 @@ class Server:
         return await asyncio.shield(task)
 
     async def _ask_curves(self, name: str) -> dict[str, Any]:
-        asked = self.drafter.ask("curves", name, folder=str(self.folder))
+        edits = await run_in_threadpool(self.project.edits, name)
+        asked = self.drafter.ask("curves", name, folder=str(self.folder), edits=edits)
         async with aclosing(asked) as found:  # type: ignore[type-var]
             async for curves in found:
                 return dict(curves)

@@ -54,4 +54,4 @@ def test_people_who_are_not_learned_are_said(
     for record in (manifest.parent / "out" / "work").rglob("finetune/stage.json"):
         record.unlink()
     assert ends(monkeypatch, manifest) == 1
-    assert "is not learned yet" in capsys.readouterr().err.replace("\n", " ")
+    assert "a person is not learned yet" in capsys.readouterr().err.replace("\n", " ")

@@ -89,6 +89,21 @@ def test_keys_are_moments_of_a_line(folder: Path) -> None:
     assert edit.in_words() == "0 at 0.2 s, 1.5 at 0.1 s: shut on the m"
 
 
+def test_curves_are_a_file_and_the_line_in_it(folder: Path) -> None:
+    table = folder / "lips.csv"
+    table.write_text("line,time,opening\n3,0.1,0.2\n")
+    path = scene(folder, "{line: 3, curves: lips.csv}")
+    (_, edit) = edits(path)
+    assert edit == Edit(curves=(table, 3))
+    assert edit.in_words() == "lips of lips.csv"
+    table.write_text("line,time,opening\n1,0.1,0.2\n")
+    (problem,) = problems(path)
+    assert problem.endswith("dubs[0].edits.curves: has no row of line 3 (lips.csv)")
+    table.unlink()
+    (problem,) = problems(path)
+    assert "edits.curves: cannot be read as CSV: No such file" in problem
+
+
 def test_the_edit_of_one_recording_needs_no_line(folder: Path) -> None:
     alone = ALONE.replace("WHO", "ann")
     for text in ("{shift: 80}", "[{shift: 80.0}]", "{line: 1, shift: 80}"):
@@ -154,6 +169,7 @@ def test_a_mistake_stands_on_its_own_line_of_the_file(folder: Path) -> None:
         ("old", "{keys: [{at: 0, strength: 0.5}]}", "preset 'paper' of old has no lip measures"),
         ("old", "{strength: 0.5}", "preset 'paper' of old has no lip measures"),
         ("mute", "{strength: 0}", "preset 'nerf' of mute has no lip measures"),
+        ("old", "{curves: track.wav}", "preset 'paper' of old has no lip measures"),
         ("mute", "{shift: 40}", "preset 'nerf' of mute hears no speech"),
         ("old", "{shift: 40, strength: 1}", ""),
     ],
@@ -216,17 +232,21 @@ def test_a_mistake_in_that_file_names_it(folder: Path, own: Path, text: str, wor
 
 
 def test_such_a_file_comes_back_as_it_was_written(own: Path) -> None:
+    folder = {"folder": own.parent}
     note = 'zwei: "#" é\u0085\n ' + "long " * 50
     keys = [entry.Key(at=0.52, strength=0), entry.Key(at=1.25, strength=1.5)]
     given = [
         entry.Edit(line=3, shift=-40.5, keys=keys, note=note, status="approved"),
         entry.Edit(line=7, speaker="- Ann", strength=0.5),
         entry.Edit(line=1, shift=80),
+        entry.Edit.model_validate({"line": 2, "curves": "lips.csv"}, context=folder),
     ]
     edits_file.write(own, given)
-    again = [entry.Edit.model_validate(one) for one in edits_file.read(own).data]
+    written = edits_file.read(own).data
+    assert written[-1] == {"line": 2, "curves": "lips.csv"}
+    again = [entry.Edit.model_validate(one, context=folder) for one in written]
     assert again == given
-    assert edits_file.text_of(again) == own.read_bytes()
+    assert edits_file.text_of(again, own.parent) == own.read_bytes()
     assert "shift: 80}" in own.read_text(encoding="utf-8")
 
 

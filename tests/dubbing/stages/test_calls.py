@@ -97,6 +97,7 @@ def render(folder: Path, clip: Path, **changed: Any) -> Render:
         "on_longer_audio": "bounce",
         "baked": True,
         "edit": Edit(),
+        "learned": (),
         "preset": "fast",
         "crop": 0.5,
         "device": "cpu",

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import io
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -59,10 +57,10 @@ def write_scene(folder: Path) -> Path:
     return path
 
 
-def heard(half: HalfSize, person: Any, cue: Cue) -> dict[str, Any]:
-    """Curves that rise and fall."""
-    wave = (0.1 + 0.05 * np.sin(np.arange(cue.stop - cue.first))).tolist()
-    return {name: {"heard": wave, "closed": 0.02} for name in ("opening", "width")}
+def lips(self: HalfSize, cue: Cue, edit: Edit, strength: Any = None) -> np.ndarray:
+    """Lips that open and close."""
+    wave = 0.1 + 0.05 * np.sin(np.arange(cue.stop - cue.first))
+    return np.full((len(wave), 7), 0.02) if strength is not None else np.tile(wave[:, None], 7)
 
 
 def rendered(self: HalfSize, cue: Cue, edit: Edit) -> Any:
@@ -85,7 +83,7 @@ def serve(pipe: Connection, manifest: str, device: str) -> None:
     """As `drafting.serve`, with stand-ins."""
     fakes.install(setattr)
     HalfSize._rendered = rendered  # type: ignore[method-assign]
-    sys.modules["dubbing.studio.lips"] = SimpleNamespace(heard_lips=heard)  # type: ignore[assignment]
+    HalfSize.lips = lips  # type: ignore[method-assign]
     drafting.serve(pipe, manifest, device)
 
 
