@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dubbing.batch.jobs import build
+from dubbing.engine.memory import SHORT
 from dubbing.errors import ExplainedError
 from dubbing.face.lip_curves import LENGTHS
 from dubbing.script.timeline import Cue, Edit
@@ -50,6 +51,11 @@ class Job:
     dub: str
     arguments: dict[str, Any] = field(default_factory=dict)
 
+    @property
+    def urgent(self) -> bool:
+        """Whether others rest meanwhile."""
+        return self.arguments.get("kind") not in (SOURCE, DUB)
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -62,37 +68,33 @@ class Answer:
 
 
 def serve(pipe: Connection, manifest: str, device: str) -> None:
-    """Answer jobs until the other end is closed; a number alone takes its job back."""
+    """Answer jobs until the other end is closed; a number alone takes its job back.
+
+    Of several jobs the most urgent goes on; the others rest for as long.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this
     desk = Desk(Path(manifest), device)
-    waiting: OrderedDict[int, Job] = OrderedDict()
-    left: set[int] = set()
+    begun: dict[int, tuple[Job, Generator[Any]]] = {}
 
-    def listen(wait: bool) -> None:
-        while pipe.poll(None if wait else 0):
-            message, wait = pipe.recv(), False
+    def listen() -> None:
+        while pipe.poll(0 if begun else None):
+            message = pipe.recv()
             if isinstance(message, Job):
-                waiting[message.number] = message
-            elif waiting.pop(message, None) is None:
-                left.add(message)
+                values = getattr(desk, message.ask)(message.dub, **message.arguments)
+                begun[message.number] = message, values
+            elif message in begun:
+                begun.pop(message)[1].close()
 
     while True:
         try:
-            listen(not waiting)
-            if not waiting:
-                continue
-            number, job = waiting.popitem(last=False)
-            left.clear()
+            listen()
+            number = max(begun, key=lambda one: (begun[one][0].urgent, one))
             try:
-                with closing(getattr(desk, job.ask)(job.dub, **job.arguments)) as values:
-                    for value in values:
-                        pipe.send(Answer(number, value))
-                        listen(False)
-                        if number in left:
-                            break
-                pipe.send(Answer(number, ended=True))
-            except (ExplainedError, MemoryError, RuntimeError) as error:
-                pipe.send(Answer(number, ended=True, error=str(error) or "memory ran short"))
+                pipe.send(Answer(number, next(begun[number][1])))
+            except (StopIteration, ExplainedError, MemoryError, RuntimeError) as error:
+                del begun[number]
+                words = "" if isinstance(error, StopIteration) else str(error) or SHORT
+                pipe.send(Answer(number, ended=True, error=words))
         except (EOFError, BrokenPipeError, ConnectionResetError):
             return
 
@@ -133,7 +135,7 @@ class Desk:
 
     def frames(
         self, dub: str, kind: str, wanted: list[tuple[int, str]], edits: dict[str, Edit]
-    ) -> Iterator[tuple[int, str, bytes]]:
+    ) -> Generator[tuple[int, str, bytes]]:
         """Frames as JPEG with their numbers and signatures, in the order asked for."""
         missing = []
         for number, mark in wanted:

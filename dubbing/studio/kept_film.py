@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -19,7 +20,7 @@ class KeptFilm(HalvedClip):
     """A halved clip that is read once.
 
     Attributes:
-        kept: frames by number, the last used last.
+        kept: frames by number, the oldest first. Several threads read and add.
     """
 
     kept: OrderedDict[int, FilmFrame] = field(default_factory=OrderedDict)
@@ -28,9 +29,8 @@ class KeptFilm(HalvedClip):
         """See `PreparedClip.film_frames`."""
         stop = len(self) if count is None else min(start + count, len(self))
         while start < stop:
-            if start in self.kept:
-                self.kept.move_to_end(start)
-                yield self.kept[start]
+            if (known := self.kept.get(start)) is not None:
+                yield known
                 start += 1
                 continue
             first = start
@@ -49,7 +49,8 @@ class KeptFilm(HalvedClip):
     def _keep(self, number: int, frame: FilmFrame) -> None:
         self.kept[number] = frame
         if len(self.kept) > 1 and len(self.kept) * size_of(frame) > MOST_KEPT:
-            self.kept.popitem(last=False)
+            with suppress(KeyError):
+                self.kept.popitem(last=False)
 
 
 def size_of(frame: FilmFrame) -> int:

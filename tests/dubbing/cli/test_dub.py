@@ -117,7 +117,7 @@ def test_interrupted_is_130_and_goes_on_later(  # type: ignore[no-untyped-def]
 
 def test_a_film_and_a_recording_need_no_manifest(dfrf: Any, footage: Path, tmp_path: Path) -> None:
     out = tmp_path / "new" / "ann_it.mp4"
-    call = ("dub", footage / "ann.mp4", footage / "it.wav", "-o", out)
+    call: tuple[object, ...] = ("dub", footage / "ann.mp4", footage / "it.wav", "-o", out)
     call += ("--consent", "Ann Smith, form 17")
     code, _, err = dfrf(*call, "--preview", 0.5)
     assert code == 0, err

@@ -26,7 +26,7 @@ def footage(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def call(footage: Path, out: Path, **changed: Any) -> tuple[Path, str]:
     """As the command does."""
-    given = {"clip": footage / "Ann's film.mp4", "speech": footage / "it.wav"}
+    given: dict[str, Any] = {"clip": footage / "Ann's film.mp4", "speech": footage / "it.wav"}
     given |= {"out": out, "consent": CONSENT, **changed}
     with short_call.written(**given) as found:
         load(found[0])
