@@ -44,7 +44,7 @@ class Edit:
         A key holds for `HELD` on both sides; from there to `AROUND` the line's own strength comes
         back, or the next key's.
         """
-        heard = np.arange(frames) / float(rate) - self.shift / 1000
+        heard = (np.arange(frames) + 0.5) / float(rate) - self.shift / 1000  # in their middles
         keys = sorted(self.keys)
         points = [(at + side * HELD, value) for at, value in keys for side in (-1, 1)]
         for (before, _), (after, _) in pairwise([(-np.inf, 0), *keys, (np.inf, 0)]):

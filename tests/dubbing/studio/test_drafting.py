@@ -62,7 +62,7 @@ def test_a_draft_goes_before_the_film_which_goes_on_after_it(pipe: Any) -> None:
     pipe.send(Job(1, "count", "film", {"kind": SOURCE}))
     assert pipe.recv() == Answer(1, 0)
     pipe.send(Job(2, "count", "draft", {"kind": DRAFT}))
-    answers = []
+    answers: list[Answer] = []
     while not answers or not answers[-1].ended:
         answers.append(pipe.recv())
     first = next(k for k, answer in enumerate(answers) if answer.number == 2)
