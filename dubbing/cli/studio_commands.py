@@ -3,6 +3,7 @@
 import os
 import secrets
 import socket
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -64,10 +65,13 @@ def studio(
     name = f"[{host}]" if ":" in host else host
     print_line(f"http://{name}:{port}/" + ("" if password else f"?token={token}"))
     print_line("Keep this open; Ctrl-C ends it. Edits are saved as they are made.")
-    config = uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1)
+    config = uvicorn.Config(
+        app, log_level="warning", timeout_graceful_shutdown=1, proxy_headers=False
+    )
     server = uvicorn.Server(config)
     app.state.ended = lambda: server.should_exit
-    server.run(sockets=[listener])
+    with suppress(KeyboardInterrupt):  # the way to end it
+        server.run(sockets=[listener])
 
 
 def _password(file: Path | None) -> str:

@@ -1,5 +1,6 @@
 """Who may use the page: whoever has the secret, from this page alone."""
 
+import asyncio
 import hmac
 import ipaddress
 import secrets
@@ -11,6 +12,7 @@ from starlette.responses import HTMLResponse, PlainTextResponse, RedirectRespons
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 LOCAL = ("127.0.0.1", "localhost", "::1")
+WRONG_S = 0.5  # that the answer to a wrong password takes
 MOST_BODY = 100_000  # bytes of a request
 SAFE = ("GET", "HEAD")
 HEADERS = {
@@ -71,8 +73,7 @@ class Guard:
             return foreign
         query, head = request.query_params, request.method in SAFE
         if request.url.path == "/login" and self.password and not head:
-            given = parse_qs((await request.body()).decode(errors="replace")).get("password", [""])
-            return self._opened() if self._is_secret(given[0]) else self._asked("Wrong password.")
+            return await self._login(request)
         cookie = request.cookies.get(self.cookie, "")
         if hmac.compare_digest(cookie.encode(), self.session.encode()):
             return RedirectResponse("/", 303) if "token" in query else None
@@ -81,6 +82,14 @@ class Guard:
         if request.url.path == "/" and head and self._is_secret(query.get("token", "")):
             return self._opened()
         return PlainTextResponse("Open the address that `dfrf studio` printed.", 401)
+
+    async def _login(self, request: Request) -> Response:
+        """The answer to a password."""
+        given = parse_qs((await request.body()).decode(errors="replace")).get("password", [""])
+        if self._is_secret(given[0]):
+            return self._opened()
+        await asyncio.sleep(WRONG_S)  # so that nobody tries many
+        return self._asked("Wrong password.")
 
     def _foreign(self, request: Request) -> Response | None:
         """The answer to a request for another server, of another page, or too large."""
