@@ -103,7 +103,7 @@ class Project:
                 raise StaleError("saved elsewhere in the meantime", remedy="look, then do it again")
             ids = {one: place for place, one in enumerate(dub.cues)}
             rest = {self._cue(dub, one): one for one in edits}
-            rest[cue] = self._entry(dub, cue, given)
+            rest[cue] = self._entry(dub, cue, given, rest.get(cue))
             kept = sorted(rest, key=lambda one: ids[one])
             plain_edit = edit_entry.Edit(**_line(dub, cue))
             new = [rest[one] for one in kept if one != cue or rest[one] != plain_edit]
@@ -168,9 +168,14 @@ class Project:
         data = document.data if isinstance(document.data, list) else [document.data]
         return revision, [_validated(one, path.name, path.parent) for one in data]
 
-    def _entry(self, dub: Dub, cue: Cue, given: Any) -> edit_entry.Edit:
+    def _entry(
+        self, dub: Dub, cue: Cue, given: Any, before: edit_entry.Edit | None
+    ) -> edit_entry.Edit:
         if not isinstance(given, dict) or {"line", "speaker"} & {*given}:
             raise ExplainedError("an edit is an object without line and speaker")
+        curves = before.curves if before else None
+        if given.get("curves") not in (None, str(curves)):  # no page may have other files read
+            raise ExplainedError("curves: only those in the file stay", remedy="name others there")
         return _validated(_line(dub, cue) | given, "", self.production.manifest.parent)
 
     def _cue(self, dub: Dub, edit: edit_entry.Edit) -> Cue:

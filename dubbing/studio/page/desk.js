@@ -2,7 +2,7 @@
 
 import { ask, dubPath, put } from "./api.js";
 
-export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], status: "open" };
+export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], status: "open", curves: null };
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
 // Events: `dub` another one; `line` another is chosen; `edits` changed here; `saved` with what the

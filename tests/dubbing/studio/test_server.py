@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from starlette.testclient import TestClient
@@ -17,6 +18,7 @@ from dubbing.script.timeline import Edit
 from dubbing.studio.drafter import Drafter
 from dubbing.studio.project import Project
 from dubbing.studio.server import app_of
+from tests import clips
 from tests.dubbing.studio.stand_in import FRAMES, TOKEN, image, serve
 
 pytestmark = pytest.mark.medium
@@ -148,6 +150,33 @@ def test_an_edit_is_saved_beside_the_manifest_and_read_by_it(
     assert not own.exists()
 
 
+def test_curves_stay_until_they_are_taken_away(client: TestClient, manifest: Path) -> None:
+    (manifest.parent / "lips.csv").write_text("time,opening\n0.1,0.2\n")
+    own = edits_file(manifest, "it")
+    own.write_text("{line: 1, curves: lips.csv}")
+    edit = client.get(DUB).json()["lines"][0]["edit"]
+    assert save(client, {**edit, "strength": 0.5}).status_code == 200
+    assert own.read_text().endswith("{line: 1, strength: 0.5, curves: lips.csv}\n")
+    before = frames(client, first=5, stop=6)
+    (manifest.parent / "lips.csv").write_text("time,opening\n0.1,0.3\n")
+    have = {"5": before[5][0]}
+    assert [*frames(client, first=5, stop=6, have=have)] == [5]  # drawn again
+    save(client, {**edit, "curves": None})
+    assert not own.exists()
+
+
+def test_the_finished_dub_is_shown_in_the_size_of_its_draft(
+    client: TestClient, manifest: Path
+) -> None:
+    clips.write_video(manifest.parent / "out" / "it.mp4", FRAMES)
+    assert client.get(DUB).json()["dubbed"]
+    shown = frames(client, kind="dub", first=20, stop=23)
+    for k, (_, data) in shown.items():
+        small = cv2.resize(clips.frame(k), (32, 24), interpolation=cv2.INTER_AREA)
+        assert np.abs(image(data).astype(int) - small).mean() < 8
+    assert [*shown] == [20, 21, 22]
+
+
 def test_a_stale_save_is_refused(client: TestClient, manifest: Path) -> None:
     old = client.get(DUB).json()["revision"]
     save(client, {"shift": 40}, old)
@@ -169,6 +198,7 @@ def test_a_stale_save_is_refused(client: TestClient, manifest: Path) -> None:
         ({"status": "done"}, "status: must be one of 'open'"),
         ({"note": "x" * 1001}, "note: "),
         ({"note": "\ud800"}, "note: "),
+        ({"curves": "/etc/passwd"}, "curves: only those in the file stay"),
         ({"line": 3}, "an edit is an object without line and speaker"),
         ([], "an edit is an object"),
     ],
