@@ -216,7 +216,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
     def finish(self, dataset: HeadDataset, views: ReferenceViews | None, seed: int) -> None:
         """Called after the last step of a fine-tune; does nothing by default."""
 
-    def bake(self, dataset: HeadDataset, maps: MapsT | None) -> None:
+    def bake_for_poses(self, dataset: HeadDataset, maps: MapsT | None) -> None:
         """Makes a person's density quick to look up, as it is now; does nothing by default."""
 
     def resting_heads(

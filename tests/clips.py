@@ -39,11 +39,16 @@ def write_video(
     *,
     size: tuple[int, int] = (64, 48),
     codec: str = "h264",
+    pixels: str = "",
 ) -> Path:
-    """Numbered frames without sound."""
-    with media.VideoWriter(path, *size, rate, codec) as writer:
+    """Numbered frames without sound; FFV1 where a format of pixels is given."""
+    there = path.with_name(f"rgb_{path.name}") if pixels else path
+    with media.VideoWriter(there, *size, rate, "ffv1" if pixels else codec) as writer:
         for k in range(frames):
             writer.write(frame(k, *size))
+    if pixels:
+        ffmpeg("-i", there, "-c:v", "ffv1", "-pix_fmt", pixels, path)
+        there.unlink()
     return path
 
 
@@ -82,9 +87,11 @@ def write_clip(
     rate: Fraction = Fraction(25),
     *,
     size: tuple[int, int] = (64, 48),
+    pixels: str = "",
 ) -> Path:
     """Numbered frames with a tone as long as they are."""
-    silent = write_video(path.with_name(f"silent_{path.name}"), frames, rate, size=size)
+    silent = path.with_name(f"silent_{path.name}")
+    write_video(silent, frames, rate, size=size, pixels=pixels)
     seconds = float(frames / rate)
     sound = write_sound(path.with_name(f"{path.stem}.tone.wav"), seconds)
     media.mux(silent, sound, path, audio_start=0, seconds=seconds)

@@ -30,7 +30,7 @@ from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.field.reference_views import MouthViews, ReferenceViews
 from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
-from dfrf.rendering.baked_density import corners, positions
+from dfrf.rendering.baked_density import chosen_frames, corners, positions
 from dfrf.rendering.baked_frame import BakedHead, ViewImages
 from dfrf.rendering.frame_head import FrameHead, MarchedHead
 from dfrf.rendering.grid_pruning import prune_grid
@@ -48,7 +48,7 @@ from dfrf.workers import Workers
 
 SHARES = 4  # of a step's rays; on a CPU as many cores work side by side
 FRAMES_AT_ONCE = 8
-BAKED_FRAMES = 32
+BAKED_FRAMES, POSING_FRAMES = 48, 8  # of which a head is baked to show lips, or to be posed
 MOST_COMPARED = 1000  # frames of a person, each with all others: 8 MB of distances
 
 
@@ -97,9 +97,11 @@ def bake(
     conditioning: Float[Tensor, "T K"],
     origins: Float[Tensor, "T 3"],
     maps: ReferenceMaps,
+    count: int,
 ) -> None:
-    """Fits the baked density of a learned model to some of these frames."""
-    some = torch.linspace(0, len(origins) - 1, min(BAKED_FRAMES, len(origins))).round().long()
+    """Fits the baked density of a learned model to `count` of these frames."""
+    described = model.described(conditioning, origins)
+    some = chosen_frames(described, count)
     points = corners(model.grid.occupied)
     at, rounded = positions(model.grid, points), model.rounded()
 
@@ -108,9 +110,8 @@ def bake(
         return density_at(volume.field.seen_from(origins[frame]), at, origins[frame])
 
     with Workers(model.device, FRAMES_AT_ONCE) as workers:
-        of_frames = torch.stack(list(workers.map(density, some.tolist())))
-    described = model.described(conditioning[some], origins[some])
-    model.baked.fit(points, described, of_frames)
+        of_frames = torch.stack(list(workers.map(density, some)))
+    model.baked.fit(points, described[some], of_frames)
 
 
 class FastMethod(Method[RayShare, ReferenceMaps]):
@@ -247,13 +248,16 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         conditioning = training_conditioning(model, [dataset])[dataset.name]
         generator = torch.Generator().manual_seed(seed)
         prune(model.eval(), conditioning, dataset.c2w, maps, generator)
-        self.bake(dataset, maps)
+        self._bake(dataset, maps, BAKED_FRAMES)
 
-    def bake(self, dataset: HeadDataset, maps: ReferenceMaps | None) -> None:
+    def bake_for_poses(self, dataset: HeadDataset, maps: ReferenceMaps | None) -> None:
+        self._bake(dataset, maps, POSING_FRAMES)
+
+    def _bake(self, dataset: HeadDataset, maps: ReferenceMaps | None, count: int) -> None:
         if maps is not None:
             model = self.model.eval()
             conditioning = training_conditioning(model, [dataset])[dataset.name]
-            bake(model, conditioning, dataset.c2w[:, :, 3].to(model.device), maps)
+            bake(model, conditioning, dataset.c2w[:, :, 3].to(model.device), maps, count)
 
     @torch.no_grad()
     def resting_heads(
@@ -315,20 +319,25 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
 
         return head
 
+    @torch.no_grad()
+    def speaking_heads(
+        self, inputs: FrameInputs, maps: ReferenceMaps | None
+    ) -> Callable[[int], FrameHead]:
+        """Gives the head of each frame by its number: lips as spoken, `inputs.strength` of them."""
+        conditioning = self.model.eval().field.conditioning(
+            inputs.windows,
+            inputs.predicted_lips,
+            inputs.expression,
+            inputs.strength,
+            inputs.lips,
+        )
+        return self._heads(conditioning, inputs.c2w[:, :, 3], maps, inputs.baked)
+
     def render_frames(
         self, inputs: FrameInputs, maps: ReferenceMaps | None
     ) -> Iterator[tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]]:
         """Renders one frame a core at a time on a CPU."""
-        with torch.no_grad():
-            field = self.model.eval().field
-            conditioning = field.conditioning(
-                inputs.windows,
-                inputs.predicted_lips,
-                inputs.expression,
-                inputs.strength,
-                inputs.lips,
-            )
-        heads = self._heads(conditioning, inputs.c2w[:, :, 3], maps, inputs.baked)
+        heads = self.speaking_heads(inputs, maps)
 
         def one(t: int) -> tuple[Tensor, Tensor]:
             camera = Camera(inputs.c2w[t], inputs.focal, inputs.centres[t], inputs.size)

@@ -1,7 +1,7 @@
 """The density of a learned head on a lattice: looked up where marching asks a network.
 
-Before softplus, density changes so slowly that it can be interpolated between lattice points. Lips,
-upper face and viewpoint, the numbers that describe a frame, change it nearly linearly.
+Before softplus, density changes so slowly that it can be interpolated between lattice points, and
+between frames by what describes them: lips, upper face and viewpoint.
 
 V lattice points, g of them along an axis, D numbers that describe a frame, T frames, R rays.
 """
@@ -26,7 +26,9 @@ EMPTY, SOLID = -8.0, 4.0
 # Nothing is below: a sample of .05 head units has an opacity of .003 there, but all those of a ray
 # through the whole box would be a haze.
 AIR = -6.0
-RIDGE = 1.0  # frames' worth
+NOISE = 0.1  # variance of a frame's density beside what describes it, that of a like frame being 2
+LENGTH = 1.5  # standard deviations in each number, over which frames are alike
+REPRESENTATIVE = 2 / 3  # of the frames to fit it to; the others are the most unlike
 MIN_OPACITY = 1e-6
 
 
@@ -80,27 +82,28 @@ class FrameDensity:
 
 
 class BakedDensity(nn.Module):
-    """Density before softplus at lattice points, linear in the numbers that describe a frame.
+    """Density before softplus of some frames at lattice points, and of frames between them.
+
+    The density of another frame is the mean of a Gaussian process (Rasmussen and Williams 2006),
+    whose kernel is linear with a bump: where frames are few, it goes on in straight lines.
 
     Attributes:
         side: g.
         points: places in the lattice, counted row by row; none before `fit`.
-        slopes: for each number that describes a frame, and a constant.
-        low, high: least and largest of these numbers in the frames it was fitted to.
+        described: the numbers that describe each frame it was fitted to.
+        density: of each of these frames, before softplus, half precision.
     """
 
     points: Int[Tensor, " V"]
-    slopes: Float[Tensor, "_ V"]
-    low: Float[Tensor, " D"]
-    high: Float[Tensor, " D"]
+    described: Float[Tensor, "T D"]
+    density: Float[Tensor, "T V"]
 
     def __init__(self, resolution: int) -> None:
         super().__init__()
         self.side = resolution + 1
         self.register_buffer("points", torch.zeros(0, dtype=torch.long))
-        self.register_buffer("slopes", torch.zeros(1, 0))
-        self.register_buffer("low", torch.zeros(0))
-        self.register_buffer("high", torch.zeros(0))
+        self.register_buffer("described", torch.zeros(1, 0))
+        self.register_buffer("density", torch.zeros(1, 0, dtype=torch.half))
 
     def __bool__(self) -> bool:
         """Whether it was fitted."""
@@ -121,20 +124,20 @@ class BakedDensity(nn.Module):
             density: of each frame at each point.
         """
         scaled = density / DENSITY_SCALE
-        raw = scaled.expm1().log().where(scaled < SOLID, SOLID).clamp_min(EMPTY).double()
-        self.low, self.high = described.amin(0), described.amax(0)
-        centre, middle = described.double().mean(0), raw.mean(0)
-        x = described.double() - centre
-        square = x.T @ x + torch.diag(RIDGE * x.square().mean(0) + 1e-9)
-        slopes = torch.linalg.solve(square, x.T @ (raw - middle))
-        self.slopes = torch.cat([slopes, (middle - centre @ slopes)[None]]).float()
-        self.points = points
+        raw = scaled.expm1().log().where(scaled < SOLID, SOLID).clamp_min(EMPTY)
+        self.points, self.described, self.density = points, described.float(), raw.half()
 
     def of_frame(self, grid: OccupancyGrid, described: Float[Tensor, " D"]) -> FrameDensity:
         """The density of a frame; no number counts beyond those of the frames it was fitted to."""
-        inside = torch.minimum(torch.maximum(described, self.low), self.high)
-        raw = self.slopes.new_full((self.side**3,), EMPTY)
-        raw[self.points] = inside @ self.slopes[:-1] + self.slopes[-1]
+        known = self.described
+        inside = torch.minimum(torch.maximum(described, known.amin(0)), known.amax(0))
+        middle, size = known.mean(0), known.std(0, correction=0).clamp_min(1e-6)
+        frames, here = (((x - middle) / size).double() for x in (known, inside[None]))
+        like = kernel(frames, frames) + NOISE * torch.eye(len(frames)).to(frames)
+        weights = torch.linalg.solve(like, kernel(frames, here))[:, 0].float()
+        weights += (1 - weights.sum()) / len(weights)  # of the difference from the mean frame
+        raw = weights.new_full((self.side**3,), EMPTY)
+        raw[self.points] = weights @ self.density.float()
         return FrameDensity(grid, raw.view((self.side,) * 3))
 
     def _load_from_state_dict(self, state: dict[str, Any], prefix: str, *rest: Any) -> None:
@@ -149,13 +152,34 @@ class BakedDensity(nn.Module):
 
     def fits(self) -> bool:
         """Whether its tensors belong together."""
-        points, count = self.points, len(self.low)
+        points = self.points
         return (
-            self.low.shape == self.high.shape == (count,)
-            and points.dim() == 1
+            points.dim() == 1
             and bool(((points >= 0) & (points < self.side**3)).all())
-            and self.slopes.shape == (count + 1, len(points))
+            and self.described.dim() == 2
+            and self.density.shape == (len(self.described), len(points))
         )
+
+
+def kernel(some: Float[Tensor, "A D"], others: Float[Tensor, "B D"]) -> Float[Tensor, "A B"]:
+    """How alike frames are by numbers of mean 0 and variance 1; about 2 of a frame to itself."""
+    count = max(some.shape[1], 1)
+    apart = torch.cdist(some, others).square() / count
+    return some @ others.T / count + torch.exp(-apart / (2 * LENGTH**2))
+
+
+def chosen_frames(described: Float[Tensor, "T D"], count: int) -> list[int]:
+    """Frames to fit it to: most of them evenly spaced in time, then those least like the chosen."""
+    total = len(described)
+    count = min(count, total)
+    even = torch.linspace(0, total - 1, max(1, round(REPRESENTATIVE * count)))
+    chosen = sorted(set(even.round().long().tolist()))
+    size = described.std(0, correction=0).clamp_min(1e-6)
+    apart = torch.cdist(described / size, described[chosen] / size).amin(1)
+    while len(chosen) < count:
+        chosen.append(int(apart.argmax()))
+        apart = torch.minimum(apart, ((described - described[chosen[-1]]) / size).norm(dim=1))
+    return sorted(chosen)
 
 
 def corners(occupied: Bool[Tensor, "G G G"]) -> Int[Tensor, " V"]:

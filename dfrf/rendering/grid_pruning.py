@@ -18,7 +18,7 @@ from dfrf.rendering.occupancy import OccupancyGrid
 from dfrf.rendering.volume_rendering import ViewField, density_at
 
 MIN_OPACITY = 0.01  # opacity of a sample
-FRAMES = 64
+FRAMES = 32
 
 
 @torch.no_grad()

@@ -56,6 +56,14 @@ def evaluate(
             "or both.",
         ),
     ] = "both",
+    composition: Annotated[
+        bool,
+        typer.Option(
+            "--composition",
+            help="Measure, too, what the pixels of a dub are made of, and what each part of the "
+            "method changes in its mouth.",
+        ),
+    ] = False,
     seconds: Annotated[
         float | None,
         typer.Option(min=0.1, help="Test so many seconds of what is held out, its first."),
@@ -89,6 +97,7 @@ def evaluate(
             methods=chosen,
             only=tuple(only or ()),
             protocol=protocol,
+            composition=composition,
             seconds=checked_seconds(seconds),
             every=every,
             lpips_weights=lpips_weights,

@@ -12,7 +12,7 @@ from dubbing.compositing.film_look import in_focus
 from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import with_neck
 from dubbing.face.face_contour import face_contour
-from dubbing.preparation.matting.matting import REFERENCE_SIZE, inpaint_mask
+from dubbing.preparation.matting.matting import REFERENCE_SIZE
 from dubbing.preparation.prepared import FilmFrame
 
 FLOOR = 6  # of 255: a lower opacity is haze, not head
@@ -32,7 +32,7 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     """
     image, landmarks = film.image, film.landmarks
     size = len(image)
-    restored = inpaint_mask(film.matte)
+    restored = film.restored
     clean = without_haze(head, restored, OPEN_JAW_PX * size / REFERENCE_SIZE)
     lit = follow_light(image, film.matte, clean, landmarks, film.haze, film.overlay)
     if film.overlay is not None:

@@ -42,11 +42,20 @@ class FaceFinder:
 
     def find(self, images: Images) -> list[list[np.ndarray]]:
         """Faces of images that need not follow one another."""
-        return self._look(images, [distinct(some) for some in self._detector(images, self._faces)])
+        return self._look(images, [distinct(some) for some in self.detect(images)])
 
-    def follow(self, image: np.ndarray) -> list[np.ndarray]:
-        """Faces of the next frame."""
-        (faces,) = self.follow_all([image], [self._followed])
+    def detect(self, images: Images) -> list[list[Region]]:
+        """Regions of faces of images, in which `follow` looks beside those that it follows."""
+        return self._detector(images, self._faces)
+
+    def follow(
+        self, image: np.ndarray, detected: Sequence[Region] | None = None
+    ) -> list[np.ndarray]:
+        """Faces of the next frame, where `detected` may be what `detect` gave for it."""
+        if detected is None or len(self._followed) >= self._faces:
+            (faces,) = self.follow_all([image], [self._followed])
+        else:
+            (faces,) = self._look([image], [distinct([*detected, *self._followed])])
         self._followed = [region_of(points) for points in faces]
         return faces
 
@@ -55,7 +64,7 @@ class FaceFinder:
     ) -> list[list[np.ndarray]]:
         """Faces of one frame of each of several videos, where some regions are followed."""
         lost = [k for k, regions in enumerate(followed) if len(regions) < self._faces]
-        detected = self._detector([images[k] for k in lost], self._faces)
+        detected = self.detect([images[k] for k in lost])
         regions = [list(some) for some in followed]
         for k, some in zip(lost, detected, strict=True):
             regions[k] = [*some, *regions[k]]

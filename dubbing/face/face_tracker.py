@@ -4,11 +4,15 @@ Letters: T frames, P = 478 points of the face mesh, H and W pixels.
 """
 
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
+from dfrf.ordered import ordered
 from dubbing.face.face_finder import FaceFinder
+from dubbing.face.regions import Images, Region
 
 POINTS = 478
 MAX_FACES = 4
@@ -18,6 +22,7 @@ MEMORY_SECONDS = 1.0
 TWIN = 0.25
 # A face belongs to a track whose last face is at most this many face widths away.
 MAX_MOTION = 0.6
+TOGETHER = 4  # frames in which faces are detected at once, while those before are followed
 
 
 @dataclass(frozen=True)
@@ -37,10 +42,7 @@ class _Track:
 
 
 class FaceTracker:
-    """FaceMesh in tracking mode, with one track number a person.
-
-    Feed it the frames in order.
-    """
+    """FaceMesh in tracking mode, with one track number a person."""
 
     def __init__(self, rate: float, max_faces: int = MAX_FACES) -> None:
         self._finder = FaceFinder(max_faces)
@@ -49,10 +51,25 @@ class FaceTracker:
         self._count = 0
         self._frame = -1
 
-    def __call__(self, frame: np.ndarray) -> list[Face]:
-        """Faces of the next frame, RGB uint8 (H, W, 3)."""
-        self._frame += 1
-        return self._assign([mesh.astype(np.float32) for mesh in self._finder.follow(frame)])
+    def __call__(self, frames: Iterable[np.ndarray]) -> Iterator[tuple[np.ndarray, list[Face]]]:
+        """The next frames, RGB uint8 (H, W, 3), in order, each with its faces."""
+        for frame, regions in self._with_detected(iter(frames)):
+            self._frame += 1
+            meshes = self._finder.follow(frame, regions)
+            yield frame, self._assign([mesh.astype(np.float32) for mesh in meshes])
+
+    def _with_detected(
+        self, frames: Iterator[np.ndarray]
+    ) -> Iterator[tuple[np.ndarray, list[Region]]]:
+        """Frames with the regions in which a face is detected."""
+
+        def detect(some: Images) -> list[tuple[np.ndarray, list[Region]]]:
+            return list(zip(some, self._finder.detect(some), strict=True))
+
+        parts = iter(lambda: list(islice(frames, TOGETHER)), [])
+        with ThreadPoolExecutor(1) as pool:
+            for part in ordered(pool, detect, parts, ahead=1):
+                yield from part
 
     def _assign(self, meshes: list[np.ndarray]) -> list[Face]:
         self._tracks = [t for t in self._tracks if self._frame - t.last_frame <= self._memory]
@@ -93,4 +110,5 @@ def _without_twins(meshes: list[np.ndarray]) -> list[np.ndarray]:
 
 def track_faces(frames: Iterable[np.ndarray], rate: float) -> Iterator[list[Face]]:
     """Faces of each frame in order; the frames are not kept."""
-    yield from map(FaceTracker(rate), frames)
+    for _, faces in FaceTracker(rate)(frames):
+        yield faces

@@ -91,11 +91,12 @@ def _covers(
             continue
         some = np.union1d(frames[::EVERY], frames[-1:])
         comparison = Comparison(method, maps, clip)
-        spread = some[np.unique(np.linspace(0, len(some) - 1, TYPICAL).round().astype(int))]
-        usual = usual_difference(np.stack([c.apart for c in comparison.look(spread)]))
+        looked = list(comparison.look(some))
+        spread = np.unique(np.linspace(0, len(some) - 1, TYPICAL).round().astype(int))
+        usual = usual_difference(np.stack([looked[k].apart for k in spread]))
         flagged = [
             t
-            for t, c in zip(some, comparison.look(some), strict=True)
+            for t, c in zip(some, looked, strict=True)
             if unexplained(c, usual).any() or is_awry(c, usual)
         ]
         near = frames[np.isin(frames, np.add.outer(flagged, np.arange(-BESIDE, BESIDE + 1)))]

@@ -185,7 +185,7 @@ def learn(
         maps = (
             None if references is None else method.maps(method.reference_views(person, references))
         )
-        method.bake(person, maps)
+        method.bake_for_poses(person, maps)
         posed = np.concatenate(
             [refined(model, maps, one.clip, one.with_face).c2w()[one.with_face] for one in footage]
         )

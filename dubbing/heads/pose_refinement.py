@@ -31,10 +31,11 @@ from dubbing.preparation.head_findings import POSES_FILE
 from dubbing.preparation.prepared import PreparedClip
 
 # Frames and turn (rad) from one key frame to the next, and steps: far ones first, which find what a
-# whole shot is off by, so that few steps are enough for the near ones. What a pose is off by
-# changes with the pose, so a head that turns fast has a key frame in every frame.
-PASSES = ((50, np.inf, 4), (5, np.radians(1.5), 2))
-RAYS = 1000
+# whole shot is off by, so that one step is enough for the near ones: a second finds no better.
+# What a pose is off by changes with the pose, so a head that turns fast has a key frame in every
+# frame.
+PASSES = ((50, np.inf, 4), (5, np.radians(1.5), 1))
+RAYS = 500  # twice as many find no better poses
 FACE_SHARE = 0.7  # of the rays; hair and ears, which show the turn better, are larger than the face
 RIM = 8  # px at 512 beyond the matte: background that a head out of place would cover
 NOISE = 0.1  # of a channel; several times what it is, as neighbouring residuals are alike
@@ -186,14 +187,14 @@ def observations_of(clip: PreparedClip, keys: np.ndarray) -> dict[int, PoseObser
     """Pixels of key frames (K,), rising, above the base of the nose: `RAYS` of each."""
     observations: dict[int, PoseObservation] = {}
     first, count = int(keys[0]), int(keys[-1] - keys[0]) + 1
-    for k, (image, matte, background) in enumerate(clip.frames(first, count), first):
+    for k, frame in enumerate(clip.film_frames(first, count), first):
         if k in keys:
-            pixels = chosen_pixels(matte, clip.landmarks[k], np.random.default_rng(k))
+            pixels = chosen_pixels(frame.matte, clip.landmarks[k], np.random.default_rng(k))
             columns, rows = pixels.T
             observations[k] = PoseObservation(
                 pixels=torch.from_numpy(pixels).float(),
-                colour=torch.from_numpy(image[rows, columns]).float() / 255,
-                background=torch.from_numpy(background[rows, columns]).float() / 255,
+                colour=torch.from_numpy(frame.image[rows, columns]).float() / 255,
+                background=torch.from_numpy(frame.background[rows, columns]).float() / 255,
                 focal=float(clip.focal),
                 centre=torch.from_numpy(clip.centre[k]).float(),
             )

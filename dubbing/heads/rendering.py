@@ -1,6 +1,7 @@
 """Rendering a person's head for every frame of new speech, in segments that survive a kill."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -146,11 +147,30 @@ def frames(
     Of the whole head, or of what of it lies in regions (stop - first, S, S) bool at least.
     `strength` is (stop - first,), `lips` (stop - first, L).
     """
-    device = model.device
-    method = method_of(model)
-    near, predicted = _heard(speech, first, stop, method.reach)
+    inputs = inputs_of(model, clip, speech, pose_index, first, stop)
+    inputs = replace(
+        inputs,
+        regions=None if regions is None else torch.from_numpy(regions).to(model.device),
+        baked=baked,
+        strength=_on(strength, model.device),
+        lips=_on(lips, model.device),
+    )
+    yield from method_of(model).render_frames(inputs, maps)
+
+
+def inputs_of(
+    model: HeadModel,
+    clip: PreparedClip,
+    speech: SpeechFrames,
+    pose_index: np.ndarray,
+    first: int,
+    stop: int,
+) -> FrameInputs:
+    """Inputs of frames first .. stop, on the model's device: whole heads, marched, as spoken."""
+    device, reach = model.device, method_of(model).reach
+    near, predicted = _heard(speech, first, stop, reach)
     poses = pose_index[first:stop]
-    inputs = FrameInputs(
+    return FrameInputs(
         torch.from_numpy(clip.c2w()[poses]).float().to(device),
         float(clip.focal),
         torch.from_numpy(clip.centre[poses]).float().to(device),
@@ -158,12 +178,7 @@ def frames(
         predicted.to(device),
         torch.from_numpy(upper_face_expression(clip)[poses]).float().to(device),
         clip.size,
-        None if regions is None else torch.from_numpy(regions).to(device),
-        baked,
-        _on(strength, device),
-        _on(lips, device),
     )
-    yield from method.render_frames(inputs, maps)
 
 
 def wanted_lips(

@@ -10,7 +10,7 @@ from dubbing.engine.fields import Setting
 from dubbing.speech import features
 
 # That a dub needs of a person who looks into the camera, and of one who turns.
-FRONT_STEPS, TURNED_STEPS = 120, 250
+FRONT_STEPS, TURNED_STEPS = 60, 250
 
 
 @dataclass(frozen=True)

@@ -134,10 +134,10 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
             f"identities.{name}: the pixels of {info.path.name} are not square; those of the"
             f" results are: {info.width}x{info.height}"
         )
-    if picture.bits > 8:
+    if picture.pixels.bits > 8:
         findings.warnings.append(
-            f"identities.{name}: {info.path.name} has {picture.bits} bits a colour; pictures are"
-            " worked on, and written, with 8"
+            f"identities.{name}: {info.path.name} has {picture.pixels.bits} bits a colour; heads"
+            " are rendered with 8, and the codec h264 writes 8"
         )
 
 

@@ -1,14 +1,21 @@
 """Video and audio files. The only package that runs ffmpeg.
 
-Images are RGB uint8 arrays (H, W, 3); audio is mono float32 (samples,) in -1..1; times are seconds
-from the start of the file, and frame rates exact fractions.
+Images are RGB uint8 arrays (H, W, 3), or planes of the film's own values; audio is mono float32
+(samples,) in -1..1; times are seconds from the start of the file, and frame rates exact fractions.
 """
 
 from dubbing.media.ffmpeg import binary, version
 from dubbing.media.info import MediaInfo
 from dubbing.media.muxing import SOUND, mux, proxy
+from dubbing.media.native import PixelFormat, Planes
 from dubbing.media.probing import count_frames, probe
-from dubbing.media.reading import iter_audio, iter_channels, read_audio, read_frames
+from dubbing.media.reading import (
+    iter_audio,
+    iter_channels,
+    read_audio,
+    read_frames,
+    read_planes,
+)
 from dubbing.media.writing import CODECS, SUFFIX, VideoWriter
 
 __all__ = [
@@ -16,6 +23,8 @@ __all__ = [
     "SOUND",
     "SUFFIX",
     "MediaInfo",
+    "PixelFormat",
+    "Planes",
     "VideoWriter",
     "binary",
     "count_frames",
@@ -26,5 +35,6 @@ __all__ = [
     "proxy",
     "read_audio",
     "read_frames",
+    "read_planes",
     "version",
 ]

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from dubbing.errors import MediaError
 from dubbing.media.colour import Colour
+from dubbing.media.native import YUV420, PixelFormat
 from dubbing.script.timecode import frame_of, nominal, timecode_of
 
 
@@ -17,7 +18,7 @@ class Picture:
         width, height: displayed pixels, after rotation and with square pixels.
         interlaced: whether a frame holds two fields.
         square: whether its pixels are square.
-        bits: of each colour channel.
+        pixels: the planar format that holds its values.
     """
 
     width: int
@@ -25,7 +26,7 @@ class Picture:
     colour: Colour
     interlaced: bool = False
     square: bool = True
-    bits: int = 8
+    pixels: PixelFormat = YUV420
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,11 @@ class MediaInfo:
     def colour(self) -> Colour:
         """The colour space of its picture."""
         return self.picture.colour if self.picture else Colour()
+
+    @property
+    def pixels(self) -> PixelFormat:
+        """The planar format that holds the values of its picture."""
+        return self.picture.pixels if self.picture else YUV420
 
     @property
     def timecode_rate(self) -> Fraction:

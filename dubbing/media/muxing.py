@@ -21,7 +21,10 @@ AUDIO_CODECS = {
 }
 PROXY_WIDTH = 1280  # px at most
 MOST_CHANNELS = {"aac": 8, "pcm": 64, "flac": 8}
-SOUND = {"h264": "aac", "prores": "pcm", "ffv1": "flac"}  # audio codec for each video codec
+SOUND = {  # audio codec for each video codec
+    **{"h264": "aac", "hevc": "aac", "ffv1": "flac"},
+    **dict.fromkeys(("prores", "prores4444", "dnxhr"), "pcm"),
+}
 
 
 def mux(

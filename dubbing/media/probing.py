@@ -17,6 +17,7 @@ from dubbing.media.colour import colour_of
 from dubbing.media.fields import is_flagged
 from dubbing.media.frame_rate import choose_rate
 from dubbing.media.info import MediaInfo, Picture
+from dubbing.media.native import PixelFormat
 from dubbing.media.opening import opened
 from dubbing.media.timecode_track import timecode_of
 from dubbing.media.tracks import Track, heard_tracks
@@ -237,12 +238,11 @@ def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) ->
         bounds = f"{SHORTEST} to {LONGEST} px a side, one at most {SLIMMEST} times the other"
         raise MediaError(what, str(path), f"use a video of {bounds}")
     pixels = frame.width * frame.height
-    deep = max((part.bits for part in frame.format.components), default=8)
     return Picture(
         width,
         height,
         colour_of(frame),
         interlaced=bool(frame.interlaced_frame) or is_flagged(path, video.index, keys, pixels),
         square=not aspect or aspect == 1,
-        bits=deep,
+        pixels=PixelFormat.holding(frame.format.name),
     )

@@ -1,5 +1,6 @@
 """Reads frames and audio of a file; memory does not grow with the length."""
 
+import math
 import tempfile
 from collections.abc import Iterator
 from fractions import Fraction
@@ -11,6 +12,7 @@ import numpy as np
 from dubbing.errors import MediaError
 from dubbing.media.ffmpeg import Process
 from dubbing.media.info import MediaInfo
+from dubbing.media.native import PixelFormat, Planes
 from dubbing.media.opening import Graph, address, into, picture_of, sound_of
 from dubbing.media.probing import probe
 from dubbing.media.voice_channel import voice_channel
@@ -48,6 +50,36 @@ def read_frames(
         MediaError: no picture, or the file ends before its last frame.
     """
     info = probe(path)
+    shape = (info.height, info.width, *CHANNELS[pixels])
+    for frame in _frames(info, start, count, rate, pixels, math.prod(shape)):
+        yield frame.reshape(shape)
+
+
+def read_planes(
+    path: Path | str,
+    *,
+    start: int = 0,
+    count: int | None = None,
+    rate: Fraction | None = None,
+    pixels: PixelFormat | None = None,
+) -> Iterator[Planes]:
+    """The same frames as planes: of the video's own values, or as `pixels`; see `read_frames`."""
+    info = probe(path)
+    pixels, size = pixels or info.pixels, (info.width, info.height)
+    for frame in _frames(info, start, count, rate, pixels.name, pixels.size(*size)):
+        yield pixels.planes(frame, *size)
+
+
+def _frames(
+    info: MediaInfo,
+    start: int,
+    count: int | None,
+    rate: Fraction | None,
+    pixels: str,
+    size: int,
+) -> Iterator[np.ndarray]:
+    """Frames as `size` bytes each, (size,) uint8."""
+    path = info.path
     if start < 0:
         raise MediaError(f"frame {start} is before its beginning", str(path), "begin at 0 or later")
     rate = rate or info.rate
@@ -55,7 +87,6 @@ def read_frames(
     count = max(0, total - start if count is None else min(count, total - start))
     if count == 0:
         return
-    shape = (info.height, info.width, *CHANNELS[pixels])
     # Without an index (MPEG-TS, MPEG-PS) a seek may land between key frames, and decoding begins
     # at the next one, too late. The last lead goes back to the start, without a seek.
     for lead in (*takewhile(lambda frames: frames < start, SEEK_LEADS), start):
@@ -64,7 +95,7 @@ def read_frames(
             graph = _frame_graph(info, str(note), start, lead, count, rate, pixels)
             with Process(graph, str(path), pipe_out=True) as process:
                 for index in range(count):
-                    frame = np.empty(shape, np.uint8)
+                    frame = np.empty(size, np.uint8)
                     filled = _fill(process, frame)
                     if index == 0 and lead < start and not _landed(_content(note), lead, rate):
                         break
@@ -189,6 +220,8 @@ def _frame_graph(
     if pixels == "rgb24":
         size = {"w": info.width, "h": info.height}
         picture = picture.filter("scale", **size, flags=SCALER, in_color_matrix=info.colour.matrix)
+    elif pixels == info.pixels.name and not (info.picture is None or info.picture.square):
+        picture = picture.filter("scale", w=info.width, h=info.height, flags=SCALER)
     return into(None, picture, format="rawvideo", pix_fmt=pixels, vframes=count)
 
 

@@ -10,7 +10,6 @@ from typing import Self
 import cv2
 import numpy as np
 
-from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.prepared import FilmFrame, PreparedClip
 from dubbing.preparation.tracking import cropping
 
@@ -55,6 +54,11 @@ class HalvedClip(PreparedClip):
             shift=shift,
         )
 
+    @property
+    def pixels(self) -> None:
+        """A draft is made of RGB pictures."""
+        return None
+
     def whole_frames(self, start: int = 0, count: int | None = None) -> Iterator[np.ndarray]:
         """See `PreparedClip.whole_frames`."""
         for whole in self.full.whole_frames(start, count):
@@ -70,14 +74,12 @@ class HalvedClip(PreparedClip):
                 dsize=(self.size,) * 2,
                 borderMode=cv2.BORDER_REPLICATE,
             )
-            matte = halve(frame.matte)
             whole = cv2.resize(frame.whole, self.source_size, interpolation=cv2.INTER_AREA)
-            image = cropping.crop(whole, self.crop[k], self.size)
             yield replace(
                 frame,
-                image=image,
-                matte=matte,
-                background=np.where(inpaint_mask(matte)[..., None], halve(frame.background), image),
+                image=cropping.crop(whole, self.crop[k], self.size),
+                matte=halve(frame.matte),
+                fill=halve(frame.background),
                 overlay=None if frame.overlay is None else halve(frame.overlay),
                 noise=self.noise[k],
                 motion=frame.motion * self.scale[k],

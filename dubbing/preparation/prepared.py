@@ -11,9 +11,11 @@ import zipfile
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from typing_extensions import TypedDict
 
@@ -21,7 +23,7 @@ from dubbing.engine import json_records
 from dubbing.engine.files import atomic_path, atomic_write_json
 from dubbing.errors import ExplainedError, PreparationError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
-from dubbing.media import read_frames
+from dubbing.media import PixelFormat, Planes, probe, read_frames, read_planes
 from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.tracking import cropping
@@ -76,8 +78,8 @@ class FilmFrame:
     """A frame of a prepared clip.
 
     Attributes:
-        image: (S, S, 3) crop. matte: (S, S) of the head. background: (S, S, 3), equal to the image
-            bit for bit outside of the matte's inpaint mask. All uint8.
+        image: (S, S, 3) crop. matte: (S, S) of the head. fill: (S, S, 3), what is behind it. All
+            uint8.
         overlay: (S, S) uint8, 255 where something lies over the face; None where nothing does.
         haze: (3,) grey levels of light over the image; see `tracking.light`.
         noise: (5,) of the film, see `film_noise`. motion: (2,) px that the head moves in a frame.
@@ -87,13 +89,23 @@ class FilmFrame:
 
     image: np.ndarray
     matte: np.ndarray
-    background: np.ndarray
+    fill: np.ndarray
     overlay: np.ndarray | None
     haze: np.ndarray
     noise: np.ndarray
     motion: np.ndarray
     landmarks: np.ndarray
     whole: np.ndarray
+
+    @cached_property
+    def restored(self) -> np.ndarray:
+        """Where the background is restored, (S, S) bool: the matte's inpaint mask."""
+        return inpaint_mask(self.matte)
+
+    @cached_property
+    def background(self) -> np.ndarray:
+        """The frame without the head, (S, S, 3) uint8: the image where nothing is restored."""
+        return cv2.copyTo(self.fill, self.restored.astype(np.uint8), self.image.copy())
 
 
 @dataclass(frozen=True)
@@ -254,6 +266,15 @@ class PreparedClip:
         """Frames (H, W, 3) uint8 of the source, one by one."""
         return read_frames(self.clip, start=start, count=count, rate=self.rate)
 
+    @property
+    def pixels(self) -> PixelFormat | None:
+        """Format of the film's own values; None where its frames are RGB pictures alone."""
+        return probe(self.clip).pixels
+
+    def whole_planes(self, start: int = 0, count: int | None = None) -> Iterator[Planes]:
+        """The same frames in the film's own values."""
+        return read_planes(self.clip, start=start, count=count, rate=self.rate)
+
     def film_frames(self, start: int = 0, count: int | None = None) -> Iterator[FilmFrame]:
         """Frames with all that belongs to them, one by one; the video is decoded once."""
         images = self.whole_frames(start, count)
@@ -271,7 +292,7 @@ class PreparedClip:
             yield FilmFrame(
                 image,
                 matte,
-                np.where(inpaint_mask(matte)[..., None], fill, image),
+                fill,
                 overlay if self.over[index] else None,
                 self.haze[index],
                 self.noise[index],

@@ -9,13 +9,16 @@ part of a film is not known.
 from __future__ import annotations
 
 import math
+import os
 from collections import deque
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from fractions import Fraction
 
 import cv2
 import numpy as np
 
+from dfrf.ordered import ordered
 from dubbing.provenance.mark import CELLS, PERIOD, WAVE
 
 MAX_SIDE = 720  # px of the shorter side; larger frames are scaled down to it
@@ -25,6 +28,7 @@ BINS = 2 * len(WAVE)  # parts of the period
 APART = 0.08  # seconds before and after a frame that it is compared with
 FLOW_SIDE, MIN_FLOW_SIDE = 360, 32  # px of the shorter side: flow is computed at, and needs
 PIECE = 2.0  # seconds that are added up by themselves
+THREADS = max(1, min(8, os.cpu_count() or 1))
 
 
 def changes(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[np.ndarray]:
@@ -33,14 +37,20 @@ def changes(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[np.ndarray
     Those are moved by the optical flow first: skin and cloth follow it, the mark does not. In
     deviations, float32; larger frames are scaled down, see `MAX_SIDE`.
     """
+    with ThreadPoolExecutor(THREADS) as pool:
+        yield from ordered(pool, _change, _with_near(frames, rate), ahead=THREADS)
+
+
+def _with_near(
+    frames: Iterable[np.ndarray], rate: Fraction
+) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
+    """Luma frames (H, W) float32, scaled down, each with the one or two that lie beside it."""
     apart = max(1, round(APART * rate))
-    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
     near: deque[np.ndarray] = deque(maxlen=2 * apart + 1)
 
-    def out(place: int) -> np.ndarray:
+    def out(place: int) -> tuple[np.ndarray, list[np.ndarray]]:
         beside = [k for k in (place - apart, place + apart) if 0 <= k < len(near)]
-        moved = [_moved(near[k], near[place], flow) for k in beside]
-        return normalized(near[place] - (np.mean(moved, 0) if moved else near[place]))
+        return near[place], [near[k] for k in beside]
 
     for frame in frames:
         near.append(_small(frame))
@@ -48,6 +58,14 @@ def changes(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[np.ndarray
             yield out(len(near) - 1 - apart)
     for place in range(max(0, len(near) - apart), len(near)):
         yield out(place)
+
+
+def _change(of: tuple[np.ndarray, list[np.ndarray]]) -> np.ndarray:
+    """What a frame differs by from those beside it, moved onto it."""
+    frame, beside = of
+    flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
+    moved = [_moved(other, frame, flow) for other in beside]
+    return normalized(frame - (np.mean(moved, 0) if moved else frame))
 
 
 def _moved(frame: np.ndarray, to: np.ndarray, flow: cv2.DISOpticalFlow) -> np.ndarray:

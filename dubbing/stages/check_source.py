@@ -26,7 +26,7 @@ class CheckSource(DubbingStage):
     weights: Mapping[str, Path]
     frames: Setting[int]
 
-    typical: ClassVar[Rate] = Rate(0.015, 10.0)
+    typical: ClassVar[Rate] = Rate(0.01, 10.0)
 
     @classmethod
     def of(cls, clip: Clip) -> Self:

@@ -16,7 +16,7 @@ from dubbing.stages.base import DubbingStage, Prepared
 if TYPE_CHECKING:
     from dubbing.production.person import Person
 
-REFINED = 0.5  # steps of learning that refining the poses of one full head crop is worth
+REFINED = 0.2  # steps of learning that refining the poses of one full head crop is worth
 # A step of preset `paper` on two processor cores at 512 px, half of the time that
 # one core took: its rays, and the features of its references (see the page on performance).
 PAPER_RAYS_SECONDS, PAPER_FEATURES_SECONDS = 12.0, 22.0
@@ -53,7 +53,7 @@ class Finetune(DubbingStage):
     crops: Setting[float]
     device: Setting[str]
 
-    typical: ClassVar[Rate] = Rate(0.25, 10e3)
+    typical: ClassVar[Rate] = Rate(0.19, 10e3)
 
     @classmethod
     def of(cls, person: Person, clips: Sequence[LearnedClip], device: str) -> Self:

@@ -28,7 +28,7 @@ class RefinePoses(DubbingStage):
     crops: Setting[float]
     device: Setting[str]
 
-    typical: ClassVar[Rate] = Rate(0.036, 70.0)
+    typical: ClassVar[Rate] = Rate(0.02, 70.0)
 
     @classmethod
     def of(

@@ -176,6 +176,8 @@ class Film:
         self, kind: str, numbers: list[int], edits: dict[str, Edit], video: Path
     ) -> Generator[tuple[int, np.ndarray]]:
         """Images (H, W, 3) uint8 of frames of the dub, with their numbers."""
+        import numpy as np
+
         from dubbing.media.overlap import ahead
         from dubbing.video.composer import Composer, read_film
 
@@ -195,8 +197,13 @@ class Film:
 
         with closing(ahead(every())) as found:
             for number, one in found:
-                pose = int(self.half.poses[number])
-                yield number, composer.frame(one[0], one[1], pose, number) if kind == DRAFT else one
+                if kind == DRAFT:
+                    image, faces = one
+                    pose = int(self.half.poses[number])
+                    drawn = composer.frame(None, image, faces, pose, number)
+                    yield number, np.asarray(drawn)  # a draft has no planes
+                else:
+                    yield number, one
 
     def heard(self, edits: Mapping[str, Edit]) -> dict[str, dict[str, Any]]:
         """By cue: opening and width of the lips in its frames, heard and of a closed mouth.

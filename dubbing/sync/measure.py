@@ -9,6 +9,7 @@ Letters: F frames of a block, M mouth points, R rows and C columns of a crop, T 
 
 import math
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from fractions import Fraction
 from itertools import islice, pairwise
@@ -159,15 +160,16 @@ def measure(
     tracker = FaceTracker(float(rate))
     for length in block_lengths(total, rate):
         frames: dict[int, _FaceFrames] = {}
-        for k, frame in enumerate(islice(images, length)):
-            for detected in tracker(frame):
-                if detected.track not in frames:
-                    frames[detected.track] = _FaceFrames.empty(length)
-                frames[detected.track].add(k, frame, detected.points, face)
-            if progress is not None:
-                progress((first + k + 1) / total)
+        place = first / float(rate), length / float(rate)
+        with ThreadPoolExecutor(1) as beside:
+            sound = beside.submit(measure_sound, sound_from or video, *place, channels, end)
+            for k, (frame, tracked) in enumerate(tracker(islice(images, length))):
+                for detected in tracked:
+                    if detected.track not in frames:
+                        frames[detected.track] = _FaceFrames.empty(length)
+                    frames[detected.track].add(k, frame, detected.points, face)
+                if progress is not None:
+                    progress((first + k + 1) / total)
         faces = {track: f.block_face(info.width, info.height) for track, f in frames.items()}
-        start, seconds = first / float(rate), length / float(rate)
-        sound = measure_sound(sound_from or video, start, seconds, channels, end)
-        yield Block(first, length, rate, faces, sound)
+        yield Block(first, length, rate, faces, sound.result())
         first += length

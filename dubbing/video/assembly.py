@@ -19,7 +19,6 @@ from dubbing.engine import json_records
 from dubbing.engine.files import atomic_write_json
 from dubbing.engine.stage import Progress
 from dubbing.errors import RenderingError
-from dubbing.media.colour import Colour
 from dubbing.media.overlap import ahead, behind
 from dubbing.mixing.mix import mix
 from dubbing.mixing.sound import SOUND, Sound
@@ -77,7 +76,7 @@ def make(
     source = media.probe(film.clip)
     composer = Composer(heads, pose_index, settings)
     if not result.exists():
-        parts = _pictures(composer, segments, settings, source.colour, progress)
+        parts = _pictures(composer, segments, settings, progress)
         progress("muxing", 1.0)
         # The sound has its requested length, unless the dub was cut to the clip.
         longest = float((len(pose_index) + Fraction(1, 2)) / rate)
@@ -128,7 +127,6 @@ def _pictures(
     composer: Composer,
     folder: Path,
     settings: VideoSettings,
-    colour: Colour,
     progress: Progress,
 ) -> list[tuple[Path, Fraction]]:
     """Encode the frames, then the card of credits: files with their lengths in seconds."""
@@ -137,11 +135,14 @@ def _pictures(
     parts = []
 
     def writer(part: Path) -> media.VideoWriter:
-        return media.VideoWriter(part, *composer.size, rate, settings.codec, colour)
+        return media.VideoWriter(
+            part, *composer.size, rate, settings.codec, composer.colour, composer.pixels
+        )
 
-    def finished(first: int, stop: int) -> Generator[np.ndarray]:
-        with closing(ahead(composer.read(first, stop))) as read:
-            jobs = ((*of, int(poses[k]), k) for k, of in enumerate(read, first))
+    def finished(first: int, stop: int) -> Generator[np.ndarray | media.Planes]:
+        films = zip(composer.planes(first, stop), composer.read(first, stop), strict=True)
+        with closing(ahead(films)) as read:
+            jobs = ((own, *of, int(poses[k]), k) for k, (own, of) in enumerate(read, first))
             yield from in_order(composer.frame, jobs)
 
     for first in range(0, frames, SEGMENT):

@@ -3,6 +3,7 @@
 F frames, S side of the crop in px.
 """
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -16,6 +17,7 @@ from dubbing import media
 from dubbing.compositing.composite import blend, replacement
 from dubbing.compositing.film_look import with_noise
 from dubbing.errors import RenderingError
+from dubbing.media import Planes
 from dubbing.preparation.prepared import FilmFrame, PreparedClip
 from dubbing.preparation.tracking.reach import Reach
 from dubbing.provenance import card, provenance
@@ -62,6 +64,9 @@ class Face:
 class Composer:
     """Makes the finished frames of one dub.
 
+    Attributes:
+        colour: of the film. pixels: format of the finished frames' planes; None of RGB pictures.
+
     Args:
         heads, pose_index: see `make`.
     """
@@ -73,6 +78,8 @@ class Composer:
         self.film = film = heads[0].clip
         self.frames = settings.frame
         self.size = film.source_size if self.frames == "full" else (film.size, film.size)
+        self.colour = media.probe(film.clip).colour
+        self.pixels = film.pixels if self.frames == "full" else None
         self.label = provenance.VisibleMark(*self.size) if settings.label else None
         self.mark = invisible_mark(settings.mark, *self.size, film.rate)
         count = len(pose_index)  # a dub that was cut is shorter than its cue
@@ -152,21 +159,45 @@ class Composer:
             film = faces[0].film
             yield film.whole if self.frames == "full" else film.image, faces
 
-    def card(self, text: str) -> np.ndarray:
-        """A card of credits in the size of the frames."""
-        return card.draw(text, *self.size)
+    def planes(self, first: int, stop: int) -> Iterator[Planes | None]:
+        """The film's own values of frames first .. stop of the dub; None for RGB pictures."""
+        if self.pixels is None:
+            yield from itertools.repeat(None, stop - first)
+        else:
+            yield from _in_order(self.film.whole_planes, self.poses[first:stop])
+
+    def card(self, text: str) -> np.ndarray | Planes:
+        """A card of credits in the size and the values of the frames."""
+        picture = card.draw(text, *self.size)
+        if self.pixels is None:
+            return picture
+        black = self.pixels.black(*self.size, self.colour)
+        return self.pixels.changed(black, np.zeros_like(picture), picture, self.colour)
 
     def frame(
-        self, image: np.ndarray, faces: Sequence[Face], index: int, number: int
-    ) -> np.ndarray:
-        """Frame ``number`` of the dub, over frame ``index`` of the film; uint8 RGB of ``size``.
+        self,
+        planes: Planes | None,
+        image: np.ndarray,
+        faces: Sequence[Face],
+        index: int,
+        number: int,
+    ) -> np.ndarray | Planes:
+        """Frame ``number`` of the dub, over frame ``index`` of the film, in the film's own values.
 
-        A frame without new speech is returned unchanged, without the mark.
+        What is not replaced or marked keeps them. A frame without new speech is returned unchanged,
+        without the mark. Head crops and drafts are uint8 RGB.
+
+        Args:
+            planes: the film's own values of that frame; None for RGB.
         """
         out, replaced = with_faces(image, faces, index)
         if self.mark is not None:
             out = self.mark.draw(out, replaced, number)
-        return self.label.draw(out) if self.label and faces else out
+        if self.label and faces:
+            out = self.label.draw(out)
+        if self.pixels is None or planes is None:
+            return out
+        return self.pixels.changed(planes, image, out, self.colour)
 
 
 def with_faces(

@@ -15,7 +15,7 @@ class VideoSettings:
         label: whether the visible mark is drawn.
         card: of credits, after the last frame.
         mark: the invisible mark.
-        codec: h264, prores or ffv1.
+        codec: of `dubbing.media.CODECS`.
         audio_rate: Hz; None is that of the recording.
     """
 

@@ -15,7 +15,7 @@ class Untouched(TypedDict):
 
     Attributes:
         frames: how many; of: of so many.
-        source, result: SHA-256 of their pixels (RGB, 8 bits), in order.
+        source, result: SHA-256 of their pixels, in order: all values in the film's own format.
         identical: whether these are equal, which only a lossless codec can give.
         psnr: of the worst frame, dB; None where all are equal.
     """
@@ -34,18 +34,23 @@ def compare(film: Path, result: Path, own: np.ndarray, rate: Fraction) -> Untouc
     Raises:
         MediaError: one of them cannot be read.
     """
-    digests = hashlib.sha256(), hashlib.sha256()
-    worst = 0.0
-    finished = media.read_frames(result, count=len(own), rate=rate)  # a card may follow
-    pictures = zip(media.read_frames(film, rate=rate), finished, strict=True)
-    for theirs, (source, made) in zip(own, pictures, strict=True):
+    digests, pixels = (hashlib.sha256(), hashlib.sha256()), media.probe(film).pixels
+    worst, most = 0.0, (1 << pixels.bits) - 1
+    # A card may follow.
+    finished = media.read_planes(result, count=len(own), rate=rate, pixels=pixels)
+    pictures = zip(own, media.read_planes(film, rate=rate), finished, strict=True)
+    for theirs, source, made in pictures:
         if theirs:
-            height, width = source.shape[:2]  # an encoder may have made them even
-            result_picture = np.ascontiguousarray(made[:height, :width])
-            for digest, picture in zip(digests, (source, result_picture), strict=True):
-                digest.update(picture.data)
-            difference = source.astype(np.int16) - result_picture
-            worst = max(worst, float(np.mean(np.square(difference, dtype=np.float32))))
+            squared, values = 0.0, 0
+            for before, after in zip(source, made, strict=True):
+                rows, columns = before.shape  # an encoder may have made them even
+                kept = np.ascontiguousarray(after[:rows, :columns])
+                for digest, plane in zip(digests, (before, kept), strict=True):
+                    digest.update(np.ascontiguousarray(plane).data)
+                difference = before.astype(np.int32) - kept
+                squared += float(np.square(difference, dtype=np.float64).sum())
+                values += before.size
+            worst = max(worst, squared / values)
     source_digest, result_digest = (digest.hexdigest() for digest in digests)
     return Untouched(
         frames=int(own.sum()),
@@ -53,5 +58,5 @@ def compare(film: Path, result: Path, own: np.ndarray, rate: Fraction) -> Untouc
         source=source_digest,
         result=result_digest,
         identical=source_digest == result_digest,
-        psnr=round(float(10 * np.log10(255**2 / worst)), 1) if worst else None,
+        psnr=round(float(10 * np.log10(most**2 / worst)), 1) if worst else None,
     )

@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 FACE_SHARE = 0.5  # of the window's height, for the face from the forehead to the chin
 FACE_HEIGHT_AT = 0.55  # of the window's height, for the middle of the face: hair needs room above
@@ -25,6 +24,8 @@ def choose_windows(
     The side, and with it the focal length, is the same for the whole clip. Within a shot the window
     is fixed, or moves smoothly where the head travels.
     """
+    from scipy.ndimage import gaussian_filter1d  # it takes longer to load than a plan to make
+
     width, height = size
     shorter = min(width, height)
     side = min(shorter, 2 * round(float(np.median(box[:, 3] - box[:, 1])) / FACE_SHARE / 2))

@@ -33,6 +33,7 @@ from dubbing.stages.finetune import Finetune
 from dubbing.stages.prepare import Prepare
 from dubbing.sync.records import offset_of
 from dubbing.workshop.lab import tiles
+from dubbing.workshop.lab.composition import composition as measure_composition
 from dubbing.workshop.lab.cross_driving import measure_dub
 from dubbing.workshop.lab.held_out import frames_to_test, supposed
 from dubbing.workshop.lab.measuring import measure
@@ -44,6 +45,7 @@ from dubbing.workshop.lab.variants import Variant
 RESULT_FILE = "evaluate.json"
 EVALUATION = "evaluation"  # folder of what is measured, in that of the stages
 PROTOCOLS = {"p15": ("p15",), "p15x": ("p15x",), "both": ("p15", "p15x")}
+COMPOSITION = "composition"
 FEWEST = 50  # frames of a protocol whose figures mean something: two seconds
 Figures = dict[str, dict[str, dict[str, Any]]]  # identity -> method -> figure -> value
 
@@ -62,6 +64,7 @@ def evaluate(
     methods: tuple[Variant, ...] = (Variant(),),
     only: tuple[str, ...] = (),
     protocol: str = "both",
+    composition: bool = False,
     seconds: float | None = None,
     every: int = 1,
     lpips_weights: Path | None = None,
@@ -78,6 +81,7 @@ def evaluate(
         methods: with what is changed in each.
         only: names of identities or patterns; all when empty.
         protocol: p15, p15x or both.
+        composition: whether it is measured, too, what the pixels of a dub are made of.
         seconds: of the held-out part that are tested, its first; all when None.
         every: P15 renders and compares one frame of so many. With more than one, motion and lip
             sync are not measured; P15x always takes all frames.
@@ -101,7 +105,7 @@ def evaluate(
         raise ExplainedError(
             f"no protocol is called {protocol}", "--protocol", f"there is {', '.join(PROTOCOLS)}"
         )
-    protocols = PROTOCOLS[protocol]
+    protocols = PROTOCOLS[protocol] + ((COMPOSITION,) if composition else ())
     names = [name for name in production.people if name in chosen]
     for name in names:  # before anybody is learned
         person = production.people[name]
@@ -149,8 +153,9 @@ def merged(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
     """
     if any(before.get(key) != now[key] for key in ("steps", "seconds")):
         return now
-    pictures_too = not set(now) <= {"p15x", "steps", "seconds"}
-    kept = {name: value for name, value in before.items() if (name == "p15x") == pictures_too}
+    pictures_too = not set(now) <= {"p15x", COMPOSITION, "steps", "seconds"}
+    of_dubs = {"p15x", COMPOSITION}
+    kept = {name: x for name, x in before.items() if name in of_dubs or not pictures_too}
     return {**kept, **now}
 
 
@@ -204,7 +209,11 @@ def evaluate_one(
         else:
             found["every"] = every
         found |= few(found)
-    if part.p15x:
+    if COMPOSITION in tested[1]:
+        found[COMPOSITION] = measure_composition(
+            *(model, clip, speech, part.p15x, part.learned), device=device, progress=progress
+        )
+    if "p15x" in tested[1]:
         figures = measure_dub(
             *(model, clip, speech, part.p15x, part.learned, out / "p15x"),
             device=device,

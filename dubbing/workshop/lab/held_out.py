@@ -20,7 +20,8 @@ class Tested:
     Attributes:
         learned: frames that were learned from.
         p15: the part whose pictures are compared; None without this protocol.
-        p15x: the parts whose speech is dubbed over other pictures; none without it.
+        p15x: the parts whose speech is dubbed over other pictures; none without it and without
+            `composition`.
     """
 
     learned: list[Part]
@@ -60,7 +61,7 @@ def frames_to_test(
     return Tested(
         frames,
         held_out(clip.frames, clip.rate, others, seconds) if "p15" in protocols else None,
-        unlearned(clip.frames, clip.rate, frames, seconds) if "p15x" in protocols else [],
+        unlearned(clip.frames, clip.rate, frames, seconds) if {*protocols} - {"p15"} else [],
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from statistics import fmean, median, stdev
 from typing import Any
 
+from dubbing.workshop.lab.composition import CHANGES, SOURCES
 from dubbing.workshop.lab.evaluation import Figures
 
 # Title of a column, figure, digits behind the point.
@@ -42,6 +43,11 @@ P15X = (
     ("confidence", "confidence", 3),
     ("source's", "source_confidence", 3),
 )
+SHARES = (
+    *((f"replaced: {name}", f"replaced {name}", 3) for name in SOURCES),
+    *((f"mouth: {name}", f"mouth {name}", 3) for name in SOURCES),
+)
+CHANGED = tuple((name, f"{name} changes dB", 1) for name in CHANGES)
 Columns = tuple[tuple[str, str, int], ...]
 
 

@@ -28,8 +28,15 @@ from dubbing.pipeline import person_job
 from dubbing.production.production import Production
 from dubbing.stages.finetune import Finetune
 from dubbing.stages.prepare import Prepare
-from dubbing.workshop.lab.evaluation import EVALUATION, RESULT_FILE, Figures, Progress, evaluate
-from dubbing.workshop.lab.result_tables import P15, P15X, table
+from dubbing.workshop.lab.evaluation import (
+    COMPOSITION,
+    EVALUATION,
+    RESULT_FILE,
+    Figures,
+    Progress,
+    evaluate,
+)
+from dubbing.workshop.lab.result_tables import CHANGED, P15, P15X, SHARES, table
 from dubbing.workshop.lab.variants import Variant, variants
 
 BEGIN, END = "<!-- made by `make results` -->", "<!-- end of what `make results` made -->"
@@ -101,6 +108,7 @@ def _measure(
                 production,
                 methods=(method,),
                 only=(name,),
+                composition=True,
                 every=request.every,
                 seconds=request.seconds,
                 lpips_weights=request.lpips_weights,
@@ -130,10 +138,7 @@ def document(text: str, request: Request, runs: Sequence[Figures], today: dateti
     Raises:
         ExplainedError: it has no such part.
     """
-    dubs = [
-        {n: {m: f.get("p15x", {}) for m, f in found.items()} for n, found in run.items()}
-        for run in runs
-    ]
+    dubs, made_of = (figures_of(part, runs) for part in ("p15x", COMPOSITION))
     lines = [
         *conditions(request, today),
         "",
@@ -145,7 +150,28 @@ def document(text: str, request: Request, runs: Sequence[Figures], today: dateti
         "",
         *table(P15X, dubs),
     ]
+    if any(made_of):
+        lines += [
+            "",
+            "**What the replaced pixels and the mouth of a dub are made of**, shares:",
+            "",
+        ]
+        lines += table(SHARES, made_of)
+        lines += ["", "**The mouth to itself after a change of one part**, PSNR in dB:", ""]
+        lines += table(CHANGED, made_of)
     return filled(text, (BEGIN, END), lines)
+
+
+def figures_of(part: str, runs: Sequence[Figures]) -> list[Figures]:
+    """Figures of one part of an evaluation, flat; only of people and methods that have it."""
+    return [
+        {
+            name: {method: figures[part] for method, figures in found.items() if figures.get(part)}
+            for name, found in run.items()
+            if any(figures.get(part) for figures in found.values())
+        }
+        for run in runs
+    ]
 
 
 def filled(text: str, marks: tuple[str, str], lines: Sequence[str]) -> str:

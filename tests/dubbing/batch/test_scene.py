@@ -97,7 +97,8 @@ def test_cues_are_dubbed_at_their_frames_and_the_film_is_left_alone(scene: Path)
     # The head of a cue is its own, and it fades in and out.
     for first, stop in CUES:
         middle = (first + stop) // 2
-        assert tuple(made[middle, 20, 24]) == (*fakes.HEAD[:2], middle - first)
+        head = np.array([*fakes.HEAD[:2], middle - first])
+        assert np.abs(made[middle, 20, 24] - head).max() <= 2  # in the film's values
         green = made[first : first + 5, 20, 24, 0].astype(int) - film[first, 20, 24, 0]
         assert (np.diff(np.abs(green))[:3] > 0).all()
     work = scene.parent / "out" / "work" / "dubs" / "it"

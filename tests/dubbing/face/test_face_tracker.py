@@ -46,3 +46,24 @@ def test_a_jump_is_another_face(tracker: FaceTracker) -> None:
 
 def test_a_face_found_twice_is_one(tracker: FaceTracker) -> None:
     assert numbers(tracker, 100, 104, 400) == [0, 1]
+
+
+class Finder:
+    """Finds one face in every frame, in a region that is the frame's number."""
+
+    def detect(self, images: list[np.ndarray]) -> list[list[int]]:
+        return [[int(image[0, 0, 0])] for image in images]
+
+    def follow(self, image: np.ndarray, detected: list[int]) -> list[np.ndarray]:
+        assert detected == [int(image[0, 0, 0])]
+        return [turned(FACE[None], 0, 50, (100 + detected[0], 100))[0]]
+
+
+def test_faces_are_detected_ahead_and_stay_with_their_frame(tracker: FaceTracker) -> None:
+    tracker._finder = Finder()  # type: ignore[assignment]
+    frames = [np.full((2, 2, 3), k, np.uint8) for k in range(11)]
+    for part in (frames[:6], frames[6:]):
+        tracked = list(tracker(part))
+        for expected, (frame, (face,)) in zip(part, tracked, strict=True):
+            assert frame is expected
+            assert face.track == 0

@@ -18,7 +18,7 @@ from dubbing.errors import CheckpointError, TrainingError
 from dubbing.heads import fine_tuning as finetuning
 from dubbing.heads.fine_tuning import learn
 from dubbing.heads.initial_model import init_from_base, training_settings
-from dubbing.identity.finetune_settings import FinetuneSettings
+from dubbing.identity.finetune_settings import FRONT_STEPS, TURNED_STEPS, FinetuneSettings
 from dubbing.speech import features
 from tests import clips, fakes
 from tests.dfrf.people import person, small_config
@@ -49,6 +49,22 @@ def test_settings_of_a_fine_tune_take_the_place_of_the_presets() -> None:
     own = training_settings(settings, preset, 10)
     assert own == replace(preset, iterations=10, seed=3, learning_rate=1e-3, rays=64)
     assert training_settings(FinetuneSettings(), preset, 9) == replace(preset, iterations=9)
+
+
+def test_for_a_dub_a_head_that_does_not_turn_is_learned_from_half_of_the_rays() -> None:
+    preset = presets.FINETUNE
+
+    def rays(settings: FinetuneSettings, steps: int) -> tuple[int, int]:
+        own = training_settings(settings, preset, steps)
+        return own.rays, own.frames
+
+    assert rays(FinetuneSettings(), FRONT_STEPS) == (preset.rays // 2, preset.frames // 2)
+    assert rays(FinetuneSettings(rays=64), FRONT_STEPS)[0] == 64
+    for settings, steps in (
+        (FinetuneSettings(), TURNED_STEPS),
+        (FinetuneSettings(iterations=FRONT_STEPS), FRONT_STEPS),
+    ):
+        assert rays(settings, steps) == (preset.rays, preset.frames)
 
 
 def test_other_features_are_refused(base: Path) -> None:

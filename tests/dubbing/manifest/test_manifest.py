@@ -60,6 +60,31 @@ def test_defaults_reach_identities_and_dubs_and_can_be_overruled(folder: Path) -
     assert [dub.settings.label for dub in manifest.dubs.values()] == [False, True]
 
 
+@pytest.mark.parametrize(
+    ("keys", "marked"),
+    [
+        ("codec: h264", True),
+        ("codec: prores4444", True),
+        ("codec: ffv1", False),
+        ("codec: ffv1, label: true", True),
+        ("codec: ffv1, label: {credits: {}}", False),
+        ("codec: hevc, label: false", False),
+    ],
+)
+def test_a_master_has_no_visible_mark_unless_it_is_asked_for(
+    folder: Path, keys: str, marked: bool
+) -> None:
+    text = f"""
+        version: 1
+        output: out
+        identities:
+          a: {{clip: host.mp4, consent: {clips.CONSENT}, seconds: 1}}
+        dubs:
+          - {{identity: a, audio: it.wav, name: it, {keys}}}
+        """
+    assert read(folder, text).dubs["it"].settings.label is marked
+
+
 def test_everything_wrong_is_reported_at_once_with_key_and_line(folder: Path) -> None:
     found = problems(
         folder,

@@ -29,7 +29,7 @@ SIDES = np.array([1, -1, 1, 1, -1, -1, 1, -1])  # right and left in the picture
 
 def moving(folder: Path) -> PreparedClip:
     """A clip whose face jumps to and fro."""
-    film = clips.write_clip(folder / "film.mkv", FRAMES, size=SIZE)
+    film = clips.write_clip(folder / "film.mkv", FRAMES, size=SIZE, pixels="bgr0")
     clip = fakes.write_prepared(film, folder, window=WINDOW, invalid=(2,))
     moved = clip.landmarks + 7.0 * np.stack([SIDES, 0 * SIDES], 1)[:, None]
     clip = replace(clip, landmarks=moved)

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import av
 import pytest
@@ -107,6 +108,31 @@ def test_a_protocol_is_measured_alone(manifest: Production) -> None:
     assert {"psnr", "confidence", "p15x"} <= figures("p15")
     with pytest.raises(ExplainedError, match=r"no protocol is called p16 \(--protocol\)"):
         figures("p16")
+
+
+def test_what_a_dub_is_made_of_is_measured_where_that_is_asked_for(
+    manifest: Production, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+
+    def composition(*arguments: object, **_: object) -> dict[str, float]:
+        asked.append(arguments)
+        return {"mouth crops": 0.8}
+
+    monkeypatch.setattr(evaluation, "measure_composition", composition)
+
+    def figures(composition: bool) -> dict[str, Any]:
+        return evaluation.evaluate(
+            manifest, protocol="p15", composition=composition, device="cpu", progress=quiet
+        )["ann"]["dfrf"]
+
+    assert "composition" not in figures(composition=False)
+    found = figures(composition=True)
+    assert found["composition"] == {"mouth crops": 0.8}
+    assert "p15x" not in found
+    ((_, _, _, parts, learned),) = asked
+    assert parts
+    assert learned
 
 
 def test_of_another_model_no_figures_stay() -> None:

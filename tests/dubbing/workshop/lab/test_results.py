@@ -46,6 +46,7 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
         methods: tuple[Variant, ...],
         only: tuple[str, ...],
         every: int,
+        composition: bool,
         **_: object,
     ) -> None:
         (method,), (name,) = map(str, methods), only
@@ -60,6 +61,8 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> Calls:
             "steps": 5,
         }
         figures["p15x"] = {"opening_r": 0.5 + seed / 10}
+        if composition and name == "ann":  # bob is learned without crops
+            figures["composition"] = {"mouth crops": 0.8 + seed / 100, "no warp changes dB": 50.0}
         found.setdefault(name, {})[method] = figures
         atomic_write_json(path, found)
 
@@ -84,6 +87,8 @@ def test_the_document_says_mean_and_spread_and_where_they_come_from(
     assert "| `bob` | dfrf | 33.00 ± 1.00 | 10 | 5 |" in text
     assert "| median of 2 | dfrf | 32.00 ± 1.00 | 10 | 5 |" in text
     assert "| `ann` | dfrf | 0.600 ± 0.100 |" in text  # P15x, in a table of its own
+    assert "| `ann` | dfrf | 0.810 ± 0.010 |" in text  # what the mouth is made of
+    assert "| `ann` | dfrf | 50.0 ± 0.0 |" in text
     today = f"{datetime.date.today():%d %B %Y}"
     assert f"Commit abc, seeds 0, 1, 2, one frame of 5 (P15), {today}." in text
     shorter = run(path, "--every", "5", "--seconds", "2.5")
