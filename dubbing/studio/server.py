@@ -22,7 +22,7 @@ from starlette.staticfiles import StaticFiles
 
 from dubbing.errors import ExplainedError
 from dubbing.studio.drafter import Drafter
-from dubbing.studio.drafting import DRAFT, DUB
+from dubbing.studio.film import DRAFT, DUB
 from dubbing.studio.guard import Guard
 from dubbing.studio.project import Project, StaleError
 

@@ -14,8 +14,9 @@ import pytest
 
 from dubbing.errors import RenderingError
 from dubbing.preparation.halved import HalvedClip
-from dubbing.studio import drafting, kept_film
-from dubbing.studio.drafting import DRAFT, SOURCE, Answer, Job, blocks
+from dubbing.studio import drafting, film, kept_film
+from dubbing.studio.drafting import Answer, Job
+from dubbing.studio.film import DRAFT, SOURCE, blocks
 from dubbing.studio.kept_film import KeptFilm
 from tests import clips, fakes
 
@@ -23,7 +24,7 @@ from tests import clips, fakes
 def test_short_blocks_come_first_and_gaps_part_them() -> None:
     assert list(blocks(list(range(20)))) == [(0, 2), (2, 6), (6, 14), (14, 20)]
     assert list(blocks([7, 8, 9, 3, 4, 20])) == [(7, 9), (9, 10), (3, 5), (20, 21)]
-    assert max(stop - first for first, stop in blocks(list(range(500)))) == drafting.LONGEST_BLOCK
+    assert max(stop - first for first, stop in blocks(list(range(500)))) == film.LONGEST_BLOCK
     assert list(blocks([])) == []
 
 
