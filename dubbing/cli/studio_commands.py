@@ -68,10 +68,8 @@ def studio(
     config = uvicorn.Config(
         app, log_level="warning", timeout_graceful_shutdown=1, proxy_headers=False
     )
-    server = uvicorn.Server(config)
-    app.state.ended = lambda: server.should_exit
     with suppress(KeyboardInterrupt):  # the way to end it
-        server.run(sockets=[listener])
+        uvicorn.Server(config).run(sockets=[listener])
 
 
 def _password(file: Path | None) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import tempfile
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from contextlib import aclosing, asynccontextmanager
 from pathlib import Path
 from typing import Any, Literal
@@ -27,7 +27,6 @@ from dubbing.studio.guard import Guard
 from dubbing.studio.project import Project, StaleError
 
 PAGE = Path(__file__).with_name("page")
-LOOK_S = 0.5  # between two looks at the files of edits
 MOST_FRAMES = 3000  # of one request
 
 
@@ -46,7 +45,7 @@ class Wanted(BaseModel):
 
 
 def app_of(project: Project, drafter: Drafter, **guard: Any) -> Starlette:
-    """The application; its `state.ended` says whether the server is to end.
+    """The application.
 
     Args:
         guard: arguments of `Guard`.
@@ -71,7 +70,7 @@ def app_of(project: Project, drafter: Drafter, **guard: Any) -> Starlette:
         Route(f"{dub}/curves", server.curves),
         Route(f"{dub}/sound", server.sound),
         Route(f"{dub}/frames", server.frames, methods=["POST"]),
-        Route(f"{dub}/events", server.events),
+        Route(f"{dub}/revision", server.revision),
         Mount("/page", StaticFiles(directory=PAGE)),
     ]
     errors = {ExplainedError: _explained, HTTPException: _plain}
@@ -81,7 +80,7 @@ def app_of(project: Project, drafter: Drafter, **guard: Any) -> Starlette:
         exception_handlers=errors,  # type: ignore[arg-type]
         lifespan=lifespan,
     )
-    app.state.drafter, app.state.ended = drafter, lambda: False
+    app.state.drafter = drafter
     return app
 
 
@@ -164,20 +163,10 @@ class Server:
             stream(), headers={"x-frames": str(len(wanted))}, media_type="application/octet-stream"
         )
 
-    async def events(self, request: Request) -> Response:
-        """A message whenever the edits of a dub have another revision, by whomever."""
-        name = self._name(request)
-
-        async def stream() -> AsyncIterator[str]:
-            last = None
-            while not (request.app.state.ended() or await request.is_disconnected()):
-                revision = await run_in_threadpool(_or_error(self.project.revision), name)
-                if revision != last:
-                    yield f"data: {json.dumps(revision)}\n\n"
-                    last = revision
-                await asyncio.sleep(LOOK_S)
-
-        return StreamingResponse(stream(), media_type="text/event-stream")
+    async def revision(self, request: Request) -> Response:
+        """Which content the edits of a dub have, by whomever; pages ask again and again."""
+        found = await run_in_threadpool(self.project.revision, self._name(request))
+        return JSONResponse({"revision": found})
 
     def _name(self, request: Request) -> str:
         name = str(request.path_params["name"])
@@ -216,16 +205,6 @@ async def _json(request: Request) -> dict[str, Any]:
     if not isinstance(given, dict):
         raise HTTPException(400, "the request is no JSON object")
     return given
-
-
-def _or_error(read: Callable[[str], str]) -> Callable[[str], str]:
-    def safe(name: str) -> str:
-        try:
-            return read(name)
-        except ExplainedError as error:
-            return str(error)
-
-    return safe
 
 
 async def _explained(_: Request, error: Exception) -> Response:

@@ -3,6 +3,7 @@
 import { ask, dubPath, put } from "./api.js";
 
 export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], status: "open", curves: null };
+const LOOK_MS = 500, ELSEWHERE = "Changed elsewhere: shown now";
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
 // Events: `dub` another one; `line` another is chosen; `edits` changed here; `saved` with what the
@@ -15,12 +16,12 @@ export class Desk extends EventTarget {
   #done = [];
   #saving = Promise.resolve();
   #busy = 0;
-  #events = null;
+  #turn = 0;
 
   tell(kind, detail) { this.dispatchEvent(new CustomEvent(kind, { detail })); }
 
   async open(name) {
-    this.#events?.close();
+    this.#turn += 1;
     this.curves = null;
     this.#done = [];
     this.#undone = [];
@@ -28,7 +29,7 @@ export class Desk extends EventTarget {
     this.line = this.dub.lines[0];
     this.tell("dub");
     this.tell("line");
-    this.#listen(name);
+    this.#watch();
     const curves = await ask(`${dubPath(name)}/curves`);
     if (this.dub.name !== name) return;
     this.curves = curves;
@@ -88,8 +89,15 @@ export class Desk extends EventTarget {
     });
   }
 
-  async reload() {
-    try { this.#take(await ask(dubPath(this.dub.name))); } catch (error) { this.tell("said", error.message); }
+  // What the server has; nothing where something is saved here meanwhile, which brings it, too.
+  async reload(words = "") {
+    const busy = this.#busy;
+    try {
+      const dub = await ask(dubPath(this.dub.name));
+      if (this.#busy > busy || (words && dub.revision === this.dub.revision)) return;
+      this.#take(dub);
+      if (words) this.tell("said", words);
+    } catch (error) { this.tell("said", error.message); }
   }
 
   // Another state of the same dub; the chosen line stays chosen.
@@ -103,15 +111,20 @@ export class Desk extends EventTarget {
     this.tell("saved");
   }
 
-  #listen(name) {
-    const events = this.#events = new EventSource(`${dubPath(name)}/events`);
-    events.onopen = () => this.tell("found");
-    events.onerror = () => this.tell("lost");
-    events.onmessage = async ({ data }) => {
-      await this.#saving;
-      if (this.#busy || JSON.parse(data) === this.dub.revision) return;
-      await this.reload();
-      this.tell("said", "Changed elsewhere: shown now");
-    };
+  // Looks for what others saved. A connection that is kept open would be one of six, which all pages
+  // of a browser share.
+  async #watch() {
+    const turn = this.#turn += 1;
+    while (turn === this.#turn) {
+      await new Promise((go) => setTimeout(go, LOOK_MS));
+      try {
+        const { revision } = await ask(`${dubPath(this.dub.name)}/revision`);
+        this.tell("found");
+        if (turn === this.#turn && !this.#busy && revision !== this.dub.revision) await this.reload(ELSEWHERE);
+      } catch (error) {
+        if (error.status) this.tell("said", error.message);
+        else this.tell("lost");
+      }
+    }
   }
 }

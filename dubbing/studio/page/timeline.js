@@ -15,6 +15,8 @@ export class Timeline {
   zoom = 1;
   #wave = null;
   #plot = null;
+  #ready = false; // whether the sound is there; before, the moment is only noted
+  #at = 0;
 
   constructor(desk, moved) {
     this.desk = desk;
@@ -29,12 +31,13 @@ export class Timeline {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#open());
   }
 
-  get time() { return this.#wave?.getCurrentTime() || 0; }
+  get time() { return this.#ready ? this.#wave.getCurrentTime() : this.#at; }
   get playing() { return Boolean(this.#wave?.isPlaying()); }
   play() { return this.#wave?.playPause().catch((error) => this.desk.tell("said", error.message)); }
 
   seek(seconds) {
-    this.#wave?.setTime(clamp(seconds, 0, this.#wave.getDuration()));
+    this.#at = clamp(seconds, 0, this.desk.dub.frames / this.desk.dub.rate);
+    if (this.#ready) this.#wave.setTime(this.#at);
     this.moved();
   }
 
@@ -50,6 +53,8 @@ export class Timeline {
   }
 
   #close() {
+    this.#at = this.time;
+    this.#ready = false;
     this.#wave?.destroy();
     this.#plot?.destroy();
     this.#wave = this.#plot = null;
@@ -58,7 +63,6 @@ export class Timeline {
 
   #open() {
     if (!this.desk.curves) return;
-    const at = this.#wave ? this.time : this.desk.line.first / this.desk.dub.rate;
     this.#close();
     const { dub, curves } = this.desk;
     this.#wave = WaveSurfer.create({ container: find("wave"), height: 56, peaks: [curves.peaks],
@@ -66,7 +70,7 @@ export class Timeline {
       progressColor: colour("played"), cursorColor: colour("text"), cursorWidth: 2, hideScrollbar: true,
       autoScroll: false, dragToSeek: true });
     this.#wave.on("timeupdate", () => this.moved());
-    this.#wave.on("ready", () => { this.seek(at); this.lay(); });
+    this.#wave.on("ready", () => { this.#ready = true; this.seek(this.#at); this.lay(); });
     for (const kind of ["play", "pause"]) this.#wave.on(kind, () => this.moved());
     this.lay();
   }

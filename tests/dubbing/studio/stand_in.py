@@ -96,7 +96,6 @@ def server(manifest: Path, port: int = 0) -> Iterator[str]:
     own = {"token": TOKEN, "host": "127.0.0.1", "port": port, "password": False}
     app = app_of(Project(load(manifest)), drafter, **own)
     running = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
-    app.state.ended = lambda: running.should_exit
     thread = threading.Thread(target=running.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     try:
