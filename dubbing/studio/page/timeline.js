@@ -15,8 +15,8 @@ export class Timeline {
   zoom = 1;
   #wave = null;
   #plot = null;
-  #ready = false; // whether the sound is there; before, the moment is only noted
-  #at = 0;
+  #ready = false; // whether the sound is there
+  #at = 0; // the moment while nothing plays: the player takes a while to go where it is told to
 
   constructor(desk, moved) {
     this.desk = desk;
@@ -31,7 +31,7 @@ export class Timeline {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#open());
   }
 
-  get time() { return this.#ready ? this.#wave.getCurrentTime() : this.#at; }
+  get time() { return this.playing ? this.#wave.getCurrentTime() : this.#at; }
   get playing() { return Boolean(this.#wave?.isPlaying()); }
   play() { return this.#wave?.playPause().catch((error) => this.desk.tell("said", error.message)); }
 
@@ -71,7 +71,9 @@ export class Timeline {
       autoScroll: false, dragToSeek: true });
     this.#wave.on("timeupdate", () => this.moved());
     this.#wave.on("ready", () => { this.#ready = true; this.seek(this.#at); this.lay(); });
-    for (const kind of ["play", "pause"]) this.#wave.on(kind, () => this.moved());
+    this.#wave.on("interaction", (time) => { this.#at = time; this.moved(); });
+    this.#wave.on("play", () => this.moved());
+    this.#wave.on("pause", () => { this.#at = this.#wave.getCurrentTime(); this.moved(); });
     this.lay();
   }
 
