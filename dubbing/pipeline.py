@@ -94,7 +94,8 @@ def dub_job(
         film, model = person.clip_at(dub.film.path), own.stage(Finetune)
         speech = job.add(Listen.of(cue, person, dub.film.rate), cue.name)
         poses = own.stage(RefinePoses, film.name)
-        render = Render.of(dub, cue, prepared(own, film), model, poses, speech, device)
+        learned = tuple(prepared(own, clip) for clip in person.learned)
+        render = Render.of(dub, cue, prepared(own, film), model, poses, speech, learned, device)
         heads[cue.name] = job.add(render, cue.name)
     if heads:
         on_film = {who.name: on_film_of(dub, who, people[who.name]) for who in dub.people}

@@ -24,12 +24,12 @@ from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT
 from dubbing.face.mouth_shape import OUTER_LIP
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
 from dubbing.script import timeline
-from dubbing.script.timeline import Cue
+from dubbing.script.timeline import Cue, Edit
 from dubbing.sound_to_lips.cue_speech import Speech
 from dubbing.stages.check import Check
 from dubbing.stages.check_source import CheckSource
 from dubbing.stages.composite import Composite
-from dubbing.stages.draft import Draft
+from dubbing.stages.draft import HalfSize
 from dubbing.stages.finetune import Finetune
 from dubbing.stages.prepare import Prepare
 from dubbing.stages.refine_poses import RefinePoses
@@ -196,12 +196,9 @@ def install(patch: Any) -> None:
 
         real_compose(self, out, reporting)
 
-    def rendered(self: Draft, clips: Any, poses: Any) -> Any:
-        def of_cue(cue: Cue) -> Any:
-            size = clips[cue.identity].size
-            return lambda first, count: (head(k, size) for k in range(first, first + count))
-
-        return of_cue
+    def rendered(self: HalfSize, cue: Cue, edit: Edit) -> Any:
+        size = self.clips[cue.identity].size
+        return lambda first, count: (head(k, size) for k in range(first, first + count))
 
     def check(self: Check | CheckSource, out: Path, progress: Any) -> None:
         verdict = "fail" if "fellshort" in str(self.folder) else "pass"
@@ -215,7 +212,7 @@ def install(patch: Any) -> None:
         *((Render, render), (Composite, compose), (Check, check), (CheckSource, check)),
     ):
         patch(stage, "run", stand_in)
-    patch(Draft, "_rendered", rendered)
+    patch(HalfSize, "_rendered", rendered)
     patch(assembly, "SEGMENT", 10)
     patch(batch_task, "MODULE", "tests.fakes")
 

@@ -185,6 +185,7 @@ def test_only_some_rooms_run_programs() -> None:
         "dubbing.engine.planner",
         "dubbing.manifest.manifest",
         "dubbing.cli.console",
+        "dubbing.studio.server",
     ],
 )
 def test_loading_it_loads_no_torch(module: str) -> None:

@@ -76,21 +76,26 @@ class Conditioning(nn.Module):
         windows: Float[Tensor, "F 8 W D"],
         predicted_lips: Float[Tensor, "N P"],
         strength: Float[Tensor, " F"] | None = None,
+        given: Float[Tensor, "F L"] | None = None,
     ) -> Float[Tensor, "F A"]:
         """Codes of F frames as this person speaks; N = F + 2 CONTEXT_FRAMES.
 
-        The person's lips are moved away from the closed mouth by `strength`. With 0 frames have the
-        code of silence: a code also holds what no lip measure is read from.
+        The person's lips, or the `given` ones where these are numbers, are moved away from the
+        closed mouth by `strength`. With 0 frames have the code of silence: a code also holds what
+        no lip measure is read from.
         """
         codes = self.speech_codes(windows)
         lips = self.speaker_adaptation(predicted_lips, self.closed_mouth_target)
+        silent = silence(windows[:, windows.shape[1] // 2]).to(codes.dtype)
+        if given is not None:
+            lips = torch.where(given.isnan(), lips, given.to(lips))
+            silent = silent * given.isnan().all(1, keepdim=True)
         if strength is not None:
             silent_code = self.speech_codes(torch.zeros_like(windows[:1]))
             share = strength[:, None].to(codes)
             codes = torch.lerp(silent_code, codes, share.clamp(max=1))
             lips = torch.lerp(self.closed_mouth_target, lips, share.to(lips))
         codes = self.project_to_lips(codes, lips)
-        silent = silence(windows[:, windows.shape[1] // 2]).to(codes.dtype)
         closed = self.project_to_lips(codes, self.closed_mouth_target)
         return codes + silent * (closed - codes)
 
@@ -100,6 +105,7 @@ class Conditioning(nn.Module):
         predicted_lips: Float[Tensor, "N P"],
         expression: Float[Tensor, "F U"],
         strength: Float[Tensor, " F"] | None = None,
+        given: Float[Tensor, "F L"] | None = None,
     ) -> Float[Tensor, "F K"]:
         """Conditioning of F frames in a row when their person speaks; N = F + 2 CONTEXT_FRAMES.
 
@@ -110,14 +116,15 @@ class Conditioning(nn.Module):
             predicted_lips: of these frames and of those beside them, see `speaker_adaptation`.
             expression: measures of the upper face.
             strength: of the lips' movement, 1 as spoken, as is None; see `adapted_codes`.
+            given: lip measures in the place of the person's, NaN where these stay.
 
         Raises:
-            ValueError: another strength than 1, of networks that do not learn from lip measures.
+            ValueError: one of these, of networks that do not learn from lip measures.
         """
         if self.config.learns_lips:
-            codes = self.adapted_codes(windows, predicted_lips, strength)
-        elif strength is not None and (strength != 1).any():
-            raise ValueError("a strength of a model without lip measures: only 1 is")
+            codes = self.adapted_codes(windows, predicted_lips, strength, given)
+        elif given is not None or (strength is not None and (strength != 1).any()):
+            raise ValueError("a strength or lips of a model without lip measures")
         else:
             codes = self.speech_codes(windows)
         return torch.cat([codes, expression], -1)

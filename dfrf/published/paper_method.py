@@ -209,7 +209,9 @@ class PaperMethod(Method[PaperShare, EncodedReferences]):
         self, inputs: FrameInputs, maps: EncodedReferences | None
     ) -> Iterator[tuple[Tensor, Tensor]]:
         """Renders the pixels that are needed; the published model uses no lips or expressions."""
-        if inputs.strength is not None and (inputs.strength != 1).any():
+        if inputs.lips is not None or (
+            inputs.strength is not None and (inputs.strength != 1).any()
+        ):
             raise ValueError("the published model has no lip measures: its strength is 1")
         self.model.eval()
         for t, windows in enumerate(inputs.windows):

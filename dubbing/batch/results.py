@@ -194,7 +194,7 @@ def put(ledger: Ledger, dub: Dub, files: Mapping[str, Path], texts: Mapping[str,
         for kind in names
     }
     for name in _names(dub):
-        _refuse_others(ledger, name)
+        refuse_others(ledger, name)
         remove_torn(output / name)
     there = {name: digest_of(output / name) for name in names.values()}
     if there[names[VIDEO]] not in ("", made[names[VIDEO]]):
@@ -218,14 +218,19 @@ def put_draft(ledger: Ledger, dub: Dub, video: Path) -> Path:
     Raises:
         ExplainedError: a file there is not ours to replace, or nothing can be written.
     """
-    _refuse_others(ledger, dub.draft)
+    refuse_others(ledger, dub.draft)
     target = ledger.production.output / dub.draft
     ledger.enter({dub.draft: digest_of(video)})
     _link(video, target)
     return target
 
 
-def _refuse_others(ledger: Ledger, name: str) -> None:
+def refuse_others(ledger: Ledger, name: str) -> None:
+    """Refuse to replace a result that is not of this manifest.
+
+    Raises:
+        ExplainedError: it is not.
+    """
     if problem := ledger.problem(name):
         what, _, remedy = problem.rpartition(": ")
         raise ExplainedError(what, remedy=remedy)

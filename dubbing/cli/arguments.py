@@ -105,7 +105,7 @@ def checked_path(path: Path) -> Path:
     return path
 
 
-def checked_seconds(seconds: float | None) -> float | None:
+def checked_seconds(seconds: float | None, option: str = "--seconds") -> float | None:
     """The requested length in seconds.
 
     Raises:
@@ -115,7 +115,7 @@ def checked_seconds(seconds: float | None) -> float | None:
 
     if seconds is not None and not 0 < seconds <= LONGEST_SECONDS:
         remedy = f"use a number up to {LONGEST_SECONDS:g}"
-        raise ExplainedError(f"{seconds:g} s is no length", "--seconds", remedy)
+        raise ExplainedError(f"{seconds:g} s is no length", option, remedy)
     return seconds
 
 

@@ -17,6 +17,7 @@ from dubbing.cli.arguments import (
     Only,
     checked_device,
     checked_path,
+    checked_seconds,
     checked_stages,
     print_line,
 )
@@ -29,7 +30,30 @@ WITHOUT_DUBS = "the manifest has no dubs, so nothing would be made"
 
 
 def dub(
-    manifest: ManifestPath,
+    manifest: Annotated[
+        Path, typer.Argument(metavar="MANIFEST|CLIP", help="A manifest (YAML), or a film.")
+    ],
+    speech: Annotated[
+        Path | None, typer.Argument(metavar="SPEECH", help="With CLIP: the new speech.")
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output", "-o", metavar="OUT", help="With CLIP: the video; its manifest is OUT.yaml."
+        ),
+    ] = None,
+    consent: Annotated[
+        str,
+        typer.Option(
+            "--consent", metavar='"WHO, WHERE"', help="With CLIP: who agreed, where it is written."
+        ),
+    ] = "",
+    preview: Annotated[
+        float | None,
+        typer.Option(
+            "--preview", metavar="SECONDS", help="With CLIP: only the first, as OUT.preview."
+        ),
+    ] = None,
     only: Only = None,
     force: Force = None,
     device: Device = "auto",
@@ -51,7 +75,7 @@ def dub(
     ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Make every dub of a manifest that is not up to date."""
+    """Make every dub of a manifest that is not up to date; or one, of a film and new speech."""
     if scheduler and jobs > 1:
         raise CallError("the workers are those of the scheduler", "--jobs", "leave it away")
     packages.require("cluster" if scheduler else "")
@@ -60,12 +84,21 @@ def dub(
     from dubbing.cli import console, live
     from dubbing.engine.executors import InLine, Processes
     from dubbing.engine.runner import Options
+    from dubbing.manifest import short_call
     from dubbing.manifest.manifest import load
 
-    options, production = (
-        Options(force=checked_stages(force), keep_going=keep_going),
-        load(manifest, from_base=True),
-    )
+    options = Options(force=checked_stages(force), keep_going=keep_going)
+    if speech is None:
+        _check_short((output, consent, preview))
+        production = load(manifest, from_base=True)
+    else:
+        if output is None:
+            raise CallError("where is the dub to go?", "--output", "as -o OUT.mp4")
+        if only:
+            raise CallError("there is one dub alone", "--only", "leave it away")
+        first = checked_seconds(preview, "--preview")
+        with short_call.written(manifest, speech, output, consent, first) as (path, name):
+            production, only = load(path, from_base=True), [name]
     if not production.dubs:
         raise CallError(WITHOUT_DUBS, str(production.manifest), "name new speech for somebody")
     worker = program(production.manifest, checked_device(device, here=scheduler is None), draft)
@@ -85,6 +118,13 @@ def dub(
             result = make(production, planned, reporter, options, executor)
     (console.result_line if as_json else console.summary)(result)
     raise typer.Exit(result.code)
+
+
+def _check_short(given: tuple[object, ...]) -> None:
+    """Options of the short call have no meaning beside a manifest."""
+    for name, value in zip(("--output", "--consent", "--preview"), given, strict=True):
+        if value not in (None, ""):
+            raise CallError("goes with CLIP SPEECH alone", name, "write it into the manifest")
 
 
 def plan(
@@ -133,6 +173,16 @@ def plan(
     needed = estimates.estimate(planned, rows, calibrated())
     reach = planned_reach(production, rows)
     console.plan(rows, warnings, needed, learned, undubbed, edits, reach, as_json=as_json)
+
+
+def curves(manifest: ManifestPath, only: Only = None) -> None:
+    """Write what is heard of the lips of every dub, as NAME.curves.csv."""
+    packages.require()
+    from dubbing.batch.curves import write_curves
+    from dubbing.manifest.manifest import load
+
+    for path in write_curves(load(manifest), tuple(only or ())):
+        print_line(str(path))
 
 
 def init(

@@ -20,6 +20,7 @@ from dubbing.cli import (
     machine_commands,
     provenance_commands,
     research_commands,
+    studio_commands,
     training_commands,
 )
 from dubbing.cli.arguments import print_line
@@ -65,7 +66,7 @@ def options(
 COMMANDS = {
     "Dubbing": (
         *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.schema),
-        *(job_commands.demo, clip_commands.prepare),
+        *(studio_commands.studio, job_commands.curves, job_commands.demo, clip_commands.prepare),
     ),
     "Checking": (
         *(clip_commands.sync, provenance_commands.verify, provenance_commands.consent),

@@ -54,6 +54,7 @@ def render(
     part: tuple[int, int] | None = None,
     baked: bool = False,
     strength: np.ndarray | None = None,
+    lips: np.ndarray | None = None,
     device: str = "auto",
     progress: Progress | None = None,
 ) -> None:
@@ -72,7 +73,7 @@ def render(
         pose_index: (T,) frame of the clip each frame takes its pose from.
         part: first and stop of those of the T frames to render; all by default.
         baked: whether its baked density is looked up, where the model has one; else rays march.
-        strength: (T,) of the lips' movement; see `dfrf.method_interface.FrameInputs`.
+        strength, lips: (T,), (T, L); see `dfrf.method_interface.FrameInputs`.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
 
@@ -96,7 +97,7 @@ def render(
         if not path.exists():
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
                 made = heads_of(
-                    person, maps, clip, speech, pose_index, first, stop, baked, strength
+                    person, maps, clip, speech, pose_index, first, stop, baked, strength, lips
                 )
                 for done, head in enumerate(made, first + 1):
                     video.write(head)
@@ -115,6 +116,7 @@ def heads_of(
     stop: int,
     baked: bool,
     strength: np.ndarray | None,
+    lips: np.ndarray | None = None,
 ) -> Iterator[np.ndarray]:
     """Heads (S, S, 4) uint8 of frames first .. stop of a dub; see `render`."""
     around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
@@ -122,8 +124,8 @@ def heads_of(
     some = (speech(low, high - low), pose_index[low:high])
     needed = regions_of(clip, pose_index[first:stop])
     span = (first - low, stop - low)
-    own = None if strength is None else strength[first:stop]
-    for colour, opacity in frames(person, maps, clip, *some, *span, needed, baked, own):
+    own = (None if values is None else values[first:stop] for values in (strength, lips))
+    for colour, opacity in frames(person, maps, clip, *some, *span, needed, baked, *own):
         yield to_rgba(colour, opacity)
 
 
@@ -138,18 +140,20 @@ def frames(
     regions: np.ndarray | None = None,
     baked: bool = False,
     strength: np.ndarray | None = None,
+    lips: np.ndarray | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop.
 
     Of the whole head, or of what of it lies in regions (stop - first, S, S) bool at least.
-    `strength` is (stop - first,).
+    `strength` is (stop - first,), `lips` (stop - first, L).
     """
     inputs = inputs_of(model, clip, speech, pose_index, first, stop)
     inputs = replace(
         inputs,
         regions=None if regions is None else torch.from_numpy(regions).to(model.device),
         baked=baked,
-        strength=None if strength is None else torch.from_numpy(strength).to(model.device),
+        strength=_on(strength, model.device),
+        lips=_on(lips, model.device),
     )
     yield from method_of(model).render_frames(inputs, maps)
 
@@ -164,20 +168,50 @@ def inputs_of(
 ) -> FrameInputs:
     """Inputs of frames first .. stop, on the model's device: whole heads, marched, as spoken."""
     device, reach = model.device, method_of(model).reach
-    # Speech does not stop at a cut of the picture, so all frames count as one run.
-    one_run, own = torch.zeros(len(speech)), torch.arange(first, stop)
-    near = neighbour_windows(torch.from_numpy(speech.windows).float(), one_run, own)
-    around = np.arange(first - reach, stop + reach).clip(0, len(speech) - 1)
+    near, predicted = _heard(speech, first, stop, reach)
     poses = pose_index[first:stop]
     return FrameInputs(
         torch.from_numpy(clip.c2w()[poses]).float().to(device),
         float(clip.focal),
         torch.from_numpy(clip.centre[poses]).float().to(device),
         near.to(device),
-        torch.from_numpy(speech.lips[around]).float().to(device),
+        predicted.to(device),
         torch.from_numpy(upper_face_expression(clip)[poses]).float().to(device),
         clip.size,
     )
+
+
+def wanted_lips(
+    model: HeadModel,
+    speech: SpeechFrames,
+    strength: np.ndarray | None = None,
+    lips: np.ndarray | None = None,
+) -> np.ndarray | None:
+    """Lip measures (F, L) that a model wants in F frames of speech; None where it has none.
+
+    `strength` is (F,), `lips` (F, L): see `dfrf.method_interface.FrameInputs`.
+    """
+    own = getattr(getattr(model, "field", None), "conditioning", None)
+    if own is None or not own.config.learns_lips:
+        return None
+    parts = _heard(speech, 0, len(speech), method_of(model).reach)
+    with torch.no_grad():
+        near, predicted = (part.to(model.device) for part in parts)
+        edit = (_on(values, model.device) for values in (strength, lips))
+        return np.asarray(own.lips(own.adapted_codes(near, predicted, *edit)).float().cpu())
+
+
+def _on(values: np.ndarray | None, device: torch.device) -> Tensor | None:
+    return None if values is None else torch.from_numpy(values).float().to(device)
+
+
+def _heard(speech: SpeechFrames, first: int, stop: int, reach: int) -> tuple[Tensor, Tensor]:
+    """Speech windows of the neighbours of frames first .. stop, and lips of `reach` more."""
+    # Speech does not stop at a cut of the picture, so all frames count as one run.
+    one_run, own = torch.zeros(len(speech)), torch.arange(first, stop)
+    near = neighbour_windows(torch.from_numpy(speech.windows).float(), one_run, own)
+    around = np.arange(first - reach, stop + reach).clip(0, len(speech) - 1)
+    return near, torch.from_numpy(speech.lips[around]).float()
 
 
 def regions_of(clip: PreparedClip, poses: np.ndarray) -> np.ndarray:

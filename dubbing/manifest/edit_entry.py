@@ -1,10 +1,11 @@
 """The entry of an edit: how a line's mouth is to differ from what its speech asks for."""
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
 from dubbing.manifest.entry import Entry
+from dubbing.manifest.values import FilePath
 
 LONGEST_SHIFT = 500  # ms
 LONGEST_NOTE = 1000  # characters
@@ -33,8 +34,14 @@ class Edit(Entry):
     """How far the lips leave the closed mouth: 0 never, 1 as spoken. Preset `fast` only."""
     keys: list[Key] = Field(default=[], max_length=MOST_KEYS)
     """Moments at which the strength is another; 120 ms beside each it is the line's again."""
+    curves: FilePath | None = None
+    """A table as `dfrf curves` writes it, whose lips take the place of those heard. Preset `fast`
+    only.
+    """
     note: str = Field(default="", max_length=LONGEST_NOTE)
     """Text for people; changes nothing."""
+    status: Literal["open", "approved", "redo"] = "open"
+    """What people decided about the line; changes nothing."""
 
 
 Edits = Annotated[

@@ -1,8 +1,10 @@
 """The edits of a dub: which of its lines each is of, and what is wrong with them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+from dubbing.errors import ExplainedError
+from dubbing.face.lip_curves import LipCurves
 from dubbing.manifest import edit_entry
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.findings import Findings, Scene
@@ -13,7 +15,7 @@ from dubbing.script.timeline import Cue, Edit
 NO_LIPS = dict.fromkeys(("paper", "ad-nerf", "nerf"), "has no lip measures")
 # Presets whose models have nothing that a key could change, and why.
 WITHOUT = {
-    **dict.fromkeys(("strength", "keys"), NO_LIPS),
+    **dict.fromkeys(("strength", "keys", "curves"), NO_LIPS),
     "shift": {"nerf": "hears no speech"},
 }
 
@@ -22,35 +24,63 @@ def edited(
     findings: Findings, at: KeyPath, dub: Dub, scene: Scene, identities: Mapping[str, Identity]
 ) -> Scene:
     """The scene of a dub, whose cues have the edits of their lines."""
-    edits: dict[str, Edit] = {}
-    for k, edit in enumerate(dub.edits):
-        key = (*at, "edits", k)
-        cue = _cue(findings, key, dub, scene, edit)
-        if cue is None:
-            continue
-        if cue.name in edits:
-            findings.add(key, f"line {cue.number} has an edit already: write both into one")
-        keys = tuple((one.at, one.strength) for one in edit.keys)
-        for number, one in enumerate(edit.keys):
-            if one.at > cue.seconds:
-                late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
-                findings.add((*key, "keys", number, "at"), late)
-        edits[cue.name] = Edit(edit.shift, edit.strength, edit.note, keys)
-        preset = identities[cue.identity].preset
-        for name, reasons in WITHOUT.items():
-            if preset in reasons and getattr(edits[cue.name], name) != getattr(Edit(), name):
-                why = f"preset {preset!r} of {cue.identity} {reasons[preset]}"
-                findings.add((*key, name), f"{why}: leave it out, or take preset 'fast'")
+    presets = {name: identity.preset for name, identity in identities.items()}
+    edits = edits_of(findings, (*at, "edits"), dub.edits, scene, presets)
     cues = (replace(cue, edit=edits.get(cue.name, Edit())) for cue in scene.cues)
     return replace(scene, cues=tuple(cues))
 
 
-def _cue(
-    findings: Findings, key: KeyPath, dub: Dub, scene: Scene, edit: edit_entry.Edit
-) -> Cue | None:
+def edits_of(
+    findings: Findings,
+    at: KeyPath,
+    given: Sequence[edit_entry.Edit],
+    scene: Scene,
+    presets: Mapping[str, str],
+) -> dict[str, Edit]:
+    """The edits of a scene's cues, by their names; what is wrong goes to findings.
+
+    Args:
+        at: place of the list.
+        presets: of the models of people.
+    """
+    edits: dict[str, Edit] = {}
+    for k, edit in enumerate(given):
+        key = (*at, k)
+        cue = _cue(findings, key, scene, edit)
+        if cue is None:
+            continue
+        if cue.name in edits:
+            findings.add(key, f"line {cue.number} has an edit already: write both into one")
+        edits[cue.name] = checked(findings, key, edit, cue, presets[cue.identity])
+    return edits
+
+
+def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, preset: str) -> Edit:
+    """The edit of a cue, whose person has a model of a preset; what is wrong goes to findings."""
+    for number, one in enumerate(edit.keys):
+        if one.at > cue.seconds:
+            late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
+            findings.add((*key, "keys", number, "at"), late)
+    keys = tuple((one.at, one.strength) for one in edit.keys)
+    curves = None if edit.curves is None else (edit.curves, cue.number)
+    found = Edit(edit.shift, edit.strength, edit.note, keys, edit.status, curves)
+    before = len(findings.problems)
+    for name, reasons in WITHOUT.items():
+        if preset in reasons and getattr(found, name) != getattr(Edit(), name):
+            why = f"preset {preset!r} of {cue.identity} {reasons[preset]}"
+            findings.add((*key, name), f"{why}: leave it out, or take preset 'fast'")
+    if curves is not None and len(findings.problems) == before:
+        try:
+            LipCurves.read(*curves)
+        except ExplainedError as error:
+            findings.add((*key, "curves"), str(error))
+    return found
+
+
+def _cue(findings: Findings, key: KeyPath, scene: Scene, edit: edit_entry.Edit) -> Cue | None:
     """The cue that an edit is of."""
     numbers = some(list(dict.fromkeys(str(cue.number) for cue in scene.cues)))
-    number = 1 if dub.lines is None and edit.line is None else edit.line
+    number = 1 if not scene.film_heard and edit.line is None else edit.line
     if number is None:
         findings.add((*key, "line"), f"is required: which line of the scene; there is {numbers}")
         return None

@@ -1,5 +1,6 @@
 """Reading a manifest: its sections and entries, and everything that is wrong with them."""
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from pydantic import ValidationError
 
 from dubbing.engine.files import same_on_disk
 from dubbing.errors import Problem
-from dubbing.manifest import inputs, overwriting, yaml_lines
+from dubbing.manifest import edits_file, inputs, overwriting, yaml_lines
 from dubbing.manifest.entries import Dub, Entry, Identity
 from dubbing.manifest.findings import Findings
 from dubbing.manifest.messages import describe, plain, suggestion
@@ -34,6 +35,7 @@ class Reader:
         self.path, self.only = path, only
         self.document = document
         self.found: list[tuple[KeyPath, str]] = []
+        self.edits: dict[KeyPath, tuple[str, yaml_lines.Document]] = {}  # in files of their own
         self.data: Mapping[str, Any] = document.data if isinstance(document.data, dict) else {}
         self.defaults = self._section("defaults", dict, {})
 
@@ -41,9 +43,14 @@ class Reader:
         """All problems, each once, with their lines."""
         found = []
         for path, message in self.found:
+            if path[:3] in self.edits:
+                found.append(_of_file(*self.edits[path[:3]], path[3:], message))
+                continue
             written = self._written(path)
             key = yaml_lines.key_path(written)
             found.append(Problem(self.document.line(written), key, message))
+        for name, document in self.edits.values():
+            found += [Problem(0, name, str(one)) for one in document.problems]
         return list(dict.fromkeys([*self.document.problems, *found]))
 
     def read(self) -> tuple[Path | None, dict[int, Dub], Findings]:
@@ -137,12 +144,28 @@ class Reader:
             if isinstance(entry, dict) and "name" not in {**self.defaults, **entry}:
                 named = {"name": _default_name({**self.defaults, **entry}), **entry}
             self._check_people(("dubs", k), named, known)
-            item = self._entry(Dub, ("dubs", k), named)
+            item = self._entry(Dub, ("dubs", k), self._with_edits(k, named))
             if isinstance(item, Dub):
                 found[k] = item
         names = [(dub.name, ("dubs", k, "name")) for k, dub in found.items()]
         self._unique([(name, path) for name, path in names if name != UNKNOWN["name"]])
         return found
+
+    def _with_edits(self, place: int, entry: Any) -> Any:
+        """A dub with the edits of the file beside the manifest, where there is one."""
+        name = {**self.defaults, **entry}.get("name") if isinstance(entry, dict) else None
+        if not isinstance(name, str) or "\0" in name:
+            return entry
+        path = edits_file.edits_file(self.path, name)
+        if path.parent != self.path.parent or not os.path.lexists(path):
+            return entry
+        at: KeyPath = ("dubs", place, "edits")
+        if "edits" in {**self.defaults, **entry}:
+            self._add(at, f"{path.name} holds edits of this dub, too: move all into one of the two")
+            return entry
+        document = edits_file.read(path)
+        self.edits[at] = path.name, document
+        return {**entry, "edits": document.data}
 
     def _check_people(self, at: KeyPath, entry: Any, known: Mapping[str, Any]) -> None:
         """Check that the people of a dub are among the identities."""
@@ -211,6 +234,14 @@ class Reader:
 
     def _add(self, path: KeyPath, message: str) -> None:
         self.found.append((path, message))
+
+
+def _of_file(name: str, document: yaml_lines.Document, path: KeyPath, message: str) -> Problem:
+    """A problem of a file of edits, whose only one can be written without a list."""
+    path = tuple(part for k, part in enumerate(path) if k or part or path[:1] in document.lines)
+    key = yaml_lines.key_path(path)
+    place = f"{name}, line {document.line(path)}"
+    return Problem(0, place, f"{key}: {message}" if key else message)
 
 
 def _default_name(entry: Mapping[str, Any]) -> str:

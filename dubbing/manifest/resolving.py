@@ -2,12 +2,14 @@
 
 import itertools
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from dubbing.engine.files import same_on_disk
 from dubbing.errors import ExplainedError, RenderingError
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.manifest import entries
+from dubbing.manifest.edits_file import edits_file
 from dubbing.manifest.findings import Findings, Scene
 from dubbing.manifest.inputs import credits_text
 from dubbing.manifest.provenance_checks import signer_of
@@ -35,7 +37,10 @@ def resolved(
     """
     people = {name: _person(name, findings) for name in findings.identities}
     made = {
-        dub.name: _dub(place, dub, people, findings)
+        dub.name: replace(
+            _dub(place, dub, people, findings),
+            fixed_edits="edits" in dub.model_fields_set and not edits_file(path, dub.name).exists(),
+        )
         for place, dub in dubs.items()
         if place in findings.dubs
     }

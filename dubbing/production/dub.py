@@ -49,6 +49,7 @@ class Dub:
         settings: of its video, but for the invisible mark; see `marking`.
         marked: whether the invisible mark is drawn; mark_key: a file with a key of the user's own.
         signer: of content credentials.
+        fixed_edits: whether the manifest holds its edits, so that no file beside it may.
         blocked: why it cannot be made.
     """
 
@@ -66,6 +67,7 @@ class Dub:
     marked: bool = True
     mark_key: Path | None = None
     signer: Signer | None = None
+    fixed_edits: bool = False
     blocked: ExplainedError | None = None
 
     @property

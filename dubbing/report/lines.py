@@ -97,7 +97,9 @@ def edit_columns(edit: Edit) -> dict[str, Any]:
     """The edit of a line, as columns of a table; nothing in those that it leaves as spoken."""
     strength = None if edit.strength == 1 else edit.strength
     keys = ", ".join(f"{at:g}: {value:g}" for at, value in edit.keys)
-    return {"shift": edit.shift or None, "strength": strength, "keys": keys, "note": edit.note}
+    curves = edit.curves[0].name if edit.curves else ""
+    own = {"shift": edit.shift or None, "strength": strength, "keys": keys, "curves": curves}
+    return {**own, "note": edit.note, "status": edit.status}
 
 
 def edits_of(dub: Dub) -> list[dict[str, Any]]:
@@ -107,7 +109,7 @@ def edits_of(dub: Dub) -> list[dict[str, Any]]:
         | edit_columns(cue.edit)
         | {"edit": cue.edit.in_words()}
         for cue in dub.cues
-        if cue.edit != Edit()
+        if cue.edit.in_words()
     ]
 
 

@@ -27,12 +27,16 @@ class Edit:
         strength: how far the lips leave the closed mouth: 0 never, 1 as spoken.
         note: for people.
         keys: seconds of the cue's sound, and the strength there.
+        status: open, approved or redo; for people.
+        curves: a file, and the line in it whose lips take the place of those heard.
     """
 
     shift: float = 0.0
     strength: float = 1.0
     note: Setting[str] = ""
     keys: tuple[tuple[float, float], ...] = ()
+    status: Setting[str] = "open"
+    curves: tuple[Path, int] | None = None
 
     def strengths(self, frames: int, rate: Fraction) -> np.ndarray:
         """The strength in each frame of the cue, (F,) float32.
@@ -40,7 +44,7 @@ class Edit:
         A key holds for `HELD` on both sides; from there to `AROUND` the line's own strength comes
         back, or the next key's.
         """
-        heard = np.arange(frames) / float(rate) - self.shift / 1000
+        heard = (np.arange(frames) + 0.5) / float(rate) - self.shift / 1000  # in their middles
         keys = sorted(self.keys)
         points = [(at + side * HELD, value) for at, value in keys for side in (-1, 1)]
         for (before, _), (after, _) in pairwise([(-np.inf, 0), *keys, (np.inf, 0)]):
@@ -61,6 +65,7 @@ class Edit:
         if self.strength != 1:
             found.append(f"strength {self.strength:g}")
         found += [f"{strength:g} at {at:g} s" for at, strength in self.keys]
+        found += [f"lips of {self.curves[0].name}"] if self.curves else []
         return ": ".join(part for part in (", ".join(found), self.note) if part)
 
 

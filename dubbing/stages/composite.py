@@ -17,6 +17,7 @@ from dubbing.video.settings import VideoSettings
 if TYPE_CHECKING:
     import numpy as np
 
+    from dubbing.identity.lip_scale import LipScale
     from dubbing.preparation.prepared import PreparedClip
     from dubbing.production.dub import Dub
     from dubbing.script.timeline import Cue
@@ -42,6 +43,12 @@ class PersonOnFilm:
         from dubbing.preparation.head_findings import seen_by_head
 
         return seen_by_head(self.prepared.load(), self.poses.folder)
+
+    def scale(self) -> LipScale:
+        """The size of the lip measures of the model."""
+        from dubbing.identity.lip_scale import LipScale
+
+        return LipScale.of(self.model.folder, [one.load() for one in self.learned])
 
     def kept(self, clip: PreparedClip) -> np.ndarray:
         """Numbers (T,) of the reasons why frames of the film keep their own face."""

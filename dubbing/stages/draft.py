@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -15,9 +16,14 @@ from dubbing.stages.composite import OnFilm, PersonOnFilm, heads_of
 if TYPE_CHECKING:
     import numpy as np
 
+    from dfrf.method_interface import Maps
+    from dfrf.model_interface import HeadModel
+    from dubbing.identity.lip_scale import LipScale
     from dubbing.preparation.prepared import PreparedClip
     from dubbing.production.dub import Dub
     from dubbing.script.timeline import Cue
+    from dubbing.sound_to_lips.cue_speech import Speech
+    from dubbing.video.composer import Heads
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,60 +61,113 @@ class Draft(OnFilm):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
-        from dubbing.preparation.halved import HalvedClip
         from dubbing.video.assembly import make
 
-        films = {name: person.film() for name, person in self.people.items()}
-        kept = {name: person.kept(films[name]) for name, person in self.people.items()}
-        clips = {name: HalvedClip.of(film) for name, film in films.items()}
-        poses = self.poses(clips)
-        rendered = self._rendered(clips, poses)
-        heads = [heads_of(cue, rendered(cue), clips, kept) for cue in self.sound.cues]
+        film = self.opened()
         make(
-            heads,
+            [film.heads(cue, self.edits[cue.name]) for cue in self.sound.cues],
             self.sound,
             out,
-            pose_index=poses,
+            pose_index=film.poses,
             settings=self.settings,
             progress=progress,
             proven=False,
         )
 
-    def _rendered(
-        self, clips: Mapping[str, PreparedClip], poses: np.ndarray
-    ) -> Callable[[Cue], Callable[[int, int], Iterator[np.ndarray]]]:
-        """What renders the heads of a cue as they are read."""
-        from dfrf.presets import method_of
-        from dubbing.heads import rendering
-        from dubbing.heads.fine_tuning import MODEL_FILE
+    def opened(self) -> HalfSize:
+        """The film with its people, ready to be drafted with any edits."""
+        from dubbing.preparation.halved import HalvedClip
         from dubbing.sound_to_lips.cue_speech import Speech
 
-        people = {
-            name: rendering.load(person.model.folder / MODEL_FILE, self.device)
+        films = {name: person.film() for name, person in self.people.items()}
+        clips = {name: HalvedClip.of(film) for name, film in films.items()}
+        return HalfSize(
+            clips,
+            {name: person.kept(films[name]) for name, person in self.people.items()},
+            self.poses(clips),
+            {name: Speech.load(stage.folder) for name, stage in self.speech.items()},
+            self.people,
+            self.device,
+        )
+
+
+@dataclass(frozen=True)
+class HalfSize:
+    """A film at half size, and the people in it.
+
+    Attributes:
+        clips, kept, people: by person: the film; why its frames keep their own face; the stages.
+        poses: (F,) frame of the film under every frame of the dub.
+        speech: by cue.
+    """
+
+    clips: Mapping[str, PreparedClip]
+    kept: Mapping[str, np.ndarray]
+    poses: np.ndarray
+    speech: Mapping[str, Speech]
+    people: Mapping[str, PersonOnFilm]
+    device: str
+
+    @cached_property
+    def models(self) -> Mapping[str, tuple[HeadModel, Maps | None]]:
+        """The model of each person, with its maps."""
+        from dubbing.heads.fine_tuning import MODEL_FILE
+        from dubbing.heads.rendering import load
+
+        return {
+            name: load(person.model.folder / MODEL_FILE, self.device)[:2]
             for name, person in self.people.items()
         }
 
-        def of_cue(cue: Cue) -> Callable[[int, int], Iterator[np.ndarray]]:
-            model, maps, _ = people[cue.identity]
-            edit, speech = self.edits[cue.name], Speech.load(self.speech[cue.name].folder)
-            late = edit.shift / 1000 * float(speech.rate)  # frames
-            strength = edit.strengths(cue.stop - cue.first, speech.rate)
-            segment = method_of(model).segment
+    @cached_property
+    def scales(self) -> Mapping[str, LipScale]:
+        """The size of the lip measures of each person's model."""
+        return {name: person.scale() for name, person in self.people.items()}
 
-            def read(first: int, count: int) -> Iterator[np.ndarray]:
-                for begin in range(first, first + count, segment):
-                    yield from rendering.heads_of(
-                        model,
-                        maps,
-                        clips[cue.identity],
-                        lambda low, some: speech.part(low - late, some),
-                        poses[cue.first : cue.stop],
-                        begin,
-                        min(begin + segment, first + count),
-                        baked=True,
-                        strength=strength,
-                    )
+    def heads(self, cue: Cue, edit: Edit) -> Heads:
+        """The heads of a cue, which are rendered as they are read."""
+        return heads_of(cue, self._rendered(cue, edit), self.clips, self.kept)
 
-            return read
+    def _rendered(self, cue: Cue, edit: Edit) -> Callable[[int, int], Iterator[np.ndarray]]:
+        from dfrf.presets import method_of
+        from dubbing.heads import rendering
+        from dubbing.identity.lip_scale import given_lips
 
-        return of_cue
+        model, maps = self.models[cue.identity]
+        speech = self.speech[cue.name]
+        late = edit.shift / 1000 * float(speech.rate)  # frames
+        frames = cue.stop - cue.first
+        strength = edit.strengths(frames, speech.rate)
+        lips = given_lips(edit, frames, speech.rate, lambda: self.scales[cue.identity])
+        segment = method_of(model).segment
+
+        def read(first: int, count: int) -> Iterator[np.ndarray]:
+            for begin in range(first, first + count, segment):
+                yield from rendering.heads_of(
+                    model,
+                    maps,
+                    self.clips[cue.identity],
+                    lambda low, some: speech.part(low - late, some),
+                    self.poses[cue.first : cue.stop],
+                    begin,
+                    min(begin + segment, first + count),
+                    baked=True,
+                    strength=strength,
+                    lips=lips,
+                )
+
+        return read
+
+    def lips(self, cue: Cue, edit: Edit, strength: np.ndarray | None = None) -> np.ndarray | None:
+        """Lengths (F, L) of the lips in the frames of a cue, in eye distances; None without lips.
+
+        As heard, or as the curves of the edit give them; its shift and strength count for nothing.
+        """
+        from dubbing.heads.rendering import wanted_lips
+        from dubbing.identity.lip_scale import given_lips
+
+        speech, name = self.speech[cue.name], cue.identity
+        frames = min(cue.stop, len(self.poses)) - cue.first
+        given = given_lips(replace(edit, shift=0.0), frames, speech.rate, lambda: self.scales[name])
+        found = wanted_lips(self.models[name][0], speech.part(0, frames), strength, given)
+        return None if found is None else self.scales[name].lengths(found)

@@ -36,6 +36,7 @@ class Render(DubbingStage):
         film_first, on_longer_audio: frames of the film under the dub; see `timeline.pose_index`.
         baked: whether heads are rendered off the model's baked density; False for a preset without.
         edit: of the cue's line.
+        learned: the clips that the model was learned from, where the edit has curves.
         crop: area of the head crop as a share of a full one.
         part: first and stop of those of the cue's frames that are rendered; None for all.
     """
@@ -50,6 +51,7 @@ class Render(DubbingStage):
     on_longer_audio: str
     baked: bool
     edit: Edit
+    learned: tuple[Prepared, ...]
     preset: Setting[str]  # part of the model
     crop: Setting[float]
     device: Setting[str]
@@ -66,6 +68,7 @@ class Render(DubbingStage):
         model: Stage,
         poses: Stage,
         speech: Stage,
+        learned: tuple[Prepared, ...],
         device: str,
     ) -> Self:
         """The stage for a cue of a dub."""
@@ -81,6 +84,7 @@ class Render(DubbingStage):
             on_longer_audio=dub.on_longer_audio,
             baked=dub.baked and family(person.settings.preset) == "fast",
             edit=cue.edit,
+            learned=learned if cue.edit.curves else (),
             preset=person.settings.preset,
             crop=person.crops(dub.film),
             device=device,
@@ -89,6 +93,7 @@ class Render(DubbingStage):
     def run(self, out: Path, progress: Progress) -> None:
         from dubbing.heads.fine_tuning import MODEL_FILE
         from dubbing.heads.rendering import render
+        from dubbing.identity.lip_scale import LipScale, given_lips
         from dubbing.preparation.head_findings import seen_by_head
         from dubbing.sound_to_lips.cue_speech import Speech
 
@@ -96,6 +101,11 @@ class Render(DubbingStage):
         clip = seen_by_head(self.prepared.load(), self.poses.folder)
         poses = timeline.pose_index(self.stop, clip.segment, self.film_first, self.on_longer_audio)
         late = self.edit.shift / 1000 * float(speech.rate)  # frames
+        frames = self.stop - self.first
+
+        def scale() -> LipScale:
+            return LipScale.of(self.model.folder, [one.load() for one in self.learned])
+
         render(
             self.model.folder / MODEL_FILE,
             clip,
@@ -104,7 +114,8 @@ class Render(DubbingStage):
             pose_index=poses[self.first :],
             part=self.part,
             baked=self.baked,
-            strength=self.edit.strengths(self.stop - self.first, speech.rate),
+            strength=self.edit.strengths(frames, speech.rate),
+            lips=given_lips(self.edit, frames, speech.rate, scale),
             device=self.device,
             progress=progress,
         )

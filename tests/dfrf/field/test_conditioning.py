@@ -1,4 +1,4 @@
-"""The strength of a person's lips: how far they leave the closed mouth."""
+"""The strength of a person's lips, and lips that are given in their place."""
 
 from __future__ import annotations
 
@@ -89,3 +89,23 @@ def test_a_model_without_lip_measures_refuses(
     own(*speech, EXPRESSION)
     with pytest.raises(ValueError, match="without lip measures"):
         own(*speech, EXPRESSION, 0.5 * ONE)
+
+
+@torch.no_grad()
+def test_given_lips_take_the_place_of_the_person_s(
+    person: Conditioning, speech: tuple[Tensor, Tensor]
+) -> None:
+    own = WIDER * speech[1][CONTEXT_FRAMES:-CONTEXT_FRAMES, :LIP_MEASURES]
+    given = torch.full_like(own, torch.nan)
+    given[3:6, OPENING], expected = 2.0, own.clone()
+    expected[3:6, OPENING] = 2.0
+    codes = person.adapted_codes(*speech, given=given)
+    torch.testing.assert_close(person.lips(codes), expected, atol=1e-3, rtol=1e-3)
+    # The strength moves them, as it moves those that are heard.
+    closed, half = person.closed_mouth_target, torch.full((FRAMES,), 0.5)
+    moved = person.lips(person.adapted_codes(*speech, half, given))
+    torch.testing.assert_close(moved, closed + 0.5 * (expected - closed), atol=1e-3, rtol=1e-3)
+    # In silence the mouth is shut but where lips are given.
+    silent = person.lips(person.adapted_codes(torch.zeros_like(speech[0]), speech[1], given=given))
+    torch.testing.assert_close(silent[3:6, OPENING], given[3:6, OPENING], atol=1e-3, rtol=1e-3)
+    torch.testing.assert_close(silent[:3], closed.expand(3, -1), atol=1e-3, rtol=1e-3)

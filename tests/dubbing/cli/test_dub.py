@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from dubbing import media
 from dubbing.stages.finetune import Finetune
 
 pytestmark = pytest.mark.medium
@@ -112,3 +113,42 @@ def test_interrupted_is_130_and_goes_on_later(  # type: ignore[no-untyped-def]
     assert "run the same command again" in err
     monkeypatch.setattr(Finetune, "run", finetune)
     assert dfrf("dub", manifest)[0] == 0
+
+
+def test_a_film_and_a_recording_need_no_manifest(dfrf: Any, footage: Path, tmp_path: Path) -> None:
+    out = tmp_path / "new" / "ann_it.mp4"
+    call: tuple[object, ...] = ("dub", footage / "ann.mp4", footage / "it.wav", "-o", out)
+    call += ("--consent", "Ann Smith, form 17")
+    code, _, err = dfrf(*call, "--preview", 0.5)
+    assert code == 0, err
+    first = out.with_name("ann_it.preview.mp4")
+    assert media.probe(first).frames == 13
+    assert not out.exists()
+    work = out.parent / "work" / "identities"
+    learned = {p: p.stat().st_mtime_ns for p in work.rglob("stage.json")}
+    code, _, err = dfrf(*call)
+    assert code == 0, err
+    assert media.probe(out).frames == 40
+    assert {p: p.stat().st_mtime_ns for p in work.rglob("stage.json")} == learned
+    assert dfrf("plan", out.with_suffix(".yaml"))[0] == 0
+    record = json.loads((out.parent / "report.json").read_text())
+    assert record["identities"]["ann"]["consent"]["reference"] == "form 17"
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--preview", 3), "goes with CLIP SPEECH alone (--preview): write it into the manifest"),
+        (("-o", "x.mp4"), "goes with CLIP SPEECH alone (--output)"),
+        (("it.wav",), "where is the dub to go? (--output): as -o OUT.mp4"),
+        (("it.wav", "-o", "x.mp4", "--only", "x"), "there is one dub alone (--only)"),
+        (("it.wav", "-o", "x.mp4", "--preview", 0), "0 s is no length (--preview)"),
+        (("it.wav", "-o", "x.mp4"), "no such file (it.wav)"),
+    ],
+)
+def test_a_short_call_that_cannot_be_meant_is_2(
+    dfrf: Any, manifest: Path, words: tuple[object, ...], said: str
+) -> None:
+    code, _, err = dfrf("dub", manifest, *words)
+    assert code == 2
+    assert said in err

@@ -42,7 +42,10 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
         return speech.part(first, first + number)
 
     def made(
-        folder: Path, part: tuple[int, int] | None = None, strength: np.ndarray | None = None
+        folder: Path,
+        part: tuple[int, int] | None = None,
+        strength: np.ndarray | None = None,
+        lips: np.ndarray | None = None,
     ) -> list[np.ndarray]:
         heads.render(
             tmp_path / "model.safetensors",
@@ -52,6 +55,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
             pose_index=np.arange(count),
             part=part,
             strength=strength,
+            lips=lips,
             device="cpu",
         )
         files = sorted(folder.glob("*.mkv"))
@@ -86,6 +90,19 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     speech = SpeechFrames(windows, speech.lips)
     for k, head in enumerate(made(tmp_path / "some", strength=some)):
         np.testing.assert_allclose(head.astype(int), (whole if some[k] else muted)[k], atol=1)
+    # Lips that are given take the place of those heard: its own change nothing.
+    own = heads.wanted_lips(model, speech)
+    assert own is not None
+    for a, b in zip(made(tmp_path / "own", lips=own), whole, strict=True):
+        np.testing.assert_allclose(a.astype(int), b, atol=1)
+    given = np.full_like(own, np.nan)
+    given[6:10] = own[6:10] + 3
+    wanted = heads.wanted_lips(model, speech, lips=given)
+    assert wanted is not None
+    np.testing.assert_allclose(wanted, np.where(np.isnan(given), own, given), atol=1e-3)
+    for k, head in enumerate(made(tmp_path / "given", lips=given)):
+        apart = np.abs(head.astype(int) - whole[k]).max()
+        assert apart > 5 if 6 <= k < 10 else apart <= 1
 
 
 def test_only_what_a_dub_shows_is_requested(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,8 @@ from typer.testing import CliRunner
 
 from dubbing.cli.main import app
 from dubbing.errors import ManifestError
+from dubbing.manifest import edit_entry as entry
+from dubbing.manifest import edits_file
 from dubbing.manifest.manifest import load
 from dubbing.script.timeline import Edit
 from tests import clips
@@ -86,6 +89,21 @@ def test_keys_are_moments_of_a_line(folder: Path) -> None:
     assert edit.in_words() == "0 at 0.2 s, 1.5 at 0.1 s: shut on the m"
 
 
+def test_curves_are_a_file_and_the_line_in_it(folder: Path) -> None:
+    table = folder / "lips.csv"
+    table.write_text("line,time,opening\n3,0.1,0.2\n")
+    path = scene(folder, "{line: 3, curves: lips.csv}")
+    (_, edit) = edits(path)
+    assert edit == Edit(curves=(table, 3))
+    assert edit.in_words() == "lips of lips.csv"
+    table.write_text("line,time,opening\n1,0.1,0.2\n")
+    (problem,) = problems(path)
+    assert problem.endswith("dubs[0].edits.curves: has no row of line 3 (lips.csv)")
+    table.unlink()
+    (problem,) = problems(path)
+    assert "edits.curves: cannot be read as CSV: No such file" in problem
+
+
 def test_the_edit_of_one_recording_needs_no_line(folder: Path) -> None:
     alone = ALONE.replace("WHO", "ann")
     for text in ("{shift: 80}", "[{shift: 80.0}]", "{line: 1, shift: 80}"):
@@ -151,6 +169,7 @@ def test_a_mistake_stands_on_its_own_line_of_the_file(folder: Path) -> None:
         ("old", "{keys: [{at: 0, strength: 0.5}]}", "preset 'paper' of old has no lip measures"),
         ("old", "{strength: 0.5}", "preset 'paper' of old has no lip measures"),
         ("mute", "{strength: 0}", "preset 'nerf' of mute has no lip measures"),
+        ("old", "{curves: track.wav}", "preset 'paper' of old has no lip measures"),
         ("mute", "{shift: 40}", "preset 'nerf' of mute hears no speech"),
         ("old", "{shift: 40, strength: 1}", ""),
     ],
@@ -168,6 +187,67 @@ def test_of_somebody_unknown_only_that_is_said(folder: Path) -> None:
     lines = SCENE.replace("{ANN: ann}", "{ANN: anna}")
     (problem,) = problems(scene(folder, "{line: 3, strength: 0}", lines))
     assert "no identity 'anna'" in problem
+
+
+@pytest.fixture
+def own(folder: Path) -> Iterator[Path]:
+    """The file of edits of the dub `it`."""
+    path = edits_file.edits_file(folder / "m.yaml", "it")
+    yield path
+    path.unlink()
+
+
+def test_edits_can_lie_in_a_file_beside_the_manifest(folder: Path, own: Path) -> None:
+    own.write_text("- line: 3\n  shift: -40\n  status: redo\n")
+    assert edits(written(folder, f"{{{SCENE}}}")) == [Edit(), Edit(shift=-40, status="redo")]
+    own.write_text("{line: 1, strength: 0}\n")
+    assert edits(written(folder, f"{{{SCENE}}}"))[0] == Edit(strength=0)
+    own.write_text("# nothing yet\n")
+    assert edits(written(folder, f"{{{SCENE}}}")) == [Edit(), Edit()]
+
+
+def test_edits_in_both_places_are_refused(folder: Path, own: Path) -> None:
+    own.write_text("{line: 3, shift: 80}")
+    (problem,) = problems(scene(folder, "{line: 3, shift: 80}"))
+    assert "dubs[0].edits: it.edits.yaml holds edits of this dub, too: move all into" in problem
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("- line: 3\n  keys:\n  - at: 9\n    strength: 0", "line 3: [0].keys[0].at: the sound"),
+        ("- line: 1\n- line: 3\n  shfit: 3", "line 3: [1].shfit: unknown key; did you mean"),
+        ("line: 3\nstatus: done", "line 2: status: must be one of 'open', 'approved' or 'redo'"),
+        ("- line: 7", "line 1: [0].line: nobody dubs a line 7; there is 1, 3"),
+        ("- line: 3\n  line: 1", "line 2: [0].line: given twice"),
+        ("soft", "line 1: must hold keys, not text"),
+        ("{", ": line 1: not valid YAML"),
+    ],
+)
+def test_a_mistake_in_that_file_names_it(folder: Path, own: Path, text: str, words: str) -> None:
+    own.write_text(text)
+    (problem,) = problems(written(folder, f"{{{SCENE}}}"))
+    assert problem.startswith("it.edits.yaml"), problem
+    assert words in problem
+
+
+def test_such_a_file_comes_back_as_it_was_written(own: Path) -> None:
+    folder = {"folder": own.parent}
+    note = 'zwei: "#" é\u0085\n ' + "long " * 50
+    keys = [entry.Key(at=0.52, strength=0), entry.Key(at=1.25, strength=1.5)]
+    given = [
+        entry.Edit(line=3, shift=-40.5, keys=keys, note=note, status="approved"),
+        entry.Edit(line=7, speaker="- Ann", strength=0.5),
+        entry.Edit(line=1, shift=80),
+        entry.Edit.model_validate({"line": 2, "curves": "lips.csv"}, context=folder),
+    ]
+    edits_file.write(own, given)
+    written = edits_file.read(own).data
+    assert written[-1] == {"line": 2, "curves": "lips.csv"}
+    again = [entry.Edit.model_validate(one, context=folder) for one in written]
+    assert again == given
+    assert edits_file.text_of(again, own.parent) == own.read_bytes()
+    assert "shift: 80}" in own.read_text(encoding="utf-8")
 
 
 def test_plan_names_edited_lines(folder: Path) -> None:

@@ -54,7 +54,7 @@ dubs:
     audio_rate: source
     edits: [{line: 3, shift: -40.5}, {line: 7, speaker: BOB, strength: 1.5, note: "louder"}]
   - {identity: bob, audio: it.wav, reel_start: 3600.5, mark: false, label: {mark: false}}
-  - {identity: bob, audio: it.wav, edits: {shift: 80}}
+  - {identity: bob, audio: it.wav, edits: {shift: 80, status: redo}}
 """
 
 

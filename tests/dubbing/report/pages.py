@@ -104,6 +104,7 @@ def line(number: int, verdict: str | None) -> dict[str, Any]:
         "own_pixels": "covered 40-44" if number == 1 else "",
         "overlaid": "45-60" if number == 1 else "",
         "edit": "",
+        "status": "open",
         "reach": "80 % of the frames dubbed" if number == 1 else "all frames dubbed",
         "short": number == 1,
     }

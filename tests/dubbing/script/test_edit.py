@@ -7,7 +7,7 @@ import pytest
 
 from dubbing.script.timeline import AROUND, HELD, Edit
 
-RATE = Fraction(100)  # a frame each 10 ms
+RATE = Fraction(100)  # a frame each 10 ms, whose middle counts
 
 
 def test_without_keys_it_is_the_line_s() -> None:
@@ -16,7 +16,7 @@ def test_without_keys_it_is_the_line_s() -> None:
 
 
 def test_a_key_holds_and_the_line_s_own_comes_back() -> None:
-    found = Edit(strength=0.8, keys=((0.5, 0.0),)).strengths(100, RATE)
+    found = Edit(strength=0.8, keys=((0.505, 0.0),)).strengths(100, RATE)
     held, around = round(100 * HELD), round(100 * AROUND)
     assert not found[50 - held : 51 + held].any()
     assert found[50 - around] == found[50 + around] == pytest.approx(0.8)
@@ -25,13 +25,13 @@ def test_a_key_holds_and_the_line_s_own_comes_back() -> None:
 
 
 def test_between_keys_that_are_near_the_line_s_own_does_not_come_back() -> None:
-    found = Edit(keys=((0.6, 1.4), (0.4, 0.0))).strengths(100, RATE)  # in any order
+    found = Edit(keys=((0.605, 1.4), (0.405, 0.0))).strengths(100, RATE)  # in any order
     assert found[40] == 0
     assert found[60] == pytest.approx(1.4)
     assert (np.diff(found[44:57]) > 0).all()
     assert found[52] == pytest.approx(1.4 * (52 - 44) / (56 - 44))
     # Further apart, it does.
-    far = Edit(keys=((0.3, 0.0), (0.7, 0.0))).strengths(100, RATE)
+    far = Edit(keys=((0.305, 0.0), (0.705, 0.0))).strengths(100, RATE)
     np.testing.assert_allclose(far[42:59], 1)
 
 
@@ -42,6 +42,6 @@ def test_a_key_at_the_beginning_is_not_cut_off() -> None:
 
 
 def test_keys_are_moments_of_the_sound_which_a_shifted_mouth_follows() -> None:
-    plain = Edit(keys=((0.5, 0.0),)).strengths(100, RATE)
-    late = Edit(shift=80, keys=((0.5, 0.0),)).strengths(100, RATE)
+    plain = Edit(keys=((0.505, 0.0),)).strengths(100, RATE)
+    late = Edit(shift=80, keys=((0.505, 0.0),)).strengths(100, RATE)
     np.testing.assert_allclose(late[8:], plain[:-8])

@@ -14,6 +14,7 @@ import pytest
 from dubbing.engine.files import atomic_write_json
 from dubbing.engine.stage import Progress, Stage
 from dubbing.identity.finetune_settings import FinetuneSettings
+from dubbing.identity.lip_scale import LipScale
 from dubbing.script.timeline import Edit
 from dubbing.sound_to_lips.cue_speech import Speech
 from dubbing.stages.base import Prepared
@@ -97,6 +98,7 @@ def render(folder: Path, clip: Path, **changed: Any) -> Render:
         "on_longer_audio": "bounce",
         "baked": True,
         "edit": Edit(),
+        "learned": (),
         "preset": "fast",
         "crop": 0.5,
         "device": "cpu",
@@ -152,6 +154,21 @@ def test_speech_then_heads(clip: Path, tmp_path: Path, monkeypatch: pytest.Monke
     between = whole.windows[13:22, 1:]  # 20 ms on: its steps, one later
     np.testing.assert_allclose(early.windows[:, :-1], between, atol=1e-6)
     assert not np.array_equal(early.lips, whole.lips[13:22])
+    # Curves in eye distances become measures of the person; two frames later, as the mouth is.
+    assert named["lips"] is None
+    (tmp_path / "curves.csv").write_text("time,opening\n0.1,0.5\n0.22,0.8\n")
+    scale_of = create_autospec(LipScale.of, return_value=LipScale(np.full(7, 0.2), np.full(7, 0.1)))
+    monkeypatch.setattr(LipScale, "of", scale_of)
+    edit = Edit(shift=80, curves=(tmp_path / "curves.csv", 1))
+    learned = (Prepared(Made(folder=prepared), clip),)
+    render(tmp_path, clip, edit=edit, learned=learned).run(out, quiet)
+    ((folder, (one,)), _) = scale_of.call_args
+    assert (folder, one.folder) == (tmp_path / "model", prepared)
+    lips = work.call_args[1]["lips"]
+    assert lips.shape == (40, 7)
+    assert (np.flatnonzero(~np.isnan(lips[:, 0])) == [4, 5, 6, 7]).all()
+    np.testing.assert_allclose(lips[4:8, 0], [3, 4, 5, 6], atol=1e-5)
+    assert np.isnan(lips[:, 1:]).all()
 
 
 def test_check_reads_the_sources_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -81,8 +81,10 @@ OF_ONE: list[tuple[str, Any, set[str]]] = [
     ("dubs.0.edits.shift", -20.5, {"render"}),
     ("dubs.0.edits.strength", 0, {"render"}),
     ("dubs.0.edits.keys", [{"at": 0.1, "strength": 0}], {"render"}),
+    ("dubs.0.edits.curves", "curves.csv", {"render"}),
     ("dubs.0.edits.line", 1, set()),
     ("dubs.0.edits.note", "say it again", set()),
+    ("dubs.0.edits.status", "redo", set()),
     ("dubs.0.language", "it-IT", set()),  # compared with what was agreed to, and no more
 ]
 OF_SCENE: list[tuple[str, Any, set[str]]] = [
@@ -123,6 +125,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (place / "later.srt").write_text(SRT.replace("00,200", "00,280"))
     (place / "signed.txt").write_text("I agree.")
     (place / "form.yaml").write_text("by: Ann\nreference: form 17\ndate: 2026-01-01\n")
+    (place / "curves.csv").write_text("time,opening\n0.1,0.2\n")
     (place / "mark.key").write_bytes(bytes(range(32)))
     return place
 

@@ -1,0 +1,71 @@
+"""The curves of the lips of dubs as tables beside their results."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from dubbing.batch import jobs, results
+from dubbing.engine import claims
+from dubbing.engine.files import atomic_write_text, digest_bytes, make_folder
+from dubbing.engine.stage import Stage
+from dubbing.errors import ExplainedError, RenderingError
+from dubbing.face.lip_curves import text_of
+from dubbing.identity.lip_scale import moments
+from dubbing.pipeline import DUB
+from dubbing.production.dub import Dub
+from dubbing.production.production import WORK, Production
+from dubbing.stages.draft import Draft, HalfSize
+
+
+def write_curves(production: Production, only: tuple[str, ...] = ()) -> Iterator[Path]:
+    """Write NAME.curves.csv of dubs into the output folder; gives each as it is written.
+
+    Raises:
+        ExplainedError: a person is not learned, or the file may not be written.
+    """
+    for name, job in jobs.build(production, only=only, draft=True).named(DUB).items():
+        dub = production.dubs[name]
+        for draft in job.all_of(Draft):
+            check_made(production, name, draft)
+            text = text_of(rows_of(dub, draft.opened()))
+            yield _put(production, dub, text)
+
+
+def check_made(production: Production, name: str, draft: Draft) -> None:
+    """Check that what a draft needs was made.
+
+    Raises:
+        ExplainedError: something was not.
+    """
+    if not all(one.record() for one in draft.inputs.values() if isinstance(one, Stage)):
+        what = "a person is not learned yet, or speech was not listened to"
+        raise ExplainedError(what, name, f"run first: dfrf dub {production.manifest}")
+
+
+def rows_of(dub: Dub, half: HalfSize) -> Iterator[tuple[int, int, float, np.ndarray]]:
+    """Line, frame of the dub, seconds of the line's sound and lengths of the lips of all lines."""
+    for cue in dub.cues:
+        lengths = half.lips(cue, cue.edit)
+        if lengths is None:
+            what = f"the model of {cue.identity} has no lip measures"
+            raise RenderingError(what, dub.name, "take preset 'fast'")
+        times = moments(len(lengths), dub.film.rate)
+        for k, (time, one) in enumerate(zip(times, lengths, strict=True), cue.first):
+            yield cue.number, k, float(time), one
+
+
+def _put(production: Production, dub: Dub, text: str) -> Path:
+    target = production.output / f"{dub.name}.curves.csv"
+    if any(c.edit.curves and c.edit.curves[0].resolve() == target.resolve() for c in dub.cues):
+        what = "an edit reads this file, so it is not written"
+        raise ExplainedError(
+            what, str(target), "copy it to another name, and let the edit name that"
+        )
+    make_folder(production.output / WORK)
+    with claims.hold(production.work / "results", wait=True):
+        ledger = results.ledger_of(production)
+        results.refuse_others(ledger, target.name)
+        ledger.enter({target.name: digest_bytes(text.encode())})
+        atomic_write_text(target, text)
+    return target

@@ -1,0 +1,149 @@
+"""The process that draws frames: it holds people and films in memory, and alone loads torch.
+
+It answers jobs through a pipe, one after another. K frames.
+"""
+
+from __future__ import annotations
+
+import signal
+from collections import OrderedDict
+from collections.abc import Generator, Iterator
+from contextlib import closing
+from dataclasses import dataclass, field
+from functools import cached_property
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dubbing.batch.jobs import build
+from dubbing.engine.memory import SHORT
+from dubbing.errors import ExplainedError
+from dubbing.script.timeline import Edit
+from dubbing.stages.draft import Draft
+from dubbing.studio.film import DUB, SOURCE, Film, as_jpeg
+
+if TYPE_CHECKING:
+    from dubbing.manifest.manifest import Production
+
+MOST_KEPT = 300 * 10**6  # bytes of drawn frames
+
+
+@dataclass(frozen=True)
+class Job:
+    """Work for the process.
+
+    Attributes:
+        number: of the job; answers bear it.
+        ask: a function of `Desk`.
+        dub: its name.
+        arguments: of the function.
+    """
+
+    number: int
+    ask: str
+    dub: str
+    arguments: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def urgent(self) -> bool:
+        """Whether others rest meanwhile."""
+        return self.arguments.get("kind") not in (SOURCE, DUB)
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Something that a job gave: a value, its end, or what went wrong."""
+
+    number: int
+    value: Any = None
+    ended: bool = False
+    error: str = ""
+
+
+def serve(pipe: Connection, manifest: str, device: str) -> None:
+    """Answer jobs until the other end is closed; a number alone takes its job back.
+
+    Of several jobs the most urgent goes on; the others rest for as long.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the server ends this
+    desk = Desk(Path(manifest), device)
+    begun: dict[int, tuple[Job, Generator[Any]]] = {}
+
+    def listen() -> None:
+        while pipe.poll(0 if begun else None):
+            message = pipe.recv()
+            if isinstance(message, Job):
+                values = getattr(desk, message.ask)(message.dub, **message.arguments)
+                begun[message.number] = message, values
+            elif message in begun:
+                begun.pop(message)[1].close()
+
+    while True:
+        try:
+            listen()
+            number = max(begun, key=lambda one: (begun[one][0].urgent, one))
+            try:
+                pipe.send(Answer(number, next(begun[number][1])))
+            except (StopIteration, ExplainedError, MemoryError, RuntimeError) as error:
+                del begun[number]
+                words = "" if isinstance(error, StopIteration) else str(error) or SHORT
+                pipe.send(Answer(number, ended=True, error=words))
+        except (EOFError, BrokenPipeError, ConnectionResetError):
+            return
+
+
+class Desk:
+    """What is held in memory, and the work that is done with it.
+
+    Args:
+        device: auto, cpu or cuda.
+    """
+
+    def __init__(self, manifest: Path, device: str) -> None:
+        self.manifest, self.device = manifest, device
+        self.films: OrderedDict[str, Film] = OrderedDict()
+        self.drawn: OrderedDict[tuple[str, str, int, str], bytes] = OrderedDict()
+
+    @cached_property
+    def production(self) -> Production:
+        from dubbing.manifest.manifest import load
+
+        return load(self.manifest)
+
+    def film(self, name: str) -> Film:
+        """The film of a dub; another one than last time takes its place."""
+        if name not in self.films:
+            self.films.clear()
+            job = build(self.production, only=(name,), device=self.device, draft=True)
+            self.films[name] = Film(job.by_label[f"dub/{name}"].stage(Draft))
+        return self.films[name]
+
+    def curves(self, dub: str, folder: str, edits: dict[str, Edit]) -> Iterator[dict[str, Any]]:
+        """The sound of a dub as a file in a folder, and what is heard of lips in each line."""
+        from dubbing.studio.sound import write_sound
+
+        film = self.film(dub)
+        file, peaks = write_sound(self.production.dubs[dub], Path(folder))
+        yield {"file": file, "peaks": peaks, "lines": film.heard(edits)}
+
+    def frames(
+        self, dub: str, kind: str, wanted: list[tuple[int, str]], edits: dict[str, Edit]
+    ) -> Generator[tuple[int, str, bytes]]:
+        """Frames as JPEG with their numbers and signatures, in the order asked for."""
+        missing = []
+        for number, mark in wanted:
+            if (key := (dub, kind, number, mark)) in self.drawn:
+                self.drawn.move_to_end(key)
+                yield number, mark, self.drawn[key]
+            else:
+                missing.append((number, mark))
+        marks = dict(missing)
+        video = self.production.output / self.production.dubs[dub].results()["video"]
+        with closing(self.film(dub).draw(kind, list(marks), edits, video)) as images:
+            for number, image in images:
+                key = (dub, kind, number, marks[number])
+                self.drawn[key] = as_jpeg(image)
+                yield number, marks[number], self.drawn[key]
+        size = sum(map(len, self.drawn.values()))
+        while size > MOST_KEPT:
+            size -= len(self.drawn.popitem(last=False)[1])

@@ -1,0 +1,125 @@
+"""The film of a dub as the page shows it: its frames, those of the draft, and what is heard."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dubbing.face.lip_curves import LENGTHS
+from dubbing.script.timeline import Cue, Edit
+from dubbing.stages.draft import Draft
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from dubbing.stages.draft import HalfSize
+
+QUALITY = 88  # of JPEG
+FIRST_BLOCK, LONGEST_BLOCK = 2, 24  # frames that are rendered at once: the first comes soon
+DRAWN = ("opening", "width")
+SOURCE, DUB, DRAFT = "source", "dub", "draft"
+
+
+class Film:
+    """The film of one dub with its people, at half size."""
+
+    def __init__(self, stage: Draft) -> None:
+        from dubbing.studio.kept_film import KeptFilm
+
+        self.stage = stage
+        opened = stage.opened()
+        clips = {name: KeptFilm.of(clip.full) for name, clip in opened.clips.items()}  # type: ignore[attr-defined]
+        self.half: HalfSize = replace(opened, clips=clips)
+        self.length = len(self.half.poses)
+
+    @property
+    def cues(self) -> tuple[Cue, ...]:
+        return self.stage.sound.cues
+
+    def draw(
+        self, kind: str, numbers: list[int], edits: dict[str, Edit], video: Path
+    ) -> Generator[tuple[int, np.ndarray]]:
+        """Images (H, W, 3) uint8 of frames of the dub, with their numbers."""
+        import numpy as np
+
+        from dubbing.media.overlap import ahead
+        from dubbing.video.composer import Composer, read_film
+
+        heads = [self.half.heads(cue, edits.get(cue.name, Edit())) for cue in self.cues]
+        composer = Composer(heads, self.half.poses, self.stage.settings)
+
+        def read(first: int, stop: int) -> Iterator[Any]:
+            if kind == DUB:
+                return of_video(video, first, stop, composer.size)
+            if kind == SOURCE:
+                return read_film(composer.film, self.half.poses[first:stop])
+            return composer.read(first, stop)
+
+        def every() -> Iterator[Any]:
+            for first, stop in blocks(numbers):
+                yield from zip(range(first, stop), read(first, stop), strict=False)
+
+        with closing(ahead(every())) as found:
+            for number, one in found:
+                if kind == DRAFT:
+                    image, faces = one
+                    pose = int(self.half.poses[number])
+                    drawn = composer.frame(None, image, faces, pose, number)
+                    yield number, np.asarray(drawn)  # a draft has no planes
+                else:
+                    yield number, one
+
+    def heard(self, edits: Mapping[str, Edit]) -> dict[str, dict[str, Any]]:
+        """By cue: opening and width of the lips in its frames, heard and of a closed mouth.
+
+        In eye distances; nothing of models without lip measures.
+        """
+        return {cue.name: self._heard(cue, edits.get(cue.name, Edit())) for cue in self.cues}
+
+    def _heard(self, cue: Cue, edit: Edit) -> dict[str, Any]:
+        import numpy as np
+
+        heard = self.half.lips(cue, edit)
+        if heard is None:
+            return {}
+        closed = self.half.lips(cue, Edit(), np.zeros(len(heard), np.float32))
+        assert closed is not None
+        return {
+            name: {"heard": heard[:, k].round(4).tolist(), "closed": round(float(closed[0, k]), 4)}
+            for k, name in enumerate(LENGTHS)
+            if name in DRAWN
+        }
+
+
+def blocks(numbers: list[int]) -> Iterator[tuple[int, int]]:
+    """Runs first .. stop of numbers, short ones first: what is rendered at once comes at once."""
+    size, place = FIRST_BLOCK, 0
+    while place < len(numbers):
+        stop = place + 1
+        while (
+            stop - place < size and stop < len(numbers) and numbers[stop] == numbers[stop - 1] + 1
+        ):
+            stop += 1
+        yield numbers[place], numbers[stop - 1] + 1
+        place, size = stop, min(2 * size, LONGEST_BLOCK)
+
+
+def of_video(video: Path, first: int, stop: int, size: tuple[int, int]) -> Iterator[np.ndarray]:
+    """Frames of the finished video, as large as those of the draft."""
+    import cv2
+
+    from dubbing.media import read_frames
+
+    for image in read_frames(video, start=first, count=stop - first):
+        yield cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
+def as_jpeg(image: np.ndarray) -> bytes:
+    """An image (H, W, 3) uint8 RGB as a file."""
+    import cv2
+
+    _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
+    return data.tobytes()

@@ -1,0 +1,130 @@
+// The dub on the page: its lines, which one is chosen, and every change of an edit, saved at once.
+
+import { ask, dubPath, put } from "./api.js";
+
+export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], status: "open", curves: null };
+const LOOK_MS = 500, ELSEWHERE = "Changed elsewhere: shown now";
+const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
+
+// Events: `dub` another one; `line` another is chosen; `edits` changed here; `saved` with what the
+// server made of them; `said` words for the user; `lost` and `found` the server.
+export class Desk extends EventTarget {
+  dub = null;
+  line = null;
+  curves = null;
+  #undone = [];
+  #done = [];
+  #saving = Promise.resolve();
+  #busy = 0;
+  #turn = 0;
+
+  tell(kind, detail) { this.dispatchEvent(new CustomEvent(kind, { detail })); }
+
+  async open(name) {
+    this.#turn += 1;
+    this.curves = null;
+    this.#done = [];
+    this.#undone = [];
+    this.dub = await ask(dubPath(name));
+    this.line = this.dub.lines[0];
+    this.tell("dub");
+    this.tell("line");
+    this.#watch();
+    const curves = await ask(`${dubPath(name)}/curves`);
+    if (this.dub.name !== name) return;
+    this.curves = curves;
+    this.tell("curves");
+  }
+
+  choose(line) {
+    if (!line || line === this.line) return;
+    this.line = line;
+    this.tell("line");
+  }
+
+  get canUndo() { return this.#done.length > 0; }
+  get canRedo() { return this.#undone.length > 0; }
+
+  change(line, part) {
+    const [before, after] = [line.edit, { ...line.edit, ...part }];
+    if (this.dub.fixed || same(before, after)) return;
+    const step = { cue: line.cue, before, after };
+    this.#done.push(step);
+    this.#undone = [];
+    this.#save(line, after, () => { this.#done = this.#done.filter((one) => one !== step); });
+  }
+
+  undo() { this.#step(this.#done, this.#undone, "before"); }
+  redo() { this.#step(this.#undone, this.#done, "after"); }
+
+  #step(from, to, which) {
+    const step = from.pop();
+    if (!step) return;
+    to.push(step);
+    const line = this.dub.lines.find(({ cue }) => cue === step.cue);
+    this.choose(line);
+    this.#save(line, step[which], () => { from.push(to.splice(to.indexOf(step), 1)[0]); });
+  }
+
+  // One after the other: each save names the revision that it changes.
+  #save(line, edit, failed) {
+    const [name, cue, before] = [this.dub.name, line.cue, line.edit];
+    line.edit = edit;
+    this.#busy += 1;
+    this.tell("edits");
+    this.tell("said", "Saving");
+    this.#saving = this.#saving.then(async () => {
+      const path = `${dubPath(name)}/lines/${encodeURIComponent(cue)}`;
+      try {
+        this.#take(await put(path, { revision: this.dub.revision, edit }), this.#busy > 1);
+        this.tell("said", "Saved");
+      } catch (error) {
+        failed();
+        line.edit = before;
+        if (error.status) await this.reload();
+        else this.tell("lost");
+        this.tell("edits");
+        this.tell("said", `Not saved: ${error.status ? error.message : "the server does not answer"}`);
+      } finally { this.#busy -= 1; }
+    });
+  }
+
+  // What the server has; nothing where something is saved here meanwhile, which brings it, too.
+  async reload(words = "") {
+    const busy = this.#busy;
+    try {
+      const dub = await ask(dubPath(this.dub.name));
+      if (this.#busy > busy || (words && dub.revision === this.dub.revision)) return;
+      this.#take(dub);
+      if (words) this.tell("said", words);
+    } catch (error) { this.tell("said", error.message); }
+  }
+
+  // Another state of the same dub; the chosen line stays chosen.
+  #take(dub, unfinished = false) {
+    if (dub.name !== this.dub?.name) return;
+    if (unfinished) { this.dub.revision = dub.revision; return; }
+    const chosen = this.line?.cue;
+    this.dub = dub;
+    this.line = dub.lines.find(({ cue }) => cue === chosen) || dub.lines[0];
+    this.tell("edits");
+    this.tell("saved");
+  }
+
+  // Looks for what others saved. A connection that is kept open would be one of six, which all pages
+  // of a browser share.
+  async #watch() {
+    const turn = this.#turn += 1;
+    while (turn === this.#turn) {
+      await new Promise((go) => setTimeout(go, LOOK_MS));
+      try {
+        const { revision } = await ask(`${dubPath(this.dub.name)}/revision`);
+        this.tell("found");
+        if (turn === this.#turn && !this.#busy && revision !== this.dub.revision) await this.reload(ELSEWHERE);
+      } catch (error) {
+        if (error.status) this.tell("said", error.message);
+        else this.tell("lost");
+      }
+    }
+  }
+}

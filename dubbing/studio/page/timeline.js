@@ -1,0 +1,247 @@
+// The sound, the lines as blocks, and the curves of the lips with the keys of their strength.
+
+import WaveSurfer from "./vendor/wavesurfer.js";
+import { dubPath } from "./api.js";
+
+const AXIS = 52; // px to both sides of the curves, as in studio.css
+const MOST = 1.5, LONGEST_SHIFT = 500; // of strength; ms
+const STEP = 0.05; // of strength
+const find = (id) => document.getElementById(id);
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
+const rounded = (value, step) => Number((Math.round(value / step) * step).toFixed(3));
+
+export class Timeline {
+  zoom = 1;
+  #wave = null;
+  #plot = null;
+  #ready = false; // whether the sound is there
+  #at = 0; // the moment while nothing plays: the player takes a while to go where it is told to
+
+  constructor(desk, moved) {
+    this.desk = desk;
+    this.moved = moved;
+    desk.addEventListener("dub", () => this.#close());
+    desk.addEventListener("curves", () => this.#open());
+    desk.addEventListener("line", () => { this.zoom = 1; this.seek(this.desk.line.first / this.desk.dub.rate); this.lay(); });
+    desk.addEventListener("edits", () => this.lay());
+    desk.addEventListener("saved", () => this.lay());
+    find("measure").addEventListener("change", () => this.lay());
+    new ResizeObserver(() => this.lay()).observe(find("timeline"));
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#open());
+  }
+
+  get time() { return this.playing ? this.#wave.getCurrentTime() : this.#at; }
+  get playing() { return Boolean(this.#wave?.isPlaying()); }
+  play() { return this.#wave?.playPause().catch((error) => this.desk.tell("said", error.message)); }
+
+  seek(seconds) {
+    this.#at = clamp(seconds, 0, this.desk.dub.frames / this.desk.dub.rate);
+    if (this.#ready) this.#wave.setTime(this.#at);
+    this.moved();
+  }
+
+  nearer(factor) { this.zoom = clamp(this.zoom * factor, 1, 64); this.lay(); }
+
+  // Seconds that are in sight: the chosen line, or a part of it round the moment that is shown.
+  get sight() {
+    const { dub: { rate, frames }, line } = this.desk;
+    const [low, high] = [Math.max(0, line.first / rate - 0.2), Math.min(frames / rate, line.stop / rate + 0.2)];
+    const half = (high - low) / this.zoom / 2;
+    const middle = clamp(this.time, low + half, high - half);
+    return [middle - half, middle + half];
+  }
+
+  #close() {
+    this.#at = this.time;
+    this.#ready = false;
+    this.#wave?.destroy();
+    this.#plot?.destroy();
+    this.#wave = this.#plot = null;
+    find("lane").replaceChildren();
+  }
+
+  #open() {
+    if (!this.desk.curves) return;
+    this.#close();
+    const { dub, curves } = this.desk;
+    this.#wave = WaveSurfer.create({ container: find("wave"), height: 56, peaks: [curves.peaks],
+      duration: dub.frames / dub.rate, url: `${dubPath(dub.name)}/sound`, waveColor: colour("wave"),
+      progressColor: colour("played"), cursorColor: colour("text"), cursorWidth: 2, hideScrollbar: true,
+      autoScroll: false, dragToSeek: true });
+    this.#wave.on("timeupdate", () => this.moved());
+    this.#wave.on("ready", () => { this.#ready = true; this.seek(this.#at); this.lay(); });
+    this.#wave.on("interaction", (time) => { this.#at = time; this.moved(); });
+    this.#wave.on("play", () => this.moved());
+    this.#wave.on("pause", () => { this.#at = this.#wave.getCurrentTime(); this.moved(); });
+    this.lay();
+  }
+
+  // Everything where it belongs now.
+  lay() {
+    if (!this.#wave || !this.desk.line) return;
+    const [low, high] = this.sight;
+    const wide = find("wave").clientWidth;
+    this.#wave.zoom(wide / (high - low));
+    this.#wave.setScrollTime(low);
+    this.#blocks(low, high, wide);
+    this.#curve(low, high);
+    this.mark();
+  }
+
+  // Where the moment that is shown is in the curves.
+  mark() {
+    const now = find("curve").querySelector(".now");
+    if (now) now.style.left = `${this.#plot.valToPos(this.time, "x")}px`;
+  }
+
+  follow() {
+    const [low, high] = this.sight;
+    if (this.zoom > 1 && this.#plot && (low !== this.#plot.scales.x.min || high !== this.#plot.scales.x.max)) this.lay();
+    else this.mark();
+  }
+
+  #blocks(low, high, wide) {
+    const { dub, line: chosen } = this.desk, held = document.activeElement?.dataset?.block;
+    const scale = wide / (high - low);
+    find("lane").replaceChildren(...dub.lines.filter(({ first, stop }) =>
+      stop / dub.rate > low - 1 && first / dub.rate < high + 1).map((line) => {
+      const block = document.createElement("button");
+      block.dataset.block = line.cue;
+      block.textContent = `${line.line} ${line.speaker || line.identity} ${line.words}`;
+      block.setAttribute("aria-label", `Line ${line.line}, its mouth ${line.edit.shift} ms later`);
+      if (line === chosen) block.setAttribute("aria-current", "true");
+      block.style.width = `${(line.stop - line.first) / dub.rate * scale}px`;
+      const place = (shift) => { block.style.left = `${(line.first / dub.rate - low + shift / 1000) * scale}px`; };
+      place(line.edit.shift);
+      let shift = line.edit.shift;
+      drag(block, (across) => {
+        shift = clamp(Math.round(line.edit.shift + across / scale * 1000), -LONGEST_SHIFT, LONGEST_SHIFT);
+        place(shift);
+        this.desk.tell("said", `the mouth ${shift} ms later`);
+      }, (moved) => { this.desk.choose(line); if (moved) this.desk.change(line, { shift }); });
+      block.addEventListener("click", () => this.desk.choose(line));
+      block.addEventListener("keydown", (event) => {
+        const step = { ArrowLeft: -10, ArrowRight: 10 }[event.key];
+        if (!step) return;
+        event.preventDefault();
+        this.desk.change(line, { shift: clamp(line.edit.shift + step, -LONGEST_SHIFT, LONGEST_SHIFT) });
+      });
+      return block;
+    }));
+    find("lane").querySelector(`[data-block="${CSS.escape(held || "")}"]`)?.focus();
+  }
+
+  #curve(low, high) {
+    const { dub, line, curves } = this.desk, lips = curves.lines[line.cue][find("measure").value];
+    const late = line.edit.shift / 1000 * dub.rate;
+    const times = line.strengths.map((_, k) => (line.first + k + 0.5) / dub.rate);
+    const heard = lips?.heard || [];
+    const shifted = (k) => {
+      const at = clamp(k - late, 0, heard.length - 1), floor = Math.floor(at);
+      return heard[floor] + (at - floor) * ((heard[floor + 1] ?? heard[floor]) - heard[floor]);
+    };
+    const wanted = heard.map((_, k) => lips.closed + line.strengths[k] * (shifted(k) - lips.closed));
+    const data = [times, heard, wanted, line.strengths];
+    const size = { width: find("curve").clientWidth, height: 180 };
+    if (!this.#plot) this.#plot = new uPlot(this.#options(size), data, find("curve"));
+    else { this.#plot.setSize(size); this.#plot.setData(data, false); }
+    const top = Math.max(...heard, ...wanted, 0.1) * 1.1;
+    this.#plot.batch(() => {
+      this.#plot.setScale("x", { min: low, max: high });
+      this.#plot.setScale("y", { min: 0, max: top });
+      this.#plot.setScale("s", { min: 0, max: MOST });
+    });
+    this.#handles(line);
+  }
+
+  #options(size) {
+    const axis = { stroke: colour("quiet"), grid: { stroke: colour("edge"), width: 1 }, ticks: { show: false }, size: AXIS };
+    const series = (label, stroke, more = {}) => ({ label, stroke: colour(stroke), width: 2, points: { show: false }, ...more });
+    return { ...size, legend: { show: false }, padding: [14, 0, 0, 0], cursor: { drag: { x: false, y: false }, points: { show: false } },
+      scales: { x: { time: false }, y: {}, s: {} },
+      axes: [{ ...axis, size: 30, values: (_, ticks) => ticks.map((t) => `${t.toFixed(2)} s`) },
+        { ...axis, label: "% of eye distance", labelSize: 20, size: AXIS - 20,
+          values: (_, ticks) => ticks.map((t) => (100 * t).toFixed(0)) },
+        { ...axis, scale: "s", side: 1, grid: { show: false }, label: "strength", labelSize: 20, size: AXIS - 20 }],
+      series: [{}, series("heard", "heard", { dash: [2, 4] }), series("wanted", "wanted", { width: 3 }),
+        series("strength", "share", { scale: "s", dash: [8, 5] })],
+      hooks: { init: [(plot) => {
+        const now = document.createElement("div");
+        now.className = "now";
+        plot.over.append(now);
+        plot.over.addEventListener("click", (event) => {
+          if (event.target === plot.over) this.seek(plot.posToVal(event.offsetX, "x"));
+        });
+        plot.over.addEventListener("dblclick", (event) => {
+          if (event.target !== plot.over) return;
+          this.addKey(plot.posToVal(event.offsetX, "x"), rounded(plot.posToVal(event.offsetY, "s"), STEP));
+        });
+      }] } };
+  }
+
+  // A key at a moment of the dub.
+  addKey(seconds, strength) {
+    const { dub, line } = this.desk;
+    const at = rounded(clamp(seconds - line.first / dub.rate - line.edit.shift / 1000, 0, line.seconds), 0.01);
+    const rest = line.edit.keys.filter((key) => Math.abs(key.at - at) > 0.005);
+    this.#change(line, [...rest, { at, strength: clamp(strength, 0, MOST) }]);
+  }
+
+  #change(line, keys) { this.desk.change(line, { keys: [...keys].sort((a, b) => a.at - b.at) }); }
+
+  #handles(line) {
+    const { dub } = this.desk, plot = this.#plot, { over } = plot;
+    const held = document.activeElement?.dataset?.key;
+    for (const old of over.querySelectorAll(".key")) old.remove();
+    const begin = line.first / dub.rate + line.edit.shift / 1000;
+    line.edit.keys.forEach((key, number) => {
+      const handle = document.createElement("button");
+      handle.className = "key";
+      handle.dataset.key = number;
+      handle.disabled = dub.fixed;
+      const place = ({ at, strength }) => {
+        handle.style.left = `${plot.valToPos(begin + at, "x")}px`;
+        handle.style.top = `${plot.valToPos(strength, "s")}px`;
+        handle.setAttribute("aria-label", `Key at ${at} s, strength ${strength}`);
+        handle.title = `${at} s: ${strength}`;
+      };
+      const moved = (at, strength) => ({ at: rounded(clamp(at, 0, line.seconds - 0.005), 0.01),
+        strength: rounded(clamp(strength, 0, MOST), STEP) });
+      const changed = (one) => this.#change(line, line.edit.keys.map((old, k) => k === number ? one : old));
+      place(key);
+      let one = key;
+      drag(handle, (across, down) => {
+        one = moved(plot.posToVal(plot.valToPos(begin + key.at, "x") + across, "x") - begin,
+          plot.posToVal(plot.valToPos(key.strength, "s") + down, "s"));
+        place(one);
+      }, (did) => { if (did) changed(one); });
+      handle.addEventListener("keydown", (event) => {
+        const [across, up] = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key] || [];
+        if (event.key === "Delete" || event.key === "Backspace") this.#change(line, line.edit.keys.filter((_, k) => k !== number));
+        else if (across !== undefined) changed(moved(key.at + across / dub.rate, key.strength + up * STEP));
+        else return;
+        event.preventDefault();
+      });
+      over.append(handle);
+    });
+    over.querySelector(`[data-key="${held}"]`)?.focus();
+  }
+}
+
+// Calls `moved(across, down)` in px while something is dragged, and `ended(whether it moved)`.
+function drag(tag, moved, ended) {
+  tag.addEventListener("pointerdown", (down) => {
+    if (down.button || tag.disabled) return;
+    tag.setPointerCapture(down.pointerId);
+    let far = false;
+    const move = (event) => {
+      const [across, below] = [event.clientX - down.clientX, event.clientY - down.clientY];
+      far ||= Math.hypot(across, below) > 2;
+      if (far) moved(across, below);
+    };
+    const end = () => { tag.removeEventListener("pointermove", move); ended(far); };
+    tag.addEventListener("pointermove", move);
+    tag.addEventListener("pointerup", end, { once: true });
+  });
+}

@@ -1,0 +1,74 @@
+"""Drafted heads and lips of a small model: what an edit does to them."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dfrf import presets
+from dfrf.field.speaker_adaptation import NUMBERS
+from dubbing.face.lip_curves import text_of
+from dubbing.identity.lip_scale import LipScale, moments
+from dubbing.preparation.halved import HalvedClip
+from dubbing.script.timeline import Cue, Edit
+from dubbing.sound_to_lips.cue_speech import Speech
+from dubbing.stages.draft import HalfSize
+from tests import clips, fakes
+from tests.dfrf.people import small_config
+
+pytestmark = pytest.mark.medium
+COUNT = 9
+ROUNDED = 4  # grey levels, of four digits in a table and of bfloat16
+CUE = Cue("ann", 0, COUNT, Path("it.wav"), 0.0, COUNT / 25)
+SCALE = LipScale(np.full(7, 1.0), np.full(7, 0.01))
+
+
+@pytest.fixture(scope="module")
+def half(tmp_path_factory: pytest.TempPathFactory) -> HalfSize:
+    folder = tmp_path_factory.mktemp("draft")
+    film = clips.write_clip(folder / "film.mp4", COUNT)
+    clip = HalvedClip.of(fakes.write_prepared(film, folder / "prepared", size=64))
+    random, steps = np.random.default_rng(0), 2 * COUNT
+    features = random.random((steps, 8)).astype(np.float32) + 0.1
+    lips = random.random((steps, NUMBERS)).astype(np.float32)
+    voice = np.ones(steps, np.float32)
+    speech = Speech("mel", COUNT, Fraction(25), COUNT / 25, features, voice, lips)
+    found = HalfSize(
+        {"ann": clip},
+        {"ann": np.zeros(COUNT, int)},
+        np.arange(COUNT),
+        {CUE.name: speech},
+        {},
+        "cpu",
+    )
+    model = presets.build(small_config(references=0, use_warp=False)).eval()
+    vars(found).update(models={"ann": (model, None)}, scales={"ann": SCALE})
+    return found
+
+
+def drawn(half: HalfSize, **edit: Any) -> np.ndarray:
+    return np.stack(list(half.heads(CUE, Edit(**edit)).read(0, COUNT))).astype(int)
+
+
+def test_an_edit_changes_its_own_frames_alone(half: HalfSize, tmp_path: Path) -> None:
+    heard = half.lips(CUE, Edit(shift=80, strength=0))  # both count for nothing
+    assert heard is not None
+    assert heard.shape == (COUNT, 7)
+    times = moments(COUNT, Fraction(25))
+    whole = drawn(half)
+    assert whole[..., 3].max() > 200
+    table = tmp_path / "heard.csv"
+    table.write_text(text_of((1, k, times[k], heard[k]) for k in range(COUNT)))
+    again = half.lips(CUE, Edit(curves=(table, 1)))
+    assert again is not None
+    np.testing.assert_allclose(again, heard, atol=1e-3)
+    assert np.abs(drawn(half, curves=(table, 1)) - whole).max() <= ROUNDED
+    table.write_text(text_of((1, k, times[k], heard[k] + 0.05) for k in range(4, 6)))
+    changed = np.abs(drawn(half, curves=(table, 1)) - whole).max((1, 2, 3)) > ROUNDED
+    assert np.flatnonzero(changed).tolist() == [4, 5]
+    apart = np.abs(drawn(half, keys=((0.22, 0.0),)) - whole).max((1, 2, 3)) > ROUNDED
+    assert np.flatnonzero(apart).tolist() == [3, 4, 5, 6, 7]

@@ -1,0 +1,27 @@
+"""A scene that can be drafted, with its film and its stages made once."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests import fakes
+from tests.dubbing.batches import dub
+from tests.dubbing.studio.stand_in import write_scene
+
+
+@pytest.fixture(scope="session")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a manifest whose people are learned."""
+    manifest = write_scene(tmp_path_factory.mktemp("studio"))
+    with pytest.MonkeyPatch.context() as patch:
+        fakes.install(patch.setattr)
+        dub(manifest, draft=True)
+    return manifest.parent
+
+
+@pytest.fixture
+def manifest(made: Path, tmp_path: Path) -> Path:
+    """A copy of it, for one test."""
+    shutil.copytree(made, tmp_path / "scene")
+    return tmp_path / "scene" / "m.yaml"

@@ -1,0 +1,219 @@
+"""The page in headless Chromium: keys are dragged, lines are moved, and the draft follows."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pytest
+
+from dubbing.manifest import yaml_lines
+from dubbing.manifest.edits_file import edits_file
+from tests.dubbing.studio.browser import CTRL, SHIFT, Browser, Page, browser
+from tests.dubbing.studio.stand_in import FRAMES, server
+
+pytestmark = pytest.mark.medium
+FIRST, LAST = "ann_0000005-0000020", "ann_0000040-0000055"
+READY = "window.studio?.desk.curves && document.querySelector('#curve canvas')"
+SAVED = "document.getElementById('state').textContent === 'Saved'"
+LINES = "studio.desk.dub.lines.map((line) => line.edit)"
+# Notes the numbers of drafted frames, and colours in the middle of a frame of the draft.
+WATCH = """studio.desk.addEventListener("frame", ({ detail }) => {
+  if (detail.kind === "draft") (window.drafted ||= []).push(detail.frame);
+})"""
+RED = """[...studio.picture.canvas.getContext("2d").getImageData(0, 0, 32, 24).data]
+  .reduce((sum, value, k) => k % 4 ? sum : sum + value, 0)"""
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    with browser(tmp_path_factory.mktemp("profile")) as found:
+        yield found
+
+
+@pytest.fixture
+def address(manifest: Path) -> Iterator[str]:
+    with server(manifest) as found:
+        yield found
+
+
+@pytest.fixture
+def page(chromium: Browser, address: str) -> Page:
+    return opened(chromium, address)
+
+
+def opened(chromium: Browser, address: str, **size: Any) -> Page:
+    page = chromium.open(address, **size)
+    page.until(READY)
+    page.until(f"studio.picture.missing('draft') === 0 && studio.desk.dub.frames === {FRAMES}")
+    page.run(WATCH)
+    return page
+
+
+def edits(manifest: Path) -> list[dict[str, Any]]:
+    path = edits_file(manifest, "it")
+    return list(yaml_lines.read(path.read_text()).data) if path.exists() else []
+
+
+def saved(page: Page, act: Callable[[], object]) -> list[dict[str, Any]]:
+    """Do something that changes an edit, and wait until it is saved; gives all edits."""
+    page.run("document.getElementById('state').textContent = ''")
+    act()
+    page.until(SAVED)
+    return list(page.run(LINES))
+
+
+def test_a_dragged_key_changes_the_file_and_the_frames(page: Page, manifest: Path) -> None:
+    page.run("studio.timeline.seek(0.5)")  # frame 12
+    page.until("studio.picture.frame === 12")
+    saved(page, lambda: page.click("#shut"))
+    page.until("(window.drafted || []).includes(12) && studio.picture.missing('draft') === 0")
+    assert edits(manifest) == [{"line": 1, "keys": [{"at": 0.3, "strength": 0}]}]
+    shut = page.until(RED)
+    page.run("window.drafted = []")
+    (first, _) = saved(page, lambda: page.drag("#curve .key", 0, -120))
+    page.until("window.drafted.includes(12) && studio.picture.missing('draft') === 0")
+    (key,) = first["keys"]
+    assert key["strength"] > 0.8
+    assert edits(manifest)[0]["keys"] == [pytest.approx(key)]
+    page.until(f"({RED}) > {shut} + 1000")
+    drafted = page.run("window.drafted")
+    assert sorted(drafted) == [10, 11, 12, 13, 14]  # nothing but what changed
+    assert drafted[0] == 12  # first of all what is shown
+    saved(page, lambda: page.drag("#curve .key", 100))
+    moved = edits(manifest)[0]["keys"][0]["at"]
+    assert moved > 0.35
+    saved(page, lambda: page.press("Delete"))  # the key is in focus since it was dragged
+    assert edits(manifest) == []
+
+
+def test_a_dragged_block_shifts_the_mouth(page: Page, manifest: Path) -> None:
+    (first, last) = saved(page, lambda: page.drag(f"[data-block={FIRST!r}]", 100))
+    assert last["shift"] == 0
+    assert edits(manifest) == [{"line": 1, "shift": first["shift"]}]
+    scale = page.run("document.getElementById('wave').clientWidth") / page.run(
+        "studio.timeline.sight[1] - studio.timeline.sight[0]"
+    )
+    assert first["shift"] == pytest.approx(100 / scale * 1000, abs=2)
+    saved(page, lambda: page.press("z", CTRL))
+    assert edits(manifest) == []
+    saved(page, lambda: page.press("z", CTRL | SHIFT))
+    assert edits(manifest)[0]["shift"] == first["shift"]
+
+
+def test_all_of_it_works_by_keyboard(page: Page, manifest: Path) -> None:
+    for key in ".....":
+        page.press(key)
+    page.until("studio.picture.frame === 10")
+    saved(page, lambda: page.press("c"))
+    tab_to(page, "key")
+    saved(page, lambda: page.press("ArrowUp"))
+    saved(page, lambda: page.press("ArrowRight"))
+    assert edits(manifest)[0]["keys"] == [{"at": 0.26, "strength": 0.05}]
+    assert page.run("document.activeElement.className") == "key"
+    tab_to(page, "", "dataset.block")
+    (first, _) = saved(page, lambda: page.press("ArrowLeft"))
+    assert first["shift"] == -10
+    page.press("n")
+    assert page.run("studio.desk.line.line") == 3
+    tab_to(page, "", "name === 'status'")
+    (_, last) = saved(page, lambda: page.press("ArrowRight"))
+    assert last["status"] == "approved"
+    page.press("n")
+    assert page.run("studio.desk.line.line") == 1
+    for key, shown in (("a", "source"), ("d", "draft"), ("b", "draft")):  # there is no dub yet
+        page.press(key)
+        assert page.run("studio.picture.view") == shown
+    tab_to(page, "", "name === 'note'")
+    for key in "an abc":
+        page.press(key)
+    (first, _) = saved(page, lambda: page.press("Tab"))
+    assert first["note"] == "an abc"
+    assert [one.get("status") for one in edits(manifest)] == [None, "approved"]
+
+
+def tab_to(page: Page, name: str, what: str = "") -> None:
+    """Press Tab until something is in focus."""
+    wanted = f"document.activeElement.className === {name!r}"
+    wanted = f"document.activeElement.{what}" if what else wanted
+    for _ in range(60):
+        page.press("Tab")
+        if page.run(wanted):
+            return
+    pytest.fail(f"no Tab leads to {name or what}")
+
+
+def test_a_second_page_sees_what_the_first_saved(
+    chromium: Browser, page: Page, address: str, manifest: Path
+) -> None:
+    other = opened(chromium, address)
+    saved(page, lambda: page.click("#shut"))
+    other.until(f"({LINES})[0].keys.length === 1")
+    other.until("window.drafted && studio.picture.missing('draft') === 0")
+    edits_file(manifest, "it").write_text("{line: 3, strength: 0.5}")  # by hand
+    for one in (page, other):
+        one.until(f"({LINES})[1].strength === 0.5")
+    # A page that has not heard of it yet.
+    page.run("studio.desk.dub.revision = 'old'")
+    page.run("document.querySelector('[name=status][value=redo]').click()")
+    page.until("document.getElementById('state').textContent.includes('saved elsewhere')")
+    assert edits_file(manifest, "it").read_text() == "{line: 3, strength: 0.5}"
+    page.until(f"({LINES})[0].status === 'open'")
+
+
+def test_a_lost_server_is_said_and_found_again(chromium: Browser, manifest: Path) -> None:
+    with server(manifest) as address:
+        page = opened(chromium, address)
+    page.until("!document.getElementById('banner').hidden")
+    assert "does not answer" in page.run("document.getElementById('banner').textContent")
+    page.run("document.querySelector('[name=status][value=redo]').click()")
+    page.until("document.getElementById('state').textContent.startsWith('Not saved')")
+    assert page.run(LINES)[0]["status"] == "open"
+    assert edits(manifest) == []
+    port = urlsplit(address).port or 0
+    with server(manifest, port) as again:
+        other = opened(chromium, again)  # the new token's cookie
+        page.until("document.getElementById('banner').hidden")
+        saved(page, lambda: page.run("document.querySelector('[name=status][value=redo]').click()"))
+        other.until(f"({LINES})[0].status === 'redo'")
+
+
+@pytest.mark.parametrize("dark", [False, True])
+def test_nothing_is_wider_than_a_phone_and_all_words_can_be_read(
+    chromium: Browser, address: str, dark: bool
+) -> None:
+    page = opened(chromium, address, width=390, height=844, dark=dark)
+    saved(page, lambda: page.run("document.getElementById('shut').click()"))
+    widths = page.run(
+        "[document.documentElement.clientWidth, document.documentElement.scrollWidth]"
+    )
+    assert widths == [390, 390]
+    low = page.run(CONTRAST)
+    assert json.loads(low) == []
+
+
+# Words whose contrast with what is behind them is below that of WCAG AA.
+CONTRAST = """(() => {
+  const parts = (colour) => colour.match(/[\\d.]+/g).map(Number);
+  const light = (colour) => parts(colour).slice(0, 3).map((v) => v / 255)
+    .map((v) => v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4)
+    .reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0);
+  const behind = (tag) => {
+    for (; tag; tag = tag.parentElement) {
+      const colour = getComputedStyle(tag).backgroundColor, [,,, opacity = 1] = parts(colour);
+      if (opacity > 0.5) return colour;
+    }
+    return "rgb(255, 255, 255)";
+  };
+  const low = [];
+  for (const tag of document.querySelectorAll("body *")) {
+    const own = [...tag.childNodes].some((node) => node.nodeType === 3 && node.data.trim());
+    if (!own || !tag.checkVisibility() || tag.closest(".unseen, option")) continue;
+    const [a, b] = [light(getComputedStyle(tag).color), light(behind(tag))].sort((x, y) => y - x);
+    if ((a + 0.05) / (b + 0.05) < 4.5) low.push([tag.tagName, tag.textContent.slice(0, 30)]);
+  }
+  return JSON.stringify(low);
+})()"""

@@ -1,0 +1,291 @@
+"""The server of the page: whom it lets in, what it serves, and what it saves."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+from starlette.testclient import TestClient
+
+from dubbing.manifest.edits_file import edits_file
+from dubbing.manifest.manifest import load
+from dubbing.script.timeline import Edit
+from dubbing.studio.drafter import Drafter
+from dubbing.studio.project import Project
+from dubbing.studio.server import app_of
+from tests import clips
+from tests.dubbing.studio.stand_in import FRAMES, TOKEN, image, serve
+
+pytestmark = pytest.mark.medium
+HERE = "http://127.0.0.1:8711"
+FIRST = "ann_0000005-0000020"  # the first line
+DUB = "/api/dubs/it"
+
+
+def client_of(manifest: Path, **guard: Any) -> TestClient:
+    drafter = Drafter(manifest, target=serve)
+    own = {"token": TOKEN, "host": "127.0.0.1", "port": 8711, "password": False, **guard}
+    app = app_of(Project(load(manifest)), drafter, **own)
+    return TestClient(app, HERE, headers={"origin": HERE}, follow_redirects=False)
+
+
+@pytest.fixture
+def stranger(manifest: Path) -> Iterator[TestClient]:
+    with client_of(manifest) as client:
+        yield client
+
+
+@pytest.fixture
+def client(stranger: TestClient) -> TestClient:
+    assert stranger.get(f"/?token={TOKEN}").status_code == 303
+    return stranger
+
+
+def save(client: TestClient, edit: Any, revision: str | None = None, line: str = FIRST) -> Any:
+    own = client.get(DUB).json()["revision"] if revision is None else revision
+    return client.put(f"{DUB}/lines/{line}", content=json.dumps({"revision": own, "edit": edit}))
+
+
+def frames(client: TestClient, **wanted: Any) -> dict[int, tuple[str, bytes]]:
+    asked = {"kind": "draft", "first": 0, "stop": FRAMES, "at": 0, **wanted}
+    answer = client.post(f"{DUB}/frames", json=asked)
+    assert answer.status_code == 200, answer.text
+    found, rest = {}, answer.content
+    while rest:
+        head, body = (int.from_bytes(rest[k : k + 4], "big") for k in (0, 4))
+        about = json.loads(rest[8 : 8 + head])
+        assert "error" not in about, about
+        found[about["frame"]] = about["mark"], rest[8 + head : 8 + head + body]
+        rest = rest[8 + head + body :]
+    assert answer.headers["x-frames"] == str(len(found))
+    return found
+
+
+def test_nobody_without_the_token_sees_anything(stranger: TestClient) -> None:
+    for path in ("/", "/?token=guess", "/page/main.js", "/api/dubs", f"{DUB}/sound", "/nothing"):
+        answer = stranger.get(path)
+        assert (answer.status_code, "printed" in answer.text) == (401, True), path
+    opened = stranger.get(f"/?token={TOKEN}")
+    assert opened.headers["location"] == "/"
+    cookie = opened.headers["set-cookie"].lower()
+    assert "httponly" in cookie
+    assert "samesite=strict" in cookie
+    assert TOKEN not in cookie
+    assert stranger.get("/api/dubs").json() == {"dubs": ["it"], "lacking": {}}
+
+
+@pytest.mark.parametrize(
+    ("headers", "code"),
+    [
+        ({"host": "evil.example:8711"}, 421),
+        ({"host": "10.0.0.1:8711"}, 421),
+        ({"host": ""}, 421),
+        ({"origin": "http://evil.example"}, 403),
+        ({"origin": "http://127.0.0.1:9999"}, 403),
+        ({"origin": "null"}, 403),
+    ],
+)
+def test_other_pages_and_other_names_are_refused(
+    client: TestClient, headers: dict[str, str], code: int
+) -> None:
+    assert client.get(DUB, headers=headers).status_code == code
+    answer = client.put(f"{DUB}/lines/{FIRST}", json={}, headers=headers)
+    assert answer.status_code == code
+    assert answer.text.endswith(".")
+
+
+def test_what_changes_something_must_say_where_it_comes_from(client: TestClient) -> None:
+    del client.headers["origin"]
+    assert client.get(DUB).status_code == 200  # a browser sends none with an address
+    assert client.put(f"{DUB}/lines/{FIRST}", json={}).status_code == 403
+
+
+def test_only_the_files_of_the_page_are_served(client: TestClient) -> None:
+    assert "<title>dfrf studio</title>" in client.get("/").text
+    policy = client.get("/page/main.js").headers["content-security-policy"]
+    assert "default-src 'self'" in policy
+    for path in ("../guard.py", "%2e%2e/guard.py", "..%2fguard.py", "/etc/passwd", "../../m.yaml"):
+        assert client.get(f"/page/{path}").status_code == 404, path
+    for path in ("/m.yaml", "/api/dubs/%2e%2e", "/api/dubs/..%2f..%2fm.yaml", "/api/dubs/other"):
+        assert client.get(path).status_code == 404, path
+    assert client.get("/api/dubs/other").json()["error"] == "the manifest has no dub 'other'"
+
+
+def test_a_password_is_asked_for_where_others_can_reach_it(manifest: Path) -> None:
+    with client_of(manifest, password=True, host="0.0.0.0") as client:
+        there = {"host": "10.1.2.3:8711", "origin": "http://10.1.2.3:8711"}
+        assert client.get(f"/?token={TOKEN}", headers=there).status_code == 401
+        assert 'type="password"' in client.get("/", headers=there).text
+        assert client.post("/login", data={"password": "no"}, headers=there).status_code == 401
+        assert client.get(DUB, headers=there).status_code == 401
+        assert client.get("/", headers={"host": "evil.example"}).status_code == 421
+        assert client.post("/login", data={"password": TOKEN}, headers=there).status_code == 303
+        assert client.post("/login", data={"password": TOKEN}).status_code == 303
+        assert client.get(DUB).status_code == 200
+
+
+def test_an_edit_is_saved_beside_the_manifest_and_read_by_it(
+    client: TestClient, manifest: Path
+) -> None:
+    before = manifest.read_bytes()
+    keys = [{"at": 0.2, "strength": 0}]
+    answer = save(client, {"shift": 40, "keys": keys, "note": "shut", "status": "redo"})
+    assert answer.status_code == 200, answer.text
+    (first, _) = load(manifest).dubs["it"].cues
+    assert first.edit == Edit(40, 1, "shut", ((0.2, 0),), "redo")
+    own = edits_file(manifest, "it")
+    once = own.read_bytes()
+    assert save(client, answer.json()["lines"][0]["edit"]).json()["revision"]
+    assert own.read_bytes() == once
+    assert manifest.read_bytes() == before
+    assert save(client, {"strength": 0.5}, line="ann_0000040-0000055").status_code == 200
+    assert [cue.edit.strength for cue in load(manifest).dubs["it"].cues] == [1, 0.5]
+    save(client, {})
+    save(client, {}, line="ann_0000040-0000055")
+    assert not own.exists()
+
+
+def test_curves_stay_until_they_are_taken_away(client: TestClient, manifest: Path) -> None:
+    (manifest.parent / "lips.csv").write_text("time,opening\n0.1,0.2\n")
+    own = edits_file(manifest, "it")
+    own.write_text("{line: 1, curves: lips.csv}")
+    edit = client.get(DUB).json()["lines"][0]["edit"]
+    assert save(client, {**edit, "strength": 0.5}).status_code == 200
+    assert own.read_text().endswith("{line: 1, strength: 0.5, curves: lips.csv}\n")
+    before = frames(client, first=5, stop=6)
+    (manifest.parent / "lips.csv").write_text("time,opening\n0.1,0.3\n")
+    have = {"5": before[5][0]}
+    assert [*frames(client, first=5, stop=6, have=have)] == [5]  # drawn again
+    save(client, {**edit, "curves": None})
+    assert not own.exists()
+
+
+def test_the_finished_dub_is_shown_in_the_size_of_its_draft(
+    client: TestClient, manifest: Path
+) -> None:
+    clips.write_video(manifest.parent / "out" / "it.mp4", FRAMES)
+    assert client.get(DUB).json()["dubbed"]
+    shown = frames(client, kind="dub", first=20, stop=23)
+    for k, (_, data) in shown.items():
+        small = cv2.resize(clips.frame(k), (32, 24), interpolation=cv2.INTER_AREA)
+        assert np.abs(image(data).astype(int) - small).mean() < 8
+    assert [*shown] == [20, 21, 22]
+
+
+def test_a_stale_save_is_refused(client: TestClient, manifest: Path) -> None:
+    old = client.get(DUB).json()["revision"]
+    save(client, {"shift": 40}, old)
+    answer = save(client, {"shift": 80}, old)
+    assert answer.status_code == 409
+    assert answer.json()["error"].startswith("saved elsewhere in the meantime")
+    edits_file(manifest, "it").write_text("{line: 1, strength: 0}")  # by hand
+    assert save(client, {"shift": 80}, old).status_code == 409
+    assert client.get(DUB).json()["lines"][0]["edit"]["strength"] == 0
+
+
+@pytest.mark.parametrize(
+    ("edit", "words"),
+    [
+        ({"shift": 501}, "shift: must be less than or equal to 500, not 501"),
+        ({"shfit": 3}, "shfit: unknown key; did you mean 'shift'?"),
+        ({"keys": [{"at": 0.7, "strength": 0}]}, "keys[0].at: the sound of line 1 ends after 0.60"),
+        ({"keys": [{"at": 0.2}]}, "keys[0].strength: is required"),
+        ({"status": "done"}, "status: must be one of 'open'"),
+        ({"note": "x" * 1001}, "note: "),
+        ({"note": "\ud800"}, "note: "),
+        ({"curves": "/etc/passwd"}, "curves: only those in the file stay"),
+        ({"line": 3}, "an edit is an object without line and speaker"),
+        ([], "an edit is an object"),
+    ],
+)
+def test_bad_edits_are_refused_with_a_sentence(client: TestClient, edit: Any, words: str) -> None:
+    answer = save(client, edit)
+    assert answer.status_code == 422
+    assert answer.json()["error"].startswith(words), answer.text
+    assert client.get(DUB).json()["lines"][0]["edit"] == client.get(DUB).json()["lines"][1]["edit"]
+
+
+def test_bad_requests_are_refused_with_a_sentence(client: TestClient) -> None:
+    line = f"{DUB}/lines/{FIRST}"
+    big = "x" * 200_000
+    for answer, code in (
+        (client.put(line, content="{"), 400),
+        (client.put(line, json=[]), 400),
+        (client.put(line, json={"edit": {}}), 400),
+        (client.put(f"{DUB}/lines/nobody", json={"revision": "", "edit": {}}), 404),
+        (client.put(line, json={"revision": big, "edit": {}}), 413),
+        (client.post(f"{DUB}/frames", json={"kind": "draft"}), 400),
+        (client.post(f"{DUB}/frames", json={"kind": "x", "first": 0, "stop": 9, "at": 0}), 400),
+        (client.post(f"{DUB}/frames", json={"kind": "dub", "first": 0, "stop": 9, "at": 0}), 404),
+        (
+            client.post(f"{DUB}/frames", json={"kind": "draft", "first": 0, "stop": 99, "at": 0}),
+            400,
+        ),
+        (client.delete(DUB), 405),
+    ):
+        assert (answer.status_code, bool(answer.text)) == (code, True), answer.text
+
+
+def test_a_file_that_was_spoilt_by_hand_is_named(client: TestClient, manifest: Path) -> None:
+    edits_file(manifest, "it").write_text("- line: 9\n")
+    answer = client.get(DUB)
+    assert answer.status_code == 422
+    assert "nobody dubs a line 9" in answer.json()["error"]
+    edits_file(manifest, "it").write_text("{")
+    assert "it.edits.yaml" in client.get(DUB).json()["error"]
+
+
+def test_edits_in_the_manifest_are_shown_and_left_alone(manifest: Path) -> None:
+    text = manifest.read_text().replace("track.wav}", "track.wav, edits: {line: 3, shift: 80}}")
+    manifest.write_text(text)
+    with client_of(manifest) as client:
+        client.get(f"/?token={TOKEN}")
+        dub = client.get(DUB).json()
+        assert dub["fixed"]
+        assert [line["edit"]["shift"] for line in dub["lines"]] == [0, 80]
+        answer = save(client, {"shift": 40})
+        assert answer.status_code == 422
+        assert "move them to it.edits.yaml beside it" in answer.json()["error"]
+
+
+def test_curves_and_sound(client: TestClient) -> None:
+    curves = client.get(f"{DUB}/curves").json()
+    assert {*curves["lines"]} == {FIRST, "ann_0000040-0000055"}
+    assert len(curves["peaks"]) == pytest.approx(100 * FRAMES / 25, abs=3)
+    sound = client.get(f"{DUB}/sound", headers={"range": "bytes=0-3"})
+    assert (sound.status_code, sound.content) == (206, b"fLaC")
+
+
+def test_only_changed_frames_are_drawn_the_shown_one_first(client: TestClient) -> None:
+    before = frames(client, at=10)
+    assert [*before] == [*range(10, FRAMES), *range(10)]
+    have = {str(k): mark for k, (mark, _) in before.items()}
+    assert frames(client, have=have) == {}
+    save(client, {"keys": [{"at": 0.3, "strength": 0}]})
+    after = frames(client, have=have, at=12)
+    # The key lies in the middle of frame 5 + 7; it reaches less than 3 frames to both sides.
+    assert sorted(after) == [10, 11, 12, 13, 14]
+    assert next(iter(after)) == 12
+    middle = [image(found[12][1]).astype(float) for found in (before, after)]
+    assert np.abs(middle[0] - middle[1]).max() > 30
+    save(client, {})
+    assert frames(client, have=have) == {}
+    source = frames(client, kind="source")
+    assert image(source[0][1]).shape == image(before[0][1]).shape == (24, 32, 3)
+    # Beside the lines the draft is the film.
+    assert np.abs(image(source[30][1]).astype(float) - image(before[30][1])).max() < 3
+
+
+def test_a_process_that_ends_is_told_of_and_starts_again(manifest: Path) -> None:
+    with client_of(manifest) as client:
+        client.get(f"/?token={TOKEN}")
+        assert frames(client)
+        drafter = client.app.state.drafter  # type: ignore[attr-defined]
+        drafter._process.kill()
+        drafter._process.join()
+        assert frames(client)
