@@ -11,7 +11,7 @@ from dubbing.errors import CallError, ManifestError
 from dubbing.media import SUFFIX
 
 PREVIEW = ".preview"  # after the name of a dub whose first seconds are made
-CODECS = {suffix: codec for codec, suffix in SUFFIX.items()}
+CODECS = {suffix: codec for codec, suffix in reversed(SUFFIX.items())}  # the first of several
 HEADER = """\
 # Written by `dfrf dub` from what it was called with. To change more, edit it and run
 # `dfrf dub` on this file; `dfrf studio` on it edits the lips.

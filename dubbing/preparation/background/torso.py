@@ -28,7 +28,7 @@ THERE_AND_BACK = 0.7  # px, largest error of a corner tracked forwards and back
 OUTLIER = 1.5  # px
 CLEAR = 4.0  # px round an inpaint mask that may still show the jaw
 CLOTHES_PX = 90.0  # round the head within which clothes are tracked: beyond, they move otherwise
-LEAST_SEEN = 0.4  # share of the frames in which a point must be visible
+LEAST_SEEN = 0.3  # share of the frames in which a point must be visible
 LEAST_FOUND = 0.9  # share of the frames in which the torso must be tracked
 EVEN = 4.0  # px along which the upper end of the filled part is smoothed
 
