@@ -47,14 +47,14 @@ def amounts_of(path: Path) -> dict[str, float]:
 
 # What a first dub took on two cores: a clip of 20 s, 15 s learned from, 10 s of speech, 512 px.
 FIRST = {
-    "prepare": 32,
-    "check_source": 8,
-    "finetune": 78,
-    "refine_poses": 18,
+    "prepare": 31,
+    "check_source": 6,
+    "finetune": 30,
+    "refine_poses": 10,
     "listen": 1,
     "render": 12,
     "composite": 11,
-    "check": 4,
+    "check": 3,
 }
 
 
