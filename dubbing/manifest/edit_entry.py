@@ -41,7 +41,7 @@ class Edit(Entry):
     note: str = Field(default="", max_length=LONGEST_NOTE)
     """Text for people; changes nothing."""
     status: Literal["open", "approved", "redo"] = "open"
-    """What people decided about the line; changes nothing."""
+    """The state of the work on the line; changes nothing."""
 
 
 Edits = Annotated[

@@ -61,7 +61,7 @@ def _with_near(
 
 
 def _change(of: tuple[np.ndarray, list[np.ndarray]]) -> np.ndarray:
-    """What a frame differs by from those beside it, moved onto it."""
+    """The difference of a frame from those beside it, moved onto it."""
     frame, beside = of
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
     moved = [_moved(other, frame, flow) for other in beside]

@@ -36,7 +36,7 @@ class Drafter:
         self._pipe: Connection
 
     async def ask(self, ask: str, dub: str, **arguments: Any) -> AsyncIterator[Any]:
-        """What a job gives; leaving off early takes it back.
+        """Yields the values that a job gives; leaving off early takes it back.
 
         Raises:
             ExplainedError: it could not be done.

@@ -84,7 +84,7 @@ def serve(pipe: Connection, manifest: str, device: str) -> None:
             number = max(begun, key=lambda one: (begun[one][0].urgent, one))
             try:
                 pipe.send(Answer(number, next(begun[number][1])))
-            except (StopIteration, ExplainedError, MemoryError, RuntimeError) as error:
+            except (StopIteration, ExplainedError, OSError, MemoryError, RuntimeError) as error:
                 del begun[number]
                 words = "" if isinstance(error, StopIteration) else str(error) or SHORT
                 pipe.send(Answer(number, ended=True, error=words))
@@ -93,7 +93,7 @@ def serve(pipe: Connection, manifest: str, device: str) -> None:
 
 
 class Desk:
-    """What is held in memory, and the work that is done with it.
+    """Holds films and drawn frames in memory, and does the work of jobs.
 
     Args:
         device: auto, cpu or cuda.

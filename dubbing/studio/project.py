@@ -64,7 +64,7 @@ class Project:
         return build(self.production)
 
     def stale(self) -> list[str]:
-        """What was made from other inputs, or by another version, than is there now."""
+        """Stages that were made from other inputs, or by another version, than is there now."""
         drafts = build(self.production, draft=True)
         rows = [row for row in planner.rows(drafts) if not isinstance(row.stage, Draft)]
         return [f"{r.job.name}: {r.name}" for r in rows if r.state not in (planner.UP_TO_DATE,)]

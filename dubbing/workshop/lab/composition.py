@@ -1,4 +1,4 @@
-"""What the pixels of a dub are made of, and what each part of the method changes in its mouth.
+"""The shares of sources in the pixels of a dub, and how each part of the method changes its mouth.
 
 Every colour of a baked head is a sum: of whole references, of mouth crops, and of the field's own
 colour. So heads whose references or crops are painted white, and the rest black, show the shares.
@@ -159,7 +159,7 @@ def composition(
     device: str = "auto",
     progress: Progress,
 ) -> dict[str, float]:
-    """What a dub of the learned images with other speech is made of; `FRAMES` of its frames.
+    """Measures `FRAMES` frames of a dub of the learned images with other speech.
 
     Args:
         model: a person's, of the method `dfrf`.
