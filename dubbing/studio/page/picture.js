@@ -10,6 +10,7 @@ const find = (id) => document.getElementById(id);
 export class Picture {
   view = "draft";
   frame = 0;
+  painted = {}; // what the canvas shows: kind, frame and mark
   #kept = { source: new Map(), dub: new Map(), draft: new Map() };
   #asked = {};
   #left = {};
@@ -113,7 +114,8 @@ export class Picture {
 
   // The frame as it is now; where it has not come yet, what was drawn stays.
   async draw() {
-    const turn = this.#drawn += 1;
+    const turn = this.#drawn += 1, { view: kind, frame } = this;
+    const shown = { kind, frame, mark: this.#kept[kind].get(frame)?.mark };
     const wiped = find("wiping").checked && this.view !== "source";
     const [image, source] = await Promise.all(
       [this.#image(this.view, this.frame), wiped ? this.#image("source", this.frame) : null]);
@@ -122,6 +124,7 @@ export class Picture {
     if (!image) return;
     const { width, height } = this.canvas, paint = this.canvas.getContext("2d");
     paint.drawImage(image, 0, 0, width, height);
+    this.painted = shown;
     if (!source) return;
     const edge = Math.round(width * find("wipe").value / 100);
     const scale = source.width / width;

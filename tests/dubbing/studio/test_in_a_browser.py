@@ -20,12 +20,17 @@ FIRST, LAST = "ann_0000005-0000020", "ann_0000040-0000055"
 READY = "window.studio?.desk.curves && document.querySelector('#curve canvas')"
 SAVED = "document.getElementById('state').textContent === 'Saved'"
 LINES = "studio.desk.dub.lines.map((line) => line.edit)"
-# Notes the numbers of drafted frames, and colours in the middle of a frame of the draft.
-WATCH = """studio.desk.addEventListener("frame", ({ detail }) => {
-  if (detail.kind === "draft") (window.drafted ||= []).push(detail.frame);
+# Notes the numbers and marks of drafted frames, and how red the picture is.
+WATCH = """window.marks = {}; studio.desk.addEventListener("frame", ({ detail }) => {
+  if (detail.kind !== "draft") return;
+  (window.drafted ||= []).push(detail.frame);
+  window.marks[detail.frame] = detail.mark;
 })"""
 RED = """[...studio.picture.canvas.getContext("2d").getImageData(0, 0, 32, 24).data]
   .reduce((sum, value, k) => k % 4 ? sum : sum + value, 0)"""
+
+# A frame is painted a little after it came.
+PAINTED = "studio.picture.painted.frame === 12 && studio.picture.painted.mark === window.marks[12]"
 
 
 @pytest.fixture(scope="module")
@@ -72,14 +77,16 @@ def test_a_dragged_key_changes_the_file_and_the_frames(page: Page, manifest: Pat
     saved(page, lambda: page.click("#shut"))
     page.until("(window.drafted || []).includes(12) && studio.picture.missing('draft') === 0")
     assert edits(manifest) == [{"line": 1, "keys": [{"at": 0.3, "strength": 0}]}]
-    shut = page.until(RED)
+    page.until(PAINTED)
+    shut = page.run(RED)
     page.run("window.drafted = []")
     (first, _) = saved(page, lambda: page.drag("#curve .key", 0, -120))
     page.until("window.drafted.includes(12) && studio.picture.missing('draft') === 0")
     (key,) = first["keys"]
     assert key["strength"] > 0.8
     assert edits(manifest)[0]["keys"] == [pytest.approx(key)]
-    page.until(f"({RED}) > {shut} + 1000")
+    page.until(PAINTED)
+    assert page.run(RED) > shut + 1000
     drafted = page.run("window.drafted")
     assert sorted(drafted) == [10, 11, 12, 13, 14]  # nothing but what changed
     assert drafted[0] == 12  # first of all what is shown
