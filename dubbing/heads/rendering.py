@@ -12,6 +12,7 @@ from dfrf import checkpoint, saved_models
 from dfrf import device as devices
 from dfrf.data.dataset import neighbour_windows
 from dfrf.field.audio import NEIGHBOURS
+from dfrf.field.speaker_adaptation import OPENING
 from dfrf.method_interface import FrameInputs, Maps
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
@@ -19,6 +20,7 @@ from dubbing.compositing.face_mask import rendered_region
 from dubbing.engine.stage import Progress
 from dubbing.errors import CheckpointError
 from dubbing.identity.dataset import upper_face_expression
+from dubbing.identity.lip_scale import Scale
 from dubbing.media import VideoWriter
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.prepared import PreparedClip
@@ -55,6 +57,7 @@ def render(
     baked: bool = False,
     strength: np.ndarray | None = None,
     lips: np.ndarray | None = None,
+    scale: Scale | None = None,
     device: str = "auto",
     progress: Progress | None = None,
 ) -> None:
@@ -73,7 +76,9 @@ def render(
         pose_index: (T,) frame of the clip each frame takes its pose from.
         part: first and stop of those of the T frames to render; all by default.
         baked: whether its baked density is looked up, where the model has one; else rays march.
-        strength, lips: (T,), (T, L); see `dfrf.method_interface.FrameInputs`.
+        strength: (T,) of the opening that is seen; see `LipScale.shares`.
+        lips: (T, L); see `dfrf.method_interface.FrameInputs`.
+        scale: of the person's lips.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
 
@@ -96,9 +101,8 @@ def render(
         path = out / f"{first:06d}.mkv"
         if not path.exists():
             with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
-                made = heads_of(
-                    person, maps, clip, speech, pose_index, first, stop, baked, strength, lips
-                )
+                span = (first, stop, baked, strength, lips, scale)
+                made = heads_of(person, maps, clip, speech, pose_index, *span)
                 for done, head in enumerate(made, first + 1):
                     video.write(head)
                     notify(done)
@@ -117,6 +121,7 @@ def heads_of(
     baked: bool,
     strength: np.ndarray | None,
     lips: np.ndarray | None = None,
+    scale: Scale | None = None,
 ) -> Iterator[np.ndarray]:
     """Heads (S, S, 4) uint8 of frames first .. stop of a dub; see `render`."""
     around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
@@ -124,9 +129,28 @@ def heads_of(
     some = (speech(low, high - low), pose_index[low:high])
     needed = regions_of(clip, pose_index[first:stop])
     span = (first - low, stop - low)
-    own = (None if values is None else values[first:stop] for values in (strength, lips))
+    near = (None if values is None else values[low:high] for values in (strength, lips))
+    shares, given = _shares(person, some[0], *near, scale)
+    own = (None if values is None else values[slice(*span)] for values in (shares, given))
     for colour, opacity in frames(person, maps, clip, *some, *span, needed, baked, *own):
         yield to_rgba(colour, opacity)
+
+
+def _shares(
+    person: HeadModel,
+    speech: SpeechFrames,
+    strength: np.ndarray | None,
+    lips: np.ndarray | None,
+    scale: Scale | None,
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """How far the lips leave the closed mouth in F frames, so that `strength` is seen; and lips."""
+    if scale is None or strength is None or not ((strength > 0) & (strength < 1)).any():
+        return strength, lips
+    spoken = wanted_lips(person, speech, lips=lips)
+    closed = wanted_lips(person, speech, np.zeros_like(strength))
+    if spoken is None or closed is None:
+        return strength, lips
+    return scale().shares(strength, spoken[:, OPENING], float(closed[0, OPENING])), lips
 
 
 def frames(

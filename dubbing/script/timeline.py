@@ -38,6 +38,11 @@ class Edit:
     status: Setting[str] = "open"
     curves: tuple[Path, int] | None = None
 
+    @property
+    def of_lips(self) -> bool:
+        """Whether it changes how the lips move, and not only when."""
+        return self.curves is not None or bool(self.keys) or self.strength != 1
+
     def strengths(self, frames: int, rate: Fraction) -> np.ndarray:
         """The strength in each frame of the cue, (F,) float32.
 
