@@ -20,6 +20,7 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from dubbing import design
 from dubbing.errors import ExplainedError
 from dubbing.studio.drafter import Drafter
 from dubbing.studio.film import DRAFT, DUB
@@ -72,6 +73,7 @@ def app_of(project: Project, drafter: Drafter, **guard: Any) -> Starlette:
         Route(f"{dub}/frames", server.frames, methods=["POST"]),
         Route(f"{dub}/revision", server.revision),
         Mount("/page", StaticFiles(directory=PAGE)),
+        Mount("/design", StaticFiles(directory=design.FOLDER)),
     ]
     errors = {ExplainedError: _explained, HTTPException: _plain}
     app = Starlette(
