@@ -184,7 +184,7 @@ function go(one) {
 function written() {
   return Object.entries(notes).flatMap(([of, some]) => (data.dubs[of]?.lines || []).filter((one) => some[one.cue] &&
     (some[one.cue].note !== one.note || some[one.cue].status !== one.status)).map((one) => ({ dub: of, line: one.line,
-    speaker: one.speaker, cue: one.cue, words: one.words, in: one.in, ...some[one.cue] })));
+    cue: one.cue, told: one.told, in: one.in, ...some[one.cue] })));
 }
 
 function save() {

@@ -15,6 +15,7 @@ from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.outcome import Outcome
 from dubbing.errors import ExplainedError
 from dubbing.identity.learned import CURVE_FILE, in_words, learned_if_known
+from dubbing.manifest.notes import told
 from dubbing.packages import missing_of
 from dubbing.pipeline import DUB, PERSON
 from dubbing.preparation.file_names import CONTACT_SHEET, SUMMARY
@@ -218,7 +219,7 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
         **source_of(production, dub.film.path, start),
         "undubbed": lines.undubbed_of(dub),
         "lines": [
-            row | _reach(of) | {"edit": cue.edit.in_words(), "cue": cue.name}
+            row | _reach(of) | {"edit": cue.edit.in_words(), "cue": cue.name, "told": told(cue)}
             for row, of, cue in zip(rows, reach, dub.cues, strict=True)
         ],
         "short_lines": sum(of is not None and of.short for of in reach),

@@ -22,10 +22,11 @@ from starlette.staticfiles import StaticFiles
 
 from dubbing import design
 from dubbing.errors import ExplainedError
+from dubbing.manifest.kept_edits import StaleError
 from dubbing.studio.drafter import Drafter
 from dubbing.studio.film import DRAFT, DUB
 from dubbing.studio.guard import Guard
-from dubbing.studio.project import Project, StaleError
+from dubbing.studio.project import Project
 
 PAGE = Path(__file__).with_name("page")
 MOST_FRAMES = 3000  # of one request

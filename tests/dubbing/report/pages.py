@@ -99,6 +99,7 @@ def line(number: int, verdict: str | None) -> dict[str, Any]:
     return {
         **found,
         "cue": f"ann_{number}",
+        "told": f"told {number}",
         "seconds": 1.5,
         "in_frame": 37,
         "out_frame": 60,
