@@ -3,6 +3,7 @@
 F frames of a dub.
 """
 
+from collections.abc import Mapping
 from functools import cached_property
 from threading import Lock
 from typing import Any
@@ -92,6 +93,7 @@ class Project:
         dub, edits = self.dubs[name], self.edits(name)
         rows = lines_of(dub, self._jobs.named(DUB)[name])
         video = self.video(name)
+        takes = {} if dub.fixed_edits else _takes(self._kept(name).entries()[1])
         return {
             "name": name,
             "rate": float(dub.film.rate),
@@ -104,6 +106,7 @@ class Project:
                 {key: row[key] for key in OF_LINE}
                 | {"cue": cue.name, "first": cue.first, "stop": min(cue.stop, dub.length)}
                 | {"seconds": cue.seconds, "edit": _as_json(edits[cue.name])}
+                | {"takes": takes.get(cue.name, {"": {}})}
                 | {"strengths": self._strengths(dub, cue, edits[cue.name]).round(4).tolist()}
                 for row, cue in zip(rows, dub.cues, strict=True)
             ],
@@ -141,15 +144,35 @@ class Project:
     ) -> edit_entry.Edit:
         if not isinstance(given, dict) or {"line", "speaker"} & {*given}:
             raise ExplainedError("an edit is an object without line and speaker")
-        curves = before.curves if before else None
-        if given.get("curves") not in (None, str(curves)):  # no page may have other files read
+        versions = given.pop("takes", None) or {}
+        if not isinstance(versions, dict) or not all(
+            isinstance(v, dict) for v in versions.values()
+        ):
+            raise ExplainedError("takes are objects by their names")
+        versions[str(given.get("take", ""))] = {
+            key: given.pop(key) for key in edit_entry.Take.model_fields if key in given
+        }
+        known = [before, *before.takes.values()] if before else []
+        allowed = {None, *(str(one.curves) for one in known)}  # no page may have other files read
+        if any(one.get("curves") not in allowed for one in versions.values()):
             raise ExplainedError("curves: only those in the file stay", remedy="name others there")
-        return validated(line | given, "", self.production.manifest.parent)
+        given |= versions.pop("", {})
+        return validated(line | given | {"takes": versions}, "", self.production.manifest.parent)
 
 
 def _digest(edit: Edit) -> str:
     """Of the curves of an edit."""
     return digest_of(edit.curves[0])[:8] if edit.curves else ""
+
+
+def _takes(entries: Mapping[Cue, edit_entry.Edit]) -> dict[str, dict[str, Any]]:
+    """By cue, the versions of its edit by their names; the unnamed one is that of the line."""
+    kept = set(edit_entry.Take.model_fields)
+    return {
+        cue.name: {"": entry.model_dump(mode="json", include=kept)}
+        | {name: take.model_dump(mode="json") for name, take in entry.takes.items()}
+        for cue, entry in entries.items()
+    }
 
 
 def _as_json(edit: Edit) -> dict[str, Any]:
