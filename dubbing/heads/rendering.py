@@ -129,9 +129,9 @@ def heads_of(
     some = (speech(low, high - low), pose_index[low:high])
     needed = regions_of(clip, pose_index[first:stop])
     span = (first - low, stop - low)
-    near = (None if values is None else values[low:high] for values in (strength, lips))
-    shares, given = _shares(person, some[0], *near, scale)
-    own = (None if values is None else values[slice(*span)] for values in (shares, given))
+    strength, lips = (None if one is None else one[low:high] for one in (strength, lips))
+    shares = _shares(person, some[0], strength, lips, scale)
+    own = (None if values is None else values[slice(*span)] for values in (shares, lips))
     for colour, opacity in frames(person, maps, clip, *some, *span, needed, baked, *own):
         yield to_rgba(colour, opacity)
 
@@ -142,15 +142,15 @@ def _shares(
     strength: np.ndarray | None,
     lips: np.ndarray | None,
     scale: Scale | None,
-) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """How far the lips leave the closed mouth in F frames, so that `strength` is seen; and lips."""
+) -> np.ndarray | None:
+    """How far the lips leave the closed mouth in F frames, (F,), so that `strength` is seen."""
     if scale is None or strength is None or not ((strength > 0) & (strength < 1)).any():
-        return strength, lips
+        return strength
     spoken = wanted_lips(person, speech, lips=lips)
     closed = wanted_lips(person, speech, np.zeros_like(strength))
     if spoken is None or closed is None:
-        return strength, lips
-    return scale().shares(strength, spoken[:, OPENING], float(closed[0, OPENING])), lips
+        return strength
+    return scale().shares(strength, spoken[:, OPENING], float(closed[0, OPENING]))
 
 
 def frames(

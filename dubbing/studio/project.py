@@ -152,8 +152,10 @@ class Project:
         versions[str(given.get("take", ""))] = {
             key: given.pop(key) for key in edit_entry.Take.model_fields if key in given
         }
-        known = [before, *before.takes.values()] if before else []
-        allowed = {None, *(str(one.curves) for one in known)}  # no page may have other files read
+        allowed: set[str | None] = {None}  # no page may have other files read
+        if before:
+            known = (before.curves, *(take.curves for take in before.takes.values()))
+            allowed |= {str(one) for one in known}
         if any(one.get("curves") not in allowed for one in versions.values()):
             raise ExplainedError("curves: only those in the file stay", remedy="name others there")
         given |= versions.pop("", {})

@@ -2,6 +2,7 @@
 
 import { AS_SPOKEN } from "./desk.js";
 
+const VERDICTS = { pass: "in sync", warn: "look closely", fail: "failed", unjudged: "not judged" };
 const find = (id) => document.getElementById(id);
 
 export class LineForm {
@@ -70,7 +71,7 @@ export class LineForm {
     const { dub, line } = this.desk, { edit } = line, { elements } = this.form;
     find("title").textContent = `Line ${line.line} · ${line.speaker || line.identity} · ${line.in}`;
     find("words").textContent = line.words;
-    find("verdict").textContent = line.verdict || "not checked";
+    find("verdict").textContent = VERDICTS[line.verdict] || "not checked";
     find("verdict").className = `tag ${line.verdict || ""}`;
     find("reason").textContent = line.reason || "";
     find("fields").disabled = dub.fixed;

@@ -147,7 +147,11 @@ def test_of_several_who_speak_in_one_cue_the_speaker_is_named(folder: Path) -> N
         ("{line: 3, take: a, takes: {bc: {}, de: {}}}", "edits.take", "there is bc, de"),
         ("{line: 3, take: a}", "edits.take", "has no take 'a': write it into takes"),
         ("{line: 3, takes: {a: {strength: 2}}}", "edits.takes.a.strength", "less than or equal"),
-        ("{line: 3, take: a, takes: {a: {keys: [{at: 9, strength: 0}]}}}", "edits.takes.a.keys.at", "ends"),
+        (
+            "{line: 3, take: a, takes: {a: {keys: [{at: 9, strength: 0}]}}}",
+            "edits.takes.a.keys.at",
+            "ends",
+        ),
         ("[{line: 3}, {line: 1, strenght: 0}]", "edits[1].strenght", "mean 'strength'?"),
         ("{line: 3, strenght: 0}", "edits.strenght", "unknown key; did you mean 'strength'?"),
         ("{line: three}", "edits.line", "must be a valid integer, not 'three'"),

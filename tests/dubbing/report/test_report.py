@@ -116,7 +116,9 @@ def test_a_thumbnail_is_made_again_after_its_video(tmp_path: Path) -> None:
     path = thumbnail_of(video, 3, tmp_path / "work")
     assert path is not None
     first = path.read_bytes()
-    assert cv2.imread(str(path)).shape[1] == WIDTH
+    image = cv2.imread(str(path))
+    assert image is not None
+    assert image.shape[1] == WIDTH
     clips.write_clip(video, 8)
     made = path.stat().st_mtime
     for later, same in ((-60, True), (60, False)):
