@@ -63,7 +63,7 @@ def test_the_wheel_holds_both_packages_with_their_data_and_no_more(built: Path) 
     places = {name: re.sub(r".*\.data/data/share/dfrf/", "", name) for name in names}
     assert set(places.values()) == shipped()
     assert sum(name.endswith(".safetensors") for name in names) >= 6
-    wanted = {"report/page.html", "studio/page/main.js", "studio/page/vendor/uplot.js"}
+    wanted = {"report/page.html", "studio/page/main.js", "design/vendor/uplot.js"}
     assert {"manifests/demo.yaml", *(f"dubbing/{name}" for name in wanted)} <= {*places.values()}
     for name, place in places.items():
         assert sizes[name] == (ROOT / place).stat().st_size

@@ -19,6 +19,7 @@ from dubbing.cli import (
     job_commands,
     machine_commands,
     provenance_commands,
+    report_commands,
     research_commands,
     studio_commands,
     training_commands,
@@ -66,7 +67,8 @@ def options(
 COMMANDS = {
     "Dubbing": (
         *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.schema),
-        *(studio_commands.studio, job_commands.curves, job_commands.demo, clip_commands.prepare),
+        *(studio_commands.studio, report_commands.share, report_commands.notes),
+        *(job_commands.curves, job_commands.demo, clip_commands.prepare),
     ),
     "Checking": (
         *(clip_commands.sync, provenance_commands.verify, provenance_commands.consent),

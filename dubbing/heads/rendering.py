@@ -12,6 +12,7 @@ from dfrf import checkpoint, saved_models
 from dfrf import device as devices
 from dfrf.data.dataset import neighbour_windows
 from dfrf.field.audio import NEIGHBOURS
+from dfrf.field.speaker_adaptation import OPENING
 from dfrf.method_interface import FrameInputs, Maps
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
@@ -21,6 +22,7 @@ from dubbing.engine.pieces import Pieces
 from dubbing.engine.stage import Progress
 from dubbing.errors import CheckpointError
 from dubbing.identity.dataset import upper_face_expression
+from dubbing.identity.lip_scale import Scale
 from dubbing.media import VideoWriter
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.prepared import PreparedClip
@@ -57,6 +59,7 @@ def render(
     baked: bool = False,
     strength: np.ndarray | None = None,
     lips: np.ndarray | None = None,
+    scale: Scale | None = None,
     device: str = "auto",
     progress: Progress | None = None,
     made_by: str = "",
@@ -77,7 +80,9 @@ def render(
         pose_index: (T,) frame of the clip each frame takes its pose from.
         part: first and stop of those of the T frames to render; all by default.
         baked: whether its baked density is looked up, where the model has one; else rays march.
-        strength, lips: (T,), (T, L); see `dfrf.method_interface.FrameInputs`.
+        strength: (T,) of the opening that is seen; see `LipScale.shares`.
+        lips: (T, L); see `dfrf.method_interface.FrameInputs`.
+        scale: of the person's lips.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
         made_by: digest of the model and of the code.
@@ -102,9 +107,8 @@ def render(
         stop = min(first + segment, end)
         path = out / f"{first:06d}.mkv"
         if not path.exists():
-            inputs = head_inputs(
-                person, clip, speech, pose_index, first, stop, baked, strength, lips
-            )
+            span = (first, stop, baked, strength, lips, scale)
+            inputs = head_inputs(person, clip, speech, pose_index, *span)
             if not pieces.take(path.name, digest_data([made_by, digest_of_inputs(inputs)])):
                 with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
                     for done, head in enumerate(heads_of(person, maps, inputs), first + 1):
@@ -129,20 +133,24 @@ def head_inputs(
     baked: bool,
     strength: np.ndarray | None,
     lips: np.ndarray | None,
+    scale: Scale | None = None,
 ) -> FrameInputs:
     """What heads of frames first .. stop of a dub are made of; see `render`."""
     around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
     low, high = max(0, first - around), min(len(pose_index), stop + around)
-    some = (speech(low, high - low), pose_index[low:high])
+    heard, poses = speech(low, high - low), pose_index[low:high]
+    strength, lips = (None if one is None else one[low:high] for one in (strength, lips))
+    shares = _shares(person, heard, strength, lips, scale)
+    span = (first - low, stop - low)
 
     def own(values: np.ndarray | None) -> Tensor | None:
-        return None if values is None else _on(values[first:stop], person.device)
+        return None if values is None else _on(values[slice(*span)], person.device)
 
     return replace(
-        inputs_of(person, clip, *some, first - low, stop - low),
+        inputs_of(person, clip, heard, poses, *span),
         regions=torch.from_numpy(regions_of(clip, pose_index[first:stop])).to(person.device),
         baked=baked,
-        strength=own(strength),
+        strength=own(shares),
         lips=own(lips),
     )
 
@@ -157,6 +165,23 @@ def plain(value: object) -> object:
     if not isinstance(value, Tensor):
         return value
     return [str(value.dtype), [*value.shape], digest_bytes(value.cpu().numpy().tobytes())]
+
+
+def _shares(
+    person: HeadModel,
+    speech: SpeechFrames,
+    strength: np.ndarray | None,
+    lips: np.ndarray | None,
+    scale: Scale | None,
+) -> np.ndarray | None:
+    """How far the lips leave the closed mouth in F frames, (F,), so that `strength` is seen."""
+    if scale is None or strength is None or not ((strength > 0) & (strength < 1)).any():
+        return strength
+    spoken = wanted_lips(person, speech, lips=lips)
+    closed = wanted_lips(person, speech, np.zeros_like(strength))
+    if spoken is None or closed is None:
+        return strength
+    return scale().shares(strength, spoken[:, OPENING], float(closed[0, OPENING]))
 
 
 def frames(

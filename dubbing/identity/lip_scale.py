@@ -11,10 +11,15 @@ from typing import Self
 import numpy as np
 
 from dubbing.face.lip_curves import LipCurves
-from dubbing.face.lip_measures import lip_lengths
+from dubbing.face.lip_measures import lip_lengths, lips_touch, standardised
 from dubbing.identity.learned import learned
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.script.timeline import Edit
+
+CLOSED_SHARE = 0.05  # of the frames, as in `dfrf.field.speaker_adaptation`
+PARTING = 0.75  # of the touching frames are closed more than lips that part; by development people
+MOST_TOUCHING = 0.8  # of the way from a closed mouth to one that hardly opens
+BEGUN = 0.1  # strength from which on lips have parted: 0 is a closed mouth
 
 
 @dataclass(frozen=True)
@@ -23,22 +28,26 @@ class LipScale:
 
     Attributes:
         mean, spread: (L,) of the lengths.
+        parting: measure of the opening at which the lips part, as a share of a closed mouth's.
     """
 
     mean: np.ndarray
     spread: np.ndarray
+    parting: float = 1.0
 
     @classmethod
     def of(cls, model: Path, clips: Sequence[PreparedClip]) -> Self:
         """That of a model in a folder, which was learned from clips."""
-        lengths = []
+        lengths, touching = [], []
         for clip, (_, some, turned) in zip(clips, learned(model), strict=True):
             own = np.zeros(len(clip), bool)
             for start, stop in (*some, *turned):
                 own[round(start * clip.rate) : round(stop * clip.rate)] = True
-            lengths.append(lip_lengths(clip.frontal_landmarks()[own & clip.detected]))
+            own &= clip.detected
+            lengths.append(lip_lengths(clip.frontal_landmarks()[own]))
+            touching.append(lips_touch(clip.landmarks[own], clip.eye_distances()[own]))
         every = np.concatenate(lengths)
-        return cls(every.mean(0), every.std(0))
+        return cls(every.mean(0), every.std(0), _parting(every[:, 0], np.concatenate(touching)))
 
     def lengths(self, measures: np.ndarray) -> np.ndarray:
         """Lengths (F, L) in eye distances; a gap is never below 0."""
@@ -48,15 +57,39 @@ class LipScale:
         """Lip measures (F, L) of lengths in eye distances."""
         return np.asarray((lengths - self.mean) / np.maximum(self.spread, 1e-6))
 
+    def shares(self, strength: np.ndarray, spoken: np.ndarray, closed: float) -> np.ndarray:
+        """Shares (F,) of the way from the closed mouth at which openings are `strength` as wide.
+
+        A closed mouth is pressed: over the first part of the way the lips still touch.
+
+        Args:
+            strength: (F,) of what is seen beyond a closed mouth; 0 and 1 stay, and what is more.
+            spoken, closed: measures of the opening, (F,) as spoken and of the closed mouth.
+        """
+        way = spoken - closed
+        touching = np.clip((self.parting - 1) * closed / np.maximum(way, 1e-6), 0, MOST_TOUCHING)
+        begun = np.clip(strength / BEGUN, 0, 1)
+        found = touching * begun + (1 - touching) * strength
+        return np.where((strength < 1) & (way > 0), found, strength).astype(np.float32)
+
+
+def _parting(opening: np.ndarray, touching: np.ndarray) -> float:
+    """See `LipScale`; of the openings (T,) of frames, in some of which the lips touch."""
+    measures = standardised(opening[:, None])[:, 0]
+    closed = np.sort(measures)[: max(1, round(CLOSED_SHARE * len(measures)))].mean()
+    parted = np.quantile(measures, PARTING * touching.mean())
+    return float(np.clip(parted / closed, 0, 1)) if closed < 0 else 1.0
+
+
+Scale = Callable[[], LipScale]  # read where it is needed
+
 
 def moments(frames: int, rate: Fraction, shift: float = 0.0) -> np.ndarray:
     """Seconds (F,) of a line's sound in the middle of its frames, whose mouth comes later (ms)."""
     return np.asarray((np.arange(frames) + 0.5) / float(rate) - shift / 1000)
 
 
-def given_lips(
-    edit: Edit, frames: int, rate: Fraction, scale: Callable[[], LipScale]
-) -> np.ndarray | None:
+def given_lips(edit: Edit, frames: int, rate: Fraction, scale: Scale) -> np.ndarray | None:
     """Lip measures (F, L) that the curves of an edit give in the frames of its line; else NaN."""
     if edit.curves is None:
         return None

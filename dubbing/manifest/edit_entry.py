@@ -9,7 +9,11 @@ from dubbing.manifest.values import FilePath
 
 LONGEST_SHIFT = 500  # ms
 LONGEST_NOTE = 1000  # characters
+LONGEST_NAME, MOST_TAKES = 60, 100  # characters; of a line
 MOST_KEYS, LATEST = 1000, 86400.0  # of a line; s
+
+
+Strength = Annotated[float, Field(ge=0, le=1.5, allow_inf_nan=False)]
 
 
 class Key(Entry):
@@ -17,8 +21,26 @@ class Key(Entry):
 
     at: float = Field(ge=0, le=LATEST, allow_inf_nan=False)
     """Seconds of the line's sound."""
-    strength: float = Field(ge=0, le=1.5, allow_inf_nan=False)
+    strength: Strength
     """As `strength` of the line: 0 closes the mouth."""
+
+
+Shift = Annotated[float, Field(ge=-LONGEST_SHIFT, le=LONGEST_SHIFT, allow_inf_nan=False)]
+Keys = Annotated[list[Key], Field(max_length=MOST_KEYS)]
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
+
+
+class Take(Entry):
+    """One of several edits of a line, of which `take` chooses."""
+
+    shift: Shift = 0.0
+    """As that of the line."""
+    strength: Strength = 1.0
+    """As that of the line."""
+    keys: Keys = Field(default=[])
+    """As those of the line."""
+    curves: FilePath | None = None
+    """As those of the line."""
 
 
 class Edit(Entry):
@@ -28,11 +50,11 @@ class Edit(Entry):
     """Number of the line, as in `.lines.csv`; required in a scene."""
     speaker: str | None = None
     """Who speaks it; required where lines of several speakers have one number."""
-    shift: float = Field(default=0.0, ge=-LONGEST_SHIFT, le=LONGEST_SHIFT, allow_inf_nan=False)
+    shift: Shift = 0.0
     """Milliseconds by which the mouth comes later than the sound; below 0, earlier."""
-    strength: float = Field(default=1.0, ge=0, le=1.5, allow_inf_nan=False)
+    strength: Strength = 1.0
     """How far the lips leave the closed mouth: 0 never, 1 as spoken. Preset `fast` only."""
-    keys: list[Key] = Field(default=[], max_length=MOST_KEYS)
+    keys: Keys = Field(default=[])
     """Moments at which the strength is another; 120 ms beside each it is the line's again."""
     curves: FilePath | None = None
     """A table as `dfrf curves` writes it, whose lips take the place of those heard. Preset `fast`
@@ -42,6 +64,10 @@ class Edit(Entry):
     """Text for people; changes nothing."""
     status: Literal["open", "approved", "redo"] = "open"
     """The state of the work on the line; changes nothing."""
+    take: str = ""
+    """The name of the take that is used; without it, the keys above."""
+    takes: dict[Name, Take] = Field(default={}, max_length=MOST_TAKES)
+    """Other edits of the line, by names of your own."""
 
 
 Edits = Annotated[

@@ -57,13 +57,22 @@ def edits_of(
 
 def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, preset: str) -> Edit:
     """The edit of a cue, whose person has a model of a preset; what is wrong goes to findings."""
-    for number, one in enumerate(edit.keys):
+    if edit.take and edit.take not in edit.takes:
+        what = f"line {cue.number} has no take {edit.take!r}"
+        close = suggestion(edit.take, [*edit.takes]) or f"; there is {some([*edit.takes])}"
+        findings.add((*key, "take"), what + (close if edit.takes else ": write it into takes"))
+        return Edit()
+    motion: edit_entry.Edit | edit_entry.Take = edit
+    if edit.take:
+        motion, key = edit.takes[edit.take], (*key, "takes", edit.take)
+    for number, one in enumerate(motion.keys):
         if one.at > cue.seconds:
             late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
             findings.add((*key, "keys", number, "at"), late)
-    keys = tuple((one.at, one.strength) for one in edit.keys)
-    curves = None if edit.curves is None else (edit.curves, cue.number)
-    found = Edit(edit.shift, edit.strength, edit.note, keys, edit.status, curves)
+    keys = tuple((one.at, one.strength) for one in motion.keys)
+    curves = None if motion.curves is None else (motion.curves, cue.number)
+    decided = (edit.note, keys, edit.status, curves, edit.take)
+    found = Edit(motion.shift, motion.strength, *decided)
     before = len(findings.problems)
     for name, reasons in WITHOUT.items():
         if preset in reasons and getattr(found, name) != getattr(Edit(), name):

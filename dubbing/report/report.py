@@ -15,6 +15,7 @@ from dubbing.engine.graph import Job, Jobs
 from dubbing.engine.outcome import Outcome
 from dubbing.errors import ExplainedError
 from dubbing.identity.learned import CURVE_FILE, in_words, learned_if_known
+from dubbing.manifest.notes import told
 from dubbing.packages import missing_of
 from dubbing.pipeline import DUB, PERSON
 from dubbing.preparation.file_names import CONTACT_SHEET, SUMMARY
@@ -34,6 +35,7 @@ from dubbing.report.page import (
 )
 from dubbing.report.peak_memory import peak_memory
 from dubbing.report.sources import relative, shown, source_of
+from dubbing.report.thumbnails import thumbnail_of
 from dubbing.stages.check import Check
 from dubbing.stages.check_source import CheckSource
 from dubbing.stages.finetune import Finetune
@@ -205,15 +207,19 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
     verdicts = [row["verdict"] or "unjudged" for row in rows]
     reach = [picture.get("reach", {}).get(cue.name) for cue in dub.cues]
     start = float(dub.first / dub.film.rate) if dub.cues else 0.0
+    middle = (dub.cues[0].first + min(dub.cues[0].stop, dub.length)) // 2 if dub.cues else 0
+    thumbnail = thumbnail_of(video, middle, production.work) if video.is_file() else None
     return {
         **_common(job, outcome),
         "identity": ", ".join(person.name for person in dub.people),
         "verdict": verdict_of(outcome.state, sync),
         "video": relative(production, video) if video.is_file() else None,
+        "thumbnail": relative(production, thumbnail) if thumbnail else None,
+        "rate": float(dub.film.rate) if dub.cues else 1.0,
         **source_of(production, dub.film.path, start),
         "undubbed": lines.undubbed_of(dub),
         "lines": [
-            row | _reach(of) | {"edit": cue.edit.in_words()}
+            row | _reach(of) | {"edit": cue.edit.in_words(), "cue": cue.name, "told": told(cue)}
             for row, of, cue in zip(rows, reach, dub.cues, strict=True)
         ],
         "short_lines": sum(of is not None and of.short for of in reach),

@@ -57,9 +57,9 @@ def source_of(production: Production, film: Path, start: float) -> dict[str, Any
 
 
 def shown(production: Production, path: Path) -> str:
-    """A path as the report names it: relative to its folder, if it lies below it or beside it."""
+    """A path as the report names it: relative to its folder where that is near, or its name."""
     near = path.is_relative_to(production.output.parent)
-    return relative(production, path) if near else str(path)
+    return relative(production, path) if near else path.name
 
 
 def relative(production: Production, path: Path) -> str:

@@ -29,6 +29,7 @@ class Edit:
         keys: seconds of the cue's sound, and the strength there.
         status: open, approved or redo; for people.
         curves: a file, and the line in it whose lips take the place of those heard.
+        take: its name, where the line has several; for people.
     """
 
     shift: float = 0.0
@@ -37,6 +38,12 @@ class Edit:
     keys: tuple[tuple[float, float], ...] = ()
     status: Setting[str] = "open"
     curves: tuple[Path, int] | None = None
+    take: Setting[str] = ""
+
+    @property
+    def of_lips(self) -> bool:
+        """Whether it changes how the lips move, and not only when."""
+        return self.curves is not None or bool(self.keys) or self.strength != 1
 
     def strengths(self, frames: int, rate: Fraction) -> np.ndarray:
         """The strength in each frame of the cue, (F,) float32.
@@ -58,7 +65,7 @@ class Edit:
 
     def in_words(self) -> str:
         """``the mouth 80 ms later, strength 0.5: mumbled``; empty without an edit."""
-        found = []
+        found = [f"take {self.take}"] if self.take else []
         if self.shift:
             side = "later" if self.shift > 0 else "earlier"
             found.append(f"the mouth {abs(self.shift):g} ms {side}")

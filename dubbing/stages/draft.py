@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -138,7 +138,8 @@ class HalfSize:
         late = edit.shift / 1000 * float(speech.rate)  # frames
         frames = cue.stop - cue.first
         strength = edit.strengths(frames, speech.rate)
-        lips = given_lips(edit, frames, speech.rate, lambda: self.scales[cue.identity])
+        scale = partial(self.scales.__getitem__, cue.identity)
+        lips = given_lips(edit, frames, speech.rate, scale)
         segment = method_of(model).segment
 
         def read(first: int, count: int) -> Iterator[np.ndarray]:
@@ -153,6 +154,7 @@ class HalfSize:
                     baked=True,
                     strength=strength,
                     lips=lips,
+                    scale=scale,
                 )
                 yield from rendering.heads_of(model, maps, inputs)
 

@@ -36,7 +36,7 @@ class Render(DubbingStage):
         film_first, on_longer_audio: frames of the film under the dub; see `timeline.pose_index`.
         baked: whether heads are rendered off the model's baked density; False for a preset without.
         edit: of the cue's line.
-        learned: the clips that the model was learned from, where the edit has curves.
+        learned: the clips that the model was learned from, where the edit is of its lips.
         crop: area of the head crop as a share of a full one.
         part: first and stop of those of the cue's frames that are rendered; None for all.
     """
@@ -84,7 +84,7 @@ class Render(DubbingStage):
             on_longer_audio=dub.on_longer_audio,
             baked=dub.baked and family(person.settings.preset) == "fast",
             edit=cue.edit,
-            learned=learned if cue.edit.curves else (),
+            learned=learned if cue.edit.of_lips else (),
             preset=person.settings.preset,
             crop=person.crops(dub.film),
             device=device,
@@ -117,6 +117,7 @@ class Render(DubbingStage):
             baked=self.baked,
             strength=self.edit.strengths(frames, speech.rate),
             lips=given_lips(self.edit, frames, speech.rate, scale),
+            scale=scale if self.learned else None,
             device=self.device,
             progress=progress,
             made_by=digest_data([self.version, self.model.result()]),

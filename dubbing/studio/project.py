@@ -3,15 +3,12 @@
 F frames of a dub.
 """
 
-import hashlib
 from collections.abc import Mapping
 from functools import cached_property
-from pathlib import Path
 from threading import Lock
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from dubbing.batch.curves import check_made
 from dubbing.batch.jobs import build
@@ -19,10 +16,8 @@ from dubbing.engine import planner
 from dubbing.engine.file_digests import digest_of
 from dubbing.engine.graph import Jobs
 from dubbing.errors import ExplainedError
-from dubbing.manifest import edit_entry, edits_file, yaml_lines
-from dubbing.manifest.edits import edits_of
-from dubbing.manifest.findings import Findings, Scene
-from dubbing.manifest.messages import plain
+from dubbing.manifest import edit_entry
+from dubbing.manifest.kept_edits import KeptEdits, StaleError, validated
 from dubbing.pipeline import DUB
 from dubbing.production.dub import Dub
 from dubbing.production.production import Production
@@ -31,10 +26,6 @@ from dubbing.script.timeline import Cue, Edit
 from dubbing.stages.draft import Draft
 
 OF_LINE = ("line", "speaker", "identity", "in", "verdict", "reason", "words")
-
-
-class StaleError(ExplainedError):
-    """Edits were saved by somebody else in the meantime."""
 
 
 class Project:
@@ -71,7 +62,7 @@ class Project:
 
     def revision(self, name: str) -> str:
         """Which content the edits of a dub have."""
-        return self._read(name)[0]
+        return self._kept(name).read()[0]
 
     def edits(self, name: str) -> dict[str, Edit]:
         """The edits of a dub by the names of its cues; as spoken for the others.
@@ -79,11 +70,7 @@ class Project:
         Raises:
             ExplainedError: its file holds something else.
         """
-        dub = self.dubs[name]
-        if dub.fixed_edits:
-            return {cue.name: cue.edit for cue in dub.cues}
-        found = self._checked(dub, self._read(name)[1])
-        return {cue.name: found.get(cue.name, Edit()) for cue in dub.cues}
+        return self._kept(name).edits()
 
     def save(self, name: str, cue: Cue, revision: str, given: Any) -> str:
         """Put the edit of a cue, as JSON holds it, into the file; gives the new revision.
@@ -92,30 +79,21 @@ class Project:
             StaleError: the file is of another revision.
             ExplainedError: it is no such edit, or cannot be written.
         """
-        dub = self.dubs[name]
-        if dub.fixed_edits:
-            own = edits_file.edits_file(self.production.manifest, name).name
-            what = f"the manifest holds the edits of {name}"
-            raise ExplainedError(what, remedy=f"move them to {own} beside it")
+        kept = self._kept(name)
         with self._saving:
-            now, edits = self._read(name)
+            now, entries = kept.entries()
             if revision != now:
                 raise StaleError("saved elsewhere in the meantime", remedy="look, then do it again")
-            ids = {one: place for place, one in enumerate(dub.cues)}
-            rest = {self._cue(dub, one): one for one in edits}
-            rest[cue] = self._entry(dub, cue, given, rest.get(cue))
-            kept = sorted(rest, key=lambda one: ids[one])
-            plain_edit = edit_entry.Edit(**_line(dub, cue))
-            new = [rest[one] for one in kept if one != cue or rest[one] != plain_edit]
-            self._checked(dub, new)
-            edits_file.write(edits_file.edits_file(self.production.manifest, name), new)
-            return self._read(name)[0]
+            entries[cue] = self._entry(kept.line(cue), given, entries.get(cue))
+            kept.put(entries, {cue: entries[cue]})
+            return self.revision(name)
 
     def shown(self, name: str) -> dict[str, Any]:
         """A dub with its lines, as the page gets them."""
         dub, edits = self.dubs[name], self.edits(name)
         rows = lines_of(dub, self._jobs.named(DUB)[name])
         video = self.video(name)
+        takes = {} if dub.fixed_edits else _takes(self._kept(name).entries()[1])
         return {
             "name": name,
             "rate": float(dub.film.rate),
@@ -128,6 +106,7 @@ class Project:
                 {key: row[key] for key in OF_LINE}
                 | {"cue": cue.name, "first": cue.first, "stop": min(cue.stop, dub.length)}
                 | {"seconds": cue.seconds, "edit": _as_json(edits[cue.name])}
+                | {"takes": takes.get(cue.name, {"": {}})}
                 | {"strengths": self._strengths(dub, cue, edits[cue.name]).round(4).tolist()}
                 for row, cue in zip(rows, dub.cues, strict=True)
             ],
@@ -157,49 +136,30 @@ class Project:
     def _strengths(self, dub: Dub, cue: Cue, edit: Edit) -> np.ndarray:
         return edit.strengths(min(cue.stop, dub.length) - cue.first, dub.film.rate)
 
-    def _read(self, name: str) -> tuple[str, list[edit_entry.Edit]]:
-        """Revision and content of a dub's file of edits."""
-        path = edits_file.edits_file(self.production.manifest, name)
-        document = edits_file.read(path) if path.exists() else yaml_lines.Document([])
-        content = path.read_bytes() if path.exists() else b""
-        revision = hashlib.sha256(content).hexdigest()[:16]
-        if document.problems:
-            raise ExplainedError(str(document.problems[0]), path.name, "mend the file")
-        data = document.data if isinstance(document.data, list) else [document.data]
-        return revision, [_validated(one, path.name, path.parent) for one in data]
+    def _kept(self, name: str) -> KeptEdits:
+        return KeptEdits(self.production.manifest, self.dubs[name])
 
     def _entry(
-        self, dub: Dub, cue: Cue, given: Any, before: edit_entry.Edit | None
+        self, line: dict[str, Any], given: Any, before: edit_entry.Edit | None
     ) -> edit_entry.Edit:
         if not isinstance(given, dict) or {"line", "speaker"} & {*given}:
             raise ExplainedError("an edit is an object without line and speaker")
-        curves = before.curves if before else None
-        if given.get("curves") not in (None, str(curves)):  # no page may have other files read
+        versions = given.pop("takes", None) or {}
+        if not isinstance(versions, dict) or not all(
+            isinstance(v, dict) for v in versions.values()
+        ):
+            raise ExplainedError("takes are objects by their names")
+        versions[str(given.get("take", ""))] = {
+            key: given.pop(key) for key in edit_entry.Take.model_fields if key in given
+        }
+        allowed: set[str | None] = {None}  # no page may have other files read
+        if before:
+            known = (before.curves, *(take.curves for take in before.takes.values()))
+            allowed |= {str(one) for one in known}
+        if any(one.get("curves") not in allowed for one in versions.values()):
             raise ExplainedError("curves: only those in the file stay", remedy="name others there")
-        return _validated(_line(dub, cue) | given, "", self.production.manifest.parent)
-
-    def _cue(self, dub: Dub, edit: edit_entry.Edit) -> Cue:
-        """The cue of an edit in the file."""
-        name = next(iter(self._checked(dub, [edit])))
-        return next(cue for cue in dub.cues if cue.name == name)
-
-    def _checked(self, dub: Dub, edits: list[edit_entry.Edit]) -> Mapping[str, Edit]:
-        findings = Findings()
-        scene = Scene(
-            dub.film.path, dub.cues, undubbed=dub.undubbed, film_heard=dub.sound.film_heard
-        )
-        presets = {person.name: person.settings.preset for person in dub.people}
-        found = edits_of(findings, (), edits, scene, presets)
-        if findings.problems:
-            key, message = findings.problems[0]
-            raise ExplainedError(f"{yaml_lines.key_path(key[1:])}: {message}".lstrip(": "))
-        return found
-
-
-def _line(dub: Dub, cue: Cue) -> dict[str, Any]:
-    """The keys that say which line an edit is of."""
-    several = sum(one.number == cue.number for one in dub.cues) > 1
-    return {"line": cue.number} | ({"speaker": cue.speaker} if several else {})
+        given |= versions.pop("", {})
+        return validated(line | given | {"takes": versions}, "", self.production.manifest.parent)
 
 
 def _digest(edit: Edit) -> str:
@@ -207,14 +167,14 @@ def _digest(edit: Edit) -> str:
     return digest_of(edit.curves[0])[:8] if edit.curves else ""
 
 
-def _validated(given: Any, where: str, folder: Path) -> edit_entry.Edit:
-    try:
-        return edit_entry.Edit.model_validate(given, context={"folder": folder})
-    except ValidationError as error:
-        detail = error.errors()[0]
-        key = yaml_lines.key_path(tuple(detail["loc"]))
-        message = plain(detail, edit_entry.Edit)
-        raise ExplainedError(f"{key}: {message}" if key else message, where) from None
+def _takes(entries: Mapping[Cue, edit_entry.Edit]) -> dict[str, dict[str, Any]]:
+    """By cue, the versions of its edit by their names; the unnamed one is that of the line."""
+    kept = set(edit_entry.Take.model_fields)
+    return {
+        cue.name: {"": entry.model_dump(mode="json", include=kept)}
+        | {name: take.model_dump(mode="json") for name, take in entry.takes.items()}
+        for cue, entry in entries.items()
+    }
 
 
 def _as_json(edit: Edit) -> dict[str, Any]:

@@ -20,11 +20,13 @@ from starlette.responses import FileResponse, JSONResponse, Response, StreamingR
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from dubbing import design
 from dubbing.errors import ExplainedError
+from dubbing.manifest.kept_edits import StaleError
 from dubbing.studio.drafter import Drafter
 from dubbing.studio.film import DRAFT, DUB
 from dubbing.studio.guard import Guard
-from dubbing.studio.project import Project, StaleError
+from dubbing.studio.project import Project
 
 PAGE = Path(__file__).with_name("page")
 MOST_FRAMES = 3000  # of one request
@@ -72,6 +74,7 @@ def app_of(project: Project, drafter: Drafter, **guard: Any) -> Starlette:
         Route(f"{dub}/frames", server.frames, methods=["POST"]),
         Route(f"{dub}/revision", server.revision),
         Mount("/page", StaticFiles(directory=PAGE)),
+        Mount("/design", StaticFiles(directory=design.FOLDER)),
     ]
     errors = {ExplainedError: _explained, HTTPException: _plain}
     app = Starlette(

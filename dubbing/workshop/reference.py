@@ -13,7 +13,7 @@ import typer
 from dubbing.cli.main import app
 from dubbing.engine.files import atomic_write_text
 from dubbing.manifest import schema
-from dubbing.manifest.edit_entry import Edit, Key
+from dubbing.manifest.edit_entry import Edit, Key, Take
 from dubbing.manifest.entries import (
     Consent,
     Credits,
@@ -39,6 +39,7 @@ ENTRIES: dict[type[Entry], str] = {
     Dub: "A dub",
     Edit: "edits",
     Key: "keys",
+    Take: "takes",
     Label: "label",
     Credits: "credits",
     Mark: "mark",

@@ -2,7 +2,7 @@
 
 import { ask, dubPath, put } from "./api.js";
 
-export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], status: "open", curves: null };
+export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], status: "open", curves: null, take: "" };
 const LOOK_MS = 500, ELSEWHERE = "Changed elsewhere: shown now";
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
@@ -12,6 +12,7 @@ export class Desk extends EventTarget {
   dub = null;
   line = null;
   curves = null;
+  before = {}; // by line, the take that was chosen before
   #undone = [];
   #done = [];
   #saving = Promise.resolve();
@@ -76,7 +77,8 @@ export class Desk extends EventTarget {
     this.#saving = this.#saving.then(async () => {
       const path = `${dubPath(name)}/lines/${encodeURIComponent(cue)}`;
       try {
-        this.#take(await put(path, { revision: this.dub.revision, edit }), this.#busy > 1);
+        this.#take(await put(path, { revision: this.dub.revision,
+          edit: { ...edit, takes: line.takes } }), this.#busy > 1);
         this.tell("said", "Saved");
       } catch (error) {
         failed();

@@ -2,6 +2,7 @@
 
 import { AS_SPOKEN } from "./desk.js";
 
+const VERDICTS = { pass: "in sync", warn: "look closely", fail: "failed", unjudged: "not judged" };
 const find = (id) => document.getElementById(id);
 
 export class LineForm {
@@ -15,13 +16,41 @@ export class LineForm {
     shift.addEventListener("change", () => shift.reportValidity() && change({ shift: Number(shift.value) }));
     note.addEventListener("change", () => change({ note: note.value }));
     for (const one of status) one.addEventListener("change", () => change({ status: one.value }));
+    this.form.elements.take.addEventListener("change", ({ target }) => this.take(target.value));
+    find("keep").addEventListener("click", () => this.keep());
     find("reset").addEventListener("click", () => {
-      const { note: words, status: as } = this.desk.line.edit;
-      change({ ...AS_SPOKEN, note: words, status: as });
+      const { note: words, status: as, take } = this.desk.line.edit;
+      change({ ...AS_SPOKEN, note: words, status: as, take });
     });
     find("next").addEventListener("click", () => this.next());
     this.form.addEventListener("submit", (event) => event.preventDefault());
     for (const kind of ["line", "edits", "saved"]) desk.addEventListener(kind, () => this.lay());
+  }
+
+  // The edit as it is now under a name of its own, chosen: what is changed from here on is changed in it.
+  keep() {
+    const { line } = this.desk, { shift, strength, keys, curves } = line.edit;
+    let number = 1;
+    while (line.takes[number]) number += 1;
+    line.takes = { ...line.takes, [line.edit.take]: { shift, strength, keys, curves } };
+    this.desk.change(line, { take: String(number) });
+  }
+
+  // Another version of the edit; the one before stays under its name.
+  take(name) {
+    const { line } = this.desk, { shift, strength, keys, curves, take } = line.edit;
+    line.takes = { ...line.takes, [take]: { shift, strength, keys, curves } };
+    this.desk.before[line.cue] = take;
+    const { shift: s, strength: g, keys: k, curves: c } = { ...AS_SPOKEN, ...line.takes[name] };
+    this.desk.change(line, { take: name, shift: s, strength: g, keys: k, curves: c });
+  }
+
+  // Back and forth between two takes.
+  swap() {
+    const { line } = this.desk, names = Object.keys(line.takes), { take } = line.edit;
+    const other = this.desk.before[line.cue] ?? names.find((name) => name !== take);
+    if (other === undefined || other === take) this.desk.tell("said", "This line has one take");
+    else this.take(other);
   }
 
   // The next line that nobody has decided about, from the chosen one on and round.
@@ -42,10 +71,14 @@ export class LineForm {
     const { dub, line } = this.desk, { edit } = line, { elements } = this.form;
     find("title").textContent = `Line ${line.line} · ${line.speaker || line.identity} · ${line.in}`;
     find("words").textContent = line.words;
-    find("verdict").textContent = line.verdict || "not checked";
+    find("verdict").textContent = VERDICTS[line.verdict] || "not checked";
     find("verdict").className = `tag ${line.verdict || ""}`;
     find("reason").textContent = line.reason || "";
     find("fields").disabled = dub.fixed;
+    const names = [...new Set(["", ...Object.keys(line.takes), edit.take])];
+    find("takes").hidden = names.length < 2;
+    elements.take.replaceChildren(...names.map((name) => new Option(name || "without a name", name)));
+    elements.take.value = edit.take;
     elements.strength.value = edit.strength;
     find("strong").textContent = edit.strength;
     elements.shift.value = edit.shift;

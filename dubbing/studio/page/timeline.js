@@ -1,6 +1,6 @@
 // The sound, the lines as blocks, and the curves of the lips with the keys of their strength.
 
-import WaveSurfer from "./vendor/wavesurfer.js";
+import WaveSurfer from "/design/vendor/wavesurfer.js";
 import { dubPath } from "./api.js";
 
 const AXIS = 52; // px to both sides of the curves, as in studio.css

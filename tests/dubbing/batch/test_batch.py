@@ -35,12 +35,11 @@ def test_a_dub_from_end_to_end(footage: Path, tmp_path: Path) -> None:
     assert report["identities"]["ann"]["consent"]["reference"] == "form 17"
     assert report["identities"]["ann"]["loss"] == [0.5, 0.25]
     page = (out / "report.html").read_text()
-    assert "<h1>1 dub: 1 passed, 0 warned, 0 failed</h1>" in page
-    assert 'controls playsinline preload="none"\nsrc="ann_it.mp4"' in page
+    assert "<h1>1 dub: 1 in sync</h1>" in page
+    assert '"video": "ann_it.mp4"' in page
     assert report["dubs"]["ann_it"]["verdict"] == "passed"
     source = out / report["dubs"]["ann_it"]["source"]  # it is shown from where it lies
     assert source.samefile(footage / "ann.mp4")
-    assert "polyline" in page
 
 
 def test_the_report_shows_the_codec_that_was_requested(footage: Path, tmp_path: Path) -> None:
@@ -95,5 +94,5 @@ def test_controls_and_markup_do_not_reach_the_page(footage: Path, tmp_path: Path
     path.write_text(path.read_text().replace("form 17", r"form <b> \e[31m\u202e"))
     dub(path)
     page = (tmp_path / "out" / "report.html").read_text()
-    assert r"form &lt;b&gt; \x1b[31m\u202e" in page
+    assert r"form \u003cb> \\x1b[31m\\u202e" in page
     assert "\x1b" not in page

@@ -137,8 +137,8 @@ def test_what_is_handed_over(scene: Path) -> None:
     assert "ANN" in locators[1][2]
     assert "It begins." in locators[1][2]
     page = (out / "report.html").read_text()
-    assert 'src="it.proxy.mp4"' in page
-    assert f"{FRAMES - 32} of {FRAMES} frames are" in page
+    assert '"video": "it.proxy.mp4"' in page
+    assert f'"untouched": {{"frames": {FRAMES - 32}, "of": {FRAMES},' in page
     proxy = media.probe(out / "it.proxy.mp4")
     assert (proxy.frames, proxy.rate, proxy.width) == (FRAMES, FPS, 64)
 

@@ -104,4 +104,4 @@ def test_three_people_two_cuts_and_a_pillar(film: Path, monkeypatch: pytest.Monk
     assert events == [spoken[0], (*kept, "CYAN"), *spoken[1:]]
     page = (out / "report.html").read_text()
     assert "found by looks in the shots that begin at frames" in page
-    assert f"own face in frames: {behind['reason']} {kept[0]}-{kept[1]}" in page
+    assert f'"own_pixels": "{behind["reason"]} {kept[0]}-{kept[1]}' in page

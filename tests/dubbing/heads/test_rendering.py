@@ -14,6 +14,7 @@ from dfrf import presets, saved_models
 from dfrf.fast.fast_method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.heads import rendering as heads
+from dubbing.identity.lip_scale import LipScale, Scale
 from dubbing.media import VideoWriter, read_frames
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from tests.dfrf.people import small_config
@@ -52,6 +53,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
         strength: np.ndarray | None = None,
         lips: np.ndarray | None = None,
         last: Path | None = None,
+        scale: Scale | None = None,
     ) -> list[np.ndarray]:
         heads.render(
             tmp_path / "model.safetensors",
@@ -62,6 +64,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
             part=part,
             strength=strength,
             lips=lips,
+            scale=scale,
             device="cpu",
             last=last,
         )
@@ -124,6 +127,25 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     for k, head in enumerate(made(tmp_path / "given", lips=given)):
         apart = np.abs(head.astype(int) - whole[k]).max()
         assert apart > 5 if 6 <= k < 10 else apart <= 1
+    # Half as strong, it is further from the closed mouth where lips part late, by what is heard in
+    # every frame, whichever segment that is in.
+    half = np.full(count, 0.5, np.float32)
+    late = LipScale(np.zeros(7), np.ones(7), 0.5)
+    model.field.conditioning.closed_mouth_target.fill_(-2)
+    saved_models.save_person(tmp_path / "model.safetensors", model, None, {})
+    own, closed = (heads.wanted_lips(model, speech, of) for of in (None, np.zeros(count)))
+    assert own is not None
+    assert closed is not None
+    shares = late.shares(half, own[:, 0], closed[0, 0])
+    assert (shares > 0.55).mean() > 0.5
+    by_hand = made(tmp_path / "by hand", strength=shares)
+    for a, b in zip(
+        made(tmp_path / "half", strength=half, scale=lambda: late), by_hand, strict=True
+    ):
+        np.testing.assert_allclose(a.astype(int), b, atol=1)
+    assert any(
+        (a != b).any() for a, b in zip(by_hand, made(tmp_path / "h", strength=half), strict=True)
+    )
 
 
 def test_only_what_a_dub_shows_is_requested(tmp_path: Path) -> None:

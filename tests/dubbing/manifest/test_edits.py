@@ -89,6 +89,15 @@ def test_keys_are_moments_of_a_line(folder: Path) -> None:
     assert edit.in_words() == "0 at 0.2 s, 1.5 at 0.1 s: shut on the m"
 
 
+def test_the_chosen_take_counts(folder: Path) -> None:
+    takes = "strength: 0.5, takes: {wide: {strength: 1.2, shift: 40}, shut: {strength: 0}}"
+    (_, edit) = edits(scene(folder, f"{{line: 3, note: a, {takes}, take: wide}}"))
+    assert edit == Edit(40, 1.2, "a", take="wide")
+    assert edit.in_words() == "take wide, the mouth 40 ms later, strength 1.2: a"
+    (_, edit) = edits(scene(folder, f"{{line: 3, {takes}}}"))
+    assert edit == Edit(strength=0.5)
+
+
 def test_curves_are_a_file_and_the_line_in_it(folder: Path) -> None:
     table = folder / "lips.csv"
     table.write_text("line,time,opening\n3,0.1,0.2\n")
@@ -134,6 +143,15 @@ def test_of_several_who_speak_in_one_cue_the_speaker_is_named(folder: Path) -> N
         ("{line: 3, keys: [{at: -1, strength: 0}]}", "edits.keys.at", "greater than or equal"),
         ("{line: 3, keys: [{at: 9, strength: 0}]}", "edits.keys.at", "ends after"),
         ("{line: 3, keys: 4}", "edits.keys", "must be"),
+        ("{line: 3, take: wid, takes: {wide: {}}}", "edits.take", "mean 'wide'?"),
+        ("{line: 3, take: a, takes: {bc: {}, de: {}}}", "edits.take", "there is bc, de"),
+        ("{line: 3, take: a}", "edits.take", "has no take 'a': write it into takes"),
+        ("{line: 3, takes: {a: {strength: 2}}}", "edits.takes.a.strength", "less than or equal"),
+        (
+            "{line: 3, take: a, takes: {a: {keys: [{at: 9, strength: 0}]}}}",
+            "edits.takes.a.keys.at",
+            "ends",
+        ),
         ("[{line: 3}, {line: 1, strenght: 0}]", "edits[1].strenght", "mean 'strength'?"),
         ("{line: 3, strenght: 0}", "edits.strenght", "unknown key; did you mean 'strength'?"),
         ("{line: three}", "edits.line", "must be a valid integer, not 'three'"),

@@ -43,6 +43,8 @@ def dub_of(name: str, verdict: str, place: int, closeness: float | None = 0.2) -
         "identity": "ann",
         "verdict": verdict_of(state, sync),  # type: ignore[arg-type]
         "video": f"{name}.mp4",
+        "thumbnail": None,
+        "rate": 25.0,
         "source": "../clips/ann.mp4",
         "source_start": 1.5,
         "undubbed": [],
@@ -96,7 +98,11 @@ def line(number: int, verdict: str | None) -> dict[str, Any]:
     found = {"line": number, "speaker": "ANN", "identity": "ann", "in": f"01:00:0{number}:00"}
     return {
         **found,
+        "cue": f"ann_{number}",
+        "told": f"told {number}",
         "seconds": 1.5,
+        "in_frame": 37,
+        "out_frame": 60,
         "words": "a <b>",
         "verdict": verdict,
         "reason": "",
@@ -104,6 +110,7 @@ def line(number: int, verdict: str | None) -> dict[str, Any]:
         "own_pixels": "covered 40-44" if number == 1 else "",
         "overlaid": "45-60" if number == 1 else "",
         "edit": "",
+        "note": "",
         "status": "open",
         "reach": "80 % of the frames dubbed" if number == 1 else "all frames dubbed",
         "short": number == 1,

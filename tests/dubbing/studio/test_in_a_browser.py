@@ -12,6 +12,7 @@ import pytest
 
 from dubbing.manifest import yaml_lines
 from dubbing.manifest.edits_file import edits_file
+from dubbing.manifest.manifest import load
 from tests.dubbing.studio.browser import CTRL, SHIFT, Browser, Page, browser
 from tests.dubbing.studio.stand_in import FRAMES, server
 
@@ -224,3 +225,38 @@ CONTRAST = """(() => {
   }
   return JSON.stringify(low);
 })()"""
+
+
+def test_two_takes_are_kept_chosen_and_compared(page: Page, manifest: Path) -> None:
+    def kept() -> Any:
+        (edit,) = yaml_lines.read(edits_file(manifest, "it").read_text()).data
+        return edit
+
+    chosen = "studio.desk.line.edit.take === {!r} && studio.desk.line.edit.strength === {}"
+    assert page.run("document.getElementById('takes').hidden")
+    page.run("studio.desk.change(studio.desk.line, { strength: 0.5, note: 'soft' })")
+    page.until(SAVED)
+    page.click("#keep")
+    page.until(f"{chosen.format('1', 0.5)} && studio.desk.line.takes['1']")
+    page.run("studio.desk.change(studio.desk.line, { strength: 1.25, shift: 40 })")
+    page.until("studio.desk.line.takes['1'].strength === 1.25")
+    wide = {"shift": 40, "strength": 1.25}
+    whole = {"line": 1, "strength": 0.5, "note": "soft", "take": "1", "takes": {"1": wide}}
+    assert kept() == whole
+    assert load(manifest).dubs["it"].cues[0].edit.in_words() == (
+        "take 1, the mouth 40 ms later, strength 1.25: soft"
+    )
+    # A key goes back and forth; the draft follows, and nothing is lost.
+    page.press("x")
+    page.until(f"{chosen.format('', 0.5)} && studio.desk.line.strengths[3] === 0.5")
+    assert kept() == {key: value for key, value in whole.items() if key != "take"}
+    page.press("x")
+    page.until(f"{chosen.format('1', 1.25)} && studio.desk.line.strengths[3] === 1.25")
+    assert kept() == whole
+    page.run("document.querySelector('[name=take]').value = ''")
+    page.run("document.querySelector('[name=take]').dispatchEvent(new Event('change'))")
+    page.until(f"{chosen.format('', 0.5)} && studio.desk.line.strengths[3] === 0.5")
+    page.press("z", CTRL)
+    page.until(f"{chosen.format('1', 1.25)} && studio.desk.line.strengths[3] === 1.25")
+    page.until(SAVED)
+    assert kept() == whole
