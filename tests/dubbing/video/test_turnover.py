@@ -45,7 +45,8 @@ def plates(kind: str) -> list[np.ndarray]:
     ramp = ramp * rng.uniform(0.9, 1, (FRAMES, HEIGHT, WIDTH, 3))
     if kind == "half":
         return list(ramp.astype(np.float16))
-    ten = (np.clip(ramp / 10, 0, 1) * 1023).astype(np.uint16)
+    log = np.linspace(0.1, 0.6, WIDTH)[:, None] * rng.uniform(0.9, 1, (FRAMES, HEIGHT, WIDTH, 3))
+    ten = (log * 1023).astype(np.uint16)
     return list((ten << 6) | (ten >> 4))
 
 
@@ -87,7 +88,7 @@ class Shot:
             Sound((Cue("it", 0, FRAMES, self.audio, 0.0, FRAMES / 24),)),
             self.folder / "out",
             pose_index=np.arange(FRAMES),
-            settings=VideoSettings(deliver=deliver),
+            settings=VideoSettings(deliver=deliver, codec="ffv1", label=False),
             progress=lambda _message, _share: None,
         )
         return self.folder / "out" / DELIVERED
@@ -121,16 +122,19 @@ def test_a_turnover_over_the_film_is_the_finished_frame(shot: Shot) -> None:
     assert (found["frames"], found["outside"]) == (5, 0)
     assert found["steps"] <= 1
     values = sequence.values_of(shot.clip)
-    video = list(media.read_frames(shot.folder / "out" / "video.mp4"))
+    video = list(media.read_frames(shot.folder / "out" / "video.mkv"))
     for k in (0, 1, 4, 5):
         film = sequence.read(shot.clip, k).values
         made = over(film, folder / NAMES[k])
         changed = (made != film).any(-1)
         assert changed[20 + 16, 40 + 16]
         assert not changed[:, : 40 + 9].any()
-        # The head is what the video shows.
-        assert np.abs(values.picture(made)[36, 56] - np.array([*fakes.HEAD[:2], k])).max() <= 2
-        assert np.abs(video[k][36, 56].astype(int) - values.picture(made)[36, 56]).max() < 12
+        # The same as the video shows, where the film is no brighter than a display.
+        shown = values.display(film)
+        inside = ((shown >= 0) & (shown <= 1)).all(-1)
+        assert (changed & inside).sum() > 50
+        apart = np.abs(values.picture(made).astype(int) - video[k])[inside]
+        assert apart.max() <= 1
 
 
 def test_the_layers_of_a_turnover(shot: Shot) -> None:
@@ -147,8 +151,8 @@ def test_the_layers_of_a_turnover(shot: Shot) -> None:
     assert front[row + 4, column] == 0
     assert opacity[row + 3, column] > 0
     colour = image.stored[row, column, 5:8][None, None]
-    values = sequence.values_of(shot.clip)
-    assert np.abs(values.picture(colour)[0, 0] - np.array([*fakes.HEAD[:2], 2])).max() <= 2
+    shown = sequence.values_of(shot.clip).picture(colour)[0, 0]
+    assert np.abs(shown - np.array([*fakes.HEAD[:2], 2])).max() <= 2
 
 
 def test_the_script_names_both_and_the_frames(shot: Shot) -> None:
