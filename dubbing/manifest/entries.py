@@ -263,11 +263,10 @@ class Dub(Entry):
 
     def over(self, identities: Mapping[str, Identity]) -> Self:
         """The same with the path of its film as the people in it have it."""
-        films = [
-            clip for name in self.people if name in identities for clip in identities[name].films
-        ]
-        film = next((clip for clip in films if plain(clip) == self.clip), self.clip)
-        return self.model_copy(update={"clip": film})
+        people = [identities[name] for name in self.people if name in identities]
+        films = {plain(film): film for person in people for film in person.films}
+        clip = self.clip and films.get(plain(self.clip), self.clip)
+        return self.model_copy(update={"clip": clip})
 
     @property
     def people(self) -> tuple[str, ...]:
