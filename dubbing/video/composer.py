@@ -24,6 +24,7 @@ from dubbing.provenance import card, provenance
 from dubbing.provenance.mark import Mark
 from dubbing.provenance.mark_key import Marking, bits_of
 from dubbing.script import timeline
+from dubbing.video.face import Face
 from dubbing.video.own_pixels import OVERLAID, OwnPixels, own_pixels, reach
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import Delivery
@@ -50,16 +51,6 @@ class Heads:
     stop: int
     kept: np.ndarray
     name: str = ""
-
-
-@dataclass(frozen=True)
-class Face:
-    """A face in a frame of the film, the rendered head, and how much of it is shown."""
-
-    clip: PreparedClip
-    film: FilmFrame
-    head: np.ndarray
-    share: float
 
 
 class Composer:

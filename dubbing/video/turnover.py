@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from typing_extensions import TypedDict
@@ -28,9 +27,7 @@ from dubbing.media import sequence
 from dubbing.media.film_values import STEPS, FilmValues
 from dubbing.preparation.tracking import cropping
 from dubbing.provenance import provenance
-
-if TYPE_CHECKING:
-    from dubbing.video.composer import Face
+from dubbing.video.face import Face
 
 CHANNELS = ("R", "G", "B", "A", "front.A", "head.R", "head.G", "head.B", "head.A")  # as EXR sorts
 CHECKED = "checked.txt"  # a line a frame, until all are made
