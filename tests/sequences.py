@@ -30,7 +30,7 @@ def write_image(path: Path, values: np.ndarray, **tags: Any) -> Path:
             header.attribute(name, "float[8]", value)
         else:
             header.attribute(name.replace("__", ":"), value)
-    target = OpenImageIO.ImageOutput.create(str(path))
+    target: Any = OpenImageIO.ImageOutput.create(str(path))
     assert target.open(str(path), header), target.geterror()
     assert target.write_image(values), target.geterror()
     target.close()
@@ -47,7 +47,7 @@ def write_sequence(path: Path, frames: list[np.ndarray], first: int = 1001, **ta
 
 def read_image(path: Path) -> np.ndarray:
     """Values (H, W, C) of a file, float32."""
-    source = OpenImageIO.ImageInput.open(str(path))
+    source: Any = OpenImageIO.ImageInput.open(str(path))
     values = np.asarray(source.read_image("float"))
     source.close()
     return values

@@ -233,7 +233,7 @@ def write_image(
     for key, text in (tags or {}).items():
         made.attribute(key, text)
     with atomic_path(file) as temporary:
-        target = OpenImageIO.ImageOutput.create(str(temporary))
+        target: Any = OpenImageIO.ImageOutput.create(str(temporary))
         done = target.open(str(temporary), made) and target.write_image(stored)
         problem = target.geterror()
         if not target.close() or not done:

@@ -90,7 +90,7 @@ def write(folder: Path, name: str, made: str, film: Film) -> Path:
     )
     sound = clips.write_sound(folder / "sound.wav", float(FRAMES / Fraction(film.rate)), 48000)
     start = ["-timecode", film.timecode] if film.timecode else []
-    heard = [] if name.endswith(".webm") else ["-i", sound, "-c:a", "pcm_s16le"]
+    heard: list[str | Path] = [] if name.endswith(".webm") else ["-i", sound, "-c:a", "pcm_s16le"]
     if name.endswith((".mp4", ".ts")):
         heard[-1:] = ["aac" if name.endswith(".mp4") else "mp2"]
     path = folder / name
