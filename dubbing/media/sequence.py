@@ -38,6 +38,7 @@ CHROMATICITIES = {
     "lin_p3d65_scene": (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329),
     "lin_rec2020_scene": (0.708, 0.292, 0.17, 0.797, 0.131, 0.046, 0.3127, 0.329),
 }
+WHOLE = slice(None), slice(None)
 NEAR = 0.002  # largest difference of one of them
 
 
@@ -61,19 +62,24 @@ class Image:
         kind = self.stored.dtype
         return 1.0 if kind.kind == "f" else float(np.iinfo(kind).max)
 
-    @property
-    def values(self) -> np.ndarray:
-        """Values (H, W, 3) float32 of its colours."""
-        of_colour = self.stored[..., list(self.colours)]
+    def values(self, part: tuple[slice, slice] = WHOLE) -> np.ndarray:
+        """Values (h, w, 3) float32 of its colours, in a part of it."""
+        of_colour = self.stored[part]
+        if self.colours != (0, 1, 2) or of_colour.shape[2] > 3:
+            of_colour = of_colour[..., list(self.colours)]
+        if self.white == 1:
+            return of_colour
         return np.asarray(of_colour, np.float32) / np.float32(self.white)
 
-    def with_values(self, values: np.ndarray, differs: np.ndarray) -> np.ndarray:
-        """What is stored, with other values (H, W, 3) where they differ (H, W)."""
+    def with_values(
+        self, values: np.ndarray, differs: np.ndarray, part: tuple[slice, slice] = WHOLE
+    ) -> np.ndarray:
+        """What is stored, with other values (h, w, 3) in a part where they differ (h, w)."""
         out = self.stored.copy()
         new = values[differs] * self.white
         whole = new if self.white == 1 else np.clip(np.rint(new), 0, self.white)
         for channel, one in zip(self.colours, whole.T, strict=True):
-            out[..., channel][differs] = one
+            out[part][..., channel][differs] = one
         return out
 
 
@@ -168,7 +174,7 @@ def read_frames(path: Path, start: int, count: int | None, rate: Fraction) -> It
             size = f"{image.stored.shape[1]}x{image.stored.shape[0]} px"
             what = f"is {size}, not {info.width}x{info.height} as the first"
             raise MediaError(what, str(file), "give frames of one size")
-        yield values.picture(image.values)
+        yield values.picture(image.values())
 
 
 @while_unchanged(2)  # two readers go through a film side by side

@@ -13,6 +13,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import reduce
 from pathlib import Path
 
 import numpy as np
@@ -86,17 +87,16 @@ class Delivery:
                     shutil.copyfile(image.path, temporary)
                 self._note(name, 0, 0.0, started)
             return
-        outside = int(((before != after).any(-1) & (replaced == 0)).sum())
+        differs = differing(before, after)
+        outside = int((differs & (replaced == 0)).sum())
         heads = [layer(before, face, index, face.head) for face in faces if face.share > 0]
-        drawn = np.max([head[..., 3] for head in heads], 0)
+        drawn = reduce(np.maximum, [head[..., 3] for head in heads])
         part = extent((replaced > 0) | (not self.whole and drawn > 0))
-        filmed = image.values[part]
+        filmed = image.values(part)
         values = sequence.values_of(self.film)
         made = values.changed(filmed, before[part], after[part])
         if self.whole:
-            whole = image.values
-            whole[part] = made
-            stored = image.with_values(whole, (before != after).any(-1))
+            stored = image.with_values(made, differs[part], part)
             sequence.write_image(self.folder / name, stored, image.header, tags=tags())
             self._note(name, outside, 0.0, started)
             return
@@ -147,6 +147,12 @@ class Delivery:
 
 
 LOCK = threading.Lock()  # of the notes: frames are made in several threads
+
+
+def differing(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) bool in which two pictures (H, W, 3) differ."""
+    one, two, three = (before[..., k] != after[..., k] for k in range(3))
+    return one | two | three
 
 
 def layer(frame: np.ndarray, face: Face, index: int, crop: np.ndarray) -> np.ndarray:

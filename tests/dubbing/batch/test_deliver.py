@@ -57,9 +57,9 @@ def test_a_turnover_lies_beside_the_video(folder: Path) -> None:
     report = json.loads((out / "report.json").read_text())["dubs"]["it"]
     assert (report["delivered"]["frames"], report["delivered"]["outside"]) == (10, 0)
     assert report["delivered"]["steps"] <= 1
-    before = (out / "it.turnover" / "shot.1001.exr").stat()
+    before = (out / "it.turnover" / "shot.1001.exr").stat().st_ino
     assert dub(path)[1] == []  # all of it is up to date
-    assert (out / "it.turnover" / "shot.1001.exr").stat() == before
+    assert (out / "it.turnover" / "shot.1001.exr").stat().st_ino == before
 
 
 def test_the_last_turnover_is_kept_and_a_changed_frame_makes_a_new_one(folder: Path) -> None:

@@ -180,7 +180,7 @@ def test_integers_are_written_as_they_were(tmp_path: Path) -> None:
     image = sequence.read_image(path)
     differs = np.zeros((16, 16), bool)
     differs[3, 4] = True
-    made = image.with_values(image.values * 0, differs)
+    made = image.with_values(image.values() * 0, differs)
     sequence.write_image(tmp_path / "b.1.dpx", made, image.header)
     again = sequence.read_image(tmp_path / "b.1.dpx").stored
     assert not again[3, 4].any()

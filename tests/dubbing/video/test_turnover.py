@@ -124,7 +124,7 @@ def test_a_turnover_over_the_film_is_the_finished_frame(shot: Shot) -> None:
     values = sequence.values_of(shot.clip)
     video = list(media.read_frames(shot.folder / "out" / "video.mkv"))
     for k in (0, 1, 4, 5):
-        film = sequence.read(shot.clip, k).values
+        film = sequence.read(shot.clip, k).values()
         made = over(film, folder / NAMES[k])
         changed = (made != film).any(-1)
         assert changed[20 + 16, 40 + 16]
