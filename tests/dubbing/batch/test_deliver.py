@@ -10,6 +10,7 @@ import pytest
 
 from dubbing.errors import ManifestError
 from dubbing.manifest.manifest import load
+from dubbing.media import probe
 from tests import clips, fakes, sequences
 from tests.dubbing.batches import dub
 
@@ -57,6 +58,7 @@ def test_a_turnover_lies_beside_the_video(folder: Path) -> None:
     report = json.loads((out / "report.json").read_text())["dubs"]["it"]
     assert (report["delivered"]["frames"], report["delivered"]["outside"]) == (10, 0)
     assert report["delivered"]["steps"] <= 1
+    assert probe(out / report["source"]).frames == 12  # a copy that browsers play
     before = (out / "it.turnover" / "shot.1001.exr").stat().st_ino
     assert dub(path)[1] == []  # all of it is up to date
     assert (out / "it.turnover" / "shot.1001.exr").stat().st_ino == before
