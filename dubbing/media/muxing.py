@@ -7,9 +7,6 @@ from fractions import Fraction
 from itertools import accumulate, pairwise
 from pathlib import Path
 
-import cv2
-import numpy as np
-
 from dubbing.engine.files import atomic_path
 from dubbing.engine.numbered import numbered
 from dubbing.errors import MediaError
@@ -137,6 +134,9 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
 
 def _proxy_of_images(video: Path, out: Path) -> None:
     """The same of an image sequence."""
+    import cv2  # which plans do without
+    import numpy as np
+
     info = probe(video)
     width = min(PROXY_WIDTH, info.width) // 2 * 2
     size = width, max(2, round(info.height * width / info.width / 2) * 2)

@@ -1,12 +1,11 @@
-"""Films of numbered EXR, DPX or TIFF files, read and written with OpenImageIO. H x W pixels.
+"""Films of numbered EXR, DPX or TIFF files. H x W pixels.
 
 Every other stage sees the display picture of their values; see `film_values`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -14,22 +13,18 @@ from typing import Any
 
 import numpy as np
 
-from dubbing import packages
-from dubbing.engine.files import atomic_path, while_unchanged
+from dubbing.engine.files import while_unchanged
 from dubbing.engine.numbered import numbered
 from dubbing.errors import MediaError
 from dubbing.media.colour import Colour
 from dubbing.media.film_values import LINEAR, FilmValues, space_of
 from dubbing.media.frame_rate import snap
+from dubbing.media.image_files import TIMECODE, Image, header_of, read_image
 from dubbing.media.info import MediaInfo, Picture
 from dubbing.media.native import RGB
 from dubbing.script.timecode import frame_of, timecode_of
 
-FORMATS = ("openexr", "dpx", "tiff")
-TIMECODE = "smpte:TimeCode"
 RATES = ("FramesPerSecond", "framesPerSecond", "dpx:TemporalFrameRate", "dpx:FrameRate")
-# Attributes that a file made for a frame takes from the film's.
-KEPT = (TIMECODE, "framesPerSecond", "chromaticities", "PixelAspectRatio", "colorInteropID")
 # Colour spaces by the primaries and the white that an EXR names: x and y of each.
 CHROMATICITIES = {
     "lin_ap0_scene": (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767),
@@ -38,49 +33,7 @@ CHROMATICITIES = {
     "lin_p3d65_scene": (0.68, 0.32, 0.265, 0.69, 0.15, 0.06, 0.3127, 0.329),
     "lin_rec2020_scene": (0.708, 0.292, 0.17, 0.797, 0.131, 0.046, 0.3127, 0.329),
 }
-WHOLE = slice(None), slice(None)
 NEAR = 0.002  # largest difference of one of them
-
-
-@dataclass(frozen=True)
-class Image:
-    """An image file.
-
-    Attributes:
-        stored: (H, W, C) as stored: float32, or unsigned integers.
-        header: OpenImageIO's. colours: channels of red, green and blue.
-    """
-
-    path: Path
-    stored: np.ndarray
-    header: Any
-    colours: tuple[int, ...]
-
-    @property
-    def white(self) -> float:
-        """The stored value that stands for 1."""
-        kind = self.stored.dtype
-        return 1.0 if kind.kind == "f" else float(np.iinfo(kind).max)
-
-    def values(self, part: tuple[slice, slice] = WHOLE) -> np.ndarray:
-        """Values (h, w, 3) float32 of its colours, in a part of it."""
-        of_colour = self.stored[part]
-        if self.colours != (0, 1, 2) or of_colour.shape[2] > 3:
-            of_colour = of_colour[..., list(self.colours)]
-        if self.white == 1:
-            return of_colour
-        return np.asarray(of_colour, np.float32) / np.float32(self.white)
-
-    def with_values(
-        self, values: np.ndarray, differs: np.ndarray, part: tuple[slice, slice] = WHOLE
-    ) -> np.ndarray:
-        """What is stored, with other values (h, w, 3) in a part where they differ (h, w)."""
-        out = self.stored.copy()
-        new = values[differs] * self.white
-        whole = new if self.white == 1 else np.clip(np.rint(new), 0, self.white)
-        for channel, one in zip(self.colours, whole.T, strict=True):
-            out[part][..., channel][differs] = one
-        return out
 
 
 def probe(path: Path) -> MediaInfo:
@@ -103,7 +56,7 @@ def _probe(path: Path) -> MediaInfo:
         named = ", ".join(f"{low}" if low == high else f"{low}-{high}" for low, high in gaps)
         raise MediaError(f"frames are missing: {named}", where, "render or copy them again")
     first = next(iter(files))
-    header = _header(files[first])
+    header = header_of(files[first])
     if header.getattribute("PixelAspectRatio") not in (None, 0.0, 1.0):
         raise MediaError("its pixels are not square", where, "resize it to square pixels")
     values_of(path)  # a colour space that is not known is an error of the film
@@ -141,7 +94,7 @@ def values_of(path: Path) -> FilmValues:
     sequence = numbered(path)
     assert sequence is not None
     file = next(iter(sequence.files().values()))
-    film = sequence.options.get("film") or _space(file, _header(file))
+    film = sequence.options.get("film") or _space(file, header_of(file))
     working = sequence.options.get("working", "")
     return FilmValues(space_of(film) if film else "", space_of(working) if working else "")
 
@@ -175,96 +128,6 @@ def read_frames(path: Path, start: int, count: int | None, rate: Fraction) -> It
             what = f"is {size}, not {info.width}x{info.height} as the first"
             raise MediaError(what, str(file), "give frames of one size")
         yield values.picture(image.values())
-
-
-@while_unchanged(2)  # two readers go through a film side by side
-def read_image(file: Path) -> Image:
-    """An image file. What is given must not be changed.
-
-    Raises:
-        MediaError: it cannot be read, or has no colours.
-    """
-    source = _opened(file)
-    header = source.spec()
-    kind = str(header.format)
-    stored = source.read_image(kind if kind.startswith("uint") else "float")
-    problem = source.geterror()
-    source.close()
-    if stored is None or problem:
-        raise MediaError("cannot be read", str(file), problem or "copy or render it again")
-    names = [name.rpartition(".")[2].upper() for name in header.channelnames]
-    if not {"R", "G", "B"} <= {*names}:
-        what = f"has the channels {', '.join(header.channelnames)}: no R, G and B"
-        raise MediaError(what, str(file), "give RGB")
-    stored = stored.reshape(header.height, header.width, header.nchannels)
-    return Image(file, stored, header, tuple(names.index(one) for one in "RGB"))
-
-
-def write_image(
-    file: Path,
-    stored: np.ndarray,
-    header: Any,
-    *,
-    channels: tuple[str, ...] = (),
-    corner: tuple[int, int] = (0, 0),
-    tags: Mapping[str, str] | None = None,
-) -> None:
-    """Write an image file, whole or not at all.
-
-    Args:
-        stored: (H, W, C), all of a frame; or with ``channels`` a part of it, as half floats.
-        header: of the film's file.
-        channels: names of the layers' channels.
-        corner: column and row of the part's corner in the frame.
-
-    Raises:
-        MediaError: it cannot be written.
-    """
-    import OpenImageIO
-
-    if channels:
-        rows, columns, count = stored.shape
-        made = OpenImageIO.ImageSpec(columns, rows, count, "half")
-        made.x, made.y = header.x + corner[0], header.y + corner[1]
-        made.full_x, made.full_y = header.full_x, header.full_y
-        made.full_width, made.full_height = header.full_width, header.full_height
-        made.channelnames = channels
-        made.attribute("compression", "zips")
-        for one in header.extra_attribs:
-            if one.name in KEPT:
-                made.attribute(one.name, one.type, one.value)
-    else:
-        made = OpenImageIO.ImageSpec(header)
-    made.attribute("openexr:ACESContainerPolicy", "none")
-    for key, text in (tags or {}).items():
-        made.attribute(key, text)
-    with atomic_path(file) as temporary:
-        target: Any = OpenImageIO.ImageOutput.create(str(temporary))
-        done = target.open(str(temporary), made) and target.write_image(stored)
-        problem = target.geterror()
-        if not target.close() or not done:
-            raise MediaError("cannot be written", str(file), problem or target.geterror())
-
-
-def _opened(file: Path) -> Any:
-    try:
-        import OpenImageIO
-    except ImportError as error:
-        raise packages.lacking(["OpenImageIO"]) from error
-    source = OpenImageIO.ImageInput.open(str(file))
-    if source is None:
-        raise MediaError("cannot be read", str(file), OpenImageIO.geterror() or "copy it again")
-    if source.format_name() not in FORMATS:
-        what = f"is of the format {source.format_name()}"
-        raise MediaError(what, str(file), "give EXR, DPX or TIFF")
-    return source
-
-
-def _header(file: Path) -> Any:
-    source = _opened(file)
-    header = source.spec()
-    source.close()
-    return header
 
 
 def _rate(header: Any, asked: str | None, where: str) -> Fraction:

@@ -19,16 +19,15 @@ from pathlib import Path
 import numpy as np
 from typing_extensions import TypedDict
 
-from dubbing import media
 from dubbing.compositing.extent import extent
 from dubbing.engine.files import atomic_path, atomic_write_text
-from dubbing.engine.numbered import numbered
 from dubbing.errors import RenderingError
-from dubbing.media import sequence
+from dubbing.media import image_files, sequence
 from dubbing.media.film_values import STEPS, FilmValues
 from dubbing.preparation.tracking import cropping
 from dubbing.provenance import provenance
 from dubbing.video.face import Face
+from dubbing.video.nuke import script
 
 CHANNELS = ("R", "G", "B", "A", "front.A", "head.R", "head.G", "head.B", "head.A")  # as EXR sorts
 CHECKED = "checked.txt"  # a line a frame, until all are made
@@ -97,7 +96,7 @@ class Delivery:
         made = values.changed(filmed, before[part], after[part])
         if self.whole:
             stored = image.with_values(made, differs[part], part)
-            sequence.write_image(self.folder / name, stored, image.header, tags=tags())
+            image_files.write_image(self.folder / name, stored, image.header, tags=tags())
             self._note(name, outside, 0.0, started)
             return
         opacity = (replaced[part].astype(np.float32) / STEPS).astype(np.float16)[..., None]
@@ -107,10 +106,10 @@ class Delivery:
         rows, columns = part
         corner = columns.start, rows.start
         path = self.folder / name
-        sequence.write_image(
+        image_files.write_image(
             path, stored, image.header, channels=CHANNELS, corner=corner, tags=tags()
         )
-        written = sequence.read_image(path).stored
+        written = image_files.read_image(path).stored
         self._note(name, outside, difference(filmed, written[..., :4], made), started)
 
     def finish(self, rate: Fraction) -> Delivered:
@@ -204,55 +203,3 @@ def difference(filmed: np.ndarray, written: np.ndarray, made: np.ndarray) -> flo
 def tags() -> dict[str, str]:
     """Attributes of every file: what generated it."""
     return {"ImageDescription": provenance.tags()["description"], "Software": provenance.made_by()}
-
-
-def script(film: Path, rate: Fraction) -> str:
-    """A script for Nuke: the turnover, from the folder of the script, over the film."""
-    files = numbered(film)
-    assert files is not None
-    first, *_, last = [*files.files(), *files.files()]
-    info = media.probe(film)
-    # Nuke takes the input that comes last for the one below.
-    return NUKE.format(
-        first=first,
-        last=last,
-        rate=f"{float(rate):.6g}",
-        size=f"{info.width} {info.height} 0 0 {info.width} {info.height} 1 film",
-        layer=f"{files.plain.stem}.exr",
-        film=files.plain.as_posix(),
-    )
-
-
-NUKE = """\
-Root {{
- inputs 0
- first_frame {first}
- last_frame {last}
- fps {rate}
- format "{size}"
- project_directory "\\[python \\{{nuke.script_directory()\\}}]"
-}}
-Read {{
- inputs 0
- file "{layer}"
- first {first}
- last {last}
- on_error black
- raw true
- name Dub
-}}
-Read {{
- inputs 0
- file "{film}"
- first {first}
- last {last}
- raw true
- name Film
-}}
-Merge2 {{
- inputs 2
- operation over
- bbox B
- name DubOverFilm
-}}
-"""

@@ -72,7 +72,7 @@ def write_film(clip: Path, folder: Path) -> None:
     """The first seconds of a clip as EXR in ACEScg, with timecode: a film of image files."""
     import OpenImageIO
 
-    from dubbing.media import probe, read_frames, sequence
+    from dubbing.media import image_files, probe, read_frames, sequence
     from dubbing.media.film_values import FilmValues
 
     values, rate = FilmValues("ACEScg"), probe(clip).rate
@@ -85,4 +85,4 @@ def write_film(clip: Path, folder: Path) -> None:
         header.attribute("framesPerSecond", "rational", (rate.numerator, rate.denominator))
         header.attribute("chromaticities", "float[8]", sequence.CHROMATICITIES["lin_ap1_scene"])
         shown = picture.astype(np.float32) / 255
-        sequence.write_image(path, values.of_display(shown), header)
+        image_files.write_image(path, values.of_display(shown), header)

@@ -13,7 +13,7 @@ from dubbing import packages
 from dubbing.engine.file_digests import digest_of
 from dubbing.engine.numbered import numbered, plain, with_options
 from dubbing.errors import ExplainedError, MediaError
-from dubbing.media import film_values, probe, read_frames, read_planes, sequence
+from dubbing.media import film_values, image_files, probe, read_frames, read_planes, sequence
 from dubbing.media.film_values import FilmValues
 from tests import sequences
 
@@ -177,12 +177,12 @@ def test_integers_are_written_as_they_were(tmp_path: Path) -> None:
     ten = rng.integers(0, 1024, (16, 16, 3))
     stored = ((ten << 6) | (ten >> 4)).astype(np.uint16)
     path = sequences.write_image(tmp_path / "a.1.dpx", stored, oiio__BitsPerSample=10)
-    image = sequence.read_image(path)
+    image = image_files.read_image(path)
     differs = np.zeros((16, 16), bool)
     differs[3, 4] = True
     made = image.with_values(image.values() * 0, differs)
-    sequence.write_image(tmp_path / "b.1.dpx", made, image.header)
-    again = sequence.read_image(tmp_path / "b.1.dpx").stored
+    image_files.write_image(tmp_path / "b.1.dpx", made, image.header)
+    again = image_files.read_image(tmp_path / "b.1.dpx").stored
     assert not again[3, 4].any()
     assert np.array_equal(again[~differs], stored[~differs])
 

@@ -15,7 +15,7 @@ import pytest
 from dubbing import media
 from dubbing.engine.numbered import with_options
 from dubbing.errors import RenderingError
-from dubbing.media import sequence
+from dubbing.media import image_files, sequence
 from dubbing.mixing.sound import Sound
 from dubbing.preparation.prepared import OVERLAY, PreparedClip
 from dubbing.script.timeline import Cue
@@ -105,7 +105,7 @@ def shot(tmp_path: Path, request: pytest.FixtureRequest) -> Shot:
 
 def over(film: np.ndarray, layer: Path) -> np.ndarray:
     """A layer laid over a frame (H, W, 3) of the film, as a compositor does."""
-    image = sequence.read_image(layer)
+    image = image_files.read_image(layer)
     left, top = image.header.x, image.header.y
     rows, columns = image.stored.shape[:2]
     out = film.copy()
@@ -139,7 +139,7 @@ def test_a_turnover_over_the_film_is_the_finished_frame(shot: Shot) -> None:
 
 def test_the_layers_of_a_turnover(shot: Shot) -> None:
     folder = shot.make("turnover")
-    image = sequence.read_image(folder / NAMES[2])
+    image = image_files.read_image(folder / NAMES[2])
     assert tuple(image.header.channelnames) == turnover.CHANNELS
     assert str(image.header.format) == "half"
     assert image.header.get_string_attribute("smpte:TimeCode") == "01:00:00:00"
@@ -170,7 +170,7 @@ def test_whole_frames_are_the_films_but_for_the_face(shot: Shot) -> None:
     files = sorted(folder.iterdir())
     assert len(files) == FRAMES
     for k, path in enumerate(files):
-        film, made = sequence.read(shot.clip, k), sequence.read_image(path)
+        film, made = sequence.read(shot.clip, k), image_files.read_image(path)
         changed = (film.stored != made.stored).any(-1)
         assert changed.any() == (k != 3)
         assert not changed[: 20 + 9].any()
