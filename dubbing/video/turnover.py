@@ -31,7 +31,7 @@ from dubbing.video.nuke import script
 
 CHANNELS = ("R", "G", "B", "A", "front.A", "head.R", "head.G", "head.B", "head.A")  # as EXR sorts
 CHECKED = "checked.txt"  # a line a frame, until all are made
-MOST_STEPS = 1.0  # of a half float, between film with layer and the finished frame
+MOST_STEPS = 1.001  # of a half float, between film with layer and the finished frame
 Part = tuple[slice, slice]
 
 
@@ -195,7 +195,9 @@ def difference(filmed: np.ndarray, written: np.ndarray, made: np.ndarray) -> flo
     """
     over = (written[..., :3] + filmed * (1 - written[..., 3:])).astype(np.float16)
     half = made.astype(np.float16)
-    step = np.spacing(np.maximum(np.abs(half), np.abs(filmed).astype(np.float16)))
+    # Rounding is that of the largest number: of a negative value and a positive one, the layer.
+    largest = np.maximum(np.maximum(np.abs(made), np.abs(filmed)), np.abs(written[..., :3]))
+    step = np.spacing(largest.astype(np.float16))
     apart = np.abs(over.astype(np.float32) - half) / step.astype(np.float32)
     return float(np.nan_to_num(apart).max(initial=0.0))
 
