@@ -44,7 +44,10 @@ class Part(Stage):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
-        self.work.run(out, progress)
+        replace(self.work, last=self.last).run(out, progress)
+
+    def whole_result(self) -> Path | None:
+        return self.whole.whole_result()
 
     def amount(self) -> float:
         return self.work.amount()

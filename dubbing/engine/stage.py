@@ -80,6 +80,8 @@ class Stage:
 
     Attributes:
         id, folder: given by the job that it is added to; see `graph.Job.add`.
+        last: while it runs: a folder with whole results of other settings, of which it may take
+            over what would be the same; None where all is to be made anew.
         kind: of the class: its name in lower case, ``refine_poses``, as ``--force`` takes it.
         packages: top packages whose code counts.
         without_effect: modules of these whose code does not count, with all that lies in them.
@@ -88,6 +90,7 @@ class Stage:
 
     id: Setting[StageId] = field(default=StageId(), compare=False)
     folder: Setting[Path] = field(default=Path(), compare=False)
+    last: Setting[Path | None] = field(default=None, compare=False)
 
     kind: ClassVar[str]
     packages: ClassVar[tuple[str, ...]] = ()
@@ -216,6 +219,11 @@ class Stage:
         """Where work in progress with the present settings lives."""
         return self.folder.with_name(f"{self.folder.name}{PARTIAL}{self.key()[:12]}")
 
+    def whole_result(self) -> Path | None:
+        """The folder of the last results, where every file is as it was made."""
+        record = self.record()
+        return self.folder if record and not self._altered(record) else None
+
     def changes(self) -> list[str]:
         """Why the results do not hold, one reason a line; empty when they do."""
         record = self.record()
@@ -233,6 +241,11 @@ class Stage:
             n for n in {*record["inputs"], *digests} if record["inputs"].get(n) != digests.get(n)
         ]
         reasons += [f"{name} changed" for name in sorted(changed)]
+        return reasons + self._altered(record)
+
+    def _altered(self, record: Record) -> list[str]:
+        """Which results are not what they were."""
+        reasons = []
         for name, made in record["outputs"].items():
             path = self.folder / name
             if not path.is_file():

@@ -5,6 +5,7 @@ import shutil
 import time
 from collections.abc import Mapping
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from uuid import uuid4
 
@@ -77,7 +78,8 @@ def _update(
         torn.unlink()  # half-written files of a run that was killed
     remove_damaged(partial)
     if not _sealed(stage, partial):
-        seconds = _produce(stage, partial, progress, sources, digests)
+        work = replace(stage, last=None if force else stage.whole_result())
+        seconds = _produce(work, partial, progress, sources, digests)
         for mark in partial.glob(MARKS):
             seconds += json_records.read(mark, float, "seconds of a part")
             mark.unlink()
@@ -98,8 +100,8 @@ def _fill(part: Part, progress: Progress, began: Mapping[Path, str]) -> bool:
     digests, sources, partial = part.digests(), part.sources(), part.partial()
     check_unchanged(part, sources, {**sources, **began})
     partial.mkdir(parents=True, exist_ok=True)
-    mark = part.mark
-    atomic_write_json(mark, _produce(part, partial, progress, sources, digests))
+    work = replace(part, last=part.whole_result())
+    atomic_write_json(part.mark, _produce(work, partial, progress, sources, digests))
     return True
 
 

@@ -16,6 +16,8 @@ from dfrf.method_interface import FrameInputs, Maps
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dubbing.compositing.face_mask import rendered_region
+from dubbing.engine.files import digest_bytes, digest_data
+from dubbing.engine.pieces import Pieces
 from dubbing.engine.stage import Progress
 from dubbing.errors import CheckpointError
 from dubbing.identity.dataset import upper_face_expression
@@ -57,6 +59,8 @@ def render(
     lips: np.ndarray | None = None,
     device: str = "auto",
     progress: Progress | None = None,
+    made_by: str = "",
+    last: Path | None = None,
 ) -> None:
     """Writes OUT/000000.mkv, OUT/000050.mkv ...: premultiplied colour and opacity (FFV1 RGBA).
 
@@ -76,6 +80,8 @@ def render(
         strength, lips: (T,), (T, L); see `dfrf.method_interface.FrameInputs`.
         device: auto, cpu or cuda.
         progress: called with a message and the share done.
+        made_by: digest of the model and of the code.
+        last: folder of the last result: files whose frames are made of the same are copied.
 
     Raises:
         CheckpointError: the model cannot be used.
@@ -90,25 +96,31 @@ def render(
         if progress is not None:
             progress(f"frame {done} of {count}", (done - begin) / (end - begin))
 
+    pieces = Pieces(out, last)
     segment = method_of(person).segment
     for first in range(begin, end, segment):
         stop = min(first + segment, end)
         path = out / f"{first:06d}.mkv"
         if not path.exists():
-            with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
-                made = heads_of(
-                    person, maps, clip, speech, pose_index, first, stop, baked, strength, lips
-                )
-                for done, head in enumerate(made, first + 1):
-                    video.write(head)
-                    notify(done)
-        else:
-            notify(stop)
+            inputs = head_inputs(
+                person, clip, speech, pose_index, first, stop, baked, strength, lips
+            )
+            if not pieces.take(path.name, digest_data([made_by, digest_of_inputs(inputs)])):
+                with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
+                    for done, head in enumerate(heads_of(person, maps, inputs), first + 1):
+                        video.write(head)
+                        notify(done)
+        notify(stop)
 
 
-def heads_of(
+def heads_of(person: HeadModel, maps: Maps | None, inputs: FrameInputs) -> Iterator[np.ndarray]:
+    """Heads (S, S, 4) uint8 of some frames; see `render`."""
+    for colour, opacity in method_of(person).render_frames(inputs, maps):
+        yield to_rgba(colour, opacity)
+
+
+def head_inputs(
     person: HeadModel,
-    maps: Maps | None,
     clip: PreparedClip,
     speech: SpeechPart,
     pose_index: np.ndarray,
@@ -116,17 +128,35 @@ def heads_of(
     stop: int,
     baked: bool,
     strength: np.ndarray | None,
-    lips: np.ndarray | None = None,
-) -> Iterator[np.ndarray]:
-    """Heads (S, S, 4) uint8 of frames first .. stop of a dub; see `render`."""
+    lips: np.ndarray | None,
+) -> FrameInputs:
+    """What heads of frames first .. stop of a dub are made of; see `render`."""
     around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
     low, high = max(0, first - around), min(len(pose_index), stop + around)
     some = (speech(low, high - low), pose_index[low:high])
-    needed = regions_of(clip, pose_index[first:stop])
-    span = (first - low, stop - low)
-    own = (None if values is None else values[first:stop] for values in (strength, lips))
-    for colour, opacity in frames(person, maps, clip, *some, *span, needed, baked, *own):
-        yield to_rgba(colour, opacity)
+
+    def own(values: np.ndarray | None) -> Tensor | None:
+        return None if values is None else _on(values[first:stop], person.device)
+
+    return replace(
+        inputs_of(person, clip, *some, first - low, stop - low),
+        regions=torch.from_numpy(regions_of(clip, pose_index[first:stop])).to(person.device),
+        baked=baked,
+        strength=own(strength),
+        lips=own(lips),
+    )
+
+
+def digest_of_inputs(inputs: FrameInputs) -> str:
+    """The same for inputs that give the same heads of one model."""
+    return digest_data({name: plain(value) for name, value in vars(inputs).items()})
+
+
+def plain(value: object) -> object:
+    """A tensor as plain data; other values as they are."""
+    if not isinstance(value, Tensor):
+        return value
+    return [str(value.dtype), [*value.shape], digest_bytes(value.cpu().numpy().tobytes())]
 
 
 def frames(
@@ -139,23 +169,14 @@ def frames(
     stop: int,
     regions: np.ndarray | None = None,
     baked: bool = False,
-    strength: np.ndarray | None = None,
-    lips: np.ndarray | None = None,
 ) -> Iterator[tuple[Tensor, Tensor]]:
     """Colour (S, S, 3), premultiplied, and opacity (S, S) of frames first .. stop.
 
     Of the whole head, or of what of it lies in regions (stop - first, S, S) bool at least.
-    `strength` is (stop - first,), `lips` (stop - first, L).
     """
+    needed = None if regions is None else torch.from_numpy(regions).to(model.device)
     inputs = inputs_of(model, clip, speech, pose_index, first, stop)
-    inputs = replace(
-        inputs,
-        regions=None if regions is None else torch.from_numpy(regions).to(model.device),
-        baked=baked,
-        strength=_on(strength, model.device),
-        lips=_on(lips, model.device),
-    )
-    yield from method_of(model).render_frames(inputs, maps)
+    yield from method_of(model).render_frames(replace(inputs, regions=needed, baked=baked), maps)
 
 
 def inputs_of(

@@ -6,7 +6,7 @@ Images are RGB uint8 arrays (H, W, 3), or planes of the film's own values; audio
 
 from dubbing.media.ffmpeg import binary, version
 from dubbing.media.info import MediaInfo
-from dubbing.media.muxing import SOUND, mux, proxy
+from dubbing.media.muxing import SOUND, cut, mux, proxy
 from dubbing.media.native import PixelFormat, Planes
 from dubbing.media.probing import count_frames, probe
 from dubbing.media.reading import (
@@ -28,6 +28,7 @@ __all__ = [
     "VideoWriter",
     "binary",
     "count_frames",
+    "cut",
     "iter_audio",
     "iter_channels",
     "mux",

@@ -98,6 +98,22 @@ def mux(
         run(graph, str(out))
 
 
+def cut(video: Path, out: Path, first: int, count: int) -> None:
+    """Copy the picture of ``count`` frames of an MP4 or MOV from a key frame on, without encoding.
+
+    No frame after them may come before one of them in the file. (Matroska counts whole
+    milliseconds: what is cut from it cannot be joined exactly.)
+
+    Raises:
+        MediaError: ffmpeg failed.
+    """
+    begin = (first + Fraction(1, 4)) / probe(video).rate  # a seek ends at the key frame before
+    picture = source(video, ss=f"{float(begin):.6f}").video
+    with atomic_path(out) as temporary:
+        options = {"vcodec": "copy", "frames:v": count, "avoid_negative_ts": "make_zero"}
+        run(into(temporary, picture, fflags="+bitexact", map_metadata=-1, **options), str(out))
+
+
 def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
     """A small H.264 copy of a video, which every browser plays.
 

@@ -8,6 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
+from dubbing.engine.file_digests import digest_of
 from dubbing.engine.stage import Progress, Rate, Stage
 from dubbing.mixing.sound import Sound
 from dubbing.provenance.mark_key import Marking
@@ -125,6 +126,7 @@ class Composite(OnFilm):
         return cls(**common, settings=dub.settings, heads=heads, mark=dub.marking())
 
     def run(self, out: Path, progress: Progress) -> None:
+        from dubbing.engine.files import digest_data
         from dubbing.video.assembly import make
         from dubbing.video.composer import read_heads
 
@@ -132,11 +134,32 @@ class Composite(OnFilm):
         kept = {name: person.kept(clips[name]) for name, person in self.people.items()}
         poses = self.poses(clips)
         heads = [
-            heads_of(cue, partial(read_heads, self.heads[cue.name].folder), clips, kept)
+            replace(
+                heads_of(cue, partial(read_heads, self.heads[cue.name].folder), clips, kept),
+                made_of=partial(digests_of_heads, self.heads[cue.name]),
+            )
             for cue in self.sound.cues
         ]
         settings = replace(self.settings, mark=self.mark)
-        make(heads, self.sound, out, pose_index=poses, settings=settings, progress=progress)
+        whole = [self.version, self.parameters["settings"], self.parameters["mark"]]
+        whole += [d for name, d in self.digests().items() if name.split()[0] in ("film", "people")]
+        make(
+            heads,
+            self.sound,
+            out,
+            pose_index=poses,
+            settings=settings,
+            progress=progress,
+            made_by=digest_data(whole),
+            last=self.last,
+        )
+
+
+def digests_of_heads(stage: Stage, first: int, count: int) -> list[str]:
+    """Digests of the files that hold heads first .. first + count of a rendering stage."""
+    from dubbing.video.composer import files_of_heads
+
+    return [digest_of(path) for _, path in files_of_heads(stage.folder, first, count)]
 
 
 def heads_of(

@@ -143,9 +143,8 @@ class HalfSize:
 
         def read(first: int, count: int) -> Iterator[np.ndarray]:
             for begin in range(first, first + count, segment):
-                yield from rendering.heads_of(
+                inputs = rendering.head_inputs(
                     model,
-                    maps,
                     self.clips[cue.identity],
                     lambda low, some: speech.part(low - late, some),
                     self.poses[cue.first : cue.stop],
@@ -155,6 +154,7 @@ class HalfSize:
                     strength=strength,
                     lips=lips,
                 )
+                yield from rendering.heads_of(model, maps, inputs)
 
         return read
 

@@ -91,6 +91,7 @@ class Render(DubbingStage):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
+        from dubbing.engine.files import digest_data
         from dubbing.heads.fine_tuning import MODEL_FILE
         from dubbing.heads.rendering import render
         from dubbing.identity.lip_scale import LipScale, given_lips
@@ -118,6 +119,8 @@ class Render(DubbingStage):
             lips=given_lips(self.edit, frames, speech.rate, scale),
             device=self.device,
             progress=progress,
+            made_by=digest_data([self.version, self.model.result()]),
+            last=self.last,
         )
 
     def amount(self) -> float:

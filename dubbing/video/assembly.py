@@ -9,6 +9,7 @@ from collections.abc import Generator, Sequence
 from contextlib import closing
 from dataclasses import asdict
 from fractions import Fraction
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,8 @@ import numpy as np
 
 from dubbing import media
 from dubbing.engine import json_records
-from dubbing.engine.files import atomic_write_json
+from dubbing.engine.files import atomic_write_json, digest_data
+from dubbing.engine.pieces import Pieces
 from dubbing.engine.stage import Progress
 from dubbing.errors import RenderingError
 from dubbing.media.overlap import ahead, behind
@@ -32,7 +34,7 @@ from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import CHECKED, Delivery
 from dubbing.video.untouched import compare
 
-SEGMENT = 250  # frames a file
+SEGMENT = 50  # frames a file: what is made again where one of them changes
 SUFFIX = ".mov"  # a container with exact time stamps and colours, to be joined without decoding
 MIXED = "mixed.json"
 MARKED_SECONDS = 20  # of the finished file that are searched for its mark, at most
@@ -48,6 +50,8 @@ def make(
     settings: VideoSettings,
     progress: Progress,
     proven: bool = True,
+    made_by: str = "",
+    last: Path | None = None,
 ) -> Path:
     """Write OUT/video.<suffix>: composited, marked, encoded, with its sound; checked by decoding.
 
@@ -65,6 +69,8 @@ def make(
         heads: of all cues; their clips are of one film.
         pose_index: (F,) frame of the film under every frame of the dub.
         proven: whether frames of a scene without new speech are compared with the film.
+        made_by: digest of film, people, settings and code.
+        last: folder of the last result, of which segments are taken that are made of the same.
 
     Raises:
         MediaError: a file broke off, or ffmpeg failed.
@@ -81,6 +87,7 @@ def make(
         delivery = Delivery(film.clip, out / DELIVERED, settings.deliver == "sequence")
     composer = Composer(heads, pose_index, settings, delivery)
     if not result.exists():
+        _take_over(composer, segments, Pieces(out, last), made_by, settings.codec)
         parts = _pictures(composer, segments, settings, progress)
         progress("muxing", 1.0)
         # The sound has its requested length, unless the dub was cut to the clip.
@@ -131,6 +138,22 @@ def make(
     return result
 
 
+def segment_edges(frames: int) -> list[tuple[int, int]]:
+    """First frame and stop of every segment of so many frames."""
+    return [(first, min(first + SEGMENT, frames)) for first in range(0, frames, SEGMENT)]
+
+
+def _take_over(composer: Composer, folder: Path, pieces: Pieces, made_by: str, codec: str) -> None:
+    """Cut the segments that would be made again from the last result, if it has exact times."""
+    exact = media.SUFFIX[codec] != ".mkv"
+    for first, stop in segment_edges(len(composer.poses)):
+        part = folder / f"{first:06d}{SUFFIX}"
+        made_of = digest_data([made_by, first, composer.made_of(first, stop)])
+        same = pieces.same(part.stem, made_of) and exact and not part.exists()
+        if same and pieces.last is not None:
+            media.cut(video_file(pieces.last, codec), part, first, stop - first)
+
+
 def _pictures(
     composer: Composer,
     folder: Path,
@@ -140,7 +163,6 @@ def _pictures(
     """Encode the frames, then the card of credits: files with their lengths in seconds."""
     rate, poses = composer.film.rate, composer.poses
     frames = len(poses)
-    parts = []
 
     def writer(part: Path) -> media.VideoWriter:
         return media.VideoWriter(
@@ -153,16 +175,20 @@ def _pictures(
             jobs = ((own, *of, int(poses[k]), k) for k, (own, of) in enumerate(read, first))
             yield from in_order(composer.frame, jobs)
 
-    for first in range(0, frames, SEGMENT):
-        stop = min(first + SEGMENT, frames)
-        part = folder / f"{first:06d}{SUFFIX}"
-        parts.append((part, (stop - first) / rate))
-        if not part.exists():
-            encoder = writer(part)
-            with encoder, behind(encoder.write) as write, closing(finished(first, stop)) as made:
-                for done, picture in enumerate(made, first):
-                    write(picture)
-                    progress("compositing", done / frames)
+    edges = segment_edges(frames)
+    parts = [(folder / f"{first:06d}{SUFFIX}", (stop - first) / rate) for first, stop in edges]
+    missing = np.array([k for k, (part, _) in enumerate(parts) if not part.exists()], int)
+    for run in np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1):
+        if not len(run):
+            continue
+        with closing(finished(edges[run[0]][0], edges[run[-1]][1])) as made:
+            for k in run:
+                first, stop = edges[k]
+                encoder = writer(parts[k][0])
+                with encoder, behind(encoder.write) as write:
+                    for done, picture in enumerate(islice(made, stop - first), first):
+                        write(picture)
+                        progress("compositing", done / frames)
     if settings.card is not None:
         part = folder / f"card{SUFFIX}"
         parts.append((part, settings.card.frames / rate))

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -43,6 +43,7 @@ class Heads:
         clip: under them, of which every dub has one a person.
         kept: (T,) numbers of the reasons why its frames keep their own face; see `own_pixels`.
         name: of the cue.
+        made_of: digests of what so many heads from a first one on are read from.
     """
 
     read: Callable[[int, int], Iterator[np.ndarray]]
@@ -51,6 +52,7 @@ class Heads:
     stop: int
     kept: np.ndarray
     name: str = ""
+    made_of: Callable[[int, int], list[str]] = lambda _first, _count: []
 
 
 class Composer:
@@ -124,6 +126,16 @@ class Composer:
             return 0, 0
         first, stop = max(edges.tolist(), key=lambda run: run[1] - run[0])
         return first, stop
+
+    def made_of(self, first: int, stop: int) -> list[Any]:
+        """Plain data on which frames first .. stop depend, beside film and settings."""
+        found: list[Any] = [self.poses[first:stop].tolist()]
+        found += [share[first:stop].tolist() for share in self.shares.values()]
+        for h in self.heads:
+            low, high = max(first, h.first), min(stop, h.stop)
+            if low < high:
+                found.append([h.first, low, high, *h.made_of(low - h.first, high - low)])
+        return found
 
     def untouched(self) -> np.ndarray:
         """Frames (F,) bool that are the film's own."""
@@ -261,6 +273,13 @@ def _in_order(
                 yield from reversed(list(forward(last - count + 1, count)))
 
 
+def files_of_heads(folder: Path, first: int, count: int) -> Iterator[tuple[int, Path]]:
+    """The files of a folder that hold heads first .. first + count, with their first frames."""
+    for start, path in sorted((int(path.stem), path) for path in folder.glob("*.mkv")):
+        if start < first + count and first < start + media.probe(path).frames:
+            yield start, path
+
+
 def read_heads(folder: Path, first: int, count: int) -> Iterator[np.ndarray]:
     """Heads (S, S, 4) uint8 of frames first .. first + count, of FFV1 RGBA files in a folder.
 
@@ -269,11 +288,8 @@ def read_heads(folder: Path, first: int, count: int) -> Iterator[np.ndarray]:
     Raises:
         RenderingError: there are not so many.
     """
-    files = sorted((int(path.stem), path) for path in folder.glob("*.mkv"))
     given = 0
-    for start, path in files:
-        if start + media.probe(path).frames <= first or given == count:
-            continue
+    for start, path in files_of_heads(folder, first, count):
         skip = max(0, first - start)
         for head in media.read_frames(path, start=skip, count=count - given, pixels="rgba"):
             yield head

@@ -49,6 +49,7 @@ BATCH = 8  # frames that the networks look at together
 DETECTED, FOLLOWED = 0.3, 0.5  # shares of the work done when all faces are detected, and followed
 LEAST_FRAMES = 5
 BLENDED = np.radians(28.0)  # turn from which on detected landmarks do not count at all
+FRAMES_A_TERM = 25  # least number of frames for each term of a regression
 OUTLINE_POINTS = 96
 # From the ends of the jaw line to below the ear lobes, in units of 10 cm: out, down and back.
 LOBES = np.array([[-0.12, 0.1, 0.45], [0.12, 0.1, 0.45]])
@@ -224,21 +225,32 @@ def filled_landmarks(
 ) -> np.ndarray:
     """Landmarks (T, 478, 2) px: as detected, where they can be trusted.
 
-    Elsewhere the face that was detected, as a shape, is seen from the pose of the head; where none
-    was detected, the mean shape.
+    Elsewhere the mean shape as it is seen from the pose of the head. FaceMesh distorts a face that
+    is turned far, always in the same way, and sees its lips move nevertheless: the shape changes as
+    what was detected does.
     """
     shapes = np.tile(shape, (len(trusted), 1, 1))
     turned = np.flatnonzero(detected["valid"] & ~trusted)
     if len(turned):
         points = detected["points"][turned].astype(np.float64)
         rigid = list(RIGID)
-        shapes[turned] = similarity(points[:, rigid], shape[rigid])(points)
+        seen = similarity(points[:, rigid], shape[rigid])(points)
+        shapes[turned] += undistorted(seen, poses.rotation[turned])
     in_camera = np.einsum("tij,tpj->tpi", poses.rotation, shapes) + poses.translation[:, None]
     projected = project(in_camera, observed.focal, observed.centre)
     # From one kind of frame to the other without a jump.
     share = np.clip((BLENDED - angles(poses)) / (BLENDED - FRONTAL), 0, 1)
     share = np.where(trusted, 1, share * detected["valid"])[:, None, None]
     return projected + share * (detected["points"][..., :2] - projected)
+
+
+def undistorted(shapes: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """How shapes (K, P, 3) differ from what is usual for the side from which they are seen."""
+    side = rotation[:, 2, :2]  # of the head, that the camera sees
+    terms = np.column_stack([np.ones(len(side)), side, side**2])
+    terms = terms[:, : 1 + len(terms) // FRAMES_A_TERM]
+    usual = terms @ np.linalg.lstsq(terms, shapes.reshape(len(shapes), -1), rcond=None)[0]
+    return shapes - usual.reshape(shapes.shape)
 
 
 def jaw_outline(

@@ -1,4 +1,4 @@
-"""Times that a dubbing team waits: a first dub, a second line, a line that was edited, a draft.
+"""Times that a dubbing team waits: a first dub, a second line, an edited line or moment, a draft.
 
     python -m dubbing.workshop.bench.dub_times CLIP SPEECH OUT [--seconds 10] [--size 512]
 
@@ -77,6 +77,8 @@ def waits(clip: Path, speech: Path, out: Path, seconds: float, size: int) -> lis
     first["edits"] = {"shift": 80}
     wait("a line that was edited")
     wait("a draft of that", "--draft", "--only", "one")
+    first["edits"]["keys"] = [{"at": round(seconds / 3, 2), "strength": 0}]
+    wait("a moment of it, with a key")
     return found
 
 

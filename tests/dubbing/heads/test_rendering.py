@@ -1,11 +1,14 @@
 """Heads of a dub, segment by segment: the speech of each comes in pieces."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from dfrf import presets, saved_models
 from dfrf.fast.fast_method import FastMethod
@@ -31,11 +34,13 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     clip = write_prepared(path, tmp_path / "prepared")
     random = np.random.default_rng(0)
     replace(clip, landmarks=random.random((count, 478, 2)) * 32).save()
+    torch.manual_seed(0)
     model = presets.build(small_config(references=0, use_warp=False))
     saved_models.save_person(tmp_path / "model.safetensors", model, None, {})
     windows = random.random((count, 16, 8)).astype(np.float32)
     speech = SpeechFrames(windows, random.random((count, NUMBERS)).astype(np.float32))
     requests: list[tuple[int, int]] = []
+    own_heads_of = heads.heads_of
 
     def heard(first: int, number: int) -> SpeechFrames:
         requests.append((first, number))
@@ -46,6 +51,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
         part: tuple[int, int] | None = None,
         strength: np.ndarray | None = None,
         lips: np.ndarray | None = None,
+        last: Path | None = None,
     ) -> list[np.ndarray]:
         heads.render(
             tmp_path / "model.safetensors",
@@ -57,6 +63,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
             strength=strength,
             lips=lips,
             device="cpu",
+            last=last,
         )
         files = sorted(folder.glob("*.mkv"))
         return [p for file in files for p in read_frames(file, pixels="rgba")]
@@ -73,11 +80,11 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     # In ranges, the last first: the same files, and what is there already is not asked for.
     del requests[:]
     made(tmp_path / "ranges", (16, 24))
-    assert [file.name for file in (tmp_path / "ranges").iterdir()] == ["000016.mkv"]
+    assert [file.name for file in (tmp_path / "ranges").glob("*.mkv")] == ["000016.mkv"]
     made(tmp_path / "ranges", (0, 16))
     made(tmp_path / "ranges")
     assert requests == [(9, 15), (0, 15), (1, 22)]
-    for file in (tmp_path / "three").iterdir():
+    for file in (tmp_path / "three").glob("*.mkv"):
         assert (tmp_path / "ranges" / file.name).read_bytes() == file.read_bytes()
     # Muted, it says what it says in silence, and not what is heard.
     muted = made(tmp_path / "muted", strength=np.zeros(count, np.float32))
@@ -90,6 +97,20 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     speech = SpeechFrames(windows, speech.lips)
     for k, head in enumerate(made(tmp_path / "some", strength=some)):
         np.testing.assert_allclose(head.astype(int), (whole if some[k] else muted)[k], atol=1)
+    # What is made of the same as in the last result is copied from there.
+    shown: list[int] = []
+
+    def counted(*of: Any) -> Iterator[np.ndarray]:
+        shown.append(1)
+        return own_heads_of(*of)
+
+    monkeypatch.setattr(heads, "heads_of", counted)
+    once = np.ones(count, np.float32)
+    once[12] = 0
+    again = made(tmp_path / "again", strength=once, last=tmp_path / "some")
+    assert len(shown) == 2  # of 3: in the last frames nothing changed
+    for k, head in enumerate(again):
+        np.testing.assert_allclose(head.astype(int), (muted if k == 12 else whole)[k], atol=1)
     # Lips that are given take the place of those heard: its own change nothing.
     own = heads.wanted_lips(model, speech)
     assert own is not None

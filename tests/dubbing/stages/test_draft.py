@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from dfrf import presets
 from dfrf.field.speaker_adaptation import NUMBERS
@@ -45,6 +46,7 @@ def half(tmp_path_factory: pytest.TempPathFactory) -> HalfSize:
         {},
         "cpu",
     )
+    torch.manual_seed(1)
     model = presets.build(small_config(references=0, use_warp=False)).eval()
     vars(found).update(models={"ann": (model, None)}, scales={"ann": SCALE})
     return found

@@ -7,6 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -244,7 +245,51 @@ def test_codecs_and_rates(
         tags = {key.lower(): value for key, value in container.metadata.items()}
     assert "AI-generated" in tags["comment"]
     proxy = {"proxy.mp4"} - ({"proxy.mp4"} if codec == "h264" else set())  # browsers play H.264
-    assert {p.name for p in out.parent.iterdir()} == {out.name, "picture.json"} | proxy
+    assert {p.name for p in out.parent.iterdir()} == {out.name, "picture.json", "made_of"} | proxy
+
+
+@pytest.mark.parametrize("codec", ["h264", "hevc", "prores", "ffv1"])
+@pytest.mark.parametrize("rate", [Fraction(25), Fraction(24000, 1001)])
+def test_what_did_not_change_is_taken_from_the_last_result(
+    tmp_path: Path, rate: Fraction, codec: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(assembly, "SEGMENT", 10)
+    scene = Scene(tmp_path, 28, rate)
+    fakes.write_heads(tmp_path / "heads", 28, rate)
+    clip = PreparedClip.load(scene.prepared)
+    read, settings = partial(read_heads, tmp_path / "heads"), VideoSettings(codec=codec)
+    composed: list[int] = []
+    compose = composer.Composer.frame
+
+    def counted(self: composer.Composer, *of: Any) -> Any:
+        composed.append(of[-1])
+        return compose(self, *of)
+
+    monkeypatch.setattr(composer.Composer, "frame", counted)
+
+    def made(name: str, digests: str, last: Path | None) -> bytes:
+        heads = Heads(
+            *(read, clip, 0, 28, kept_of(clip)),
+            made_of=lambda first, _count: [digests[first // 10]],
+        )
+        sound = recording(scene.audio, 0.0, float(28 / rate), 28)
+        out, poses = tmp_path / name, np.arange(28)
+        composed.clear()
+        return make(
+            *([heads], sound, out),
+            pose_index=poses,
+            settings=settings,
+            progress=quiet,
+            last=last,
+        ).read_bytes()
+
+    whole = made("one", "aaa", None)
+    assert sorted(composed) == [*range(28)]
+    exact = codec != "ffv1"  # in Matroska times are rounded
+    assert made("two", "aba", tmp_path / "one") == whole
+    assert sorted(composed) == [*range(10, 20)] if exact else [*range(28)]
+    assert made("three", "abb", tmp_path / "two") == whole
+    assert sorted(composed) == [*range(20, 28)] if exact else [*range(28)]
 
 
 @pytest.mark.parametrize("codec", ["h264", "ffv1", "prores"])
