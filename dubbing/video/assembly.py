@@ -87,7 +87,8 @@ def make(
         delivery = Delivery(film.clip, out / DELIVERED, settings.deliver == "sequence")
     composer = Composer(heads, pose_index, settings, delivery)
     if not result.exists():
-        _take_over(composer, segments, Pieces(out, last), made_by, settings.codec)
+        if delivery is None:  # frames beside the video are made with their segment
+            _take_over(composer, segments, Pieces(out, last), made_by, settings.codec)
         parts = _pictures(composer, segments, settings, progress)
         progress("muxing", 1.0)
         # The sound has its requested length, unless the dub was cut to the clip.
