@@ -16,6 +16,8 @@ MODULES = {
     "c2pa-python": "c2pa",
     "ffmpeg-python": "ffmpeg",
     "opencv-contrib-python-headless": "cv2",
+    "opencolorio": "PyOpenColorIO",
+    "openimageio": "OpenImageIO",
     "pillow": "PIL",
     "ruamel.yaml": "ruamel.yaml",
     "scikit-image": "skimage",

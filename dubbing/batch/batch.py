@@ -27,7 +27,7 @@ from dubbing.stages.check import Check
 from dubbing.stages.composite import Composite
 from dubbing.stages.draft import Draft
 from dubbing.sync.records import SYNC_FILE
-from dubbing.video.files import PROXY_FILE, video_file
+from dubbing.video.files import DELIVERED, PROXY_FILE, video_file
 
 DEFAULT = Options()
 RESULTS = "results"  # claimed while they are put into the output folder
@@ -195,6 +195,8 @@ def publish(dub: Dub, job: Job, ledger: Ledger) -> None:
         "edl": lines.as_edl(dub, job, rows),
     }
     results.put(ledger, dub, files, texts)
+    if dub.settings.deliver != "video":
+        results.put_frames(ledger, dub, job.stage(Composite).folder / DELIVERED)
 
 
 def remove_old_cues(job: Job) -> None:

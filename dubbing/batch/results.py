@@ -21,6 +21,7 @@ from dubbing.engine.files import (
     atomic_write_bytes,
     atomic_write_json,
     digest_bytes,
+    digest_data,
     remove_torn,
     seen_from,
     writing,
@@ -210,6 +211,33 @@ def put(ledger: Ledger, dub: Dub, files: Mapping[str, Path], texts: Mapping[str,
             atomic_write_bytes(output / name, contents[kind])
         else:
             _link(files[kind], output / name)
+
+
+def put_frames(ledger: Ledger, dub: Dub, folder: Path) -> None:
+    """Put the frames that are delivered with a dub into a folder of its name; keep the last ones.
+
+    Raises:
+        ExplainedError: a folder there is not ours to replace, or nothing can be written.
+    """
+    name = f"{dub.name}.{dub.settings.deliver}"
+    target, before = (ledger.production.output / one for one in (name, dub.previous(name)))
+    files = sorted(folder.iterdir())
+    digest = digest_data({file.name: digest_of(file) for file in files})
+    known = ledger.entries.get(name)
+    if target.exists() and known is None:
+        raise ExplainedError("was not made by this tool", str(target), "move it away")
+    if target.exists() and known and known["digest"] == digest:
+        return
+    ledger.enter({name: digest} | ({before.name: known["digest"]} if known else {}))
+    new = target.with_name(f".{name}.new")
+    shutil.rmtree(new, ignore_errors=True)
+    for file in files:
+        _link(file, new / file.name)
+    with writing(target):
+        if target.exists():
+            shutil.rmtree(before, ignore_errors=True)
+            target.rename(before)
+        new.rename(target)
 
 
 def put_draft(ledger: Ledger, dub: Dub, video: Path) -> Path:

@@ -4,11 +4,14 @@ import os
 import stat
 from pathlib import Path
 
-from .files import digest_file, while_unchanged
+from .files import digest_data, digest_file, while_unchanged
+from .numbered import is_there, numbered
 
 
 def digest_of(path: Path) -> str:
     """Digest of a file, read once as long as it does not change; '' where there is none."""
+    if numbered(path):
+        return _digest(path) if is_there(path) else ""
     try:
         regular = stat.S_ISREG(os.stat(path).st_mode)
     except FileNotFoundError:
@@ -18,4 +21,8 @@ def digest_of(path: Path) -> str:
 
 @while_unchanged(65536)
 def _digest(path: Path) -> str:
-    return digest_file(path)
+    sequence = numbered(path)
+    if sequence is None:
+        return digest_file(path)
+    files = [[number, digest_file(file)] for number, file in sequence.files().items()]
+    return digest_data([sequence.options, files])

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from .errors import ExplainedError
+from .numbered import numbered
 
 WINDOWS = os.name == "nt"
 PAUSES_S = (0.1, 0.2, 0.4, 0.8)
@@ -232,7 +233,8 @@ def digest_data(content: Any) -> str:
 def while_unchanged(maxsize: int) -> Callable[[Callable[[Path], Found]], Callable[[Path], Found]]:
     """Cache a function of a file until its size, a time stamp or its inode changes.
 
-    Of the time stamps one is the system's own: nobody can put it back.
+    Of the time stamps one is the system's own: nobody can put it back. Of a film of numbered files
+    each counts.
 
     The cached function raises FileNotFoundError where there is no file.
     """
@@ -244,9 +246,12 @@ def while_unchanged(maxsize: int) -> Callable[[Callable[[Path], Found]], Callabl
 
         @functools.wraps(read)
         def call(path: Path) -> Found:
-            status = os.stat(path)
-            times = (status.st_mtime_ns, status.st_ctime_ns)
-            return cached(path, status.st_size, *times, status.st_ino)
+            sequence = numbered(path)
+            status: list[int] = []
+            for file in (sequence.files().values() if sequence else ()) or (path,):
+                of = os.stat(file)
+                status += (of.st_size, of.st_mtime_ns, of.st_ctime_ns, of.st_ino)
+            return cached(path, *status)
 
         return call
 

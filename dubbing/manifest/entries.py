@@ -1,5 +1,6 @@
 """The entries of a manifest, identities and dubs: keys, types, defaults."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
@@ -10,6 +11,7 @@ from pydantic import (
     PrivateAttr,
 )
 
+from dubbing.engine.numbered import plain, with_options
 from dubbing.manifest.consent_entry import Consent, read_form
 from dubbing.manifest.edit_entry import Edits
 from dubbing.manifest.entry import Entry
@@ -23,6 +25,7 @@ from dubbing.manifest.values import (
     LearnedSeconds,
     Name,
     PathText,
+    Rate,
     ReelTime,
     Seconds,
     Sounds,
@@ -100,15 +103,30 @@ FacePoints = Annotated[
 ]
 
 
+class Colour(Entry):
+    """Colour spaces of image sequences, as OpenColorIO names them."""
+
+    film: Annotated[str, AfterValidator(check_words)]
+    """Of the files: `ACEScg`, `LogC4`, `S-Log3 S-Gamut3.Cine`, `Rec.2100-PQ - Display`."""
+    working: Annotated[str, AfterValidator(check_words)] | None = None
+    """In which faces are found, learned and rendered: a display's; sRGB if left out."""
+
+
 class Identity(Entry):
     """A person: clips, what to learn from them, and who agreed to it."""
 
     clip: FilePath
-    """A video of this person, with sound. Give `clip` or `clips`."""
+    """A video of this person, with sound; or image sequences, `shot.####.exr`, to dub. Give `clip`
+    or `clips`.
+    """
     clips: tuple[FilePath, ...] = Field(default=(), strict=False, min_length=1)
     """Several videos of this person, for one model. It is learned from the first clip with enough
     `seconds`; where none has enough, from all clips together.
     """
+    rate: Rate | None = None
+    """Frames a second of clips that are image sequences; their headers' if left out."""
+    colour: Colour | None = None
+    """Colour spaces of clips that are image sequences; their headers' if left out."""
     face: FacePoints = ()
     """A point in this person's face, where the first clip shows several faces; one, or a list.
     Other shots and clips follow by looks.
@@ -138,6 +156,18 @@ class Identity(Entry):
     finetune: Finetune = Finetune()
     """Settings of the fine-tune."""
     _beside: tuple[Path, ...] = PrivateAttr(())
+
+    @property
+    def sequence_options(self) -> dict[str, str]:
+        """How its image sequences are read."""
+        colour = {} if self.colour is None else self.colour.model_dump(exclude_none=True)
+        return ({} if self.rate is None else {"rate": self.rate}) | colour
+
+    def with_sequences(self) -> Self:
+        """The same with paths of image sequences that say how they are read."""
+        options = self.sequence_options
+        clip, *clips = (with_options(path, options) for path in (self.clip, *self.clips))
+        return self.model_copy(update={"clip": clip, "clips": tuple(clips)})
 
     @property
     def learned_start(self) -> float | None:
@@ -224,8 +254,19 @@ class Dub(Entry):
     codec: Literal["h264", "hevc", "prores", "prores4444", "dnxhr", "ffv1"] = "h264"
     """Video codec: `h264` and `hevc` in mp4, `prores` (422 HQ), `prores4444` and `dnxhr` (HQX) in
     mov, lossless `ffv1` in mkv."""
+    deliver: Literal["video", "turnover", "sequence"] = "video"
+    """Beside the video, of a film that is an image sequence: `turnover`, half-float EXR of what was
+    replaced, in layers; `sequence`, whole frames in the film's format.
+    """
     audio_rate: Literal[48000, "source"] = 48000
     """Sampling rate of the result in Hz; `source`: that of the recording."""
+
+    def over(self, identities: Mapping[str, Identity]) -> Self:
+        """The same with the path of its film as the people in it have it."""
+        people = [identities[name] for name in self.people if name in identities]
+        films = {plain(film): film for person in people for film in person.films}
+        clip = self.clip and films.get(plain(self.clip), self.clip)
+        return self.model_copy(update={"clip": clip})
 
     @property
     def people(self) -> tuple[str, ...]:

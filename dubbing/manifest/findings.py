@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from dubbing.engine.numbered import is_there, plain
 from dubbing.errors import MediaError
 from dubbing.manifest.entries import Identity
 from dubbing.manifest.yaml_lines import KeyPath
@@ -61,8 +62,8 @@ class Findings:
 
     def look(self, path: Path, key: KeyPath) -> MediaInfo | None:
         """Probe a file once. One that is missing is a problem; one that is damaged is kept."""
-        if not path.is_file():
-            self.add(key, f"no such file: {path}")
+        if not is_there(path):
+            self.add(key, f"no such file: {plain(path)}")
             return None
         if path not in self.media and path not in self.damaged:
             try:

@@ -4,6 +4,7 @@ import datetime
 from collections.abc import Mapping
 from pathlib import Path
 
+from dubbing.engine.numbered import numbered, plain
 from dubbing.errors import ExplainedError, MediaError
 from dubbing.manifest import preset_checks as published
 from dubbing.manifest import provenance_checks, sound_checks, terms
@@ -76,11 +77,12 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
         findings.add((*at, *key), problem)
     _speech(findings, at, identity)
     _faces(findings, at, identity)
+    _sequences(findings, at, identity)
     info = findings.media.get(identity.clip)
     if info is None or info.picture is None:
         return
     if info.audio_rate is None:
-        message = f"no sound in {identity.clip}: a face is learnt together with its speech"
+        message = f"no sound in {plain(identity.clip)}: a face is learnt together with its speech"
         findings.add((*at, "clip"), message)
     if identity.seconds == BEST and identity.start:
         findings.add(
@@ -97,6 +99,12 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
             f"identities.{name}: learns from {left:.1f} s, all there is, instead of"
             f" {identity.learned_seconds:g} s; nothing is held out"
         )
+
+
+def _sequences(findings: Findings, at: KeyPath, identity: Identity) -> None:
+    if identity.sequence_options and not any(numbered(film) for film in identity.films):
+        key = "colour" if identity.rate is None else "rate"
+        findings.add((*at, key), "is for image sequences, and no clip is one; leave it out")
 
 
 def _faces(findings: Findings, at: KeyPath, identity: Identity) -> None:
@@ -120,7 +128,8 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
         )
     if picture.colour.high_range:
         message = f"{info.path} is HDR ({picture.colour.high_range}), which is not kept as yet"
-        findings.add(at, f"{message}: give an SDR version of it")
+        remedy = "give an SDR version of it, or an image sequence and its `colour`"
+        findings.add(at, f"{message}: {remedy}")
     if picture.interlaced:
         message = f"{info.path} is interlaced: its frames are two moments each"
         findings.add(at, f"{message}; deinterlace it first")
@@ -193,7 +202,24 @@ def _dub(findings: Findings, place: int, dub: Dub, identities: Mapping[str, Iden
         findings.scenes[place] = edited(findings, at, dub, scene, identities)
         provenance_checks.inspect_film(findings, at, dub, scene.clip)
         sound_checks.of_dub(findings, at, dub, scene)
+        _delivery(findings, at, dub, scene)
         _slow(findings, dub, scene, identities)
+
+
+def _delivery(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
+    """Check that a film has frames of its own to deliver."""
+    if dub.deliver == "video":
+        return
+    key = (*at, "deliver")
+    if not numbered(scene.clip):
+        findings.add(key, f"{scene.clip.name} is no image sequence; leave it out")
+    elif dub.frame == "crop":
+        findings.add(key, "is of whole frames; leave frame out")
+    elif scene.on_longer_audio not in ("cut", "fail") and (
+        scene.length > findings.media[scene.clip].frames - scene.first
+    ):
+        message = "the speech is longer than the film, so frames would come twice"
+        findings.add(key, f"{message}: set on_longer_audio to cut")
 
 
 def _whole_audio(

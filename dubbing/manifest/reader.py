@@ -64,6 +64,8 @@ class Reader:
             return None, {}, Findings()
         self._check_top()
         output, identities, dubs = self._output(), self._identities(), self._dubs()
+        identities = {name: identity.with_sequences() for name, identity in identities.items()}
+        dubs = {place: dub.over(identities) for place, dub in dubs.items()}
         findings = inputs.inspect(*self._selected(identities, dubs))
         self.found += findings.problems
         if output is not None:

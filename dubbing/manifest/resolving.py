@@ -165,6 +165,7 @@ def _dub(place: int, dub: entries.Dub, people: Mapping[str, Person], findings: F
             label=dub.codec != "ffv1" if dub.label.mark is None else dub.label.mark,
             card=_card(dub, film, findings) if scene.cues else None,
             codec=dub.codec,
+            deliver=dub.deliver,
             audio_rate=None if dub.audio_rate == "source" else dub.audio_rate,
         ),
         marked=dub.mark is not None,

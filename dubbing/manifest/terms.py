@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from dubbing.digests import sha256_of
+from dubbing.engine.numbered import plain
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.yaml_lines import KeyPath
 
@@ -61,4 +62,5 @@ def covers_film(films: tuple[Path | str, ...], clip: Path) -> bool:
 
 
 def _same(one: Path, other: Path) -> bool:
+    one, other = plain(one), plain(other)
     return one == other or (one.exists() and other.exists() and one.samefile(other))

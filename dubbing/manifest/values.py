@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, WithJsonSchema
 
 from dubbing.engine import files
+from dubbing.media.frame_rate import snap
 from dubbing.printable import is_blank
 from dubbing.script.line import seconds_of
 
@@ -106,6 +107,19 @@ def _reel_time(value: Any) -> Any:
     return text
 
 
+def _rate(value: Any) -> Any:
+    """A frame rate as a fraction, in words: 23.976 is 24000/1001."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"must be a frame rate as 25 or 24000/1001, not {value!r:.60}")
+    try:
+        rate = Fraction(value).limit_denominator(1001)
+    except (ValueError, OverflowError, ZeroDivisionError):
+        raise ValueError(f"must be a frame rate as 25 or 24000/1001, not {value!r:.60}") from None
+    if not 1 <= rate <= 1000:
+        raise ValueError(f"must be 1 to 1000 frames a second, not {value!r:.60}")
+    return str(snap(rate))
+
+
 def _learned_seconds(value: Any) -> Any:
     """A number of seconds above 0, or `BEST`."""
     number = _seconds(value)
@@ -178,6 +192,7 @@ Sounds = Annotated[
 ]
 Seconds = Annotated[float, BeforeValidator(_seconds, json_schema_input_type=Number | ClockText)]
 ReelTime = Annotated[str, BeforeValidator(_reel_time, json_schema_input_type=float | str)]
+Rate = Annotated[str, BeforeValidator(_rate, json_schema_input_type=float | str)]
 LearnedSeconds = Annotated[
     float | Literal["best"],
     BeforeValidator(_learned_seconds, json_schema_input_type=Number | Literal["best"] | ClockText),

@@ -25,7 +25,7 @@ def choose_rate(times: Sequence[float], hints: Sequence[Fraction]) -> tuple[Frac
         return (hints[0] if hints else Fraction(25)), False
     pace = (len(times) - 1) / (times[-1] - times[0])
     mean = Fraction(pace).limit_denominator(1001)
-    candidates = [_snap(hint) for hint in hints] + list(hints) + [_snap(mean), mean]
+    candidates = [snap(hint) for hint in hints] + list(hints) + [snap(mean), mean]
     for rate in candidates:
         if all(abs((t - times[0]) * rate - k) < JITTER for k, t in enumerate(times)):
             return rate, False
@@ -37,6 +37,7 @@ def choose_rate(times: Sequence[float], hints: Sequence[Fraction]) -> tuple[Frac
     return min(COMMON_RATES, key=lambda r: max(r / typical, typical / r)), True
 
 
-def _snap(rate: Fraction) -> Fraction:
+def snap(rate: Fraction) -> Fraction:
+    """The common rate that a rate is next to; itself where there is none."""
     nearest = min(COMMON_RATES, key=lambda common: abs(common - rate))
     return nearest if abs(nearest - rate) < Fraction(3, 10000) * rate else rate

@@ -8,11 +8,13 @@ from itertools import accumulate, pairwise
 from pathlib import Path
 
 from dubbing.engine.files import atomic_path
+from dubbing.engine.numbered import numbered
 from dubbing.errors import MediaError
 from dubbing.media.ffmpeg import run
 from dubbing.media.opening import LAYOUTS, Stream, address, into, joined, sound_of, source
 from dubbing.media.probing import probe
-from dubbing.media.writing import THREADS
+from dubbing.media.reading import read_frames
+from dubbing.media.writing import THREADS, VideoWriter
 
 AUDIO_CODECS = {
     "aac": {"acodec": "aac", "audio_bitrate": "256k"},
@@ -119,6 +121,9 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
         MediaError: ffmpeg failed.
     """
     film, info = source(video), probe(video)
+    if numbered(video):
+        _proxy_of_images(video, out)
+        return
     colour = info.colour
     width = f"min({PROXY_WIDTH},trunc(iw/2)*2)"
     picture = film.video.filter(
@@ -141,6 +146,19 @@ def proxy(video: Path, out: Path, metadata: Mapping[str, str]) -> None:
             **_tags(metadata),
         )
         run(graph, str(out))
+
+
+def _proxy_of_images(video: Path, out: Path) -> None:
+    """The same of an image sequence."""
+    import cv2  # which plans do without
+    import numpy as np
+
+    info = probe(video)
+    width = min(PROXY_WIDTH, info.width) // 2 * 2
+    size = width, max(2, round(info.height * width / info.width / 2) * 2)
+    with VideoWriter(out, *size, info.rate) as writer:
+        for image in read_frames(video):
+            writer.write(np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA)))
 
 
 def _in_stereo(sound: Stream, channels: int) -> Stream:

@@ -166,3 +166,4 @@ def pooled(values: np.ndarray, down: int, across: int) -> np.ndarray:
 
 
 YUV420 = PixelFormat("yuv420p", 8, across=1, down=1)
+RGB = PixelFormat("gbrp", 8, rgb=True)

@@ -12,7 +12,9 @@ import av
 import numpy as np
 
 from dubbing.engine.files import while_unchanged
+from dubbing.engine.numbered import numbered
 from dubbing.errors import MediaError
+from dubbing.media import sequence
 from dubbing.media.colour import colour_of
 from dubbing.media.fields import is_flagged
 from dubbing.media.frame_rate import choose_rate
@@ -38,6 +40,8 @@ def probe(path: Path | str) -> MediaInfo:
             unusual shape, frames without time stamps, or sound with NaN.
     """
     path = Path(path)
+    if numbered(path):
+        return sequence.probe(path)
     if not os.path.isfile(path):
         raise MediaError("no such file", str(path))
     return _probe(path)

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from dubbing.engine.numbered import numbered
 from dubbing.errors import MediaError
+from dubbing.media import sequence
 from dubbing.media.ffmpeg import Process
 from dubbing.media.info import MediaInfo
 from dubbing.media.native import PixelFormat, Planes
@@ -50,6 +52,9 @@ def read_frames(
         MediaError: no picture, or the file ends before its last frame.
     """
     info = probe(path)
+    if numbered(info.path) and pixels == "rgb24":
+        yield from sequence.read_frames(info.path, start, count, rate or info.rate)
+        return
     shape = (info.height, info.width, *CHANNELS[pixels])
     for frame in _frames(info, start, count, rate, pixels, math.prod(shape)):
         yield frame.reshape(shape)
@@ -65,6 +70,10 @@ def read_planes(
 ) -> Iterator[Planes]:
     """The same frames as planes: of the video's own values, or as `pixels`; see `read_frames`."""
     info = probe(path)
+    if numbered(info.path):
+        for image in read_frames(path, start=start, count=count, rate=rate):
+            yield [image[..., k] for k in (1, 2, 0)]
+        return
     pixels, size = pixels or info.pixels, (info.width, info.height)
     for frame in _frames(info, start, count, rate, pixels.name, pixels.size(*size)):
         yield pixels.planes(frame, *size)

@@ -15,7 +15,7 @@ from dubbing.engine.files import atomic_path
 from dubbing.errors import MediaError
 from dubbing.media.colour import Colour
 from dubbing.media.ffmpeg import Process
-from dubbing.media.native import PixelFormat, Planes
+from dubbing.media.native import RGB, PixelFormat, Planes
 from dubbing.media.opening import Graph, into, piped
 from dubbing.media.reading import CHANNELS
 
@@ -89,7 +89,6 @@ SUFFIX = {  # of files for people
     **{"h264": ".mp4", "hevc": ".mp4", "ffv1": ".mkv"},
     **dict.fromkeys(("prores", "prores4444", "dnxhr"), ".mov"),
 }
-RGB = PixelFormat("gbrp", 8, rgb=True)
 
 
 class VideoWriter:

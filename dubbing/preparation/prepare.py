@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.files import digest_file, make_folder
+from dubbing.engine.file_digests import digest_of
+from dubbing.engine.files import make_folder
 from dubbing.engine.stage import Progress, ReportShare
 from dubbing.errors import PreparationError
 from dubbing.media import MediaInfo, probe
@@ -82,7 +83,7 @@ def prepare(
     if info.picture is None:
         raise PreparationError("no picture in it", str(clip), "give a video file")
     make_folder(out)
-    portraits = [[digest_file(person.clip), person.points] for person in people]
+    portraits = [[digest_of(person.clip), person.points] for person in people]
     key = {"size": size, "people": json.loads(json.dumps(portraits))}
     steps = Steps(out / STEPS, clip, key, progress or (lambda step, share: None))
 

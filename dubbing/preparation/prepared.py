@@ -21,6 +21,7 @@ from typing_extensions import TypedDict
 
 from dubbing.engine import json_records
 from dubbing.engine.files import atomic_path, atomic_write_json
+from dubbing.engine.numbered import numbered
 from dubbing.errors import ExplainedError, PreparationError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.media import PixelFormat, Planes, probe, read_frames, read_planes
@@ -269,7 +270,7 @@ class PreparedClip:
     @property
     def pixels(self) -> PixelFormat | None:
         """Format of the film's own values; None where its frames are RGB pictures alone."""
-        return probe(self.clip).pixels
+        return None if numbered(self.clip) else probe(self.clip).pixels
 
     def whole_planes(self, start: int = 0, count: int | None = None) -> Iterator[Planes]:
         """The same frames in the film's own values."""

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from dubbing.engine import json_records
-from dubbing.engine.files import atomic_path, atomic_write_json, digest_file, note_digest
+from dubbing.engine.file_digests import digest_of
+from dubbing.engine.files import atomic_path, atomic_write_json, note_digest
 from dubbing.engine.stage import Progress, ReportShare
 from dubbing.errors import ExplainedError, PreparationError
 from dubbing.preparation.file_names import SUMMARY
@@ -54,7 +55,7 @@ class Steps:
         progress: Progress,
     ) -> None:
         self.folder, self._clip, self._report = folder, clip, progress
-        key = {"clip": digest_file(clip), **settings, "version": VERSION, "layout": LAYOUT}
+        key = {"clip": digest_of(clip), **settings, "version": VERSION, "layout": LAYOUT}
         key_file = folder / "key.json"
         if _key(key_file) != key:
             shutil.rmtree(folder, ignore_errors=True)

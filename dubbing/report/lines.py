@@ -37,6 +37,7 @@ class Picture(TypedDict, total=False):
     overlaid: list[OwnPixels]
     reach: dict[str, Reach]
     mark: dict[str, Any]
+    delivered: dict[str, Any]
 
 
 def lines_of(dub: Dub, job: Job) -> list[dict[str, Any]]:

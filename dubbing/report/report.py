@@ -228,6 +228,7 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
         "kept": in_frames(picture.get("own_pixels", [])),
         "overlaid": in_frames(picture.get("overlaid", [])),
         "mark_found": picture.get("mark", {}).get("found"),
+        "delivered": picture.get("delivered"),
         "label": dub.settings.label,
         "signed": bool(job.all_of(Sign)),
         "film_credentials": _film_credentials(job, dub.film.path),

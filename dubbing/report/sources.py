@@ -8,6 +8,7 @@ import av
 from dubbing import media
 from dubbing.engine.file_digests import digest_of
 from dubbing.engine.files import make_folder, seen_from
+from dubbing.engine.numbered import is_there
 from dubbing.errors import ExplainedError
 from dubbing.media.opening import opened
 from dubbing.production.production import Production
@@ -50,7 +51,7 @@ def proxy_of(film: Path, work: Path) -> Path | None:
 
 def source_of(production: Production, film: Path, start: float) -> dict[str, Any]:
     """The film under a dub, for the page; or a copy of it, where no browser plays it."""
-    source: Path | None = film if film.is_file() else None
+    source: Path | None = film if is_there(film) else None
     if source is not None and not is_played(film):
         source = proxy_of(film, production.work)
     return {"source": relative(production, source) if source else None, "source_start": start}

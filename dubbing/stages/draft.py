@@ -54,7 +54,7 @@ class Draft(OnFilm):
         """The stage for a dub."""
         return cls(
             **cls.common(dub, people),
-            settings=replace(dub.settings, label=True, card=None, codec="h264"),
+            settings=replace(dub.settings, label=True, card=None, codec="h264", deliver="video"),
             speech=speech,
             edits={cue.name: cue.edit for cue in dub.cues},
             device=device,

@@ -29,8 +29,9 @@ from dubbing.provenance import provenance
 from dubbing.provenance.mark_key import Marking, id_of
 from dubbing.provenance.mark_search import search
 from dubbing.video.composer import Composer, Heads
-from dubbing.video.files import PICTURE_FILE, PROXY_FILE, SCENE_FILE, video_file
+from dubbing.video.files import DELIVERED, PICTURE_FILE, PROXY_FILE, SCENE_FILE, video_file
 from dubbing.video.settings import VideoSettings
+from dubbing.video.turnover import CHECKED, Delivery
 from dubbing.video.untouched import compare
 
 SEGMENT = 50  # frames a file: what is made again where one of them changes
@@ -58,7 +59,8 @@ def make(
 
     It has the colours of the film, and its timecode. What no browser plays gets OUT/proxy.mp4.
     OUT/picture.json says where faces stay the film's own, where something lies over them, how much
-    of each cue is dubbed, and whether the invisible mark is found in the finished file.
+    of each cue is dubbed, and whether the invisible mark is found in the finished file. Frames that
+    are delivered beside it lie in OUT/delivered.
 
     Frames without new speech are the film's own. Where voices are mixed there is also
     OUT/voices.flac, and OUT/scene.json: how loud it is, and what proves that.
@@ -80,9 +82,13 @@ def make(
     rate = film.rate
     frames = len(pose_index) + (card.frames if card else 0)
     source = media.probe(film.clip)
-    composer = Composer(heads, pose_index, settings)
+    delivery = None
+    if settings.deliver != "video":
+        delivery = Delivery(film.clip, out / DELIVERED, settings.deliver == "sequence")
+    composer = Composer(heads, pose_index, settings, delivery)
     if not result.exists():
-        _take_over(composer, segments, Pieces(out, last), made_by, settings.codec)
+        if delivery is None:  # frames beside the video are made with their segment
+            _take_over(composer, segments, Pieces(out, last), made_by, settings.codec)
         parts = _pictures(composer, segments, settings, progress)
         progress("muxing", 1.0)
         # The sound has its requested length, unless the dub was cut to the clip.
@@ -114,7 +120,10 @@ def make(
     if settings.mark is not None:
         progress("looking for the invisible mark", 1.0)
         picture["mark"] = found_again(result, settings.mark, *composer.replaced(), rate)
+    if delivery is not None:
+        picture["delivered"] = delivery.finish(rate)
     atomic_write_json(out / PICTURE_FILE, picture)
+    (out / CHECKED).unlink(missing_ok=True)
     if settings.codec != "h264":
         progress("proxy", 1.0)
         media.proxy(result, out / PROXY_FILE, provenance.tags())

@@ -24,8 +24,10 @@ from dubbing.provenance import card, provenance
 from dubbing.provenance.mark import Mark
 from dubbing.provenance.mark_key import Marking, bits_of
 from dubbing.script import timeline
+from dubbing.video.face import Face
 from dubbing.video.own_pixels import OVERLAID, OwnPixels, own_pixels, reach
 from dubbing.video.settings import VideoSettings
+from dubbing.video.turnover import Delivery
 
 BACKWARDS = 25  # frames decoded forwards and kept, to be given out in reverse
 
@@ -53,20 +55,11 @@ class Heads:
     made_of: Callable[[int, int], list[str]] = lambda _first, _count: []
 
 
-@dataclass(frozen=True)
-class Face:
-    """A face in a frame of the film, the rendered head, and how much of it is shown."""
-
-    clip: PreparedClip
-    film: FilmFrame
-    head: np.ndarray
-    share: float
-
-
 class Composer:
     """Makes the finished frames of one dub.
 
     Attributes:
+        delivery: of frames beside the video, where there are to be any.
         colour: of the film. pixels: format of the finished frames' planes; None of RGB pictures.
 
     Args:
@@ -74,9 +67,14 @@ class Composer:
     """
 
     def __init__(
-        self, heads: Sequence[Heads], pose_index: np.ndarray, settings: VideoSettings
+        self,
+        heads: Sequence[Heads],
+        pose_index: np.ndarray,
+        settings: VideoSettings,
+        delivery: Delivery | None = None,
     ) -> None:
         self.poses = pose_index
+        self.delivery = delivery
         self.film = film = heads[0].clip
         self.frames = settings.frame
         self.size = film.source_size if self.frames == "full" else (film.size, film.size)
@@ -165,7 +163,12 @@ class Composer:
         rendered = [h.read(low - h.first, high - low) for h in heads]
         for k in range(low, high):
             faces = [
-                Face(h.clip, next(film), next(head), float(self.shares[h.clip.folder][k]))
+                Face(
+                    h.clip,
+                    next(film),
+                    next(head),
+                    float(self.shares[h.clip.folder][k]),
+                )
                 for h, film, head in zip(heads, films, rendered, strict=True)
             ]
             film = faces[0].film
@@ -205,6 +208,8 @@ class Composer:
         out, replaced = with_faces(image, faces, index)
         if self.mark is not None:
             out = self.mark.draw(out, replaced, number)
+        if self.delivery is not None:
+            self.delivery.write(index, image, out, replaced, faces)
         if self.label and faces:
             out = self.label.draw(out)
         if self.pixels is None or planes is None:

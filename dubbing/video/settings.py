@@ -16,6 +16,7 @@ class VideoSettings:
         card: of credits, after the last frame.
         mark: the invisible mark.
         codec: of `dubbing.media.CODECS`.
+        deliver: frames beside the video: `turnover`, `sequence`, or none with `video`.
         audio_rate: Hz; None is that of the recording.
     """
 
@@ -24,4 +25,5 @@ class VideoSettings:
     card: CreditsCard | None = None
     mark: Marking | None = None
     codec: str = "h264"
+    deliver: str = "video"
     audio_rate: int | None = 48000

@@ -15,6 +15,7 @@ from dubbing.engine.files import atomic_write_text
 from dubbing.manifest import schema
 from dubbing.manifest.edit_entry import Edit, Key, Take
 from dubbing.manifest.entries import (
+    Colour,
     Consent,
     Credits,
     Dub,
@@ -34,6 +35,7 @@ BEGIN, END = "<!-- made by `make docs` -->", "<!-- end of what `make docs` made 
 ENTRIES: dict[type[Entry], str] = {
     Identity: "An identity",
     Consent: "consent",
+    Colour: "colour",
     FacePoint: "face",
     Finetune: "finetune",
     Dub: "A dub",

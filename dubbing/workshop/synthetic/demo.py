@@ -4,8 +4,10 @@ import shutil
 import sysconfig
 from pathlib import Path
 
+import numpy as np
 from tqdm import tqdm
 
+from dubbing import packages
 from dubbing.engine.files import atomic_path
 
 CLONED = Path(__file__).parents[3] / "manifests"
@@ -16,6 +18,7 @@ SCRIPT = (
     "I move my lips and blink, so that a program can learn how I speak. "
     "Most people pause before a big promise. "
 )
+FILM_SECONDS = 2
 VOICE = "en-us+f3"
 DUBS = {
     "italian": ("it+f3", "Buongiorno! Adesso parlo italiano, e la mia bocca segue le parole."),
@@ -60,4 +63,26 @@ def write_demo(folder: Path, size: int = 320) -> Path:
                 voice=VOICE,
                 progress=lambda _, done: bar.update(round(100 * done) - bar.n),
             )
+    if not packages.missing_of("film"):
+        write_film(source / "clip.mp4", source / "film")
     return folder / "demo.yaml"
+
+
+def write_film(clip: Path, folder: Path) -> None:
+    """The first seconds of a clip as EXR in ACEScg, with timecode: a film of image files."""
+    import OpenImageIO
+
+    from dubbing.media import image_files, probe, read_frames, sequence
+    from dubbing.media.film_values import FilmValues
+
+    values, rate = FilmValues("ACEScg"), probe(clip).rate
+    for number, picture in enumerate(read_frames(clip, count=round(FILM_SECONDS * rate)), 1001):
+        path = folder / f"alba.{number}.exr"
+        if path.exists():
+            continue
+        height, width, _ = picture.shape
+        header = OpenImageIO.ImageSpec(width, height, 3, "half")
+        header.attribute("framesPerSecond", "rational", (rate.numerator, rate.denominator))
+        header.attribute("chromaticities", "float[8]", sequence.CHROMATICITIES["lin_ap1_scene"])
+        shown = picture.astype(np.float32) / 255
+        image_files.write_image(path, values.of_display(shown), header)

@@ -1,5 +1,6 @@
 """`dfrf demo` and `python -m dubbing.workshop.synthetic`: what they make, they make once."""
 
+import json
 import sys
 from pathlib import Path
 
@@ -15,7 +16,8 @@ from dubbing.workshop.synthetic import __main__ as program
 from dubbing.workshop.synthetic import demo
 from dubbing.workshop.synthetic.speaker import TAIL
 from dubbing.workshop.synthetic.voice import speak
-from tests import clips
+from tests import clips, fakes
+from tests.dubbing.batches import dub
 
 pytestmark = pytest.mark.medium
 
@@ -52,11 +54,11 @@ def test_the_command_dubs_what_it_writes(tmp_path: Path, monkeypatch: pytest.Mon
     write_stand_in(tmp_path / "new" / "source")
     given = []
 
-    def dub(manifest: object, *_: object, **__: object) -> batch.Result:
+    def stand_in(manifest: object, *_: object, **__: object) -> batch.Result:
         given.append(manifest)
         return batch.Result({}, 0, tmp_path / "report.html", {})
 
-    monkeypatch.setattr(batch, "dub", dub)
+    monkeypatch.setattr(batch, "dub", stand_in)
     call = CliRunner().invoke(app, ["demo", str(tmp_path / "new")])
     assert call.exit_code == 0, call.output
     (loaded,) = given
@@ -94,3 +96,21 @@ def test_a_mistake_is_an_exit_code(
     monkeypatch.setattr(sys, "argv", arguments)
     assert program.main() == 1
     assert "even size" in capsys.readouterr().err
+
+
+def test_the_film_of_image_files_becomes_a_turnover(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fakes.install(monkeypatch.setattr)
+    monkeypatch.setattr(demo, "FILM_SECONDS", 0.4)
+    write_stand_in(tmp_path / "source")
+    demo.write_demo(tmp_path)
+    path = tmp_path / "film.yaml"
+    path.write_text(path.read_text().replace("audio_seconds: 2.0", "audio_seconds: 0.4"))
+    result, _ = dub(path)
+    assert result.code == 0
+    names = sorted(one.name for one in (tmp_path / "film" / "alba_film.turnover").iterdir())
+    assert names == [*(f"alba.{k}.exr" for k in range(1001, 1011)), "over_the_film.nk"]
+    report = json.loads((tmp_path / "film" / "report.json").read_text())["dubs"]["alba_film"]
+    assert report["delivered"]["outside"] == 0
+    assert report["delivered"]["steps"] <= 1

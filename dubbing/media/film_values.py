@@ -1,0 +1,123 @@
+"""Values of a film in colour spaces of OpenColorIO, and the picture that a display shows of them.
+
+Faces are found, learned and rendered in the display picture: RGB of 8 bits. Only what is changed
+there is changed in the film's values, by as much. What no display shows, such as highlights, stays
+where a pixel changes little. H x W pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache, cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from dubbing import packages
+from dubbing.errors import MediaError
+
+CONFIG = "ocio://studio-config-latest"
+LINEAR = "lin_rec709_scene"  # linear light with the primaries of sRGB
+SCENE, DISPLAY = "srgb_rec709_scene", "srgb_display"  # display pictures of the two kinds of films
+STEPS = 255.0  # of the display picture
+SHORT = {"rec709": "g24_rec709_scene"}  # names that OpenColorIO does not have
+FADE = 8  # power by which highlights fade as a pixel changes
+
+
+@dataclass(frozen=True)
+class FilmValues:
+    """Values (H, W, 3) float32 of a film, 1 for white.
+
+    Attributes:
+        film: their colour space, as OpenColorIO calls it; '' where a display shows them as they
+            are.
+        working: that of the display picture; '' for sRGB.
+    """
+
+    film: str = ""
+    working: str = ""
+
+    def display(self, values: np.ndarray) -> np.ndarray:
+        """The display's values (H, W, 3) float32, 0..1 for those that it can show."""
+        shown = _applied(self._transforms[0], values) if self.film else values
+        return np.nan_to_num(shown, nan=0.0)
+
+    def picture(self, values: np.ndarray) -> np.ndarray:
+        """The display picture (H, W, 3) uint8."""
+        shown = np.clip(self.display(values), 0, 1) * np.float32(STEPS)
+        return (shown + np.float32(0.5)).astype(np.uint8)
+
+    def of_display(self, shown: np.ndarray) -> np.ndarray:
+        """The film's values of a display's; the inverse of `display`."""
+        return _applied(self._transforms[1], shown) if self.film else shown
+
+    def changed(self, values: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """Values with what differs between two pictures (H, W, 3) uint8; others bit for bit.
+
+        Args:
+            before: the display picture of the values.
+        """
+        differs = (before != after).any(-1)
+        shown = self.display(values)
+        inside = np.clip(shown, 0, 1)
+        more = (after.astype(np.float32) - before) / STEPS
+        beyond = (shown - inside) * (1 - np.abs(more)) ** FADE
+        new = self.of_display(np.clip(inside + more, 0, 1) + beyond)
+        return np.where(differs[..., None], new, values)
+
+    @cached_property
+    def _transforms(self) -> tuple[Any, Any]:
+        return _transforms(self.film, self.working)
+
+
+@cache
+def spaces() -> Any:
+    """The colour spaces that come with OpenColorIO.
+
+    Raises:
+        ExplainedError: it is not installed.
+    """
+    try:
+        import PyOpenColorIO
+    except ImportError as error:
+        raise packages.lacking(["PyOpenColorIO"]) from error
+    return PyOpenColorIO.Config.CreateFromFile(CONFIG)
+
+
+def space_of(name: str) -> str:
+    """OpenColorIO's name of a colour space; its own short names are known too, as LogC4.
+
+    Raises:
+        MediaError: there is none, or several.
+    """
+    config = spaces()
+    if (known := config.getColorSpace(SHORT.get(name, name))) is not None:
+        return str(known.getName())
+    names = list(config.getColorSpaceNames())
+    like = [one for one in names if name.casefold() in one.casefold().split()]
+    like = like or [one for one in names if name.casefold() in one.casefold()]
+    if len(like) == 1:
+        return like[0]
+    what = "several colour spaces are called so" if like else "OpenColorIO has no such colour space"
+    raise MediaError(what, name, f"choose of: {', '.join(like or names)}")
+
+
+@lru_cache(maxsize=8)
+def _transforms(film: str, working: str) -> tuple[Any, Any]:
+    import PyOpenColorIO
+
+    config = spaces()
+    of_display = config.getColorSpace(film).getReferenceSpaceType()
+    shown = of_display == PyOpenColorIO.REFERENCE_SPACE_DISPLAY
+    pair = (film, working or (DISPLAY if shown else SCENE))
+    # Without losses: a value that goes there and back is the same.
+    return tuple(
+        config.getProcessor(*way).getOptimizedCPUProcessor(PyOpenColorIO.OPTIMIZATION_LOSSLESS)
+        for way in (pair, pair[::-1])
+    )
+
+
+def _applied(transform: Any, values: np.ndarray) -> np.ndarray:
+    out = np.array(values, np.float32, order="C")
+    transform.applyRGB(out)
+    return out

@@ -1,0 +1,17 @@
+"""A face that is replaced in a frame."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dubbing.preparation.prepared import FilmFrame, PreparedClip
+
+
+@dataclass(frozen=True)
+class Face:
+    """A face in a frame of the film, the rendered head, and how much of it is shown."""
+
+    clip: PreparedClip
+    film: FilmFrame
+    head: np.ndarray
+    share: float

@@ -1,0 +1,164 @@
+"""The table of docs/guide/delivery.md: films of many kinds are dubbed, or refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dubbing import media
+from dubbing.manifest.findings import Findings
+from dubbing.manifest.inputs import _picture
+from dubbing.media import PixelFormat
+from dubbing.mixing.sound import Sound
+from dubbing.script.timeline import Cue
+from dubbing.video.assembly import make
+from dubbing.video.composer import Heads, read_heads
+from dubbing.video.own_pixels import reasons, views
+from dubbing.video.settings import VideoSettings
+from tests import clips, fakes
+
+pytestmark = pytest.mark.medium
+
+FRAMES, WINDOW = 8, (40, 12, 32)
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film that is made, as ffmpeg's options say, and what its dub is.
+
+    Attributes:
+        made: options of the encoder. codec: of the dub. kept: whether the dub is of that size,
+            with all that is not replaced bit for bit.
+    """
+
+    name: str
+    made: str
+    codec: str = "ffv1"
+    rate: str = "25"
+    size: tuple[int, int] = (96, 64)
+    timecode: str = ""
+    kept: bool = True
+
+
+BT2020 = "-color_primaries bt2020 -colorspace bt2020nc -color_trc bt2020-10"
+FILMS = [
+    Film("h264_8.mp4", "-c:v libx264 -pix_fmt yuv420p"),
+    Film("h264_10.mp4", "-c:v libx264 -pix_fmt yuv420p10le", rate="24000/1001"),
+    Film("h264_422_10.mov", "-c:v libx264 -pix_fmt yuv422p10le", rate="30000/1001"),
+    Film("h264_full.mp4", "-c:v libx264 -pix_fmt yuvj420p -color_range pc"),
+    Film("hevc_10.mp4", "-c:v libx265 -pix_fmt yuv420p10le -x265-params log-level=none", rate="50"),
+    Film("hevc_12.mkv", "-c:v libx265 -pix_fmt yuv420p12le -x265-params log-level=none"),
+    Film("prores.mov", "-c:v prores_ks -profile:v hq", rate="24", timecode="01:00:00:00"),
+    Film("prores4444.mov", "-c:v prores_ks -profile:v 4444 -pix_fmt yuv444p10le"),
+    Film("dnxhr.mov", "-c:v dnxhd -profile:v dnxhr_hqx -pix_fmt yuv422p10le", size=(256, 128)),
+    Film("ffv1_8.mkv", "-c:v ffv1 -pix_fmt yuv444p"),
+    Film("ffv1_16.mkv", "-c:v ffv1 -pix_fmt yuv444p16le"),
+    Film("ffv1_rgb16.mkv", "-c:v ffv1 -pix_fmt gbrp16le"),
+    Film("ffv1_grey.mkv", "-c:v ffv1 -pix_fmt gray10le"),
+    Film("mpeg2.ts", "-c:v mpeg2video -q:v 2"),
+    Film("mjpeg.avi", "-c:v mjpeg -q:v 2"),
+    Film("vp9.webm", "-c:v libvpx-vp9 -lossless 1", rate="60000/1001"),
+    Film("bt2020.mkv", f"-c:v ffv1 -pix_fmt yuv420p10le {BT2020}"),
+    Film("p3.mkv", "-c:v ffv1 -pix_fmt yuv444p10le -color_primaries smpte432"),
+    Film("odd.mkv", "-c:v ffv1 -pix_fmt yuv420p", size=(97, 65)),
+    Film("drop.mov", "-c:v libx264", rate="30000/1001", timecode="01:00:59;28"),
+    Film("half.mov", "-c:v libx264", rate="60000/1001", timecode="01:00:00:10"),
+    Film("to_hevc.mp4", "-c:v libx265 -pix_fmt yuv420p10le -x265-params log-level=none", "hevc"),
+    Film("to_prores.mov", "-c:v prores_ks -profile:v hq", "prores", timecode="10:00:00:00"),
+    Film("to_4444.mov", "-c:v prores_ks -profile:v 4444 -pix_fmt yuv444p10le", "prores4444"),
+    Film("turned.mp4", "-c:v libx264", size=(96, 80), kept=False),
+    Film("wide.mp4", "-c:v libx264 -vf setsar=4/3", size=(96, 96), kept=False),
+]
+REFUSED = {
+    "pq.mkv": ("-c:v ffv1 -vf format=yuv420p10le,setparams=color_trc=smpte2084", "is HDR (PQ)"),
+    "hlg.mkv": (
+        "-c:v ffv1 -vf format=yuv420p10le,setparams=color_trc=arib-std-b67",
+        "is HDR (HLG)",
+    ),
+    "fields.mp4": ("-vf interlace -flags +ilme+ildct -x264-params tff=1", "is interlaced"),
+}
+
+
+def write(folder: Path, name: str, made: str, film: Film) -> Path:
+    frames = clips.write_video(
+        folder / "frames.mkv", FRAMES, Fraction(film.rate), size=film.size, pixels="bgr0"
+    )
+    sound = clips.write_sound(folder / "sound.wav", float(FRAMES / Fraction(film.rate)), 48000)
+    start = ["-timecode", film.timecode] if film.timecode else []
+    heard: list[str | Path] = [] if name.endswith(".webm") else ["-i", sound, "-c:a", "pcm_s16le"]
+    if name.endswith((".mp4", ".ts")):
+        heard[-1:] = ["aac" if name.endswith(".mp4") else "mp2"]
+    path = folder / name
+    clips.ffmpeg("-i", frames, *heard, *made.split(), *start, path)
+    if name.startswith("turned"):
+        path.rename(folder / "upright.mp4")
+        clips.ffmpeg("-display_rotation", "90", "-i", folder / "upright.mp4", "-c", "copy", path)
+    return path
+
+
+def dubbed(folder: Path, clip: Path, codec: str) -> Path:
+    info = media.probe(clip)
+    prepared = fakes.write_prepared(clip, folder / "prepared", window=WINDOW)
+    frames, rate = info.frames, info.rate
+    fakes.write_heads(folder / "heads", frames, rate)
+    audio = clips.write_sound(folder / "a.wav", float(frames / rate) + 0.1, 48000)
+    kept = reasons(prepared, views(prepared))
+    return make(
+        [Heads(partial(read_heads, folder / "heads"), prepared, 0, frames, kept)],
+        Sound((Cue("it", 0, frames, audio, 0.0, float(frames / rate)),)),
+        folder / "out",
+        pose_index=np.arange(frames),
+        settings=VideoSettings(codec=codec, label=False),
+        progress=lambda _message, _share: None,
+    )
+
+
+def tolerance(codec: str, pixels: PixelFormat) -> float:
+    """Code values by which a codec may change a plane on average."""
+    return 0.0 if codec == "ffv1" else 1.5 * (1 << max(0, pixels.bits - 8))
+
+
+@pytest.mark.parametrize("film", FILMS, ids=lambda film: film.name)
+def test_a_film_is_kept(tmp_path: Path, film: Film) -> None:
+    clip = write(tmp_path, film.name, film.made, film)
+    before = media.probe(clip)
+    result = dubbed(tmp_path, clip, film.codec)
+    after = media.probe(result)
+    assert (after.rate, after.frames) == (before.rate, FRAMES)
+    assert after.full_timecode_at(0) == before.full_timecode_at(0)
+    assert bool(before.timecode) == bool(film.timecode)
+    assert after.colour.primaries == before.colour.primaries
+    assert after.colour.transfer == before.colour.transfer
+    assert abs((after.audio_duration or 0) - FRAMES / float(before.rate)) < 0.03
+    numbers = [clips.number(frame) for frame in media.read_frames(result)]
+    if film.name.startswith("turned"):
+        assert (after.width, after.height) == film.size[::-1]
+        return
+    assert numbers == list(range(FRAMES))
+    if not film.kept:
+        assert (after.width, after.height) == (128, 96)
+        return
+    assert (after.width, after.height) == film.size
+    made = media.read_planes(result, pixels=before.pixels)
+    for own, new in zip(media.read_planes(clip), made, strict=True):
+        changed = 0
+        for one, other in zip(own, new, strict=True):
+            left = WINDOW[0] * one.shape[1] // before.width
+            apart = np.abs(one.astype(np.int64) - other)
+            changed += int((apart[:, left:] > 0).sum())
+            assert apart[:, :left].mean() <= tolerance(film.codec, before.pixels)
+        assert changed > 0
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_film_is_refused(tmp_path: Path, name: str) -> None:
+    options, words = REFUSED[name]
+    clip = write(tmp_path, name, options, Film(name, options))
+    findings = Findings()
+    _picture(findings, "ann", media.probe(clip), ("identities", "ann", "clip"))
+    assert words in findings.problems[0][1]
