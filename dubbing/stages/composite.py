@@ -142,7 +142,9 @@ class Composite(OnFilm):
         ]
         settings = replace(self.settings, mark=self.mark)
         whole = [self.version, self.parameters["settings"], self.parameters["mark"]]
-        whole += [d for name, d in self.digests().items() if name.split()[0] in ("film", "people")]
+        whole += [digest_of(self.film)]
+        whole += [person.prepared.stage.result() for person in self.people.values()]
+        whole += [person.poses.result() for person in self.people.values()]
         make(
             heads,
             self.sound,

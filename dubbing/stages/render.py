@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, Self
 
 from dfrf.config import family
 from dubbing.engine.fields import Setting
+from dubbing.engine.file_digests import digest_of
 from dubbing.engine.stage import Progress, Rate, Stage
 from dubbing.script import timeline
 from dubbing.script.timeline import Edit
@@ -120,7 +121,7 @@ class Render(DubbingStage):
             scale=scale if self.learned else None,
             device=self.device,
             progress=progress,
-            made_by=digest_data([self.version, self.model.result()]),
+            made_by=digest_data([self.version, digest_of(self.model.folder / MODEL_FILE)]),
             last=self.last,
         )
 

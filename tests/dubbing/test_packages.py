@@ -191,6 +191,8 @@ def test_a_path_with_spaces_is_quoted_as_windows_does(monkeypatch: pytest.Monkey
 
 
 def test_where_dfrf_came_from_is_installed_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    packages.declared()  # is kept: of what is really installed
+
     class Installed:
         url = "file:///home/ann/my%20clone"
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import BaseModel
 
@@ -22,6 +23,7 @@ from dubbing.manifest.manifest import load
 from dubbing.shipped.base import BASE
 from tests import clips
 from tests.dubbing.provenance.chain import write_chain
+from tests.sequences import write_sequence
 
 pytestmark = pytest.mark.medium
 
@@ -82,6 +84,8 @@ OF_ONE: list[tuple[str, Any, set[str]]] = [
     ("dubs.0.edits.strength", 0, {"render"}),
     ("dubs.0.edits.keys", [{"at": 0.1, "strength": 0}], {"render"}),
     ("dubs.0.edits.curves", "curves.csv", {"render"}),
+    ("dubs.0.edits.takes", {"late": {"shift": 40}}, set()),
+    ("dubs.0.edits", {"take": "late", "takes": {"late": {"shift": 40}}}, {"render"}),
     ("dubs.0.edits.line", 1, set()),
     ("dubs.0.edits.note", "say it again", set()),
     ("dubs.0.edits.status", "redo", set()),
@@ -107,7 +111,8 @@ ELSEWHERE = {  # keys that no single value of this file changes
     *("identities.ann.clips", "identities.ann.speech_weights", "identities.ann.base"),
     *("dubs.0.clip", "dubs.0.reel_start", "dubs.0.certificate", "dubs.0.key"),
     *("identities.ann.consent.sha256", "identities.ann.consent.form"),
-    "dubs.0.edits.speaker",
+    *("dubs.0.edits.speaker", "dubs.0.edits.take"),
+    *("identities.ann.rate", "identities.ann.colour", "dubs.0.deliver"),
 }
 
 
@@ -216,6 +221,21 @@ def test_of_another_of_the_clips(folder: Path) -> None:
     first, second = (changed(both, "dubs.0.clip", film) for film in ("ann.mp4", "other.mp4"))
     of_film = {"prepare", "check_source", "refine_poses", "render", "composite"}
     assert stale(folder, first, second) == of_film
+
+
+def test_of_an_image_sequence(folder: Path) -> None:
+    write_sequence(folder / "shot.####.exr", [np.zeros((64, 64, 3), np.float16)] * 30)
+    before = changed(manifest_of(ALONE), "identities.ann.clips", ["ann.mp4", "shot.####.exr"])
+    del before["identities"]["ann"]["clip"]
+    before["identities"]["ann"]["rate"] = 25
+    before["dubs"][0]["clip"] = "shot.####.exr"
+    again = {"prepare", "check_source", "refine_poses", "render", "composite"}
+    for place, value, expected in (
+        ("identities.ann.rate", 24, again | {"listen", "check"}),
+        ("identities.ann.colour", {"film": "ACEScg"}, again),
+        ("dubs.0.deliver", "turnover", {"composite"}),
+    ):
+        assert stale(folder, before, changed(before, place, value)) == expected, place
 
 
 def fields(kind: type[BaseModel], place: str) -> Iterator[str]:
