@@ -135,7 +135,7 @@ def head_inputs(
     lips: np.ndarray | None,
     scale: Scale | None = None,
 ) -> FrameInputs:
-    """What heads of frames first .. stop of a dub are made of; see `render`."""
+    """Inputs of the heads of frames first .. stop of a dub; see `render`."""
     around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
     low, high = max(0, first - around), min(len(pose_index), stop + around)
     heard, poses = speech(low, high - low), pose_index[low:high]

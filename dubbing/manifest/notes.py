@@ -18,7 +18,7 @@ ANEW = "make the report anew, and write the notes there"
 
 
 class Note(BaseModel):
-    """What was decided about a line, and what tells that it is still the same.
+    """A decision about a line, and a digest that tells whether the line is still the same.
 
     Attributes:
         cue: see `Cue.name`. told: see `told`.

@@ -52,7 +52,7 @@ class Image:
     def with_values(
         self, values: np.ndarray, differs: np.ndarray, part: tuple[slice, slice] = WHOLE
     ) -> np.ndarray:
-        """What is stored, with other values (h, w, 3) in a part where they differ (h, w)."""
+        """The stored array with other values (h, w, 3) in a part where they differ (h, w)."""
         out = self.stored.copy()
         new = values[differs] * self.white
         whole = new if self.white == 1 else np.clip(np.rint(new), 0, self.white)

@@ -43,7 +43,7 @@ def page_of(found: dict[str, Any]) -> str:
 
 
 def first_line(found: dict[str, Any]) -> str:
-    """What the dubs come to: ``3 dubs: 2 in sync, 1 to look at``."""
+    """The count of dubs by verdict: ``3 dubs: 2 in sync, 1 to look at``."""
     counts = found["counts"]
     total = sum(counts.values())
     words = [f"{counts[v]} {WORDS[v]}" for v in (PASSED, WARNED, *VERDICTS) if counts[v]]
@@ -55,7 +55,7 @@ def first_line(found: dict[str, Any]) -> str:
 
 
 def portable(value: Any, key: str = "") -> Any:
-    """What a page may hold: text that can be shown, no folders of this machine, no infinities."""
+    """Data as a page may hold it: no control characters, folders of this machine or infinities."""
     if isinstance(value, dict):
         return {name: portable(one, str(name)) for name, one in value.items()}
     if isinstance(value, list | tuple):

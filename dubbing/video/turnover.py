@@ -36,7 +36,7 @@ Part = tuple[slice, slice]
 
 
 class Delivered(TypedDict):
-    """What was checked of the frames that are delivered.
+    """The outcome of the check of the frames that are delivered.
 
     Attributes:
         frames: how many files. outside: pixels that changed where opacity is 0.
