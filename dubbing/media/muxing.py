@@ -82,7 +82,10 @@ def mux(
             picture = joined(listing).video
         if timecode:
             tags["timecode"] = timecode
-        options = {"movflags": "+faststart"} if temporary.suffix in (".mp4", ".mov") else {}
+        options: dict[str, object] = {}
+        if temporary.suffix in (".mp4", ".mov"):
+            # ffmpeg guesses the bit rate of copied pictures, and not always as the last time.
+            options = {"movflags": "+faststart", "write_btrt": 0}
         graph = into(
             temporary,
             picture,

@@ -64,6 +64,16 @@ def test_parts_join_without_a_seam(
     assert [clips.number(f) for f in media.read_frames(out)] == list(range(180))
 
 
+def test_no_bit_rate_is_guessed(tmp_path: Path) -> None:
+    """Of parts ffmpeg guesses it now and then, so the same file would not come out twice."""
+    part = clips.write_video(tmp_path / "part.mp4", 30, Fraction(25))
+    sound = clips.write_sound(tmp_path / "a.wav", 2)
+    out = tmp_path / "o.mp4"
+    media.mux([(part, Fraction(30, 25))], sound, out, audio_start=0, seconds=1.2)
+    assert b"btrt" in part.read_bytes()
+    assert b"btrt" not in out.read_bytes()
+
+
 def test_lengths_do_not_add_up_their_rounding() -> None:
     part = (Path("/x"), Fraction(1001, 24000))
     lengths = [float(line.split()[1]) for line in concat_list([part] * 999).splitlines()[2::2]]
