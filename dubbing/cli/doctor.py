@@ -77,7 +77,7 @@ def _torch() -> Finding:
 
 def _ffmpeg() -> Finding:
     try:
-        from dubbing.media import ffmpeg
+        from dubbing.media.opening import ffmpeg
     except ImportError as error:
         command = packages.command([error.name or "ffmpeg"])
         return Finding("ffmpeg", "lacking", f"{error.name} is not installed", command)

@@ -32,7 +32,7 @@ from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.identity.learned import CURVE_FILE, SUMMARY_FILE
 from dubbing.identity.reference_choice import choose_references, turns_far
 from dubbing.identity.turned_frames import with_turned
-from dubbing.media.voice_channel import is_silent
+from dubbing.media.reading.voice_channel import is_silent
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
 from dubbing.speech import features

@@ -15,8 +15,8 @@ from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without
 from dubbing.manifest.values import BEST
 from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
-from dubbing.media.fields import looks_interlaced
-from dubbing.media.muxing import MOST_CHANNELS, SOUND
+from dubbing.media.probing.fields import looks_interlaced
+from dubbing.media.writing.muxing import MOST_CHANNELS, SOUND
 from dubbing.provenance import card
 from dubbing.script import timeline
 from dubbing.speech import features

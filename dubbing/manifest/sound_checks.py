@@ -13,8 +13,8 @@ from dubbing.manifest.findings import Findings, Scene
 from dubbing.manifest.messages import some
 from dubbing.manifest.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
-from dubbing.media.opening import LAYOUTS
-from dubbing.media.voice_channel import are_silent, is_silent, voice_channel
+from dubbing.media.opening.opening import LAYOUTS
+from dubbing.media.reading.voice_channel import are_silent, is_silent, voice_channel
 from dubbing.script.timeline import Cue
 
 MOST_CHANNELS = max(LAYOUTS)  # of the bed of a scene

@@ -10,7 +10,7 @@ from dubbing.engine.file_digests import digest_of
 from dubbing.engine.files import make_folder, seen_from
 from dubbing.engine.numbered import is_there
 from dubbing.errors import ExplainedError
-from dubbing.media.opening import opened
+from dubbing.media.opening.opening import opened
 from dubbing.production.production import Production
 
 PROXIES = "sources"  # folder of copies, in that of the stages

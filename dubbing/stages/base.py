@@ -53,7 +53,7 @@ class Prepared:
 @lru_cache(maxsize=1)
 def _versions() -> dict[str, str]:
     """Versions of packages, without importing them, and of ffmpeg."""
-    from dubbing.media import ffmpeg
+    from dubbing.media.opening import ffmpeg
 
     found = {}
     for package in RECORDED:

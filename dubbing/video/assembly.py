@@ -21,7 +21,7 @@ from dubbing.engine.files import atomic_write_json, digest_data
 from dubbing.engine.pieces import Pieces
 from dubbing.engine.stage import Progress
 from dubbing.errors import RenderingError
-from dubbing.media.overlap import ahead, behind
+from dubbing.media.reading.overlap import ahead, behind
 from dubbing.mixing.mix import mix
 from dubbing.mixing.sound import SOUND, Sound
 from dubbing.preparation.crops.threads import in_order

@@ -69,7 +69,7 @@ def test_doctor_works_where_everything_is_missing() -> None:
 def test_doctor_reports_that_ffmpeg_is_broken(
     program: str, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from dubbing.media import ffmpeg
+    from dubbing.media.opening import ffmpeg
 
     ffmpeg.version.cache_clear()
     monkeypatch.setenv("DFRF_FFMPEG", program)
