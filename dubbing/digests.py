@@ -3,7 +3,7 @@
 import hashlib
 from pathlib import Path
 
-from dubbing.engine.files import while_unchanged
+from dubbing.engine.disk.files import while_unchanged
 
 
 @while_unchanged(256)

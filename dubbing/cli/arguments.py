@@ -78,7 +78,7 @@ def checked_output(file: Path, *read: Path) -> Path:
         CallError: it is one of the files that are read.
         ExplainedError: it is a folder, or nothing may be written where it is to lie.
     """
-    from dubbing.engine.files import make_folder
+    from dubbing.engine.disk.files import make_folder
 
     checked_path(file)
     if file.is_dir():

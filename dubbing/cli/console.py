@@ -19,9 +19,9 @@ from dubbing.printable import visible
 if TYPE_CHECKING:
     from dubbing.batch.batch import Result
     from dubbing.cli.finding import Finding
-    from dubbing.engine.estimates import Estimate
-    from dubbing.engine.planner import Row
-    from dubbing.engine.stage import Rate
+    from dubbing.engine.graph.stage import Rate
+    from dubbing.engine.planning.estimates import Estimate
+    from dubbing.engine.planning.planner import Row
     from dubbing.identity.learned import Learned
 
 COLOURS = {

@@ -111,7 +111,7 @@ def main() -> None:
             raise
         _end(str(ExplainedError(SHORT, remedy=ROOM)), FAILED)
     except OSError as error:  # of what is printed, too: `> /dev/full`
-        from dubbing.engine.files import system_error
+        from dubbing.engine.disk.files import system_error
 
         _end(str(system_error(error)), FAILED)
     except SystemExit as end:

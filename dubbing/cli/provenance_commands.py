@@ -43,7 +43,7 @@ def consent(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The form to write, .yaml.")],
 ) -> None:
     """Write a form to fill in: who agrees to which dubs, for whom, until when."""
-    from dubbing.engine.files import atomic_write_text
+    from dubbing.engine.disk.files import atomic_write_text
     from dubbing.provenance.consent_form import FORM
 
     if checked_output(out).exists():

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.files import read_bounded
+from dubbing.engine.disk.files import read_bounded
 from dubbing.errors import ExplainedError
 
 LENGTHS = ("opening", "opening_right", "opening_left", "width", "lower_lip", "upper_lip", "chin")

@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation, Slerp
 from dfrf.method_interface import Maps, Method
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
-from dubbing.engine.files import atomic_path
-from dubbing.engine.stage import Progress
+from dubbing.engine.disk.files import atomic_path
+from dubbing.engine.graph.stage import Progress
 from dubbing.heads.comparison import Comparison, is_awry, usual_difference
 from dubbing.heads.cover_cut import followed, is_like_skin, mask_of, steady, unexplained
 from dubbing.heads.pose_refinement import refined, trust

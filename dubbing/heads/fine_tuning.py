@@ -20,7 +20,7 @@ from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import Curve, TrainingProgress
 from dubbing import media
-from dubbing.engine.files import atomic_write_json
+from dubbing.engine.disk.files import atomic_write_json
 from dubbing.errors import TrainingError
 from dubbing.heads.curve import write_curve, write_events
 from dubbing.heads.initial_model import init_from_base, training_settings

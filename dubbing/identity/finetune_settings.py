@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dfrf.config import STEPS, family
-from dubbing.engine.fields import Setting
+from dubbing.engine.graph.fields import Setting
 from dubbing.speech import features
 
 # That a dub needs of a person who looks into the camera, and of one who turns.

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationInfo
 from pydantic.json_schema import SkipJsonSchema
 
-from dubbing.engine.files import read_bounded
+from dubbing.engine.disk.files import read_bounded
 from dubbing.errors import ExplainedError
 from dubbing.manifest import yaml_lines
 from dubbing.manifest.entry import Entry

@@ -8,7 +8,7 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from dubbing.engine.files import atomic_write_bytes, read_bounded
+from dubbing.engine.disk.files import atomic_write_bytes, read_bounded
 from dubbing.errors import ExplainedError, Problem
 from dubbing.manifest import yaml_lines
 from dubbing.manifest.edit_entry import Edit

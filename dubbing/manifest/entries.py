@@ -11,7 +11,7 @@ from pydantic import (
     PrivateAttr,
 )
 
-from dubbing.engine.numbered import plain, with_options
+from dubbing.engine.disk.numbered import plain, with_options
 from dubbing.manifest.consent_entry import Consent, read_form
 from dubbing.manifest.edit_entry import Edits
 from dubbing.manifest.entry import Entry

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from dubbing.engine.numbered import is_there, plain
+from dubbing.engine.disk.numbered import is_there, plain
 from dubbing.errors import MediaError
 from dubbing.manifest.entries import Identity
 from dubbing.manifest.yaml_lines import KeyPath

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 
-from dubbing.engine.files import atomic_write_text, make_folder
+from dubbing.engine.disk.files import atomic_write_text, make_folder
 from dubbing.errors import ExplainedError, ManifestError, MediaError, Problem
 from dubbing.manifest.schema import shipped_uri
 from dubbing.media import MediaInfo, probe

@@ -4,7 +4,7 @@ import datetime
 from collections.abc import Mapping
 from pathlib import Path
 
-from dubbing.engine.numbered import numbered, plain
+from dubbing.engine.disk.numbered import numbered, plain
 from dubbing.errors import ExplainedError, MediaError
 from dubbing.manifest import preset_checks as published
 from dubbing.manifest import provenance_checks, sound_checks, terms

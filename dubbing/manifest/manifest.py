@@ -6,7 +6,7 @@ there but damaged is no mistake in the manifest: it blocks only the people and d
 
 from pathlib import Path
 
-from dubbing.engine.files import read_bounded
+from dubbing.engine.disk.files import read_bounded
 from dubbing.errors import ExplainedError, ManifestError, Problem
 from dubbing.manifest import yaml_lines
 from dubbing.manifest.reader import Reader

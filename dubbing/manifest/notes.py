@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from dubbing.engine.files import digest_data, read_bounded
+from dubbing.engine.disk.files import digest_data, read_bounded
 from dubbing.errors import ExplainedError
 from dubbing.manifest.edit_entry import LONGEST_NOTE, Edit
 from dubbing.manifest.kept_edits import KeptEdits

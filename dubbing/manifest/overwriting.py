@@ -5,7 +5,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from dubbing.engine.files import same_on_disk
+from dubbing.engine.disk.files import same_on_disk
 from dubbing.manifest.entries import Dub, Entry, Identity
 from dubbing.manifest.yaml_lines import KeyPath, key_path
 from dubbing.production.dub import previous_of, results_of

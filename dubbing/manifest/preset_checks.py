@@ -10,7 +10,7 @@ from typing import Any
 from safetensors import SafetensorError, safe_open
 
 from dfrf.config import FORMATS, PUBLISHED_SPEECH, STEPS, family
-from dubbing.engine import json_records
+from dubbing.engine.disk import json_records
 from dubbing.errors import ExplainedError
 from dubbing.manifest.entries import Identity
 from dubbing.script.timeline import frame_count

@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from dubbing.engine.files import same_on_disk
+from dubbing.engine.disk.files import same_on_disk
 from dubbing.errors import Problem
 from dubbing.manifest import edits_file, inputs, overwriting, yaml_lines
 from dubbing.manifest.entries import Dub, Entry, Identity

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from dubbing.engine.files import same_on_disk
+from dubbing.engine.disk.files import same_on_disk
 from dubbing.errors import ExplainedError, RenderingError
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.manifest import entries

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dubbing.engine.files import atomic_write_text, make_folder
+from dubbing.engine.disk.files import atomic_write_text, make_folder
 from dubbing.errors import CallError, ManifestError
 from dubbing.media import SUFFIX
 

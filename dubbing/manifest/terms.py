@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from dubbing.digests import sha256_of
-from dubbing.engine.numbered import plain
+from dubbing.engine.disk.numbered import plain
 from dubbing.manifest.entries import Dub, Identity
 from dubbing.manifest.yaml_lines import KeyPath
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, WithJsonSchema
 
-from dubbing.engine import files
+from dubbing.engine.disk import files
 from dubbing.media.properties.frame_rate import snap
 from dubbing.printable import is_blank
 from dubbing.script.line import seconds_of

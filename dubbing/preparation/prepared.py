@@ -19,9 +19,9 @@ import cv2
 import numpy as np
 from typing_extensions import TypedDict
 
-from dubbing.engine import json_records
-from dubbing.engine.files import atomic_path, atomic_write_json
-from dubbing.engine.numbered import numbered
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.files import atomic_path, atomic_write_json
+from dubbing.engine.disk.numbered import numbered
 from dubbing.errors import ExplainedError, PreparationError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.media import PixelFormat, Planes, probe, read_frames, read_planes

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dubbing.engine.planner import UP_TO_DATE, Row
-from dubbing.engine.stage_id import StageId
+from dubbing.engine.graph.stage_id import StageId
+from dubbing.engine.planning.planner import UP_TO_DATE, Row
 from dubbing.errors import ExplainedError
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking.reach import Reach

@@ -9,10 +9,15 @@ from typing import Any, Literal
 from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
-from dubbing.engine import json_records
-from dubbing.engine.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
-from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.outcome import Outcome
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.files import (
+    atomic_write_json,
+    atomic_write_text,
+    read_bounded,
+    remove_torn,
+)
+from dubbing.engine.graph.graph import Job, Jobs
+from dubbing.engine.running.outcome import Outcome
 from dubbing.errors import ExplainedError
 from dubbing.identity.learned import CURVE_FILE, in_words, learned_if_known
 from dubbing.manifest.notes import told

@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from dubbing.engine.stage import Stage
+from dubbing.engine.graph.stage import Stage
 
 if TYPE_CHECKING:
     from dubbing.preparation.prepared import PreparedClip

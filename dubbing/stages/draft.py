@@ -8,8 +8,8 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from dubbing.engine.fields import Setting
-from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.engine.graph.fields import Setting
+from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.script.timeline import Edit
 from dubbing.stages.composite import OnFilm, PersonOnFilm, heads_of
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from dubbing.batch.curves import check_made
 from dubbing.batch.jobs import build
-from dubbing.engine import planner
-from dubbing.engine.file_digests import digest_of
-from dubbing.engine.graph import Jobs
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.graph.graph import Jobs
+from dubbing.engine.planning import planner
 from dubbing.errors import ExplainedError
 from dubbing.manifest import edit_entry
 from dubbing.manifest.kept_edits import KeptEdits, StaleError, validated

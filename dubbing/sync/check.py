@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from dubbing import media
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.sync.curves import estimate
 from dubbing.sync.judgement import Measurement, conclude, film_face, judge_part
 from dubbing.sync.measure import measure

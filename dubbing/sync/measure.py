@@ -19,7 +19,7 @@ import numpy as np
 
 from dfrf.field.speaker_adaptation import OPENING, TOUCHING
 from dubbing import media
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.face_tracker import FaceTracker
 from dubbing.face.mouth_crop import COLUMNS, ROWS, mouth_crop
 from dubbing.face.mouth_shape import MOUTH, mouth_shape

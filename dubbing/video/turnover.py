@@ -20,7 +20,7 @@ import numpy as np
 from typing_extensions import TypedDict
 
 from dubbing.compositing.extent import extent
-from dubbing.engine.files import atomic_path, atomic_write_text
+from dubbing.engine.disk.files import atomic_path, atomic_write_text
 from dubbing.errors import RenderingError
 from dubbing.media.sequences import image_files, sequence
 from dubbing.media.sequences.film_values import STEPS, FilmValues

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from dubbing.cli.main import app
-from dubbing.engine.files import atomic_write_text
+from dubbing.engine.disk.files import atomic_write_text
 from dubbing.manifest import schema
 from dubbing.manifest.edit_entry import Edit, Key, Take
 from dubbing.manifest.entries import (

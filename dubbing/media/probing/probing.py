@@ -11,8 +11,8 @@ from pathlib import Path
 import av
 import numpy as np
 
-from dubbing.engine.files import while_unchanged
-from dubbing.engine.numbered import numbered
+from dubbing.engine.disk.files import while_unchanged
+from dubbing.engine.disk.numbered import numbered
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
 from dubbing.media.opening.tracks import Track, heard_tracks

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.numbered import numbered
+from dubbing.engine.disk.numbered import numbered
 from dubbing.errors import MediaError
 from dubbing.media.opening.ffmpeg import Process
 from dubbing.media.opening.opening import Graph, address, into, picture_of, sound_of

@@ -8,7 +8,7 @@ import av
 import av.filter
 import numpy as np
 
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk.files import atomic_path
 from dubbing.errors import MediaError
 from dubbing.media.opening.ffmpeg import run
 from dubbing.media.opening.opening import LAYOUTS, into, source

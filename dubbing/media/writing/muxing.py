@@ -7,8 +7,8 @@ from fractions import Fraction
 from itertools import accumulate, pairwise
 from pathlib import Path
 
-from dubbing.engine.files import atomic_path
-from dubbing.engine.numbered import numbered
+from dubbing.engine.disk.files import atomic_path
+from dubbing.engine.disk.numbered import numbered
 from dubbing.errors import MediaError
 from dubbing.media.opening.ffmpeg import run
 from dubbing.media.opening.opening import LAYOUTS, Stream, address, into, joined, sound_of, source

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk.files import atomic_path
 from dubbing.errors import MediaError
 from dubbing.media.opening.ffmpeg import Process
 from dubbing.media.opening.opening import Graph, into, piped

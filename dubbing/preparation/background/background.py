@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.media import VideoWriter
 from dubbing.preparation.background.neck import neck, neck_profile, smooth_profiles
 from dubbing.preparation.background.pixels import box_of, chosen

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.mesh_points import EYE_CORNERS, NOSE_BRIDGE
 from dubbing.media import VideoWriter
 from dubbing.preparation.alignment.silhouette import measure

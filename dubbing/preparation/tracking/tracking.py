@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.errors import PreparationError
 from dubbing.face import chains
 from dubbing.face.face_contour import evenly, face_contour

@@ -16,8 +16,8 @@ from torch import Tensor
 
 from dfrf.metrics import image as metrics
 from dfrf.training.warp_penalty import PAPER_SIZE
-from dubbing.engine.files import atomic_write_text
-from dubbing.engine.stage import Progress
+from dubbing.engine.disk.files import atomic_write_text
+from dubbing.engine.graph.stage import Progress
 from dubbing.face.landmarks import FaceMesh
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
 from dubbing.face.mouth_shape import OUTER_LIP

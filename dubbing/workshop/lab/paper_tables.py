@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dubbing.engine.files import atomic_write_text
+from dubbing.engine.disk.files import atomic_write_text
 from dubbing.errors import ExplainedError
 from dubbing.manifest.manifest import load
 from dubbing.manifest.preset_checks import base_header

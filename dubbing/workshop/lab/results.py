@@ -18,10 +18,10 @@ from pathlib import Path
 import torch
 
 from dfrf import device as devices
-from dubbing.engine import claims
-from dubbing.engine import json_records as kept
-from dubbing.engine.code_version import code_version
-from dubbing.engine.files import atomic_write_json, atomic_write_text, digest_data
+from dubbing.engine.disk import claims
+from dubbing.engine.disk import json_records as kept
+from dubbing.engine.disk.files import atomic_write_json, atomic_write_text, digest_data
+from dubbing.engine.graph.code_version import code_version
 from dubbing.errors import ExplainedError
 from dubbing.manifest.manifest import load
 from dubbing.pipeline import person_job

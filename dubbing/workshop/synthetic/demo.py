@@ -8,7 +8,7 @@ import numpy as np
 from tqdm import tqdm
 
 from dubbing import packages
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk.files import atomic_path
 
 CLONED = Path(__file__).parents[3] / "manifests"
 INSTALLED = Path(sysconfig.get_path("data"), "share", "dfrf", "manifests")

@@ -14,9 +14,9 @@ from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import TrainingProgress
 from dfrf.training.validation import Validation
-from dubbing.engine.files import atomic_write_json, atomic_write_text, digest_file
-from dubbing.engine.stage import Progress
-from dubbing.engine.update import run_stage
+from dubbing.engine.disk.files import atomic_write_json, atomic_write_text, digest_file
+from dubbing.engine.graph.stage import Progress
+from dubbing.engine.running.update import run_stage
 from dubbing.errors import CheckpointError, ExplainedError, TrainingError
 from dubbing.heads.curve import write_curve
 from dubbing.heads.fine_tuning import clip_speech

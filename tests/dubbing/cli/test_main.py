@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from dubbing.cli import main as cli
-from dubbing.engine.stage import Stage
+from dubbing.engine.graph.stage import Stage
 from dubbing.stages.check import Check
 from dubbing.stages.check_source import CheckSource
 from dubbing.sync.curves import OFFSETS, Estimate

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.engine.files import LONGEST_NAME
+from dubbing.engine.disk.files import LONGEST_NAME
 from dubbing.errors import ManifestError
 from dubbing.manifest.manifest import load
 from dubbing.production.dub import previous_of

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dubbing.engine import files
+from dubbing.engine.disk import files
 from dubbing.manifest.values import check_name
 
 REFUSED = ("nul", "Con", "aux.it", "COM1", "lpt\u00b9", "who?", 'a"b', "a|b", "ends.")

@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from dubbing.batch import jobs
-from dubbing.engine.code_version import file_of, reachable
-from dubbing.engine.stage import Stage
+from dubbing.engine.graph.code_version import file_of, reachable
+from dubbing.engine.graph.stage import Stage
 from dubbing.manifest.manifest import load
 from dubbing.shipped.base import BASE
 from dubbing.speech.weight_paths import files_of

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dubbing import media
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk.files import atomic_path
 from dubbing.errors import SyncError
 from dubbing.face.face_tracker import POINTS, track_faces
 from dubbing.face.mouth_crop import COLUMNS, ROWS, mouth_crops

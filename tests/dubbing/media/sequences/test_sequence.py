@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from dubbing import packages
-from dubbing.engine.file_digests import digest_of
-from dubbing.engine.numbered import numbered, plain, with_options
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.disk.numbered import numbered, plain, with_options
 from dubbing.errors import ExplainedError, MediaError
 from dubbing.media import probe, read_frames, read_planes
 from dubbing.media.sequences import film_values, image_files, sequence
