@@ -30,9 +30,9 @@ def notes(
     manifest: ManifestPath,
 ) -> None:
     """Put notes that were made on the report into NAME.edits.yaml, beside the manifest."""
-    from dubbing.manifest.edits_file import edits_file
+    from dubbing.manifest.edits.edits_file import edits_file
+    from dubbing.manifest.edits.notes import put
     from dubbing.manifest.manifest import load
-    from dubbing.manifest.notes import put
 
     production = load(manifest)
     for name, found in put(production, file).items():

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from dubbing.engine.disk.files import read_bounded
 from dubbing.errors import ExplainedError, ManifestError, Problem
-from dubbing.manifest import yaml_lines
+from dubbing.manifest.keys import yaml_lines
+from dubbing.manifest.keys.values import check_path
 from dubbing.manifest.reader import Reader
 from dubbing.manifest.resolving import resolved
-from dubbing.manifest.values import check_path
 from dubbing.production.production import Production
 
 MOST_BYTES = 10 * 10**6

@@ -8,11 +8,11 @@ from pathlib import Path
 from dubbing.engine.disk.files import same_on_disk
 from dubbing.errors import ExplainedError, RenderingError
 from dubbing.identity.finetune_settings import FinetuneSettings
-from dubbing.manifest import entries
-from dubbing.manifest.edits_file import edits_file
-from dubbing.manifest.findings import Findings, Scene
-from dubbing.manifest.inputs import credits_text
-from dubbing.manifest.provenance_checks import signer_of
+from dubbing.manifest.checks.inputs import credits_text
+from dubbing.manifest.checks.provenance_checks import signer_of
+from dubbing.manifest.edits.edits_file import edits_file
+from dubbing.manifest.keys import entries
+from dubbing.manifest.keys.findings import Findings, Scene
 from dubbing.mixing.sound import Sound
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.production.clip import Clip, PersonClip

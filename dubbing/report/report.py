@@ -20,7 +20,7 @@ from dubbing.engine.graph.graph import Job, Jobs
 from dubbing.engine.running.outcome import Outcome
 from dubbing.errors import ExplainedError
 from dubbing.identity.learned import CURVE_FILE, in_words, learned_if_known
-from dubbing.manifest.notes import told
+from dubbing.manifest.edits.notes import told
 from dubbing.packages import missing_of
 from dubbing.pipeline import DUB, PERSON
 from dubbing.preparation.file_names import CONTACT_SHEET, SUMMARY

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from dubbing.engine.disk.files import atomic_write_text
 from dubbing.errors import ExplainedError
+from dubbing.manifest.checks.preset_checks import base_header
 from dubbing.manifest.manifest import load
-from dubbing.manifest.preset_checks import base_header
 from dubbing.production.production import Production
 from dubbing.workshop.lab.evaluation import Figures, Progress
 from dubbing.workshop.lab.result_tables import P15, P15X, table

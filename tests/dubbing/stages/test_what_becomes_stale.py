@@ -17,8 +17,8 @@ from pydantic import BaseModel
 
 from dfrf.checkpoint import read_tensors, write_tensors
 from dubbing.batch import jobs
-from dubbing.manifest import entries
-from dubbing.manifest.edit_entry import Edit
+from dubbing.manifest.keys import entries
+from dubbing.manifest.keys.edit_entry import Edit
 from dubbing.manifest.manifest import load
 from dubbing.shipped.base import BASE
 from tests import clips

@@ -10,8 +10,8 @@ from ruamel.yaml import YAML
 
 from dubbing.engine.disk.files import atomic_write_bytes, read_bounded
 from dubbing.errors import ExplainedError, Problem
-from dubbing.manifest import yaml_lines
-from dubbing.manifest.edit_entry import Edit
+from dubbing.manifest.keys import yaml_lines
+from dubbing.manifest.keys.edit_entry import Edit
 
 SUFFIX = ".edits.yaml"
 MOST_BYTES = 10**7

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from itertools import groupby
 
 from dubbing.errors import ExplainedError
-from dubbing.manifest import reels
-from dubbing.manifest.cues import CUE, SceneCues
-from dubbing.manifest.entries import Dub, Identity
-from dubbing.manifest.findings import Findings, Scene
-from dubbing.manifest.yaml_lines import KeyPath
+from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.findings import Findings, Scene
+from dubbing.manifest.keys.yaml_lines import KeyPath
+from dubbing.manifest.scenes import reels
+from dubbing.manifest.scenes.cues import CUE, SceneCues
 from dubbing.media import MediaInfo
 from dubbing.script import timeline
 from dubbing.script.reading import read_lines

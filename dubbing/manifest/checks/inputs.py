@@ -6,14 +6,14 @@ from pathlib import Path
 
 from dubbing.engine.disk.numbered import numbered, plain
 from dubbing.errors import ExplainedError, MediaError
-from dubbing.manifest import preset_checks as published
-from dubbing.manifest import provenance_checks, sound_checks, terms
-from dubbing.manifest.edits import edited
-from dubbing.manifest.entries import Dub, Identity
-from dubbing.manifest.findings import Findings, Scene
-from dubbing.manifest.scenes import film_of, inspect_scene, whole_audio, without_lines
-from dubbing.manifest.values import BEST
-from dubbing.manifest.yaml_lines import KeyPath
+from dubbing.manifest.checks import preset_checks as published
+from dubbing.manifest.checks import provenance_checks, sound_checks, terms
+from dubbing.manifest.edits.edits import edited
+from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.findings import Findings, Scene
+from dubbing.manifest.keys.values import BEST
+from dubbing.manifest.keys.yaml_lines import KeyPath
+from dubbing.manifest.scenes.scenes import film_of, inspect_scene, whole_audio, without_lines
 from dubbing.media import MediaInfo
 from dubbing.media.probing.fields import looks_interlaced
 from dubbing.media.writing.muxing import MOST_CHANNELS, SOUND

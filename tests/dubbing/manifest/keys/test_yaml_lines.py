@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from dubbing.errors import ManifestError
-from dubbing.manifest import yaml_lines
+from dubbing.manifest.keys import yaml_lines
 from dubbing.manifest.manifest import load
 from tests.dubbing.manifest.made import GOOD, problems, read
 

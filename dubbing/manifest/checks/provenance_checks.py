@@ -6,9 +6,9 @@
 from pathlib import Path
 
 from dubbing.errors import ExplainedError
-from dubbing.manifest.entries import Dub
-from dubbing.manifest.findings import Findings
-from dubbing.manifest.yaml_lines import KeyPath
+from dubbing.manifest.keys.entries import Dub
+from dubbing.manifest.keys.findings import Findings
+from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.media import SUFFIX
 from dubbing.packages import missing_of
 from dubbing.provenance import credentials

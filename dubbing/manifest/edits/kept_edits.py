@@ -9,10 +9,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from dubbing.errors import ExplainedError
-from dubbing.manifest import edit_entry, edits_file, yaml_lines
-from dubbing.manifest.edits import edits_of
-from dubbing.manifest.findings import Findings, Scene
-from dubbing.manifest.messages import plain
+from dubbing.manifest.edits import edits_file
+from dubbing.manifest.edits.edits import edits_of
+from dubbing.manifest.keys import edit_entry, yaml_lines
+from dubbing.manifest.keys.findings import Findings, Scene
+from dubbing.manifest.keys.messages import plain
 from dubbing.production.dub import Dub
 from dubbing.script.timeline import Cue, Edit
 

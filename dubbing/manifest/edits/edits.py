@@ -5,11 +5,11 @@ from dataclasses import replace
 
 from dubbing.errors import ExplainedError
 from dubbing.face.lip_curves import LipCurves
-from dubbing.manifest import edit_entry
-from dubbing.manifest.entries import Dub, Identity
-from dubbing.manifest.findings import Findings, Scene
-from dubbing.manifest.messages import some, suggestion
-from dubbing.manifest.yaml_lines import KeyPath
+from dubbing.manifest.keys import edit_entry
+from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.findings import Findings, Scene
+from dubbing.manifest.keys.messages import some, suggestion
+from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.script.timeline import Cue, Edit
 
 NO_LIPS = dict.fromkeys(("paper", "ad-nerf", "nerf"), "has no lip measures")

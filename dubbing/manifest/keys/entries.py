@@ -12,10 +12,10 @@ from pydantic import (
 )
 
 from dubbing.engine.disk.numbered import plain, with_options
-from dubbing.manifest.consent_entry import Consent, read_form
-from dubbing.manifest.edit_entry import Edits
-from dubbing.manifest.entry import Entry
-from dubbing.manifest.values import (
+from dubbing.manifest.keys.consent_entry import Consent, read_form
+from dubbing.manifest.keys.edit_entry import Edits
+from dubbing.manifest.keys.entry import Entry
+from dubbing.manifest.keys.values import (
     BEST,
     LEARNED_SECONDS,
     LONGEST_SECONDS,

@@ -7,9 +7,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from dubbing.engine.disk.files import digest_data, read_bounded
 from dubbing.errors import ExplainedError
-from dubbing.manifest.edit_entry import LONGEST_NOTE, Edit
-from dubbing.manifest.kept_edits import KeptEdits
-from dubbing.manifest.messages import suggestion
+from dubbing.manifest.edits.kept_edits import KeptEdits
+from dubbing.manifest.keys.edit_entry import LONGEST_NOTE, Edit
+from dubbing.manifest.keys.messages import suggestion
 from dubbing.production.production import Production
 from dubbing.script.timeline import Cue
 

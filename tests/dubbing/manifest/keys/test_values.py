@@ -3,7 +3,7 @@
 import pytest
 
 from dubbing.engine.disk import files
-from dubbing.manifest.values import check_name
+from dubbing.manifest.keys.values import check_name
 
 REFUSED = ("nul", "Con", "aux.it", "COM1", "lpt\u00b9", "who?", 'a"b', "a|b", "ends.")
 KEPT = ("null", "contract", "com", "coma.it", "a.b", "Ann's dub")

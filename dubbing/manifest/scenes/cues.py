@@ -5,11 +5,11 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-from dubbing.manifest.entries import Dub
-from dubbing.manifest.findings import Findings
-from dubbing.manifest.messages import some
-from dubbing.manifest.reels import REMEDY
-from dubbing.manifest.yaml_lines import KeyPath
+from dubbing.manifest.keys.entries import Dub
+from dubbing.manifest.keys.findings import Findings
+from dubbing.manifest.keys.messages import some
+from dubbing.manifest.keys.yaml_lines import KeyPath
+from dubbing.manifest.scenes.reels import REMEDY
 from dubbing.media import MediaInfo
 from dubbing.production.dub import Undubbed
 from dubbing.script.line import Line

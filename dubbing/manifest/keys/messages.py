@@ -5,7 +5,7 @@ import reprlib
 from collections.abc import Iterable
 from typing import Any, get_args
 
-from dubbing.manifest.entries import Entry
+from dubbing.manifest.keys.entries import Entry
 
 LONGEST = 60  # characters of a wrong value in a message
 MOST_NAMED = 5  # lines that one sentence names

@@ -12,10 +12,10 @@ from typer.testing import CliRunner
 
 from dubbing.cli.main import app
 from dubbing.errors import CallError, ManifestError
+from dubbing.manifest.checks.terms import covers
 from dubbing.manifest.manifest import load
-from dubbing.manifest.terms import covers
 from tests import clips
-from tests.dubbing.manifest.test_provenance import footage, problems, read
+from tests.dubbing.manifest.checks.test_provenance import footage, problems, read
 
 __all__ = ["footage"]
 WHO = 'by: "Ann Smith", reference: "form 17"'

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from dubbing.engine.disk.files import same_on_disk
-from dubbing.manifest.entries import Dub, Entry, Identity
-from dubbing.manifest.yaml_lines import KeyPath, key_path
+from dubbing.manifest.keys.entries import Dub, Entry, Identity
+from dubbing.manifest.keys.yaml_lines import KeyPath, key_path
 from dubbing.production.dub import previous_of, results_of
 from dubbing.production.production import REPORTS, WORK
 

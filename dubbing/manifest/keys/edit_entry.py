@@ -4,8 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from dubbing.manifest.entry import Entry
-from dubbing.manifest.values import FilePath
+from dubbing.manifest.keys.entry import Entry
+from dubbing.manifest.keys.values import FilePath
 
 LONGEST_SHIFT = 500  # ms
 LONGEST_NOTE = 1000  # characters

@@ -6,9 +6,9 @@ A reel's script serves all its shots: each takes the lines at its own times.
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from dubbing.manifest.entries import Dub
-from dubbing.manifest.findings import Findings
-from dubbing.manifest.yaml_lines import KeyPath
+from dubbing.manifest.keys.entries import Dub
+from dubbing.manifest.keys.findings import Findings
+from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
 from dubbing.script.line import Line, seconds_of
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from dubbing.digests import sha256_of
 from dubbing.engine.disk.numbered import plain
-from dubbing.manifest.entries import Dub, Identity
-from dubbing.manifest.yaml_lines import KeyPath
+from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.yaml_lines import KeyPath
 
 
 def of_identity(identity: Identity, today: datetime.date) -> Iterator[tuple[KeyPath, str]]:

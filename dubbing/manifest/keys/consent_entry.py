@@ -8,9 +8,9 @@ from pydantic.json_schema import SkipJsonSchema
 
 from dubbing.engine.disk.files import read_bounded
 from dubbing.errors import ExplainedError
-from dubbing.manifest import yaml_lines
-from dubbing.manifest.entry import Entry
-from dubbing.manifest.values import Day, FilePath, Filled, Film, Language, Sha256, resolve
+from dubbing.manifest.keys import yaml_lines
+from dubbing.manifest.keys.entry import Entry
+from dubbing.manifest.keys.values import Day, FilePath, Filled, Film, Language, Sha256, resolve
 
 MOST_BYTES_OF_FORM = 10**5
 

@@ -8,10 +8,10 @@ from contextlib import suppress
 from pathlib import Path
 
 from dubbing.errors import MediaError
-from dubbing.manifest.entries import Dub, Identity
-from dubbing.manifest.findings import Findings, Scene
-from dubbing.manifest.messages import some
-from dubbing.manifest.yaml_lines import KeyPath
+from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.findings import Findings, Scene
+from dubbing.manifest.keys.messages import some
+from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.media import MediaInfo
 from dubbing.media.opening.opening import LAYOUTS
 from dubbing.media.reading.voice_channel import are_silent, is_silent, voice_channel

@@ -8,10 +8,10 @@ import pytest
 
 from dubbing.cli.report_commands import notes as command
 from dubbing.errors import ExplainedError
-from dubbing.manifest import yaml_lines
-from dubbing.manifest.edits_file import edits_file
+from dubbing.manifest.edits.edits_file import edits_file
+from dubbing.manifest.edits.notes import put, told
+from dubbing.manifest.keys import yaml_lines
 from dubbing.manifest.manifest import load
-from dubbing.manifest.notes import put, told
 from dubbing.production.production import Production
 from tests.dubbing.studio.stand_in import write_scene
 

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from dubbing.cli.main import app
 from dubbing.errors import ManifestError
-from dubbing.manifest import edit_entry as entry
-from dubbing.manifest import edits_file
+from dubbing.manifest.edits import edits_file
+from dubbing.manifest.keys import edit_entry as entry
 from dubbing.manifest.manifest import load
 from dubbing.script.timeline import Edit
 from tests import clips
