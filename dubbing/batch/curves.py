@@ -10,7 +10,7 @@ from dubbing.engine.disk import claims
 from dubbing.engine.disk.files import atomic_write_text, digest_bytes, make_folder
 from dubbing.engine.graph.stage import Stage
 from dubbing.errors import ExplainedError, RenderingError
-from dubbing.face.lip_curves import text_of
+from dubbing.face.mouth.lip_curves import text_of
 from dubbing.identity.lip_scale import moments
 from dubbing.pipeline import DUB
 from dubbing.production.dub import Dub

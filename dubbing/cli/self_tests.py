@@ -41,7 +41,7 @@ def _finding(name: str, test: Callable[[], str]) -> Finding:
 
 
 def _faces() -> str:
-    from dubbing.face.graph_network import GraphNetwork
+    from dubbing.face.finding.graph_network import GraphNetwork
     from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
 
     paths = FACE_WEIGHTS | PERSON_WEIGHTS

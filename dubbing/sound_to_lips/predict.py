@@ -37,8 +37,8 @@ def predict(blocks: voice.Blocks) -> np.ndarray:
 
     Returns:
         (T, P) for `dfrf.field.speaker_adaptation`: seven measures as of
-        `dubbing.face.lip_measures`, of about mean 0 over speech, a score that rises where the lips
-        touch, and 32 features of the sound.
+        `dubbing.face.mouth.lip_measures`, of about mean 0 over speech, a score that rises where
+        the lips touch, and 32 features of the sound.
     """
     network = _network()
     energy = voice.energy_db(blocks())

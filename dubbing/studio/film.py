@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dubbing.face.lip_curves import LENGTHS
+from dubbing.face.mouth.lip_curves import LENGTHS
 from dubbing.script.timeline import Cue, Edit
 from dubbing.stages.draft import Draft
 

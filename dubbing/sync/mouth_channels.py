@@ -8,8 +8,8 @@ Letters: F frames, M mouth points, R rows and C columns of a crop, S = 2 M + R C
 
 import numpy as np
 
-from dubbing.face.mouth_crop import COLUMNS, ROWS
-from dubbing.face.mouth_shape import MOUTH
+from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS
+from dubbing.face.mouth.mouth_shape import MOUTH
 
 # Position of each kind of channel among the values of a frame. A member takes one of them.
 MOUTH_CHANNELS = {

@@ -8,8 +8,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from dubbing.face.mouth_crop import COLUMNS, ROWS
-from dubbing.face.mouth_shape import MOUTH
+from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS
+from dubbing.face.mouth.mouth_shape import MOUTH
 
 # Five frames of the 25 fps the network was made for; other rates are interpolated to it.
 MOUTH_FRAMES = 5

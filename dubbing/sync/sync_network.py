@@ -19,7 +19,7 @@ from torch import Tensor, nn
 from torch.nn import functional as F
 
 from dubbing.errors import SyncError
-from dubbing.face.mouth_shape import RIGID
+from dubbing.face.mouth.mouth_shape import RIGID
 from dubbing.shipped.weights import load_float, save_half
 from dubbing.speech.features import fingerprint
 from dubbing.sync.mouth_channels import MOUTH_CHANNELS

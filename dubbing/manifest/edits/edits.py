@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from dubbing.errors import ExplainedError
-from dubbing.face.lip_curves import LipCurves
+from dubbing.face.mouth.lip_curves import LipCurves
 from dubbing.manifest.keys import edit_entry
 from dubbing.manifest.keys.entries import Dub, Identity
 from dubbing.manifest.keys.findings import Findings, Scene

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dubbing.face.graph_network import network
-from dubbing.face.regions import Images
+from dubbing.face.finding.graph_network import network
+from dubbing.face.finding.regions import Images
 from dubbing.face.weight_paths import PERSON_MASK
 
 INPUT_SIDE = 256  # px, side of the network's input

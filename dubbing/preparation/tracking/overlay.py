@@ -16,7 +16,7 @@ import numpy as np
 
 from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.mesh_points import FACE_OVAL, NOSE_BASE
-from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
+from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.media import MediaInfo, VideoWriter
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.tracking.occlusion import regions

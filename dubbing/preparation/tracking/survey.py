@@ -12,7 +12,7 @@ import numpy as np
 
 from dubbing.engine.graph.stage import ReportShare
 from dubbing.errors import PreparationError
-from dubbing.face.landmarks import MOST_FACES, FaceMesh
+from dubbing.face.finding.landmarks import MOST_FACES, FaceMesh
 from dubbing.media import MediaInfo, probe, read_frames
 from dubbing.preparation.tracking.cuts import (
     LEAST_DIFFERENCE,

@@ -1,4 +1,4 @@
-"""From a TFLite graph to the steps that `dubbing/face/graph_steps.py` runs.
+"""From a TFLite graph to the steps that `dubbing/face/finding/graph_steps.py` runs.
 
 Images become (N, C, H, W). A step is a dictionary: `op`, `in` and `out` (numbers of tensors),
 `weights` (names of constants), and settings.

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import torch
 
-from dubbing.face.graph_network import FORMAT, GraphNetwork
+from dubbing.face.finding.graph_network import FORMAT, GraphNetwork
 from dubbing.shipped.weights import save_half
 from dubbing.workshop.faces.conversion import convert
 from dubbing.workshop.faces.flatbuffer import read_graph

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from dubbing.engine.graph.stage import Progress
-from dubbing.face.landmarks import FaceMesh
+from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.heads import rendering as heads
 from dubbing.heads.pose_refinement import refined
 from dubbing.identity.best_seconds import Part

@@ -18,9 +18,9 @@ from dfrf.metrics import image as metrics
 from dfrf.training.warp_penalty import PAPER_SIZE
 from dubbing.engine.disk.files import atomic_write_text
 from dubbing.engine.graph.stage import Progress
-from dubbing.face.landmarks import FaceMesh
+from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
-from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.heads import rendering as heads
 from dubbing.heads.pose_refinement import refined
 from dubbing.identity.dataset import mouth_boxes

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dfrf.data.dataset import EYES, HEAD, HeadDataset
-from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.heads import fine_tuning as finetuning
 from dubbing.identity.reference_choice import choose_references, eye_sharpness, medoids, turns_far
 from tests.dfrf.people import person

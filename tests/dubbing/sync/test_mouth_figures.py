@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.face.mouth_shape import mouth_shape
+from dubbing.face.mouth.mouth_shape import mouth_shape
 from dubbing.sync.closeness import WEIGHTS, closeness, number_of
 from dubbing.sync.curves import OFFSETS, early_ms
 from dubbing.sync.mouth_figures import (

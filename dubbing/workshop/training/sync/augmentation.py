@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dubbing.face.mouth_shape import MOUTH
+from dubbing.face.mouth.mouth_shape import MOUTH
 from dubbing.sync.sound_channels import SOUND_CHANNELS
 from dubbing.workshop.training.sync.clips import TalkingClip
 

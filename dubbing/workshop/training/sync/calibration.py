@@ -19,8 +19,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from dubbing import media
-from dubbing.face.mouth_crop import mouth_crops
-from dubbing.face.mouth_shape import mouth_shape
+from dubbing.face.mouth.mouth_crop import mouth_crops
+from dubbing.face.mouth.mouth_shape import mouth_shape
 from dubbing.speech.voice_activity import SAMPLE_RATE, STEP_RATE, at_times
 from dubbing.sync.closeness import LEAST, WEIGHTS, Closeness, closeness
 from dubbing.sync.curves import MAX_OFFSET, CurveSum, distances, early_ms, estimate

@@ -19,7 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.face.mouth_shape import canonical_face
+from dubbing.face.mouth.mouth_shape import canonical_face
 from dubbing.speech.voice_activity import STEP_RATE, at_times
 from dubbing.sync.curves import MAX_OFFSET, OFFSETS, CurveSum, distances
 from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from dubbing.face.mouth_crop import COLUMNS, ROWS
+from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS
 from dubbing.sync.streams import MOUTH_FRAMES
 
 # Half of the stretches were filmed with as little as this share of a crop's resolution.

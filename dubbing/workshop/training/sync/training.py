@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from dubbing.errors import SyncError
-from dubbing.face.mouth_shape import canonical_face
+from dubbing.face.mouth.mouth_shape import canonical_face
 from dubbing.sync.streams import LipStream
 from dubbing.sync.sync_network import MemberInputs, SyncNetwork, TwoStream, save_network
 from dubbing.workshop.training.sync.batches import Batches

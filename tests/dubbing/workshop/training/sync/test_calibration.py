@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dubbing.face.mouth_shape import mouth_shape, opening
+from dubbing.face.mouth.mouth_shape import mouth_shape, opening
 from dubbing.sync.closeness import WEIGHTS, Closeness, number_of
 from dubbing.sync.curves import early_ms
 from dubbing.sync.sync_network import load_network

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from dubbing.errors import SyncError
-from dubbing.face.mouth_shape import CORNERS, MOUTH
+from dubbing.face.mouth.mouth_shape import CORNERS, MOUTH
 from dubbing.sync.mouth_channels import MOUTH_CHANNELS, mouth_channels
 from dubbing.sync.sound_channels import SOUND_CHANNELS, WIDTH
 from dubbing.sync.streams import LipStream

@@ -11,11 +11,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dubbing.face.face_detector import FaceDetector
-from dubbing.face.graph_network import network
-from dubbing.face.landmark_network import LandmarkNetwork
+from dubbing.face.finding.face_detector import FaceDetector
+from dubbing.face.finding.graph_network import network
+from dubbing.face.finding.landmark_network import LandmarkNetwork
+from dubbing.face.finding.regions import Images, Region, overlap
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
-from dubbing.face.regions import Images, Region, overlap
 from dubbing.face.weight_paths import FACE_DETECTOR, FACE_LANDMARKS
 
 CONFIDENCE = 0.5

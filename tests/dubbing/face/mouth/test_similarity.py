@@ -1,7 +1,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dubbing.face.similarity import similarity
+from dubbing.face.mouth.similarity import similarity
 
 
 def test_every_similarity_is_recovered() -> None:

@@ -15,9 +15,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from dubbing.face.face_finder import FaceFinder, region_of
-from dubbing.face.landmarks import HALF
-from dubbing.face.regions import Region
+from dubbing.face.finding.face_finder import FaceFinder, region_of
+from dubbing.face.finding.landmarks import HALF
+from dubbing.face.finding.regions import Region
 
 LENGTH = 64  # frames
 WARM_UP = 8  # frames

@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.face.face_finder import FaceFinder
-from dubbing.face.graph_network import network
-from dubbing.face.landmark_network import SIZE, LandmarkNetwork
+from dubbing.face.finding.face_finder import FaceFinder
+from dubbing.face.finding.graph_network import network
+from dubbing.face.finding.landmark_network import SIZE, LandmarkNetwork
+from dubbing.face.finding.regions import Images, Region
 from dubbing.face.mesh_points import LANDMARKS
-from dubbing.face.regions import Images, Region
 from dubbing.face.weight_paths import FACE_LANDMARKS
 from dubbing.media import read_frames
 from dubbing.preparation.matting.person_masks import INPUT_SIDE, person_masks

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dubbing.face.face_finder import CONFIDENCE, FaceFinder
+from dubbing.face.finding.face_finder import CONFIDENCE, FaceFinder
+from dubbing.face.finding.regions import Images
 from dubbing.face.mesh_points import LANDMARKS
-from dubbing.face.regions import Images
 
 MOST_FACES = 4
 FAR_OFF = 0.25  # face widths: modes that differ by more look at different faces

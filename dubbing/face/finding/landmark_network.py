@@ -13,9 +13,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from dubbing.face.graph_network import GraphNetwork
+from dubbing.face.finding.graph_network import GraphNetwork
+from dubbing.face.finding.regions import Region
 from dubbing.face.mesh_points import LANDMARKS
-from dubbing.face.regions import Region
 
 SIZE = 192  # px, side of the network's input
 BATCH = 4  # regions at once: more do not fit a core's cache

@@ -12,8 +12,8 @@ import torch.nn.functional as F
 from torch import Tensor
 
 from dubbing.errors import ExplainedError
-from dubbing.face.graph_network import GraphNetwork
-from dubbing.face.graph_steps import STEPS
+from dubbing.face.finding.graph_network import GraphNetwork
+from dubbing.face.finding.graph_steps import STEPS
 from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
 
 

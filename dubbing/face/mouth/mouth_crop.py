@@ -11,8 +11,8 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 
-from dubbing.face.mouth_shape import RIGID
-from dubbing.face.similarity import similarity
+from dubbing.face.mouth.mouth_shape import RIGID
+from dubbing.face.mouth.similarity import similarity
 
 ROWS, COLUMNS = 36, 48
 # Middle of the rectangle on the canonical face (right, down, away) and its pitch, eye distances. It

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from dubbing.face import mouth_shape as mouth
-from dubbing.face.similarity import similarity
+from dubbing.face.mouth import mouth_shape as mouth
+from dubbing.face.mouth.similarity import similarity
 from tests.dubbing.sync.meshes import canonical, made_mesh, talk, turned
 
 OPENING = np.array([0.0, 0.1, 0.2, 0.05])

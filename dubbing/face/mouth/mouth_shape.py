@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from dubbing.face.similarity import similarity
+from dubbing.face.mouth.similarity import similarity
 
 # Clockwise from the person's right corner, lower lip first: outer edge, then inner edge.
 OUTER_LIP = (

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.face.face_detector import ANCHORS, merge
-from dubbing.face.face_finder import distinct
-from dubbing.face.regions import Region, overlap
+from dubbing.face.finding.face_detector import ANCHORS, merge
+from dubbing.face.finding.face_finder import distinct
+from dubbing.face.finding.regions import Region, overlap
 
 
 def test_points_go_where_their_pixels_came_from() -> None:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dubbing.face.mouth_crop import COLUMNS, MIDDLE, PITCH, ROWS, mouth_crop, mouth_crops
+from dubbing.face.mouth.mouth_crop import COLUMNS, MIDDLE, PITCH, ROWS, mouth_crop, mouth_crops
 from tests.dubbing.sync.meshes import canonical, made_mesh, turned
 
 FACE = canonical()

@@ -11,8 +11,8 @@ from itertools import islice
 import numpy as np
 
 from dfrf.ordered import ordered
-from dubbing.face.face_finder import FaceFinder
-from dubbing.face.regions import Images, Region
+from dubbing.face.finding.face_finder import FaceFinder
+from dubbing.face.finding.regions import Images, Region
 
 POINTS = 478
 MAX_FACES = 4

@@ -1,6 +1,6 @@
 """Runs a network that is stored as a list of steps.
 
-`dubbing/workshop/faces/import_networks.py` writes it; `dubbing/face/graph_steps.py` has the steps.
+`dubbing/workshop/faces/import_networks.py` writes it; `graph_steps.py` has the steps.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import torch
 
-from dubbing.face.graph_steps import STEPS, VIEWS, Run, Settings
+from dubbing.face.finding.graph_steps import STEPS, VIEWS, Run, Settings
 from dubbing.shipped.weights import load_float
 
 FORMAT = "dfrf-graph-1"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dubbing.errors import ExplainedError
-from dubbing.face.lip_curves import COLUMNS, LENGTHS, LipCurves, text_of
+from dubbing.face.mouth.lip_curves import COLUMNS, LENGTHS, LipCurves, text_of
 
 TIMES = np.array([0.02, 0.06, 0.1, 0.14])
 OPENING, WIDTH = LENGTHS.index("opening"), LENGTHS.index("width")

@@ -11,8 +11,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dubbing.face.graph_network import GraphNetwork
-from dubbing.face.regions import Images, Region
+from dubbing.face.finding.graph_network import GraphNetwork
+from dubbing.face.finding.regions import Images, Region
 
 SIZE = 128  # px, side of the network's input
 LAYERS = ((16, 2), (8, 6))  # cells a side, and anchors a cell

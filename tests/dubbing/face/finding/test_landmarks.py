@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.face import chains
-from dubbing.face.landmarks import FaceMesh, combine, nearest
+from dubbing.face.finding import chains
+from dubbing.face.finding.landmarks import FaceMesh, combine, nearest
 
 pytestmark = pytest.mark.medium
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dubbing.face.face_tracker import FaceTracker
+from dubbing.face.finding.face_tracker import FaceTracker
 from tests.dubbing.sync.meshes import talk, turned
 
 FACE = talk(np.zeros(1))[0]
