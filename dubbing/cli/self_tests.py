@@ -80,8 +80,8 @@ def _lips() -> str:
 def _sync() -> str:
     import torch
 
-    from dubbing.sync.sound_channels import WIDTH
-    from dubbing.sync.sync_network import load_network
+    from dubbing.sync.network.sound_channels import WIDTH
+    from dubbing.sync.network.sync_network import load_network
 
     sounds = torch.randn(SECONDS * 50, 10, WIDTH)
     return _compared(load_network(), lambda network, x: network.embed_sound(x), sounds)

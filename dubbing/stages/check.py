@@ -11,8 +11,8 @@ from dubbing.engine.disk.files import atomic_write_json
 from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.mixing.sound import VOICES
 from dubbing.stages.base import DubbingStage
+from dubbing.sync.network.weight_path import CHECK_WEIGHTS
 from dubbing.sync.records import SYNC_FILE, read_check
-from dubbing.sync.weight_path import CHECK_WEIGHTS
 from dubbing.video.files import video_file
 
 if TYPE_CHECKING:

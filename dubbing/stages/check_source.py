@@ -11,8 +11,8 @@ from dubbing.engine.disk.files import atomic_write_json
 from dubbing.engine.graph.fields import Setting
 from dubbing.engine.graph.stage import Progress, Rate
 from dubbing.stages.base import DubbingStage
+from dubbing.sync.network.weight_path import CHECK_WEIGHTS
 from dubbing.sync.records import SYNC_FILE
-from dubbing.sync.weight_path import CHECK_WEIGHTS
 
 if TYPE_CHECKING:
     from dubbing.production.clip import Clip

@@ -27,7 +27,7 @@ from dubbing.identity.dataset import mouth_boxes
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from dubbing.sync.sync_network import load_network
+from dubbing.sync.network.sync_network import load_network
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.flicker import Flicker, brow_skin
 from dubbing.workshop.lab.metrics.lpips import Lpips

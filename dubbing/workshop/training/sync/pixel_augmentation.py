@@ -13,7 +13,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS
-from dubbing.sync.streams import MOUTH_FRAMES
+from dubbing.sync.network.streams import MOUTH_FRAMES
 
 # Half of the stretches were filmed with as little as this share of a crop's resolution.
 _COARSEST = 0.45

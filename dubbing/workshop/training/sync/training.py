@@ -11,8 +11,8 @@ import torch
 
 from dubbing.errors import SyncError
 from dubbing.face.mouth.mouth_shape import canonical_face
-from dubbing.sync.streams import LipStream
-from dubbing.sync.sync_network import MemberInputs, SyncNetwork, TwoStream, save_network
+from dubbing.sync.network.streams import LipStream
+from dubbing.sync.network.sync_network import MemberInputs, SyncNetwork, TwoStream, save_network
 from dubbing.workshop.training.sync.batches import Batches
 from dubbing.workshop.training.sync.clips import TalkingClip, laid_on, record
 from dubbing.workshop.training.sync.correlation import TRUSTED_PEAK, align, lip_basis

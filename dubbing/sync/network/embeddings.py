@@ -6,9 +6,9 @@ Letters: F frames, W moments, E embedding size, M mouth points, R x C pixels, T 
 import numpy as np
 import torch
 
-from dubbing.sync.mouth_channels import mouth_channels
-from dubbing.sync.sync_network import SyncNetwork
-from dubbing.sync.windows import mouth_windows, sound_windows
+from dubbing.sync.network.mouth_channels import mouth_channels
+from dubbing.sync.network.sync_network import SyncNetwork
+from dubbing.sync.network.windows import mouth_windows, sound_windows
 
 BATCH = 256  # moments that go through the network at once
 

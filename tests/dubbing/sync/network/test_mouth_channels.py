@@ -5,7 +5,13 @@ import torch
 
 from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS
 from dubbing.face.mouth.mouth_shape import MOUTH
-from dubbing.sync.mouth_channels import DARK, MOUTH_CHANNELS, mouth_channels, relative, running_mean
+from dubbing.sync.network.mouth_channels import (
+    DARK,
+    MOUTH_CHANNELS,
+    mouth_channels,
+    relative,
+    running_mean,
+)
 from dubbing.workshop.training.sync.pixel_augmentation import vary_pixels
 from tests.dubbing.sync.made import made_crops
 

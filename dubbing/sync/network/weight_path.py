@@ -6,7 +6,7 @@ from dubbing.face.weight_paths import FACE_WEIGHTS
 from dubbing.sound_to_lips.paths import ENCODER_WEIGHTS, FILTER_WEIGHTS
 from dubbing.speech.weight_paths import DEFAULT_WEIGHTS, VOICE_DETECTOR
 
-SYNC_WEIGHTS = Path(__file__).with_name("weights.safetensors")
+SYNC_WEIGHTS = Path(__file__).parents[1] / "weights.safetensors"
 # All weights of the sync check, by name: its own, those that it hears with, and finds faces with.
 CHECK_WEIGHTS: dict[str, Path] = {
     "sync_weights": SYNC_WEIGHTS,

@@ -6,8 +6,8 @@ Letters: F frames, W moments, V = 5 mouth frames, X values a frame, A = 10 sound
 import numpy as np
 
 from dubbing.speech.voice_activity import STEP_RATE, at_times
-from dubbing.sync.sound_channels import Take
-from dubbing.sync.streams import MOUTH_FRAMES, MOUTH_STEP, SOUND_STEPS
+from dubbing.sync.network.sound_channels import Take
+from dubbing.sync.network.streams import MOUTH_FRAMES, MOUTH_STEP, SOUND_STEPS
 
 _MOUTH_OFFSETS = (np.arange(MOUTH_FRAMES) - (MOUTH_FRAMES - 1) / 2) * MOUTH_STEP
 _SOUND_OFFSETS = (np.arange(SOUND_STEPS) - (SOUND_STEPS - 1) / 2) / STEP_RATE
