@@ -18,7 +18,7 @@ from dubbing.printable import visible
 # `dfrf doctor` prints without the packages that these import.
 if TYPE_CHECKING:
     from dubbing.batch.batch import Result
-    from dubbing.cli.finding import Finding
+    from dubbing.cli.doctor.finding import Finding
     from dubbing.engine.graph.stage import Rate
     from dubbing.engine.planning.estimates import Estimate
     from dubbing.engine.planning.planner import Row

@@ -18,10 +18,9 @@ from dubbing.cli import (
     clip_commands,
     job_commands,
     machine_commands,
+    page_commands,
     provenance_commands,
-    report_commands,
     research_commands,
-    studio_commands,
     training_commands,
 )
 from dubbing.cli.arguments import print_line
@@ -67,7 +66,7 @@ def options(
 COMMANDS = {
     "Dubbing": (
         *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.schema),
-        *(studio_commands.studio, report_commands.share, report_commands.notes),
+        *(page_commands.studio, page_commands.share, page_commands.notes),
         *(job_commands.curves, job_commands.demo, clip_commands.prepare),
     ),
     "Checking": (

@@ -75,7 +75,7 @@ for name in ("fork", "getuid", "nice", "sched_getaffinity", "getpgid", "killpg")
     delattr(os, name)
 for name in ("resource", "fcntl", "pwd", "grp", "termios"):
     sys.modules[name] = None
-import dubbing.cli.doctor, dubbing.cli.main, dubbing.batch.task, dubbing.batch.batch
+import dubbing.cli.doctor.doctor, dubbing.cli.main, dubbing.batch.task, dubbing.batch.batch
 import dubbing.cli.console, dubbing.cli.live
 import dubbing.engine.running.executors, dubbing.engine.running.task
 import dubbing.heads.fine_tuning, dubbing.heads.rendering, dubbing.preparation.prepare

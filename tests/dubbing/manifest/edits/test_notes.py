@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from dubbing.cli.report_commands import notes as command
+from dubbing.cli.page_commands import notes as command
 from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.edits_file import edits_file
 from dubbing.manifest.edits.notes import put, told

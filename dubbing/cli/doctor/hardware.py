@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 from dubbing import packages
-from dubbing.cli.finding import Finding
+from dubbing.cli.doctor.finding import Finding
 
 ENOUGH_MEMORY, ENOUGH_DISK = 6.0, 5.0  # GiB
 

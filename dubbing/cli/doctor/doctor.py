@@ -9,9 +9,9 @@ from importlib import metadata
 from pathlib import Path
 
 from dubbing import packages
-from dubbing.cli import hardware
-from dubbing.cli.finding import Finding
-from dubbing.cli.self_tests import self_tests
+from dubbing.cli.doctor import hardware
+from dubbing.cli.doctor.finding import Finding
+from dubbing.cli.doctor.self_tests import self_tests
 from dubbing.errors import MediaError
 
 PYTHONS = ((3, 11), (3, 14))  # the oldest and the newest that torch and all others have wheels for

@@ -1,4 +1,4 @@
-"""The command `studio`."""
+"""Commands of the pages: `studio` for edits, `share` and `notes` for the report."""
 
 import os
 import secrets
@@ -10,7 +10,15 @@ from typing import Annotated
 import typer
 
 from dubbing import packages
-from dubbing.cli.arguments import Device, ManifestPath, checked_device, file_option, print_line
+from dubbing.cli.arguments import (
+    Device,
+    ManifestPath,
+    checked_device,
+    checked_output,
+    file_argument,
+    file_option,
+    print_line,
+)
 from dubbing.errors import CallError, ExplainedError
 
 PASSWORD = "DFRF_STUDIO_PASSWORD"
@@ -93,3 +101,36 @@ def listening(host: str, port: int) -> socket.socket:
         what = f"cannot listen there: {error.strerror or error}"
         raise CallError(what, f"--host {host} --port {port}", "choose another") from error
     return listener
+
+
+def share(
+    manifest: ManifestPath,
+    output: Annotated[
+        Path, typer.Option("--output", "-o", metavar="OUT.zip", help="The archive to write.")
+    ],
+) -> None:
+    """Pack the last report with its videos into one file that opens anywhere, to be mailed."""
+    from dubbing.manifest.manifest import load
+    from dubbing.report.share import pack
+
+    production = load(manifest)
+    output = checked_output(output, production.manifest)
+    for name in pack(production, output):
+        print_line(f"without a video, as it is not made: {name}", err=True)
+    print_line(f"{output}: {output.stat().st_size / 1e6:.1f} MB; unpack it and open report.html")
+
+
+def notes(
+    file: Annotated[Path, file_argument("FILE", "Notes, as the page of the report writes them.")],
+    manifest: ManifestPath,
+) -> None:
+    """Put notes that were made on the report into NAME.edits.yaml, beside the manifest."""
+    from dubbing.manifest.edits.edits_file import edits_file
+    from dubbing.manifest.edits.notes import put
+    from dubbing.manifest.manifest import load
+
+    production = load(manifest)
+    for name, found in put(production, file).items():
+        redo = sum(note.status == "redo" for note in found)
+        where = edits_file(production.manifest, name).name
+        print_line(f"{where}: {len(found)} line{'' if len(found) == 1 else 's'}, {redo} to redo")

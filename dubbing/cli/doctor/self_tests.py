@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from dubbing import packages
-from dubbing.cli.finding import Finding
+from dubbing.cli.doctor.finding import Finding
 from dubbing.errors import ExplainedError
 
 if TYPE_CHECKING:

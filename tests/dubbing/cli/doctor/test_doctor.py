@@ -16,9 +16,9 @@ import pytest
 import torch
 
 from dfrf.device import choose
-from dubbing.cli import doctor as machine
-from dubbing.cli import hardware, self_tests
-from dubbing.cli.self_tests import TESTS
+from dubbing.cli.doctor import doctor as machine
+from dubbing.cli.doctor import hardware, self_tests
+from dubbing.cli.doctor.self_tests import TESTS
 from dubbing.packages import declared
 
 pytestmark = pytest.mark.medium
@@ -34,7 +34,7 @@ def test_doctor_works_where_everything_is_missing() -> None:
     """It is there for a machine on which the installation went wrong."""
     code = (
         "import sys; sys.modules.update(dict.fromkeys(sys.argv[1].split(',')))\n"
-        "from dubbing.cli import doctor\n"
+        "from dubbing.cli.doctor import doctor\n"
         "doctor._version = lambda package: ''\n"
         "from dubbing.cli.main import app\n"
         "app(['doctor'])"
