@@ -8,9 +8,9 @@ it.
 import cv2
 import numpy as np
 
-from dubbing.compositing.extent import extent
 from dubbing.face.face_contour import FaceContour, face_contour
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
+from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 # Between these distances from the edge of the face, px, the film's own pixels take over: a model's

@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dubbing.compositing.extent import extent
+from dubbing.preparation.background.pixels import extent
 
 COARSE = 1.2  # px, Gaussian: detail finer than that is compared
 SIGMAS = np.array([0.0, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 2.8, 3.5])  # px, blurs that are tried

@@ -27,7 +27,7 @@ class FinetuneSettings:
         references: so many in every frame, the same ones, instead of the preset's.
         warp: False leaves equations (3) and (4) out.
         turned: learns beside its seconds from frames in which the head is turned further; see
-            `dubbing.identity.turned_frames`.
+            `dubbing.identity.clip_frames`.
         learning_rate: Adam's first, rays: of a step; None as the preset has them.
     """
 

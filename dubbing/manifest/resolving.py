@@ -16,9 +16,8 @@ from dubbing.manifest.keys.findings import Findings, Scene
 from dubbing.mixing.sound import Sound
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.production.clip import Clip, PersonClip
-from dubbing.production.consent import Consent
 from dubbing.production.dub import Dub
-from dubbing.production.person import Person
+from dubbing.production.person import Consent, Person
 from dubbing.production.production import Production
 from dubbing.provenance.card import CreditsCard
 from dubbing.script import timeline

@@ -10,8 +10,7 @@ import torch
 
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.sound_to_lips.encoder import STEP, encode
-from dubbing.sound_to_lips.lip_network import LipNetwork
-from dubbing.sound_to_lips.weights import load
+from dubbing.sound_to_lips.lip_network import LipNetwork, load
 from dubbing.speech import voice_activity as voice
 
 LEVEL_DB = -20.0  # of the loud parts of the encoder's input

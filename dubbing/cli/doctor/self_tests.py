@@ -71,7 +71,7 @@ def _lips() -> str:
     import torch
 
     from dubbing.sound_to_lips.encoder import AFTER, BEFORE, STEP
-    from dubbing.sound_to_lips.weights import load
+    from dubbing.sound_to_lips.lip_network import load
 
     samples = torch.randn(SECONDS * 40 * STEP + BEFORE + AFTER) / 10
     return _compared(load(), lambda network, x: network.filter(network.encoder(x)), samples)

@@ -54,7 +54,7 @@ class FrameFigures:
     sharpness_eyes: float
 
 
-def box_of(points: np.ndarray, size: int, margin: float = 0.0) -> Tensor:
+def extent(points: np.ndarray, size: int, margin: float = 0.0) -> Tensor:
     """Box round points (P, 2), grown by a share of its size: left, top, right, bottom."""
     low, high = points.min(0), points.max(0)
     grow = (high - low) * margin
@@ -170,8 +170,8 @@ def compare(
     size = image.shape[0]
     a, b = torch.from_numpy(composed).float() / 255, torch.from_numpy(image).float() / 255
     mouth = torch.from_numpy(mouth_boxes(landmarks[None], size)[0])
-    face = box_of(landmarks[list(FACE_OVAL)], size)
-    eyes = box_of(landmarks[[*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW]], size)
+    face = extent(landmarks[list(FACE_OVAL)], size)
+    eyes = extent(landmarks[[*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW]], size)
     lmd = NOT_KNOWN
     if rendered_meshes and true_meshes:
         lips = list(OUTER_LIP)

@@ -76,7 +76,7 @@ class DubFigures:
             mouth: (2, 2) px, middle of the mouth and half its width and height.
             cover: (S, S) in 0..1, opacity of what is in front; None where nothing is.
         """
-        box = box_of(mouth, len(dub))
+        box = extent(mouth, len(dub))
         replaced = differs(dub, film, 0)
         dubbed = replaced[box].mean() > LEAST
         self._keep("dubbed", float(dubbed))
@@ -177,7 +177,7 @@ def psnr(image: np.ndarray, truth: np.ndarray, where: np.ndarray) -> float:
     return float(10 * np.log10(255**2 / max(error, 1e-2)))
 
 
-def box_of(mouth: np.ndarray, size: int) -> tuple[slice, slice]:
+def extent(mouth: np.ndarray, size: int) -> tuple[slice, slice]:
     """Rows and columns of the mouth's box."""
     low = np.clip(np.floor(mouth[0] - mouth[1]), 0, size - 1).astype(int)
     high = np.clip(np.ceil(mouth[0] + mouth[1]), low + 1, size).astype(int)

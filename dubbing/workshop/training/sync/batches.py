@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from dubbing.sync.network.embeddings import mouth_windows, take_windows
 from dubbing.sync.network.mouth_channels import centred, running_mean
 from dubbing.sync.network.sound_channels import Take
 from dubbing.sync.network.streams import MOUTH_STEP
-from dubbing.sync.network.windows import mouth_windows, take_windows
 from dubbing.workshop.training.sync.augmentation import mouth_sides, vary_mouth, vary_sound
 from dubbing.workshop.training.sync.clips import TalkingClip
 from dubbing.workshop.training.sync.pixel_augmentation import vary_pixels

@@ -18,7 +18,7 @@ from dubbing.face.finding.regions import Images, Region
 from dubbing.face.mesh_points import LANDMARKS
 from dubbing.face.weight_paths import FACE_LANDMARKS
 from dubbing.media import read_frames
-from dubbing.preparation.matting.person_masks import INPUT_SIDE, person_masks
+from dubbing.preparation.matting.masks import INPUT_SIDE, person_masks
 from tests import needs
 
 pytestmark = pytest.mark.medium

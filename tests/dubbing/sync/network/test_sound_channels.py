@@ -6,6 +6,7 @@ import pytest
 from dubbing.speech.features import features_by_name
 from dubbing.speech.mel_features import MelFeatures
 from dubbing.speech.voice_activity import STEP_RATE
+from dubbing.sync.network.embeddings import take_windows
 from dubbing.sync.network.sound_channels import (
     SOUND_CHANNELS,
     WIDTH,
@@ -13,7 +14,6 @@ from dubbing.sync.network.sound_channels import (
     Take,
     another_take,
 )
-from dubbing.sync.network.windows import take_windows
 from tests.dubbing.conftest import Speaker
 
 pytestmark = pytest.mark.medium

@@ -9,6 +9,7 @@ import torch
 
 from dubbing.errors import SyncError
 from dubbing.face.mouth.mouth_shape import CORNERS, MOUTH
+from dubbing.sync.network.embeddings import mouth_windows
 from dubbing.sync.network.mouth_channels import MOUTH_CHANNELS, mouth_channels
 from dubbing.sync.network.sound_channels import SOUND_CHANNELS, WIDTH
 from dubbing.sync.network.streams import LipStream
@@ -19,7 +20,6 @@ from dubbing.sync.network.sync_network import (
     load_network,
     save_network,
 )
-from dubbing.sync.network.windows import mouth_windows
 from dubbing.workshop.training.sync import clips
 from dubbing.workshop.training.sync.augmentation import MIRROR, mouth_sides, vary_mouth, vary_sound
 from dubbing.workshop.training.sync.batches import Batches

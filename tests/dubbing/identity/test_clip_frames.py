@@ -8,8 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dfrf.field.speaker_adaptation import NUMBERS
-from dubbing.identity.clip_frames import ClipFrames
-from dubbing.identity.turned_frames import APART, FURTHER, MOST, with_turned
+from dubbing.identity.clip_frames import APART, FURTHER, MOST, ClipFrames, with_turned
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from tests import clips
