@@ -220,10 +220,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
         """Makes a person's density quick to look up, as it is now; does nothing by default."""
 
     def resting_heads(
-        self,
-        expression: Float[Tensor, "F U"],
-        origins: Float[Tensor, "F 3"],
-        maps: MapsT | None,
+        self, expression: Float[Tensor, "F U"], origins: Float[Tensor, "F 3"], maps: MapsT | None
     ) -> Callable[[int], FrameHead]:
         """The head while nobody speaks; gives that of one of F frames.
 

@@ -20,11 +20,7 @@ from dfrf.training.warp_penalty import weighted_warp_penalty
 
 
 def share_loss(
-    model: FastModel,
-    share: RayShare,
-    maps: ReferenceMaps | None,
-    config: TrainConfig,
-    warp: bool,
+    model: FastModel, share: RayShare, maps: ReferenceMaps | None, config: TrainConfig, warp: bool
 ) -> tuple[Tensor, Tensor, RayColours]:
     """Loss and mean squared error over a share of a step's rays, and the rendered rays.
 

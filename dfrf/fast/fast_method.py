@@ -325,11 +325,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     ) -> Callable[[int], FrameHead]:
         """Gives the head of each frame by its number: lips as spoken, `inputs.strength` of them."""
         conditioning = self.model.eval().field.conditioning(
-            inputs.windows,
-            inputs.predicted_lips,
-            inputs.expression,
-            inputs.strength,
-            inputs.lips,
+            inputs.windows, inputs.predicted_lips, inputs.expression, inputs.strength, inputs.lips
         )
         return self._heads(conditioning, inputs.c2w[:, :, 3], maps, inputs.baked)
 

@@ -142,11 +142,7 @@ def put_each(
 
 
 def begin(
-    production: Production,
-    *,
-    only: tuple[str, ...] = (),
-    device: str = "auto",
-    draft: bool = False,
+    production: Production, *, only: tuple[str, ...] = (), device: str = "auto", draft: bool = False
 ) -> Jobs:
     """The jobs of a run, after a look at its output folder; folders of renamed dubs are renamed.
 

@@ -25,11 +25,7 @@ QUIET = 0.3  # levels: a film with less noise has none
 
 
 def in_focus(
-    image: np.ndarray,
-    head: np.ndarray,
-    beside: np.ndarray,
-    noise: np.ndarray,
-    motion: np.ndarray,
+    image: np.ndarray, head: np.ndarray, beside: np.ndarray, noise: np.ndarray, motion: np.ndarray
 ) -> np.ndarray:
     """A head as blurred as the film, (S, S, 4) uint8.
 

@@ -91,14 +91,7 @@ def finetune(
     references = reference_frames(person, landmarks, method)
     try:
         person, curve = learn(
-            model,
-            person,
-            footage,
-            config,
-            references,
-            out / RESUME_FOLDER,
-            device,
-            progress,
+            model, person, footage, config, references, out / RESUME_FOLDER, device, progress
         )
     except TrainingDivergedError as error:
         raise TrainingError(

@@ -108,11 +108,7 @@ def region_map(matte: np.ndarray, mouth: np.ndarray, eyes: np.ndarray) -> np.nda
 
 
 def load_identity(
-    name: str,
-    clips: Sequence[ClipFrames],
-    *,
-    every: int = 1,
-    folder: Path | None = None,
+    name: str, clips: Sequence[ClipFrames], *, every: int = 1, folder: Path | None = None
 ) -> HeadDataset:
     """Frames of a person's clips, without those that show no face.
 

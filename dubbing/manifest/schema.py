@@ -74,10 +74,7 @@ def build() -> dict[str, Any]:
         "required": ["version", "output", "identities"],
         "if": {"properties": {"defaults": {"properties": dict.fromkeys(sorted(keys), False)}}},
         "then": {
-            "properties": {
-                "identities": {"additionalProperties": person},
-                "dubs": {"items": dub},
-            }
+            "properties": {"identities": {"additionalProperties": person}, "dubs": {"items": dub}}
         },
         "$defs": parts,
     }

@@ -35,13 +35,7 @@ from dubbing.preparation.crops.tracked_crops import (
 )
 from dubbing.preparation.file_names import CONTACT_SHEET
 from dubbing.preparation.matting.masks import matte_step
-from dubbing.preparation.prepared import (
-    BACKGROUND,
-    HEAD_RADIUS,
-    MATTE,
-    OVERLAY,
-    PreparedClip,
-)
+from dubbing.preparation.prepared import BACKGROUND, HEAD_RADIUS, MATTE, OVERLAY, PreparedClip
 from dubbing.preparation.steps import STEPS, Steps
 from dubbing.preparation.tracking import tracking
 from dubbing.preparation.tracking.light import noticed

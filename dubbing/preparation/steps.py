@@ -48,11 +48,7 @@ class Steps:
     """
 
     def __init__(
-        self,
-        folder: Path,
-        clip: Path,
-        settings: Mapping[str, Any],
-        progress: Progress,
+        self, folder: Path, clip: Path, settings: Mapping[str, Any], progress: Progress
     ) -> None:
         self.folder, self._clip, self._report = folder, clip, progress
         key = {"clip": digest_of(clip), **settings, "version": VERSION, "layout": LAYOUT}

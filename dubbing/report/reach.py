@@ -52,10 +52,7 @@ def planned_reach(production: Production, rows: Sequence[Row]) -> dict[str, list
 
 
 def _expected(
-    dub: Dub,
-    people: Mapping[str, PersonOnFilm],
-    ready: set[StageId],
-    films: dict[StageId, Film],
+    dub: Dub, people: Mapping[str, PersonOnFilm], ready: set[StageId], films: dict[StageId, Film]
 ) -> dict[str, Reach]:
     """The reach of cues, by name, whose film is prepared. Films that are read go to ``films``."""
     found = {}

@@ -45,11 +45,7 @@ class Draft(OnFilm):
 
     @classmethod
     def of(
-        cls,
-        dub: Dub,
-        speech: Mapping[str, Stage],
-        people: Mapping[str, PersonOnFilm],
-        device: str,
+        cls, dub: Dub, speech: Mapping[str, Stage], people: Mapping[str, PersonOnFilm], device: str
     ) -> Self:
         """The stage for a dub."""
         return cls(

@@ -36,10 +36,7 @@ class RefinePoses(DubbingStage):
     ) -> Self:
         """The stage for a clip of a person."""
         return cls(
-            model=model,
-            prepared=prepared,
-            crops=clip.frames * person.crops(clip),
-            device=device,
+            model=model, prepared=prepared, crops=clip.frames * person.crops(clip), device=device
         )
 
     def run(self, out: Path, progress: Progress) -> None:

@@ -46,10 +46,7 @@ class TimeLeft:
     """
 
     def __init__(
-        self,
-        expected: Mapping[StageId, float],
-        clock: Callable[[], float],
-        workers: int = 1,
+        self, expected: Mapping[StageId, float], clock: Callable[[], float], workers: int = 1
     ) -> None:
         self._expected = {**expected}
         self._workers, self._clock = workers, clock

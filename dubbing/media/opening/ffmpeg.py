@@ -61,10 +61,7 @@ def version() -> str:
     program = binary()
     try:
         done = subprocess.run(
-            [program, "-version"],
-            capture_output=True,
-            check=False,
-            env=environment.of_children(),
+            [program, "-version"], capture_output=True, check=False, env=environment.of_children()
         )
         code = done.returncode
         ended = f"by {signal_of(code)}" if code < 0 else f"with {code}"

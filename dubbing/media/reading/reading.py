@@ -80,12 +80,7 @@ def read_planes(
 
 
 def _frames(
-    info: MediaInfo,
-    start: int,
-    count: int | None,
-    rate: Fraction | None,
-    pixels: str,
-    size: int,
+    info: MediaInfo, start: int, count: int | None, rate: Fraction | None, pixels: str, size: int
 ) -> Iterator[np.ndarray]:
     """Frames as `size` bytes each, (size,) uint8."""
     path = info.path

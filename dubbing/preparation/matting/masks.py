@@ -19,19 +19,9 @@ from dubbing.face.weight_paths import PERSON_MASK
 from dubbing.media import VideoWriter
 from dubbing.preparation.alignment.silhouette import measure
 from dubbing.preparation.crops.threads import in_order
-from dubbing.preparation.crops.tracked_crops import (
-    OPACITY,
-    PERSON,
-    TrackedCrops,
-    create_images,
-)
+from dubbing.preparation.crops.tracked_crops import OPACITY, PERSON, TrackedCrops, create_images
 from dubbing.preparation.matting.jaw import edge_costs, edge_offsets, moved, smooth_offsets
-from dubbing.preparation.matting.matting import (
-    component_at,
-    head_matte,
-    in_bytes,
-    opacity,
-)
+from dubbing.preparation.matting.matting import component_at, head_matte, in_bytes, opacity
 
 INPUT_SIDE = 256  # px, side of the network's input
 BATCH = 4  # images at once: more do not fit a core's cache

@@ -16,14 +16,7 @@ import torch
 
 from dfrf.metrics import image as metrics
 from dfrf.training.warp_penalty import PAPER_SIZE
-from dubbing.face.mouth.mouth_shape import (
-    INNER_LIP,
-    OUTER_LIP,
-    RIGID,
-    mouth_shape,
-    opening,
-    width,
-)
+from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP, RIGID, mouth_shape, opening, width
 from dubbing.face.mouth.similarity import similarity
 from dubbing.identity.dataset import mouth_boxes
 from dubbing.workshop.lab.metrics import lips

@@ -104,10 +104,7 @@ def check_bases(production: Production, bases: Mapping[str, Path]) -> None:
 
 
 def measure(
-    production: Production,
-    rows: Sequence[Row],
-    request: Request,
-    progress: Progress,
+    production: Production, rows: Sequence[Row], request: Request, progress: Progress
 ) -> list[Figures]:
     """Figures of rows of one length by their titles, for each seed."""
     (seconds,) = {row.seconds for row in rows}

@@ -67,10 +67,7 @@ def with_seed(production: Production, seed: int) -> Production:
 
 
 def measure_seeds(
-    production: Production,
-    request: Request,
-    progress: Progress,
-    prepared: Production | None = None,
+    production: Production, request: Request, progress: Progress, prepared: Production | None = None
 ) -> list[Figures]:
     """The figures of each seed: identity -> method -> figure -> value.
 

@@ -170,10 +170,7 @@ def common_settings(production: Production) -> FinetuneSettings:
     """
     found = {
         FinetuneSettings(
-            preset=own.preset,
-            seed=own.seed,
-            speech=own.speech,
-            speech_weights=own.speech_weights,
+            preset=own.preset, seed=own.seed, speech=own.speech, speech_weights=own.speech_weights
         )
         for own in (person.settings for person in production.people.values())
     }
@@ -187,11 +184,7 @@ def common_settings(production: Production) -> FinetuneSettings:
 
 
 def load_person(
-    production: Production,
-    name: str,
-    device: str,
-    settings: FinetuneSettings,
-    progress: Progress,
+    production: Production, name: str, device: str, settings: FinetuneSettings, progress: Progress
 ) -> HeadDataset:
     """Prepares an identity where that is not done yet, and loads what is learned from it."""
     person = production.people[name]

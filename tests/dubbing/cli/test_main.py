@@ -213,10 +213,7 @@ def test_a_current_folder_that_is_gone_is_2(tmp_path: Path) -> None:
         f"os.rmdir({str(tmp_path)!r}); main()"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, "plan", "m.yaml"],
-        capture_output=True,
-        text=True,
-        check=False,
+        [sys.executable, "-c", code, "plan", "m.yaml"], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "dfrf: the current folder is gone: change to another\n"

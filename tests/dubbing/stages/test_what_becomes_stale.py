@@ -31,7 +31,7 @@ CONSENT = {"by": "Ann", "reference": "form 17", "date": "2026-01-01"}
 SRT = "1\n00:00:00,200 --> 00:00:00,600\nANN: Good.\n\n2\n00:00:00,700 --> 00:00:01,000\nBEN: No.\n"
 PERSON = {"clip": "ann.mp4", "seconds": 1, "consent": CONSENT}
 ALONE = {
-    **{"name": "it", "identity": "ann", "audio": "it.wav", "audio_seconds": 0.5, "language": "it"},
+    **{"name": "it", "identity": "ann", "audio": "it.wav", "audio_seconds": 0.5, "language": "it"}
 }
 LABEL = {"credits": {"seconds": 1, "text": "By machine"}}
 SIGNED = {**ALONE, "certificate": "signer.pem", "key": "signer.key"}

@@ -80,10 +80,7 @@ def train_member(
 
 
 def train_network(
-    clips: Sequence[TalkingClip],
-    face: np.ndarray,
-    settings: SyncTraining,
-    log: Log | None = None,
+    clips: Sequence[TalkingClip], face: np.ndarray, settings: SyncTraining, log: Log | None = None
 ) -> SyncNetwork:
     """The network of several members, from clips whose offsets are corrected."""
     network = SyncNetwork(())

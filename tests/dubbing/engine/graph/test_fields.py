@@ -137,13 +137,7 @@ def test_a_field_of_inputs_alone_is_no_parameter(mix: Mix) -> None:
 
 @pytest.mark.parametrize(
     "changed",
-    [
-        {"rate": Fraction(25)},
-        {"size": 512},
-        {"taps": (0.5,)},
-        {"gains": {"low": 1}},
-        {"title": ""},
-    ],
+    [{"rate": Fraction(25)}, {"size": 512}, {"taps": (0.5,)}, {"gains": {"low": 1}}, {"title": ""}],
     ids=str,
 )
 def test_a_parameter_changes_the_key(mix: Mix, changed: dict[str, Any]) -> None:

@@ -249,14 +249,7 @@ def test_inputs_are_what_they_were_when_the_run_began(
 
 @pytest.mark.parametrize(
     "record",
-    [
-        "[]",
-        "{}",
-        "[" * 99_999,
-        '{"outputs": []}',
-        '{"version": 1, "outputs": {"0": 3}}',
-        "pipe",
-    ],
+    ["[]", "{}", "[" * 99_999, '{"outputs": []}', '{"version": 1, "outputs": {"0": 3}}', "pipe"],
 )
 def test_a_record_of_another_shape_is_none(stage: Copy, record: str) -> None:
     update.run_stage(stage, quiet)

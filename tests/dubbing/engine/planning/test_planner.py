@@ -46,10 +46,7 @@ def test_a_stage_runs_for_a_reason_or_after_one_that_runs(tmp_path: Path) -> Non
         ("forced",),
         ("if finetune gives another result",),
     ]
-    assert planner.to_do(rows) == {
-        StageId("identity/ann", "finetune"),
-        StageId("dub/it", "render"),
-    }
+    assert planner.to_do(rows) == {StageId("identity/ann", "finetune"), StageId("dub/it", "render")}
 
 
 def test_a_job_that_cannot_be_done_blocks_those_that_wait_for_it(tmp_path: Path) -> None:
@@ -82,10 +79,7 @@ def test_a_job_names_and_places_its_stages(tmp_path: Path) -> None:
     assert str(part.id) == "dub/it/render bob 0-1"
     assert (part.whole, part.id.whole, part.key()) == (render, render.id, render.key())
     assert part.folder.parent == render.folder.parent != part.folder
-    for name in (
-        StageId("dub/it", "render", "bob", "no such part"),
-        StageId("dub/it", "finetune"),
-    ):
+    for name in (StageId("dub/it", "render", "bob", "no such part"), StageId("dub/it", "finetune")):
         with pytest.raises(KeyError):
             scene.find(name)
     with pytest.raises(KeyError):

@@ -276,9 +276,7 @@ class Impatient(Listener):
         raise KeyboardInterrupt
 
 
-def test_an_interrupt_ends_what_runs_and_does_not_wait_for_the_rest(
-    tmp_path: Path,
-) -> None:
+def test_an_interrupt_ends_what_runs_and_does_not_wait_for_the_rest(tmp_path: Path) -> None:
     path = write_manifest(tmp_path, [f"slow{k}" for k in range(10)])
     with closing(Processes(program(path), 2)) as made, pytest.raises(KeyboardInterrupt):
         runner.run(jobs_of(path), Options(), Impatient(), made)

@@ -33,12 +33,7 @@ def test_edges_of_a_convolution_may_be_unequal(
     images, filters, bias = random(2, 4, 8, 8), random(4, 4 // groups, kernel, kernel), random(4)
     stride = 1 if padding[0] == padding[1] else 2
     found = run(
-        "convolve",
-        images,
-        weights=(filters, bias),
-        stride=stride,
-        groups=groups,
-        padding=padding,
+        "convolve", images, weights=(filters, bias), stride=stride, groups=groups, padding=padding
     )
     padded = F.pad(images, padding * 2)
     torch.testing.assert_close(found, F.conv2d(padded, filters, bias, stride, groups=groups))

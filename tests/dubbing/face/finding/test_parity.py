@@ -36,11 +36,7 @@ class Published:
     """The published graph, in tracking or static mode."""
 
     def __init__(self, *, tracking: bool, faces: int) -> None:
-        settings = {
-            "num_faces": faces,
-            "with_attention": True,
-            "use_prev_landmarks": tracking,
-        }
+        settings = {"num_faces": faces, "with_attention": True, "use_prev_landmarks": tracking}
         self._graph = solutions.face_mesh.SolutionBase(
             binary_graph_path=GRAPH,
             side_inputs=settings,

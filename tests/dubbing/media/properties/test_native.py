@@ -36,11 +36,7 @@ FILMS = {  # format: bits, planes
 def picture(width: int = SIZE[0], height: int = SIZE[1]) -> np.ndarray:
     """Colours that change slowly, so that chroma of fewer values shows them."""
     down, across = np.mgrid[:height, :width].astype(np.float64)
-    waves = (
-        across / width,
-        down / height,
-        0.5 + 0.5 * np.cos(across / width * 3 + down / height),
-    )
+    waves = (across / width, down / height, 0.5 + 0.5 * np.cos(across / width * 3 + down / height))
     return np.asarray((30 + 180 * np.stack(waves, -1)).round(), np.uint8)
 
 

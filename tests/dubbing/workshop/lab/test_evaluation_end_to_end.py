@@ -34,7 +34,7 @@ OF_LIPS = {
     *("opening_ratio", "texture_ratio", "offset_frames", "confidence", "closeness", "frames"),
 }
 OF_PICTURES = {
-    *("psnr", "ssim", "psnr_face", "psnr_mouth", "sharpness", "steps", "seconds", "p15x"),
+    *("psnr", "ssim", "psnr_face", "psnr_mouth", "sharpness", "steps", "seconds", "p15x")
 }
 
 
