@@ -23,20 +23,14 @@ MATTE_AND_COLOUR = 4  # channels that are copied, not computed by the network
 LEAST_SHOWN = 0.1  # so that weights change slowly where few views show the head
 
 
-def sharpened(
-    images: Float[Tensor, "N H W 3"], spread: float = BILINEAR_SPREAD
-) -> Float[Tensor, "N H W 3"]:
-    """Images that are as sharp as before once they have been blurred by `spread`.
+def sharpened(images: Float[Tensor, "N H W 3"]) -> Float[Tensor, "N H W 3"]:
+    """Images that are as sharp as before once they have been blurred by s = `BILINEAR_SPREAD`.
 
     Reading between pixels spreads each of them by 1/6 px^2 in the mean, and slightly misplaced
     references spread it about as much again. The kernel (-s/2, 1 + s, -s/2) has the variance -s and
     undoes that. Values may leave 0..1 at edges. The border is replicated outside the images.
-
-    Args:
-        images: colours.
-        spread: s, px^2 along an axis.
     """
-    side = -spread / 2
+    side = -BILINEAR_SPREAD / 2
     line = images.new_tensor([side, 1 - 2 * side, side])
     kernel = torch.outer(line, line).expand(3, 1, 3, 3)
     padded = F.pad(images.permute(0, 3, 1, 2), (1, 1, 1, 1), mode="replicate")

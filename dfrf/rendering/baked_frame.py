@@ -97,12 +97,10 @@ def between(values: Float[Tensor, "C h w"]) -> Float[Tensor, "C H W"]:
     return F.interpolate(values[None], size, mode="bilinear", align_corners=True)[0]
 
 
-def spread(
-    values: Float[Tensor, "C h w"], known: Bool[Tensor, "h w"], times: int = SPREAD
-) -> Float[Tensor, "C h w"]:
-    """Values where they are known, and the mean of known neighbours up to `times` vertices off."""
+def spread(values: Float[Tensor, "C h w"], known: Bool[Tensor, "h w"]) -> Float[Tensor, "C h w"]:
+    """Values where they are known, and the mean of known neighbours up to `SPREAD` vertices off."""
     weight = known.to(values.dtype)[None]
-    for _ in range(times):
+    for _ in range(SPREAD):
         total, count = (F.avg_pool2d(x, 3, 1, 1) for x in (values * weight, weight))
         new = (weight == 0) & (count > 0)
         values = torch.where(new, total / count.clamp_min(1e-6), values)

@@ -58,25 +58,17 @@ def _person(name: str, findings: Findings) -> Person:
         start=identity.learned_start,
         seconds=identity.learned_seconds,
         size=identity.size,
-        settings=_settings(identity),
+        settings=FinetuneSettings(
+            preset=identity.preset,
+            seed=identity.seed,
+            speech=identity.speech,
+            speech_weights=str(weights) if (weights := identity.speech_weights) else None,
+            **identity.finetune.model_dump(),
+        ),
         speech_files=speech_weights(identity.speech, identity.speech_weights),
         base=identity.base or shipped_base(identity.preset),
         own_base=identity.base is not None,
         own_iterations=identity.finetune.iterations is not None,
-    )
-
-
-def _settings(identity: entries.Identity) -> FinetuneSettings:
-    own, weights = identity.finetune, identity.speech_weights
-    return FinetuneSettings(
-        preset=identity.preset,
-        iterations=own.iterations,
-        seed=identity.seed,
-        speech=identity.speech,
-        speech_weights=None if weights is None else str(weights),
-        references=own.references,
-        learning_rate=own.learning_rate,
-        rays=own.rays,
     )
 
 

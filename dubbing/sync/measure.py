@@ -25,7 +25,7 @@ from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS, mouth_crop
 from dubbing.face.mouth.mouth_shape import MOUTH, mouth_shape
 from dubbing.sound_to_lips.predict import predict
 from dubbing.speech.voice_activity import SAMPLE_RATE, energy_db, voice_activity
-from dubbing.sync.network.sound_channels import SoundChannels
+from dubbing.sync.network.channels import SoundChannels
 
 BLOCK_SECONDS = 60.0
 # Sound is read this far beyond a block: the largest offset that is searched, and a window.

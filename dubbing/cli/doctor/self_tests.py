@@ -80,7 +80,7 @@ def _lips() -> str:
 def _sync() -> str:
     import torch
 
-    from dubbing.sync.network.sound_channels import WIDTH
+    from dubbing.sync.network.channels import WIDTH
     from dubbing.sync.network.sync_network import load_network
 
     sounds = torch.randn(SECONDS * 50, 10, WIDTH)

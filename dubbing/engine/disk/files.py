@@ -227,7 +227,7 @@ def digest_bytes(content: bytes) -> str:
 def digest_data(content: Any) -> str:
     """BLAKE2b-128 of plain data (as JSON holds it), the same for every order of keys."""
     text = json.dumps(content, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
-    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
+    return digest_bytes(text.encode())
 
 
 def while_unchanged(maxsize: int) -> Callable[[Callable[[Path], Found]], Callable[[Path], Found]]:

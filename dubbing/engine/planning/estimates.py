@@ -71,8 +71,7 @@ def expected(jobs: Jobs, known: Mapping[str, Rate], *, parts: bool) -> dict[Stag
     """
     rates = {**known, **measured(nodes(jobs))}
     return {
-        name: rates.get(node.stage.rate_kind(), node.stage.typical_rate()).seconds
-        * node.stage.amount()
+        name: _rate(node.stage, rates).seconds * node.stage.amount()
         for name, node in nodes(jobs, split=lambda stage: parts).items()
         if not (parts and node.stage.parts())
     }

@@ -95,7 +95,7 @@ def _identity(findings: Findings, name: str, identity: Identity) -> None:
         message = f"{identity.start:g} s leaves nothing to learn from: the clip is"
         findings.add((*at, "start"), f"{message} {info.duration:.1f} s long")
     elif left < identity.learned_seconds:
-        findings.warnings.append(
+        findings.warn(
             f"identities.{name}: learns from {left:.1f} s, all there is, instead of"
             f" {identity.learned_seconds:g} s; nothing is held out"
         )
@@ -122,7 +122,7 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
     picture = info.picture
     assert picture is not None  # a clip has one
     if info.variable_rate:
-        findings.warnings.append(
+        findings.warn(
             f"identities.{name}: {info.path.name} has a variable frame rate;"
             f" it is read at {float(info.rate):g} a second"
         )
@@ -134,17 +134,17 @@ def _picture(findings: Findings, name: str, info: MediaInfo, at: KeyPath) -> Non
         message = f"{info.path} is interlaced: its frames are two moments each"
         findings.add(at, f"{message}; deinterlace it first")
     elif _looks_interlaced(info):
-        findings.warnings.append(
+        findings.warn(
             f"identities.{name}: {info.path.name} looks interlaced, though nothing in it says so:"
             " deinterlace it first if moving edges are combs"
         )
     if not picture.square:
-        findings.warnings.append(
+        findings.warn(
             f"identities.{name}: the pixels of {info.path.name} are not square; those of the"
             f" results are: {info.width}x{info.height}"
         )
     if picture.pixels.bits > 8:
-        findings.warnings.append(
+        findings.warn(
             f"identities.{name}: {info.path.name} has {picture.pixels.bits} bits a colour; heads"
             " are rendered with 8, and the codec h264 writes 8"
         )
@@ -276,4 +276,5 @@ def _slow(findings: Findings, dub: Dub, scene: Scene, identities: Mapping[str, I
     for person in dub.people:
         seconds = sum(cue.seconds for cue in scene.cues if cue.identity == person)
         note = published.dub_note(dub.name, identities[person], rate, seconds)
-        findings.warnings += [] if note is None else [note]
+        if note is not None:
+            findings.warn(note)

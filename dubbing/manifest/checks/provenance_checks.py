@@ -34,7 +34,7 @@ def inspect_keys(findings: Findings, at: KeyPath, dub: Dub) -> None:
     elif dub.certificate or dub.key:
         findings.add((*at, "key"), "to sign needs both, certificate and key")
     if dub.mark is not None and dub.mark.key is None and installation_file() is None:
-        _once(findings, f"{HOMELESS}: dub will refuse it; {REMEDY}")
+        findings.warn(f"{HOMELESS}: dub will refuse it; {REMEDY}")
 
 
 def inspect_film(findings: Findings, at: KeyPath, dub: Dub, film: Path) -> None:
@@ -47,9 +47,4 @@ def inspect_film(findings: Findings, at: KeyPath, dub: Dub, film: Path) -> None:
         findings.add((*at, "certificate"), f"{message}, or leave certificate and key out")
     elif problem:
         what = f"{dub.name} is signed over {film.name}, though {problem}"
-        findings.warnings.append(f"{what}; its credentials will record that")
-
-
-def _once(findings: Findings, warning: str) -> None:
-    if warning not in findings.warnings:
-        findings.warnings.append(warning)
+        findings.warn(f"{what}; its credentials will record that")

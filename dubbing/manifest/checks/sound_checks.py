@@ -58,10 +58,10 @@ def of_dub(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
             silent += [str(cue.number) for cue, is_so in found if is_so]
             _channels(findings, dub.name, info, stretches[:: 1 + len(stretches) // LOOKED_AT])
     if silent and len(scene.cues) == 1:
-        findings.warnings.append(f"{dub.name}: nothing can be heard in {scene.cues[0].audio}")
+        findings.warn(f"{dub.name}: nothing can be heard in {scene.cues[0].audio}")
     elif silent:
         what = f"nothing can be heard in the sound of lines {some(silent)}"
-        findings.warnings.append(f"{dub.name}: {what}: mouths stay shut, and they are silent")
+        findings.warn(f"{dub.name}: {what}: mouths stay shut, and they are silent")
     film = findings.media[scene.clip]
     if scene.film_heard:
         _bed(findings, at, dub, film, speaks=bool(scene.left))
@@ -80,7 +80,7 @@ def _channels(
         if why in found:
             what = f"the {info.audio_channels} channels of {info.path.name} {said}"
             heard = f"channel {found[why].taken} is heard as the voice"
-            _warn(findings, f"{where}: {what}; {heard}")
+            findings.warn(f"{where}: {what}; {heard}")
 
 
 def _bed(findings: Findings, at: KeyPath, dub: Dub, film: MediaInfo, *, speaks: bool) -> None:
@@ -106,7 +106,7 @@ def _longer(findings: Findings, name: str, scene: Scene, film: MediaInfo) -> Non
         what = AT_THE_END[scene.on_longer_audio].format(count)
         longer = f"{name}: the speech is {float(over / film.rate):.2f} s longer than the film"
         policy = f"on_longer_audio: {scene.on_longer_audio}"
-        findings.warnings.append(f"{longer}: {what} ({policy})")
+        findings.warn(f"{longer}: {what} ({policy})")
 
 
 def of_tracks(findings: Findings, info: MediaInfo) -> None:
@@ -119,9 +119,4 @@ def of_tracks(findings: Findings, info: MediaInfo) -> None:
         what = f"tracks {', '.join(heard)} of {total} are heard as the channels of one sound"
     else:
         what = f"of its {total} tracks of sound number {heard[0]} alone is heard"
-    _warn(findings, f"{info.path.name}: {what}")
-
-
-def _warn(findings: Findings, warning: str) -> None:
-    if warning not in findings.warnings:
-        findings.warnings.append(warning)
+    findings.warn(f"{info.path.name}: {what}")

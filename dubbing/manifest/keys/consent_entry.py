@@ -6,8 +6,6 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationInfo
 from pydantic.json_schema import SkipJsonSchema
 
-from dubbing.engine.disk.files import read_bounded
-from dubbing.errors import ExplainedError
 from dubbing.manifest.keys import yaml_lines
 from dubbing.manifest.keys.entry import Entry
 from dubbing.manifest.keys.values import Day, FilePath, Filled, Film, Language, Sha256, resolve
@@ -52,10 +50,9 @@ def read_form(value: Any, info: ValidationInfo) -> Any:
         return value
     path: Path = resolve(value, info)
     try:
-        document = yaml_lines.read(read_bounded(path, MOST_BYTES_OF_FORM).decode())
-    except (OSError, ValueError, ExplainedError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        raise ValueError(f"the form {path} cannot be read: {reason}") from error
+        document = yaml_lines.read_file(path, MOST_BYTES_OF_FORM)
+    except ValueError as error:
+        raise ValueError(f"the form {path} {error}") from error
     if document.problems or not isinstance(document.data, dict):
         why = "; ".join(map(str, document.problems)) or "it holds no keys"
         raise ValueError(f"the form {path} cannot be read: {why}")

@@ -77,3 +77,8 @@ class Findings:
     def add(self, key: KeyPath, message: str) -> None:
         """Add a problem at a key."""
         self.problems.append((key, message))
+
+    def warn(self, warning: str) -> None:
+        """Add a warning, once."""
+        if warning not in self.warnings:
+            self.warnings.append(warning)

@@ -1,6 +1,8 @@
 """Safe YAML that remembers on which line every key stood."""
 
+import json
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
@@ -10,7 +12,8 @@ from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.nodes import CollectionNode, MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from dubbing.errors import Problem
+from dubbing.engine.disk.files import read_bounded
+from dubbing.errors import ExplainedError, Problem
 
 KeyPath = tuple[str | int, ...]
 # What ruamel.yaml raises at a value that is not of its kind, as the date 2026-13-45.
@@ -42,6 +45,24 @@ def key_path(path: KeyPath) -> str:
     for part in path:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
     return text
+
+
+def quoted(text: str) -> str:
+    """A string that YAML reads back as it is: JSON's strings are YAML's."""
+    return json.dumps(text, ensure_ascii=False)
+
+
+def read_file(path: Path, most: int) -> Document:
+    """What a file of at most so many bytes holds.
+
+    Raises:
+        ValueError: it cannot be read.
+    """
+    try:
+        return read(read_bounded(path, most).decode())
+    except (OSError, ValueError, ExplainedError) as error:
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ValueError(f"cannot be read: {reason}") from error
 
 
 def read(text: str) -> Document:

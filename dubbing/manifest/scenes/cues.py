@@ -134,13 +134,13 @@ class SceneCues:
         name = self.dub.lines and self.dub.lines.name
         if self.undubbed:
             what = f"nobody dubs {len(self.undubbed)} of {count} lines of {name}"
-            self.findings.warnings.append(f"{self.dub.name}: {what}")
+            self.findings.warn(f"{self.dub.name}: {what}")
         if self.too_long:
             what = f"lines {some(self.too_long)} are cut off with their cues"
-            self.findings.warnings.append(f"{self.dub.name}: {what}")
+            self.findings.warn(f"{self.dub.name}: {what}")
         if self.carried:
             what = f"lines {some(self.carried)} of {name} name nobody"
-            self.findings.warnings.append(
+            self.findings.warn(
                 f"{self.dub.name}: {what}; they are taken for the speaker's before them"
             )
 

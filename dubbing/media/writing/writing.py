@@ -49,7 +49,12 @@ def _always(name: str) -> tuple[str, str]:
     return name, name
 
 
+def _for_editing(name: str, encoder: dict[str, Any]) -> Codec:
+    return Codec(encoder, _always(name), full_range=False, even=True)
+
+
 LOSSLESS = {"vcodec": "ffv1", "level": 3, "slices": 4}
+PRORES = {"vcodec": "prores_ks", "vendor": "apl0"}
 CODECS = {
     "h264": Codec(
         {"vcodec": "libx264", "crf": 16, "preset": "veryfast"},
@@ -61,24 +66,9 @@ CODECS = {
         ("yuv420p", "yuv420p10le"),
         even=True,
     ),
-    "prores": Codec(
-        {"vcodec": "prores_ks", "profile:v": "hq", "vendor": "apl0"},
-        _always("yuv422p10le"),
-        full_range=False,
-        even=True,
-    ),
-    "prores4444": Codec(
-        {"vcodec": "prores_ks", "profile:v": "4444", "vendor": "apl0"},
-        _always("yuv444p10le"),
-        full_range=False,
-        even=True,
-    ),
-    "dnxhr": Codec(
-        {"vcodec": "dnxhd", "profile:v": "dnxhr_hqx"},
-        _always("yuv422p10le"),
-        full_range=False,
-        even=True,
-    ),
+    "prores": _for_editing("yuv422p10le", PRORES | {"profile:v": "hq"}),
+    "prores4444": _for_editing("yuv444p10le", PRORES | {"profile:v": "4444"}),
+    "dnxhr": _for_editing("yuv422p10le", {"vcodec": "dnxhd", "profile:v": "dnxhr_hqx"}),
     "ffv1": Codec(LOSSLESS),
     "ffv1-rgba": Codec(LOSSLESS, _always("bgra")),
     "ffv1-gray": Codec(LOSSLESS, _always("gray")),

@@ -8,8 +8,7 @@ import numpy as np
 import torch
 
 from dubbing.speech.voice_activity import STEP_RATE, at_times
-from dubbing.sync.network.mouth_channels import mouth_channels
-from dubbing.sync.network.sound_channels import Take
+from dubbing.sync.network.channels import mouth_channels
 from dubbing.sync.network.streams import MOUTH_FRAMES, MOUTH_STEP, SOUND_STEPS
 from dubbing.sync.network.sync_network import SyncNetwork
 
@@ -46,15 +45,6 @@ def sound_windows(sound: np.ndarray, moments: np.ndarray, stretch: float = 1.0) 
         sound: (T, D), starting at second 0 of `moments` (W,); silence outside.
     """
     return at_times(sound, moments[:, None] + _SOUND_OFFSETS * stretch)
-
-
-def take_windows(take: Take, moments: np.ndarray, tempo: float) -> np.ndarray:
-    """`sound_windows` of another take, whose clock runs `speed` times as fast, (W, A, D).
-
-    Args:
-        moments: (W,) on the clip's clock, tempo as well.
-    """
-    return sound_windows(take.sound, moments / take.speed, tempo / take.speed)
 
 
 @torch.no_grad()

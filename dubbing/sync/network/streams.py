@@ -19,7 +19,7 @@ WIDTH = 128
 SIZE = 64
 _COMPONENTS = 16
 _MAPS = (24, 48, 64)
-# Deviation of the logarithms of `mouth_channels.relative` is about a third.
+# Deviation of the logarithms of `channels.relative` is about a third.
 _PIXEL_SCALE = 3.0
 
 

@@ -22,8 +22,7 @@ from dubbing.errors import SyncError
 from dubbing.face.mouth.mouth_shape import RIGID
 from dubbing.shipped.weights import load_float, save_half
 from dubbing.speech.features import fingerprint
-from dubbing.sync.network.mouth_channels import MOUTH_CHANNELS
-from dubbing.sync.network.sound_channels import SOUND_CHANNELS
+from dubbing.sync.network.channels import MOUTH_CHANNELS, SOUND_CHANNELS
 from dubbing.sync.network.streams import SIZE, SoundStream, mouth_stream
 from dubbing.sync.network.weight_path import SYNC_WEIGHTS
 

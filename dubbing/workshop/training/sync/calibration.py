@@ -27,8 +27,8 @@ from dubbing.sync.curves import MAX_OFFSET, CurveSum, distances, early_ms, estim
 from dubbing.sync.judgement import judge
 from dubbing.sync.measure import Sound
 from dubbing.sync.mouth_figures import MouthSeries, mouth_figures, of_mouth
+from dubbing.sync.network.channels import SoundChannels
 from dubbing.sync.network.embeddings import mouth_embeddings, sound_embeddings
-from dubbing.sync.network.sound_channels import SoundChannels
 from dubbing.sync.network.sync_network import DEFAULT_WEIGHTS, SyncNetwork, load_network
 from dubbing.sync.result import FaceResult, Figures, Verdict
 from dubbing.sync.sums import SILENT_WEIGHT

@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
+from dubbing.sync.network.channels import SOUND_CHANNELS, centred
 from dubbing.sync.network.embeddings import mouth_windows, sound_windows
-from dubbing.sync.network.mouth_channels import centred
-from dubbing.sync.network.sound_channels import SOUND_CHANNELS
 from dubbing.workshop.training.sync.clips import TalkingClip
 
 STEP = 0.04

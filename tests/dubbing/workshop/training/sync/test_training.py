@@ -9,9 +9,8 @@ import torch
 
 from dubbing.errors import SyncError
 from dubbing.face.mouth.mouth_shape import CORNERS, MOUTH
+from dubbing.sync.network.channels import MOUTH_CHANNELS, SOUND_CHANNELS, WIDTH, mouth_channels
 from dubbing.sync.network.embeddings import mouth_windows
-from dubbing.sync.network.mouth_channels import MOUTH_CHANNELS, mouth_channels
-from dubbing.sync.network.sound_channels import SOUND_CHANNELS, WIDTH
 from dubbing.sync.network.streams import LipStream
 from dubbing.sync.network.sync_network import (
     MemberInputs,

@@ -1,15 +1,19 @@
-"""Mouth channels, an input of the sync network: lip geometry, and pixels of the mouth.
+"""Channels, the inputs of the sync network: of the mouth, and of the sound.
 
-Both are differences from their own mean over some seconds, so neither the person nor the light nor
-a slow change of pose matters.
+Lip geometry and pixels of the mouth are differences from their own mean over some seconds, so
+neither the person nor the light nor a slow change of pose matters. The sound is log-mel, and
+features of a recurrent network.
 
-Letters: F frames, M mouth points, R rows and C columns of a crop, S = 2 M + R C values a frame.
+Letters: F frames, M mouth points, R rows and C columns of a crop, S = 2 M + R C values a frame;
+N samples at 16 kHz, T steps of 20 ms, D = 144 channels.
 """
 
 import numpy as np
 
 from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS
 from dubbing.face.mouth.mouth_shape import MOUTH
+from dubbing.speech.mel_features import MelFeatures
+from dubbing.speech.rnn_features import RnnFeatures
 
 # Position of each kind of channel among the values of a frame. A member takes one of them.
 MOUTH_CHANNELS = {
@@ -20,6 +24,9 @@ MOUTH_CHANNELS = {
 MEAN_SECONDS = 4.0
 # Added to grey values 0..255 before their logarithm: noise in the dark must not count.
 DARK = 16.0
+# The same of the sound.
+SOUND_CHANNELS = {"mel": slice(0, 80), "rnn": slice(80, 144)}
+WIDTH = 144
 
 
 def running_mean(flat: np.ndarray, times: np.ndarray, seconds: float) -> np.ndarray:
@@ -64,3 +71,14 @@ def mouth_channels(shapes: np.ndarray, crops: np.ndarray, times: np.ndarray) -> 
     pixels = np.full((len(crops), ROWS * COLUMNS), np.nan, np.float32)
     pixels[valid] = relative(crops[valid], times[valid])
     return np.concatenate([centred(shapes, times), pixels], axis=1)
+
+
+class SoundChannels:
+    """Extracts the channels of sounds. Loads the acoustic network once."""
+
+    def __init__(self) -> None:
+        self._parts = (MelFeatures(), RnnFeatures())
+
+    def extract(self, samples: np.ndarray) -> np.ndarray:
+        """Channels (T, D) float32 of samples (N,)."""
+        return np.concatenate([part.extract(samples) for part in self._parts], axis=1)

@@ -1,33 +1,17 @@
-"""The channels a member hears, and other takes of the same sound."""
+"""Other takes of the same sound."""
 
 import numpy as np
 import pytest
 
-from dubbing.speech.features import features_by_name
-from dubbing.speech.mel_features import MelFeatures
 from dubbing.speech.voice_activity import STEP_RATE
-from dubbing.sync.network.embeddings import take_windows
-from dubbing.sync.network.sound_channels import (
-    SOUND_CHANNELS,
-    WIDTH,
-    SoundChannels,
-    Take,
-    another_take,
-)
+from dubbing.sync.network.channels import SOUND_CHANNELS, WIDTH, SoundChannels
+from dubbing.workshop.training.sync.takes import Take, another_take, take_windows
 from tests.dubbing.conftest import Speaker
 
 pytestmark = pytest.mark.medium
 
 
 CHANNELS = SoundChannels()
-
-
-def test_both_kinds_of_channels_stand_where_they_belong(speaker: Speaker) -> None:
-    channels = CHANNELS.extract(speaker.sound)
-    assert channels.shape == (200, WIDTH)
-    assert np.array_equal(channels[:, SOUND_CHANNELS["mel"]], MelFeatures().extract(speaker.sound))
-    rnn = features_by_name("rnn").extract(speaker.sound)
-    assert np.array_equal(channels[:, SOUND_CHANNELS["rnn"]], rnn)
 
 
 def test_another_take_sounds_the_same_at_its_own_speed(speaker: Speaker) -> None:

@@ -1,35 +1,21 @@
-"""Sound channels, an input of the sync network: log-mel, and features of a recurrent network.
+"""Other takes of a clip's sound: the same words in another voice, with another microphone.
 
-Letters: N samples at 16 kHz, T steps of 20 ms, D = 144 channels.
+Letters: N samples at 16 kHz, T steps of 20 ms, D channels, W moments, A = 10 sound steps.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from dubbing.speech.mel_features import MelFeatures
-from dubbing.speech.rnn_features import RnnFeatures
 from dubbing.speech.voice_activity import SAMPLE_RATE
+from dubbing.sync.network.channels import SoundChannels
+from dubbing.sync.network.embeddings import sound_windows
 
-# Position of each kind of feature among the channels. A member takes one of them.
-SOUND_CHANNELS = {"mel": slice(0, 80), "rnn": slice(80, 144)}
-WIDTH = 144
 # Largest change of the speed of another take, in logarithms; pitch and formants change with it.
 _FASTEST = 0.12
 # Level of the speech over the noise of another take, dB.
 _SNR = (5.0, 40.0)
 _NODES = 8  # of a microphone's response
-
-
-class SoundChannels:
-    """Extracts the channels of sounds. Loads the acoustic network once."""
-
-    def __init__(self) -> None:
-        self._parts = (MelFeatures(), RnnFeatures())
-
-    def extract(self, samples: np.ndarray) -> np.ndarray:
-        """Channels (T, D) float32 of samples (N,)."""
-        return np.concatenate([part.extract(samples) for part in self._parts], axis=1)
 
 
 @dataclass(frozen=True)
@@ -57,3 +43,12 @@ def another_take(samples: np.ndarray, channels: SoundChannels, rng: np.random.Ge
     level = float(np.sqrt(np.mean(sound**2) / np.mean(noise**2)))
     sound = sound + noise * level * 10 ** (-rng.uniform(*_SNR) / 20)
     return Take(speed, channels.extract(sound.astype(np.float32)))
+
+
+def take_windows(take: Take, moments: np.ndarray, tempo: float) -> np.ndarray:
+    """`sound_windows` of another take, whose clock runs `speed` times as fast, (W, A, D).
+
+    Args:
+        moments: (W,) on the clip's clock, tempo as well.
+    """
+    return sound_windows(take.sound, moments / take.speed, tempo / take.speed)

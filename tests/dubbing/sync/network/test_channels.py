@@ -1,18 +1,25 @@
-"""Mouth channels: differences from the mean mouth, without the light."""
+"""Channels of a mouth, differences from its mean without the light; channels of its sound."""
 
 import numpy as np
+import pytest
 import torch
 
 from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS
 from dubbing.face.mouth.mouth_shape import MOUTH
-from dubbing.sync.network.mouth_channels import (
+from dubbing.speech.features import features_by_name
+from dubbing.speech.mel_features import MelFeatures
+from dubbing.sync.network.channels import (
     DARK,
     MOUTH_CHANNELS,
+    SOUND_CHANNELS,
+    WIDTH,
+    SoundChannels,
     mouth_channels,
     relative,
     running_mean,
 )
 from dubbing.workshop.training.sync.pixel_augmentation import vary_pixels
+from tests.dubbing.conftest import Speaker
 from tests.dubbing.sync.made import made_crops
 
 TIMES = (np.arange(100) + 0.5) / 25
@@ -72,3 +79,12 @@ def test_variations_of_a_still_mouth_show_little_motion() -> None:
         assert torch.isfinite(varied).all()
         sizes.append(float(varied.abs().mean()))
     assert sizes[1] < 0.5 * sizes[0]
+
+
+@pytest.mark.medium
+def test_both_kinds_of_channels_stand_where_they_belong(speaker: Speaker) -> None:
+    channels = SoundChannels().extract(speaker.sound)
+    assert channels.shape == (200, WIDTH)
+    assert np.array_equal(channels[:, SOUND_CHANNELS["mel"]], MelFeatures().extract(speaker.sound))
+    rnn = features_by_name("rnn").extract(speaker.sound)
+    assert np.array_equal(channels[:, SOUND_CHANNELS["rnn"]], rnn)
