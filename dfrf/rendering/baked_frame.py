@@ -24,11 +24,10 @@ from dfrf.field.reference_encoder import MATTE, shows_head
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.baked_density import FrameDensity
 from dfrf.rendering.frame_buffer import Pixels
-from dfrf.rendering.frame_head import SeenRays
 from dfrf.rendering.frame_renderer import BLOCK, grown, head_blocks
 from dfrf.rendering.ray_marching import Search
 from dfrf.rendering.surface_details import SurfaceDetails
-from dfrf.rendering.volume_rendering import Volume
+from dfrf.rendering.volume_rendering import SeenRays, Volume
 
 SEEN = 0.05  # opacity from which a vertex is asked what it shows
 FAINT, OPAQUE = 0.02, 0.98  # opacities between which a pixel lies on the head's edge

@@ -10,22 +10,7 @@ from torch import Tensor
 
 from dfrf.cameras import Camera, Rays
 from dfrf.rendering.frame_renderer import render_frame
-from dfrf.rendering.volume_rendering import Volume, render_rays
-
-
-@dataclass(frozen=True)
-class SeenRays:
-    """Rays, as they see the head.
-
-    Attributes:
-        colour: premultiplied, in 0..1.
-        opacity: of each ray.
-        depth: mean distance that the light comes from, times opacity.
-    """
-
-    colour: Float[Tensor, "R 3"]
-    opacity: Float[Tensor, " R"]
-    depth: Float[Tensor, " R"]
+from dfrf.rendering.volume_rendering import SeenRays, Volume, render_rays
 
 
 class FrameHead(Protocol):
@@ -63,5 +48,4 @@ class MarchedHead:
 
     def see(self, rays: Rays) -> SeenRays:
         """See `FrameHead`."""
-        seen = render_rays(self.volume, rays)
-        return SeenRays(seen.colour, seen.opacity, seen.depth)
+        return render_rays(self.volume, rays)

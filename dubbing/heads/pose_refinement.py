@@ -26,7 +26,7 @@ from dubbing.engine.graph.stage import Progress, ReportShare
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.identity.dataset import upper_face_expression
 from dubbing.preparation.alignment.banded import DOF, lower_band, smoothness_blocks, solve_band
-from dubbing.preparation.alignment.rotations import relative_vectors
+from dubbing.preparation.alignment.camera import relative_vectors
 from dubbing.preparation.head_findings import POSES_FILE
 from dubbing.preparation.prepared import PreparedClip
 

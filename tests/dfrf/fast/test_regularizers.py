@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import torch
 
-from dfrf.training.regularizers import distortion_loss, surface_loss
+from dfrf.fast.fast_loss import distortion_loss, surface_loss
 
 
 def test_distortion_is_the_double_sum() -> None:
