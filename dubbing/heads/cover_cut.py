@@ -18,6 +18,7 @@ THIN = 1  # px to each side: what is thinner is an edge that does not fit
 APART = 0.22  # of a logarithm: no skin differs by more
 LIKE_SKIN = 12.0  # of a and b of CIELAB
 LEAST = 0.03  # of the squared eye distance that must differ, beside the lips
+LARGE = 0.1  # of it: what hides a face, and has its colours
 AROUND, MOST = 2, 3  # in so many frames of those that near, or it is chance
 ROUNDS = 3  # of grabCut
 SOFT = 2.0  # px at 512, the edge of a mask
@@ -36,6 +37,11 @@ def unexplained(compared: Compared, usual: np.ndarray) -> np.ndarray:
     least = LEAST * (EYES * compared.zoom) ** 2
     large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= least) + 1
     return np.isin(piece, large)
+
+
+def is_large(compared: Compared, over: np.ndarray) -> bool:
+    """Whether what surely lies over the face is more than a shade of a turned head."""
+    return bool(over.sum() >= LARGE * (EYES * compared.zoom) ** 2)
 
 
 def is_like_skin(compared: Compared, over: np.ndarray) -> bool:
@@ -117,12 +123,18 @@ def mask_of(over: np.ndarray, image: np.ndarray, landmarks: np.ndarray) -> np.nd
         over: (H, W) bool. image: (S, S, 3) uint8. landmarks: (478, 2) px of it.
     """
     size = len(image)
-    unit = size / 512
     back = cv2.invertAffineTransform(to_face(landmarks))
     wide = cv2.warpAffine(over.astype(np.float32), back, (size, size), flags=cv2.INTER_LINEAR)
-    reach = max(2, round(float(np.hypot(*back[:, 0])) * 1.5))
-    fine = cv2.ximgproc.guidedFilter(image, wide, reach, 1e-3 * 255**2)
+    return on_edges(wide, image, float(np.hypot(*back[:, 0])))
+
+
+def on_edges(mask: np.ndarray, image: np.ndarray, scale: float) -> np.ndarray:
+    """A coarse mask (S, S), 0..1, laid on the edges of the picture (S, S, 3): (S, S) uint8.
+
+    Args:
+        scale: px of the picture to a px of the mask before it was enlarged.
+    """
+    fine = cv2.ximgproc.guidedFilter(image, mask, max(2, round(1.5 * scale)), 1e-3 * 255**2)
     soft = np.clip((fine - 0.3) / 0.4, 0, 1)
-    return np.asarray(
-        (255 * cv2.GaussianBlur(soft, (0, 0), max(0.5, SOFT * unit))).round(), np.uint8
-    )
+    sigma = max(0.5, SOFT * len(image) / 512)
+    return np.asarray((255 * cv2.GaussianBlur(soft, (0, 0), sigma)).round(), np.uint8)

@@ -42,9 +42,9 @@ def _finding(name: str, test: Callable[[], str]) -> Finding:
 
 def _faces() -> str:
     from dubbing.face.finding.graph_network import GraphNetwork
-    from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
+    from dubbing.face.weight_paths import FACE_WEIGHTS, HAND_WEIGHTS, PERSON_WEIGHTS
 
-    paths = FACE_WEIGHTS | PERSON_WEIGHTS
+    paths = FACE_WEIGHTS | HAND_WEIGHTS | PERSON_WEIGHTS
     return ", ".join(name for name, path in paths.items() if not GraphNetwork(path).works())
 
 

@@ -1,1 +1,1 @@
-"""Where faces and their landmarks are in an image, and from frame to frame."""
+"""Where faces, hands and their landmarks are in an image, and from frame to frame."""

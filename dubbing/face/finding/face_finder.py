@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dubbing.face.finding.face_detector import FaceDetector
+from dubbing.face.finding.box_detector import FACES, BoxDetector
 from dubbing.face.finding.graph_network import network
 from dubbing.face.finding.landmark_network import LandmarkNetwork
 from dubbing.face.finding.regions import Images, Region, overlap
@@ -31,7 +31,7 @@ class FaceFinder:
     """
 
     def __init__(self, faces: int = 1, confidence: float = CONFIDENCE) -> None:
-        self._detector = FaceDetector(network(FACE_DETECTOR), confidence)
+        self._detector = BoxDetector(network(FACE_DETECTOR), FACES, confidence)
         self._landmarks = LandmarkNetwork(network(FACE_LANDMARKS))
         self._faces = faces
         self._followed: list[Region] = []
@@ -46,7 +46,8 @@ class FaceFinder:
 
     def detect(self, images: Images) -> list[list[Region]]:
         """Regions of faces of images, in which `follow` looks beside those that it follows."""
-        return self._detector(images, self._faces)
+        boxes = self._detector(images, self._faces)
+        return [[Region.around(box[0], box[1], box[2:]) for box in some] for some in boxes]
 
     def follow(
         self, image: np.ndarray, detected: Sequence[Region] | None = None

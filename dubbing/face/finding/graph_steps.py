@@ -29,10 +29,11 @@ def _convolve(settings: Settings, weight: Tensor, bias: Tensor) -> Run:
         # A row and a column of zeros in the filter are faster than unequal edges of the image.
         weight, before = F.pad(weight, (1, 0, 1, 0)), after
     weight = weight.contiguous(memory_format=torch.channels_last)
+    then: Run = F.relu6 if settings.get("then") == "relu6" else lambda x: x
     if before == after:
-        return lambda x: F.conv2d(x, weight, bias, stride, before, 1, groups)
+        return lambda x: then(F.conv2d(x, weight, bias, stride, before, 1, groups))
     sides = (before, after, before, after)
-    return lambda x: F.conv2d(F.pad(x, sides), weight, bias, stride, 0, 1, groups)
+    return lambda x: then(F.conv2d(F.pad(x, sides), weight, bias, stride, 0, 1, groups))
 
 
 def _convolve_transposed(settings: Settings, weight: Tensor, bias: Tensor) -> Run:

@@ -6,8 +6,15 @@ import cv2
 import numpy as np
 
 from dubbing.heads.comparison import Compared, H, W, is_awry, to_face, usual_difference
-from dubbing.heads.cover_cut import followed, is_like_skin, mask_of, steady, unexplained
-from dubbing.heads.covers import lasting, runs_of
+from dubbing.heads.cover_cut import (
+    followed,
+    is_large,
+    is_like_skin,
+    mask_of,
+    steady,
+    unexplained,
+)
+from dubbing.heads.covers import lasting, runs_of, told_apart
 from tests import fakes
 
 FACE = np.zeros((H, W), bool)
@@ -93,13 +100,30 @@ def test_a_head_that_does_not_lie_on_the_face() -> None:
     assert is_awry(replace(compared, apart=compared.apart + 0.15), USUAL)
 
 
-def test_a_hand_cannot_be_told_from_a_face() -> None:
-    thing = np.zeros((H, W), bool)
+def test_what_has_the_colours_of_a_face_is_told_from_it_as_a_hand_alone() -> None:
+    thing, hand = np.zeros((H, W), bool), np.zeros((21, 3))
     thing[OBJECT] = True
-    assert not is_like_skin(face(OBJECT), thing)
-    hand = face()
-    hand.picture[OBJECT] = (185, 138, 120)
-    assert is_like_skin(hand, thing)
+    dark, like_skin = face(OBJECT), face()
+    like_skin.picture[OBJECT] = (185, 138, 120)
+    assert not is_like_skin(dark, thing)
+    assert is_like_skin(like_skin, thing)
+    cover = told_apart(dark, thing, thing, [])
+    assert cover is not None
+    assert cover.pixels is thing
+    assert told_apart(like_skin, thing, thing, []) is None
+    cover = told_apart(like_skin, thing, np.zeros_like(thing), [hand])
+    assert cover is not None
+    assert not cover.pixels.any()
+    assert cover.hands == [hand]
+
+
+def test_a_shade_hides_no_face() -> None:
+    thing, shade = np.zeros((2, H, W), bool)
+    thing[OBJECT] = True
+    shade[60:66, 40:48] = True
+    assert is_large(face(), thing)
+    assert not is_large(face(), shade)
+    assert not is_large(replace(face(), zoom=3.0), thing)  # a profile, shown larger
 
 
 def test_a_mask_follows_the_picture() -> None:

@@ -14,7 +14,7 @@ from torch import Tensor
 from dubbing.errors import ExplainedError
 from dubbing.face.finding.graph_network import GraphNetwork
 from dubbing.face.finding.graph_steps import STEPS
-from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
+from dubbing.face.weight_paths import FACE_WEIGHTS, HAND_WEIGHTS, PERSON_WEIGHTS
 
 
 def run(op: str, *inputs: Tensor, weights: tuple[Tensor, ...] = (), **settings: Any) -> Tensor:
@@ -92,7 +92,9 @@ def test_outside_of_the_image_a_crop_is_zero() -> None:
     np.testing.assert_array_equal(found[0, 0], [[0, 0, 1, 1]] * 4)
 
 
-@pytest.mark.parametrize("path", (FACE_WEIGHTS | PERSON_WEIGHTS).values(), ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path", (FACE_WEIGHTS | HAND_WEIGHTS | PERSON_WEIGHTS).values(), ids=lambda p: p.stem
+)
 def test_what_ships_works_and_leaves_the_number_of_threads(path: Path) -> None:
     threads = torch.get_num_threads()
     network = GraphNetwork(path)

@@ -13,12 +13,14 @@ import pytest
 
 from dubbing.face.finding.face_finder import FaceFinder
 from dubbing.face.finding.graph_network import network
+from dubbing.face.finding.hand_finder import HandFinder
 from dubbing.face.finding.landmark_network import SIZE, LandmarkNetwork
 from dubbing.face.finding.regions import Images, Region
 from dubbing.face.mesh_points import LANDMARKS
 from dubbing.face.weight_paths import FACE_LANDMARKS
 from dubbing.media import read_frames
 from dubbing.preparation.matting.masks import INPUT_SIDE, person_masks
+from dubbing.workshop.true_dubs import objects
 from tests import needs
 
 pytestmark = pytest.mark.medium
@@ -127,3 +129,22 @@ def clip(request: pytest.FixtureRequest) -> list[np.ndarray]:
 def test_real_clips(clip: list[np.ndarray]) -> None:
     check_both_modes(clip, 1)
     check_masks(clip[::10])
+
+
+def test_hands(people: dict[str, np.ndarray]) -> None:
+    """Each frame by itself: `max_num_hands` of the published graph counts those it follows."""
+    size = 2 * people["alba"].shape[1]
+    frames = [
+        objects.hand(t, np.array([size / 2, size / 2]), size).over(cv2.resize(image, (size, size)))
+        for t, image in zip(range(145, 166, 5), people["alba"], strict=False)
+    ]
+    published = solutions.hands.Hands(static_image_mode=True, model_complexity=0)
+    distances = []
+    for frame in frames:
+        (some,) = HandFinder().follow([frame])
+        (ours,) = some
+        (theirs,) = published.process(frame).multi_hand_landmarks
+        flat = np.array([(p.x, p.y) for p in theirs.landmark]) * size
+        distances.append(np.linalg.norm(ours[:, :2] - flat, axis=1))
+    assert np.median(distances) < 0.1
+    assert np.max(distances) < 0.5

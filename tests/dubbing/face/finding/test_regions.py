@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.face.finding.face_detector import ANCHORS, merge
+from dubbing.face.finding.box_detector import FACES, merge
 from dubbing.face.finding.face_finder import distinct
 from dubbing.face.finding.regions import Region, overlap
 
@@ -49,9 +49,10 @@ def test_boxes_of_one_face_are_averaged_by_their_scores() -> None:
 
 
 def test_there_is_an_anchor_in_every_cell() -> None:
-    assert ANCHORS.shape == (896, 2)
+    anchors = FACES.anchors()
+    assert anchors.shape == (896, 2)
     np.testing.assert_allclose(
-        ANCHORS[[0, 1, 2, 512, 895]],
+        anchors[[0, 1, 2, 512, 895]],
         [
             [1 / 32, 1 / 32],
             [1 / 32, 1 / 32],
