@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dubbing.digests import sha256_of
+from dubbing.engine.disk.file_digests import sha256_of
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.production.clip import Clip, PersonClip
 

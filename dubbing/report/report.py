@@ -17,6 +17,7 @@ from dubbing.engine.disk.files import (
     remove_torn,
 )
 from dubbing.engine.graph.graph import Job, Jobs
+from dubbing.engine.memory import peak_memory
 from dubbing.engine.running.outcome import Outcome
 from dubbing.errors import ExplainedError
 from dubbing.identity.learned import CURVE_FILE, in_words, learned_if_known
@@ -38,7 +39,6 @@ from dubbing.report.page import (
     WARNED,
     page_of,
 )
-from dubbing.report.peak_memory import peak_memory
 from dubbing.report.sources import relative, shown, source_of
 from dubbing.report.thumbnails import thumbnail_of
 from dubbing.stages.check import Check

@@ -1,5 +1,6 @@
 """Digests of files, each read once as long as it does not change."""
 
+import hashlib
 import os
 import stat
 from pathlib import Path
@@ -26,3 +27,10 @@ def _digest(path: Path) -> str:
         return digest_file(path)
     files = [[number, digest_file(file)] for number, file in sequence.files().items()]
     return digest_data([sequence.options, files])
+
+
+@while_unchanged(256)
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file in hexadecimal."""
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()

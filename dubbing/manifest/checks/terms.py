@@ -4,7 +4,7 @@ import datetime
 from collections.abc import Iterator
 from pathlib import Path
 
-from dubbing.digests import sha256_of
+from dubbing.engine.disk.file_digests import sha256_of
 from dubbing.engine.disk.numbered import plain
 from dubbing.manifest.keys.entries import Dub, Identity
 from dubbing.manifest.keys.yaml_lines import KeyPath

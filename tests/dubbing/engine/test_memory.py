@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from dubbing.report.peak_memory import peak_memory
+from dubbing.engine.memory import peak_memory
 
 
 def test_it_is_known_here() -> None:
