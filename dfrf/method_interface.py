@@ -20,6 +20,7 @@ from dfrf.data.dataset import HeadDataset
 from dfrf.data.ray_batch import RayBatch
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.model_interface import HeadModel
+from dfrf.rendering.frame_buffer import HeadImage
 from dfrf.rendering.frame_head import FrameHead
 
 
@@ -249,9 +250,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
         return self.resting_heads(expression, origins, maps)
 
     @abstractmethod
-    def render_frames(
-        self, inputs: FrameInputs, maps: MapsT | None
-    ) -> Iterator[tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]]:
+    def render_frames(self, inputs: FrameInputs, maps: MapsT | None) -> Iterator[HeadImage]:
         """Heads of frames, in their order.
 
         Yields:

@@ -23,7 +23,7 @@ from dfrf.cameras import Camera, Rays
 from dfrf.field.reference_encoder import MATTE, shows_head
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.baked_density import FrameDensity
-from dfrf.rendering.frame_buffer import Pixels
+from dfrf.rendering.frame_buffer import HeadImage, Pixels
 from dfrf.rendering.frame_renderer import BLOCK, grown, head_blocks
 from dfrf.rendering.ray_marching import Search
 from dfrf.rendering.surface_details import SurfaceDetails
@@ -207,9 +207,7 @@ class BakedHead:
     images: ViewImages
 
     @torch.no_grad()
-    def render(
-        self, camera: Camera, region: Bool[Tensor, "S S"] | None = None
-    ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+    def render(self, camera: Camera, region: Bool[Tensor, "S S"] | None = None) -> HeadImage:
         """See `frame_head.FrameHead`."""
         size = camera.size
         frame = torch.zeros(4, size, size, device=camera.c2w.device)

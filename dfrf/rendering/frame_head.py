@@ -5,10 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from torch import Tensor
 
 from dfrf.cameras import Camera, Rays
+from dfrf.rendering.frame_buffer import HeadImage
 from dfrf.rendering.frame_renderer import render_frame
 from dfrf.rendering.volume_rendering import SeenRays, Volume, render_rays
 
@@ -16,9 +17,7 @@ from dfrf.rendering.volume_rendering import SeenRays, Volume, render_rays
 class FrameHead(Protocol):
     """The head in one frame."""
 
-    def render(
-        self, camera: Camera, region: Bool[Tensor, "S S"] | None = None
-    ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+    def render(self, camera: Camera, region: Bool[Tensor, "S S"] | None = None) -> HeadImage:
         """Premultiplied colour in 0..1, and opacity.
 
         Args:
@@ -40,9 +39,7 @@ class MarchedHead:
 
     volume: Volume
 
-    def render(
-        self, camera: Camera, region: Bool[Tensor, "S S"] | None = None
-    ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+    def render(self, camera: Camera, region: Bool[Tensor, "S S"] | None = None) -> HeadImage:
         """See `FrameHead`."""
         return render_frame(self.volume, camera, region)
 
