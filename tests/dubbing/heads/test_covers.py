@@ -77,7 +77,29 @@ def test_a_frame_takes_on_what_its_neighbours_show() -> None:
     seeds = [unexplained(c, USUAL) for c in compared]
     assert not seeds[2].any()
     found = followed(compared, seeds)
-    assert overlap(found[2], over_lips) > 0.5
+    assert overlap(found[2] & LIPS, over_lips) > 0.5
+
+
+def test_an_open_mouth_is_no_part_of_a_thing_as_dark() -> None:
+    """It is open in two frames, of a thing that stays."""
+    open_mouth = np.s_[46:54, 46:58]
+    compared = [face(OBJECT, k) for k in range(12)]
+    for c in compared[5:7]:
+        c.picture[open_mouth] = DARK
+        c.apart[open_mouth] = 1.0
+    found = followed(compared, steady([unexplained(c, USUAL) for c in compared]))
+    beside = np.s_[46:54, 52:58]
+    assert found[5][50:54, 38:46].mean() > 0.9
+    assert found[5][beside].mean() < 0.1
+
+
+def test_a_shine_bites_nothing_off_a_thing() -> None:
+    compared = [face(OBJECT, k) for k in range(5)]
+    for c in compared:
+        c.picture[56:60, 37:39] = SKIN
+        c.apart[56:60, 37:39] = 0
+    found = followed(compared, steady([unexplained(c, USUAL) for c in compared]))
+    assert found[2][57:59, 38:39].all()
 
 
 def test_what_flashes_up_is_chance() -> None:
