@@ -100,6 +100,7 @@ def edit_columns(edit: Edit) -> dict[str, Any]:
     keys = ", ".join(f"{at:g}: {value:g}" for at, value in edit.keys)
     curves = edit.curves[0].name if edit.curves else ""
     own = {"shift": edit.shift or None, "strength": strength, "keys": keys, "curves": curves}
+    own["film_mouth"] = ", ".join(f"{start:g}-{end:g}" for start, end in edit.film_mouth)
     return {**own, "note": edit.note, "status": edit.status}
 
 

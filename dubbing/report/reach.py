@@ -66,8 +66,10 @@ def _expected(
             poses = timeline.pose_index(dub.length, clip.segment, dub.first, dub.on_longer_audio)
         except ExplainedError:  # a run of this dub says so
             continue
-        if len(frames := poses[cue.first : cue.stop]):
-            found[cue.name] = reach(clip, frames, kept)
+        frames = poses[cue.first : cue.stop]
+        frames = frames[~cue.edit.of_film(len(frames), clip.rate)]
+        if len(frames):
+            found[cue.name] = reach(clip, frames, None if kept is None else kept[frames])
     return found
 
 

@@ -30,6 +30,8 @@ class Edit:
         status: open, approved or redo; for people.
         curves: a file, and the line in it whose lips take the place of those heard.
         take: its name, where the line has several; for people.
+        film_mouth: from and to, in seconds of the cue, where the face stays the film's own. Which
+            only a video depends on.
     """
 
     shift: float = 0.0
@@ -39,6 +41,7 @@ class Edit:
     status: Setting[str] = "open"
     curves: tuple[Path, int] | None = None
     take: Setting[str] = ""
+    film_mouth: tuple[tuple[float, float], ...] = ()
 
     @property
     def of_lips(self) -> bool:
@@ -63,6 +66,14 @@ class Edit:
         at, values = np.array(sorted(points)).T
         return np.interp(heard, at, values).astype(np.float32)
 
+    def of_film(self, frames: int, rate: Fraction) -> np.ndarray:
+        """Frames of the cue, (F,) bool, in which the face stays the film's own."""
+        seconds = (np.arange(frames) + 0.5) / float(rate)
+        own = np.zeros(frames, bool)
+        for start, end in self.film_mouth:
+            own |= (seconds >= start) & (seconds < end)
+        return own
+
     def in_words(self) -> str:
         """``the mouth 80 ms later, strength 0.5: mumbled``; empty without an edit."""
         found = [f"take {self.take}"] if self.take else []
@@ -73,6 +84,8 @@ class Edit:
             found.append(f"strength {self.strength:g}")
         found += [f"{strength:g} at {at:g} s" for at, strength in self.keys]
         found += [f"lips of {self.curves[0].name}"] if self.curves else []
+        spans = [f"{start:g} to {end:g} s" for start, end in self.film_mouth]
+        found += [f"the film's own mouth from {', '.join(spans)}"] if spans else []
         return ": ".join(part for part in (", ".join(found), self.note) if part)
 
 

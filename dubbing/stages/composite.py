@@ -12,6 +12,7 @@ from dubbing.engine.disk.file_digests import digest_of
 from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.mixing.sound import Sound
 from dubbing.provenance.mark_key import Marking
+from dubbing.script.timeline import Edit
 from dubbing.stages.base import DubbingStage, Prepared
 from dubbing.video.settings import VideoSettings
 
@@ -112,10 +113,12 @@ class Composite(OnFilm):
 
     Attributes:
         heads: the stages that rendered them, by cue.
+        film_mouth: of edits of cues; see `Edit`.
     """
 
     heads: Mapping[str, Stage]
     mark: Marking | None
+    film_mouth: Mapping[str, tuple[tuple[float, float], ...]]
 
     typical: ClassVar[Rate] = Rate(0.04, 3e3)
 
@@ -123,7 +126,9 @@ class Composite(OnFilm):
     def of(cls, dub: Dub, heads: Mapping[str, Stage], people: Mapping[str, PersonOnFilm]) -> Self:
         """The stage for a dub."""
         common = cls.common(dub, people)
-        return cls(**common, settings=dub.settings, heads=heads, mark=dub.marking())
+        spans = {cue.name: cue.edit.film_mouth for cue in dub.cues if cue.edit.film_mouth}
+        settings, mark = dub.settings, dub.marking()
+        return cls(**common, settings=settings, heads=heads, mark=mark, film_mouth=spans)
 
     def run(self, out: Path, progress: Progress) -> None:
         from dubbing.engine.disk.files import digest_data
@@ -133,13 +138,14 @@ class Composite(OnFilm):
         clips = {name: person.film() for name, person in self.people.items()}
         kept = {name: person.kept(clips[name]) for name, person in self.people.items()}
         poses = self.poses(clips)
-        heads = [
-            replace(
-                heads_of(cue, partial(read_heads, self.heads[cue.name].folder), clips, kept),
-                made_of=partial(digests_of_heads, self.heads[cue.name]),
+        heads = []
+        for cue in self.sound.cues:
+            rendered, edit = (
+                self.heads[cue.name],
+                Edit(film_mouth=self.film_mouth.get(cue.name, ())),
             )
-            for cue in self.sound.cues
-        ]
+            own = heads_of(cue, edit, partial(read_heads, rendered.folder), clips, kept)
+            heads.append(replace(own, made_of=partial(digests_of_heads, rendered)))
         settings = replace(self.settings, mark=self.mark)
         whole = [self.version, self.parameters["settings"], self.parameters["mark"]]
         whole += [digest_of(self.film)]
@@ -166,6 +172,7 @@ def digests_of_heads(stage: Stage, first: int, count: int) -> list[str]:
 
 def heads_of(
     cue: Cue,
+    edit: Edit,
     read: Callable[[int, int], Iterator[np.ndarray]],
     clips: Mapping[str, PreparedClip],
     kept: Mapping[str, np.ndarray],
@@ -174,4 +181,5 @@ def heads_of(
     from dubbing.video.composer import Heads
 
     person = cue.identity
-    return Heads(read, clips[person], cue.first, cue.stop, kept[person], cue.name)
+    clip, asked = clips[person], edit.of_film(cue.stop - cue.first, clips[person].rate)
+    return Heads(read, clip, cue.first, cue.stop, kept[person], cue.name, asked)

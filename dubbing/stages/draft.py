@@ -122,7 +122,7 @@ class HalfSize:
 
     def heads(self, cue: Cue, edit: Edit) -> Heads:
         """The heads of a cue, which are rendered as they are read."""
-        return heads_of(cue, self._rendered(cue, edit), self.clips, self.kept)
+        return heads_of(cue, edit, self._rendered(cue, edit), self.clips, self.kept)
 
     def _rendered(self, cue: Cue, edit: Edit) -> Callable[[int, int], Iterator[np.ndarray]]:
         from dfrf.presets import method_of

@@ -84,7 +84,7 @@ class Render(DubbingStage):
             film_first=dub.first,
             on_longer_audio=dub.on_longer_audio,
             baked=dub.baked and family(person.settings.preset) == "fast",
-            edit=cue.edit,
+            edit=replace(cue.edit, film_mouth=()),
             learned=learned if cue.edit.of_lips else (),
             preset=person.settings.preset,
             crop=person.crops(dub.film),

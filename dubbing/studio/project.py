@@ -22,7 +22,7 @@ from dubbing.pipeline import DUB
 from dubbing.production.dub import Dub
 from dubbing.production.production import Production
 from dubbing.report.lines import lines_of
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.timeline import FADE, Cue, Edit
 from dubbing.stages.draft import Draft
 
 OF_LINE = ("line", "speaker", "identity", "in", "verdict", "reason", "words")
@@ -128,9 +128,13 @@ class Project:
         dub, edits = self.dubs[name], self.edits(name)
         parts: list[str] = [""] * dub.length
         for cue in dub.cues:
-            edit = edits[cue.name]
-            for k, share in enumerate(self._strengths(dub, cue, edit), cue.first):
-                parts[k] += f"{edit.shift:g}/{share:.4f}/{_digest(edit)} "
+            edit, curves = edits[cue.name], _digest(edits[cue.name])
+            strengths = self._strengths(dub, cue, edit)
+            own = np.flatnonzero(edit.of_film(len(strengths), dub.film.rate))
+            away = np.abs(np.subtract.outer(np.arange(len(strengths)), own))
+            near = (away <= FADE).sum(1)  # beside such frames the face fades in and out
+            for k, (share, film) in enumerate(zip(strengths, near, strict=True), cue.first):
+                parts[k] += f"{edit.shift:g}/{share:.4f}/{curves}/{film} "
         return parts[first:stop]
 
     def _strengths(self, dub: Dub, cue: Cue, edit: Edit) -> np.ndarray:
@@ -180,4 +184,5 @@ def _takes(entries: Mapping[Cue, edit_entry.Edit]) -> dict[str, dict[str, Any]]:
 def _as_json(edit: Edit) -> dict[str, Any]:
     keys = [{"at": at, "strength": strength} for at, strength in edit.keys]
     curves = str(edit.curves[0]) if edit.curves else None
-    return {**vars(edit), "keys": keys, "curves": curves}
+    spans = [{"start": start, "end": end} for start, end in edit.film_mouth]
+    return {**vars(edit), "keys": keys, "curves": curves, "film_mouth": spans}

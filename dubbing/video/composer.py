@@ -5,7 +5,7 @@ F frames, S side of the crop in px.
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +25,7 @@ from dubbing.provenance.mark import Mark
 from dubbing.provenance.mark_key import Marking, bits_of
 from dubbing.script import timeline
 from dubbing.video.face import Face
-from dubbing.video.own_pixels import OVERLAID, OwnPixels, own_pixels, reach
+from dubbing.video.own_pixels import ASKED, OVERLAID, OwnPixels, own_pixels, reach
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import Delivery
 
@@ -43,6 +43,7 @@ class Heads:
         clip: under them, of which every dub has one a person.
         kept: (T,) numbers of the reasons why its frames keep their own face; see `own_pixels`.
         name: of the cue.
+        asked: (stop - first,) frames whose face an edit leaves to the film; () for none.
         made_of: digests of what so many heads from a first one on are read from.
     """
 
@@ -52,7 +53,17 @@ class Heads:
     stop: int
     kept: np.ndarray
     name: str = ""
+    asked: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
     made_of: Callable[[int, int], list[str]] = lambda _first, _count: []
+
+    def why_kept(self, poses: np.ndarray) -> np.ndarray:
+        """Numbers (F,) of the reasons why frames of the dub keep the film's face; 0: they do not.
+
+        Args:
+            poses: (F,) frames of the film under the cue.
+        """
+        kept = self.kept[poses]
+        return np.where(self.asked[: len(poses)], ASKED, kept) if len(self.asked) else kept
 
 
 class Composer:
@@ -94,7 +105,7 @@ class Composer:
         """Frames (F,) bool in which the face of a clip has new speech, and is replaced."""
         replaced = np.zeros(len(self.poses), bool)
         for own in (h for h in self.heads if h.clip.folder == clip.folder):
-            replaced[own.first : own.stop] = own.kept[self.poses[own.first : own.stop]] == 0
+            replaced[own.first : own.stop] = own.why_kept(self.poses[own.first : own.stop]) == 0
         return replaced
 
     def own_pixels(self) -> list[OwnPixels]:
@@ -102,7 +113,7 @@ class Composer:
         return [
             run
             for h in self.heads
-            for run in own_pixels(h.name, h.first, h.kept[self.poses[h.first : h.stop]])
+            for run in own_pixels(h.name, h.first, h.why_kept(self.poses[h.first : h.stop]))
         ]
 
     def overlaid(self) -> list[OwnPixels]:
@@ -110,13 +121,18 @@ class Composer:
         found = []
         for h in self.heads:
             poses = self.poses[h.first : h.stop]
-            over = (h.clip.over[poses] & (h.kept[poses] == 0)).astype(int)
+            over = (h.clip.over[poses] & (h.why_kept(poses) == 0)).astype(int)
             found += own_pixels(h.name, h.first, over, OVERLAID)
         return found
 
     def reach(self) -> dict[str, Reach]:
-        """How much of each cue is dubbed, by its name."""
-        return {h.name: reach(h.clip, self.poses[h.first : h.stop], h.kept) for h in self.heads}
+        """How much of each cue is dubbed, by its name; of the frames in which it is to be."""
+        found = {}
+        for h in self.heads:
+            poses = self.poses[h.first : h.stop]
+            kept = h.why_kept(poses)
+            found[h.name] = reach(h.clip, poses[kept != ASKED], kept[kept != ASKED])
+        return found
 
     def replaced(self) -> tuple[int, int]:
         """First and stop of the longest run of frames in which a face is replaced."""

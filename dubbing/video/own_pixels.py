@@ -17,7 +17,8 @@ FARTHEST_VIEW = 20.0
 # Degrees from the front beyond which a face in which no landmarks are found is a profile: where its
 # mouth is can only be guessed.
 PROFILE = 60.0
-REASONS = (*NOT_SEEN, "turned")  # by their numbers
+REASONS = (*NOT_SEEN, "turned", "asked for")  # by their numbers
+ASKED = REASONS.index("asked for")  # by the edit of a line
 OVERLAID = ("", "something lies over it")
 
 
@@ -75,9 +76,9 @@ def reach(
     """How much of some frames (F,) of a clip is dubbed; of all by default.
 
     Args:
-        kept: (T,) numbers of `reasons`; before they are known, those that preparation knows.
+        kept: (F,) numbers of `reasons`; before they are known, those that preparation knows.
     """
-    own = hidden(clip.valid, clip.covered) if kept is None else kept
     some = np.arange(len(clip)) if frames is None else frames
+    own = hidden(clip.valid, clip.covered)[some] if kept is None else kept
     seen = views_of(clip.rotation[some], clip.translation[some])
-    return reach_of(seen, clip.valid[some], clip.over[some], own[some], REASONS)
+    return reach_of(seen, clip.valid[some], clip.over[some], own, REASONS)

@@ -69,9 +69,14 @@ def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, p
         if one.at > cue.seconds:
             late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
             findings.add((*key, "keys", number, "at"), late)
+    for number, span in enumerate(motion.film_mouth):
+        if span.start > cue.seconds:
+            late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
+            findings.add((*key, "film_mouth", number, "start"), late)
     keys = tuple((one.at, one.strength) for one in motion.keys)
     curves = None if motion.curves is None else (motion.curves, cue.number)
-    decided = (edit.note, keys, edit.status, curves, edit.take)
+    spans = tuple((span.start, span.end) for span in motion.film_mouth)
+    decided = (edit.note, keys, edit.status, curves, edit.take, spans)
     found = Edit(motion.shift, motion.strength, *decided)
     before = len(findings.problems)
     for name, reasons in WITHOUT.items():

@@ -1,8 +1,8 @@
 """The entry of an edit: how a line's mouth is to differ from what its speech asks for."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from dubbing.manifest.keys.entry import Entry
 from dubbing.manifest.keys.values import FilePath
@@ -25,8 +25,24 @@ class Key(Entry):
     """As `strength` of the line: 0 closes the mouth."""
 
 
+class Span(Entry):
+    """A part of a line."""
+
+    start: float = Field(ge=0, le=LATEST, allow_inf_nan=False)
+    """Seconds of the line's sound."""
+    end: float = Field(ge=0, le=LATEST, allow_inf_nan=False)
+    """Seconds of the line's sound, later than `start`."""
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        if self.end <= self.start:
+            raise ValueError(f"ends at {self.end:g} s, and begins at {self.start:g} s")
+        return self
+
+
 Shift = Annotated[float, Field(ge=-LONGEST_SHIFT, le=LONGEST_SHIFT, allow_inf_nan=False)]
 Keys = Annotated[list[Key], Field(max_length=MOST_KEYS)]
+Spans = Annotated[list[Span], Field(max_length=MOST_KEYS)]
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 
 
@@ -40,6 +56,8 @@ class Take(Entry):
     keys: Keys = Field(default=[])
     """As those of the line."""
     curves: FilePath | None = None
+    """As those of the line."""
+    film_mouth: Spans = Field(default=[])
     """As those of the line."""
 
 
@@ -60,6 +78,8 @@ class Edit(Entry):
     """A table as `dfrf curves` writes it, whose lips take the place of those heard. Preset `fast`
     only.
     """
+    film_mouth: Spans = Field(default=[])
+    """Parts of the line in which the face stays the film's own, as in a laugh."""
     note: str = Field(default="", max_length=LONGEST_NOTE)
     """Text for people; changes nothing."""
     status: Literal["open", "approved", "redo"] = "open"

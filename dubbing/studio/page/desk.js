@@ -2,7 +2,8 @@
 
 import { ask, dubPath, put } from "./api.js";
 
-export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], status: "open", curves: null, take: "" };
+export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], film_mouth: [], status: "open", curves: null,
+  take: "" };
 const LOOK_MS = 500, ELSEWHERE = "Changed elsewhere: shown now";
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 

@@ -2,6 +2,9 @@
 
 import { AS_SPOKEN } from "./desk.js";
 
+// What of an edit each take has of its own.
+const ofTake = ({ shift, strength, keys, curves, film_mouth }) => ({ shift, strength, keys, curves, film_mouth });
+
 const VERDICTS = { pass: "in sync", warn: "look closely", fail: "failed", unjudged: "not judged" };
 const find = (id) => document.getElementById(id);
 
@@ -9,11 +12,17 @@ export class LineForm {
   constructor(desk) {
     this.desk = desk;
     this.form = find("line");
-    const { strength, shift, note, status } = this.form.elements;
+    const { strength, shift, film, note, status } = this.form.elements;
     strength.addEventListener("input", () => { find("strong").textContent = strength.value; });
     const change = (part) => this.desk.change(this.desk.line, part);
     strength.addEventListener("change", () => change({ strength: Number(strength.value) }));
     shift.addEventListener("change", () => shift.reportValidity() && change({ shift: Number(shift.value) }));
+    film.addEventListener("change", () => {
+      const found = [...film.value.matchAll(/([\d.]+)\s*-\s*([\d.]+)/g)];
+      const spans = found.map(([, start, end]) => ({ start: Number(start), end: Number(end) }));
+      film.setCustomValidity(spans.every(({ start, end }) => start < end) ? "" : "From the earlier to the later second");
+      if (film.reportValidity()) change({ film_mouth: spans });
+    });
     note.addEventListener("change", () => change({ note: note.value }));
     for (const one of status) one.addEventListener("change", () => change({ status: one.value }));
     this.form.elements.take.addEventListener("change", ({ target }) => this.take(target.value));
@@ -29,20 +38,19 @@ export class LineForm {
 
   // The edit as it is now under a name of its own, chosen: what is changed from here on is changed in it.
   keep() {
-    const { line } = this.desk, { shift, strength, keys, curves } = line.edit;
+    const { line } = this.desk;
     let number = 1;
     while (line.takes[number]) number += 1;
-    line.takes = { ...line.takes, [line.edit.take]: { shift, strength, keys, curves } };
+    line.takes = { ...line.takes, [line.edit.take]: ofTake(line.edit) };
     this.desk.change(line, { take: String(number) });
   }
 
   // Another version of the edit; the one before stays under its name.
   take(name) {
-    const { line } = this.desk, { shift, strength, keys, curves, take } = line.edit;
-    line.takes = { ...line.takes, [take]: { shift, strength, keys, curves } };
+    const { line } = this.desk, { take } = line.edit;
+    line.takes = { ...line.takes, [take]: ofTake(line.edit) };
     this.desk.before[line.cue] = take;
-    const { shift: s, strength: g, keys: k, curves: c } = { ...AS_SPOKEN, ...line.takes[name] };
-    this.desk.change(line, { take: name, shift: s, strength: g, keys: k, curves: c });
+    this.desk.change(line, { take: name, ...ofTake({ ...AS_SPOKEN, ...line.takes[name] }) });
   }
 
   // Back and forth between two takes.
@@ -82,6 +90,8 @@ export class LineForm {
     elements.strength.value = edit.strength;
     find("strong").textContent = edit.strength;
     elements.shift.value = edit.shift;
+    if (document.activeElement !== elements.film)
+      elements.film.value = edit.film_mouth.map(({ start, end }) => `${start}-${end}`).join(", ");
     if (document.activeElement !== elements.note) elements.note.value = edit.note;
     elements.status.value = edit.status;
     this.#keys(line);
@@ -127,7 +137,7 @@ export class LineForm {
       });
       parts[0].textContent = line.line;
       parts[1].textContent = [line.speaker || line.identity, line.words].filter(Boolean).join(": ");
-      const { edit } = line, edited = edit.shift || edit.strength !== 1 || edit.keys.length;
+      const { edit } = line, edited = edit.shift || edit.strength !== 1 || edit.keys.length || edit.film_mouth.length;
       parts[2].textContent = edit.status === "open" ? (edited ? "edited" : "") : edit.status;
       parts[2].classList.add(edit.status);
       button.append(...parts);

@@ -260,3 +260,17 @@ def test_two_takes_are_kept_chosen_and_compared(page: Page, manifest: Path) -> N
     page.until(f"{chosen.format('1', 1.25)} && studio.desk.line.strengths[3] === 1.25")
     page.until(SAVED)
     assert kept() == whole
+
+
+def test_a_laugh_of_the_film_is_kept(page: Page, manifest: Path) -> None:
+    """Frames beside it fade, and no other is drafted again."""
+    page.run("document.querySelector('[name=film]').value = '0.2-0.32'")
+    page.run("document.querySelector('[name=film]').dispatchEvent(new Event('change'))")
+    page.until(f"studio.desk.line.edit.film_mouth.length === 1 && {SAVED}")
+    assert edits(manifest) == [{"line": 1, "film_mouth": [{"start": 0.2, "end": 0.32}]}]
+    page.until("window.drafted?.length >= 9 && studio.picture.missing('draft') === 0")
+    assert sorted(set(page.run("window.drafted"))) == [*range(5 + 5 - 3, 5 + 8 + 3)]
+    page.run("document.querySelector('[name=film]').value = '0.5-0.2'")
+    page.run("document.querySelector('[name=film]').dispatchEvent(new Event('change'))")
+    assert not page.run("document.querySelector('[name=film]').checkValidity()")
+    assert edits(manifest)[0]["film_mouth"] == [{"start": 0.2, "end": 0.32}]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from fractions import Fraction
@@ -17,10 +18,11 @@ from dubbing import media
 from dubbing.errors import RenderingError
 from dubbing.mixing.sound import Sound
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.script.timeline import Cue, frame_count
+from dubbing.script.timeline import Cue, Edit, frame_count
 from dubbing.video import assembly, composer
 from dubbing.video.assembly import make, verify
 from dubbing.video.composer import Heads, read_heads
+from dubbing.video.files import PICTURE_FILE
 from dubbing.video.settings import VideoSettings
 from tests import clips, fakes
 from tests.dubbing.video.scene import Scene, kept_of, quiet, recording
@@ -99,6 +101,29 @@ def test_what_did_not_change_is_taken_from_the_last_result(
     assert sorted(composed) == [*range(10, 20)] if exact else [*range(28)]
     assert made("three", "abb", tmp_path / "two") == whole
     assert sorted(composed) == [*range(20, 28)] if exact else [*range(28)]
+
+
+def test_frames_that_an_edit_leaves_to_the_film_are_the_films_own(tmp_path: Path) -> None:
+    scene = Scene(tmp_path, 28)
+    fakes.write_heads(tmp_path / "heads", 28, scene.rate)
+    clip = PreparedClip.load(scene.prepared)
+    edit = Edit(film_mouth=((0.4, 0.8),))
+    asked = edit.of_film(28, scene.rate)
+    assert np.flatnonzero(asked).tolist() == [*range(10, 20)]
+    read = partial(read_heads, tmp_path / "heads")
+    heads = [Heads(read, clip, 0, 28, kept_of(clip), "line", asked)]
+    sound = recording(scene.audio, 0.0, float(28 / scene.rate), 28)
+    settings = VideoSettings(codec="ffv1", label=False)
+    out = tmp_path / "out"
+    path = make(heads, sound, out, pose_index=np.arange(28), settings=settings, progress=quiet)
+    film = np.stack(list(media.read_frames(scene.clip)))
+    same = [(own == made).all() for own, made in zip(film, media.read_frames(path), strict=True)]
+    lost = 3  # no face was found there
+    assert np.flatnonzero(same).tolist() == [lost, *range(10, 20)]
+    picture = json.loads((out / PICTURE_FILE).read_text())
+    kept = [(run["reason"], run["first"], run["stop"]) for run in picture["own_pixels"]]
+    assert kept == [("no face", lost, lost + 1), ("asked for", 10, 20)]
+    assert (picture["reach"]["line"]["frames"], picture["reach"]["line"]["dubbed"]) == (18, 17)
 
 
 @pytest.mark.parametrize("codec", ["h264", "ffv1", "prores"])

@@ -86,7 +86,8 @@ def test_runs_are_counted_from_the_first_frame_of_the_cue() -> None:
 
 def test_the_reach_is_of_the_frames_under_a_dub(clip: PreparedClip) -> None:
     kept = np.array([3, 3, 0, 0, 0, 0, 3, 3, 0, 3])
-    found = reach(clip, np.array([0, 1, 2, 3, 3, 3]), kept)
+    frames = np.array([0, 1, 2, 3, 3, 3])
+    found = reach(clip, frames, kept[frames])
     assert (found.frames, found.dubbed, found.reasons) == (6, 4, {"turned": 2})
     assert found.yaw is not None
     assert found.yaw.most == pytest.approx(-YAW[0])

@@ -89,6 +89,13 @@ def test_keys_are_moments_of_a_line(folder: Path) -> None:
     assert edit.in_words() == "0 at 0.2 s, 1.5 at 0.1 s: shut on the m"
 
 
+def test_parts_of_a_line_are_left_to_the_film(folder: Path) -> None:
+    spans = "film_mouth: [{start: 0.1, end: 0.2}, {start: 0.3, end: 9}]"
+    (_, edit) = edits(scene(folder, f"{{line: 3, {spans}}}"))
+    assert edit.film_mouth == ((0.1, 0.2), (0.3, 9.0))
+    assert edit.in_words() == "the film's own mouth from 0.1 to 0.2 s, 0.3 to 9 s"
+
+
 def test_the_chosen_take_counts(folder: Path) -> None:
     takes = "strength: 0.5, takes: {wide: {strength: 1.2, shift: 40}, shut: {strength: 0}}"
     (_, edit) = edits(scene(folder, f"{{line: 3, note: a, {takes}, take: wide}}"))
@@ -143,6 +150,13 @@ def test_of_several_who_speak_in_one_cue_the_speaker_is_named(folder: Path) -> N
         ("{line: 3, keys: [{at: -1, strength: 0}]}", "edits.keys.at", "greater than or equal"),
         ("{line: 3, keys: [{at: 9, strength: 0}]}", "edits.keys.at", "ends after"),
         ("{line: 3, keys: 4}", "edits.keys", "must be"),
+        ("{line: 3, film_mouth: [{start: 1}]}", "edits.film_mouth.end", "is required"),
+        ("{line: 3, film_mouth: [{start: 9, end: 10}]}", "edits.film_mouth.start", "ends after"),
+        (
+            "{line: 3, film_mouth: [{start: 0.4, end: 0.2}]}",
+            "edits.film_mouth",
+            "ends at 0.2 s, and begins at 0.4 s",
+        ),
         ("{line: 3, take: wid, takes: {wide: {}}}", "edits.take", "mean 'wide'?"),
         ("{line: 3, take: a, takes: {bc: {}, de: {}}}", "edits.take", "there is bc, de"),
         ("{line: 3, take: a}", "edits.take", "has no take 'a': write it into takes"),
