@@ -148,6 +148,7 @@ def plan(
     from dubbing.report.report import face_warnings
     from dubbing.stages.composite import Composite
     from dubbing.stages.finetune import Finetune
+    from dubbing.timelines import laid_over
 
     production = load(manifest, from_base=True)
     planned = jobs.build(production, only=tuple(only or ()))
@@ -161,6 +162,7 @@ def plan(
     absent = packages.missing()
     warnings = [*production.warnings, *results.warnings(production, again)]
     warnings += face_warnings(planned)
+    warnings += laid_over.warnings(production)
     warnings += [] if production.dubs else [f"{WITHOUT_DUBS}: dfrf dub refuses it"]
     warnings += [str(packages.lacking(absent))] if absent else []
     learned = {
