@@ -6,7 +6,7 @@ made for them is kept.
 
 import io
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +25,8 @@ from dubbing.media import probe
 from dubbing.timelines import reading, stretch
 from dubbing.timelines.films import Films, Shot, files_under
 from dubbing.timelines.reading import Event
-from dubbing.timelines.speech import FOLDER, Recordings
-from dubbing.timelines.stretch import Stretch, seen_from
+from dubbing.timelines.speech import FOLDER, Speech
+from dubbing.timelines.stretch import Stretch, placed, seen_from
 
 PREVIOUS = "manifest.previous.yaml"
 PERSON = "person"
@@ -55,17 +55,17 @@ def write_manifest(
     before, document = _document(target)
     files = files_under(folder, {folder / FOLDER, folder / str(document.get("output") or "out")})
     films = Films(files, probe)
-    events = reading.events(reading.read(timeline, films.named_in))
+    events = reading.read(timeline, films.named_in).events
     shots = _shots(events, films, timeline)
     used = list(dict.fromkeys(plain(shot.film.path) for _, shot in shots))
     whose = _identities(document, folder, used, say)
     stretches = list(stretch.read(document, folder))
     last = len(stretches)
-    recordings = Recordings(folder, files, used, timeline)
+    speech = Speech(folder, files, timeline)
     new, other = [], []
-    for event, shot in _known_first(shots, stretches, recordings):
+    for event, shot in _known_first(shots, stretches, speech):
         holding = [one for one in stretches if one.holds(shot)]
-        one = next((one for one in holding if recordings.is_of(one, shot, event)), None)
+        one = next((one for one in holding if speech.is_of(one, shot, event)), None)
         if one is None:
             one = next((one for one in holding if not one.events), None)
             if one is not None:
@@ -76,7 +76,7 @@ def write_manifest(
                 stretches.append(one)
                 new.append(f"{event}: {one.name}")
                 _note(target, one.name, event.notes)
-            recordings.give(one, shot, event)
+            speech.give(one, shot, event)
         one.events.append(event.number)
     for one in stretches:
         one.entry["events"] = sorted(one.events)
@@ -91,6 +91,7 @@ def write_manifest(
         "other speech": other,
         "not used any more": [one.name for one in stretches[:last] if not one.events],
     }
+    say(f"{speech.recording.name} runs along the cut")
     say(f"{len(shots) - len(new)} of {len(events)} events lie in dubs that were there")
     for line in _said(changes):
         say(line)
@@ -119,7 +120,7 @@ def _document(target: Path) -> tuple[str, Any]:
     return text, document
 
 
-def _shots(events: list[Event], films: Films, timeline: Path) -> list[tuple[Event, Shot]]:
+def _shots(events: Sequence[Event], films: Films, timeline: Path) -> list[tuple[Event, Shot]]:
     """The events that can be dubbed, each with its frames.
 
     Raises:
@@ -149,7 +150,7 @@ def _identities(
         people[PERSON]["consent"] = _yaml().load(NOBODY)
         say("every film is taken for one of one person: give others identities of their own")
     whose = {
-        (folder / str(clip)).resolve(): name
+        placed(folder, clip): name
         for name, person in reversed(list(people.items()))
         for clip in person.get("clips") or [person.get("clip")]
     }
@@ -165,13 +166,13 @@ def _identities(
 
 
 def _known_first(
-    shots: list[tuple[Event, Shot]], stretches: list[Stretch], recordings: Recordings
+    shots: list[tuple[Event, Shot]], stretches: list[Stretch], speech: Speech
 ) -> list[tuple[Event, Shot]]:
     """Shots, those first that have a dub with their speech: others may take what is left."""
 
     def is_new(one: tuple[Event, Shot]) -> bool:
         event, shot = one
-        return not any(s.holds(shot) and recordings.is_of(s, shot, event) for s in stretches)
+        return not any(s.holds(shot) and speech.is_of(s, shot, event) for s in stretches)
 
     return sorted(shots, key=is_new)
 

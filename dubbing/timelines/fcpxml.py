@@ -10,6 +10,8 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
+from dubbing.media.frame_rate import snap
+
 PLACE = "fcpxml"  # of a clip's element in the document, in the clip's metadata
 CLIPS = ("asset-clip", "clip", "video", "ref-clip", "sync-clip", "mc-clip")
 # What follows the clips in lanes, inside of a clip.
@@ -17,22 +19,6 @@ AFTER_LANES = {
     *("marker", "chapter-marker", "rating", "keyword", "analysis-marker", "metadata"),
     *("audio-channel-source", "audio-role-source", "filter-video", "filter-audio"),
 }
-
-
-@dataclass(frozen=True)
-class Above:
-    """A film to lay over a clip; times in seconds.
-
-    Attributes:
-        start: of the cut in the film. asset: first second and length of the film.
-        markers: first second in the film, length, text.
-    """
-
-    name: str
-    url: str
-    start: Fraction
-    asset: tuple[Fraction, Fraction]
-    markers: tuple[tuple[Fraction, Fraction, str], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -86,38 +72,33 @@ def read(text: str) -> Any:
     return timeline
 
 
-def laid_over(text: str, above: Mapping[int, Above]) -> str:
-    """A document with films in a lane above clips; by the places of these.
+def laid_over(text: str, above: Mapping[int, Any]) -> str:
+    """A document with clips of OpenTimelineIO in a lane above its own, by the places of these.
 
     All else stays as it was.
     """
     root, _, resources = _parse(text)
     elements = list(root.iter())
     top = 1 + max(int(element.get("lane", 0)) for element in elements)
-    shelf = root.find("resources")
-    assert shelf is not None  # `_parse` looked
+    shelf = next(element for element in elements if element.tag == "resources")
     assets: dict[str, str] = {}
-    for place, film in above.items():
-        under = elements[place]
-        of = _asset(under, resources)
-        start, length = map(_written, film.asset)
-        if film.url not in assets:
-            assets[film.url] = f"dub{len(assets) + 1}"
-            keys = {"id": assets[film.url], "name": film.name, "src": film.url, "start": start}
-            keys |= {"duration": length, "hasVideo": "1"}
-            keys |= {} if of is None else {"format": of[0].get("format", "")}
-            ElementTree.SubElement(shelf, "asset", keys)
-        clip = Element("asset-clip", {"ref": assets[film.url], "name": film.name})
-        clip.attrib |= {"lane": str(top), "offset": _written(_start(under, resources))}
-        clip.attrib |= {"start": _written(film.start), "duration": under.get("duration", "")}
-        clip.attrib |= {"srcEnable": "video"}
-        for at, lasts, note in film.markers:
-            keys = {"start": _written(at), "duration": _written(lasts), "value": note}
-            ElementTree.SubElement(clip, "marker", keys)
+    for place, clip in above.items():
+        under, media = elements[place], clip.media_reference
+        of, name = _asset(under, resources), assets.get(media.target_url)
+        if name is None:
+            name = assets[media.target_url] = f"dub{len(assets) + 1}"
+            keys = {"id": name, "name": clip.name, "src": media.target_url, "hasVideo": "1"}
+            keys |= {"format": of[0].get("format", "")} if of else {}
+            ElementTree.SubElement(shelf, "asset", keys | _written(media.available_range))
+        keys = {"ref": name, "name": clip.name, "lane": str(top), "srcEnable": "video"}
+        keys |= {"offset": f"{_start(under, resources)}s", **_written(clip.source_range)}
+        over = Element("asset-clip", keys)
+        for marker in clip.markers:
+            keys = {"value": marker.name, **_written(marker.marked_range)}
+            ElementTree.SubElement(over, "marker", keys)
         inside = [child.tag for child in under]
         after = (k for k, tag in enumerate(inside) if tag in AFTER_LANES)
-        under.insert(next(after, len(inside)), clip)
-    ElementTree.indent(root)
+        under.insert(next(after, len(inside)), over)
     body = ElementTree.tostring(root, encoding="unicode")
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<!DOCTYPE fcpxml>\n{body}\n'
 
@@ -235,8 +216,11 @@ def _seconds(written: str | None) -> Fraction:
     return Fraction((written or "0").removesuffix("s"))
 
 
-def _written(seconds: Fraction) -> str:
-    return f"{seconds}s"
+def _written(span: Any) -> dict[str, str]:
+    """A range of OpenTimelineIO as attributes."""
+    rate = snap(Fraction(span.start_time.rate))
+    times = {"start": span.start_time, "duration": span.duration}
+    return {key: f"{round(time.value) / rate}s" for key, time in times.items()}
 
 
 def _otio_time(seconds: Fraction, rate: Fraction) -> Any:

@@ -70,7 +70,7 @@ class Films:
             try:
                 info = self._look(path)
                 if info.picture is not None:
-                    found.append(_shot(info, event))
+                    found.append(shot_of(info, event))
             except (ExplainedError, ValueError) as error:
                 problems.append(str(error))
         if len(found) > 1:
@@ -79,6 +79,35 @@ class Films:
         if not found:
             raise ValueError("; ".join(problems) or f"no film is called {' or '.join(event.names)}")
         return found[0]
+
+
+def shot_of(film: MediaInfo, event: Event) -> Shot:
+    """The frames of a film that an event uses.
+
+    Source times count from the film's timecode. A film without one, and an event that does not lie
+    in it, count from where the event's film begins by its own account.
+
+    Raises:
+        ValueError: the event does not lie in the film, or begins or ends between its frames.
+    """
+    alike = nominal(event.rate) == nominal(film.rate)
+    unit = Fraction(1) if alike else film.rate / event.rate
+    bases = [film.first_frame / unit] if film.timecode else []
+    bases += [Fraction(0) if event.base is None else event.base]
+    outside = []
+    for base in bases:
+        at = [(time - base) * unit for time in (event.first, event.stop, *event.shown)]
+        first, stop, begin, end = map(round, at)
+        if begin < 0 or end > film.frames:
+            outside.append(f"frames {first} to {stop} lie outside of {plain(film.path).name}")
+        elif any(abs(time - round(time)) > NEAR for time in at):
+            rates = f"{float(event.rate):.6g} frames a second, the film {float(film.rate):.6g}"
+            raise ValueError(f"it begins or ends between frames: it has {rates}")
+        else:
+            return Shot(film, first, stop, (begin, end), unit)
+    raise ValueError(
+        f"{outside[0]}: it has {film.frames}, from {film.timecode or 'no timecode'} on"
+    )
 
 
 def stem_of(film: Path) -> str:
@@ -100,32 +129,6 @@ def files_under(folder: Path, without: Collection[Path]) -> list[Path]:
         name = f"{match[1]}{'#' * len(match[2])}{match[3]}" if match else path.name
         found[path.with_name(name)] = None
     return list(found)
-
-
-def _shot(film: MediaInfo, event: Event) -> Shot:
-    """The frames of a film that an event uses.
-
-    Source times count from the film's timecode. A film without one, and an event that does not lie
-    in it, count from where the event's film begins by its own account.
-    """
-    alike = nominal(event.rate) == nominal(film.rate)
-    unit = Fraction(1) if alike else film.rate / event.rate
-    bases = [film.first_frame / unit] if film.timecode else []
-    bases += [Fraction(0) if event.base is None else event.base]
-    outside = []
-    for base in bases:
-        at = [(time - base) * unit for time in (event.first, event.stop, *event.shown)]
-        first, stop, begin, end = map(round, at)
-        if begin < 0 or end > film.frames:
-            outside.append(f"frames {first} to {stop} lie outside of {plain(film.path).name}")
-        elif any(abs(time - round(time)) > NEAR for time in at):
-            rates = f"{float(event.rate):.6g} frames a second, the film {float(film.rate):.6g}"
-            raise ValueError(f"it begins or ends between frames: it has {rates}")
-        else:
-            return Shot(film, first, stop, (begin, end), unit)
-    raise ValueError(
-        f"{outside[0]}: it has {film.frames}, from {film.timecode or 'no timecode'} on"
-    )
 
 
 def _key(name: str) -> str:

@@ -1,7 +1,7 @@
 """A manifest's timeline with dubs on tracks above, as OTIO and as the file that it came from."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -14,8 +14,8 @@ from dubbing.production.production import Production
 from dubbing.script.edl import Marker
 from dubbing.script.timecode import frame_of, timecode_of
 from dubbing.timelines import fcpxml
-from dubbing.timelines.films import Films, Shot
-from dubbing.timelines.reading import ADAPTERS, Cut, Event, events, read
+from dubbing.timelines.films import Films, Shot, shot_of
+from dubbing.timelines.reading import ADAPTERS, Cut, Event, read
 
 DROPPED = re.compile(r"\b\d\d:\d\d:\d\d;\d\d\b")
 Markers = Callable[[Dub], Iterable[Marker]]
@@ -30,61 +30,33 @@ class Laid:
     dub: Dub
     video: Path
 
-    def at(self, frame: int) -> Fraction:
-        """The source time of a frame of the film, on the clock of the dub's file."""
-        film = self.shot.film
-        return (
-            Fraction(frame + (film.first_frame if film.timecode else -self.dub.first)) / self.unit
-        )
-
-    @property
-    def unit(self) -> Fraction:
-        """Frames in a source time."""
-        return self.shot.unit
-
     def clip(self, markers: Markers) -> Any:
-        """The clip of OpenTimelineIO that lies over that of the event."""
+        """The clip of OpenTimelineIO that lies over that of the event, on the dub's own clock."""
         import opentimelineio as otio
 
+        film, dub, shot = self.shot.film, self.dub, self.shot
         rate = self.event.clip.trimmed_range().start_time.rate
+        zero = film.first_frame if film.timecode else -dub.first
 
         def span(first: int, stop: int) -> Any:
-            start, length = self.at(first), (stop - first) / self.unit
-            times = (otio.opentime.RationalTime(float(t), rate) for t in (start, length))
+            frames = (first + zero) / shot.unit, (stop - first) / shot.unit
+            times = (otio.opentime.RationalTime(float(frame), rate) for frame in frames)
             return otio.opentime.TimeRange(*times)
 
-        whole = span(self.dub.first, self.dub.first + self.dub.length)
+        whole = span(dub.first, dub.first + dub.length)
         clip = otio.schema.Clip(
             self.video.name,
             media_reference=otio.schema.ExternalReference(self.video.as_uri(), whole),
-            source_range=span(self.shot.first, self.shot.stop),
+            source_range=span(shot.first, shot.stop),
             metadata={"cmx_3600": {"reel": self.video.stem}},
         )
-        for first, stop, marker in self.marked(markers):
-            colour = marker.colour.upper()
-            clip.markers.append(otio.schema.Marker(marker.note, span(first, stop), colour))
-        return clip
-
-    def above(self, markers: Markers) -> fcpxml.Above:
-        """The film that lies over the event's clip in Final Cut's XML."""
-        rate = self.shot.film.rate
-        first = self.at(self.dub.first) * self.unit
-
-        def second(frame: int) -> Fraction:
-            return (first + frame - self.dub.first) / rate
-
-        found = [(second(a), (b - a) / rate, m.note) for a, b, m in self.marked(markers)]
-        asset = second(self.dub.first), self.dub.length / rate
-        start = second(self.shot.first)
-        return fcpxml.Above(self.video.name, self.video.as_uri(), start, asset, tuple(found))
-
-    def marked(self, markers: Markers) -> Iterator[tuple[int, int, Marker]]:
-        """The markers of the dub in the frames of the cut, as frames of the film."""
-        for marker in markers(self.dub):
-            first = max(self.shot.first, self.dub.first + marker.first)
-            stop = min(self.shot.stop, self.dub.first + marker.stop)
+        for marker in markers(dub):
+            first = max(shot.first, dub.first + marker.first)
+            stop = min(shot.stop, dub.first + marker.stop)
             if first < stop:
-                yield first, stop, marker
+                marked = otio.schema.Marker(marker.note, span(first, stop), marker.colour.upper())
+                clip.markers.append(marked)
+        return clip
 
 
 def warnings(production: Production) -> list[str]:
@@ -96,10 +68,9 @@ def warnings(production: Production) -> list[str]:
     if production.timeline is None:
         return []
     cut, laid = _laid(production)
-    every = events(cut)
-    left = [event for event in every if event.number not in laid]
+    left = [event for event in cut.events if event.number not in laid]
     name = production.timeline.name
-    found = [f"{name}: no dub for {len(left)} of {len(every)} events"] if left else []
+    found = [f"{name}: no dub for {len(left)} of {len(cut.events)} events"] if left else []
     return found + [f"{name}: {event}: {event.why_not}" for event in left if event.why_not]
 
 
@@ -116,11 +87,12 @@ def files(production: Production, markers: Markers) -> dict[str, Callable[[Path]
 
     source = production.timeline
     assert source is not None  # the caller looked
-    cut, laid = _laid(production)
-    laid = {number: one for number, one in laid.items() if one.video.is_file()}
+    cut, found = _laid(production)
+    laid = [one for one in found.values() if one.video.is_file()]
+    clips = {id(one.event.clip): one.clip(markers) for one in laid}  # by that below
     kind = source.suffix.lower()
     text = source.read_text(encoding="utf-8-sig") if kind == ".fcpxml" else ""
-    tracks = _tracks(cut, laid, markers)
+    tracks = _tracks(cut, clips)
     for track, above in tracks:
         cut.timeline.tracks.insert(cut.timeline.tracks.index(track) + 1, above)
 
@@ -141,7 +113,8 @@ def files(production: Production, markers: Markers) -> dict[str, Callable[[Path]
         path.write_text(edl(cut, [above for _, above in tracks]), encoding="utf-8")
 
     def final_cut(path: Path) -> None:
-        over = {one.event.clip.metadata[fcpxml.PLACE]: one.above(markers) for one in laid.values()}
+        below = [one.event.clip for one in laid]
+        over = {clip.metadata[fcpxml.PLACE]: clips[id(clip)] for clip in below}
         path.write_text(fcpxml.laid_over(text, over), encoding="utf-8")
 
     own = {".edl": list_of_edits, ".fcpxml": final_cut}
@@ -154,17 +127,20 @@ def _laid(production: Production) -> tuple[Cut, dict[int, Laid]]:
     assert production.timeline is not None
     dubs = [dub for dub in production.dubs.values() if dub.film.info is not None and dub.length]
     infos = {dub.film.path: dub.info for dub in dubs}
-    films = Films(infos, infos.__getitem__)
-    cut = read(production.timeline, films.named_in)
+    films, meant = Films(infos, infos.__getitem__), [dub for dub in dubs if dub.events]
+    cut = read(
+        production.timeline,
+        lambda text: [dub.info for dub in meant] if meant else films.named_in(text),
+    )
     found = {}
-    for event in events(cut):
+    for event in (event for event in cut.events if not event.why_not):
+        own = [dub for dub in meant if event.number in dub.events]
         try:
-            shot = films.shot(event)
+            shot = shot_of(own[0].info, event) if own else films.shot(event)
         except ValueError:
             continue  # of another film, which nobody dubs
-        fitting = [dub for dub in dubs if not event.why_not and _holds(dub, shot)]
-        if fitting:
-            dub = next((dub for dub in fitting if event.number in dub.events), fitting[0])
+        dub = next((dub for dub in own or dubs if _holds(dub, shot)), None)
+        if dub is not None:
             video = production.output / dub.results()["video"]
             found[event.number] = Laid(event, shot, dub, video)
     return cut, found
@@ -176,23 +152,22 @@ def _holds(dub: Dub, shot: Shot) -> bool:
     return same and dub.first <= first and stop <= dub.first + dub.length
 
 
-def _tracks(cut: Cut, laid: dict[int, Laid], markers: Markers) -> list[tuple[Any, Any]]:
+def _tracks(cut: Cut, clips: dict[int, Any]) -> list[tuple[Any, Any]]:
     """The tracks with dubbed clips, each with the track of its dubs."""
     import opentimelineio as otio
 
-    by_clip = {id(one.event.clip): one for one in laid.values()}
     found = []
     for track in cut.timeline.video_tracks():
         above = otio.schema.Track(f"{track.name} dubbed", kind=track.kind)
         above.source_range = track.source_range
         items = list(track)
-        there = [id(item) in by_clip for item in items]
+        there = [id(item) in clips for item in items]
         for k, item in enumerate(items):
             if isinstance(item, otio.schema.Transition):
                 if there[k - 1 : k] == there[k + 1 : k + 2] == [True]:
                     above.append(item.deepcopy())
             elif there[k]:
-                above.append(by_clip[id(item)].clip(markers))
+                above.append(clips[id(item)])
             else:
                 gap = otio.opentime.TimeRange(duration=item.trimmed_range().duration)
                 above.append(otio.schema.Gap(source_range=gap))

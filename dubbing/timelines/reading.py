@@ -18,6 +18,7 @@ from dubbing.timelines import fcpxml
 MOST_BYTES = 10**8
 ADAPTERS = {".edl": "cmx_3600", ".fcpxml": "", ".aaf": "AAF", ".otio": "otio_json"}
 NESTED = "it is a composition in itself: flatten it"
+DROP = 'tcFormat="DF"'
 RETIMED = "its speed is changed: write a film of it, and cut that in"
 
 
@@ -61,10 +62,12 @@ class Cut:
 
     Attributes:
         drop: whether its timecodes are drop-frame.
+        events: its clips with picture, track by track.
     """
 
     timeline: Any
     drop: bool
+    events: tuple[Event, ...]
 
 
 def read(path: Path, films: Callable[[str], Iterable[MediaInfo]]) -> Cut:
@@ -98,29 +101,32 @@ def read(path: Path, films: Callable[[str], Iterable[MediaInfo]]) -> Cut:
             found: Any = fcpxml.read(text)
         elif kind == ".aaf":
             found = otio.adapters.read_from_file(str(path), ADAPTERS[kind])
+        elif rate is not None:
+            found = otio.adapters.read_from_string(_plain_locators(text), "cmx_3600", rate=rate)
         else:
-            text_read = _plain_locators(text) if rate else text
-            options = {"rate": rate} if rate else {}
-            found = otio.adapters.read_from_string(text_read, ADAPTERS[kind], **options)
+            found = otio.adapters.read_from_string(text, ADAPTERS[kind])
+        several = found if isinstance(found, otio.schema.SerializableCollection) else [found]
+        several = [one for one in several if isinstance(one, otio.schema.Timeline)]
+        if len(several) != 1:
+            raise ValueError(f"it holds {len(several)} timelines, not one")
+        return cut_of(several[0], dropped={".edl": ";" in text, ".fcpxml": DROP in text}.get(kind))
     except Exception as error:  # adapters raise anything at what they cannot read
         why = " ".join(str(error).split())[:200] or type(error).__name__
         raise ExplainedError(f"it cannot be read as a timeline: {why}", path.name) from error
-    several = [found] if isinstance(found, otio.schema.Timeline) else _timelines(found)
-    if len(several) != 1:
-        what = f"it holds {len(several)} timelines"
-        raise ExplainedError(what, path.name, "write one into a file of its own")
-    _start(several[0])
-    drops = can_drop(snap(Fraction(several[0].duration().rate)))
-    written = {".edl": ";" in text, ".fcpxml": 'tcFormat="DF"' in text}
-    return Cut(several[0], drops and written.get(kind, True))
 
 
-def events(cut: Cut) -> list[Event]:
-    """The clips with picture of a timeline, track by track."""
+def cut_of(timeline: Any, *, dropped: bool | None = None) -> Cut:
+    """The cut of an object of OpenTimelineIO.
+
+    Args:
+        dropped: whether its timecodes are drop-frame; None if its file does not say.
+    """
     import opentimelineio as otio
 
+    _start(timeline)
+    can = can_drop(snap(Fraction(timeline.global_start_time.rate)))
+    drop = can and dropped is not False
     found: list[Event] = []
-    timeline = cut.timeline
     for track in timeline.video_tracks():
         markers = [*timeline.tracks.markers, *track.markers]
         for item in track:
@@ -128,8 +134,8 @@ def events(cut: Cut) -> list[Event]:
                 continue
             media = getattr(item, "media_reference", None)
             if item.enabled and not isinstance(media, otio.schema.GeneratorReference):
-                found.append(_event(item, timeline, markers, len(found) + 1, cut.drop))
-    return found
+                found.append(_event(item, timeline, markers, len(found) + 1, drop))
+    return Cut(timeline, drop, tuple(found))
 
 
 def frames(time: Any) -> Fraction:
@@ -181,29 +187,22 @@ def _names(item: Any, media: Any) -> Iterator[str]:
     yield str(item.metadata.get("cmx_3600", {}).get("reel", ""))
 
 
-def _timelines(found: Any) -> list[Any]:
-    import opentimelineio as otio
-
-    return [one for one in found or () if isinstance(one, otio.schema.Timeline)]
-
-
 def _start(timeline: Any) -> None:
     """Let a timeline say where it starts. Of an EDL, its tracks do: they begin before zero."""
     import opentimelineio as otio
 
     zero = otio.opentime.RationalTime(0, timeline.duration().rate)
-    begins = {}
-    for track in timeline.tracks:
-        before = track.source_range and track.source_range.start_time < zero
-        begins[track.name] = -track.source_range.start_time if before else zero
-    first = min(begins.values(), default=zero)
+    begins = [
+        -track.source_range.start_time if track.source_range else zero for track in timeline.tracks
+    ]
     if timeline.global_start_time is None:
-        timeline.global_start_time = first
-    for track in timeline.tracks if first > zero else ():
-        track.source_range = None
-        if begins[track.name] > first:
-            late = otio.opentime.TimeRange(zero, begins[track.name] - first)
-            track.insert(0, otio.schema.Gap(source_range=late))
+        timeline.global_start_time = max(zero, min(begins, default=zero))
+    for track, begin in zip(timeline.tracks, begins, strict=True):
+        if begin > zero:
+            track.source_range = None
+            late = otio.opentime.TimeRange(zero, begin - timeline.global_start_time)
+            if late.duration > zero:
+                track.insert(0, otio.schema.Gap(source_range=late))
 
 
 def _rate_of_list(films: Iterable[MediaInfo]) -> float:

@@ -73,7 +73,7 @@ def read(document: Any, folder: Path) -> Iterator[Stretch]:
         people = keys.get("speakers") or {"": keys.get("identity")}
         person = document["identities"].get(next(iter(people.values()))) or {}
         clip = keys.get("clip") or person.get("clip") or next(iter(person.get("clips") or [""]))
-        path = (folder / str(clip)).resolve()
+        path = placed(folder, clip)
         try:
             film = probe(path)
             first = first_frame(float(keys.get("video_start") or 0), film.rate)
@@ -91,6 +91,11 @@ def number(seconds: Fraction) -> float | int:
     """Seconds as they are written: to the microsecond."""
     rounded = round(float(seconds), 6)
     return int(rounded) if rounded.is_integer() else rounded
+
+
+def placed(folder: Path, clip: object) -> Path:
+    """The path that a manifest in a folder names; of a link the link, which has the clip's name."""
+    return Path(os.path.normpath(folder / str(clip)))
 
 
 def seen_from(folder: Path, path: Path) -> str:

@@ -70,7 +70,7 @@ def test_two_hundred_clips_to_the_frame(
     for dub, piece in zip(dubs, pieces, strict=True):
         assert dub["clip"] == f"shot{piece.film}.mov"
         assert frames(dub, rate) == (piece.first, piece.stop)
-    assert said[1] == f"0 of {len(pieces)} events lie in dubs that were there"
+    assert said[2] == f"0 of {len(pieces)} events lie in dubs that were there"
     if kind != "aaf":  # whose adapter writes no markers
         notes = [folder / f"{dubs[k]['name']}.edits.yaml" for k in (0, 50, 100, 150)]
         assert all(
@@ -87,14 +87,6 @@ def test_the_speech_of_a_dub_is_that_of_its_place_in_the_cut(folder: Path) -> No
     assert frames(dub) == (piece.first - 8, piece.stop + 8)
     assert (own == whole[first : first + len(own)]).all()
     assert len(own) == (piece.stop - piece.first + 16) * rate // 25
-
-
-def test_a_recording_called_as_a_film_runs_beside_it(folder: Path) -> None:
-    clips.write_noise(folder / "shot0_it.wav", 16, 2000)
-    dubs, _ = written(folder, cuts.write(folder / "cut.otio", cuts.pieces(2), FILM_RATE))
-    assert dubs[0]["audio"] == "shot0_it.wav"
-    assert dubs[0]["audio_start"] == dubs[0]["video_start"]
-    assert dubs[1]["audio"].startswith("manifest.speech")
 
 
 def test_handles_end_with_the_film(folder: Path) -> None:
@@ -188,6 +180,20 @@ def test_what_is_no_timeline_is_refused(folder: Path, kind: str, content: bytes)
         written(folder, folder / f"cut.{kind}")
 
 
+def test_a_timeline_of_nothing_is_refused(folder: Path) -> None:
+    path = folder / "cut.otio"
+    for made in (otio.schema.Timeline("empty"), cuts.timeline([], FILM_RATE)):
+        otio.adapters.write_to_file(made, str(path))
+        with pytest.raises(ManifestError, match="no clip with picture in it"):
+            written(folder, path)
+    made = cuts.timeline(cuts.pieces(1), FILM_RATE)
+    made.tracks[0][0].source_range = None
+    made.tracks[0][0].media_reference = otio.schema.MissingReference()
+    otio.adapters.write_to_file(made, str(path))
+    with pytest.raises(ExplainedError, match="it cannot be read as a timeline"):
+        written(folder, path)
+
+
 def test_another_kind_of_file_and_a_manifest_without_a_timeline_are_refused(folder: Path) -> None:
     with pytest.raises(ExplainedError, match="no kind of timeline"):
         written(folder, folder / "cut_it.wav")
@@ -198,14 +204,19 @@ def test_another_kind_of_file_and_a_manifest_without_a_timeline_are_refused(fold
         write_plain(folder)
 
 
-def test_without_a_recording_it_says_which_to_give(folder: Path) -> None:
+def test_one_recording_runs_along_the_cut(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(1), FILM_RATE)
+    clips.write_noise(folder / "shot0.wav", 1)
+    written(folder, cut)  # only one is called as the cut
     (folder / "cut_it.wav").unlink()
-    with pytest.raises(ExplainedError, match=r"no recording of new speech.*as cut\.wav"):
-        written(folder, cuts.write(folder / "cut.edl", cuts.pieces(1), FILM_RATE))
+    written(folder, cut)  # or there is only one
+    (folder / "shot0.wav").unlink()
+    with pytest.raises(ExplainedError, match=r"0 recordings of new speech.*one there, cut\.wav"):
+        written(folder, cut)
     for name in ("cut_it.wav", "cut_de.wav"):
         clips.write_noise(folder / name, 1)
-    with pytest.raises(ExplainedError, match=r"cut_de\.wav and cut_it\.wav are both called as cut"):
-        written(folder, folder / "cut.edl")
+    with pytest.raises(ExplainedError, match=r"2 recordings.*: cut_de\.wav and cut_it\.wav"):
+        written(folder, cut)
 
 
 # A new cut.
@@ -265,8 +276,8 @@ def test_clips_that_moved_with_their_speech_keep_their_dubs(
         dub for k, dub in enumerate(without_events(before)) if k not in (10, 11)
     ]
     assert {p: p.stat().st_mtime_ns for p in speech} == speech
-    assert said[0] == "38 of 38 events lie in dubs that were there"
-    assert said[1:] == [f"not used any more: {before[k]['name']}" for k in (10, 11)]
+    assert said[1] == "38 of 38 events lie in dubs that were there"
+    assert said[2:] == [f"not used any more: {before[k]['name']}" for k in (10, 11)]
     assert after[0]["events"] == [11]  # where it lies now
 
 
@@ -277,14 +288,14 @@ def test_clips_trimmed_within_their_handles_keep_their_dubs(
     inner = [(p.film, p.first + 3, p.stop - 2) for p in first_cut]
     after, said = cut_again(folder, laid(inner))
     assert without_events(after) == without_events(before)
-    assert said == ["40 of 40 events lie in dubs that were there"]
+    assert said[1:] == ["40 of 40 events lie in dubs that were there"]
     longer = [(p.film, p.first - 5, p.stop) for p in first_cut[:1]] + inner[1:]
     after, said = cut_again(folder, laid(longer))
     # Its frames are there; what is said in them now was not heard before.
     assert [dub["name"] for dub in after] == [dub["name"] for dub in before]
-    assert [line.partition(":")[0] for line in said[1:]] == ["other speech"]
+    assert [line.partition(":")[0] for line in said[2:]] == ["other speech"]
     after, said = cut_again(folder, laid([(0, 5, 60), *inner[1:]]))
-    assert said[0] == "39 of 40 events lie in dubs that were there"
+    assert said[1] == "39 of 40 events lie in dubs that were there"
     assert len([line for line in said if line.startswith("new: event 001")]) == 1
 
 
@@ -297,7 +308,7 @@ def test_other_speech_over_the_same_frames_changes_one_dub(
     soundfile.write(folder / "cut_it.wav", sound, rate, "PCM_24")
     (folder / "voice.wav").unlink()
     dubs, said = written(folder, folder / "cut.edl", handles=8)
-    assert said[1:] == [f"other speech: event 006 at 01:00:08:00 (shot5.mov): {dubs[5]['name']}"]
+    assert said[2:] == [f"other speech: event 006 at 01:00:08:00 (shot5.mov): {dubs[5]['name']}"]
 
 
 def test_the_same_frames_with_two_speeches_are_two_dubs(folder: Path) -> None:
@@ -324,6 +335,30 @@ def test_a_new_cut_changes_the_dubs_alone(folder: Path) -> None:
     assert now["defaults"]["codec"] == "prores"
     assert now["identities"]["ann"]["clips"] == [f"shot{k}.mov" for k in range(4)]
     assert [dub["identity"] for dub in now["dubs"]] == ["ann"] * 4
+
+
+def test_a_link_to_a_film_is_found_by_its_own_name_and_listed_once(folder: Path) -> None:
+    (folder / "shot0.mov").rename(folder / "a1b2")
+    (folder / "shot0.mov").symlink_to(folder / "a1b2")
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(2), FILM_RATE)
+    before, _ = written(folder, cut)
+    after, _ = written(folder, cut)
+    people = yaml_lines.read((folder / "manifest.yaml").read_text()).data["identities"]
+    assert people["person"]["clips"] == ["shot0.mov", "shot1.mov"]
+    assert after == before
+
+
+def test_a_scene_of_a_whole_film_holds_its_events(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(2), FILM_RATE)
+    written(folder, cut)
+    path = folder / "manifest.yaml"
+    scene = "{name: scene, identity: person, clip: shot0.mov, lines: a.srt, audio: a.wav}"
+    rows = [row for row in path.read_text().splitlines() if "clip: shot0" not in row]
+    path.write_text("\n".join([*rows, f"  - {scene}", ""]))
+    dubs, said = written(folder, cut)
+    assert [(dub["name"], dub["events"]) for dub in dubs][1] == ("scene", [1])
+    assert dubs[1]["audio"] == "a.wav"
+    assert said[1:] == ["2 of 2 events lie in dubs that were there"]
 
 
 def test_a_broken_manifest_is_named(folder: Path) -> None:

@@ -9,7 +9,6 @@ from xml.etree import ElementTree
 import pytest
 
 from dubbing.timelines import fcpxml, reading
-from dubbing.timelines.reading import Cut
 from tests.dubbing.timelines import cuts
 
 RESOURCES = """
@@ -40,7 +39,7 @@ def found(spine: str) -> dict[str, tuple[float, float, float, str]]:
             round(float(event.record), 6),
             event.why_not,
         )
-        for event in reading.events(Cut(timeline, drop=False))
+        for event in reading.cut_of(timeline).events
     }
 
 
@@ -76,7 +75,7 @@ def test_a_clip_has_a_clock_of_its_own() -> None:
     </clip>
     """
     assert found(spine) == {"old": (3606, 3608, 0, "")}
-    (event,) = reading.events(Cut(fcpxml.read(document(spine)), drop=False))
+    (event,) = reading.cut_of(fcpxml.read(document(spine))).events
     assert event.clip.markers[0].marked_range.start_time.to_seconds() == 3607
     assert event.notes == ("here",)
 
@@ -84,7 +83,7 @@ def test_a_clip_has_a_clock_of_its_own() -> None:
 def test_another_rate_is_that_of_the_film() -> None:
     spine = '<asset-clip ref="c" name="c" offset="3600s" start="1201/24s" duration="1001/24s"/>'
     timeline = fcpxml.read(document(spine.replace("1201/24s", "2002/24s")))
-    (event,) = reading.events(Cut(timeline, drop=False))
+    (event,) = reading.cut_of(timeline).events
     assert (event.first, event.stop, event.rate) == (2000, 3000, Fraction(24000, 1001))
 
 
@@ -109,7 +108,7 @@ def test_a_transition_reaches_into_both_clips() -> None:
     <transition name="Dissolve" offset="3601s" duration="2s"/>
     <asset-clip ref="b" name="two" offset="3602s" start="5s" duration="2s"/>
     """
-    one, two = reading.events(Cut(fcpxml.read(document(spine)), drop=False))
+    one, two = reading.cut_of(fcpxml.read(document(spine))).events
     assert [time / 25 for time in one.shown] == [3602, 3605]
     assert [time / 25 for time in two.shown] == [4, 7]
 
@@ -140,9 +139,10 @@ def test_a_film_lies_in_the_lane_above_and_all_else_stays() -> None:
     text = document(spine)
     timeline: Any = fcpxml.read(text)
     place = next(clip.metadata[fcpxml.PLACE] for clip in timeline.tracks[0])
-    notes = ((Fraction(3606), Fraction(2), "look"),)
-    asset = Fraction(3604), Fraction(6)
-    above = fcpxml.Above("dub.mov", "file:///dub.mov", Fraction(3605), asset, notes)
+    rate = Fraction(25)
+    media = cuts.otio.schema.ExternalReference("file:///dub.mov", cuts.span(90100, 90250, rate))
+    above = cuts.otio.schema.Clip("dub.mov", media, cuts.span(90125, 90225, rate))
+    above.markers.append(cuts.otio.schema.Marker("look", cuts.span(90150, 90200, rate)))
     written = fcpxml.laid_over(text, {place: above})
     root = ElementTree.fromstring(written)
     low = root.find(".//spine/asset-clip")
@@ -157,12 +157,17 @@ def test_a_film_lies_in_the_lane_above_and_all_else_stays() -> None:
         "duration": "4s",
         "srcEnable": "video",
     }
+    assert low[2][0].attrib == {"value": "look", "start": "3606s", "duration": "2s"}
     low.remove(low[2])
     new = root.find("resources/asset[@id='dub1']")
     shelf = root.find("resources")
     assert new is not None
     assert shelf is not None
-    assert (new.get("start"), new.get("duration"), new.get("src")) == ("3604s", "6s", above.url)
+    assert (new.get("start"), new.get("duration"), new.get("src")) == (
+        "3604s",
+        "6s",
+        media.target_url,
+    )
     shelf.remove(new)
     before = ElementTree.fromstring(text)
 

@@ -47,8 +47,7 @@ def dubbed(path: Path, rate: Fraction) -> list[Event]:
     def films(text: str) -> list[MediaInfo]:
         return [cuts.info_of(Path("shot0.mov"), rate)]
 
-    every = reading.events(reading.read(path, films))
-    return [one for one in every if one.names[0].endswith(".mp4")]
+    return [one for one in reading.read(path, films).events if one.names[0].endswith(".mp4")]
 
 
 def frames(event: Event) -> tuple[int, int]:
@@ -154,6 +153,16 @@ def test_of_two_dubs_of_the_same_frames_the_one_for_the_event_is_taken(tmp_path:
     assert [one.names[0] for one in events] == ["shot0_20.mp4", "shot1_20.mp4", "other.mp4"]
 
 
+def test_a_dub_for_an_event_need_not_be_of_a_film_of_its_name(tmp_path: Path) -> None:
+    cut = cuts.write(tmp_path / "cut.edl", CUT[:1], TV)
+    production = cuts.dubbed(tmp_path, CUT[:1], TV, cut)
+    (dub,) = production.dubs.values()
+    film = replace(dub.film, path=Path("a1b2"), info=replace(dub.info, path=Path("a1b2")))
+    linked = replace(dub, film=film, events=(1,))
+    (event,) = dubbed(laid(replace(production, dubs={"it": linked}))[".otio"], TV)
+    assert int(event.first) == cuts.start_of(0, TV) + 20
+
+
 def test_a_dissolve_between_two_dubs_is_kept(tmp_path: Path) -> None:
     made = cuts.timeline([Piece(0, 20, 60, 0), Piece(1, 30, 50, 40), Piece(2, 9, 60, 60)], TV)
     for place in (1, 3):
@@ -192,6 +201,6 @@ def test_a_dub_that_was_not_made_is_not_laid_over(tmp_path: Path) -> None:
 def test_two_tracks_of_dubs_are_no_edl() -> None:
     made = cuts.timeline(CUT, TV)
     made.tracks.append(made.tracks[0].deepcopy())
-    cut = reading.Cut(made, drop=True)
+    cut = reading.cut_of(made)
     with pytest.raises(ExplainedError, match="an EDL holds one track, and 2 have dubs"):
         laid_over.edl(cut, list(made.tracks))
