@@ -16,7 +16,7 @@ from dubbing.manifest import yaml_lines
 from dubbing.manifest.init import write_manifest as write_plain
 from dubbing.media import MediaInfo
 from dubbing.script.timeline import first_frame, frame_count
-from dubbing.timelines import cut_manifest, stretch
+from dubbing.timelines import cut_manifest, reading, stretch
 from tests import clips
 from tests.dubbing.timelines import cuts
 from tests.dubbing.timelines.cuts import KINDS, RATES, Piece, otio
@@ -106,6 +106,25 @@ def test_a_film_without_timecode_counts_from_where_the_timeline_says_it_begins(
         ManifestError, match=r"lie outside of shot0\.mov: it has 400, from no timecode"
     ):
         written(folder, cuts.write(folder / "cut.edl", cut, FILM_RATE))
+
+
+def test_a_timeline_at_24_counts_the_frames_of_films_at_23_976(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    use(monkeypatch, RATES["23.976"])
+    cut = [Piece(6, 200, 300, 0)]
+    dubs, _ = written(folder, cuts.write(folder / "cut.otio", cut, Fraction(24)))
+    assert frames(dubs[0], RATES["23.976"]) == (200, 300)
+
+
+def test_picture_may_begin_after_the_sound_of_an_edl(folder: Path) -> None:
+    text = cuts.write(folder / "cut.edl", [Piece(0, 20, 60, 50)], FILM_RATE).read_text()
+    sound = "000  AX  A  C  00:00:00:00 00:00:04:00 01:00:00:00 01:00:04:00"
+    (folder / "cut.edl").write_text(text.replace("TITLE: cut\n", f"TITLE: cut\n{sound}\n"))
+    (event,) = reading.read(
+        folder / "cut.edl", lambda _: [cuts.info_of(Path("shot0.mov"), FILM_RATE)]
+    ).events
+    assert (event.record, event.timecode) == (2, "01:00:02:00")
 
 
 def test_frames_of_a_dissolve_are_dubbed_too(folder: Path) -> None:
@@ -294,9 +313,10 @@ def test_clips_trimmed_within_their_handles_keep_their_dubs(
     # Its frames are there; what is said in them now was not heard before.
     assert [dub["name"] for dub in after] == [dub["name"] for dub in before]
     assert [line.partition(":")[0] for line in said[2:]] == ["other speech"]
-    after, said = cut_again(folder, laid([(0, 5, 60), *inner[1:]]))
-    assert said[1] == "39 of 40 events lie in dubs that were there"
-    assert len([line for line in said if line.startswith("new: event 001")]) == 1
+    for beyond in ((0, 5, 60), (0, 20, 70)):
+        after, said = cut_again(folder, laid([beyond, *inner[1:]]))
+        assert said[1] == "39 of 40 events lie in dubs that were there"
+        assert len([line for line in said if line.startswith("new: event 001")]) == 1
 
 
 def test_other_speech_over_the_same_frames_changes_one_dub(
@@ -335,6 +355,21 @@ def test_a_new_cut_changes_the_dubs_alone(folder: Path) -> None:
     assert now["defaults"]["codec"] == "prores"
     assert now["identities"]["ann"]["clips"] == [f"shot{k}.mov" for k in range(4)]
     assert [dub["identity"] for dub in now["dubs"]] == ["ann"] * 4
+
+
+def test_new_speech_takes_no_dub_from_a_clip_that_keeps_its_own(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.edl", [Piece(0, 20, 60, 0)], FILM_RATE)
+    before, _ = written(folder, cut)
+    sound, rate = soundfile.read(folder / "cut_it.wav")
+    soundfile.write(folder / "cut_it.wav", np.concatenate([sound[::-1], sound]), rate, "PCM_24")
+    end = len(sound) * 25 // rate
+    cuts.write(cut, [Piece(0, 20, 60, 0), Piece(0, 20, 60, end)], FILM_RATE)
+    dubs, said = written(folder, cut)
+    assert [(dub["name"], dub["events"]) for dub in dubs] == [
+        (before[0]["name"], [2]),
+        ("shot0_000020_2", [1]),
+    ]
+    assert not [line for line in said if line.startswith("other speech")]
 
 
 def test_a_link_to_a_film_is_found_by_its_own_name_and_listed_once(folder: Path) -> None:
