@@ -20,6 +20,7 @@ from dfrf.data.dataset import HeadDataset
 from dfrf.data.ray_batch import RayBatch
 from dfrf.field.reference_views import ReferenceViews
 from dfrf.model_interface import HeadModel
+from dfrf.rendering.frame_buffer import HeadImage
 from dfrf.rendering.frame_head import FrameHead
 
 
@@ -220,10 +221,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
         """Makes a person's density quick to look up, as it is now; does nothing by default."""
 
     def resting_heads(
-        self,
-        expression: Float[Tensor, "F U"],
-        origins: Float[Tensor, "F 3"],
-        maps: MapsT | None,
+        self, expression: Float[Tensor, "F U"], origins: Float[Tensor, "F 3"], maps: MapsT | None
     ) -> Callable[[int], FrameHead]:
         """The head while nobody speaks; gives that of one of F frames.
 
@@ -252,9 +250,7 @@ class Method(ABC, Generic[ShareT, MapsT]):
         return self.resting_heads(expression, origins, maps)
 
     @abstractmethod
-    def render_frames(
-        self, inputs: FrameInputs, maps: MapsT | None
-    ) -> Iterator[tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]]:
+    def render_frames(self, inputs: FrameInputs, maps: MapsT | None) -> Iterator[HeadImage]:
         """Heads of frames, in their order.
 
         Yields:

@@ -6,13 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, overload
 
-from dfrf.config import (
-    STEPS,
-    FieldConfig,
-    MarchConfig,
-    ModelConfig,
-    TrainConfig,
-)
+from dfrf.config import STEPS, FieldConfig, MarchConfig, ModelConfig, TrainConfig
 from dfrf.fast.fast_method import FastMethod
 from dfrf.fast.fast_model import FastModel
 from dfrf.method_interface import Method

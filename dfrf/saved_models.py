@@ -169,14 +169,8 @@ def _mouths(part: dict[str, Tensor], whole: ReferenceViews) -> MouthViews:
     count = _check(part, MOUTH_SHAPES)["P"]
     if not count:
         raise ValueError("mouths")
-    crops = replace(
-        whole,
-        images=part["images"],
-        mattes=part["mattes"],
-        c2w=part["c2w"],
-        centres=part["centres"],
-    )
-    lips = part["lips"]
+    own: dict[str, Any] = {name: part[name] for name in REFERENCE_SHAPES}
+    crops, lips = replace(whole, **own), part["lips"]
     return MouthViews(crops, lips, part["shape"], part["reading"], torch.arange(count), lips[:0])
 
 
@@ -189,11 +183,5 @@ def _views(part: dict[str, Tensor], header: dict[str, Any]) -> ReferenceViews:
     focal, scale = (header[name] for name in ("focal", "scale"))
     if not (_check(part, REFERENCE_SHAPES)["N"] and 0 < focal < math.inf and 0 < scale < math.inf):
         raise ValueError("no reference, or focal and scale")
-    return ReferenceViews(
-        images=part["images"],
-        mattes=part["mattes"],
-        c2w=part["c2w"],
-        centres=part["centres"],
-        focal=float(focal),
-        scale=float(scale),
-    )
+    views: dict[str, Any] = {name: part[name] for name in REFERENCE_SHAPES}
+    return ReferenceViews(**views, focal=float(focal), scale=float(scale))

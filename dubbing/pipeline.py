@@ -11,8 +11,8 @@ report and ``--force`` read the jobs that are made here. Nothing here imports to
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from dubbing.engine.graph import Job
-from dubbing.engine.stage import Stage
+from dubbing.engine.graph.graph import Job
+from dubbing.engine.graph.stage import Stage
 from dubbing.production.clip import PersonClip
 from dubbing.production.dub import Dub
 from dubbing.production.person import Person

@@ -17,11 +17,11 @@ import numpy as np
 
 from dubbing import media
 from dubbing.batch import task as batch_task
-from dubbing.engine import task
-from dubbing.engine.files import atomic_write_json, atomic_write_text
+from dubbing.engine.disk.files import atomic_write_json, atomic_write_text
+from dubbing.engine.running import task
 from dubbing.errors import PreparationError
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
-from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.preparation.prepared import BACKGROUND, MATTE, PreparedClip
 from dubbing.script import timeline
 from dubbing.script.timeline import Cue, Edit

@@ -18,7 +18,7 @@ import typer
 from typer.testing import CliRunner
 
 from dubbing.cli.main import app
-from dubbing.manifest import yaml_lines
+from dubbing.manifest.keys import yaml_lines
 from dubbing.stages import KINDS
 from dubbing.workshop.lab.variants import PRESET_OF_METHOD
 from tests import clips

@@ -11,6 +11,8 @@ import torch
 from jaxtyping import Float, Int, Num, UInt8
 from torch import Tensor
 
+from dfrf.field.audio import NEIGHBOURS
+
 # Codes of the region map: where rays are drawn.
 OUTSIDE, RIM, HEAD, MOUTH, EYES = 0, 1, 2, 3, 4
 HEAD_MATTE = 13  # of 255; larger values count as head
@@ -77,22 +79,19 @@ class HeadDataset:
 
 
 def neighbour_windows(
-    windows: Float[Tensor, "C W D"],
-    segment: Num[Tensor, " C"],
-    frames: Int[Tensor, " F"],
-    count: int = 8,
-) -> Float[Tensor, "F K W D"]:
-    """Windows of the neighbours of frames, K = count of each.
+    windows: Float[Tensor, "C W D"], segment: Num[Tensor, " C"], frames: Int[Tensor, " F"]
+) -> Float[Tensor, "F 8 W D"]:
+    """Windows of the neighbours of frames: i - 4 .. i + 3.
 
-    Neighbours are frames i - count/2 .. i + count/2 - 1; beyond a cut or an end the nearest frame
-    of the same uncut run stands in, so nothing reaches across a cut.
+    Beyond a cut or an end the nearest frame of the same uncut run stands in, so nothing reaches
+    across a cut.
     """
     last = windows.shape[0] - 1
-    offsets = torch.arange(count, device=frames.device) - count // 2
+    offsets = torch.arange(NEIGHBOURS, device=frames.device) - NEIGHBOURS // 2
     index = (frames[:, None] + offsets).clamp(0, last)
     same = segment[index] == segment[frames][:, None]
     # Walk towards the frame itself until the run is the same.
-    for _ in range(count // 2):
+    for _ in range(NEIGHBOURS // 2):
         step = torch.sign(frames[:, None] - index)
         index = torch.where(same, index, index + step)
         same = segment[index] == segment[frames][:, None]

@@ -62,10 +62,7 @@ def similar_frames(
 
 
 def draw_rays(
-    dataset: HeadDataset,
-    frames: Int[Tensor, " F"],
-    config: TrainConfig,
-    generator: torch.Generator,
+    dataset: HeadDataset, frames: Int[Tensor, " F"], config: TrainConfig, generator: torch.Generator
 ) -> RayBatch:
     """Rays of frames by importance: mouth, eyes, rim, the rest of the head, outside."""
     per_frame = config.rays // len(frames)
@@ -140,10 +137,7 @@ class SurfaceRays:
 
 
 def surface_rays(
-    dataset: HeadDataset,
-    frames: Int[Tensor, " F"],
-    per_frame: int,
-    generator: torch.Generator,
+    dataset: HeadDataset, frames: Int[Tensor, " F"], per_frame: int, generator: torch.Generator
 ) -> SurfaceRays:
     """Rays through random points of the mean face, `per_frame` for each frame of a dataset."""
     count = (frames.numel(), per_frame)

@@ -32,6 +32,7 @@ from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
 from dfrf.method_interface import FrameInputs, Method, StepOutcome
 from dfrf.rendering.baked_density import chosen_frames, corners, positions
 from dfrf.rendering.baked_frame import BakedHead, ViewImages
+from dfrf.rendering.frame_buffer import HeadImage
 from dfrf.rendering.frame_head import FrameHead, MarchedHead
 from dfrf.rendering.grid_pruning import prune_grid
 from dfrf.rendering.volume_rendering import density_at, render_rays
@@ -325,17 +326,11 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
     ) -> Callable[[int], FrameHead]:
         """Gives the head of each frame by its number: lips as spoken, `inputs.strength` of them."""
         conditioning = self.model.eval().field.conditioning(
-            inputs.windows,
-            inputs.predicted_lips,
-            inputs.expression,
-            inputs.strength,
-            inputs.lips,
+            inputs.windows, inputs.predicted_lips, inputs.expression, inputs.strength, inputs.lips
         )
         return self._heads(conditioning, inputs.c2w[:, :, 3], maps, inputs.baked)
 
-    def render_frames(
-        self, inputs: FrameInputs, maps: ReferenceMaps | None
-    ) -> Iterator[tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]]:
+    def render_frames(self, inputs: FrameInputs, maps: ReferenceMaps | None) -> Iterator[HeadImage]:
         """Renders one frame a core at a time on a CPU."""
         heads = self.speaking_heads(inputs, maps)
 

@@ -102,11 +102,7 @@ class Field(nn.Module):
         nn.init.zeros_(self.density.bias)
 
     def locate(
-        self,
-        query: FieldQuery,
-        maps: ReferenceMaps,
-        conditioning: Float[Tensor, "F K"],
-        warp: bool,
+        self, query: FieldQuery, maps: ReferenceMaps, conditioning: Float[Tensor, "F K"], warp: bool
     ) -> tuple[Float[Tensor, "n M 2"], Float[Tensor, "n M 2"]]:
         """Equations (1), (3) and (4): positions of points in the n views, pixels, and the warp."""
         projected = maps.views.project(query.points)

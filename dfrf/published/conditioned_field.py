@@ -150,9 +150,7 @@ class PaperField(nn.Module):
         if config.use_references:
             self.encoder = ReferenceCNN(config.cnn_width, config.feature_dim)
             self.aggregation = SlotAttention(
-                token_dim=config.feature_dim + TOKEN_EXTRA,
-                dim=config.slot_dim,
-                slots=config.slots,
+                token_dim=config.feature_dim + TOKEN_EXTRA, dim=config.slot_dim, slots=config.slots
             )
             input_dim += self.aggregation.out_dim
             if config.use_warp:

@@ -14,10 +14,7 @@ def mse(colour: Float[Tensor, "*B 3"], target: Float[Tensor, "*B 3"]) -> Float[T
 
 
 def paper_loss(
-    rendered: dict[str, Tensor],
-    target: Float[Tensor, "R 3"],
-    size: int,
-    warp_weight: float,
+    rendered: dict[str, Tensor], target: Float[Tensor, "R 3"], size: int, warp_weight: float
 ) -> Float[Tensor, ""]:
     """Equation (9) over both passes, L_r' over the fine samples as published.
 

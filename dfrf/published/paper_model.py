@@ -31,13 +31,7 @@ from dfrf.published.conditioned_field import (
     References,
 )
 
-__all__ = [
-    "EncodedReferences",
-    "PaperConfig",
-    "PaperField",
-    "PaperModel",
-    "References",
-]
+__all__ = ["EncodedReferences", "PaperConfig", "PaperField", "PaperModel", "References"]
 
 
 class PaperModel(HeadModel):

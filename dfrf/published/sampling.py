@@ -40,9 +40,7 @@ def stratified(
 
 
 def inverse_cdf(
-    edges: Float[Tensor, "R B"],
-    weights: Float[Tensor, "R B-1"],
-    u: Float[Tensor, "#R S"],
+    edges: Float[Tensor, "R B"], weights: Float[Tensor, "R B-1"], u: Float[Tensor, "#R S"]
 ) -> Float[Tensor, "R S"]:
     """Depths drawn from the piecewise constant density that weights give on bins (NeRF, 5.2).
 
@@ -66,9 +64,7 @@ def inverse_cdf(
 
 
 def importance(
-    depths: Float[Tensor, "R S"],
-    weights: Float[Tensor, "R S"],
-    u: Float[Tensor, "#R I"],
+    depths: Float[Tensor, "R S"], weights: Float[Tensor, "R S"], u: Float[Tensor, "#R I"]
 ) -> Float[Tensor, "R S+I"]:
     """The coarse depths with I more between them, sorted; no gradient flows into the new ones.
 

@@ -23,12 +23,11 @@ from dfrf.cameras import Camera, Rays
 from dfrf.field.reference_encoder import MATTE, shows_head
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.baked_density import FrameDensity
-from dfrf.rendering.frame_buffer import Pixels
-from dfrf.rendering.frame_head import SeenRays
+from dfrf.rendering.frame_buffer import HeadImage, Pixels
 from dfrf.rendering.frame_renderer import BLOCK, grown, head_blocks
 from dfrf.rendering.ray_marching import Search
 from dfrf.rendering.surface_details import SurfaceDetails
-from dfrf.rendering.volume_rendering import Volume
+from dfrf.rendering.volume_rendering import SeenRays, Volume
 
 SEEN = 0.05  # opacity from which a vertex is asked what it shows
 FAINT, OPAQUE = 0.02, 0.98  # opacities between which a pixel lies on the head's edge
@@ -97,12 +96,10 @@ def between(values: Float[Tensor, "C h w"]) -> Float[Tensor, "C H W"]:
     return F.interpolate(values[None], size, mode="bilinear", align_corners=True)[0]
 
 
-def spread(
-    values: Float[Tensor, "C h w"], known: Bool[Tensor, "h w"], times: int = SPREAD
-) -> Float[Tensor, "C h w"]:
-    """Values where they are known, and the mean of known neighbours up to `times` vertices off."""
+def spread(values: Float[Tensor, "C h w"], known: Bool[Tensor, "h w"]) -> Float[Tensor, "C h w"]:
+    """Values where they are known, and the mean of known neighbours up to `SPREAD` vertices off."""
     weight = known.to(values.dtype)[None]
-    for _ in range(times):
+    for _ in range(SPREAD):
         total, count = (F.avg_pool2d(x, 3, 1, 1) for x in (values * weight, weight))
         new = (weight == 0) & (count > 0)
         values = torch.where(new, total / count.clamp_min(1e-6), values)
@@ -210,9 +207,7 @@ class BakedHead:
     images: ViewImages
 
     @torch.no_grad()
-    def render(
-        self, camera: Camera, region: Bool[Tensor, "S S"] | None = None
-    ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+    def render(self, camera: Camera, region: Bool[Tensor, "S S"] | None = None) -> HeadImage:
         """See `frame_head.FrameHead`."""
         size = camera.size
         frame = torch.zeros(4, size, size, device=camera.c2w.device)

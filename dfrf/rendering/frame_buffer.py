@@ -21,6 +21,8 @@ STEP, ROUGH = 0.2, 0.01
 OPACITY, DEPTH, RESIDUAL, ANCHORS = 0, 1, slice(2, 5), slice(5, None)  # of `surface`
 
 Pixels = tuple[Int[Tensor, " P"], Int[Tensor, " P"]]  # rows, columns of the window
+# Premultiplied colour in 0..1, and opacity.
+HeadImage = tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]
 
 
 @dataclass(frozen=True)
@@ -118,7 +120,7 @@ class FrameBuffer:
             (-faint > OPAQUE) & (deep + shallow < STEP) & (rough < ROUGH),
         )
 
-    def frame(self, size: int) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+    def frame(self, size: int) -> HeadImage:
         """Colour and opacity of a frame of size x size pixels, blank outside of the window."""
         colour = self.colour.new_zeros(size, size, 3)
         opacity = self.colour.new_zeros(size, size)

@@ -5,35 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from jaxtyping import Bool, Float
+from jaxtyping import Bool
 from torch import Tensor
 
 from dfrf.cameras import Camera, Rays
+from dfrf.rendering.frame_buffer import HeadImage
 from dfrf.rendering.frame_renderer import render_frame
-from dfrf.rendering.volume_rendering import Volume, render_rays
-
-
-@dataclass(frozen=True)
-class SeenRays:
-    """Rays, as they see the head.
-
-    Attributes:
-        colour: premultiplied, in 0..1.
-        opacity: of each ray.
-        depth: mean distance that the light comes from, times opacity.
-    """
-
-    colour: Float[Tensor, "R 3"]
-    opacity: Float[Tensor, " R"]
-    depth: Float[Tensor, " R"]
+from dfrf.rendering.volume_rendering import SeenRays, Volume, render_rays
 
 
 class FrameHead(Protocol):
     """The head in one frame."""
 
-    def render(
-        self, camera: Camera, region: Bool[Tensor, "S S"] | None = None
-    ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+    def render(self, camera: Camera, region: Bool[Tensor, "S S"] | None = None) -> HeadImage:
         """Premultiplied colour in 0..1, and opacity.
 
         Args:
@@ -55,13 +39,10 @@ class MarchedHead:
 
     volume: Volume
 
-    def render(
-        self, camera: Camera, region: Bool[Tensor, "S S"] | None = None
-    ) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+    def render(self, camera: Camera, region: Bool[Tensor, "S S"] | None = None) -> HeadImage:
         """See `FrameHead`."""
         return render_frame(self.volume, camera, region)
 
     def see(self, rays: Rays) -> SeenRays:
         """See `FrameHead`."""
-        seen = render_rays(self.volume, rays)
-        return SeenRays(seen.colour, seen.opacity, seen.depth)
+        return render_rays(self.volume, rays)

@@ -23,6 +23,7 @@ from dfrf.rendering.frame_buffer import (
     OPACITY,
     RESIDUAL,
     FrameBuffer,
+    HeadImage,
     Pixels,
     Surroundings,
 )
@@ -149,7 +150,7 @@ class FrameRenderer:
 @torch.no_grad()
 def render_frame(
     volume: Volume, camera: Camera, region: Bool[Tensor, "S S"] | None = None
-) -> tuple[Float[Tensor, "S S 3"], Float[Tensor, "S S"]]:
+) -> HeadImage:
     """The head of one frame, on the device of its camera.
 
     Args:

@@ -59,22 +59,31 @@ class Volume:
 
 
 @dataclass(frozen=True)
-class RayColours:
-    """Rendered rays.
+class SeenRays:
+    """Rays, as they see the head.
 
     Attributes:
         colour: premultiplied: sum of w_i c_i, without the background.
         opacity: sum of w_i.
         depth: sum of w_i t_i.
+    """
+
+    colour: Float[Tensor, "R 3"]
+    opacity: Float[Tensor, " R"]
+    depth: Float[Tensor, " R"]
+
+
+@dataclass(frozen=True)
+class RayColours(SeenRays):
+    """Rendered rays.
+
+    Attributes:
         weights, distances: zero where a ray has no sample.
         alpha: opacity of each sample.
         offset: warp of each sample, pixels at 512; empty where no gradient is wanted.
         samples: the packed samples.
     """
 
-    colour: Float[Tensor, "R 3"]
-    opacity: Float[Tensor, " R"]
-    depth: Float[Tensor, " R"]
     weights: Float[Tensor, "R S"]
     distances: Float[Tensor, "R S"]
     alpha: Float[Tensor, " M"]

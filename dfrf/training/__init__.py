@@ -1,1 +1,1 @@
-"""Training of a model: `fit`, augmentation, regularizers, lip supervision, validation."""
+"""Training of a model: `fit`, augmentation, lip supervision, validation."""

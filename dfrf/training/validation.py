@@ -102,11 +102,7 @@ class Validation:
         return len(self.rows) - 1 - self.best_row() >= patience
 
     def measure(
-        self,
-        method: Method[Any, Any],
-        config: TrainConfig,
-        done: int,
-        workers: Workers,
+        self, method: Method[Any, Any], config: TrainConfig, done: int, workers: Workers
     ) -> None:
         """Measures a model after `done` steps, where that is due; keeps it if it is the best."""
         if not self.datasets or not config.checkpoint_due(done):

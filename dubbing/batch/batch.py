@@ -10,13 +10,15 @@ from dubbing import pipeline
 from dubbing.batch import jobs, results
 from dubbing.batch.rates import calibrated
 from dubbing.batch.results import Ledger
-from dubbing.engine import claims, estimates, planner, runner
-from dubbing.engine.executors import Executor
-from dubbing.engine.files import atomic_path, make_folder, writing
-from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.outcome import Outcome, Reporter, failure_of
-from dubbing.engine.runner import Options
-from dubbing.engine.time_left import TimeLeft
+from dubbing.engine.disk import claims
+from dubbing.engine.disk.files import atomic_path, make_folder, writing
+from dubbing.engine.graph.graph import Job, Jobs
+from dubbing.engine.planning import estimates, planner
+from dubbing.engine.planning.time_left import TimeLeft
+from dubbing.engine.running import runner
+from dubbing.engine.running.executors import Executor
+from dubbing.engine.running.outcome import Outcome, Reporter, failure_of
+from dubbing.engine.running.runner import Options
 from dubbing.errors import ExplainedError
 from dubbing.production.dub import Dub
 from dubbing.production.production import REPORTS, Production
@@ -147,11 +149,7 @@ def put_each(
 
 
 def begin(
-    production: Production,
-    *,
-    only: tuple[str, ...] = (),
-    device: str = "auto",
-    draft: bool = False,
+    production: Production, *, only: tuple[str, ...] = (), device: str = "auto", draft: bool = False
 ) -> Jobs:
     """The jobs of a run, after a look at its output folder; folders of renamed dubs are renamed.
 

@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from dubbing.batch import jobs, results
-from dubbing.engine import claims
-from dubbing.engine.files import atomic_write_text, digest_bytes, make_folder
-from dubbing.engine.stage import Stage
+from dubbing.engine.disk import claims
+from dubbing.engine.disk.files import atomic_write_text, digest_bytes, make_folder
+from dubbing.engine.graph.stage import Stage
 from dubbing.errors import ExplainedError, RenderingError
-from dubbing.face.lip_curves import text_of
+from dubbing.face.mouth.lip_curves import text_of
 from dubbing.identity.lip_scale import moments
 from dubbing.pipeline import DUB
 from dubbing.production.dub import Dub

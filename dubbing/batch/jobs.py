@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from fnmatch import fnmatchcase
 
-from dubbing.engine import claims
-from dubbing.engine.graph import Job, Jobs
+from dubbing.engine.disk import claims
+from dubbing.engine.graph.graph import Job, Jobs
 from dubbing.errors import ExplainedError
 from dubbing.pipeline import draft_job, dub_job, people_jobs
 from dubbing.production.dub import Dub

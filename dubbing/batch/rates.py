@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
-from dubbing.engine import json_records
-from dubbing.engine.files import atomic_write_json
-from dubbing.engine.stage import Rate
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.files import atomic_write_json
+from dubbing.engine.graph.stage import Rate
 from dubbing.errors import ExplainedError
 from dubbing.homes import cache_folder
 

@@ -14,9 +14,9 @@ from typing import Any
 
 from typing_extensions import TypedDict
 
-from dubbing.engine import json_records
-from dubbing.engine.file_digests import digest_of
-from dubbing.engine.files import (
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.disk.files import (
     atomic_path,
     atomic_write_bytes,
     atomic_write_json,

@@ -2,16 +2,16 @@
 
     python -m dubbing.batch.task CALL
 
-Runs start it; CALL is made by `dubbing.engine.executors.Program`.
+Runs start it; CALL is made by `dubbing.engine.running.executors.Program`.
 """
 
 import sys
 from pathlib import Path
 
 from dubbing.batch.jobs import build
-from dubbing.engine import task
-from dubbing.engine.executors import Program
-from dubbing.engine.graph import Job
+from dubbing.engine.graph.graph import Job
+from dubbing.engine.running import task
+from dubbing.engine.running.executors import Program
 from dubbing.errors import ExplainedError
 from dubbing.manifest.manifest import load
 from dubbing.pipeline import PERSON, person_job

@@ -60,7 +60,7 @@ def checked_size(size: int) -> int:
     Raises:
         ExplainedError: a manifest does not allow it.
     """
-    from dubbing.manifest.values import SIZES
+    from dubbing.manifest.keys.values import SIZES
 
     if size not in SIZES:
         remedy = f"use {SIZES.start} to {SIZES[-1]} in steps of {SIZES.step}"
@@ -78,7 +78,7 @@ def checked_output(file: Path, *read: Path) -> Path:
         CallError: it is one of the files that are read.
         ExplainedError: it is a folder, or nothing may be written where it is to lie.
     """
-    from dubbing.engine.files import make_folder
+    from dubbing.engine.disk.files import make_folder
 
     checked_path(file)
     if file.is_dir():
@@ -96,7 +96,7 @@ def checked_path(path: Path) -> Path:
     Raises:
         CallError: its name is no UTF-8.
     """
-    from dubbing.manifest.values import check_path
+    from dubbing.manifest.keys.values import check_path
 
     try:
         check_path(path.absolute())
@@ -111,7 +111,7 @@ def checked_seconds(seconds: float | None, option: str = "--seconds") -> float |
     Raises:
         ExplainedError: it is not a length.
     """
-    from dubbing.manifest.values import LONGEST_SECONDS
+    from dubbing.manifest.keys.values import LONGEST_SECONDS
 
     if seconds is not None and not 0 < seconds <= LONGEST_SECONDS:
         remedy = f"use a number up to {LONGEST_SECONDS:g}"

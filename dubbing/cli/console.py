@@ -18,10 +18,10 @@ from dubbing.printable import visible
 # `dfrf doctor` prints without the packages that these import.
 if TYPE_CHECKING:
     from dubbing.batch.batch import Result
-    from dubbing.cli.finding import Finding
-    from dubbing.engine.estimates import Estimate
-    from dubbing.engine.planner import Row
-    from dubbing.engine.stage import Rate
+    from dubbing.cli.doctor.finding import Finding
+    from dubbing.engine.graph.stage import Rate
+    from dubbing.engine.planning.estimates import Estimate
+    from dubbing.engine.planning.planner import Row
     from dubbing.identity.learned import Learned
 
 COLOURS = {

@@ -25,7 +25,7 @@ from dubbing.cli.arguments import (
 from dubbing.errors import CallError
 
 if TYPE_CHECKING:
-    from dubbing.engine.executors import Executor
+    from dubbing.engine.running.executors import Executor
 
 WITHOUT_DUBS = "the manifest has no dubs, so nothing would be made"
 
@@ -83,8 +83,8 @@ def dub(
     from dubbing.batch import batch
     from dubbing.batch.task import program
     from dubbing.cli import console, live
-    from dubbing.engine.executors import InLine, Processes
-    from dubbing.engine.runner import Options
+    from dubbing.engine.running.executors import InLine, Processes
+    from dubbing.engine.running.runner import Options
     from dubbing.manifest import short_call
     from dubbing.manifest.manifest import load
 
@@ -104,7 +104,7 @@ def dub(
         raise CallError(WITHOUT_DUBS, str(production.manifest), "name new speech for somebody")
     worker = program(production.manifest, checked_device(device, here=scheduler is None), draft)
     if scheduler:
-        from dubbing.engine.cluster import Cluster
+        from dubbing.engine.running.cluster import Cluster
 
         executor: Executor = Cluster(worker, scheduler)
     else:
@@ -138,8 +138,8 @@ def plan(
     from dubbing.batch import jobs, results
     from dubbing.batch.rates import calibrated
     from dubbing.cli import console
-    from dubbing.engine import estimates
-    from dubbing.engine import planner as planning
+    from dubbing.engine.planning import estimates
+    from dubbing.engine.planning import planner as planning
     from dubbing.identity.learned import learned_if_known
     from dubbing.manifest.manifest import load
     from dubbing.pipeline import DUB, PERSON

@@ -15,15 +15,15 @@ from rich.console import Console
 from tqdm import tqdm
 
 from dubbing.cli.console import duration, line
-from dubbing.engine.stage import Progress
-from dubbing.engine.time_left import TimeLeft
+from dubbing.engine.graph.stage import Progress
+from dubbing.engine.planning.time_left import TimeLeft
 from dubbing.printable import visible
 
 if TYPE_CHECKING:
-    from dubbing.engine.graph import Job
-    from dubbing.engine.outcome import Failure
-    from dubbing.engine.stage import Stage
-    from dubbing.engine.stage_id import StageId
+    from dubbing.engine.graph.graph import Job
+    from dubbing.engine.graph.stage import Stage
+    from dubbing.engine.graph.stage_id import StageId
+    from dubbing.engine.running.outcome import Failure
 
 QUIET = 30.0  # seconds without a line in a log, at most
 REFRESHED = 1.0  # seconds in which bars are drawn anew

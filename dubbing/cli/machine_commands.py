@@ -29,7 +29,7 @@ def doctor(
             found = work(progress)
         console.rates(found, file)
         return
-    from dubbing.cli.doctor import examine
+    from dubbing.cli.doctor.doctor import examine
 
     findings = examine()
     console.doctor(findings)

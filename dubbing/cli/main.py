@@ -18,10 +18,9 @@ from dubbing.cli import (
     clip_commands,
     job_commands,
     machine_commands,
+    page_commands,
     provenance_commands,
-    report_commands,
     research_commands,
-    studio_commands,
     training_commands,
 )
 from dubbing.cli.arguments import print_line
@@ -67,7 +66,7 @@ def options(
 COMMANDS = {
     "Dubbing": (
         *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.schema),
-        *(studio_commands.studio, report_commands.share, report_commands.notes),
+        *(page_commands.studio, page_commands.share, page_commands.notes),
         *(job_commands.curves, job_commands.demo, clip_commands.prepare),
     ),
     "Checking": (
@@ -111,7 +110,7 @@ def main() -> None:
             raise
         _end(str(ExplainedError(SHORT, remedy=ROOM)), FAILED)
     except OSError as error:  # of what is printed, too: `> /dev/full`
-        from dubbing.engine.files import system_error
+        from dubbing.engine.disk.files import system_error
 
         _end(str(system_error(error)), FAILED)
     except SystemExit as end:

@@ -6,12 +6,12 @@ S side of the crop in px. All lengths are given for S = 512 and scale with it.
 import cv2
 import numpy as np
 
-from dubbing.compositing.extent import extent
 from dubbing.compositing.face_mask import face_mask
 from dubbing.compositing.film_look import in_focus
 from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import with_neck
 from dubbing.face.face_contour import face_contour
+from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 from dubbing.preparation.prepared import FilmFrame
 

@@ -8,9 +8,16 @@ it.
 import cv2
 import numpy as np
 
-from dubbing.compositing.extent import extent
 from dubbing.face.face_contour import FaceContour, face_contour
-from dubbing.face.mesh_points import LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
+from dubbing.face.mesh_points import (
+    CHIN,
+    FOREHEAD_TOP,
+    LEFT_EYE_OUTER,
+    NOSE_BASE,
+    RIGHT_EYE_OUTER,
+)
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
+from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 # Between these distances from the edge of the face, px, the film's own pixels take over: a model's
@@ -21,6 +28,11 @@ INSIDE, OUTSIDE = 13.0, 3.0
 ABOVE, BELOW = 0.4, 0.8
 # Least length of that line, in eye distances: it is 0 for a nose that points at the camera.
 SHORTEST = 0.3
+# Between these distances from the mouth, in heights of the face, the film's own cheeks and jaw take
+# over: they hardly move with words, and a turned head shows much of them. Downwards, where the chin
+# moves, distances count less.
+NEAR_MOUTH, FAR_FROM_MOUTH = 0.28, 0.4
+DOWNWARDS = 1.3
 # px beyond the mask that the composite depends on: feather, and smoothing of the neck's outlines.
 AROUND = 24.0
 
@@ -28,8 +40,8 @@ AROUND = 24.0
 def face_mask(landmarks: np.ndarray, contour: FaceContour) -> np.ndarray:
     """Share of each pixel that a rendered head may replace, (S, S) uint8.
 
-    255 on the lower face and all round its jaw, falling to 0 across the rest of its edge and from
-    the mouth up to the eyes.
+    255 round the mouth and the chin, falling to 0 across the cheeks, across the rest of the face's
+    edge, and from the mouth up to the eyes.
 
     Args:
         landmarks: (478, 2) px.
@@ -45,6 +57,7 @@ def face_mask(landmarks: np.ndarray, contour: FaceContour) -> np.ndarray:
     near = np.clip((OUTSIDE * unit - outside + inside) / ((OUTSIDE + INSIDE) * unit), 0, 1)
     x, y = (np.arange(size)[i] - k for i, k in zip((columns, rows), contour.middle, strict=True))
     share = np.maximum(near, jaw_share(contour, np.arctan2(y[:, None], x)))
+    share = share * mouth_share(landmarks, size)[part]
     mask = np.zeros((size, size), np.uint8)
     mask[part] = (share * lower[part] * 255).round()
     return mask
@@ -68,6 +81,17 @@ def lower_share(landmarks: np.ndarray, size: int) -> np.ndarray:
     way = (x * down[0] + y[:, None] * down[1]) / nose
     share: np.ndarray = np.clip((way - ABOVE) / (BELOW - ABOVE), 0, 1)
     return share
+
+
+def mouth_share(landmarks: np.ndarray, size: int) -> np.ndarray:
+    """1 (S, S) round the mouth and the chin, 0 far from them."""
+    up = landmarks[FOREHEAD_TOP] - landmarks[CHIN]
+    up = up / max(float(up @ up), 1.0)
+    x, y = (np.arange(size) - place for place in landmarks[list(OUTER_LIP)].mean(0))
+    above = x * up[0] + y[:, None] * up[1]
+    beside = x * up[1] - y[:, None] * up[0]
+    away = np.hypot(beside, np.where(above < 0, above / DOWNWARDS, above))
+    return np.clip((FAR_FROM_MOUTH - away) / (FAR_FROM_MOUTH - NEAR_MOUTH), 0, 1)
 
 
 def jaw_share(contour: FaceContour, angles: np.ndarray) -> np.ndarray:

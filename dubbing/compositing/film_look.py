@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dubbing.compositing.extent import extent
+from dubbing.preparation.background.pixels import extent
 
 COARSE = 1.2  # px, Gaussian: detail finer than that is compared
 SIGMAS = np.array([0.0, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 2.8, 3.5])  # px, blurs that are tried
@@ -25,11 +25,7 @@ QUIET = 0.3  # levels: a film with less noise has none
 
 
 def in_focus(
-    image: np.ndarray,
-    head: np.ndarray,
-    beside: np.ndarray,
-    noise: np.ndarray,
-    motion: np.ndarray,
+    image: np.ndarray, head: np.ndarray, beside: np.ndarray, noise: np.ndarray, motion: np.ndarray
 ) -> np.ndarray:
     """A head as blurred as the film, (S, S, 4) uint8.
 

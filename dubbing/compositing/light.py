@@ -9,8 +9,8 @@ scale with it.
 import cv2
 import numpy as np
 
-from dubbing.compositing.extent import extent
-from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
+from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
 STEP = 4  # px between places where the ratio is measured

@@ -1,6 +1,7 @@
-"""Memory that runs short: how libraries say so, and what to do."""
+"""Memory of this process: the most that it held; how libraries say that it runs short."""
 
 import errno
+import sys
 
 SHORT = "memory ran short"
 ROOM = "end other programs, use fewer --jobs or a smaller size, then run again"
@@ -15,6 +16,16 @@ SAID = (
     "bad_alloc",
     "can't start new thread",
 )
+
+
+def peak_memory() -> int | None:
+    """The most that was held, bytes; None where the system does not report it (Windows)."""
+    try:
+        import resource
+    except ModuleNotFoundError:
+        return None
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak  # macOS counts bytes, Linux KiB
 
 
 def short_of_memory(error: BaseException) -> bool:

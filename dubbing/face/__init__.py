@@ -1,1 +1,1 @@
-"""Faces: tracking, landmarks, and the shape and crop of the mouth."""
+"""Faces: the points of their mesh, and the contour of it."""

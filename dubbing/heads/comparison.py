@@ -21,7 +21,7 @@ from dfrf.workers import Workers
 from dubbing.compositing.face_mask import lower_share
 from dubbing.face.face_contour import face_region
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
-from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.identity.dataset import lip_points, upper_face_expression
 from dubbing.media import read_frames
 from dubbing.preparation.matting.matting import dilate

@@ -12,15 +12,20 @@ import cv2
 import numpy as np
 
 from dubbing.heads.comparison import EYES, Compared, H, W, to_face
+from dubbing.preparation.matting.matting import dilate
 
 USUAL = 2.5  # times what a place differs by in most frames
 THIN = 1  # px to each side: what is thinner is an edge that does not fit
 APART = 0.22  # of a logarithm: no skin differs by more
 LIKE_SKIN = 12.0  # of a and b of CIELAB
 LEAST = 0.03  # of the squared eye distance that must differ, beside the lips
+LARGE = 0.1  # of it: what hides a face, and has its colours
 AROUND, MOST = 2, 3  # in so many frames of those that near, or it is chance
+WHILE, LASTING = 8, 0.4  # frames before and after, and share of them in which a thing is there
 ROUNDS = 3  # of grabCut
 SOFT = 2.0  # px at 512, the edge of a mask
+FADED, WHOLE = 0.15, 0.5  # of a coarse mask, where a fine one ends and is 1: the edge lies outside
+BITE, STRIP = 3, 1  # px of the frame of the face: what a shine bites off, and a gap of the lips
 
 
 def unexplained(compared: Compared, usual: np.ndarray) -> np.ndarray:
@@ -36,6 +41,11 @@ def unexplained(compared: Compared, usual: np.ndarray) -> np.ndarray:
     least = LEAST * (EYES * compared.zoom) ** 2
     large = np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= least) + 1
     return np.isin(piece, large)
+
+
+def is_large(compared: Compared, over: np.ndarray) -> bool:
+    """Whether what surely lies over the face is more than a shade of a turned head."""
+    return bool(over.sum() >= LARGE * (EYES * compared.zoom) ** 2)
 
 
 def is_like_skin(compared: Compared, over: np.ndarray) -> bool:
@@ -70,6 +80,9 @@ def cut_out(
         cut[near] = cv2.GC_PR_FGD
     cut[compared.known & (compared.apart < APART / 2)] = cv2.GC_BGD
     cut[compared.known & (compared.apart > APART)] = cv2.GC_PR_FGD
+    if near is not None and not seeds.any():
+        inner = cv2.erode(near.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+        cut[inner & (compared.apart > APART)] = cv2.GC_FGD
     cut[seeds] = cv2.GC_FGD
     over = np.isin(cut, (cv2.GC_FGD, cv2.GC_PR_FGD))
     if not over.any() or over.all() or not (cut == cv2.GC_BGD).any():
@@ -100,7 +113,32 @@ def followed(compared: list[Compared], seeds: list[np.ndarray]) -> list[np.ndarr
             near = over if over.any() else None
             if near is None:
                 models = None
-    return found
+    return lasting([whole(m) | s for m, s in zip(found, seeds, strict=True)], compared)
+
+
+def lasting(found: list[np.ndarray], compared: list[Compared]) -> list[np.ndarray]:
+    """Masks (H, W) bool of frames in a row, with what most frames around show.
+
+    On the lips only that stays which lasts: a mouth that is open for a moment, and as dark as a
+    thing at it, is none of it.
+    """
+    flat = np.stack(found).reshape(len(found), -1).astype(np.float32)
+    share = cv2.blur(flat, (1, 2 * WHILE + 1), borderType=cv2.BORDER_REPLICATE)
+    lasts = (share >= LASTING).reshape(-1, H, W)
+    return [
+        np.where(of.lips, mask & dilate(there, 2), mask | there)
+        for mask, of, there in zip(found, compared, lasts, strict=True)
+    ]
+
+
+def whole(mask: np.ndarray) -> np.ndarray:
+    """A mask (H, W) bool without thin strips and without small bites in its edge."""
+    strip, bite = (
+        cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1,) * 2)
+        for reach in (STRIP, BITE)
+    )
+    solid = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, strip)
+    return np.asarray(cv2.morphologyEx(solid, cv2.MORPH_CLOSE, bite) > 0)
 
 
 def steady(seeds: list[np.ndarray]) -> list[np.ndarray]:
@@ -117,12 +155,18 @@ def mask_of(over: np.ndarray, image: np.ndarray, landmarks: np.ndarray) -> np.nd
         over: (H, W) bool. image: (S, S, 3) uint8. landmarks: (478, 2) px of it.
     """
     size = len(image)
-    unit = size / 512
     back = cv2.invertAffineTransform(to_face(landmarks))
     wide = cv2.warpAffine(over.astype(np.float32), back, (size, size), flags=cv2.INTER_LINEAR)
-    reach = max(2, round(float(np.hypot(*back[:, 0])) * 1.5))
-    fine = cv2.ximgproc.guidedFilter(image, wide, reach, 1e-3 * 255**2)
-    soft = np.clip((fine - 0.3) / 0.4, 0, 1)
-    return np.asarray(
-        (255 * cv2.GaussianBlur(soft, (0, 0), max(0.5, SOFT * unit))).round(), np.uint8
-    )
+    return on_edges(wide, image, float(np.hypot(*back[:, 0])))
+
+
+def on_edges(mask: np.ndarray, image: np.ndarray, scale: float) -> np.ndarray:
+    """A coarse mask (S, S), 0..1, laid on the edges of the picture (S, S, 3): (S, S) uint8.
+
+    Args:
+        scale: px of the picture to a px of the mask before it was enlarged.
+    """
+    fine = cv2.ximgproc.guidedFilter(image, mask, max(2, round(1.5 * scale)), 1e-3 * 255**2)
+    soft = np.clip((fine - FADED) / (WHOLE - FADED), 0, 1)
+    sigma = max(0.5, SOFT * len(image) / 512)
+    return np.asarray((255 * cv2.GaussianBlur(soft, (0, 0), sigma)).round(), np.uint8)

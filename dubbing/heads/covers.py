@@ -1,13 +1,13 @@
 """Finds things that lie over a face: whatever the learned head cannot explain.
 
-A hand, a microphone, a caption stay in front of the new mouth. Where something has the colours of
-skin, or the head does not lie on the face, the frame is covered: the film keeps its own mouth. T
+A hand, a microphone, a caption stay in front of the new mouth. Where something else has the colours
+of skin, or the head does not lie on the face, the frame is covered: the film keeps its own mouth. T
 frames, S side of the crop in px, H and W as in `comparison`.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +18,19 @@ from scipy.spatial.transform import Rotation, Slerp
 from dfrf.method_interface import Maps, Method
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
-from dubbing.engine.files import atomic_path
-from dubbing.engine.stage import Progress
-from dubbing.heads.comparison import Comparison, is_awry, usual_difference
-from dubbing.heads.cover_cut import followed, is_like_skin, mask_of, steady, unexplained
+from dubbing.engine.disk.files import atomic_path
+from dubbing.engine.graph.stage import Progress
+from dubbing.face.finding.hand_finder import HandFinder
+from dubbing.heads.comparison import Compared, Comparison, images, is_awry, usual_difference
+from dubbing.heads.cover_cut import (
+    followed,
+    is_large,
+    is_like_skin,
+    mask_of,
+    steady,
+    unexplained,
+)
+from dubbing.heads.hand_cut import hand_mask, lies_over
 from dubbing.heads.pose_refinement import refined, trust
 from dubbing.media import VideoWriter
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
@@ -34,6 +43,19 @@ EVERY = 3  # frames between two that are looked at first
 BESIDE = 6  # frames round one with something over the face
 RUN = 500  # frames at most that are looked at together
 BRIEF = 0.3  # s: nothing that hides a face, and has its colours, is there for less
+
+
+@dataclass(frozen=True)
+class Cover:
+    """Lies over a face in a frame: pixels (H, W) bool; hands, points (21, 3) px of the crop."""
+
+    pixels: np.ndarray
+    hands: list[np.ndarray]
+
+    def mask(self, image: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
+        """Mask (S, S) uint8 for a crop (S, S, 3) in which the face has landmarks (478, 2)."""
+        rest = mask_of(self.pixels, image, landmarks)
+        return np.maximum(rest, hand_mask(image, self.hands)) if self.hands else rest
 
 
 def find_covers(
@@ -49,7 +71,7 @@ def find_covers(
     Returns:
         The clip with these masks, and better poses of frames in which something hides the face.
     """
-    over: dict[int, np.ndarray] = {}
+    over: dict[int, Cover] = {}
     hidden: set[int] = set()
     if method_of(model).refines_poses:
         with torch.no_grad():
@@ -60,7 +82,7 @@ def find_covers(
         for t, frame in enumerate(clip.film_frames() if shows.any() else ()):
             mask = np.zeros((clip.size,) * 2, np.uint8) if frame.overlay is None else frame.overlay
             if t in over:
-                mask = np.maximum(mask, mask_of(over[t], frame.image, clip.landmarks[t]))
+                mask = np.maximum(mask, over[t].mask(frame.image, clip.landmarks[t]))
             video.write(mask)
         if not shows.any():
             video.write(np.zeros((clip.size,) * 2, np.uint8))
@@ -73,13 +95,13 @@ def find_covers(
 
 def _covers(
     model: HeadModel, maps: Maps | None, clip: PreparedClip, progress: Progress
-) -> tuple[PreparedClip, dict[int, np.ndarray], set[int]]:
-    """The clip with better poses; what lies over the face, (H, W) bool, by frame.
+) -> tuple[PreparedClip, dict[int, Cover], set[int]]:
+    """The clip with better poses; what lies over the face, by frame.
 
     And frames in which something does that cannot be told from the face.
     """
     method = method_of(model)
-    over: dict[int, np.ndarray] = {}
+    over: dict[int, Cover] = {}
     hidden: set[int] = set()
     # From where it was never seen, a head explains nothing.
     known = (trust(torch.from_numpy(clip.c2w()).float(), maps) > 0).numpy()
@@ -105,12 +127,30 @@ def _covers(
             compared = list(Comparison(method, maps, clip).look(run))
             seeds = steady([unexplained(c, usual) for c in compared])
             found = followed(compared, seeds)
-            for t, seen, mask in zip(run.tolist(), compared, found, strict=True):
-                if mask.any() and not is_like_skin(seen, mask):
-                    over[t] = mask
-                elif mask.any() or t in awry:
+            hands = HandFinder().follow(images(clip, run))
+            parts = zip(run.tolist(), compared, found, seeds, hands, strict=True)
+            for t, seen, mask, sure, nearby in parts:
+                held = [hand for hand in nearby if lies_over(hand, seen, clip.landmarks[t])]
+                cover = told_apart(seen, mask, sure, held)
+                if cover is not None:
+                    over[t] = cover
+                elif is_large(seen, sure) or t in awry:
                     hidden.add(t)
     return clip, over, lasting(hidden, BRIEF * float(clip.rate))
+
+
+def told_apart(
+    seen: Compared, mask: np.ndarray, sure: np.ndarray, hands: list[np.ndarray]
+) -> Cover | None:
+    """What lies over a face, where it can be told from it: by its colours, or as a hand.
+
+    Args:
+        mask: (H, W) bool, cut out by colours. sure: what of it differs from the head.
+        hands: that lie over the face.
+    """
+    if mask.any() and not is_like_skin(seen, mask):
+        return Cover(mask, hands)
+    return Cover(sure, hands) if hands else None
 
 
 def _with_poses_mended(

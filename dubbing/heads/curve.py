@@ -9,7 +9,7 @@ from contextlib import closing
 from pathlib import Path
 
 from dfrf.training.progress import Curve
-from dubbing.engine.files import atomic_path, atomic_write_text
+from dubbing.engine.disk.files import atomic_path, atomic_write_text
 
 EVENTS_FILE = "events.out.tfevents.loss"  # TensorBoard looks for "tfevents" in a name
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.stage import Progress
+from dubbing.engine.graph.stage import Progress
 from dubbing.heads.covers import find_covers
 from dubbing.heads.pose_refinement import refined, write_poses
 from dubbing.heads.rendering import load

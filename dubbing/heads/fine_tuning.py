@@ -20,19 +20,18 @@ from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import Curve, TrainingProgress
 from dubbing import media
-from dubbing.engine.files import atomic_write_json
+from dubbing.engine.disk.files import atomic_write_json
 from dubbing.errors import TrainingError
 from dubbing.heads.curve import write_curve, write_events
 from dubbing.heads.initial_model import init_from_base, training_settings
 from dubbing.heads.pose_refinement import refined
 from dubbing.identity.best_seconds import choose_frames, parts_of
-from dubbing.identity.clip_frames import ClipFrames
+from dubbing.identity.clip_frames import ClipFrames, with_turned
 from dubbing.identity.dataset import load_identity
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.identity.learned import CURVE_FILE, SUMMARY_FILE
 from dubbing.identity.reference_choice import choose_references, turns_far
-from dubbing.identity.turned_frames import with_turned
-from dubbing.media.voice_channel import is_silent
+from dubbing.media.reading.voice_channel import is_silent
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
 from dubbing.speech import features
@@ -92,14 +91,7 @@ def finetune(
     references = reference_frames(person, landmarks, method)
     try:
         person, curve = learn(
-            model,
-            person,
-            footage,
-            config,
-            references,
-            out / RESUME_FOLDER,
-            device,
-            progress,
+            model, person, footage, config, references, out / RESUME_FOLDER, device, progress
         )
     except TrainingDivergedError as error:
         raise TrainingError(

@@ -21,12 +21,12 @@ from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dfrf.rendering.pose_refinement import PoseObservation, moved, normal_equations
 from dfrf.workers import Workers
-from dubbing.engine.files import atomic_path
-from dubbing.engine.stage import Progress, ReportShare
+from dubbing.engine.disk.files import atomic_path
+from dubbing.engine.graph.stage import Progress, ReportShare
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER
 from dubbing.identity.dataset import upper_face_expression
 from dubbing.preparation.alignment.banded import DOF, lower_band, smoothness_blocks, solve_band
-from dubbing.preparation.alignment.rotations import relative_vectors
+from dubbing.preparation.alignment.camera import relative_vectors
 from dubbing.preparation.head_findings import POSES_FILE
 from dubbing.preparation.prepared import PreparedClip
 

@@ -17,9 +17,9 @@ from dfrf.method_interface import FrameInputs, Maps
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
 from dubbing.compositing.face_mask import rendered_region
-from dubbing.engine.files import digest_bytes, digest_data
-from dubbing.engine.pieces import Pieces
-from dubbing.engine.stage import Progress
+from dubbing.engine.disk.files import digest_bytes, digest_data
+from dubbing.engine.disk.pieces import Pieces
+from dubbing.engine.graph.stage import Progress
 from dubbing.errors import CheckpointError
 from dubbing.identity.dataset import upper_face_expression
 from dubbing.identity.lip_scale import Scale

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 
 from dfrf.metrics.image import gradient_energy
-from dubbing.face.lip_measures import lip_measures
+from dubbing.face.mouth.lip_measures import lip_measures
 from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import eye_boxes
 from dubbing.media import read_frames

@@ -14,9 +14,9 @@ from dfrf.cameras import project
 from dfrf.data.dataset import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, HeadDataset
 from dfrf.field.mouth_pixels import region
 from dubbing.errors import TrainingError
-from dubbing.face.lip_measures import lip_measures, lips_touch
 from dubbing.face.mesh_points import EYE_CORNERS, RIGID
-from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
+from dubbing.face.mouth.lip_measures import lip_measures, lips_touch
+from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.image_store import ImageStore
 from dubbing.preparation.alignment.silhouette import eye_axes, upwards
@@ -108,11 +108,7 @@ def region_map(matte: np.ndarray, mouth: np.ndarray, eyes: np.ndarray) -> np.nda
 
 
 def load_identity(
-    name: str,
-    clips: Sequence[ClipFrames],
-    *,
-    every: int = 1,
-    folder: Path | None = None,
+    name: str, clips: Sequence[ClipFrames], *, every: int = 1, folder: Path | None = None
 ) -> HeadDataset:
     """Frames of a person's clips, without those that show no face.
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dfrf.config import STEPS, family
-from dubbing.engine.fields import Setting
+from dubbing.engine.graph.fields import Setting
 from dubbing.speech import features
 
 # That a dub needs of a person who looks into the camera, and of one who turns.
@@ -27,7 +27,7 @@ class FinetuneSettings:
         references: so many in every frame, the same ones, instead of the preset's.
         warp: False leaves equations (3) and (4) out.
         turned: learns beside its seconds from frames in which the head is turned further; see
-            `dubbing.identity.turned_frames`.
+            `dubbing.identity.clip_frames`.
         learning_rate: Adam's first, rays: of a step; None as the preset has them.
     """
 

@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dubbing.engine.files import make_folder, writing
+from dubbing.engine.disk.files import make_folder, writing
 
 
 class ImageStore:

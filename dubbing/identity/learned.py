@@ -7,7 +7,7 @@ from pathlib import Path
 
 from typing_extensions import TypedDict
 
-from dubbing.engine import json_records as kept
+from dubbing.engine.disk import json_records as kept
 from dubbing.errors import ExplainedError
 
 # Beside a model: how it was fine-tuned, and its loss curve.

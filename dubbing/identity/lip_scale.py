@@ -10,8 +10,8 @@ from typing import Self
 
 import numpy as np
 
-from dubbing.face.lip_curves import LipCurves
-from dubbing.face.lip_measures import lip_lengths, lips_touch, standardised
+from dubbing.face.mouth.lip_curves import LipCurves
+from dubbing.face.mouth.lip_measures import lip_lengths, lips_touch, standardised
 from dubbing.identity.learned import learned
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.script.timeline import Edit

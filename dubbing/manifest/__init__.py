@@ -1,1 +1,1 @@
-"""Manifests: their keys, their mistakes, and the production that they describe."""
+"""Manifests: how one is read into a production, and how a first one is written."""

@@ -1,14 +1,14 @@
 """A first manifest from the clips, recordings and scripts of a folder."""
 
-import json
 import unicodedata
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
 
-from dubbing.engine.files import atomic_write_text, make_folder
+from dubbing.engine.disk.files import atomic_write_text, make_folder
 from dubbing.errors import ExplainedError, ManifestError, MediaError, Problem
+from dubbing.manifest.keys.yaml_lines import quoted
 from dubbing.manifest.schema import shipped_uri
 from dubbing.media import MediaInfo, probe
 from dubbing.script.reading import READERS, read_lines
@@ -97,8 +97,8 @@ def _identities(found: _Found) -> list[str]:
         seconds = min(LONGEST_LEARNT, int(0.75 * info.duration) or 1)
         about = f"{info.duration:.1f} s, {info.width}x{info.height}"
         lines += [
-            f"  {_quoted(name)}:",
-            f"    clip: {_quoted(info.path.name)}  # {about}",
+            f"  {quoted(name)}:",
+            f"    clip: {quoted(info.path.name)}  # {about}",
             f"    seconds: {seconds}",
             '    consent: {by: "", reference: ""}',
         ]
@@ -123,7 +123,7 @@ def _dubs(found: _Found) -> list[str]:
         (unmatched if why else matched).append(f"- {{{', '.join(scene)}}}{why}")
     for recording in found.recordings:
         clip = clip_of(recording.stem, found.clips)
-        keys = f"identity: {_quoted(clip or only)}, audio: {_quoted(recording.name)}"
+        keys = f"identity: {quoted(clip or only)}, audio: {quoted(recording.name)}"
         if clip is None and only and pair:
             found.pair(recording, only, ONLY)
             matched.append(f"- {{{keys}}}  # {ONLY}")
@@ -133,7 +133,7 @@ def _dubs(found: _Found) -> list[str]:
         else:
             found.pair(recording, clip, NAMED)
             # The clip's name would stand twice in the default one.
-            matched.append(f"- {{name: {_quoted(recording.stem)}, {keys}}}")
+            matched.append(f"- {{name: {quoted(recording.stem)}, {keys}}}")
     lines = ["dubs:", *(f"  {entry}" for entry in matched)]
     if unmatched:
         lines += ["  # These begin with no clip's name and a separator, or something is missing."]
@@ -153,7 +153,7 @@ def _scene(script: Path, found: _Found, *, pair: bool) -> tuple[list[str], str]:
     alone = pair and len(found.clips) == len(found.scripts) == 1
     if clip is None and alone:
         clip = next(iter(found.clips))
-    keys = [f"name: {_quoted(script.stem)}", f"lines: {_quoted(script.name)}"]
+    keys = [f"name: {quoted(script.stem)}", f"lines: {quoted(script.name)}"]
     if clip is None:
         return keys, "  # fits no clip: fill in identity and audio"
     info = found.clips[clip]
@@ -166,19 +166,19 @@ def _scene(script: Path, found: _Found, *, pair: bool) -> tuple[list[str], str]:
     if not speaker and len(names) > 1:
         return (
             keys,
-            f"  # fill in identity, or speakers; there are {', '.join(map(_quoted, names))}",
+            f"  # fill in identity, or speakers; there are {', '.join(map(quoted, names))}",
         )
-    who = f"speakers: {{{_quoted(speaker)}: {_quoted(clip)}}}"
-    keys.append(who if speaker else f"identity: {_quoted(clip)}")
+    who = f"speakers: {{{quoted(speaker)}: {quoted(clip)}}}"
+    keys.append(who if speaker else f"identity: {quoted(clip)}")
     stems = [_key(script.stem), *([_key(f"{script.stem}_{speaker}")] if speaker else [])]
     sound = next((r for r in found.recordings if alone or _key(r.stem) in stems), None)
     if sound is None:
-        return keys, f"  # no recording is called {_quoted(script.stem)}: fill in audio"
+        return keys, f"  # no recording is called {quoted(script.stem)}: fill in audio"
     found.recordings.remove(sound)
     why = ONLY if alone else NAMED
     found.pair(script, clip, why)
     found.pair(sound, clip, why)
-    return [*keys, f"audio: {_quoted(sound.name)}"], ""
+    return [*keys, f"audio: {quoted(sound.name)}"], ""
 
 
 def _sort(folder: Path) -> _Found:
@@ -196,13 +196,13 @@ def _sort(folder: Path) -> _Found:
             if info.audio_rate is not None:
                 found.recordings.append(path)
         elif info.frames > 1 and info.audio_rate is None:
-            found.left_out.append(f"{_quoted(path.name)} has no sound to learn from")
+            found.left_out.append(f"{quoted(path.name)} has no sound to learn from")
         elif info.frames > 1:
             other = taken.setdefault(_key(path.stem), path.name)
             if other == path.name:
                 found.clips[path.stem] = info
             else:
-                why = f"{_quoted(path.name)} has the name of {_quoted(other)}"
+                why = f"{quoted(path.name)} has the name of {quoted(other)}"
                 found.left_out.append(why)
     return found
 
@@ -210,8 +210,3 @@ def _sort(folder: Path) -> _Found:
 def _key(name: str) -> str:
     """A name as names are compared: file systems write accents in two ways."""
     return unicodedata.normalize("NFC", name).casefold()
-
-
-def _quoted(text: str) -> str:
-    """A string YAML reads back as it is: JSON's strings are YAML's."""
-    return json.dumps(text, ensure_ascii=False)

@@ -7,12 +7,12 @@ there but damaged is no mistake in the manifest: it blocks only the people and d
 from dataclasses import replace
 from pathlib import Path
 
-from dubbing.engine.files import read_bounded
+from dubbing.engine.disk.files import read_bounded
 from dubbing.errors import ExplainedError, ManifestError, Problem
-from dubbing.manifest import yaml_lines
+from dubbing.manifest.keys import yaml_lines
+from dubbing.manifest.keys.values import check_path
 from dubbing.manifest.reader import Reader
 from dubbing.manifest.resolving import resolved
-from dubbing.manifest.values import check_path
 from dubbing.production.production import Production
 
 MOST_BYTES = 10 * 10**6

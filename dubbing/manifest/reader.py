@@ -7,14 +7,16 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from dubbing.engine.files import same_on_disk
+from dubbing.engine.disk.files import same_on_disk
 from dubbing.errors import Problem
-from dubbing.manifest import edits_file, inputs, overwriting, yaml_lines
-from dubbing.manifest.entries import Dub, Entry, Identity
-from dubbing.manifest.findings import Findings
-from dubbing.manifest.messages import describe, plain, suggestion
-from dubbing.manifest.values import check_name, place_of
-from dubbing.manifest.yaml_lines import KeyPath
+from dubbing.manifest.checks import inputs, overwriting
+from dubbing.manifest.edits import edits_file
+from dubbing.manifest.keys import yaml_lines
+from dubbing.manifest.keys.entries import Dub, Entry, Identity
+from dubbing.manifest.keys.findings import Findings
+from dubbing.manifest.keys.messages import describe, plain, suggestion
+from dubbing.manifest.keys.values import check_name, place_of
+from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.production.production import WORK
 
 TOP = ("version", "output", "timeline", "defaults", "identities", "dubs")

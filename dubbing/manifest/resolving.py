@@ -5,20 +5,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from dubbing.engine.files import same_on_disk
+from dubbing.engine.disk.files import same_on_disk
 from dubbing.errors import ExplainedError, RenderingError
 from dubbing.identity.finetune_settings import FinetuneSettings
-from dubbing.manifest import entries
-from dubbing.manifest.edits_file import edits_file
-from dubbing.manifest.findings import Findings, Scene
-from dubbing.manifest.inputs import credits_text
-from dubbing.manifest.provenance_checks import signer_of
+from dubbing.manifest.checks.inputs import credits_text
+from dubbing.manifest.checks.provenance_checks import signer_of
+from dubbing.manifest.edits.edits_file import edits_file
+from dubbing.manifest.keys import entries
+from dubbing.manifest.keys.findings import Findings, Scene
 from dubbing.mixing.sound import Sound
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.production.clip import Clip, PersonClip
-from dubbing.production.consent import Consent
 from dubbing.production.dub import Dub
-from dubbing.production.person import Person
+from dubbing.production.person import Consent, Person
 from dubbing.production.production import Production
 from dubbing.provenance.card import CreditsCard
 from dubbing.script import timeline
@@ -59,25 +58,17 @@ def _person(name: str, findings: Findings) -> Person:
         start=identity.learned_start,
         seconds=identity.learned_seconds,
         size=identity.size,
-        settings=_settings(identity),
+        settings=FinetuneSettings(
+            preset=identity.preset,
+            seed=identity.seed,
+            speech=identity.speech,
+            speech_weights=str(weights) if (weights := identity.speech_weights) else None,
+            **identity.finetune.model_dump(),
+        ),
         speech_files=speech_weights(identity.speech, identity.speech_weights),
         base=identity.base or shipped_base(identity.preset),
         own_base=identity.base is not None,
         own_iterations=identity.finetune.iterations is not None,
-    )
-
-
-def _settings(identity: entries.Identity) -> FinetuneSettings:
-    own, weights = identity.finetune, identity.speech_weights
-    return FinetuneSettings(
-        preset=identity.preset,
-        iterations=own.iterations,
-        seed=identity.seed,
-        speech=identity.speech,
-        speech_weights=None if weights is None else str(weights),
-        references=own.references,
-        learning_rate=own.learning_rate,
-        rays=own.rays,
     )
 
 

@@ -9,9 +9,9 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.values import LONGEST_NAME, NAME_PATTERN
 from dubbing.manifest.reader import TOP
-from dubbing.manifest.values import LONGEST_NAME, NAME_PATTERN
 
 FILE = "manifest.schema.json"  # beside this module, as `dfrf schema` prints it
 DIALECT = "http://json-schema.org/draft-07/schema#"  # of those that editors know, the newest
@@ -81,10 +81,7 @@ def build() -> dict[str, Any]:
         "required": ["version", "output", "identities"],
         "if": {"properties": {"defaults": {"properties": dict.fromkeys(sorted(keys), False)}}},
         "then": {
-            "properties": {
-                "identities": {"additionalProperties": person},
-                "dubs": {"items": dub},
-            }
+            "properties": {"identities": {"additionalProperties": person}, "dubs": {"items": dub}}
         },
         "$defs": parts,
     }

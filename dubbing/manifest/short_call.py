@@ -1,13 +1,13 @@
 """The manifest of `dfrf dub CLIP SPEECH -o OUT`: one person, one dub, beside its result."""
 
-import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dubbing.engine.files import atomic_write_text, make_folder
+from dubbing.engine.disk.files import atomic_write_text, make_folder
 from dubbing.errors import CallError, ManifestError
+from dubbing.manifest.keys.yaml_lines import quoted
 from dubbing.media import SUFFIX
 
 PREVIEW = ".preview"  # after the name of a dub whose first seconds are made
@@ -62,20 +62,20 @@ def written(
 
 
 def _text(clip: Path, speech: Path, out: Path, by: str, reference: str) -> str:
-    person = _quoted(clip.stem)
+    person = quoted(clip.stem)
     return (
         f"{HEADER}version: 1\noutput: .\nidentities:\n  {person}:\n"
-        f"    clip: {_quoted(_seen(clip, out))}\n"
-        f"    consent: {{by: {_quoted(by)}, reference: {_quoted(reference)}}}\n"
+        f"    clip: {quoted(_seen(clip, out))}\n"
+        f"    consent: {{by: {quoted(by)}, reference: {quoted(reference)}}}\n"
         f"defaults: {{identity: {person}, codec: {CODECS[out.suffix.lower()]}}}\ndubs:\n"
         f"{_dub(speech, out, None)}"
     )
 
 
 def _dub(speech: Path, out: Path, preview: float | None) -> str:
-    name = _quoted(out.stem + PREVIEW * (preview is not None))
+    name = quoted(out.stem + PREVIEW * (preview is not None))
     first = f", audio_seconds: {preview:g}" if preview is not None else ""
-    return f"  - {{name: {name}, audio: {_quoted(_seen(speech, out))}{first}}}\n"
+    return f"  - {{name: {name}, audio: {quoted(_seen(speech, out))}{first}}}\n"
 
 
 def _ours(before: str, base: str) -> bool:
@@ -88,8 +88,3 @@ def _seen(file: Path, out: Path) -> str:
     """A file as the manifest names it: both may be moved together, where one folder holds both."""
     file, folder = file.absolute(), out.absolute().parent
     return os.path.relpath(file, folder) if file.is_relative_to(folder) else str(file)
-
-
-def _quoted(text: str) -> str:
-    """A string that YAML reads back as it is: JSON's strings are YAML's."""
-    return json.dumps(text, ensure_ascii=False)

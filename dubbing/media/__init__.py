@@ -4,19 +4,19 @@ Images are RGB uint8 arrays (H, W, 3), or planes of the film's own values; audio
 (samples,) in -1..1; times are seconds from the start of the file, and frame rates exact fractions.
 """
 
-from dubbing.media.ffmpeg import binary, version
-from dubbing.media.info import MediaInfo
-from dubbing.media.muxing import SOUND, cut, mux, proxy
-from dubbing.media.native import PixelFormat, Planes
-from dubbing.media.probing import count_frames, probe
-from dubbing.media.reading import (
+from dubbing.media.opening.ffmpeg import binary, version
+from dubbing.media.probing.probing import count_frames, probe
+from dubbing.media.properties.info import MediaInfo
+from dubbing.media.properties.native import PixelFormat, Planes
+from dubbing.media.reading.reading import (
     iter_audio,
     iter_channels,
     read_audio,
     read_frames,
     read_planes,
 )
-from dubbing.media.writing import CODECS, SUFFIX, VideoWriter
+from dubbing.media.writing.muxing import SOUND, cut, mux, proxy
+from dubbing.media.writing.writing import CODECS, SUFFIX, VideoWriter
 
 __all__ = [
     "CODECS",

@@ -13,8 +13,8 @@ import numpy as np
 import soundfile
 
 from dubbing import media
-from dubbing.engine.files import atomic_path
-from dubbing.media.loudness import Loudness, limit, measure
+from dubbing.engine.disk.files import atomic_path
+from dubbing.media.writing.loudness import Loudness, limit, measure
 from dubbing.mixing.sound import SOUND, VOICES, Sound
 from dubbing.mixing.voices import FADE, MAX_PEAK, RATE, TARGETS, Voice, measured, placed, sample_of
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from dubbing import media
-from dubbing.media.loudness import Loudness, measure
+from dubbing.media.writing.loudness import Loudness, measure
 from dubbing.script.timeline import Cue
 
 RATE = 48000

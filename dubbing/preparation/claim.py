@@ -4,9 +4,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from dubbing.engine import claims
-from dubbing.engine.files import make_folder
-from dubbing.engine.update import TEMPORARY
+from dubbing.engine.disk import claims
+from dubbing.engine.disk.files import make_folder
+from dubbing.engine.running.update import TEMPORARY
 from dubbing.errors import CallError
 from dubbing.preparation.file_names import CONTACT_SHEET, SUMMARY
 from dubbing.preparation.prepared import BACKGROUND, MATTE, TRACK

@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dubbing.engine.files import atomic_write_bytes
+from dubbing.engine.disk.files import atomic_write_bytes
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.matting.matting import inpaint_mask

@@ -69,10 +69,7 @@ class HalvedClip(PreparedClip):
         for k, frame in enumerate(self.full.film_frames(start, count), start):
             turn = np.concatenate([np.eye(2) * self.scale[k], self.shift[k][:, None]], 1)
             halve = partial(
-                cv2.warpAffine,
-                M=turn,
-                dsize=(self.size,) * 2,
-                borderMode=cv2.BORDER_REPLICATE,
+                cv2.warpAffine, M=turn, dsize=(self.size,) * 2, borderMode=cv2.BORDER_REPLICATE
             )
             whole = cv2.resize(frame.whole, self.source_size, interpolation=cv2.INTER_AREA)
             yield replace(

@@ -16,6 +16,7 @@ from dubbing.preparation.prepared import PreparedClip
 POSES_FILE = "poses.npz"
 # Masks of what lies over the face, and which frames have one.
 COVERS_FILE, COVERED_FILE = "covers.mkv", "covers.npz"
+REMEDY = "run with --force refine_poses"
 
 
 def seen_by_head(clip: PreparedClip, folder: Path) -> PreparedClip:
@@ -28,16 +29,9 @@ def seen_by_head(clip: PreparedClip, folder: Path) -> PreparedClip:
         PreparationError: there are none, or they are of another clip.
     """
     clip = with_refined_poses(clip, folder)
-    try:
-        with np.load(folder / COVERED_FILE, allow_pickle=False) as kept:
-            parts = {name: kept[name] for name in ("over", "covered", "landmarks")}
-    except (OSError, ValueError, KeyError) as error:
-        what = f"no masks of what lies over the face: {error}"
-        raise PreparationError(what, str(folder), "run with --force refine_poses") from error
-    if len(parts["over"]) != len(clip):
-        what = f"masks of {len(parts['over'])} frames for a clip of {len(clip)}"
-        raise PreparationError(what, str(folder), "run with --force refine_poses")
-    return replace(clip, overlay=folder / COVERS_FILE, **parts)
+    over, covered, landmarks = _kept(clip, folder / COVERED_FILE, "over", "covered", "landmarks")
+    masks = folder / COVERS_FILE
+    return replace(clip, overlay=masks, over=over, covered=covered, landmarks=landmarks)
 
 
 def with_refined_poses(clip: PreparedClip, folder: Path) -> PreparedClip:
@@ -46,13 +40,20 @@ def with_refined_poses(clip: PreparedClip, folder: Path) -> PreparedClip:
     Raises:
         PreparationError: there are none, or they are of another clip.
     """
-    try:
-        with np.load(folder / POSES_FILE, allow_pickle=False) as kept:
-            c2w = kept["c2w"]
-    except (OSError, ValueError, KeyError) as error:
-        what = f"no refined poses: {error}"
-        raise PreparationError(what, str(folder), "run with --force refine_poses") from error
-    if c2w.shape != (len(clip), 3, 4):
-        what = f"poses of {len(c2w)} frames for a clip of {len(clip)}"
-        raise PreparationError(what, str(folder), "run with --force refine_poses")
+    (c2w,) = _kept(clip, folder / POSES_FILE, "c2w")
     return clip.with_poses(c2w)
+
+
+def _kept(clip: PreparedClip, file: Path, *names: str) -> list[np.ndarray]:
+    """Arrays in a file, each with a row a frame of a clip."""
+    try:
+        with np.load(file, allow_pickle=False) as kept:
+            parts = [kept[name] for name in names]
+    except (OSError, ValueError, KeyError) as error:
+        what = f"{file.name} cannot be read: {error}"
+        raise PreparationError(what, str(file.parent), REMEDY) from error
+    for part in parts:
+        if len(part) != len(clip):
+            what = f"{file.name} is of {len(part)} frames, the clip of {len(clip)}"
+            raise PreparationError(what, str(file.parent), REMEDY)
+    return parts

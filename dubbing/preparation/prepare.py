@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.file_digests import digest_of
-from dubbing.engine.files import make_folder
-from dubbing.engine.stage import Progress, ReportShare
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.disk.files import make_folder
+from dubbing.engine.graph.stage import Progress, ReportShare
 from dubbing.errors import PreparationError
 from dubbing.media import MediaInfo, probe
 from dubbing.preparation.alignment.bundle import Observations
@@ -35,13 +35,7 @@ from dubbing.preparation.crops.tracked_crops import (
 )
 from dubbing.preparation.file_names import CONTACT_SHEET
 from dubbing.preparation.matting.masks import matte_step
-from dubbing.preparation.prepared import (
-    BACKGROUND,
-    HEAD_RADIUS,
-    MATTE,
-    OVERLAY,
-    PreparedClip,
-)
+from dubbing.preparation.prepared import BACKGROUND, HEAD_RADIUS, MATTE, OVERLAY, PreparedClip
 from dubbing.preparation.steps import STEPS, Steps
 from dubbing.preparation.tracking import tracking
 from dubbing.preparation.tracking.light import noticed

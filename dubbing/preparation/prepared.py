@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 import zipfile
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
@@ -19,9 +19,9 @@ import cv2
 import numpy as np
 from typing_extensions import TypedDict
 
-from dubbing.engine import json_records
-from dubbing.engine.files import atomic_path, atomic_write_json
-from dubbing.engine.numbered import numbered
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.files import atomic_path, atomic_write_json
+from dubbing.engine.disk.numbered import numbered
 from dubbing.errors import ExplainedError, PreparationError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.media import PixelFormat, Planes, probe, read_frames, read_planes
@@ -35,21 +35,6 @@ TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 OVERLAY = "overlay.mkv"  # masks of all frames, if something lies over the face in any
 # Raised when a file of arrays cannot be read.
 UNREADABLE = (EOFError, OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile)
-# Fields of a prepared clip that its summary holds under their names, and its arrays.
-FIELDS = (
-    "size",
-    "source_size",
-    "focal",
-    "near",
-    "far",
-    "residual_shift",
-    "warnings",
-    "face_warnings",
-)
-ARRAYS = (
-    *("rotation", "translation", "centre", "crop", "valid", "detected", "covered", "over"),
-    *("segment", "shown", "haze", "noise", "landmarks", "shape"),
-)
 
 
 class Version(TypedDict):
@@ -198,8 +183,8 @@ class PreparedClip:
                 "run `dfrf prepare` again",
             )
         clip = clip or Path(summary["clip"])
-        fields = {name: summary[name] for name in FIELDS}
-        return PreparedClip(folder, clip, summary["rate"], summary["frames"], **fields, **arrays)
+        named = {name: summary[name] for name in FIELDS}
+        return PreparedClip(folder, clip, summary["rate"], summary["frames"], **named, **arrays)
 
     def save(self) -> None:
         """Write the track, then the summary: a folder with a summary is complete."""
@@ -320,3 +305,8 @@ class PreparedClip:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Source frame ``index`` with a crop image pasted in, and the mask; see `paste`."""
         return cropping.paste(frame, self.crop[index], crop_image, mask)
+
+
+# Fields that a summary holds under their names, and arrays of the track.
+FIELDS = [n for n in Summary.__annotations__ if n not in ("version", "clip", "rate", "frames")]
+ARRAYS = [field.name for field in fields(PreparedClip) if field.type == "np.ndarray"]

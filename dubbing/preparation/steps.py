@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from dubbing.engine import json_records
-from dubbing.engine.file_digests import digest_of
-from dubbing.engine.files import atomic_path, atomic_write_json, note_digest
-from dubbing.engine.stage import Progress, ReportShare
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.disk.files import atomic_path, atomic_write_json, note_digest
+from dubbing.engine.graph.stage import Progress, ReportShare
 from dubbing.errors import ExplainedError, PreparationError
 from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.prepared import VERSION
@@ -48,11 +48,7 @@ class Steps:
     """
 
     def __init__(
-        self,
-        folder: Path,
-        clip: Path,
-        settings: Mapping[str, Any],
-        progress: Progress,
+        self, folder: Path, clip: Path, settings: Mapping[str, Any], progress: Progress
     ) -> None:
         self.folder, self._clip, self._report = folder, clip, progress
         key = {"clip": digest_of(clip), **settings, "version": VERSION, "layout": LAYOUT}

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dubbing.engine.file_digests import digest_of
-from dubbing.engine.files import LONGEST_NAME
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.disk.files import LONGEST_NAME
 from dubbing.errors import ExplainedError
 from dubbing.media import SUFFIX, MediaInfo
 from dubbing.mixing.sound import Sound

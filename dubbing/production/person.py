@@ -5,12 +5,37 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from dubbing.engine.disk.file_digests import sha256_of
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.production.clip import Clip, PersonClip
-from dubbing.production.consent import Consent
 
 FULL_SIZE = 512  # px of a head crop whose work counts as one
+
+
+@dataclass(frozen=True)
+class Consent:
+    """The terms of an agreement, and the files that prove it.
+
+    Attributes:
+        by: who agreed.
+        terms: all of them, as plain data.
+        files: by the key that the SHA-256 of each has in a record.
+    """
+
+    by: str
+    terms: Mapping[str, Any]
+    files: Mapping[str, Path]
+
+    def record(self) -> dict[str, Any]:
+        """The terms, and the SHA-256 of the files, as results record them."""
+        return {**self.terms, **{key: sha256_of(path) for key, path in self.files.items()}}
+
+    def signed_record(self) -> dict[str, Any]:
+        """The part of the record that signed credentials hold."""
+        record = self.record()
+        return {k: record[k] for k in ("reference", "sha256", "file_sha256") if k in record}
 
 
 @dataclass(frozen=True)

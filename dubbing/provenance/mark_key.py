@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.fields import Setting
-from dubbing.engine.files import digest_data, make_folder, read_bounded, sync_file, writing
+from dubbing.engine.disk.files import digest_data, make_folder, read_bounded, sync_file, writing
+from dubbing.engine.graph.fields import Setting
 from dubbing.errors import CallError, ExplainedError
 from dubbing.homes import settings_folder
 

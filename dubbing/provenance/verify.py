@@ -9,7 +9,7 @@ import av
 
 from dubbing import media
 from dubbing.errors import ExplainedError, MediaError
-from dubbing.media.opening import opened
+from dubbing.media.opening.opening import opened
 from dubbing.packages import lacking, missing_of
 from dubbing.provenance import credentials, mark_search
 from dubbing.provenance.mark_key import fingerprint_of, id_of, read_key

@@ -8,9 +8,9 @@ from typing import Any, TypeVar
 
 from typing_extensions import TypedDict
 
-from dubbing.engine import json_records
-from dubbing.engine.graph import Job
-from dubbing.engine.stage import Stage
+from dubbing.engine.disk import json_records
+from dubbing.engine.graph.graph import Job
+from dubbing.engine.graph.stage import Stage
 from dubbing.errors import ExplainedError
 from dubbing.preparation.tracking.reach import Reach
 from dubbing.production.dub import Dub

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dubbing.engine.planner import UP_TO_DATE, Row
-from dubbing.engine.stage_id import StageId
+from dubbing.engine.graph.stage_id import StageId
+from dubbing.engine.planning.planner import UP_TO_DATE, Row
 from dubbing.errors import ExplainedError
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking.reach import Reach
@@ -52,10 +52,7 @@ def planned_reach(production: Production, rows: Sequence[Row]) -> dict[str, list
 
 
 def _expected(
-    dub: Dub,
-    people: Mapping[str, PersonOnFilm],
-    ready: set[StageId],
-    films: dict[StageId, Film],
+    dub: Dub, people: Mapping[str, PersonOnFilm], ready: set[StageId], films: dict[StageId, Film]
 ) -> dict[str, Reach]:
     """The reach of cues, by name, whose film is prepared. Films that are read go to ``films``."""
     found = {}

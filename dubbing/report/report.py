@@ -9,13 +9,19 @@ from typing import Any, Literal
 from pydantic import ConfigDict
 from typing_extensions import TypedDict
 
-from dubbing.engine import json_records
-from dubbing.engine.files import atomic_write_json, atomic_write_text, read_bounded, remove_torn
-from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.outcome import Outcome
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.files import (
+    atomic_write_json,
+    atomic_write_text,
+    read_bounded,
+    remove_torn,
+)
+from dubbing.engine.graph.graph import Job, Jobs
+from dubbing.engine.memory import peak_memory
+from dubbing.engine.running.outcome import Outcome
 from dubbing.errors import ExplainedError
 from dubbing.identity.learned import CURVE_FILE, in_words, learned_if_known
-from dubbing.manifest.notes import told
+from dubbing.manifest.edits.notes import told
 from dubbing.packages import missing_of
 from dubbing.pipeline import DUB, PERSON
 from dubbing.preparation.file_names import CONTACT_SHEET, SUMMARY
@@ -33,7 +39,6 @@ from dubbing.report.page import (
     WARNED,
     page_of,
 )
-from dubbing.report.peak_memory import peak_memory
 from dubbing.report.sources import relative, shown, source_of
 from dubbing.report.thumbnails import thumbnail_of
 from dubbing.stages.check import Check

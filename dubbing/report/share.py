@@ -4,8 +4,8 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
-from dubbing.engine import json_records
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.files import atomic_path
 from dubbing.errors import ExplainedError
 from dubbing.production.production import REPORTS, Production
 from dubbing.report.page import page_of

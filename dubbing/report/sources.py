@@ -6,11 +6,11 @@ from typing import Any
 import av
 
 from dubbing import media
-from dubbing.engine.file_digests import digest_of
-from dubbing.engine.files import make_folder, seen_from
-from dubbing.engine.numbered import is_there
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.disk.files import make_folder, seen_from
+from dubbing.engine.disk.numbered import is_there
 from dubbing.errors import ExplainedError
-from dubbing.media.opening import opened
+from dubbing.media.opening.opening import opened
 from dubbing.production.production import Production
 
 PROXIES = "sources"  # folder of copies, in that of the stages

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from dubbing import media
-from dubbing.engine.files import atomic_write_bytes, make_folder
+from dubbing.engine.disk.files import atomic_write_bytes, make_folder
 from dubbing.errors import ExplainedError
 
 THUMBNAILS = "thumbnails"  # folder of images, in that of the stages

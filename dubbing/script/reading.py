@@ -6,7 +6,7 @@ from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
-from dubbing.engine.files import read_bounded
+from dubbing.engine.disk.files import read_bounded
 from dubbing.errors import ExplainedError
 from dubbing.script import substation, subtitles, ttml
 from dubbing.script.line import LONGEST, Line, is_timecode, seconds_of

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.fields import Setting
+from dubbing.engine.graph.fields import Setting
 from dubbing.errors import RenderingError
 
 HELD, AROUND = 0.04, 0.12  # s beside a key: its strength holds, and has gone

@@ -7,7 +7,7 @@ from safetensors import SafetensorError, safe_open
 from safetensors.torch import load_file, save_file
 from torch import Tensor
 
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk.files import atomic_path
 from dubbing.errors import ExplainedError
 
 

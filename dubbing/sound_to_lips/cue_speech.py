@@ -10,8 +10,8 @@ import numpy as np
 from safetensors.numpy import load_file, save
 from typing_extensions import TypedDict
 
-from dubbing.engine import json_records
-from dubbing.engine.files import atomic_write_bytes, atomic_write_json
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.files import atomic_write_bytes, atomic_write_json
 from dubbing.errors import RenderingError
 from dubbing.script import timeline
 from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file

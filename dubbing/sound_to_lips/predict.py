@@ -10,8 +10,7 @@ import torch
 
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.sound_to_lips.encoder import STEP, encode
-from dubbing.sound_to_lips.lip_network import LipNetwork
-from dubbing.sound_to_lips.weights import load
+from dubbing.sound_to_lips.lip_network import LipNetwork, load
 from dubbing.speech import voice_activity as voice
 
 LEVEL_DB = -20.0  # of the loud parts of the encoder's input
@@ -37,8 +36,8 @@ def predict(blocks: voice.Blocks) -> np.ndarray:
 
     Returns:
         (T, P) for `dfrf.field.speaker_adaptation`: seven measures as of
-        `dubbing.face.lip_measures`, of about mean 0 over speech, a score that rises where the lips
-        touch, and 32 features of the sound.
+        `dubbing.face.mouth.lip_measures`, of about mean 0 over speech, a score that rises where
+        the lips touch, and 32 features of the sound.
     """
     network = _network()
     energy = voice.energy_db(blocks())

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from dfrf.config import PUBLISHED_SPEECH as DEEPSPEECH
-from dubbing.engine.files import digest_data, digest_file
+from dubbing.engine.disk.files import digest_data, digest_file
 from dubbing.errors import ExplainedError
 from dubbing.speech import voice_activity as voice
 from dubbing.speech.mel_features import MelFeatures

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from dubbing.engine import json_records
+from dubbing.engine.disk import json_records
 from dubbing.errors import ExplainedError
 
 DEFAULT_WEIGHTS = Path(__file__).with_name("acoustic_weights.safetensors")

@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from dubbing.engine.stage import Stage
+from dubbing.engine.graph.stage import Stage
 
 if TYPE_CHECKING:
     from dubbing.preparation.prepared import PreparedClip
@@ -53,7 +53,7 @@ class Prepared:
 @lru_cache(maxsize=1)
 def _versions() -> dict[str, str]:
     """Versions of packages, without importing them, and of ffmpeg."""
-    from dubbing.media import ffmpeg
+    from dubbing.media.opening import ffmpeg
 
     found = {}
     for package in RECORDED:

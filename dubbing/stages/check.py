@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from dubbing.engine.files import atomic_write_json
-from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.engine.disk.files import atomic_write_json
+from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.mixing.sound import VOICES
 from dubbing.stages.base import DubbingStage
+from dubbing.sync.network.weight_path import CHECK_WEIGHTS
 from dubbing.sync.records import SYNC_FILE, read_check
-from dubbing.sync.weight_path import CHECK_WEIGHTS
 from dubbing.video.files import video_file
 
 if TYPE_CHECKING:

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from dubbing.engine.fields import Setting
-from dubbing.engine.files import atomic_write_json
-from dubbing.engine.stage import Progress, Rate
+from dubbing.engine.disk.files import atomic_write_json
+from dubbing.engine.graph.fields import Setting
+from dubbing.engine.graph.stage import Progress, Rate
 from dubbing.stages.base import DubbingStage
+from dubbing.sync.network.weight_path import CHECK_WEIGHTS
 from dubbing.sync.records import SYNC_FILE
-from dubbing.sync.weight_path import CHECK_WEIGHTS
 
 if TYPE_CHECKING:
     from dubbing.production.clip import Clip

@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from dubbing.engine.file_digests import digest_of
-from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.mixing.sound import Sound
 from dubbing.provenance.mark_key import Marking
 from dubbing.stages.base import DubbingStage, Prepared
@@ -126,7 +126,7 @@ class Composite(OnFilm):
         return cls(**common, settings=dub.settings, heads=heads, mark=dub.marking())
 
     def run(self, out: Path, progress: Progress) -> None:
-        from dubbing.engine.files import digest_data
+        from dubbing.engine.disk.files import digest_data
         from dubbing.video.assembly import make
         from dubbing.video.composer import read_heads
 

@@ -8,8 +8,8 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from dubbing.engine.fields import Setting
-from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.engine.graph.fields import Setting
+from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.script.timeline import Edit
 from dubbing.stages.composite import OnFilm, PersonOnFilm, heads_of
 
@@ -45,11 +45,7 @@ class Draft(OnFilm):
 
     @classmethod
     def of(
-        cls,
-        dub: Dub,
-        speech: Mapping[str, Stage],
-        people: Mapping[str, PersonOnFilm],
-        device: str,
+        cls, dub: Dub, speech: Mapping[str, Stage], people: Mapping[str, PersonOnFilm], device: str
     ) -> Self:
         """The stage for a dub."""
         return cls(

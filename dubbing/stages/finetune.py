@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from dfrf.config import family
-from dubbing.engine.fields import Setting
-from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.engine.graph.fields import Setting
+from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.stages.base import DubbingStage, Prepared
 

@@ -8,8 +8,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from dubbing.engine.fields import Setting
-from dubbing.engine.stage import Progress, Rate
+from dubbing.engine.graph.fields import Setting
+from dubbing.engine.graph.stage import Progress, Rate
 from dubbing.stages.base import DubbingStage
 
 if TYPE_CHECKING:

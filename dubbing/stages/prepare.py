@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from dubbing.engine.fields import Setting
-from dubbing.engine.stage import Progress, Rate
+from dubbing.engine.graph.fields import Setting
+from dubbing.engine.graph.stage import Progress, Rate
 from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.stages.base import DubbingStage

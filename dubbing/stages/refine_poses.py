@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from dubbing.engine.fields import Setting
-from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.engine.graph.fields import Setting
+from dubbing.engine.graph.stage import Progress, Rate, Stage
+from dubbing.face.weight_paths import HAND_WEIGHTS
 from dubbing.stages.base import DubbingStage, Prepared
 
 if TYPE_CHECKING:
@@ -21,10 +23,12 @@ class RefinePoses(DubbingStage):
 
     Attributes:
         crops: frames, each as a share of a full head crop.
+        weights: of the networks that find hands.
     """
 
     model: Stage
     prepared: Prepared
+    weights: Mapping[str, Path]
     crops: Setting[float]
     device: Setting[str]
 
@@ -38,6 +42,7 @@ class RefinePoses(DubbingStage):
         return cls(
             model=model,
             prepared=prepared,
+            weights=HAND_WEIGHTS,
             crops=clip.frames * person.crops(clip),
             device=device,
         )

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
 from dfrf.config import family
-from dubbing.engine.fields import Setting
-from dubbing.engine.file_digests import digest_of
-from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.graph.fields import Setting
+from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.script import timeline
 from dubbing.script.timeline import Edit
 from dubbing.stages.base import DubbingStage, Prepared
@@ -92,7 +92,7 @@ class Render(DubbingStage):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
-        from dubbing.engine.files import digest_data
+        from dubbing.engine.disk.files import digest_data
         from dubbing.heads.fine_tuning import MODEL_FILE
         from dubbing.heads.rendering import render
         from dubbing.identity.lip_scale import LipScale, given_lips

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
-from dubbing.engine.fields import Setting
-from dubbing.engine.file_digests import digest_of
-from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.graph.fields import Setting
+from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.provenance.signer import Signer
 from dubbing.stages.base import DubbingStage
 from dubbing.video.files import video_file

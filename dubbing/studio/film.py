@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dubbing.face.lip_curves import LENGTHS
+from dubbing.face.mouth.lip_curves import LENGTHS
 from dubbing.script.timeline import Cue, Edit
 from dubbing.stages.draft import Draft
 
@@ -45,7 +45,7 @@ class Film:
         """Images (H, W, 3) uint8 of frames of the dub, with their numbers."""
         import numpy as np
 
-        from dubbing.media.overlap import ahead
+        from dubbing.media.reading.overlap import ahead
         from dubbing.video.composer import Composer, read_film
 
         heads = [self.half.heads(cue, edits.get(cue.name, Edit())) for cue in self.cues]

@@ -12,12 +12,12 @@ import numpy as np
 
 from dubbing.batch.curves import check_made
 from dubbing.batch.jobs import build
-from dubbing.engine import planner
-from dubbing.engine.file_digests import digest_of
-from dubbing.engine.graph import Jobs
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.graph.graph import Jobs
+from dubbing.engine.planning import planner
 from dubbing.errors import ExplainedError
-from dubbing.manifest import edit_entry
-from dubbing.manifest.kept_edits import KeptEdits, StaleError, validated
+from dubbing.manifest.edits.kept_edits import KeptEdits, StaleError, validated
+from dubbing.manifest.keys import edit_entry
 from dubbing.pipeline import DUB
 from dubbing.production.dub import Dub
 from dubbing.production.production import Production

@@ -22,7 +22,7 @@ from starlette.staticfiles import StaticFiles
 
 from dubbing import design
 from dubbing.errors import ExplainedError
-from dubbing.manifest.kept_edits import StaleError
+from dubbing.manifest.edits.kept_edits import StaleError
 from dubbing.studio.drafter import Drafter
 from dubbing.studio.film import DRAFT, DUB
 from dubbing.studio.guard import Guard

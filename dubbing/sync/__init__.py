@@ -1,1 +1,1 @@
-"""The sync check: whether a mouth follows its sound, and the offset between the two."""
+"""The sync check: whether a mouth follows its sound, by how much it is off, and the verdict."""

@@ -4,13 +4,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from dubbing import media
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.sync.curves import estimate
 from dubbing.sync.judgement import Measurement, conclude, film_face, judge_part
 from dubbing.sync.measure import measure
+from dubbing.sync.network.sync_network import load_network
 from dubbing.sync.result import FaceResult, Media, Segment, SyncResult
 from dubbing.sync.sums import FaceSum, Parts, Sums, evidence
-from dubbing.sync.sync_network import load_network
 from dubbing.sync.voices_lag import voices_lag
 
 METHOD = "lip geometry and mouth pixels against log-mel and speech features, two streams"

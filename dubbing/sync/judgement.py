@@ -5,15 +5,7 @@ from dataclasses import dataclass, field
 
 from dubbing.sync.closeness import Closeness
 from dubbing.sync.curves import Estimate
-from dubbing.sync.result import (
-    FaceResult,
-    Figures,
-    Media,
-    Segment,
-    SyncResult,
-    Verdict,
-    in_words,
-)
+from dubbing.sync.result import FaceResult, Figures, Media, Segment, SyncResult, Verdict, in_words
 
 # A lip-sync error below 40 ms is not visible (ITU-R BT.1359: from 45 ms of sound that is early);
 # at 25 fps this is one frame.

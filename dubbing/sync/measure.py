@@ -19,13 +19,13 @@ import numpy as np
 
 from dfrf.field.speaker_adaptation import OPENING, TOUCHING
 from dubbing import media
-from dubbing.engine.stage import ReportShare
-from dubbing.face.face_tracker import FaceTracker
-from dubbing.face.mouth_crop import COLUMNS, ROWS, mouth_crop
-from dubbing.face.mouth_shape import MOUTH, mouth_shape
+from dubbing.engine.graph.stage import ReportShare
+from dubbing.face.finding.face_tracker import FaceTracker
+from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS, mouth_crop
+from dubbing.face.mouth.mouth_shape import MOUTH, mouth_shape
 from dubbing.sound_to_lips.predict import predict
 from dubbing.speech.voice_activity import SAMPLE_RATE, energy_db, voice_activity
-from dubbing.sync.sound_channels import SoundChannels
+from dubbing.sync.network.channels import SoundChannels
 
 BLOCK_SECONDS = 60.0
 # Sound is read this far beyond a block: the largest offset that is searched, and a window.

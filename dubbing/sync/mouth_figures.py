@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dubbing.face.mouth_shape import opening
+from dubbing.face.mouth.mouth_shape import opening
 from dubbing.sync.curves import MAX_OFFSET
 from dubbing.sync.result import Figures
 

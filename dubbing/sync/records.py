@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dubbing.engine import json_records
+from dubbing.engine.disk import json_records
 
 if TYPE_CHECKING:
     from dubbing.sync.result import SyncResult

@@ -13,11 +13,11 @@ from dubbing import media
 from dubbing.speech.voice_activity import STEP_RATE, at_times
 from dubbing.sync.closeness import Closeness, closeness
 from dubbing.sync.curves import MAX_OFFSET, CurveSum, distances, early_ms, estimate
-from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
 from dubbing.sync.measure import Block
 from dubbing.sync.mouth_figures import MouthSeries, mouth_figures, of_mouth
+from dubbing.sync.network.embeddings import mouth_embeddings, sound_embeddings
+from dubbing.sync.network.sync_network import SyncNetwork
 from dubbing.sync.result import FaceResult, Figures
-from dubbing.sync.sync_network import SyncNetwork
 
 SEGMENT_SECONDS = 5.0
 # A last segment shorter than this is joined to the one before.

@@ -14,12 +14,12 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap
 from ruamel.yaml.error import YAMLError
 
-from dubbing.engine.files import atomic_write_text
-from dubbing.engine.numbered import plain
+from dubbing.engine.disk.files import atomic_write_text
+from dubbing.engine.disk.numbered import plain
 from dubbing.errors import ManifestError, Problem
-from dubbing.manifest import edits_file
-from dubbing.manifest.edit_entry import LONGEST_NOTE, Edit
+from dubbing.manifest.edits import edits_file
 from dubbing.manifest.init import HEADER, LONGEST_LEARNT, MOST_SAID, NAME
+from dubbing.manifest.keys.edit_entry import LONGEST_NOTE, Edit
 from dubbing.manifest.schema import shipped_uri
 from dubbing.media import probe
 from dubbing.timelines import reading, stretch

@@ -10,7 +10,7 @@ from typing import Any
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
-from dubbing.media.frame_rate import snap
+from dubbing.media.properties.frame_rate import snap
 
 PLACE = "fcpxml"  # of a clip's element in the document, in the clip's metadata
 CLIPS = ("asset-clip", "clip", "video", "ref-clip", "sync-clip", "mc-clip")

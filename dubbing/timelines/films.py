@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-from dubbing.engine.numbered import SUFFIXES, plain
+from dubbing.engine.disk.numbered import SUFFIXES, plain
 from dubbing.errors import ExplainedError
 from dubbing.media import MediaInfo
 from dubbing.script.timecode import nominal

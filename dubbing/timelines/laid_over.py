@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dubbing.errors import ExplainedError
-from dubbing.media.frame_rate import snap
+from dubbing.media.properties.frame_rate import snap
 from dubbing.production.dub import Dub
 from dubbing.production.production import Production
 from dubbing.script.edl import Marker

@@ -8,10 +8,10 @@ from typing import Any
 from urllib.parse import unquote
 
 from dubbing import packages
-from dubbing.engine.files import read_bounded
+from dubbing.engine.disk.files import read_bounded
 from dubbing.errors import ExplainedError
 from dubbing.media import MediaInfo
-from dubbing.media.frame_rate import snap
+from dubbing.media.properties.frame_rate import snap
 from dubbing.script.timecode import can_drop, timecode_of
 from dubbing.timelines import fcpxml
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk.files import atomic_path
 from dubbing.errors import ExplainedError
 from dubbing.manifest.init import clip_of
 from dubbing.timelines.films import Shot

@@ -9,7 +9,7 @@ from typing import Any
 
 from ruamel.yaml.comments import CommentedMap
 
-from dubbing.engine.numbered import plain
+from dubbing.engine.disk.numbered import plain
 from dubbing.errors import ExplainedError
 from dubbing.media import probe
 from dubbing.script.timeline import first_frame, frame_count

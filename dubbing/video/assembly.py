@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 
 from dubbing import media
-from dubbing.engine import json_records
-from dubbing.engine.files import atomic_write_json, digest_data
-from dubbing.engine.pieces import Pieces
-from dubbing.engine.stage import Progress
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.files import atomic_write_json, digest_data
+from dubbing.engine.disk.pieces import Pieces
+from dubbing.engine.graph.stage import Progress
 from dubbing.errors import RenderingError
-from dubbing.media.overlap import ahead, behind
+from dubbing.media.reading.overlap import ahead, behind
 from dubbing.mixing.mix import mix
 from dubbing.mixing.sound import SOUND, Sound
 from dubbing.preparation.crops.threads import in_order

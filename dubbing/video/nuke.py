@@ -4,7 +4,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from dubbing import media
-from dubbing.engine.numbered import numbered
+from dubbing.engine.disk.numbered import numbered
 
 NUKE = """\
 Root {{

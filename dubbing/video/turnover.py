@@ -19,11 +19,11 @@ from pathlib import Path
 import numpy as np
 from typing_extensions import TypedDict
 
-from dubbing.compositing.extent import extent
-from dubbing.engine.files import atomic_path, atomic_write_text
+from dubbing.engine.disk.files import atomic_path, atomic_write_text
 from dubbing.errors import RenderingError
-from dubbing.media import image_files, sequence
-from dubbing.media.film_values import STEPS, FilmValues
+from dubbing.media.sequences import image_files, sequence
+from dubbing.media.sequences.film_values import STEPS, FilmValues
+from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.tracking import cropping
 from dubbing.provenance import provenance
 from dubbing.video.face import Face

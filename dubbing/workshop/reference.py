@@ -11,10 +11,10 @@ from typing import Any
 import typer
 
 from dubbing.cli.main import app
-from dubbing.engine.files import atomic_write_text
+from dubbing.engine.disk.files import atomic_write_text
 from dubbing.manifest import schema
-from dubbing.manifest.edit_entry import Edit, Key, Take
-from dubbing.manifest.entries import (
+from dubbing.manifest.keys.edit_entry import Edit, Key, Take
+from dubbing.manifest.keys.entries import (
     Colour,
     Consent,
     Credits,
@@ -26,7 +26,7 @@ from dubbing.manifest.entries import (
     Label,
     Mark,
 )
-from dubbing.manifest.values import LONGEST_SECONDS
+from dubbing.manifest.keys.values import LONGEST_SECONDS
 
 FOLDER = Path("docs/reference")
 SCHEMA = Path(schema.__file__).with_name(schema.FILE)

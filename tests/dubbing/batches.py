@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from dubbing.batch import batch
-from dubbing.engine.executors import Executor
-from dubbing.engine.runner import Options
+from dubbing.engine.running.executors import Executor
+from dubbing.engine.running.runner import Options
 from dubbing.manifest.manifest import load
 from tests import clips
 from tests.dubbing.engine.listener import Listener

@@ -29,9 +29,9 @@ from dubbing.preparation.alignment.camera import (
     point_jacobian,
     pose_jacobian,
     project,
+    relative_vectors,
     to_camera,
 )
-from dubbing.preparation.alignment.rotations import relative_vectors
 from dubbing.preparation.alignment.silhouette import Silhouette
 
 SHAPE_SIGMA = 0.05

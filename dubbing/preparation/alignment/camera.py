@@ -1,4 +1,4 @@
-"""The pinhole camera of the crop, and derivatives of pixels by head motion.
+"""The pinhole camera of the crop, head poses, and derivatives of pixels by head motion.
 
 T frames, P points. Pixel coordinates are OpenCV's: (column, row), (0, 0) the middle of the first
 pixel. Camera axes: x right, y down, z forward. Poses map the head frame into the camera:
@@ -10,14 +10,28 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-
-from dubbing.preparation.alignment.rotations import cross_matrix, rotation_from_vector
+from scipy.spatial.transform import Rotation
 
 # The focal length hardly matters for a head that fills the frame, but a wrong perspective distorts
 # the turns of one that moves far. A head that fills the frame is filmed from about .8 m: 2.34 crop
 # widths. A frame that shows more is filmed from further away: with a normal lens, 50 mm on 36 mm.
 NEAR_LENS = 2.34  # crop widths
 NORMAL_LENS = 50 / 36  # longer sides of the frame
+
+
+def rotation_from_vector(vector: np.ndarray) -> np.ndarray:
+    """Rotation vectors (T, 3) in radians to matrices (T, 3, 3)."""
+    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
+
+
+def vector_from_rotation(rotation: np.ndarray) -> np.ndarray:
+    """Rotation matrices (T, 3, 3) to rotation vectors (T, 3) in radians."""
+    return np.asarray(Rotation.from_matrix(rotation).as_rotvec())
+
+
+def relative_vectors(rotation: np.ndarray) -> np.ndarray:
+    """Turn from each frame to the next, log(R_{t+1} R_t^T): (T, 3, 3) to (T - 1, 3), radians."""
+    return vector_from_rotation(rotation[1:] @ rotation[:-1].transpose(0, 2, 1))
 
 
 @dataclass(frozen=True)
@@ -76,9 +90,8 @@ def point_jacobian(in_camera: np.ndarray, focal: float) -> np.ndarray:
 def pose_jacobian(in_camera: np.ndarray, translation: np.ndarray, focal: float) -> np.ndarray:
     """Derivative of the pixel by the step of :meth:`Poses.stepped`: (T, P, 2, 6).
 
-    A left turn by w moves R X by w x (R X), so dX_cam / dw = -[R X]_x.
+    A left turn by w moves R X by w x (R X); a . (w x R X) = w . (R X x a).
     """
     by_point = point_jacobian(in_camera, focal)
     turned = in_camera - translation[:, None]
-    by_turn = -by_point @ cross_matrix(turned)
-    return np.concatenate((by_turn, by_point), axis=-1)
+    return np.concatenate((np.cross(turned[..., None, :], by_point), by_point), axis=-1)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.mesh_points import EYE_CORNERS
 from dubbing.preparation.alignment import silhouette
 from dubbing.preparation.alignment.banded import DOF, NormalEquations, huber_weight, solve_band

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.preparation.alignment.banded import DOF, NormalEquations, solve_bordered
 from dubbing.preparation.alignment.bundle import Observations, smoothed_system
 from dubbing.preparation.alignment.camera import Poses

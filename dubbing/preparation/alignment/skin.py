@@ -13,8 +13,7 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay
 
 from dubbing.face.mesh_points import LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW, UPPER_FACE
-from dubbing.preparation.alignment.camera import Poses, project, to_camera
-from dubbing.preparation.alignment.rotations import vector_from_rotation
+from dubbing.preparation.alignment.camera import Poses, project, to_camera, vector_from_rotation
 
 EYE_MARGIN = 0.03  # face widths around eyes and brows that are left out
 EYES_AND_BROWS = (LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW)

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.media import VideoWriter
+from dubbing.preparation.background.filling import CONTEXT_PX, restore, rim
 from dubbing.preparation.background.neck import neck, neck_profile, smooth_profiles
-from dubbing.preparation.background.pixels import box_of, chosen
-from dubbing.preparation.background.rim import CONTEXT_PX, restore, rim
+from dubbing.preparation.background.pixels import chosen, extent
 from dubbing.preparation.background.torso import Torso, torso
 from dubbing.preparation.background.wall import (
     all_of,
@@ -145,7 +145,7 @@ def background_step(
         if not hole.any():
             return out
         region = covered(hole, alpha, clip.outline[t])
-        box = box_of(hole, round(CONTEXT_PX * unit))
+        box = extent(hole, round(CONTEXT_PX * unit))
         x, y = offsets[t]
         shot = behind[clip.segment[t]]
         plate_here = clip.lit(shot.wall[y : y + size, x : x + size], t)

@@ -19,11 +19,33 @@ def chosen(where: np.ndarray, image: np.ndarray, other: np.ndarray) -> np.ndarra
     return cv2.copyTo(image, where.astype(np.uint8), other.copy())
 
 
-def box_of(region: np.ndarray, margin: int) -> tuple[slice, slice]:
-    """Rows and columns of the box of a region (H, W) bool, not empty, with a margin in px."""
-    rows, columns = (np.flatnonzero(region.any(axis)) for axis in (1, 0))
+def extent(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
+    """Rows and columns of an image that hold all of a mask (H, W), with a margin in px; else none.
+
+    Only that is computed.
+    """
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    if not len(rows):
+        return slice(0, 0), slice(0, 0)
     row, column = (
-        slice(max(0, int(index[0]) - margin), min(length, int(index[-1]) + 1 + margin))
-        for index, length in ((rows, region.shape[0]), (columns, region.shape[1]))
+        slice(max(0, int(at[0]) - margin), min(length, int(at[-1]) + 1 + margin))
+        for at, length in zip((rows, columns), mask.shape, strict=True)
     )
     return row, column
+
+
+def known_median(images: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Median (H, W, C) float32 of the known pixels of K images; arbitrary where none is known.
+
+    Args:
+        images: (K, H, W, C) uint8. known: (K, H, W) bool.
+    """
+    out = np.zeros(images.shape[1:], np.float32)
+    count = known.sum(0)
+    for row in range(images.shape[1]):  # row by row: constant memory
+        order = np.sort(np.where(known[:, row, :, None], images[:, row], 255), axis=0)
+        middle = np.maximum(count[row] - 1, 0)
+        low = np.take_along_axis(order, (middle // 2)[None, :, None], 0)[0]
+        high = np.take_along_axis(order, ((middle + 1) // 2)[None, :, None], 0)[0]
+        out[row] = (low.astype(np.float32) + high) / 2
+    return out

@@ -13,9 +13,8 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
-from dubbing.preparation.background.known_median import known_median
 from dubbing.preparation.background.neck import bottom_of
-from dubbing.preparation.background.pixels import box_of, chosen, rounded, spread
+from dubbing.preparation.background.pixels import chosen, extent, known_median, rounded, spread
 from dubbing.preparation.background.wall import all_of, halved, slow_difference
 from dubbing.preparation.matting.matting import GREY, REFERENCE_SIZE, dilate
 
@@ -80,7 +79,7 @@ class Torso:
         visible, share = self._seen(_shifted(motion, box), left.shape)
         here = reached(left, visible, len(image) / REFERENCE_SIZE)
         if here.any():
-            inner = box_of(here, 0)
+            inner = extent(here)
             shape = inner[1].stop - inner[1].start, inner[0].stop - inner[0].start
             there = _shifted(_shifted(motion, box), inner)
             colour = cv2.warpAffine(self.colour, there, shape, flags=cv2.INTER_CUBIC)

@@ -6,8 +6,8 @@ S is the side of the crop in px.
 import cv2
 import numpy as np
 
-from dubbing.preparation.background.known_median import known_median
-from dubbing.preparation.background.pull_push import pull_push
+from dubbing.preparation.background.filling import pull_push
+from dubbing.preparation.background.pixels import known_median
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
 PERSON_LEAST = 0.1  # of the person mask: below this a pixel belongs to the background

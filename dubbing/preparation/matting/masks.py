@@ -3,30 +3,41 @@
 T frames, S the side of the crop in px.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from pathlib import Path
 
+import cv2
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
+from dubbing.face.finding.graph_network import network
+from dubbing.face.finding.regions import Images
 from dubbing.face.mesh_points import EYE_CORNERS, NOSE_BRIDGE
+from dubbing.face.weight_paths import PERSON_MASK
 from dubbing.media import VideoWriter
 from dubbing.preparation.alignment.silhouette import measure
 from dubbing.preparation.crops.threads import in_order
-from dubbing.preparation.crops.tracked_crops import (
-    OPACITY,
-    PERSON,
-    TrackedCrops,
-    create_images,
-)
+from dubbing.preparation.crops.tracked_crops import OPACITY, PERSON, TrackedCrops, create_images
 from dubbing.preparation.matting.jaw import edge_costs, edge_offsets, moved, smooth_offsets
-from dubbing.preparation.matting.matting import (
-    component_at,
-    head_matte,
-    in_bytes,
-    opacity,
-)
-from dubbing.preparation.matting.person_masks import person_masks
+from dubbing.preparation.matting.matting import component_at, head_matte, in_bytes, opacity
+
+INPUT_SIDE = 256  # px, side of the network's input
+BATCH = 4  # images at once: more do not fit a core's cache
+
+
+def person_masks(images: Images) -> list[np.ndarray]:
+    """Probabilities (S, S) float32 in 0..1 that pixels of RGB images belong to a person."""
+    found: list[np.ndarray] = []
+    for start in range(0, len(images), BATCH):
+        part = images[start : start + BATCH]
+        side = (INPUT_SIDE, INPUT_SIDE)
+        small = np.stack([cv2.resize(k, side, interpolation=cv2.INTER_AREA) for k in part])
+        (masks,) = network(PERSON_MASK)(small)
+        for image, mask in zip(part, masks[:, 0], strict=True):
+            found.append(cv2.resize(mask, image.shape[1::-1], interpolation=cv2.INTER_LINEAR))
+    return found
 
 
 class People:

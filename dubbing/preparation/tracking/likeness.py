@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, NOSE_BASE, RIGHT_EYE_OUTER, RIGID
-from dubbing.face.similarity import similarity
+from dubbing.face.mouth.similarity import similarity
 from dubbing.preparation.tracking.procrustes import head_frame
 
 # A face further than this from all people is assigned to none. One in a hundred pairs of different

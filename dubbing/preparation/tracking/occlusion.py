@@ -10,10 +10,10 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.mesh_points import NOSE_BASE, NOSE_BRIDGE, RIGID
 from dubbing.face.mesh_triangles import TRIANGLES
-from dubbing.face.mouth_shape import INNER_LIP
+from dubbing.face.mouth.mouth_shape import INNER_LIP
 from dubbing.preparation.alignment.skin import vertex_normals
 from dubbing.preparation.tracking.light import Light, Sight, coarse_gain, light_of, sampled
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.mesh_points import FACE_OVAL, NOSE_BASE
-from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
+from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.media import MediaInfo, VideoWriter
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.tracking.occlusion import regions

@@ -13,7 +13,7 @@ from dubbing.face.mesh_points import (
     RIGHT_EAR,
     RIGHT_EYE_OUTER,
 )
-from dubbing.face.similarity import similarity
+from dubbing.face.mouth.similarity import similarity
 
 EYE_DISTANCE = 0.9  # between the outer eye corners; so that a unit is about 10 cm
 ROUNDS = 5

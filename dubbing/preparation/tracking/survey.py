@@ -10,9 +10,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.errors import PreparationError
-from dubbing.face.landmarks import MOST_FACES, FaceMesh
+from dubbing.face.finding.landmarks import MOST_FACES, FaceMesh
 from dubbing.media import MediaInfo, probe, read_frames
 from dubbing.preparation.tracking.cuts import (
     LEAST_DIFFERENCE,

@@ -12,13 +12,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.errors import PreparationError
-from dubbing.face import chains
 from dubbing.face.face_contour import evenly, face_contour
-from dubbing.face.landmarks import FaceMesh, combine, nearest
+from dubbing.face.finding import chains
+from dubbing.face.finding.landmarks import FaceMesh, combine, nearest
 from dubbing.face.mesh_points import JAW, RIGID
-from dubbing.face.similarity import similarity
+from dubbing.face.mouth.similarity import similarity
 from dubbing.media import MediaInfo, read_frames
 from dubbing.preparation.alignment.banded import second_difference_links
 from dubbing.preparation.alignment.bundle import Observations, fit_poses, start_poses, triangulate

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dubbing.face.landmarks import face_width
+from dubbing.face.finding.landmarks import face_width
 from dubbing.media import MediaInfo
 from dubbing.preparation.alignment.camera import Poses
 from dubbing.preparation.tracking.likeness import FARTHEST

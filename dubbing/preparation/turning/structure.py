@@ -16,8 +16,12 @@ import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 
 from dubbing.preparation.alignment.banded import DOF, HUBER, huber_weight, smoothness_blocks
-from dubbing.preparation.alignment.camera import Poses, point_jacobian, pose_jacobian
-from dubbing.preparation.alignment.rotations import relative_vectors
+from dubbing.preparation.alignment.camera import (
+    Poses,
+    point_jacobian,
+    pose_jacobian,
+    relative_vectors,
+)
 from dubbing.preparation.turning.point_tracks import PointTracks
 
 PIXEL = 0.5  # px, deviation of an observation

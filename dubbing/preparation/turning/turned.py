@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dubbing.engine.stage import ReportShare
+from dubbing.engine.graph.stage import ReportShare
 from dubbing.preparation.alignment.camera import Poses
 from dubbing.preparation.turning.head_surface import HeadSurface
 from dubbing.preparation.turning.point_tracks import follow

@@ -22,10 +22,10 @@ from torch import nn
 from dfrf import device as devices
 from dfrf.fast.fast_model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
-from dubbing.engine.files import atomic_write_json
+from dubbing.engine.disk.files import atomic_write_json
+from dubbing.engine.memory import peak_memory
 from dubbing.errors import ExplainedError
 from dubbing.heads import rendering as heads
-from dubbing.report.peak_memory import peak_memory
 from dubbing.workshop.bench import other_networks as others
 from dubbing.workshop.bench.learned_person import LearnedPerson
 from dubbing.workshop.bench.timing import (

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from dubbing import packages
 from dubbing.batch import batch, rates
-from dubbing.engine.estimates import measured
-from dubbing.engine.graph import Job, nodes
-from dubbing.engine.outcome import Failure
-from dubbing.engine.stage import Progress, Rate, Stage
+from dubbing.engine.graph.graph import Job, nodes
+from dubbing.engine.graph.stage import Progress, Rate, Stage
+from dubbing.engine.planning.estimates import measured
+from dubbing.engine.running.outcome import Failure
 from dubbing.errors import ExplainedError
 from dubbing.manifest.manifest import load
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dubbing.engine.files import atomic_write_json
+from dubbing.engine.disk.files import atomic_write_json
 
 CONSENT = {"by": "for timing alone", "reference": "none: nothing made here leaves this folder"}
 PERSON = "somebody"

@@ -19,8 +19,8 @@ from pathlib import Path
 
 import torch
 
-from dubbing.engine import json_records
-from dubbing.engine.files import atomic_write_json, atomic_write_text
+from dubbing.engine.disk import json_records
+from dubbing.engine.disk.files import atomic_write_json, atomic_write_text
 
 MINUTES = 25.0
 PERSON = "alba"  # of the demo

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from dubbing.engine.files import atomic_write_json
+from dubbing.engine.disk.files import atomic_write_json
 from dubbing.errors import ExplainedError
 from dubbing.heads import rendering
 from dubbing.workshop.bench.learned_person import LearnedPerson

@@ -186,10 +186,7 @@ def parts_of(scene: Scene, frame: int) -> list[Row]:
     observations = observations_of(scene.clip, np.array([frame]))[frame].to(device)
     count = 3 * len(observations.pixels)
     note(
-        "a step of a pose",
-        lambda: normal_equations(baked, observations, camera.c2w),
-        count,
-        "rays",
+        "a step of a pose", lambda: normal_equations(baked, observations, camera.c2w), count, "rays"
     )
     (whole,) = heads.frames(*scene_arguments(scene, frame))
     (film,) = scene.clip.film_frames(frame, 1)

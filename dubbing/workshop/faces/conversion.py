@@ -1,4 +1,4 @@
-"""From a TFLite graph to the steps that `dubbing/face/graph_steps.py` runs.
+"""From a TFLite graph to the steps that `dubbing/face/finding/graph_steps.py` runs.
 
 Images become (N, C, H, W). A step is a dictionary: `op`, `in` and `out` (numbers of tensors),
 `weights` (names of constants), and settings.
@@ -14,7 +14,8 @@ import numpy as np
 from dubbing.workshop.faces.flatbuffer import Graph, Operator
 
 Step = dict[str, Any]
-SAME, RELU = 0, 1
+SAME = 0
+ACTIVATIONS = {0: "", 3: "relu6"}
 # Rows and columns of a 4 x 4 matrix that move points of a plane.
 PLANE = np.ix_((0, 1), (0, 1, 3))
 
@@ -86,8 +87,8 @@ class _Conversion:
         height, width = self._shape(operator.inputs[0])[1:3]
         if kernel != weight.shape[3] or operator.option(2) != stride or height != width:
             raise ValueError("a convolution that is not square")
-        if activation:
-            raise ValueError("a convolution with an activation")
+        if activation not in ACTIVATIONS:
+            raise ValueError("a convolution with another activation")
         whole = max((-(-height // stride) - 1) * stride + kernel - height, 0)
         padding = whole if operator.option(0, "b") == SAME else 0
         self._add_step(
@@ -98,6 +99,7 @@ class _Conversion:
             stride=stride,
             groups=groups,
             padding=[padding // 2, padding - padding // 2],
+            **({"then": ACTIVATIONS[activation]} if activation else {}),
         )
 
     def _Convolution2DTransposeBias(self, operator: Operator) -> None:  # noqa: N802
@@ -142,6 +144,21 @@ class _Conversion:
         if self._shape(operator.inputs[0])[1] % size:
             raise ValueError("pooling beyond the edge")
         self._add_step(op, operator, 1, size=size)
+
+    def _mean(self, operator: Operator) -> None:
+        """Of all pixels. The result stays an image, of one pixel."""
+        height, width = self._shape(operator.inputs[0])[1:3]
+        if self._constants[operator.inputs[1]].tolist() != [1, 2] or height != width:
+            raise ValueError("a mean of anything but the pixels of a square")
+        self._add_step("average_pool", operator, 1, size=height)
+
+    def _fully_connected(self, operator: Operator) -> None:
+        """Of an image of one pixel."""
+        weight, bias = (self._constants[k] for k in operator.inputs[1:3])
+        if operator.option(0, "b"):
+            raise ValueError("a full connection with an activation")
+        kept = self._keep(operator, weight[:, :, None, None], bias)
+        self._add_step("convolve", operator, 1, weights=kept, stride=1, groups=1, padding=[0, 0])
 
     def _max_pool(self, operator: Operator) -> None:
         self._pool("max_pool", operator)

@@ -1,4 +1,4 @@
-"""Writes the networks that find faces and people, from the files of MediaPipe 0.10.21.
+"""Writes the networks that find faces, hands and people, from the files of MediaPipe 0.10.21.
 
     python -m dubbing.workshop.faces.import_networks WHEEL --out dubbing/face
 
@@ -16,7 +16,7 @@ from pathlib import Path
 
 import torch
 
-from dubbing.face.graph_network import FORMAT, GraphNetwork
+from dubbing.face.finding.graph_network import FORMAT, GraphNetwork
 from dubbing.shipped.weights import save_half
 from dubbing.workshop.faces.conversion import convert
 from dubbing.workshop.faces.flatbuffer import read_graph
@@ -26,6 +26,8 @@ from dubbing.workshop.faces.parallel import merged, without_repetitions
 NETWORKS = {
     "face_detector": "modules/face_detection/face_detection_short_range.tflite",
     "face_landmarks": "modules/face_landmark/face_landmark_with_attention.tflite",
+    "hand_detector": "modules/palm_detection/palm_detection_lite.tflite",
+    "hand_landmarks": "modules/hand_landmark/hand_landmark_lite.tflite",
     "person_mask": "modules/selfie_segmentation/selfie_segmentation.tflite",
 }
 

@@ -23,7 +23,7 @@ from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.method_interface import FrameInputs
 from dfrf.rendering.baked_frame import BakedHead
 from dubbing.compositing.composite import blend, replacement
-from dubbing.engine.stage import Progress
+from dubbing.engine.graph.stage import Progress
 from dubbing.heads import rendering as heads
 from dubbing.heads.pose_refinement import refined
 from dubbing.identity.best_seconds import Part

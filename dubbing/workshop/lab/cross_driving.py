@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.engine.stage import Progress
-from dubbing.face.landmarks import FaceMesh
+from dubbing.engine.graph.stage import Progress
+from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.heads import rendering as heads
 from dubbing.heads.pose_refinement import refined
 from dubbing.identity.best_seconds import Part
@@ -24,7 +24,7 @@ from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import cropping
 from dubbing.script import timeline
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from dubbing.sync.sync_network import load_network
+from dubbing.sync.network.sync_network import load_network
 from dubbing.video import composer
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.chin import ChinFigures, chin_figures, chin_ratios

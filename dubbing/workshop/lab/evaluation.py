@@ -17,11 +17,11 @@ from typing_extensions import TypedDict
 from dfrf import device as devices
 from dfrf.checkpoint import CheckpointError
 from dubbing.batch.jobs import chosen_names
-from dubbing.engine import claims
-from dubbing.engine import json_records as kept
-from dubbing.engine.files import atomic_write_json, remove_torn
-from dubbing.engine.stage import Progress, Stage
-from dubbing.engine.update import run_stage
+from dubbing.engine.disk import claims
+from dubbing.engine.disk import json_records as kept
+from dubbing.engine.disk.files import atomic_write_json, remove_torn
+from dubbing.engine.graph.stage import Progress, Stage
+from dubbing.engine.running.update import run_stage
 from dubbing.errors import ExplainedError
 from dubbing.heads.fine_tuning import MODEL_FILE, clip_speech
 from dubbing.identity.learned import SUMMARY_FILE

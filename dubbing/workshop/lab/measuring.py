@@ -16,18 +16,18 @@ from torch import Tensor
 
 from dfrf.metrics import image as metrics
 from dfrf.training.warp_penalty import PAPER_SIZE
-from dubbing.engine.files import atomic_write_text
-from dubbing.engine.stage import Progress
-from dubbing.face.landmarks import FaceMesh
+from dubbing.engine.disk.files import atomic_write_text
+from dubbing.engine.graph.stage import Progress
+from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.face.mesh_points import FACE_OVAL, LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
-from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.heads import rendering as heads
 from dubbing.heads.pose_refinement import refined
 from dubbing.identity.dataset import mouth_boxes
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
-from dubbing.sync.sync_network import load_network
+from dubbing.sync.network.sync_network import load_network
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.flicker import Flicker, brow_skin
 from dubbing.workshop.lab.metrics.lpips import Lpips
@@ -54,7 +54,7 @@ class FrameFigures:
     sharpness_eyes: float
 
 
-def box_of(points: np.ndarray, size: int, margin: float = 0.0) -> Tensor:
+def extent(points: np.ndarray, size: int, margin: float = 0.0) -> Tensor:
     """Box round points (P, 2), grown by a share of its size: left, top, right, bottom."""
     low, high = points.min(0), points.max(0)
     grow = (high - low) * margin
@@ -170,8 +170,8 @@ def compare(
     size = image.shape[0]
     a, b = torch.from_numpy(composed).float() / 255, torch.from_numpy(image).float() / 255
     mouth = torch.from_numpy(mouth_boxes(landmarks[None], size)[0])
-    face = box_of(landmarks[list(FACE_OVAL)], size)
-    eyes = box_of(landmarks[[*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW]], size)
+    face = extent(landmarks[list(FACE_OVAL)], size)
+    eyes = extent(landmarks[[*LEFT_EYE_AND_BROW, *RIGHT_EYE_AND_BROW]], size)
     lmd = NOT_KNOWN
     if rendered_meshes and true_meshes:
         lips = list(OUTER_LIP)

@@ -1,8 +1,8 @@
 """The mouths of a render and of its source, frame by frame, in the face's own frame.
 
 Every mesh is laid over one canonical face by the points that speech does not move
-(`dubbing.face.mouth_shape`), so pose, place and size of the head fall out, and a render may be
-compared with a source that looks elsewhere.
+(`dubbing.face.mouth.mouth_shape`), so pose, place and size of the head fall out, and a render may
+be compared with a source that looks elsewhere.
 
 S side of the crop in px, L = 40 lip points.
 """
@@ -16,15 +16,8 @@ import torch
 
 from dfrf.metrics import image as metrics
 from dfrf.training.warp_penalty import PAPER_SIZE
-from dubbing.face.mouth_shape import (
-    INNER_LIP,
-    OUTER_LIP,
-    RIGID,
-    mouth_shape,
-    opening,
-    width,
-)
-from dubbing.face.similarity import similarity
+from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP, RIGID, mouth_shape, opening, width
+from dubbing.face.mouth.similarity import similarity
 from dubbing.identity.dataset import mouth_boxes
 from dubbing.workshop.lab.metrics import lips
 

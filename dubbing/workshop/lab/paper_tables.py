@@ -12,10 +12,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dubbing.engine.files import atomic_write_text
+from dubbing.engine.disk.files import atomic_write_text
 from dubbing.errors import ExplainedError
+from dubbing.manifest.checks.preset_checks import base_header
 from dubbing.manifest.manifest import load
-from dubbing.manifest.preset_checks import base_header
 from dubbing.production.production import Production
 from dubbing.workshop.lab.evaluation import Figures, Progress
 from dubbing.workshop.lab.result_tables import P15, P15X, table
@@ -104,10 +104,7 @@ def check_bases(production: Production, bases: Mapping[str, Path]) -> None:
 
 
 def measure(
-    production: Production,
-    rows: Sequence[Row],
-    request: Request,
-    progress: Progress,
+    production: Production, rows: Sequence[Row], request: Request, progress: Progress
 ) -> list[Figures]:
     """Figures of rows of one length by their titles, for each seed."""
     (seconds,) = {row.seconds for row in rows}

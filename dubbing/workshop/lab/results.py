@@ -18,10 +18,10 @@ from pathlib import Path
 import torch
 
 from dfrf import device as devices
-from dubbing.engine import claims
-from dubbing.engine import json_records as kept
-from dubbing.engine.code_version import code_version
-from dubbing.engine.files import atomic_write_json, atomic_write_text, digest_data
+from dubbing.engine.disk import claims
+from dubbing.engine.disk import json_records as kept
+from dubbing.engine.disk.files import atomic_write_json, atomic_write_text, digest_data
+from dubbing.engine.graph.code_version import code_version
 from dubbing.errors import ExplainedError
 from dubbing.manifest.manifest import load
 from dubbing.pipeline import person_job
@@ -67,10 +67,7 @@ def with_seed(production: Production, seed: int) -> Production:
 
 
 def measure_seeds(
-    production: Production,
-    request: Request,
-    progress: Progress,
-    prepared: Production | None = None,
+    production: Production, request: Request, progress: Progress, prepared: Production | None = None
 ) -> list[Figures]:
     """The figures of each seed: identity -> method -> figure -> value.
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dubbing.engine.files import atomic_write_bytes
+from dubbing.engine.disk.files import atomic_write_bytes
 from dubbing.identity.dataset import mouth_boxes
 from dubbing.preparation.prepared import PreparedClip
 

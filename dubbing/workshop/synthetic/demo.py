@@ -8,7 +8,7 @@ import numpy as np
 from tqdm import tqdm
 
 from dubbing import packages
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk.files import atomic_path
 
 CLONED = Path(__file__).parents[3] / "manifests"
 INSTALLED = Path(sysconfig.get_path("data"), "share", "dfrf", "manifests")
@@ -72,8 +72,9 @@ def write_film(clip: Path, folder: Path) -> None:
     """The first seconds of a clip as EXR in ACEScg, with timecode: a film of image files."""
     import OpenImageIO
 
-    from dubbing.media import image_files, probe, read_frames, sequence
-    from dubbing.media.film_values import FilmValues
+    from dubbing.media import probe, read_frames
+    from dubbing.media.sequences import image_files, sequence
+    from dubbing.media.sequences.film_values import FilmValues
 
     values, rate = FilmValues("ACEScg"), probe(clip).rate
     for number, picture in enumerate(read_frames(clip, count=round(FILM_SECONDS * rate)), 1001):

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
-from dubbing.engine.files import atomic_path, atomic_write_bytes
-from dubbing.engine.stage import Progress
+from dubbing.engine.disk.files import atomic_path, atomic_write_bytes
+from dubbing.engine.graph.stage import Progress
 from dubbing.errors import ExplainedError
 from dubbing.media import VideoWriter, mux
 from dubbing.workshop.synthetic.anatomy.face import Face, face_by_name

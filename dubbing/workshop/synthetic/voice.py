@@ -8,7 +8,7 @@ from pathlib import Path
 import espeakng_loader
 import numpy as np
 
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk.files import atomic_path
 from dubbing.errors import ExplainedError
 from dubbing.workshop.synthetic.visemes import Phone
 

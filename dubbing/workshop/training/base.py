@@ -14,9 +14,9 @@ from dfrf.presets import method_of
 from dfrf.training.fit import FitOptions, TrainingDivergedError, fit
 from dfrf.training.progress import TrainingProgress
 from dfrf.training.validation import Validation
-from dubbing.engine.files import atomic_write_json, atomic_write_text, digest_file
-from dubbing.engine.stage import Progress
-from dubbing.engine.update import run_stage
+from dubbing.engine.disk.files import atomic_write_json, atomic_write_text, digest_file
+from dubbing.engine.graph.stage import Progress
+from dubbing.engine.running.update import run_stage
 from dubbing.errors import CheckpointError, ExplainedError, TrainingError
 from dubbing.heads.curve import write_curve
 from dubbing.heads.fine_tuning import clip_speech
@@ -170,10 +170,7 @@ def common_settings(production: Production) -> FinetuneSettings:
     """
     found = {
         FinetuneSettings(
-            preset=own.preset,
-            seed=own.seed,
-            speech=own.speech,
-            speech_weights=own.speech_weights,
+            preset=own.preset, seed=own.seed, speech=own.speech, speech_weights=own.speech_weights
         )
         for own in (person.settings for person in production.people.values())
     }
@@ -187,11 +184,7 @@ def common_settings(production: Production) -> FinetuneSettings:
 
 
 def load_person(
-    production: Production,
-    name: str,
-    device: str,
-    settings: FinetuneSettings,
-    progress: Progress,
+    production: Production, name: str, device: str, settings: FinetuneSettings, progress: Progress
 ) -> HeadDataset:
     """Prepares an identity where that is not done yet, and loads what is learned from it."""
     person = production.people[name]

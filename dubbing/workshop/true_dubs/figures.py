@@ -14,9 +14,9 @@ import numpy as np
 import torch
 
 from dfrf.metrics import image as metrics
-from dubbing.face.landmarks import FaceMesh
+from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
-from dubbing.sync.sync_network import load_network
+from dubbing.sync.network.sync_network import load_network
 from dubbing.workshop.lab.chin import CHIN_LINE, HALF_BAND, distance_to_line, gradient_energies
 from dubbing.workshop.lab.measuring import first_of
 from dubbing.workshop.lab.mouth import MouthSeries
@@ -76,7 +76,7 @@ class DubFigures:
             mouth: (2, 2) px, middle of the mouth and half its width and height.
             cover: (S, S) in 0..1, opacity of what is in front; None where nothing is.
         """
-        box = box_of(mouth, len(dub))
+        box = extent(mouth, len(dub))
         replaced = differs(dub, film, 0)
         dubbed = replaced[box].mean() > LEAST
         self._keep("dubbed", float(dubbed))
@@ -177,7 +177,7 @@ def psnr(image: np.ndarray, truth: np.ndarray, where: np.ndarray) -> float:
     return float(10 * np.log10(255**2 / max(error, 1e-2)))
 
 
-def box_of(mouth: np.ndarray, size: int) -> tuple[slice, slice]:
+def extent(mouth: np.ndarray, size: int) -> tuple[slice, slice]:
     """Rows and columns of the mouth's box."""
     low = np.clip(np.floor(mouth[0] - mouth[1]), 0, size - 1).astype(int)
     high = np.clip(np.ceil(mouth[0] + mouth[1]), low + 1, size).astype(int)

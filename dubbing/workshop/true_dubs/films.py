@@ -18,7 +18,7 @@ import soundfile
 from tqdm import tqdm
 
 from dubbing import packages
-from dubbing.engine.files import atomic_path, atomic_write_text
+from dubbing.engine.disk.files import atomic_path, atomic_write_text
 from dubbing.errors import ExplainedError
 from dubbing.media import VideoWriter, mux
 from dubbing.workshop.true_dubs.camera_look import CameraLook

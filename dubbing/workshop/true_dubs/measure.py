@@ -16,7 +16,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dubbing.engine.files import atomic_path, atomic_write_json
+from dubbing.engine.disk.files import atomic_path, atomic_write_json
 from dubbing.errors import ExplainedError
 from dubbing.media import read_frames
 from dubbing.workshop.true_dubs.figures import DubFigures, mean_of

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
 
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk.files import atomic_path
 from dubbing.media import VideoWriter, read_frames
 from dubbing.workshop.synthetic.anatomy.face import face_by_name
 from dubbing.workshop.synthetic.anatomy.lips import MouthShape

@@ -9,12 +9,11 @@ import torch
 from torch import Tensor
 
 from dfrf.config import TrainConfig
-from dfrf.fast.fast_loss import share_loss
+from dfrf.fast.fast_loss import distortion_loss, matte_loss, share_loss, surface_loss
 from dfrf.fast.fast_model import FastModel
 from dfrf.field.reference_maps import ReferenceMaps
 from dfrf.rendering.volume_rendering import RayColours, render_rays
 from dfrf.training.ray_share import RayShare, draw_shares
-from dfrf.training.regularizers import distortion_loss, matte_loss, surface_loss
 from dfrf.training.warp_penalty import weighted_warp_penalty
 from tests.dfrf.people import person, random_model
 

@@ -10,12 +10,7 @@ from dfrf.config import TrainConfig
 from dfrf.field.encodings import frequency_encoding
 from dfrf.published import radiance_field as field
 from dfrf.published.paper_loss import paper_loss
-from dfrf.published.paper_model import (
-    EncodedReferences,
-    PaperConfig,
-    PaperModel,
-    References,
-)
+from dfrf.published.paper_model import EncodedReferences, PaperConfig, PaperModel, References
 
 pytestmark = pytest.mark.medium
 

@@ -5,7 +5,7 @@ from torch import Tensor
 from torch.autograd import gradcheck
 
 from dfrf.field.encodings import frequency_encoding
-from dfrf.field.sharpening import BILINEAR_SPREAD, sharpened
+from dfrf.field.reference_encoder import BILINEAR_SPREAD, sharpened
 from dfrf.published.references import (
     ReferenceCNN,
     bilinear,

@@ -74,12 +74,7 @@ def test_mirrored_rays_are_those_of_mirrored_pictures() -> None:
     share = draw_shares(someone, torch.zeros(6, 10), CONFIG, torch.Generator().manual_seed(3), 1)[0]
     found = replace(PLAIN, mirrored=True).of_share(share).batch
     whole = ReferenceViews(
-        someone.images,
-        someone.mattes,
-        someone.c2w,
-        someone.focal,
-        someone.centres,
-        1.0,
+        someone.images, someone.mattes, someone.c2w, someone.focal, someone.centres, 1.0
     )
     flipped = augmentation.mirrored_views(whole)
     other = replace(someone, images=flipped.images, c2w=flipped.c2w, centres=flipped.centres)

@@ -9,11 +9,10 @@ import torch
 from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data.reference_cuts import cut_references
-from dfrf.fast.fast_loss import share_outcome
+from dfrf.fast.fast_loss import matte_loss, share_outcome
 from dfrf.fast.fast_method import FastMethod
 from dfrf.training.fit import FitOptions, fit
 from dfrf.training.ray_share import RayShare, draw_shares
-from dfrf.training.regularizers import matte_loss
 from dfrf.training.step import step_outcome
 from dfrf.workers import Workers
 from tests.dfrf.people import person, small_config

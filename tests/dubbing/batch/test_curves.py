@@ -11,7 +11,7 @@ import pytest
 
 from dubbing.batch.curves import write_curves
 from dubbing.errors import ExplainedError
-from dubbing.face.lip_curves import LipCurves
+from dubbing.face.mouth.lip_curves import LipCurves
 from dubbing.manifest.manifest import load
 from dubbing.stages.draft import HalfSize
 from tests.dubbing.studio.conftest import made, manifest

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from dubbing.batch import jobs, rates
-from dubbing.engine import estimates, planner
-from dubbing.engine.estimates import Estimate
-from dubbing.engine.graph import nodes
-from dubbing.engine.stage import Rate
+from dubbing.engine.graph.graph import nodes
+from dubbing.engine.graph.stage import Rate
+from dubbing.engine.planning import estimates, planner
+from dubbing.engine.planning.estimates import Estimate
 from dubbing.manifest.manifest import load
 from dubbing.pipeline import STAGES
 from dubbing.stages import KINDS

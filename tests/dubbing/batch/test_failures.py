@@ -9,8 +9,8 @@ import pytest
 
 from dubbing import media
 from dubbing.batch import batch
-from dubbing.engine.graph import Job
-from dubbing.engine.stage import Stage
+from dubbing.engine.graph.graph import Job
+from dubbing.engine.graph.stage import Stage
 from dubbing.errors import ExplainedError
 from dubbing.manifest.manifest import load
 from tests.dubbing.batches import Listener, dub, manifest_of

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from dubbing.batch.jobs import build
-from dubbing.engine import planner as planning
+from dubbing.engine.planning import planner as planning
 from dubbing.manifest.manifest import load
 from tests.dubbing.batches import ROOT, dub, manifest_of
 
@@ -54,7 +54,7 @@ def test_kill_at_any_moment_then_run_again(footage: Path, tmp_path: Path) -> Non
     assert tree(killed / "out") == undisturbed
     # One that was killed between the end of its work and that of its claim.
     code = (
-        "import sys, os, pathlib; from dubbing.engine import claims\n"
+        "import sys, os, pathlib; from dubbing.engine.disk import claims\n"
         "claims.take(pathlib.Path(sys.argv[1])); os.kill(os.getpid(), 9)"
     )
     prepared = killed / "out" / "work" / "identities" / "ann" / "prepare"

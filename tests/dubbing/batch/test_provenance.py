@@ -11,8 +11,8 @@ import pytest
 
 from dubbing import media
 from dubbing.batch import jobs
-from dubbing.engine import estimates, planner
-from dubbing.engine.files import digest_file
+from dubbing.engine.disk.files import digest_file
+from dubbing.engine.planning import estimates, planner
 from dubbing.manifest.manifest import load
 from dubbing.provenance import credentials
 from tests import clips, fakes

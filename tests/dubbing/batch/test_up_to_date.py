@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dubbing.batch.jobs import build
-from dubbing.engine import planner as planning
+from dubbing.engine.planning import planner as planning
 from dubbing.manifest.manifest import load
 from tests.dubbing.batches import dub, manifest_of
 

@@ -8,11 +8,11 @@ from rich.console import Console
 
 from dubbing.batch import batch
 from dubbing.cli import console, live
-from dubbing.engine.estimates import Estimate
-from dubbing.engine.graph import Job
-from dubbing.engine.outcome import Failure, Outcome
-from dubbing.engine.planner import Row
-from dubbing.engine.stage import Stage
+from dubbing.engine.graph.graph import Job
+from dubbing.engine.graph.stage import Stage
+from dubbing.engine.planning.estimates import Estimate
+from dubbing.engine.planning.planner import Row
+from dubbing.engine.running.outcome import Failure, Outcome
 from dubbing.errors import ExplainedError
 
 ODD = "[bold]a[/x] \x1b[31m"

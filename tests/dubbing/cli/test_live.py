@@ -11,10 +11,10 @@ import pytest
 from rich.console import Console
 
 from dubbing.cli import live
-from dubbing.engine.graph import Job
-from dubbing.engine.stage import Stage
-from dubbing.engine.stage_id import StageId
-from dubbing.engine.time_left import TimeLeft
+from dubbing.engine.graph.graph import Job
+from dubbing.engine.graph.stage import Stage
+from dubbing.engine.graph.stage_id import StageId
+from dubbing.engine.planning.time_left import TimeLeft
 
 
 class Finetune(Stage):

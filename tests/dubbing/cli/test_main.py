@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from dubbing.cli import main as cli
-from dubbing.engine.stage import Stage
+from dubbing.engine.graph.stage import Stage
 from dubbing.stages.check import Check
 from dubbing.stages.check_source import CheckSource
 from dubbing.sync.curves import OFFSETS, Estimate
@@ -213,10 +213,7 @@ def test_a_current_folder_that_is_gone_is_2(tmp_path: Path) -> None:
         f"os.rmdir({str(tmp_path)!r}); main()"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code, "plan", "m.yaml"],
-        capture_output=True,
-        text=True,
-        check=False,
+        [sys.executable, "-c", code, "plan", "m.yaml"], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "dfrf: the current folder is gone: change to another\n"

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from dubbing.engine import claims
+from dubbing.engine.disk import claims
 from tests import fakes
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.cli import studio_commands
+from dubbing.cli import page_commands
 from dubbing.cli.main import main
 from tests.dubbing.studio.conftest import made, manifest
 
@@ -25,7 +25,7 @@ def ends(patch: pytest.MonkeyPatch, *words: object) -> int:
 def test_where_others_can_reach_it_a_password_is_needed(
     manifest: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.delenv(studio_commands.PASSWORD, raising=False)
+    monkeypatch.delenv(page_commands.PASSWORD, raising=False)
     assert ends(monkeypatch, manifest, "--host", "0.0.0.0") == 2
     words = (
         "could open the page (--host 0.0.0.0): set DFRF_STUDIO_PASSWORD, or give --password-file"

@@ -25,10 +25,7 @@ def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
 
 
 def film(
-    image: np.ndarray,
-    matte: np.ndarray,
-    background: np.ndarray,
-    overlay: np.ndarray | None = None,
+    image: np.ndarray, matte: np.ndarray, background: np.ndarray, overlay: np.ndarray | None = None
 ) -> FilmFrame:
     """A frame of a film with the fake face, in the usual light."""
     quiet, still = np.zeros(5), np.zeros(2)

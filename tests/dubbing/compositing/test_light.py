@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dubbing.compositing.light import follow_light
-from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from tests import fakes
 
 S = 256

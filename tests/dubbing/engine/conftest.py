@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 from distributed import LocalCluster
 
-from dubbing.engine.cluster import Cluster
-from dubbing.engine.executors import Executor, InLine, Processes
+from dubbing.engine.running.cluster import Cluster
+from dubbing.engine.running.executors import Executor, InLine, Processes
 from tests.dubbing.engine.small_graph import program
 
 WORKERS = 2

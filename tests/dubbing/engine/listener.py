@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dubbing.engine.graph import Job
-from dubbing.engine.outcome import Failure
-from dubbing.engine.stage import Stage
+from dubbing.engine.graph.graph import Job
+from dubbing.engine.graph.stage import Stage
+from dubbing.engine.running.outcome import Failure
 
 
 class Listener:

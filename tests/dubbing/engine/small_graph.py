@@ -7,7 +7,7 @@ stage that begins leaves a line in the log, every step that is done one in that 
 
     python -m tests.dubbing.engine.small_graph CALL
 
-does the task of one call; see `dubbing.engine.executors.Program`.
+does the task of one call; see `dubbing.engine.running.executors.Program`.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Self
 
-from dubbing.engine import task
 from dubbing.engine.errors import ExplainedError
-from dubbing.engine.executors import Program
-from dubbing.engine.fields import Setting
-from dubbing.engine.graph import Job, Jobs
-from dubbing.engine.stage import Progress, Stage
+from dubbing.engine.graph.fields import Setting
+from dubbing.engine.graph.graph import Job, Jobs
+from dubbing.engine.graph.stage import Progress, Stage
+from dubbing.engine.running import task
+from dubbing.engine.running.executors import Program
 
 MODULE = "tests.dubbing.engine.small_graph"
 LOG, STEPS_LOG = "log.txt", "steps.txt"
@@ -162,7 +162,7 @@ def jobs_of(path: Path) -> Jobs:
 
 
 def job_of(label: str, path: str) -> Job:
-    """One of them; see `dubbing.engine.task`."""
+    """One of them; see `dubbing.engine.running.task`."""
     return jobs_of(Path(path)).by_label[label]
 
 

@@ -38,9 +38,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar, Self
 
-from work_engine.fields import Setting
-from work_engine.graph import Job, Jobs
-from work_engine.stage import Progress, Stage
+from work_engine.graph.fields import Setting
+from work_engine.graph.graph import Job, Jobs
+from work_engine.graph.stage import Progress, Stage
 
 HALVES = {"first": (0, 2), "second": (2, 4)}  # lines
 
@@ -109,7 +109,7 @@ TASK = """
 import sys
 from pathlib import Path
 from toy import jobs_of
-from work_engine import task
+from work_engine.running import task
 
 def job_of(label, folder):
     return jobs_of(Path(folder)).by_label[label]
@@ -127,8 +127,9 @@ from contextlib import closing
 from pathlib import Path
 
 from toy import jobs_of
-from work_engine import planner, runner
-from work_engine.executors import InLine, Processes, Program
+from work_engine.planning import planner
+from work_engine.running import runner
+from work_engine.running.executors import InLine, Processes, Program
 
 class Quiet:
     def overall(self, done, total): ...

@@ -44,7 +44,7 @@ def test_opencv_leaves_no_empty_entry_behind(tmp_path: Path) -> None:
 @pytest.mark.parametrize("module", ["argparse", "dubbing", "json", "pathlib", "torch"])
 def test_no_module_beside_a_film_is_imported_by_a_child(module: str, tmp_path: Path) -> None:
     (tmp_path / f"{module}.py").write_text("raise SystemExit('ran')")
-    call = [*environment.python("dubbing.engine.task"), "--help"]
+    call = [*environment.python("dubbing.engine.running.task"), "--help"]
     env = environment.of_children()
     done = subprocess.run(call, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
@@ -75,8 +75,9 @@ for name in ("fork", "getuid", "nice", "sched_getaffinity", "getpgid", "killpg")
     delattr(os, name)
 for name in ("resource", "fcntl", "pwd", "grp", "termios"):
     sys.modules[name] = None
-import dubbing.cli.doctor, dubbing.cli.main, dubbing.batch.task, dubbing.batch.batch
-import dubbing.cli.console, dubbing.cli.live, dubbing.engine.executors, dubbing.engine.task
+import dubbing.cli.doctor.doctor, dubbing.cli.main, dubbing.batch.task, dubbing.batch.batch
+import dubbing.cli.console, dubbing.cli.live
+import dubbing.engine.running.executors, dubbing.engine.running.task
 import dubbing.heads.fine_tuning, dubbing.heads.rendering, dubbing.preparation.prepare
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dubbing.face.face_contour import evenly, face_contour, face_region
-from dubbing.face.landmarks import FaceMesh
+from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.face.mesh_points import CHIN, FACE_OVAL, JAW
 from dubbing.face.mesh_triangles import TRIANGLES
 from dubbing.workshop.synthetic.anatomy.face import face_by_name

@@ -6,8 +6,15 @@ import cv2
 import numpy as np
 
 from dubbing.heads.comparison import Compared, H, W, is_awry, to_face, usual_difference
-from dubbing.heads.cover_cut import followed, is_like_skin, mask_of, steady, unexplained
-from dubbing.heads.covers import lasting, runs_of
+from dubbing.heads.cover_cut import (
+    followed,
+    is_large,
+    is_like_skin,
+    mask_of,
+    steady,
+    unexplained,
+)
+from dubbing.heads.covers import lasting, runs_of, told_apart
 from tests import fakes
 
 FACE = np.zeros((H, W), bool)
@@ -70,7 +77,29 @@ def test_a_frame_takes_on_what_its_neighbours_show() -> None:
     seeds = [unexplained(c, USUAL) for c in compared]
     assert not seeds[2].any()
     found = followed(compared, seeds)
-    assert overlap(found[2], over_lips) > 0.5
+    assert overlap(found[2] & LIPS, over_lips) > 0.5
+
+
+def test_an_open_mouth_is_no_part_of_a_thing_as_dark() -> None:
+    """It is open in two frames, of a thing that stays."""
+    open_mouth = np.s_[46:54, 46:58]
+    compared = [face(OBJECT, k) for k in range(12)]
+    for c in compared[5:7]:
+        c.picture[open_mouth] = DARK
+        c.apart[open_mouth] = 1.0
+    found = followed(compared, steady([unexplained(c, USUAL) for c in compared]))
+    beside = np.s_[46:54, 52:58]
+    assert found[5][50:54, 38:46].mean() > 0.9
+    assert found[5][beside].mean() < 0.1
+
+
+def test_a_shine_bites_nothing_off_a_thing() -> None:
+    compared = [face(OBJECT, k) for k in range(5)]
+    for c in compared:
+        c.picture[56:60, 37:39] = SKIN
+        c.apart[56:60, 37:39] = 0
+    found = followed(compared, steady([unexplained(c, USUAL) for c in compared]))
+    assert found[2][57:59, 38:39].all()
 
 
 def test_what_flashes_up_is_chance() -> None:
@@ -93,13 +122,30 @@ def test_a_head_that_does_not_lie_on_the_face() -> None:
     assert is_awry(replace(compared, apart=compared.apart + 0.15), USUAL)
 
 
-def test_a_hand_cannot_be_told_from_a_face() -> None:
-    thing = np.zeros((H, W), bool)
+def test_what_has_the_colours_of_a_face_is_told_from_it_as_a_hand_alone() -> None:
+    thing, hand = np.zeros((H, W), bool), np.zeros((21, 3))
     thing[OBJECT] = True
-    assert not is_like_skin(face(OBJECT), thing)
-    hand = face()
-    hand.picture[OBJECT] = (185, 138, 120)
-    assert is_like_skin(hand, thing)
+    dark, like_skin = face(OBJECT), face()
+    like_skin.picture[OBJECT] = (185, 138, 120)
+    assert not is_like_skin(dark, thing)
+    assert is_like_skin(like_skin, thing)
+    cover = told_apart(dark, thing, thing, [])
+    assert cover is not None
+    assert cover.pixels is thing
+    assert told_apart(like_skin, thing, thing, []) is None
+    cover = told_apart(like_skin, thing, np.zeros_like(thing), [hand])
+    assert cover is not None
+    assert not cover.pixels.any()
+    assert cover.hands == [hand]
+
+
+def test_a_shade_hides_no_face() -> None:
+    thing, shade = np.zeros((2, H, W), bool)
+    thing[OBJECT] = True
+    shade[60:66, 40:48] = True
+    assert is_large(face(), thing)
+    assert not is_large(face(), shade)
+    assert not is_large(replace(face(), zoom=3.0), thing)  # a profile, shown larger
 
 
 def test_a_mask_follows_the_picture() -> None:

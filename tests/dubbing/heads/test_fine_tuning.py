@@ -120,14 +120,7 @@ def test_poses_are_refined_after_a_quarter_of_the_steps_and_learned_from(
 
     def run() -> tuple[torch.Tensor, list[int]]:
         posed, curve = learn(
-            model,
-            someone,
-            [first, second],
-            config,
-            references,
-            tmp_path,
-            "cpu",
-            reports.append,
+            model, someone, [first, second], config, references, tmp_path, "cpu", reports.append
         )
         return posed.c2w, [row[0] for row in curve.rows]
 
@@ -164,16 +157,7 @@ def test_a_model_that_refines_nothing_learns_in_one_go(
     monkeypatch.setattr(FastMethod, "refines_poses", False)
     config = TrainConfig(iterations=4, rays=64, frames=4)
     model = presets.build(small_config(references=0, use_warp=False))
-    posed, curve = learn(
-        model,
-        someone,
-        [],
-        config,
-        None,
-        tmp_path,
-        "cpu",
-        None,
-    )
+    posed, curve = learn(model, someone, [], config, None, tmp_path, "cpu", None)
     assert posed is someone
     assert len(curve.rows) == 4
 

@@ -19,7 +19,7 @@ from dubbing.heads import rendering as heads
 from dubbing.heads.fine_tuning import MODEL_FILE, SUMMARY_FILE, finetune
 from dubbing.heads.initial_model import init_from_base
 from dubbing.identity.finetune_settings import FinetuneSettings
-from dubbing.manifest import preset_checks as published
+from dubbing.manifest.checks import preset_checks as published
 from dubbing.manifest.manifest import load
 from dubbing.media import read_frames
 from dubbing.pipeline import person_job

@@ -11,7 +11,7 @@ from dfrf import presets
 from dfrf.fast.fast_model import FastModel
 from dfrf.method_interface import Maps
 from dfrf.training.fit import fit
-from dubbing.face.landmarks import FaceMesh
+from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.heads import fine_tuning, initial_model, rendering
 from dubbing.identity.clip_frames import ClipFrames

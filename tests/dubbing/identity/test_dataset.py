@@ -14,9 +14,9 @@ from dfrf.data.dataset import EYES, HEAD, MIRRORED_EXPRESSION, MOUTH, RIM
 from dfrf.field.mouth_pixels import LOWER_RIM, UPPER_RIM
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.errors import ExplainedError, TrainingError
-from dubbing.face.lip_measures import LIP_DISTANCES
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
-from dubbing.face.mouth_shape import INNER_LIP, OUTER_LIP
+from dubbing.face.mouth.lip_measures import LIP_DISTANCES
+from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import (
     BROWS,

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from dubbing.cli import console
-from dubbing.engine.estimates import Estimate
-from dubbing.engine.files import atomic_write_json
+from dubbing.engine.disk.files import atomic_write_json
+from dubbing.engine.planning.estimates import Estimate
 from dubbing.identity.learned import Learned, in_words, learned_if_known
 
 

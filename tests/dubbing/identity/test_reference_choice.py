@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from dfrf.data.dataset import EYES, HEAD, HeadDataset
-from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.heads import fine_tuning as finetuning
 from dubbing.identity.reference_choice import choose_references, eye_sharpness, medoids, turns_far
 from tests.dfrf.people import person
@@ -106,11 +106,7 @@ def test_a_head_turns_far_by_the_root_mean_square_of_its_turns() -> None:
     [(2, 5, 12, 5), (10, 5, 12, 12), (10, 4, 4, 4), (10, 0, 0, None)],
 )
 def test_only_a_head_that_turns_far_has_more_references_than_a_frame_looks_at(
-    degrees: float,
-    references: int,
-    pool: int,
-    wanted: int | None,
-    monkeypatch: pytest.MonkeyPatch,
+    degrees: float, references: int, pool: int, wanted: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
         finetuning, "choose_references", lambda person, landmarks, count: torch.arange(count)

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from dubbing.errors import ManifestError
-from dubbing.manifest import schema, yaml_lines
+from dubbing.manifest import schema
+from dubbing.manifest.keys import yaml_lines
 from dubbing.manifest.manifest import load
 from dubbing.production.production import Production
 from tests import clips

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.manifest import init, yaml_lines
+from dubbing.manifest import init
+from dubbing.manifest.keys import yaml_lines
 from dubbing.media import MediaInfo, probe
 from tests import clips
 

@@ -9,8 +9,8 @@ import soundfile
 from safetensors.numpy import save_file
 
 from dubbing.batch import jobs
-from dubbing.engine.files import atomic_path
-from dubbing.engine.stage import Stage
+from dubbing.engine.disk.files import atomic_path
+from dubbing.engine.graph.stage import Stage
 from dubbing.errors import ManifestError
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.manifest.manifest import load

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.engine.files import same_on_disk
-from dubbing.manifest.entries import Identity
+from dubbing.engine.disk.files import same_on_disk
+from dubbing.manifest.keys.entries import Identity
 from dubbing.manifest.resolving import clip_name
 
 NAMES = [

@@ -11,9 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 from dubbing.cli.main import app
-from dubbing.manifest import schema, yaml_lines
-from dubbing.manifest.entries import Dub, Entry, Identity
+from dubbing.manifest import schema
 from dubbing.manifest.init import write_manifest
+from dubbing.manifest.keys import yaml_lines
+from dubbing.manifest.keys.entries import Dub, Entry, Identity
 from tests import clips
 from tests.dubbing.manifest.json_schema import errors
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from dubbing.manifest import yaml_lines
-from dubbing.manifest.entries import Dub, Identity
+from dubbing.manifest.keys import yaml_lines
+from dubbing.manifest.keys.entries import Dub, Identity
 from tests import clips
 from tests.dubbing.manifest.made import GOOD, problems, read
 

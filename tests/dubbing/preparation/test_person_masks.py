@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from dubbing.preparation.matting.person_masks import person_masks
+from dubbing.preparation.matting.masks import person_masks
 
 pytestmark = pytest.mark.medium
 

@@ -9,7 +9,7 @@ import pytest
 
 from dubbing.errors import PreparationError
 from dubbing.media import VideoWriter, read_frames
-from dubbing.preparation.alignment.rotations import rotation_from_vector
+from dubbing.preparation.alignment.camera import rotation_from_vector
 from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.prepared import BACKGROUND, MATTE, OVERLAY, VERSION, PreparedClip
 

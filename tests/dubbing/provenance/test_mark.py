@@ -5,17 +5,7 @@ import numpy as np
 import pytest
 from skimage.color import deltaE_ciede2000, rgb2lab
 
-from dubbing.provenance.mark import (
-    BITS,
-    CELLS,
-    PERIOD,
-    TILE,
-    WAVE,
-    Code,
-    Mark,
-    masked_by,
-    wave,
-)
+from dubbing.provenance.mark import BITS, CELLS, PERIOD, TILE, WAVE, Code, Mark, masked_by, wave
 from dubbing.provenance.mark_key import bits_of
 from tests.dubbing.provenance import film
 

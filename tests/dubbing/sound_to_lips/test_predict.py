@@ -13,9 +13,8 @@ from dubbing.errors import ExplainedError
 from dubbing.sound_to_lips import encoder as encoding
 from dubbing.sound_to_lips import predict as predicting
 from dubbing.sound_to_lips.encoder import CHANNELS, STEP, SpeechEncoder, encode
-from dubbing.sound_to_lips.lip_network import LipFilter
+from dubbing.sound_to_lips.lip_network import FILTER_FORMAT, LipFilter, load, load_encoder, save
 from dubbing.sound_to_lips.predict import predict
-from dubbing.sound_to_lips.weights import FILTER_FORMAT, load, load_encoder, save
 from dubbing.speech.voice_activity import SAMPLE_RATE
 
 

@@ -11,8 +11,8 @@ from unittest.mock import create_autospec
 import numpy as np
 import pytest
 
-from dubbing.engine.files import atomic_write_json
-from dubbing.engine.stage import Progress, Stage
+from dubbing.engine.disk.files import atomic_write_json
+from dubbing.engine.graph.stage import Progress, Stage
 from dubbing.identity.finetune_settings import FinetuneSettings
 from dubbing.identity.lip_scale import LipScale
 from dubbing.script.timeline import Edit

@@ -12,7 +12,7 @@ import torch
 
 from dfrf import presets
 from dfrf.field.speaker_adaptation import NUMBERS
-from dubbing.face.lip_curves import text_of
+from dubbing.face.mouth.lip_curves import text_of
 from dubbing.identity.lip_scale import LipScale, moments
 from dubbing.preparation.halved import HalvedClip
 from dubbing.script.timeline import Cue, Edit

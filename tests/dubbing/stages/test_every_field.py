@@ -11,10 +11,10 @@ from typing import Any, cast
 import pytest
 
 from dubbing.batch import jobs
-from dubbing.engine import planner
-from dubbing.engine.fields import counted
-from dubbing.engine.graph import Jobs
-from dubbing.engine.stage import Progress, Stage
+from dubbing.engine.graph.fields import counted
+from dubbing.engine.graph.graph import Jobs
+from dubbing.engine.graph.stage import Progress, Stage
+from dubbing.engine.planning import planner
 from dubbing.manifest.manifest import load
 from dubbing.pipeline import STAGES
 from dubbing.stages.draft import Draft
@@ -157,7 +157,7 @@ def test_a_stage_gets_nothing_that_it_does_not_declare(made: Path) -> None:
 
 
 def stage_imports(module: str) -> set[str]:
-    from dubbing.engine.code_version import reachable
+    from dubbing.engine.graph.code_version import reachable
     from dubbing.stages.base import DubbingStage
 
     return reachable(module, DubbingStage.packages, DubbingStage.without_effect)

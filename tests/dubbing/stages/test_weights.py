@@ -6,8 +6,8 @@ import re
 from pathlib import Path
 
 from dubbing.batch import jobs
-from dubbing.engine.code_version import file_of, reachable
-from dubbing.engine.stage import Stage
+from dubbing.engine.graph.code_version import file_of, reachable
+from dubbing.engine.graph.stage import Stage
 from dubbing.manifest.manifest import load
 from dubbing.shipped.base import BASE
 from dubbing.speech.weight_paths import files_of
@@ -31,11 +31,14 @@ def manifest(tmp_path: Path, extra: str = "") -> Path:
 
 def test_every_weights_file_of_the_package_is_an_input_of_who_reads_it(tmp_path: Path) -> None:
     """A module that names a file of weights reads it, if the code of a stage comes there."""
+    hands = {"hand_detector", "hand_landmarks"}
+    faces = {"face_detector", "face_landmarks", "person_mask"}
     not_read = {  # where a module that reads weights is imported for something else
-        "refine_poses": {"encoder", "filter", "acoustic_weights", "voice_detector"},
+        "refine_poses": {"encoder", "filter", "acoustic_weights", "voice_detector", *faces},
         "render": {"encoder", "filter", "acoustic_weights", "voice_detector"},
-        "check": {"person_mask"},
-        "check_source": {"person_mask"},
+        "prepare": hands,
+        "check": {"person_mask", *hands},
+        "check_source": {"person_mask", *hands},
     }
     for stage in stages_of(manifest(tmp_path)):
         named = set()

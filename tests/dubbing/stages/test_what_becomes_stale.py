@@ -17,8 +17,8 @@ from pydantic import BaseModel
 
 from dfrf.checkpoint import read_tensors, write_tensors
 from dubbing.batch import jobs
-from dubbing.manifest import entries
-from dubbing.manifest.edit_entry import Edit
+from dubbing.manifest.keys import entries
+from dubbing.manifest.keys.edit_entry import Edit
 from dubbing.manifest.manifest import load
 from dubbing.shipped.base import BASE
 from tests import clips
@@ -31,7 +31,7 @@ CONSENT = {"by": "Ann", "reference": "form 17", "date": "2026-01-01"}
 SRT = "1\n00:00:00,200 --> 00:00:00,600\nANN: Good.\n\n2\n00:00:00,700 --> 00:00:01,000\nBEN: No.\n"
 PERSON = {"clip": "ann.mp4", "seconds": 1, "consent": CONSENT}
 ALONE = {
-    **{"name": "it", "identity": "ann", "audio": "it.wav", "audio_seconds": 0.5, "language": "it"},
+    **{"name": "it", "identity": "ann", "audio": "it.wav", "audio_seconds": 0.5, "language": "it"}
 }
 LABEL = {"credits": {"seconds": 1, "text": "By machine"}}
 SIGNED = {**ALONE, "certificate": "signer.pem", "key": "signer.key"}

@@ -14,7 +14,7 @@ import numpy as np
 import uvicorn
 from PIL import Image
 
-from dubbing.cli.studio_commands import listening
+from dubbing.cli.page_commands import listening
 from dubbing.manifest.manifest import load
 from dubbing.script.timeline import Cue, Edit
 from dubbing.stages.draft import HalfSize

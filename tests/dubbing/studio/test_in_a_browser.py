@@ -10,8 +10,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from dubbing.manifest import yaml_lines
-from dubbing.manifest.edits_file import edits_file
+from dubbing.manifest.edits.edits_file import edits_file
+from dubbing.manifest.keys import yaml_lines
 from dubbing.manifest.manifest import load
 from tests.dubbing.studio.browser import CTRL, SHIFT, Browser, Page, browser
 from tests.dubbing.studio.stand_in import FRAMES, server

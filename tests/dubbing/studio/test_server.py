@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
-from dubbing.manifest.edits_file import edits_file
+from dubbing.manifest.edits.edits_file import edits_file
 from dubbing.manifest.manifest import load
 from dubbing.script.timeline import Edit
 from dubbing.studio.drafter import Drafter

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from dubbing.face.mouth_crop import COLUMNS, ROWS
-from dubbing.face.mouth_shape import mouth_shape
-from dubbing.sync.sound_channels import SOUND_CHANNELS
+from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS
+from dubbing.face.mouth.mouth_shape import mouth_shape
+from dubbing.sync.network.channels import SOUND_CHANNELS
 from dubbing.workshop.training.sync.clips import TalkingClip
 from tests.dubbing.sync.meshes import canonical, talk
 

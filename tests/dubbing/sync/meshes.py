@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dubbing.face.mouth_shape import CHIN, EYE_CORNERS, INNER_LIP, MOUTH, OUTER_LIP, RIGID
+from dubbing.face.mouth.mouth_shape import CHIN, EYE_CORNERS, INNER_LIP, MOUTH, OUTER_LIP, RIGID
 
 POINTS = 478
 

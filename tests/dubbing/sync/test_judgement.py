@@ -8,13 +8,7 @@ from pydantic import TypeAdapter
 
 from dubbing.sync.closeness import Closeness
 from dubbing.sync.curves import Estimate
-from dubbing.sync.judgement import (
-    film_face,
-    judge,
-    pass_closeness,
-    sound_offset,
-    unjudgeable,
-)
+from dubbing.sync.judgement import film_face, judge, pass_closeness, sound_offset, unjudgeable
 from dubbing.sync.result import FaceResult, Figures, Media, Segment, SyncResult
 
 MOVING = Figures(0.2, 0.7, 0.6, 0.05, 0.05, 0.3, 0.1, 0.4, None)

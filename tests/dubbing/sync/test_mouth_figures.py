@@ -6,16 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.face.mouth_shape import mouth_shape
+from dubbing.face.mouth.mouth_shape import mouth_shape
 from dubbing.sync.closeness import WEIGHTS, closeness, number_of
 from dubbing.sync.curves import OFFSETS, early_ms
-from dubbing.sync.mouth_figures import (
-    MouthSeries,
-    mouth_figures,
-    moved,
-    of_mouth,
-    silent_frames,
-)
+from dubbing.sync.mouth_figures import MouthSeries, mouth_figures, moved, of_mouth, silent_frames
 from dubbing.sync.result import Figures
 from tests.dubbing.sync.made import made_crops
 from tests.dubbing.sync.meshes import canonical, talk

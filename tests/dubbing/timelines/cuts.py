@@ -13,8 +13,8 @@ import pytest
 
 from dubbing.errors import MediaError
 from dubbing.media import MediaInfo
-from dubbing.media.colour import Colour
-from dubbing.media.info import Picture
+from dubbing.media.properties.colour import Colour
+from dubbing.media.properties.info import Picture
 from dubbing.mixing.sound import Sound
 from dubbing.production.clip import Clip
 from dubbing.production.dub import Dub

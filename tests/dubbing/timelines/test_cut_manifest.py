@@ -12,8 +12,8 @@ import pytest
 import soundfile
 
 from dubbing.errors import ExplainedError, ManifestError
-from dubbing.manifest import yaml_lines
 from dubbing.manifest.init import write_manifest as write_plain
+from dubbing.manifest.keys import yaml_lines
 from dubbing.media import MediaInfo
 from dubbing.script.timeline import first_frame, frame_count
 from dubbing.timelines import cut_manifest, reading, stretch

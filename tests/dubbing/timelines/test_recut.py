@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from dubbing.batch import jobs
 from dubbing.cli.main import app
-from dubbing.engine import planner
+from dubbing.engine.planning import planner
 from dubbing.manifest.manifest import load
 from dubbing.script.timecode import timecode_of
 from tests import clips, fakes

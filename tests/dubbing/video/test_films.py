@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from dubbing import media
-from dubbing.manifest.findings import Findings
-from dubbing.manifest.inputs import _picture
+from dubbing.manifest.checks.inputs import _picture
+from dubbing.manifest.keys.findings import Findings
 from dubbing.media import PixelFormat
 from dubbing.mixing.sound import Sound
 from dubbing.script.timeline import Cue

@@ -89,11 +89,7 @@ def test_what_did_not_change_is_taken_from_the_last_result(
         out, poses = tmp_path / name, np.arange(28)
         composed.clear()
         return make(
-            *([heads], sound, out),
-            pose_index=poses,
-            settings=settings,
-            progress=quiet,
-            last=last,
+            *([heads], sound, out), pose_index=poses, settings=settings, progress=quiet, last=last
         ).read_bytes()
 
     whole = made("one", "aaa", None)

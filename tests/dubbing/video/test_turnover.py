@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from dubbing import media
-from dubbing.engine.numbered import with_options
+from dubbing.engine.disk.numbered import with_options
 from dubbing.errors import RenderingError
-from dubbing.media import image_files, sequence
+from dubbing.media.sequences import image_files, sequence
 from dubbing.mixing.sound import Sound
 from dubbing.preparation.prepared import OVERLAY, PreparedClip
 from dubbing.script.timeline import Cue

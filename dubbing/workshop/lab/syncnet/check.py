@@ -20,7 +20,7 @@ from scipy.ndimage import median_filter
 from torch import Tensor
 
 from dubbing import media
-from dubbing.face.face_tracker import track_faces
+from dubbing.face.finding.face_tracker import track_faces
 from dubbing.speech.voice_activity import STEP_RATE, voice_activity_of_blocks
 from dubbing.sync.curves import MAX_OFFSET, Estimate
 from dubbing.sync.judgement import Measurement, conclude

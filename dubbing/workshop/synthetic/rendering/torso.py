@@ -74,11 +74,7 @@ def _collar(m: np.ndarray) -> np.ndarray:
 
 
 def shoot(
-    camera: Camera,
-    shift: np.ndarray,
-    face: Face,
-    room: np.ndarray,
-    lighting: Lighting = "soft",
+    camera: Camera, shift: np.ndarray, face: Face, room: np.ndarray, lighting: Lighting = "soft"
 ) -> Plate:
     """Body before the room (S, S, 3) 0..255, with the body's origin at shift (3,) cm."""
     from dubbing.workshop.synthetic.rendering.shading import develop

@@ -16,7 +16,7 @@ import typer
 from torch import Tensor
 
 from dubbing.sound_to_lips.encoder import LAYERS, SpeechEncoder
-from dubbing.sound_to_lips.weights import ENCODER_FORMAT, save
+from dubbing.sound_to_lips.lip_network import ENCODER_FORMAT, save
 
 TYPES = {1: np.float32, 2: np.uint8, 7: np.int64}  # numbers of the format
 PARTS = {

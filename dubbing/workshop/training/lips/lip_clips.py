@@ -11,8 +11,8 @@ import numpy as np
 import torch
 from tqdm import tqdm
 
-from dubbing.face.lip_measures import lip_lengths, lips_touch, standardised
-from dubbing.face.mouth_shape import canonical_face
+from dubbing.face.mouth.lip_measures import lip_lengths, lips_touch, standardised
+from dubbing.face.mouth.mouth_shape import canonical_face
 from dubbing.sound_to_lips.encoder import STEP, SpeechEncoder, encode
 from dubbing.sound_to_lips.predict import gain_of
 from dubbing.speech import voice_activity as voice

@@ -17,8 +17,7 @@ import torch
 import typer
 from torch import Tensor
 
-from dubbing.sound_to_lips.lip_network import TAPS, LipFilter
-from dubbing.sound_to_lips.weights import FILTER_FORMAT, load_encoder, save
+from dubbing.sound_to_lips.lip_network import FILTER_FORMAT, TAPS, LipFilter, load_encoder, save
 from dubbing.workshop.training.lips.lip_clips import LipClip, lip_clips
 
 STRENGTH = 1.0  # of the ridge, times the mean power of an input

@@ -15,8 +15,8 @@ import numpy as np
 from safetensors.numpy import load_file, save_file
 
 from dubbing import media
-from dubbing.engine.files import atomic_path
-from dubbing.engine.stage import Progress
+from dubbing.engine.disk.files import atomic_path
+from dubbing.engine.graph.stage import Progress
 from dubbing.errors import TrainingError
 from dubbing.speech.voice_activity import HOP, SAMPLE_RATE, STEP_RATE, steps
 from dubbing.workshop.synthetic.visemes import CHANNELS, mouth_curves

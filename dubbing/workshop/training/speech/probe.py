@@ -12,14 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.face.lip_measures import lip_measures
-from dubbing.face.mouth_shape import canonical_face
+from dubbing.face.mouth.lip_measures import lip_measures
+from dubbing.face.mouth.mouth_shape import canonical_face
 from dubbing.speech.voice_activity import at_times
 from dubbing.workshop.training.sync.clips import Recording, laid_on, recorded
 from dubbing.workshop.training.sync.correlation import align
 
 MEASURES = ("opening", "width")
-# Places of the two in `dubbing.face.lip_measures.LIP_DISTANCES`.
+# Places of the two in `dubbing.face.mouth.lip_measures.LIP_DISTANCES`.
 _COLUMNS = (0, 3)
 # Context: 0.24 s each way in steps of a frame at 25 fps.
 CONTEXT = np.arange(-6, 7) * 0.04

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk.files import atomic_path
 from dubbing.errors import TrainingError
 from dubbing.speech.acoustic_network import AcousticNetwork, losses
 from dubbing.speech.acoustic_weights import save_model

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dubbing.face.mouth_shape import MOUTH
-from dubbing.sync.sound_channels import SOUND_CHANNELS
+from dubbing.face.mouth.mouth_shape import MOUTH
+from dubbing.sync.network.channels import SOUND_CHANNELS
 from dubbing.workshop.training.sync.clips import TalkingClip
 
 # What is added to every speech feature, whose deviation is about 1.

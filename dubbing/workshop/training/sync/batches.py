@@ -11,13 +11,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dubbing.sync.mouth_channels import centred, running_mean
-from dubbing.sync.sound_channels import Take
-from dubbing.sync.streams import MOUTH_STEP
-from dubbing.sync.windows import mouth_windows, take_windows
+from dubbing.sync.network.channels import centred, running_mean
+from dubbing.sync.network.embeddings import mouth_windows
+from dubbing.sync.network.streams import MOUTH_STEP
 from dubbing.workshop.training.sync.augmentation import mouth_sides, vary_mouth, vary_sound
 from dubbing.workshop.training.sync.clips import TalkingClip
 from dubbing.workshop.training.sync.pixel_augmentation import vary_pixels
+from dubbing.workshop.training.sync.takes import Take, take_windows
 
 STRETCHES = 24
 ITEMS = 12

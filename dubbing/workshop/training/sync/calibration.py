@@ -19,19 +19,19 @@ import numpy as np
 from scipy.optimize import minimize
 
 from dubbing import media
-from dubbing.face.mouth_crop import mouth_crops
-from dubbing.face.mouth_shape import mouth_shape
+from dubbing.face.mouth.mouth_crop import mouth_crops
+from dubbing.face.mouth.mouth_shape import mouth_shape
 from dubbing.speech.voice_activity import SAMPLE_RATE, STEP_RATE, at_times
 from dubbing.sync.closeness import LEAST, WEIGHTS, Closeness, closeness
 from dubbing.sync.curves import MAX_OFFSET, CurveSum, distances, early_ms, estimate
-from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
 from dubbing.sync.judgement import judge
 from dubbing.sync.measure import Sound
 from dubbing.sync.mouth_figures import MouthSeries, mouth_figures, of_mouth
+from dubbing.sync.network.channels import SoundChannels
+from dubbing.sync.network.embeddings import mouth_embeddings, sound_embeddings
+from dubbing.sync.network.sync_network import DEFAULT_WEIGHTS, SyncNetwork, load_network
 from dubbing.sync.result import FaceResult, Figures, Verdict
-from dubbing.sync.sound_channels import SoundChannels
 from dubbing.sync.sums import SILENT_WEIGHT
-from dubbing.sync.sync_network import DEFAULT_WEIGHTS, SyncNetwork, load_network
 from dubbing.workshop.training.sync.clips import recorded
 from dubbing.workshop.training.sync.evaluation import area_under_roc
 from dubbing.workshop.training.sync.faults import Mouth, mouth_faults

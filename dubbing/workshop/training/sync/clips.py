@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from dubbing import media
-from dubbing.engine.files import atomic_path
+from dubbing.engine.disk.files import atomic_path
 from dubbing.errors import SyncError
-from dubbing.face.face_tracker import POINTS, track_faces
-from dubbing.face.mouth_crop import COLUMNS, ROWS, mouth_crops
-from dubbing.face.mouth_shape import mouth_shape
+from dubbing.face.finding.face_tracker import POINTS, track_faces
+from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS, mouth_crops
+from dubbing.face.mouth.mouth_shape import mouth_shape
 from dubbing.speech.voice_activity import SAMPLE_RATE, voice_activity
-from dubbing.sync.sound_channels import SoundChannels, Take, another_take
+from dubbing.sync.network.channels import SoundChannels
+from dubbing.workshop.training.sync.takes import Take, another_take
 
 KEPT = frozenset({"meshes", "times", "samples", "voice"})  # of a recording, in a file
 

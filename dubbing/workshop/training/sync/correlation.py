@@ -12,9 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy import linalg
 
-from dubbing.sync.mouth_channels import centred
-from dubbing.sync.sound_channels import SOUND_CHANNELS
-from dubbing.sync.windows import mouth_windows, sound_windows
+from dubbing.sync.network.channels import SOUND_CHANNELS, centred
+from dubbing.sync.network.embeddings import mouth_windows, sound_windows
 from dubbing.workshop.training.sync.clips import TalkingClip
 
 STEP = 0.04

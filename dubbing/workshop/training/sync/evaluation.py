@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dubbing.face.mouth_shape import canonical_face
+from dubbing.face.mouth.mouth_shape import canonical_face
 from dubbing.speech.voice_activity import STEP_RATE, at_times
 from dubbing.sync.curves import MAX_OFFSET, OFFSETS, CurveSum, distances
-from dubbing.sync.embeddings import mouth_embeddings, sound_embeddings
+from dubbing.sync.network.embeddings import mouth_embeddings, sound_embeddings
+from dubbing.sync.network.sync_network import SyncNetwork, load_network
 from dubbing.sync.sums import SILENT_WEIGHT
-from dubbing.sync.sync_network import SyncNetwork, load_network
 from dubbing.workshop.training.sync.clips import TalkingClip, laid_on, recorded
 from dubbing.workshop.training.sync.speakers import UNSEEN, speaker_clips
 from dubbing.workshop.training.sync.training import SyncTraining, train_network, usable_clips

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from dubbing.face.mouth_shape import opening
+from dubbing.face.mouth.mouth_shape import opening
 from dubbing.sync.mouth_figures import smoothed
 
 MOUTH_WIDTH = 31  # pixels of a crop

@@ -12,8 +12,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from dubbing.face.mouth_crop import COLUMNS, ROWS
-from dubbing.sync.streams import MOUTH_FRAMES
+from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS
+from dubbing.sync.network.streams import MOUTH_FRAMES
 
 # Half of the stretches were filmed with as little as this share of a crop's resolution.
 _COARSEST = 0.45
@@ -25,13 +25,13 @@ _ACROSS, _DOWN = 0.06, 0.1
 _SHAKE = 0.6
 _LIGHT = 0.04  # of the light's level and slopes from item to item
 _NOISE = 4.0  # grey values
-# Range in place of `mouth_channels.DARK`, so that black level and contrast vary; and a gamma.
+# Range in place of `channels.DARK`, so that black level and contrast vary; and a gamma.
 _DARK = (6.0, 40.0)
 _GAMMA = 0.2
 
 
 def vary_pixels(mouths: np.ndarray, means: np.ndarray, rng: np.random.Generator) -> Tensor:
-    """`mouth_channels.relative` of the stretches under other filming conditions, (P G, V, R C).
+    """`channels.relative` of the stretches under other filming conditions, (P G, V, R C).
 
     Args:
         mouths: (P, G, V, R C) float32 grey values 0..255.

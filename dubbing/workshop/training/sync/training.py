@@ -10,9 +10,9 @@ import numpy as np
 import torch
 
 from dubbing.errors import SyncError
-from dubbing.face.mouth_shape import canonical_face
-from dubbing.sync.streams import LipStream
-from dubbing.sync.sync_network import MemberInputs, SyncNetwork, TwoStream, save_network
+from dubbing.face.mouth.mouth_shape import canonical_face
+from dubbing.sync.network.streams import LipStream
+from dubbing.sync.network.sync_network import MemberInputs, SyncNetwork, TwoStream, save_network
 from dubbing.workshop.training.sync.batches import Batches
 from dubbing.workshop.training.sync.clips import TalkingClip, laid_on, record
 from dubbing.workshop.training.sync.correlation import TRUSTED_PEAK, align, lip_basis
@@ -80,10 +80,7 @@ def train_member(
 
 
 def train_network(
-    clips: Sequence[TalkingClip],
-    face: np.ndarray,
-    settings: SyncTraining,
-    log: Log | None = None,
+    clips: Sequence[TalkingClip], face: np.ndarray, settings: SyncTraining, log: Log | None = None
 ) -> SyncNetwork:
     """The network of several members, from clips whose offsets are corrected."""
     network = SyncNetwork(())

@@ -9,9 +9,10 @@ from dubbing.preparation.alignment.camera import (
     point_jacobian,
     pose_jacobian,
     project,
+    rotation_from_vector,
     to_camera,
+    vector_from_rotation,
 )
-from dubbing.preparation.alignment.rotations import rotation_from_vector, vector_from_rotation
 
 FOCAL = 1200.0
 FRAMES = 60

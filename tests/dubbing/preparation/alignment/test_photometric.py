@@ -9,12 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dubbing.preparation.alignment.bundle import Observations
-from dubbing.preparation.alignment.camera import Poses, project, to_camera
+from dubbing.preparation.alignment.camera import Poses, project, rotation_from_vector, to_camera
 from dubbing.preparation.alignment.face_strip import FaceStrip
 from dubbing.preparation.alignment.photometric import Alignment
 from dubbing.preparation.alignment.refinement import jacobian_of, product, refine
 from dubbing.preparation.alignment.relief import Relief, solve_relief
-from dubbing.preparation.alignment.rotations import rotation_from_vector
 from dubbing.preparation.alignment.score import residual_shift, root_mean_square
 from dubbing.preparation.alignment.skin import Skin
 from dubbing.preparation.alignment.texture import Texture, median_of_known, texture_of

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 from dubbing.preparation.alignment.banded import DOF
-from dubbing.preparation.alignment.camera import Poses, project, to_camera
-from dubbing.preparation.alignment.rotations import rotation_from_vector
+from dubbing.preparation.alignment.camera import Poses, project, rotation_from_vector, to_camera
 from dubbing.preparation.alignment.silhouette import (
     NOD,
     TURN,

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from dubbing.preparation.background.background import PLATE_FRAMES, plate_frames
+from dubbing.preparation.background.filling import CONTEXT_PX, pull_push, restore, rim
 from dubbing.preparation.background.neck import PROFILE, neck, neck_profile, smooth_profiles
-from dubbing.preparation.background.pixels import box_of, chosen, rounded
-from dubbing.preparation.background.pull_push import pull_push
-from dubbing.preparation.background.rim import CONTEXT_PX, restore, rim
+from dubbing.preparation.background.pixels import chosen, extent, rounded
 from dubbing.preparation.background.wall import (
     all_of,
     background_pixels,
@@ -157,7 +156,7 @@ def test_what_grows_into_a_part_is_what_grows_into_the_whole(corner: tuple[int, 
     image = np.clip(image + rng.integers(-20, 20, image.shape), 0, 255).astype(np.uint8)
     profile = rng.uniform(100, 120, (PROFILE, 4))
     region = np.roll(region, corner, (0, 1))
-    box = box_of(region, CONTEXT_PX)
+    box = extent(region, CONTEXT_PX)
     within = landmarks - (box[1].start, box[0].start)
     grown = neck(image[box], region[box], within, profile, 1.0)
     whole = neck(image, region, landmarks, profile, 1.0)
@@ -182,9 +181,9 @@ def test_pixels_are_rounded_and_chosen() -> None:
 def test_a_box_holds_a_region_and_its_surroundings_within_the_picture() -> None:
     region = np.zeros((20, 30), bool)
     region[3:8, 10] = region[5, 9:14] = True
-    assert box_of(region, 0) == (slice(3, 8), slice(9, 14))
-    assert box_of(region, 5) == (slice(0, 13), slice(4, 19))
-    assert box_of(region, 40) == (slice(0, 20), slice(0, 30))
+    assert extent(region) == (slice(3, 8), slice(9, 14))
+    assert extent(region, 5) == (slice(0, 13), slice(4, 19))
+    assert extent(region, 40) == (slice(0, 20), slice(0, 30))
 
 
 def test_plates_are_of_frames_spread_over_each_shot() -> None:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.face.landmarks import FaceMesh
+from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.face.mesh_points import LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
 from dubbing.preparation.tracking.likeness import FARTHEST, apart, looks
 from dubbing.preparation.tracking.occlusion import (

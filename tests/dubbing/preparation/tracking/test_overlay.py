@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.face.landmarks import FaceMesh
+from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.media import read_frames
 from dubbing.preparation.tracking.occlusion import covered_step
 from dubbing.preparation.tracking.overlay import Overlay, overlay_step

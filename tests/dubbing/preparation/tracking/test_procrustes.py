@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dubbing.face import mesh_points as points
-from dubbing.preparation.alignment.rotations import rotation_from_vector
+from dubbing.preparation.alignment.camera import rotation_from_vector
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
 
 

@@ -8,14 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dubbing.preparation.tracking.reach import (
-    Angles,
-    Reach,
-    angles_of,
-    hidden,
-    reach_of,
-    views_of,
-)
+from dubbing.preparation.tracking.reach import Angles, Reach, angles_of, hidden, reach_of, views_of
 
 AHEAD = np.array([0.0, 0.0, -1.0])
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from safetensors import safe_open
 
-from dubbing.face.weight_paths import FACE_WEIGHTS, PERSON_WEIGHTS
+from dubbing.face.weight_paths import FACE_WEIGHTS, HAND_WEIGHTS, PERSON_WEIGHTS
 from dubbing.workshop.faces.import_networks import NETWORKS, import_network, read_source
 from dubbing.workshop.faces.parallel import merged, without_repetitions
 
-SHIPPED = FACE_WEIGHTS | PERSON_WEIGHTS
+SHIPPED = FACE_WEIGHTS | HAND_WEIGHTS | PERSON_WEIGHTS
 
 
 @pytest.mark.parametrize("name", NETWORKS)

@@ -13,7 +13,7 @@ import pytest
 from dfrf import presets, saved_models
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.cli import console
-from dubbing.engine.files import atomic_write_json
+from dubbing.engine.disk.files import atomic_write_json
 from dubbing.manifest.manifest import load
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.stages.check_source import CheckSource
@@ -34,7 +34,7 @@ OF_LIPS = {
     *("opening_ratio", "texture_ratio", "offset_frames", "confidence", "closeness", "frames"),
 }
 OF_PICTURES = {
-    *("psnr", "ssim", "psnr_face", "psnr_mouth", "sharpness", "steps", "seconds", "p15x"),
+    *("psnr", "ssim", "psnr_face", "psnr_mouth", "sharpness", "steps", "seconds", "p15x")
 }
 
 

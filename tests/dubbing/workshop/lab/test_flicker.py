@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dubbing.face.mesh_points import BROWS_AND_BRIDGE, LEFT_LIDS, RIGHT_LIDS
-from dubbing.preparation.alignment.rotations import rotation_from_vector
+from dubbing.preparation.alignment.camera import rotation_from_vector
 from dubbing.preparation.alignment.skin import Skin
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.workshop.lab.flicker import Flicker, brow_skin

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
-from dubbing.engine.files import atomic_write_json
+from dubbing.engine.disk.files import atomic_write_json
 from dubbing.manifest.manifest import load
 from dubbing.production.production import Production
 from dubbing.workshop.lab import paper_tables, results

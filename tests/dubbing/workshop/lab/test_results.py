@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from dubbing.engine.files import atomic_write_json
+from dubbing.engine.disk.files import atomic_write_json
 from dubbing.errors import ExplainedError
 from dubbing.manifest.manifest import load
 from dubbing.production.production import Production

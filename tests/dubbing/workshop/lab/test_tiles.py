@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.face.mouth_shape import OUTER_LIP
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.workshop.lab import tiles
 from tests import clips

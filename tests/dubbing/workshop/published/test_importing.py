@@ -36,11 +36,7 @@ LINEAR: dict[str, dict[str, tuple[int, ...]]] = {
         "norm_slots": (128,),
         "norm_pre_ff": (128,),
     },
-    "unet_state_dict": {
-        "conv1.0": (64, 66, 3, 3),
-        "conv2.0": (64, 64, 3, 3),
-        "fc": (128, 64),
-    },
+    "unet_state_dict": {"conv1.0": (64, 66, 3, 3), "conv2.0": (64, 64, 3, 3), "fc": (128, 64)},
     "position_warp_state_dict": {"mlp.0": (128, 255), "mlp.2": (32, 128), "mlp.4": (2, 32)},
     "network_audnet_state_dict": {
         "encoder_conv.0": (32, 29, 3),

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from dubbing.batch import batch
 from dubbing.cli.main import app
-from dubbing.manifest import yaml_lines
+from dubbing.manifest.keys import yaml_lines
 from dubbing.manifest.manifest import load
 from dubbing.media import probe
 from dubbing.workshop.synthetic import __main__ as program

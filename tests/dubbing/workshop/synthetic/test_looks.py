@@ -14,12 +14,7 @@ from dubbing.workshop.synthetic.anatomy.head_shape import MOUTH_HALF_WIDTH, MOUT
 from dubbing.workshop.synthetic.anatomy.lips import MouthShape
 from dubbing.workshop.synthetic.motion import PIVOT
 from dubbing.workshop.synthetic.rendering.camera import FLIP, UNIT, Pose
-from dubbing.workshop.synthetic.rendering.render import (
-    REST_SHIFT,
-    RenderedFrame,
-    Renderer,
-    State,
-)
+from dubbing.workshop.synthetic.rendering.render import REST_SHIFT, RenderedFrame, Renderer, State
 from dubbing.workshop.synthetic.rendering.shading import Lighting
 
 pytestmark = pytest.mark.medium

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dubbing.errors import ExplainedError
-from dubbing.face.landmarks import FaceMesh
+from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.media import probe, read_audio, read_frames
 from dubbing.workshop.synthetic.anatomy.face import FACES
 from dubbing.workshop.synthetic.anatomy.skin_grid import skin_grid

@@ -10,7 +10,7 @@ from dubbing.workshop.synthetic.anatomy.face import face_by_name
 from dubbing.workshop.synthetic.anatomy.lips import MouthShape
 from dubbing.workshop.synthetic.rendering.camera import FLIP, UNIT, Pose
 from dubbing.workshop.synthetic.rendering.render import REST_SHIFT, Renderer, State
-from dubbing.workshop.true_dubs.figures import DubFigures, box_of, differs, mean_of, psnr
+from dubbing.workshop.true_dubs.figures import DubFigures, differs, extent, mean_of, psnr
 
 pytestmark = pytest.mark.medium
 SIZE, FRAMES = 256, 12
@@ -106,6 +106,6 @@ def test_small_helpers() -> None:
     assert differs(image, other, 8).sum() == 1
     assert not differs(image, other, 9).any()
     assert np.isnan(psnr(image, other, np.zeros((20, 20), bool)))
-    rows, columns = box_of(np.array([[18.0, 5], [6, 2]]), 20)
+    rows, columns = extent(np.array([[18.0, 5], [6, 2]]), 20)
     assert (rows.start, rows.stop, columns.start, columns.stop) == (3, 7, 12, 20)
     assert mean_of([{"a": 1.0, "b": 2}, {"a": 3.0}]) == {"a": 2, "b": 2}

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from dubbing.face.mouth_shape import mouth_shape, opening
+from dubbing.face.mouth.mouth_shape import mouth_shape, opening
 from dubbing.sync.closeness import WEIGHTS, Closeness, number_of
 from dubbing.sync.curves import early_ms
-from dubbing.sync.sync_network import load_network
+from dubbing.sync.network.sync_network import load_network
 from dubbing.workshop.training.sync.calibration import (
     HALF,
     REAL,

@@ -8,18 +8,17 @@ import pytest
 import torch
 
 from dubbing.errors import SyncError
-from dubbing.face.mouth_shape import CORNERS, MOUTH
-from dubbing.sync.mouth_channels import MOUTH_CHANNELS, mouth_channels
-from dubbing.sync.sound_channels import SOUND_CHANNELS, WIDTH
-from dubbing.sync.streams import LipStream
-from dubbing.sync.sync_network import (
+from dubbing.face.mouth.mouth_shape import CORNERS, MOUTH
+from dubbing.sync.network.channels import MOUTH_CHANNELS, SOUND_CHANNELS, WIDTH, mouth_channels
+from dubbing.sync.network.embeddings import mouth_windows
+from dubbing.sync.network.streams import LipStream
+from dubbing.sync.network.sync_network import (
     MemberInputs,
     SyncNetwork,
     TwoStream,
     load_network,
     save_network,
 )
-from dubbing.sync.windows import mouth_windows
 from dubbing.workshop.training.sync import clips
 from dubbing.workshop.training.sync.augmentation import MIRROR, mouth_sides, vary_mouth, vary_sound
 from dubbing.workshop.training.sync.batches import Batches
@@ -200,7 +199,7 @@ def test_weights_of_another_acoustic_network_is_reported(
 ) -> None:
     path = tmp_path / "weights.safetensors"
     save_network(SyncNetwork(INPUTS[1:2]), path, {})
-    monkeypatch.setattr("dubbing.sync.sync_network.fingerprint", lambda _: "another")
+    monkeypatch.setattr("dubbing.sync.network.sync_network.fingerprint", lambda _: "another")
     with pytest.raises(SyncError, match="acoustic network"):
         load_network(path)
 

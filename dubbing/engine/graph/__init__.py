@@ -1,0 +1,1 @@
+"""Which stages there are: what each depends on, and whether its result holds."""

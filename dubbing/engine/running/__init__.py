@@ -1,0 +1,1 @@
+"""How stages are brought up to date: here, in processes, on other machines."""

@@ -1,0 +1,93 @@
+"""Finds faces in images, and follows them from frame to frame.
+
+A face is detected, and its landmarks are found in the region round it. While it is followed, its
+landmarks give the region for the next frame; the detector works only while fewer faces are followed
+than are wanted. There is no smoothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dubbing.face.finding.box_detector import FACES, BoxDetector
+from dubbing.face.finding.graph_network import network
+from dubbing.face.finding.landmark_network import LandmarkNetwork
+from dubbing.face.finding.regions import Images, Region, overlap
+from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
+from dubbing.face.weight_paths import FACE_DETECTOR, FACE_LANDMARKS
+
+CONFIDENCE = 0.5
+SAME_FACE = 0.5  # intersection over union of regions
+
+
+class FaceFinder:
+    """Landmarks (478, 3) of faces: column, row and depth in px from the edge of the first one.
+
+    Args:
+        faces: how many may be found in an image.
+        confidence: a detected face's least score, 0..1.
+    """
+
+    def __init__(self, faces: int = 1, confidence: float = CONFIDENCE) -> None:
+        self._detector = BoxDetector(network(FACE_DETECTOR), FACES, confidence)
+        self._landmarks = LandmarkNetwork(network(FACE_LANDMARKS))
+        self._faces = faces
+        self._followed: list[Region] = []
+
+    def restart(self) -> None:
+        """Forget the faces that are followed."""
+        self._followed = []
+
+    def find(self, images: Images) -> list[list[np.ndarray]]:
+        """Faces of images that need not follow one another."""
+        return self._look(images, [distinct(some) for some in self.detect(images)])
+
+    def detect(self, images: Images) -> list[list[Region]]:
+        """Regions of faces of images, in which `follow` looks beside those that it follows."""
+        boxes = self._detector(images, self._faces)
+        return [[Region.around(box[0], box[1], box[2:]) for box in some] for some in boxes]
+
+    def follow(
+        self, image: np.ndarray, detected: Sequence[Region] | None = None
+    ) -> list[np.ndarray]:
+        """Faces of the next frame, where `detected` may be what `detect` gave for it."""
+        if detected is None or len(self._followed) >= self._faces:
+            (faces,) = self.follow_all([image], [self._followed])
+        else:
+            (faces,) = self._look([image], [distinct([*detected, *self._followed])])
+        self._followed = [region_of(points) for points in faces]
+        return faces
+
+    def follow_all(
+        self, images: Images, followed: Sequence[Sequence[Region]]
+    ) -> list[list[np.ndarray]]:
+        """Faces of one frame of each of several videos, where some regions are followed."""
+        lost = [k for k, regions in enumerate(followed) if len(regions) < self._faces]
+        detected = self.detect([images[k] for k in lost])
+        regions = [list(some) for some in followed]
+        for k, some in zip(lost, detected, strict=True):
+            regions[k] = [*some, *regions[k]]
+        return self._look(images, [distinct(some) for some in regions])
+
+    def _look(self, images: Images, regions: Sequence[Sequence[Region]]) -> list[list[np.ndarray]]:
+        """Faces in some regions of each image."""
+        looks = [(image, r) for image, some in zip(images, regions, strict=True) for r in some]
+        points = iter(self._landmarks(looks))
+        return [[p for p in (next(points) for _ in some) if p is not None] for some in regions]
+
+
+def distinct(regions: Sequence[Region]) -> list[Region]:
+    """Regions without those that a later one covers: that one is the same face."""
+    kept: list[Region] = []
+    for region in regions:
+        kept = [other for other in kept if overlap(region, other) <= SAME_FACE]
+        kept.append(region)
+    return kept
+
+
+def region_of(points: np.ndarray) -> Region:
+    """The region in which a face with these points (478, 3) is looked for in the next frame."""
+    flat = points[:, :2]
+    return Region.around(flat.min(0), flat.max(0), flat[[LEFT_EYE_OUTER, RIGHT_EYE_OUTER]])

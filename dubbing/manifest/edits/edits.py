@@ -1,0 +1,114 @@
+"""The edits of a dub: which of its lines each is of, and what is wrong with them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from dubbing.errors import ExplainedError
+from dubbing.face.mouth.lip_curves import LipCurves
+from dubbing.manifest.keys import edit_entry
+from dubbing.manifest.keys.entries import Dub, Identity
+from dubbing.manifest.keys.findings import Findings, Scene
+from dubbing.manifest.keys.messages import some, suggestion
+from dubbing.manifest.keys.yaml_lines import KeyPath
+from dubbing.script.timeline import Cue, Edit
+
+NO_LIPS = dict.fromkeys(("paper", "ad-nerf", "nerf"), "has no lip measures")
+# Presets whose models have nothing that a key could change, and why.
+WITHOUT = {
+    **dict.fromkeys(("strength", "keys", "curves"), NO_LIPS),
+    "shift": {"nerf": "hears no speech"},
+}
+
+
+def edited(
+    findings: Findings, at: KeyPath, dub: Dub, scene: Scene, identities: Mapping[str, Identity]
+) -> Scene:
+    """The scene of a dub, whose cues have the edits of their lines."""
+    presets = {name: identity.preset for name, identity in identities.items()}
+    edits = edits_of(findings, (*at, "edits"), dub.edits, scene, presets)
+    cues = (replace(cue, edit=edits.get(cue.name, Edit())) for cue in scene.cues)
+    return replace(scene, cues=tuple(cues))
+
+
+def edits_of(
+    findings: Findings,
+    at: KeyPath,
+    given: Sequence[edit_entry.Edit],
+    scene: Scene,
+    presets: Mapping[str, str],
+) -> dict[str, Edit]:
+    """The edits of a scene's cues, by their names; what is wrong goes to findings.
+
+    Args:
+        at: place of the list.
+        presets: of the models of people.
+    """
+    edits: dict[str, Edit] = {}
+    for k, edit in enumerate(given):
+        key = (*at, k)
+        cue = _cue(findings, key, scene, edit)
+        if cue is None:
+            continue
+        if cue.name in edits:
+            findings.add(key, f"line {cue.number} has an edit already: write both into one")
+        edits[cue.name] = checked(findings, key, edit, cue, presets[cue.identity])
+    return edits
+
+
+def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, preset: str) -> Edit:
+    """The edit of a cue, whose person has a model of a preset; what is wrong goes to findings."""
+    if edit.take and edit.take not in edit.takes:
+        what = f"line {cue.number} has no take {edit.take!r}"
+        close = suggestion(edit.take, [*edit.takes]) or f"; there is {some([*edit.takes])}"
+        findings.add((*key, "take"), what + (close if edit.takes else ": write it into takes"))
+        return Edit()
+    motion: edit_entry.Edit | edit_entry.Take = edit
+    if edit.take:
+        motion, key = edit.takes[edit.take], (*key, "takes", edit.take)
+    for number, one in enumerate(motion.keys):
+        if one.at > cue.seconds:
+            late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
+            findings.add((*key, "keys", number, "at"), late)
+    keys = tuple((one.at, one.strength) for one in motion.keys)
+    curves = None if motion.curves is None else (motion.curves, cue.number)
+    decided = (edit.note, keys, edit.status, curves, edit.take)
+    found = Edit(motion.shift, motion.strength, *decided)
+    before = len(findings.problems)
+    for name, reasons in WITHOUT.items():
+        if preset in reasons and getattr(found, name) != getattr(Edit(), name):
+            why = f"preset {preset!r} of {cue.identity} {reasons[preset]}"
+            findings.add((*key, name), f"{why}: leave it out, or take preset 'fast'")
+    if curves is not None and len(findings.problems) == before:
+        try:
+            LipCurves.read(*curves)
+        except ExplainedError as error:
+            findings.add((*key, "curves"), str(error))
+    return found
+
+
+def _cue(findings: Findings, key: KeyPath, scene: Scene, edit: edit_entry.Edit) -> Cue | None:
+    """The cue that an edit is of."""
+    numbers = some(list(dict.fromkeys(str(cue.number) for cue in scene.cues)))
+    number = 1 if not scene.film_heard and edit.line is None else edit.line
+    if number is None:
+        findings.add((*key, "line"), f"is required: which line of the scene; there is {numbers}")
+        return None
+    cues = [cue for cue in scene.cues if cue.number == number]
+    if not cues:
+        left = [f" ({line.why})" for line in scene.undubbed if line.number == number]
+        message = f"nobody dubs a line {number}{''.join(left[:1])}; there is {numbers}"
+        findings.add((*key, "line"), message)
+        return None
+    own = [cue for cue in cues if edit.speaker in (None, cue.speaker)]
+    speakers = list(dict.fromkeys(cue.speaker for cue in cues))
+    if not own:
+        there = f"; it is of {some(speakers)}" if any(speakers) else ": leave it out"
+        message = f"{edit.speaker!r} does not speak line {number}"
+        close = suggestion(str(edit.speaker), speakers)
+        findings.add((*key, "speaker"), message + (close or there))
+        return None
+    if len(own) > 1:
+        remedy = "number them anew" if edit.speaker or len(speakers) == 1 else "name its speaker"
+        findings.add((*key, "line"), f"{len(own)} lines have the number {number}: {remedy}")
+        return None
+    return own[0]

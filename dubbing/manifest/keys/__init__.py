@@ -1,0 +1,1 @@
+"""Which keys a manifest has, and what may stand in them."""

@@ -1,0 +1,79 @@
+"""The entry of an edit: how a line's mouth is to differ from what its speech asks for."""
+
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
+
+from dubbing.manifest.keys.entry import Entry
+from dubbing.manifest.keys.values import FilePath
+
+LONGEST_SHIFT = 500  # ms
+LONGEST_NOTE = 1000  # characters
+LONGEST_NAME, MOST_TAKES = 60, 100  # characters; of a line
+MOST_KEYS, LATEST = 1000, 86400.0  # of a line; s
+
+
+Strength = Annotated[float, Field(ge=0, le=1.5, allow_inf_nan=False)]
+
+
+class Key(Entry):
+    """How far the lips leave the closed mouth at one moment of a line."""
+
+    at: float = Field(ge=0, le=LATEST, allow_inf_nan=False)
+    """Seconds of the line's sound."""
+    strength: Strength
+    """As `strength` of the line: 0 closes the mouth."""
+
+
+Shift = Annotated[float, Field(ge=-LONGEST_SHIFT, le=LONGEST_SHIFT, allow_inf_nan=False)]
+Keys = Annotated[list[Key], Field(max_length=MOST_KEYS)]
+Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
+
+
+class Take(Entry):
+    """One of several edits of a line, of which `take` chooses."""
+
+    shift: Shift = 0.0
+    """As that of the line."""
+    strength: Strength = 1.0
+    """As that of the line."""
+    keys: Keys = Field(default=[])
+    """As those of the line."""
+    curves: FilePath | None = None
+    """As those of the line."""
+
+
+class Edit(Entry):
+    """How the mouth of a line is to differ from what its speech asks for."""
+
+    line: int | None = None
+    """Number of the line, as in `.lines.csv`; required in a scene."""
+    speaker: str | None = None
+    """Who speaks it; required where lines of several speakers have one number."""
+    shift: Shift = 0.0
+    """Milliseconds by which the mouth comes later than the sound; below 0, earlier."""
+    strength: Strength = 1.0
+    """How far the lips leave the closed mouth: 0 never, 1 as spoken. Preset `fast` only."""
+    keys: Keys = Field(default=[])
+    """Moments at which the strength is another; 120 ms beside each it is the line's again."""
+    curves: FilePath | None = None
+    """A table as `dfrf curves` writes it, whose lips take the place of those heard. Preset `fast`
+    only.
+    """
+    note: str = Field(default="", max_length=LONGEST_NOTE)
+    """Text for people; changes nothing."""
+    status: Literal["open", "approved", "redo"] = "open"
+    """The state of the work on the line; changes nothing."""
+    take: str = ""
+    """The name of the take that is used; without it, the keys above."""
+    takes: dict[Name, Take] = Field(default={}, max_length=MOST_TAKES)
+    """Other edits of the line, by names of your own."""
+
+
+Edits = Annotated[
+    tuple[Edit, ...],
+    BeforeValidator(
+        lambda value: tuple(value) if isinstance(value, list) else (value,),
+        json_schema_input_type=Edit | list[Edit],
+    ),
+]

@@ -1,0 +1,1 @@
+"""Which frames of a film the lines of a script are."""

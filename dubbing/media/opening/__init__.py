@@ -1,0 +1,1 @@
+"""How a file is opened: by ffmpeg or PyAV, and which of its tracks."""

@@ -1,0 +1,1 @@
+"""How the properties of a file are found out."""

@@ -1,0 +1,252 @@
+"""Reads the properties of a media file, with PyAV.
+
+Every packet is read (not decoded), so counts are those of the file, not of its header.
+"""
+
+import os
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+
+from dubbing.engine.disk.files import while_unchanged
+from dubbing.engine.disk.numbered import numbered
+from dubbing.errors import MediaError
+from dubbing.media.opening.opening import opened
+from dubbing.media.opening.tracks import Track, heard_tracks
+from dubbing.media.probing.fields import is_flagged
+from dubbing.media.probing.timecode_track import timecode_of
+from dubbing.media.properties.colour import colour_of
+from dubbing.media.properties.frame_rate import choose_rate
+from dubbing.media.properties.info import MediaInfo, Picture
+from dubbing.media.properties.native import PixelFormat
+from dubbing.media.sequences import sequence
+
+COMPLETE = 0.98  # share of the header's number of frames (most containers have none)
+SHORTEST, LONGEST, SLIMMEST = 16, 16384, 10  # px, px, and one side over the other
+FLOATS = {"pcm_f32le": "<f4", "pcm_f32be": ">f4", "pcm_f64le": "<f8", "pcm_f64be": ">f8"}
+LOUDEST = 1e6  # 1 is full scale; the AAC encoder fails from about 1e10
+RESTARTS = 0x0200  # AVFMT_TS_DISCONT, a flag of containers; see `MediaInfo.zero`
+ATTACHED_PICTURE = av.stream.Disposition.attached_pic
+
+
+def probe(path: Path | str) -> MediaInfo:
+    """Read the properties of the media file ``path``.
+
+    Raises:
+        MediaError: missing, unreadable, a playlist, without picture and sound, a picture of an
+            unusual shape, frames without time stamps, or sound with NaN.
+    """
+    path = Path(path)
+    if numbered(path):
+        return sequence.probe(path)
+    if not os.path.isfile(path):
+        raise MediaError("no such file", str(path))
+    return _probe(path)
+
+
+@while_unchanged(1024)  # each cue of a film probes it again
+def _probe(path: Path) -> MediaInfo:
+    try:
+        with opened(path) as container:
+            return _read(path, container)
+    except (av.FFmpegError, ValueError) as error:
+        raise MediaError("not a readable media file", str(path), str(error)) from error
+
+
+def count_frames(path: Path | str) -> int:
+    """Count the frames of ``path`` by decoding every one.
+
+    Raises:
+        MediaError: it cannot be decoded.
+    """
+    try:
+        with opened(path) as container:
+            container.streams.video[0].thread_type = "AUTO"
+            return sum(1 for _ in container.decode(video=0))
+    except (av.FFmpegError, IndexError) as error:
+        raise MediaError("cannot be decoded", str(path), str(error)) from error
+
+
+def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
+    video = next((s for s in container.streams.video if not s.disposition & ATTACHED_PICTURE), None)
+    tracks = list(container.streams.audio)
+    heard = heard_tracks(tracks)
+    if video is None and not heard:
+        raise MediaError("neither picture nor sound in it", str(path))
+    packets = _visit(path, container, video, heard)
+    zero = (container.start_time or 0) / av.time_base
+    if "audio" not in packets.starts:
+        heard = []  # a declared but empty track is no sound
+    width = height = frames = 0
+    rate: Fraction | None = None
+    variable, duration, timecode = False, 0.0, ""
+    count: int | None = None
+    picture: Picture | None = None
+    video_start = packets.starts.get("video", zero) - zero
+    if video is not None:
+        _check_pictures(path, container, video, packets)
+        picture = _picture(path, video, packets.keys)
+        width, height = picture.width, picture.height
+        times = sorted(packets.times)
+        if len(times) > 1 and times[0] == times[-1]:
+            same = "all its frames have the same time stamp"
+            raise MediaError(same, str(path), "convert the file again")
+        hints = [r for r in (video.average_rate, video.guessed_rate) if r]
+        rate, variable = choose_rate(times, hints)
+        span = packets.ends["video"] - times[0] if variable else float(len(times) / rate)
+        frames = max(1, round((video_start + span) * rate))
+        duration = float(frames / rate)
+        timecode, count = timecode_of(path, container, rate)
+    # Audio before 0 is the priming of the encoder, which no decoder returns.
+    audio_start = max(0.0, packets.starts.get("audio", zero) - zero)
+    audio_duration = packets.ends["audio"] - zero - audio_start if heard else None
+    return MediaInfo(
+        path=path,
+        width=width,
+        height=height,
+        frame_rate=rate,
+        frames=frames,
+        duration=duration or float(audio_duration or 0),
+        variable_rate=variable,
+        video_start=video_start,
+        picture=picture,
+        audio_rate=heard[0].rate if heard else None,
+        audio_channels=sum(track.channels for track in heard) if heard else None,
+        audio_duration=audio_duration,
+        audio_start=audio_start,
+        zero=zero if container.format.flags & RESTARTS else None,
+        timecode=timecode,
+        timecode_count=count,
+        audio_tracks=tuple(tracks.index(track) for track in heard),
+        unheard_tracks=len(tracks) - len(heard),
+    )
+
+
+@dataclass
+class _Packets:
+    """Counts and times of the packets of a file; times in seconds, by kind of stream.
+
+    Attributes:
+        pictures, untimed: packets with a frame, and those of them without a time stamp.
+        times: of the frames.
+        keys: time stamps of the key frames.
+    """
+
+    pictures: int = 0
+    untimed: int = 0
+    times: list[float] = field(default_factory=list)
+    keys: list[int] = field(default_factory=list)
+    starts: dict[str, float] = field(default_factory=dict)
+    ends: dict[str, float] = field(default_factory=lambda: {"video": 0.0, "audio": 0.0})
+
+
+def _visit(
+    path: Path,
+    container: av.container.InputContainer,
+    video: av.video.stream.VideoStream | None,
+    heard: list[Track],
+) -> _Packets:
+    packets = _Packets()
+    floats = {track.index: FLOATS.get(_codec(path, track)) for track in heard}
+    for packet in container.demux([*([] if video is None else [video]), *heard]):
+        kind = packet.stream.type
+        if kind == "video" and packet.size > 0:
+            packets.pictures += 1
+            packets.untimed += packet.pts is None and packet.dts is None
+        elif (kept := floats.get(packet.stream.index)) is not None and packet.size > 0:
+            _check_sound(path, packet, kept)
+        if packet.pts is None or packet.is_discard or packet.time_base is None:
+            continue
+        at = float(packet.pts * packet.time_base)
+        length = float((packet.duration or 0) * packet.time_base)
+        packets.starts[kind] = min(packets.starts.get(kind, at), at)
+        packets.ends[kind] = max(packets.ends[kind], at + length)
+        if kind == "video":
+            packets.times.append(at)
+            packets.keys += [packet.pts] if packet.is_keyframe else []
+    return packets
+
+
+def _check_pictures(
+    path: Path,
+    container: av.container.InputContainer,
+    video: av.video.stream.VideoStream,
+    packets: _Packets,
+) -> None:
+    """Raises MediaError where frames, or their time stamps, are missing."""
+    if not packets.times:
+        raise MediaError("no frame in its video stream", str(path), "is the file complete?")
+    there = _counted(container, packets.pictures, packets.times)
+    if there < COMPLETE * video.frames:
+        broken = f"it breaks off: {there} of {video.frames} frames are there"
+        raise MediaError(broken, str(path), "copy or convert the file again")
+    if packets.untimed:
+        # As in a Matroska file with negative times: ffmpeg would guess, and drop frames that clash.
+        what = f"{packets.untimed} of its {packets.pictures} frames have no time stamp"
+        raise MediaError(what, str(path), "convert the file again")
+
+
+def _counted(container: av.container.InputContainer, pictures: int, times: list[float]) -> int:
+    """Number of frames as the header counts them, from frames with these times.
+
+    The header of an AVI counts ticks of its clock, which may be finer than frames.
+    """
+    many = len(times)
+    if container.format.name != "avi" or many < 2:
+        return pictures
+    ticks = (max(times) - min(times)) / float(container.streams.video[0].time_base or 1)
+    return max(pictures, round(ticks * (many + 1) / (many - 1)))
+
+
+def _codec(path: Path, sound: Track) -> str:
+    if sound.codec_context is None:  # PyAV's stubs omit it
+        what = "its sound is in a format that cannot be decoded"
+        raise MediaError(what, str(path), "convert it to WAV of 16 or 24 bits")
+    if not sound.channels or not sound.rate:
+        raise MediaError("its sound has no channels, or no rate", str(path), "export it again")
+    return sound.codec_context.name
+
+
+def _check_sound(path: Path, packet: av.Packet, kind: str) -> None:
+    size = np.dtype(kind).itemsize
+    samples = np.frombuffer(memoryview(packet), kind, packet.size // size)
+    with np.errstate(invalid="ignore"):
+        good = samples.size == 0 or (samples.max() < LOUDEST and samples.min() > -LOUDEST)
+    if not good:
+        at = float((packet.pts or 0) * (packet.time_base or 0))
+        what = f"its sound holds samples that are not finite numbers, from about {at:.1f} s on"
+        raise MediaError(what, str(path), "export it again, with 16 or 24 bits")
+
+
+def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) -> Picture:
+    """Properties of the picture, from the first frame; and whether any frame is interlaced."""
+    with opened(path) as container:
+        frame = next(container.decode(container.streams[video.index]), None)
+    if not isinstance(frame, av.VideoFrame):
+        raise MediaError("no frame of it can be decoded", str(path), "is the file complete?")
+    width, height = frame.width, frame.height
+    aspect = video.sample_aspect_ratio
+    if aspect:
+        width = round(width * aspect)
+    if frame.rotation % 180:
+        width, height = height, width
+    sides = sorted((width, height))
+    stored = min(frame.width, frame.height)
+    if min(stored, sides[0]) < SHORTEST or sides[1] > min(LONGEST, SLIMMEST * sides[0]):
+        what = f"its picture is {width}x{height} px as displayed"
+        if (frame.width, frame.height) not in ((width, height), (height, width)):
+            what += f", {frame.width}x{frame.height} px as stored"
+        bounds = f"{SHORTEST} to {LONGEST} px a side, one at most {SLIMMEST} times the other"
+        raise MediaError(what, str(path), f"use a video of {bounds}")
+    pixels = frame.width * frame.height
+    return Picture(
+        width,
+        height,
+        colour_of(frame),
+        interlaced=bool(frame.interlaced_frame) or is_flagged(path, video.index, keys, pixels),
+        square=not aspect or aspect == 1,
+        pixels=PixelFormat.holding(frame.format.name),
+    )

@@ -1,0 +1,169 @@
+"""Frames in the film's own values: planes of its bit depth and chroma, and changes made in them.
+
+A frame is decoded twice: as RGB of 8 bits, in which faces are replaced, and as it is. Only what was
+changed in the RGB picture is changed in the planes, by as much. So every other value stays the
+film's own, and what is replaced keeps the film's finer steps. H x W pixels.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import av
+import numpy as np
+
+from dubbing.media.properties.colour import Colour
+
+WEIGHTS = {"bt709": (0.2126, 0.0722), "bt601": (0.299, 0.114), "bt2020": (0.2627, 0.0593)}  # R, B
+STEPS = 255.0  # of the RGB picture
+CHROMA = {(0, 0): "444", (1, 0): "422", (1, 1): "420", (0, 1): "440", (2, 0): "411", (2, 2): "410"}
+Planes = list[np.ndarray]
+
+
+@dataclass(frozen=True)
+class PixelFormat:
+    """A planar format of pixels.
+
+    Attributes:
+        name: as ffmpeg calls it.
+        bits: of a value. rgb: planes are green, blue, red, else luma and, if any, two of chroma.
+        across, down: chroma has one value for 2^across columns and 2^down rows.
+        count: of planes.
+    """
+
+    name: str
+    bits: int
+    rgb: bool = False
+    across: int = 0
+    down: int = 0
+    count: int = 3
+
+    @classmethod
+    def holding(cls, name: str) -> PixelFormat:
+        """The planar format that holds all values of another; its opacity is left out.
+
+        RGB and greys may be packed, and halves of a plane interleaved, as in `nv12`: the same
+        values in another order. What has no name of that kind becomes 4:4:4.
+        """
+        given = av.VideoFormat(name, 64, 64)
+        bits = max(part.bits for part in given.components)
+        deep = "" if bits <= 8 else f"{bits}le"
+        colours = [part for part in given.components if not part.is_alpha]
+        if given.is_rgb or given.has_palette or name.startswith("xyz"):
+            return cls._named(f"gbrp{deep}", "gbrp16le", bits, rgb=True)
+        if len(colours) < 3:
+            return cls._named(f"gray{deep}", "gray16le", bits, count=1)
+        across, down = (int(np.log2(64 / n)) for n in (colours[1].width, colours[1].height))
+        sampling = CHROMA.get((across, down), "")
+        own = cls._named(f"yuv{sampling}p{deep}", "", bits, across=across, down=down)
+        return own if own.name else cls._named(f"yuv444p{deep}", "yuv444p16le", bits)
+
+    @classmethod
+    def _named(cls, name: str, otherwise: str, bits: int, **more: int | bool) -> PixelFormat:
+        if _known(name):
+            return cls(name, max(bits, 8), **more)  # type: ignore[arg-type]
+        return cls(otherwise, 16, **more)  # type: ignore[arg-type]
+
+    @property
+    def kind(self) -> np.dtype[np.unsignedinteger]:
+        """Type of a value."""
+        return np.dtype(np.uint8 if self.bits == 8 else "<u2")
+
+    def shapes(self, width: int, height: int) -> list[tuple[int, int]]:
+        """Rows and columns of each plane."""
+        chroma = -(-height // (1 << self.down)), -(-width // (1 << self.across))
+        return [(height, width), *[chroma] * (self.count - 1)]
+
+    def size(self, width: int, height: int) -> int:
+        """Bytes of a frame."""
+        return self.kind.itemsize * sum(
+            rows * columns for rows, columns in self.shapes(width, height)
+        )
+
+    def planes(self, frame: np.ndarray, width: int, height: int) -> Planes:
+        """Planes of a frame's bytes, which they share."""
+        values, out = frame.view(self.kind), []
+        for rows, columns in self.shapes(width, height):
+            plane, values = np.split(values, [rows * columns])
+            out.append(plane.reshape(rows, columns))
+        return out
+
+    def black(self, width: int, height: int, colour: Colour) -> Planes:
+        """A black frame."""
+        low = 0 if self.rgb or self.count == 1 or colour.full_range else 16 << (self.bits - 8)
+        values = [low, *[low if self.rgb else 1 << (self.bits - 1)] * (self.count - 1)]
+        shapes = self.shapes(width, height)
+        return [np.full(s, value, self.kind) for s, value in zip(shapes, values, strict=True)]
+
+    def changed(
+        self, planes: Planes, before: np.ndarray, after: np.ndarray, colour: Colour
+    ) -> Planes:
+        """Planes with what differs between two pictures (H, W, 3) uint8 RGB.
+
+        Args:
+            before: the picture that the planes show.
+            colour: of the film: how planes stand for RGB.
+        """
+        differs = (before != after).any(-1)
+        if not differs.any():
+            return planes
+        rows, columns = (
+            self._span(differs.any(axis), one) for axis, one in ((1, self.down), (0, self.across))
+        )
+        more = after[rows, columns].astype(np.float32) - before[rows, columns]
+        out = []
+        for number, (plane, change) in enumerate(
+            zip(planes, self._steps(more, colour), strict=True)
+        ):
+            down, across = (0, 0) if self.rgb or not number else (self.down, self.across)
+            part = tuple(
+                slice(s.start >> k, -(-s.stop // (1 << k)))
+                for s, k in ((rows, down), (columns, across))
+            )
+            new = plane.copy()
+            new[part] = np.clip(
+                np.rint(plane[part] + pooled(change, down, across)), 0, (1 << self.bits) - 1
+            )
+            out.append(new)
+        return out
+
+    def _span(self, some: np.ndarray, halvings: int) -> slice:
+        """From the first to the last that is true, in whole values of chroma."""
+        at, unit = np.flatnonzero(some), 1 << halvings
+        return slice(int(at[0]) // unit * unit, -(-(int(at[-1]) + 1) // unit) * unit)
+
+    def _steps(self, more: np.ndarray, colour: Colour) -> list[np.ndarray]:
+        """Changes of each plane from changes of RGB (h, w, 3), in steps of the format."""
+        deep = ((1 << self.bits) - 1) / STEPS
+        if self.rgb:
+            return [more[..., k] * deep for k in (1, 2, 0)]
+        luma, chroma = (deep, deep)
+        if self.count > 1 and not colour.full_range:  # greys have all levels
+            luma, chroma = (n * (1 << (self.bits - 8)) / STEPS for n in (219, 224))
+        red, blue = WEIGHTS[colour.matrix]
+        y = more @ np.array([red, 1 - red - blue, blue], np.float32)
+        u, v = ((more[..., k] - y) / (2 - 2 * w) for k, w in ((2, blue), (0, red)))
+        return [y * luma, u * chroma, v * chroma][: self.count]
+
+
+def _known(name: str) -> bool:
+    try:
+        return bool(av.VideoFormat(name, 2, 2).name)
+    except ValueError:
+        return False
+
+
+def pooled(values: np.ndarray, down: int, across: int) -> np.ndarray:
+    """Means of 2^down x 2^across values (h, w); at a cut edge, of those that are there."""
+    for axis, halvings in ((0, down), (1, across)):
+        if halvings:
+            unit = 1 << halvings
+            starts = np.arange(0, values.shape[axis], unit)
+            sums = np.add.reduceat(values, starts, axis)
+            counts = np.minimum(unit, values.shape[axis] - starts)
+            values = sums / np.expand_dims(counts, 1 - axis)
+    return values
+
+
+YUV420 = PixelFormat("yuv420p", 8, across=1, down=1)
+RGB = PixelFormat("gbrp", 8, rgb=True)

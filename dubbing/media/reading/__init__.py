@@ -1,0 +1,1 @@
+"""How frames and audio are read."""

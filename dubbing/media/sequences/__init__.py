@@ -1,0 +1,1 @@
+"""Films of numbered image files: how they are read and written, and their colours."""

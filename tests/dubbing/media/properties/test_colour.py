@@ -1,0 +1,101 @@
+"""Colours, timecode and field order: from a file, through our encoder, into another."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dubbing import media
+from dubbing.media.properties.colour import Colour
+from tests import clips
+
+pytestmark = pytest.mark.medium
+
+
+BARS = "smptebars=size=128x96:rate=25:duration=0.4"
+WIDE = Colour("bt2020", "bt2020", "bt2020-10", False)
+
+
+def write(path: Path, *options: str, bars: str = BARS) -> Path:
+    clips.ffmpeg("-f", "lavfi", "-i", bars, *options, path)
+    return path
+
+
+def tagged(colour: Colour, pixels: str = "yuv420p") -> list[str]:
+    level = "pc" if colour.full_range else "tv"
+    change = f"scale=out_color_matrix={colour.matrix}:out_range={level},format={pixels},setparams="
+    tags = ":".join(f"{key}={tag}" for key, tag in colour.tags().items())
+    return ["-vf", change + tags, "-c:v", "libx264", "-crf", "4"]
+
+
+SD = Colour("bt601", "smpte170m", "smpte170m", False)
+FULL = Colour("bt709", "bt709", "bt709", True)
+
+
+@pytest.mark.parametrize("colour", [Colour(), SD, WIDE, FULL], ids=str)
+@pytest.mark.parametrize("codec", ["h264", "prores", "ffv1"])
+def test_colours_are_carried_over(tmp_path: Path, codec: str, colour: Colour) -> None:
+    source = write(tmp_path / "source.mp4", *tagged(colour))
+    info = media.probe(source)
+    assert info.colour == colour
+    made = tmp_path / f"made{media.SUFFIX[codec]}"
+    frames = list(media.read_frames(source))
+    with media.VideoWriter(tmp_path / "a.mov", 128, 96, Fraction(25), codec, info.colour) as video:
+        for frame in frames:
+            video.write(frame)
+    sound = clips.write_sound(tmp_path / "a.wav", 0.4)
+    parts = [(tmp_path / "a.mov", Fraction(10, 25))]
+    media.mux(parts, sound, made, audio_start=0, seconds=0.4, timecode="01:00:00:05")
+    found = media.probe(made)
+    assert found.timecode == "01:00:00:05"
+    assert found.colour.primaries == colour.primaries
+    assert found.colour.transfer == colour.transfer
+    if codec != "ffv1":  # RGB has no matrix
+        assert found.colour.matrix == colour.matrix
+    assert found.colour.full_range == (colour.full_range and codec == "h264")
+    again = np.stack([*media.read_frames(made)]).astype(int)
+    difference = np.abs(again - np.stack(frames))
+    assert np.median(difference) <= 1
+    assert difference.mean() < (0.01 if codec == "ffv1" else 3)
+
+
+def test_a_proxy_looks_the_same(tmp_path: Path) -> None:
+    source = write(tmp_path / "a.mov", "-c:v", "prores_ks", "-pix_fmt", "yuv422p10le")
+    sound = clips.write_sound(tmp_path / "a.wav", 0.4, channels=6)
+    media.mux(source, sound, tmp_path / "b.mov", audio_start=0, seconds=0.4, audio_codec="pcm")
+    media.proxy(tmp_path / "b.mov", tmp_path / "p.mp4", {"comment": "AI-generated"})
+    info = media.probe(tmp_path / "p.mp4")
+    assert (info.width, info.height, info.frames, info.audio_channels) == (128, 96, 10, 2)
+    pictures = zip(
+        media.read_frames(tmp_path / "b.mov"), media.read_frames(tmp_path / "p.mp4"), strict=True
+    )
+    assert max(np.abs(a.astype(int) - b).mean() for a, b in pictures) < 4
+
+
+@pytest.mark.parametrize(
+    ("timecode", "rate"), [("01:00:00:00", "25"), ("00:59:59;28", "30000/1001"), ("", "24")]
+)
+def test_timecode(tmp_path: Path, timecode: str, rate: str) -> None:
+    bars = f"smptebars=size=128x96:rate={rate}:duration=0.4"
+    options = ["-timecode", timecode] if timecode else []
+    for suffix in (".mov", ".mp4", ".mkv"):
+        path = write(tmp_path / f"a{suffix}", *options, "-c:v", "libx264", bars=bars)
+        assert media.probe(path).timecode == timecode
+
+
+def test_what_is_not_kept_is_seen(tmp_path: Path) -> None:
+    hdr = write(
+        tmp_path / "hdr.mp4", *tagged(Colour("bt2020", "bt2020", "smpte2084"), "yuv420p10le")
+    )
+    assert media.probe(hdr).colour.high_range == "PQ"
+    assert media.probe(hdr).picture.pixels.bits == 10  # type: ignore[union-attr]
+    fields = write(
+        tmp_path / "i.mp4", "-c:v", "libx264", "-flags", "+ilme+ildct", "-x264-params", "tff=1",
+        *("-vf", "interlace"),
+    )  # fmt: skip
+    assert media.probe(fields).picture.interlaced  # type: ignore[union-attr]
+    slim = write(tmp_path / "a.mp4", "-c:v", "libx264", "-vf", "setsar=4/3")
+    assert not media.probe(slim).picture.square  # type: ignore[union-attr]
