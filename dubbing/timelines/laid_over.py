@@ -83,11 +83,11 @@ def files(production: Production, markers: Markers) -> dict[str, Callable[[Path]
     Raises:
         ExplainedError: the timeline cannot be read.
     """
-    import opentimelineio as otio
-
     source = production.timeline
     assert source is not None  # the caller looked
     cut, found = _laid(production)
+    import opentimelineio as otio  # it is there: the timeline was read
+
     laid = [one for one in found.values() if one.video.is_file()]
     clips = {id(one.event.clip): one.clip(markers) for one in laid}  # by that below
     kind = source.suffix.lower()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -10,8 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 import soundfile
+from typer.testing import CliRunner
 
-from dubbing.errors import ExplainedError, ManifestError
+from dubbing.cli.main import app
+from dubbing.errors import CallError, ExplainedError, ManifestError, MediaError
 from dubbing.manifest.init import write_manifest as write_plain
 from dubbing.manifest.keys import yaml_lines
 from dubbing.media import MediaInfo
@@ -150,6 +153,40 @@ def test_every_event_without_a_film_is_named_with_its_timecode(folder: Path) -> 
         " it has 400, from 01:00:00:00 on",
     ]
     assert not (folder / "manifest.yaml").exists()
+
+
+def test_numbered_images_are_one_film_whose_rate_must_be_known(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = cuts.timeline([Piece(0, 20, 60, 0)], FILM_RATE)
+    media = otio.schema.ImageSequenceReference("/elsewhere", "shot9.", ".exr", 1001, 1, 25, 4)
+    media.available_range = made.tracks[0][0].media_reference.available_range
+    made.tracks[0][0].media_reference = media
+    otio.adapters.write_to_file(made, str(folder / "cut.otio"))
+    for k in range(1001, 1004):
+        (folder / f"shot9.{k}.exr").touch()
+    image = cuts.info_of(Path("shot0.mov"), FILM_RATE)
+
+    def of_images(path: Path) -> MediaInfo:
+        assert path.name == "shot9.####.exr"
+        return replace(image, path=path)
+
+    def unknown(path: Path) -> MediaInfo:
+        raise MediaError("no frame rate", path.name, "give `rate`")
+
+    monkeypatch.setattr(cut_manifest, "probe", unknown)
+    with pytest.raises(
+        ManifestError, match=r"event 001 at 01:00:00:00 \(shot9\.####\.exr\): no fr"
+    ):
+        written(folder, folder / "cut.otio")
+    monkeypatch.setattr(cut_manifest, "probe", of_images)
+    dubs, _ = written(folder, folder / "cut.otio")
+    assert (dubs[0]["clip"], dubs[0]["name"]) == ("shot9.####.exr", "shot9_000020")
+
+
+def test_handles_are_those_of_a_timeline(folder: Path) -> None:
+    result = CliRunner().invoke(app, ["init", str(folder), "--handles", "3"])
+    assert isinstance(result.exception, CallError)
 
 
 def test_the_rate_of_an_edl_is_that_of_its_films(
