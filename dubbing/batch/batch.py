@@ -11,7 +11,7 @@ from dubbing.batch import jobs, results
 from dubbing.batch.rates import calibrated
 from dubbing.batch.results import Ledger
 from dubbing.engine.disk import claims
-from dubbing.engine.disk.files import make_folder
+from dubbing.engine.disk.files import atomic_path, make_folder, writing
 from dubbing.engine.graph.graph import Job, Jobs
 from dubbing.engine.planning import estimates, planner
 from dubbing.engine.planning.time_left import TimeLeft
@@ -25,10 +25,12 @@ from dubbing.production.production import REPORTS, Production
 from dubbing.provenance.mark_key import make_installation_key
 from dubbing.report import lines, report
 from dubbing.report.report import Sync
+from dubbing.script.edl import Marker
 from dubbing.stages.check import Check
 from dubbing.stages.composite import Composite
 from dubbing.stages.draft import Draft
 from dubbing.sync.records import SYNC_FILE
+from dubbing.timelines import laid_over
 from dubbing.video.files import DELIVERED, PROXY_FILE, video_file
 
 DEFAULT = Options()
@@ -45,6 +47,7 @@ class Result:
         report: its page, or why there is none; None of drafts, which have none.
         syncs: dub -> its check.
         drafts: files that were made, or held.
+        timelines: that of the manifest with its dubs, or why there is none.
     """
 
     outcomes: dict[str, Outcome]
@@ -52,6 +55,7 @@ class Result:
     report: Path | ExplainedError | None
     syncs: dict[str, Sync]
     drafts: tuple[Path, ...] = ()
+    timelines: tuple[Path | ExplainedError, ...] = ()
 
 
 def dub(
@@ -96,7 +100,10 @@ def dub(
             written = report.write(production, everything, outcomes, code=code, seconds=seconds)
         except ExplainedError as error:  # the outcomes of the jobs are reported nevertheless
             written, code = error, SOME_FAILED
-    return Result(outcomes, code, written, syncs)
+        timelines = put_timelines(production, planned, ledger)
+        if any(isinstance(one, ExplainedError) for one in timelines):
+            code = SOME_FAILED
+    return Result(outcomes, code, written, syncs, timelines=timelines)
 
 
 def drafts(
@@ -205,6 +212,35 @@ def remove_old_cues(job: Job) -> None:
         # One with a claim in it is of another run.
         if folder not in present and not any(folder.glob(f"*{claims.SUFFIX}")):
             shutil.rmtree(folder)
+
+
+def put_timelines(
+    production: Production, planned: Jobs, ledger: Ledger
+) -> tuple[Path | ExplainedError, ...]:
+    """Put the timeline of a manifest, with its dubs, into the output folder; files, or errors."""
+    if production.timeline is None:
+        return ()
+    made = jobs.with_others(production, planned).named(pipeline.DUB)
+
+    def markers(dub: Dub) -> list[Marker]:
+        return lines.markers_of(dub, made[dub.name], lines.lines_of(dub, made[dub.name]))
+
+    try:
+        wanted = laid_over.files(production, markers)
+    except ExplainedError as error:
+        return (error,)
+    put: list[Path | ExplainedError] = []
+    for name, write in wanted.items():
+        target = production.output / name
+        try:
+            results.refuse_others(ledger, name)
+            ledger.enter({name: ""})
+            with atomic_path(target) as temporary, writing(target):
+                write(temporary)
+            put.append(target)
+        except ExplainedError as error:
+            put.append(error)
+    return tuple(put)
 
 
 def exit_code(outcomes: dict[str, Outcome], syncs: dict[str, Sync]) -> int:

@@ -58,6 +58,10 @@ def summary(result: Result) -> None:
         line(out, text, COLOURS.get(str(sync.get("verdict"))))
     for draft in result.drafts:
         line(out, f"draft: {draft}")
+    for timeline in result.timelines:
+        lacking = isinstance(timeline, Exception)
+        text = f"no timeline: {timeline}" if lacking else f"timeline: {timeline}"
+        line(out, text, "red" if lacking else None)
     failed = isinstance(result.report, Exception)
     if result.report is not None:
         text = f"no report: {result.report}" if failed else f"report: {result.report}"
@@ -71,7 +75,9 @@ def result_line(result: Result) -> None:
     found = {"event": "result", "code": result.code, "jobs": outcomes, "syncs": result.syncs}
     report = None if failed or result.report is None else str(result.report)
     drafts = [str(path) for path in result.drafts]
-    print(json.dumps({**found, "report": report, "drafts": drafts}), flush=True)
+    timelines = [str(one) for one in result.timelines if isinstance(one, Path)]
+    found |= {"report": report, "drafts": drafts, "timelines": timelines}
+    print(json.dumps(found), flush=True)
 
 
 def plan(

@@ -19,6 +19,7 @@ from dubbing.cli.arguments import (
     checked_path,
     checked_seconds,
     checked_stages,
+    file_option,
     print_line,
 )
 from dubbing.errors import CallError
@@ -147,6 +148,7 @@ def plan(
     from dubbing.report.report import face_warnings
     from dubbing.stages.composite import Composite
     from dubbing.stages.finetune import Finetune
+    from dubbing.timelines import laid_over
 
     production = load(manifest, from_base=True)
     planned = jobs.build(production, only=tuple(only or ()))
@@ -160,6 +162,7 @@ def plan(
     absent = packages.missing()
     warnings = [*production.warnings, *results.warnings(production, again)]
     warnings += face_warnings(planned)
+    warnings += laid_over.warnings(production)
     warnings += [] if production.dubs else [f"{WITHOUT_DUBS}: dfrf dub refuses it"]
     warnings += [str(packages.lacking(absent))] if absent else []
     learned = {
@@ -192,11 +195,26 @@ def init(
             metavar="FOLDER", exists=True, file_okay=False, help="Folder of clips and recordings."
         ),
     ],
+    timeline: Annotated[
+        Path | None,
+        file_option("--timeline", "The cut: EDL, FCPXML, AAF or OTIO; again for a new cut."),
+    ] = None,
+    handles: Annotated[
+        int | None,
+        typer.Option("--handles", min=0, help="With a timeline: frames beside those of a cut, 8."),
+    ] = None,
 ) -> None:
     """Write FOLDER/manifest.yaml from the clips and recordings found there."""
     from dubbing.manifest.init import write_manifest
+    from dubbing.timelines import cut_manifest
 
-    written = write_manifest(folder, print_line)
+    if timeline is not None:
+        wanted = cut_manifest.HANDLES if handles is None else handles
+        written = cut_manifest.write_manifest(folder, timeline, wanted, print_line)
+    elif handles is not None:
+        raise CallError("goes with a timeline alone", "--handles", "leave it away")
+    else:
+        written = write_manifest(folder, print_line)
     print_line(f"wrote {written}; fill in who gave consent, then run: dfrf plan {written}")
 
 

@@ -4,6 +4,7 @@
 there but damaged is no mistake in the manifest: it blocks only the people and dubs that need it.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 from dubbing.engine.disk.files import read_bounded
@@ -43,4 +44,4 @@ def load(path: Path | str, only: tuple[str, ...] = (), *, from_base: bool = Fals
     reader.found += findings.baseless if from_base else []
     if (problems := reader.problems()) or output is None:
         raise ManifestError(str(path), problems)
-    return resolved(path, output, dubs, findings)
+    return replace(resolved(path, output, dubs, findings), timeline=reader.timeline)

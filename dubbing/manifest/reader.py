@@ -19,7 +19,7 @@ from dubbing.manifest.keys.values import check_name, place_of
 from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.production.production import WORK
 
-TOP = ("version", "output", "defaults", "identities", "dubs")
+TOP = ("version", "output", "timeline", "defaults", "identities", "dubs")
 # Stands in for a wrong value, so that the rest of its entry can be checked too.
 UNKNOWN: dict[str, Any] = {
     "consent": {"by": "who it was", "reference": "where it was"},
@@ -40,6 +40,7 @@ class Reader:
         self.edits: dict[KeyPath, tuple[str, yaml_lines.Document]] = {}  # in files of their own
         self.data: Mapping[str, Any] = document.data if isinstance(document.data, dict) else {}
         self.defaults = self._section("defaults", dict, {})
+        self.timeline: Path | None = None
 
     def problems(self) -> list[Problem]:
         """All problems, each once, with their lines."""
@@ -65,6 +66,7 @@ class Reader:
                 self._add((), "must hold version, output, identities and dubs")
             return None, {}, Findings()
         self._check_top()
+        self.timeline = self._timeline()
         output, identities, dubs = self._output(), self._identities(), self._dubs()
         identities = {name: identity.with_sequences() for name, identity in identities.items()}
         dubs = {place: dub.over(identities) for place, dub in dubs.items()}
@@ -111,6 +113,21 @@ class Reader:
                 self._add(("output",), problem)
                 break
         return output
+
+    def _timeline(self) -> Path | None:
+        value = self.data.get("timeline")
+        if value is None:
+            return None
+        try:
+            if not isinstance(value, str) or not value.strip():
+                raise ValueError("must be the path of a file")
+            path = place_of(value, self.path.parent)
+            if not path.is_file():
+                raise ValueError(f"no such file: {path}")
+        except ValueError as error:
+            self._add(("timeline",), str(error))
+            return None
+        return path
 
     def _identities(self) -> dict[str, Identity]:
         section = self._section("identities", dict, {})

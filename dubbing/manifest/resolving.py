@@ -151,6 +151,7 @@ def _dub(place: int, dub: entries.Dub, people: Mapping[str, Person], findings: F
         baked=dub.render == "baked",
         undubbed=scene.undubbed,
         elsewhere=scene.elsewhere,
+        events=dub.events,
         settings=VideoSettings(
             frame=dub.frame,
             label=dub.codec != "ffv1" if dub.label.mark is None else dub.label.mark,

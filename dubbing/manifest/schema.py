@@ -18,6 +18,7 @@ DIALECT = "http://json-schema.org/draft-07/schema#"  # of those that editors kno
 DEFINITIONS = "#/$defs/"
 VERSION = "Version of the format: 1."
 OUTPUT = "Folder for the results, and for the work in progress in `work`."
+TIMELINE = "The cut of the dubs (EDL, FCPXML, AAF, OTIO); it comes out with them above."
 DEFAULTS = "Any key of an identity or of a dub, for all entries that do not set it themselves."
 IDENTITIES = "The people, by a name of yours."
 DUBS = "The results to make."
@@ -45,6 +46,12 @@ def build() -> dict[str, Any]:
     top = {
         "version": {"const": 1, "description": VERSION},
         "output": {"type": "string", "format": "path", "pattern": r"\S", "description": OUTPUT},
+        "timeline": {
+            "type": ["string", "null"],
+            "format": "path",
+            "pattern": r"\S",
+            "description": TIMELINE,
+        },
         "defaults": {
             "type": ["object", "null"],
             "properties": dict(sorted(both.items())),

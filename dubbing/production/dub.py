@@ -46,6 +46,7 @@ class Dub:
         baked: whether heads are rendered off their baked density; see `dfrf.rendering.baked_frame`.
         undubbed: lines of the script in this film that nobody dubs.
         elsewhere: how many lines of the script are of other films.
+        events: numbers of the clips of the timeline that it is meant for.
         settings: of its video, but for the invisible mark; see `marking`.
         marked: whether the invisible mark is drawn; mark_key: a file with a key of the user's own.
         signer: of content credentials.
@@ -63,6 +64,7 @@ class Dub:
     baked: bool = True
     undubbed: tuple[Undubbed, ...] = ()
     elsewhere: int = 0
+    events: tuple[int, ...] = ()
     settings: VideoSettings = field(default_factory=VideoSettings)
     marked: bool = True
     mark_key: Path | None = None

@@ -22,6 +22,7 @@ class Production:
         output: folder of the results.
         people, dubs: by name, in the order of the manifest.
         dub_names: of all dubs of the manifest, also of those that were not looked into.
+        timeline: the cut that the dubs are of.
     """
 
     manifest: Path
@@ -30,6 +31,7 @@ class Production:
     dubs: Mapping[str, Dub]
     dub_names: frozenset[str]
     warnings: tuple[str, ...] = ()
+    timeline: Path | None = None
 
     @property
     def work(self) -> Path:

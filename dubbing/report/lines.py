@@ -173,6 +173,11 @@ def as_json_lines(rows: list[dict[str, Any]]) -> str:
 
 
 def as_edl(dub: Dub, job: Job, rows: list[dict[str, Any]]) -> str:
+    """The markers of a dub as an EDL."""
+    return edl(dub.name, markers_of(dub, job, rows), dub.timecode, drop=dub.info.drops)
+
+
+def markers_of(dub: Dub, job: Job, rows: list[dict[str, Any]]) -> list[Marker]:
     """A marker a line, coloured by its verdict, and one where the film's own face is kept."""
     markers = [
         Marker(row["in_frame"], row["out_frame"], COLOURS.get(row["verdict"], "blue"), _note(row))
@@ -183,8 +188,7 @@ def as_edl(dub: Dub, job: Job, rows: list[dict[str, Any]]) -> str:
         row = by_cue[part["cue"]]
         note = f"{row['line']} {_who(row)} {part['reason']}: the film's own face"
         markers.append(Marker(part["first"], part["stop"], "cyan", note))
-    markers.sort(key=lambda marker: marker.first)
-    return edl(dub.name, markers, dub.timecode, drop=dub.info.drops)
+    return sorted(markers, key=lambda marker: marker.first)
 
 
 def _note(row: dict[str, Any]) -> str:

@@ -49,6 +49,7 @@ ENTRIES: dict[type[Entry], str] = {
 }
 ANCHORS = {model.__name__: heading for model, heading in ENTRIES.items()}
 BY_ITSELF = ("clip", "name")  # required by the models; `clips` or a default does as well
+OPTIONAL = ("timeline", "defaults", "dubs")  # sections
 FORMATS = {"path": "path", "clock": "time as `1:05.5`", "date": "date as `2026-11-02`"}
 WIDTH = 120
 MANY = 10**6  # limits from here on only refuse nonsense
@@ -58,7 +59,7 @@ def manifest_tables() -> str:
     """Every key of a manifest: values, default, meaning."""
     whole = schema.build()
     rows = [
-        f"| `{key}` | {_kind(part)} | {'' if key in ('defaults', 'dubs') else '**required**'} "
+        f"| `{key}` | {_kind(part)} | {'' if key in OPTIONAL else '**required**'} "
         f"| {_cell(part['description'])} |"
         for key, part in whole["properties"].items()
     ]

@@ -206,6 +206,8 @@ class Dub(Entry):
     """Names in `lines` -> identities. The lines of other names are left alone."""
     reel_start: ReelTime | None = None
     """Where the film begins on the script's clock; for the script of a whole reel."""
+    events: tuple[int, ...] = Field(default=(), strict=False)
+    """Numbers of the clips of `timeline` that it is laid over; `dfrf init` writes them."""
     audio: Sounds
     """The new speech: a recording, or in a scene one for each speaker. With `{cue}` or `{cue:03}`
     in its name, one for each line.

@@ -1,0 +1,441 @@
+"""A timeline becomes a manifest; what of it cannot be dubbed is named."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import soundfile
+from typer.testing import CliRunner
+
+from dubbing.cli.main import app
+from dubbing.errors import CallError, ExplainedError, ManifestError, MediaError
+from dubbing.manifest.init import write_manifest as write_plain
+from dubbing.manifest.keys import yaml_lines
+from dubbing.media import MediaInfo
+from dubbing.script.timeline import first_frame, frame_count
+from dubbing.timelines import cut_manifest, reading, stretch
+from tests import clips
+from tests.dubbing.timelines import cuts
+from tests.dubbing.timelines.cuts import KINDS, RATES, Piece, otio
+
+FILM_RATE = Fraction(25)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    use(monkeypatch, FILM_RATE)
+    for k in range(7):
+        (tmp_path / f"shot{k}.mov").touch()
+    clips.write_noise(tmp_path / "cut_it.wav", 30, 16000)
+    return tmp_path
+
+
+def use(monkeypatch: pytest.MonkeyPatch, rate: Fraction, *, timecode: bool = True) -> None:
+    """Let films have a rate."""
+
+    def probe(path: Path) -> MediaInfo:
+        return cuts.info_of(path, rate, timecode=timecode)
+
+    monkeypatch.setattr(cut_manifest, "probe", probe)
+    monkeypatch.setattr(stretch, "probe", probe)
+
+
+def written(folder: Path, cut: Path, handles: int = 0) -> tuple[list[dict[str, Any]], list[str]]:
+    """The dubs that are written for a timeline, and what is said."""
+    said: list[str] = []
+    path = cut_manifest.write_manifest(folder, cut, handles, said.append)
+    return yaml_lines.read(path.read_text()).data["dubs"], said
+
+
+def frames(dub: dict[str, Any], rate: Fraction = FILM_RATE) -> tuple[int, int]:
+    first = first_frame(dub["video_start"], rate)
+    return first, first + frame_count(dub["audio_seconds"], rate)
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize("name", RATES)
+@pytest.mark.parametrize("kind", KINDS)
+def test_two_hundred_clips_to_the_frame(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, kind: str, name: str
+) -> None:
+    rate = RATES[name]
+    use(monkeypatch, rate)
+    pieces = cuts.pieces(200)
+    clips.write_noise(folder / "cut_it.wav", float(9000 / rate), 2000)  # none is like another
+    dubs, said = written(folder, cuts.write(folder / f"cut.{kind}", pieces, rate))
+    assert len(dubs) == len(pieces)
+    for dub, piece in zip(dubs, pieces, strict=True):
+        assert dub["clip"] == f"shot{piece.film}.mov"
+        assert frames(dub, rate) == (piece.first, piece.stop)
+    assert said[2] == f"0 of {len(pieces)} events lie in dubs that were there"
+    if kind != "aaf":  # whose adapter writes no markers
+        notes = [folder / f"{dubs[k]['name']}.edits.yaml" for k in (0, 50, 100, 150)]
+        assert all(
+            re.search(f"note {50 * k}", note.read_text(), re.I) for k, note in enumerate(notes)
+        )
+
+
+def test_the_speech_of_a_dub_is_that_of_its_place_in_the_cut(folder: Path) -> None:
+    dubs, _ = written(folder, cuts.write(folder / "cut.edl", cuts.pieces(3), FILM_RATE), handles=8)
+    piece, dub = cuts.pieces(3)[2], dubs[2]
+    whole, rate = soundfile.read(folder / "cut_it.wav")
+    own, _ = soundfile.read(folder / dub["audio"])
+    first = (piece.at - 8) * rate // 25
+    assert frames(dub) == (piece.first - 8, piece.stop + 8)
+    assert (own == whole[first : first + len(own)]).all()
+    assert len(own) == (piece.stop - piece.first + 16) * rate // 25
+
+
+def test_handles_end_with_the_film(folder: Path) -> None:
+    cut = [Piece(0, 3, 50, 0), Piece(1, 300, cuts.LENGTH - 2, 47)]
+    dubs, _ = written(folder, cuts.write(folder / "cut.edl", cut, FILM_RATE), handles=8)
+    assert [frames(dub) for dub in dubs] == [(0, 58), (292, cuts.LENGTH)]
+
+
+def test_a_film_without_timecode_counts_from_where_the_timeline_says_it_begins(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    use(monkeypatch, FILM_RATE, timecode=False)
+    cut = cuts.pieces(2)
+    dubs, _ = written(folder, cuts.write(folder / "cut.otio", cut, FILM_RATE))
+    assert [frames(dub) for dub in dubs] == [(piece.first, piece.stop) for piece in cut]
+    with pytest.raises(
+        ManifestError, match=r"lie outside of shot0\.mov: it has 400, from no timecode"
+    ):
+        written(folder, cuts.write(folder / "cut.edl", cut, FILM_RATE))
+
+
+def test_a_timeline_at_24_counts_the_frames_of_films_at_23_976(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    use(monkeypatch, RATES["23.976"])
+    cut = [Piece(6, 200, 300, 0)]
+    dubs, _ = written(folder, cuts.write(folder / "cut.otio", cut, Fraction(24)))
+    assert frames(dubs[0], RATES["23.976"]) == (200, 300)
+
+
+def test_picture_may_begin_after_the_sound_of_an_edl(folder: Path) -> None:
+    text = cuts.write(folder / "cut.edl", [Piece(0, 20, 60, 50)], FILM_RATE).read_text()
+    sound = "000  AX  A  C  00:00:00:00 00:00:04:00 01:00:00:00 01:00:04:00"
+    (folder / "cut.edl").write_text(text.replace("TITLE: cut\n", f"TITLE: cut\n{sound}\n"))
+    (event,) = reading.read(
+        folder / "cut.edl", lambda _: [cuts.info_of(Path("shot0.mov"), FILM_RATE)]
+    ).events
+    assert (event.record, event.timecode) == (2, "01:00:02:00")
+
+
+def test_frames_of_a_dissolve_are_dubbed_too(folder: Path) -> None:
+    made = cuts.timeline([Piece(0, 20, 40, 0), Piece(1, 60, 80, 20)], FILM_RATE)
+    sides = cuts.time(6, FILM_RATE), cuts.time(4, FILM_RATE)
+    made.tracks[0].insert(1, otio.schema.Transition("", "SMPTE_Dissolve", *sides))
+    otio.adapters.write_to_file(made, str(folder / "cut.otio"))
+    dubs, _ = written(folder, folder / "cut.otio")
+    assert [frames(dub) for dub in dubs] == [(20, 44), (54, 80)]
+
+
+def test_every_event_without_a_film_is_named_with_its_timecode(folder: Path) -> None:
+    (folder / "shot1.mov").unlink()
+    (folder / "b").mkdir()
+    (folder / "b" / "shot2.mov").touch()
+    cut = [Piece(0, 20, 40, 0), Piece(1, 20, 40, 20), Piece(2, 20, 40, 40), Piece(0, 390, 410, 60)]
+    with pytest.raises(ManifestError) as caught:
+        written(folder, cuts.write(folder / "cut.edl", cut, FILM_RATE))
+    assert [re.sub(r" as .*", "", str(one)) for one in caught.value.problems] == [
+        "event 002 at 01:00:00:20 (shot1.mov): no film is called shot1.mov or shot1",
+        "event 003 at 01:00:01:15 (shot2.mov): found twice,",
+        "event 004 at 01:00:02:10 (shot0.mov): frames 390 to 410 lie outside of shot0.mov:"
+        " it has 400, from 01:00:00:00 on",
+    ]
+    assert not (folder / "manifest.yaml").exists()
+
+
+def test_numbered_images_are_one_film_whose_rate_must_be_known(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = cuts.timeline([Piece(0, 20, 60, 0)], FILM_RATE)
+    media = otio.schema.ImageSequenceReference("/elsewhere", "shot9.", ".exr", 1001, 1, 25, 4)
+    media.available_range = made.tracks[0][0].media_reference.available_range
+    made.tracks[0][0].media_reference = media
+    otio.adapters.write_to_file(made, str(folder / "cut.otio"))
+    for k in range(1001, 1004):
+        (folder / f"shot9.{k}.exr").touch()
+    image = cuts.info_of(Path("shot0.mov"), FILM_RATE)
+
+    def of_images(path: Path) -> MediaInfo:
+        assert path.name == "shot9.####.exr"
+        return replace(image, path=path)
+
+    def unknown(path: Path) -> MediaInfo:
+        raise MediaError("no frame rate", path.name, "give `rate`")
+
+    monkeypatch.setattr(cut_manifest, "probe", unknown)
+    with pytest.raises(
+        ManifestError, match=r"event 001 at 01:00:00:00 \(shot9\.####\.exr\): no fr"
+    ):
+        written(folder, folder / "cut.otio")
+    monkeypatch.setattr(cut_manifest, "probe", of_images)
+    dubs, _ = written(folder, folder / "cut.otio")
+    assert (dubs[0]["clip"], dubs[0]["name"]) == ("shot9.####.exr", "shot9_000020")
+
+
+def test_handles_are_those_of_a_timeline(folder: Path) -> None:
+    result = CliRunner().invoke(app, ["init", str(folder), "--handles", "3"])
+    assert isinstance(result.exception, CallError)
+
+
+def test_the_rate_of_an_edl_is_that_of_its_films(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(4), FILM_RATE)
+
+    def probe(path: Path) -> MediaInfo:
+        return cuts.info_of(path, FILM_RATE if path.stem == "shot0" else Fraction(24))
+
+    monkeypatch.setattr(cut_manifest, "probe", probe)
+    with pytest.raises(ExplainedError, match="its films have 24, 25 frames a second"):
+        written(folder, cut)
+    for k in range(7):
+        (folder / f"shot{k}.mov").unlink()
+    with pytest.raises(ExplainedError, match="no film is called as one in it"):
+        written(folder, cut)
+
+
+def test_a_clip_at_another_rate_than_its_film_is_refused(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.otio", [Piece(0, 21, 40, 0)], Fraction(24))
+    with pytest.raises(ManifestError, match="between frames: it has 24 frames a second"):
+        written(folder, cut)
+
+
+@pytest.mark.parametrize("what", ["nested", "retimed"])
+def test_what_cannot_be_dubbed_is_said(folder: Path, what: str) -> None:
+    made = cuts.timeline(cuts.pieces(3), FILM_RATE)
+    clip = made.tracks[0][1]
+    if what == "nested":
+        inner = otio.schema.Stack("inner", source_range=cuts.span(0, 20, FILM_RATE))
+        made.tracks[0][1] = inner
+    else:
+        clip.effects.append(otio.schema.LinearTimeWarp(time_scalar=2.0))
+    otio.adapters.write_to_file(made, str(folder / "cut.otio"))
+    dubs, said = written(folder, folder / "cut.otio")
+    assert [dub["events"] for dub in dubs] == [[1], [3]]
+    words = {"nested": "composition in itself", "retimed": "its speed is changed"}[what]
+    assert any(words in one and "event 002 at 01:00:0" in one for one in said)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("content", [b"", b"shot0 \xff\x00", b"shot0 is no timeline", b"{}"])
+def test_what_is_no_timeline_is_refused(folder: Path, kind: str, content: bytes) -> None:
+    (folder / f"cut.{kind}").write_bytes(content)
+    with pytest.raises(ExplainedError, match=f"cut.{kind}"):
+        written(folder, folder / f"cut.{kind}")
+
+
+def test_a_timeline_of_nothing_is_refused(folder: Path) -> None:
+    path = folder / "cut.otio"
+    for made in (otio.schema.Timeline("empty"), cuts.timeline([], FILM_RATE)):
+        otio.adapters.write_to_file(made, str(path))
+        with pytest.raises(ManifestError, match="no clip with picture in it"):
+            written(folder, path)
+    made = cuts.timeline(cuts.pieces(1), FILM_RATE)
+    made.tracks[0][0].source_range = None
+    made.tracks[0][0].media_reference = otio.schema.MissingReference()
+    otio.adapters.write_to_file(made, str(path))
+    with pytest.raises(ExplainedError, match="it cannot be read as a timeline"):
+        written(folder, path)
+
+
+def test_another_kind_of_file_and_a_manifest_without_a_timeline_are_refused(folder: Path) -> None:
+    with pytest.raises(ExplainedError, match="no kind of timeline"):
+        written(folder, folder / "cut_it.wav")
+    (folder / "manifest.yaml").write_text("version: 1\noutput: out\n")
+    with pytest.raises(ManifestError, match="is of no timeline; nothing written"):
+        written(folder, cuts.write(folder / "cut.edl", cuts.pieces(1), FILM_RATE))
+    with pytest.raises(ManifestError, match="it is there already"):
+        write_plain(folder)
+
+
+def test_one_recording_runs_along_the_cut(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(1), FILM_RATE)
+    clips.write_noise(folder / "shot0.wav", 1)
+    written(folder, cut)  # only one is called as the cut
+    (folder / "cut_it.wav").unlink()
+    written(folder, cut)  # or there is only one
+    (folder / "shot0.wav").unlink()
+    with pytest.raises(ExplainedError, match=r"0 recordings of new speech.*one there, cut\.wav"):
+        written(folder, cut)
+    for name in ("cut_it.wav", "cut_de.wav"):
+        clips.write_noise(folder / name, 1)
+    with pytest.raises(ExplainedError, match=r"2 recordings.*: cut_de\.wav and cut_it\.wav"):
+        written(folder, cut)
+
+
+# A new cut.
+
+
+def recorded(folder: Path, cut: list[Piece]) -> None:
+    """A recording along a cut in which every frame of a film has speech of its own."""
+    source, rate = soundfile.read(folder / "voice.wav")
+    each = rate // 25
+    sound = [source[:0]]
+    for piece in cut:
+        start = (piece.film * cuts.LENGTH + piece.first) * each
+        sound.append(source[start : start + (piece.stop - piece.first) * each])
+    soundfile.write(folder / "cut_it.wav", np.concatenate(sound), rate, "PCM_24")
+
+
+@pytest.fixture
+def first_cut(folder: Path) -> list[Piece]:
+    clips.write_noise(folder / "voice.wav", 7 * cuts.LENGTH / 25, 2000)
+    return laid([(k % 7, 20 + 3 * k, 60 + 3 * k) for k in range(40)])
+
+
+def laid(parts: list[tuple[int, int, int]]) -> list[Piece]:
+    """Frames of films one after another."""
+    found, at = [], 0
+    for film, first, stop in parts:
+        found.append(Piece(film, first, stop, at))
+        at += stop - first
+    return found
+
+
+def of(piece: Piece) -> tuple[int, int, int]:
+    return piece.film, piece.first, piece.stop
+
+
+def cut_again(folder: Path, pieces: list[Piece]) -> tuple[list[dict[str, Any]], list[str]]:
+    recorded(folder, pieces)
+    (folder / "voice.wav").rename(folder / "voice.kept")
+    try:
+        return written(folder, cuts.write(folder / "cut.edl", pieces, FILM_RATE), handles=8)
+    finally:
+        (folder / "voice.kept").rename(folder / "voice.wav")
+
+
+def without_events(dubs: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    return [{key: dub[key] for key in dub if key != "events"} for dub in dubs]
+
+
+def test_clips_that_moved_with_their_speech_keep_their_dubs(
+    folder: Path, first_cut: list[Piece]
+) -> None:
+    before, _ = cut_again(folder, first_cut)
+    speech = {path: path.stat().st_mtime_ns for path in (folder / "manifest.speech").iterdir()}
+    moved = laid([of(piece) for piece in [*first_cut[30:], *first_cut[:10], *first_cut[12:30]]])
+    after, said = cut_again(folder, moved)
+    assert without_events(after) == [
+        dub for k, dub in enumerate(without_events(before)) if k not in (10, 11)
+    ]
+    assert {p: p.stat().st_mtime_ns for p in speech} == speech
+    assert said[1] == "38 of 38 events lie in dubs that were there"
+    assert said[2:] == [f"not used any more: {before[k]['name']}" for k in (10, 11)]
+    assert after[0]["events"] == [11]  # where it lies now
+
+
+def test_clips_trimmed_within_their_handles_keep_their_dubs(
+    folder: Path, first_cut: list[Piece]
+) -> None:
+    before, _ = cut_again(folder, first_cut)
+    inner = [(p.film, p.first + 3, p.stop - 2) for p in first_cut]
+    after, said = cut_again(folder, laid(inner))
+    assert without_events(after) == without_events(before)
+    assert said[1:] == ["40 of 40 events lie in dubs that were there"]
+    longer = [(p.film, p.first - 5, p.stop) for p in first_cut[:1]] + inner[1:]
+    after, said = cut_again(folder, laid(longer))
+    # Its frames are there; what is said in them now was not heard before.
+    assert [dub["name"] for dub in after] == [dub["name"] for dub in before]
+    assert [line.partition(":")[0] for line in said[2:]] == ["other speech"]
+    for beyond in ((0, 5, 60), (0, 20, 70)):
+        after, said = cut_again(folder, laid([beyond, *inner[1:]]))
+        assert said[1] == "39 of 40 events lie in dubs that were there"
+        assert len([line for line in said if line.startswith("new: event 001")]) == 1
+
+
+def test_other_speech_over_the_same_frames_changes_one_dub(
+    folder: Path, first_cut: list[Piece]
+) -> None:
+    cut_again(folder, first_cut)
+    sound, rate = soundfile.read(folder / "cut_it.wav")
+    sound[(first_cut[5].at + 10) * rate // 25] = 0.5
+    soundfile.write(folder / "cut_it.wav", sound, rate, "PCM_24")
+    (folder / "voice.wav").unlink()
+    dubs, said = written(folder, folder / "cut.edl", handles=8)
+    assert said[2:] == [f"other speech: event 006 at 01:00:08:00 (shot5.mov): {dubs[5]['name']}"]
+
+
+def test_the_same_frames_with_two_speeches_are_two_dubs(folder: Path) -> None:
+    twice = [Piece(0, 20, 60, 0), Piece(1, 20, 60, 40), Piece(0, 20, 60, 80)]
+    dubs, _ = written(folder, cuts.write(folder / "cut.edl", twice, FILM_RATE))
+    assert [(dub["name"], dub["events"]) for dub in dubs] == [
+        ("shot0_000020", [1]),
+        ("shot1_000020", [2]),
+        ("shot0_000020_2", [3]),
+    ]
+
+
+def test_a_new_cut_changes_the_dubs_alone(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(3), FILM_RATE)
+    written(folder, cut)
+    path = folder / "manifest.yaml"
+    edited = path.read_text().replace('by: ""', 'by: "Ann"').replace("person", "ann")
+    edited = edited.replace("seed: 0, on_longer_audio: cut}", "codec: prores}  # at last")
+    path.write_text(edited)
+    written(folder, cuts.write(cut, cuts.pieces(4), FILM_RATE))
+    now = yaml_lines.read(path.read_text()).data
+    assert (folder / "manifest.previous.yaml").read_text() == edited
+    assert "# at last" in path.read_text()
+    assert now["defaults"]["codec"] == "prores"
+    assert now["identities"]["ann"]["clips"] == [f"shot{k}.mov" for k in range(4)]
+    assert [dub["identity"] for dub in now["dubs"]] == ["ann"] * 4
+
+
+def test_new_speech_takes_no_dub_from_a_clip_that_keeps_its_own(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.edl", [Piece(0, 20, 60, 0)], FILM_RATE)
+    before, _ = written(folder, cut)
+    sound, rate = soundfile.read(folder / "cut_it.wav")
+    soundfile.write(folder / "cut_it.wav", np.concatenate([sound[::-1], sound]), rate, "PCM_24")
+    end = len(sound) * 25 // rate
+    cuts.write(cut, [Piece(0, 20, 60, 0), Piece(0, 20, 60, end)], FILM_RATE)
+    dubs, said = written(folder, cut)
+    assert [(dub["name"], dub["events"]) for dub in dubs] == [
+        (before[0]["name"], [2]),
+        ("shot0_000020_2", [1]),
+    ]
+    assert not [line for line in said if line.startswith("other speech")]
+
+
+def test_a_link_to_a_film_is_found_by_its_own_name_and_listed_once(folder: Path) -> None:
+    (folder / "shot0.mov").rename(folder / "a1b2")
+    (folder / "shot0.mov").symlink_to(folder / "a1b2")
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(2), FILM_RATE)
+    before, _ = written(folder, cut)
+    after, _ = written(folder, cut)
+    people = yaml_lines.read((folder / "manifest.yaml").read_text()).data["identities"]
+    assert people["person"]["clips"] == ["shot0.mov", "shot1.mov"]
+    assert after == before
+
+
+def test_a_scene_of_a_whole_film_holds_its_events(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(2), FILM_RATE)
+    written(folder, cut)
+    path = folder / "manifest.yaml"
+    scene = "{name: scene, identity: person, clip: shot0.mov, lines: a.srt, audio: a.wav}"
+    rows = [row for row in path.read_text().splitlines() if "clip: shot0" not in row]
+    path.write_text("\n".join([*rows, f"  - {scene}", ""]))
+    dubs, said = written(folder, cut)
+    assert [(dub["name"], dub["events"]) for dub in dubs][1] == ("scene", [1])
+    assert dubs[1]["audio"] == "a.wav"
+    assert said[1:] == ["2 of 2 events lie in dubs that were there"]
+
+
+def test_a_broken_manifest_is_named(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(1), FILM_RATE)
+    for text in ("dubs: [", "timeline: cut.edl\nidentities: [1]\n", "7"):
+        (folder / "manifest.yaml").write_text(text)
+        with pytest.raises(ManifestError, match=r"manifest\.yaml"):
+            written(folder, cut)
