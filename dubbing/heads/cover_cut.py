@@ -113,10 +113,10 @@ def followed(compared: list[Compared], seeds: list[np.ndarray]) -> list[np.ndarr
             near = over if over.any() else None
             if near is None:
                 models = None
-    return lasting([whole(m) | s for m, s in zip(found, seeds, strict=True)], compared)
+    return with_those_around([whole(m) | s for m, s in zip(found, seeds, strict=True)], compared)
 
 
-def lasting(found: list[np.ndarray], compared: list[Compared]) -> list[np.ndarray]:
+def with_those_around(found: list[np.ndarray], compared: list[Compared]) -> list[np.ndarray]:
     """Masks (H, W) bool of frames in a row, with what most frames around show.
 
     On the lips only that stays which lasts: a mouth that is open for a moment, and as dark as a
