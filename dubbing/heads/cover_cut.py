@@ -144,7 +144,7 @@ def whole(mask: np.ndarray) -> np.ndarray:
 def steady(seeds: list[np.ndarray]) -> list[np.ndarray]:
     """Seeds without those of frames in whose neighbourhood few others have any."""
     some = np.array([s.any() for s in seeds], int)
-    votes = np.convolve(some, np.ones(2 * AROUND + 1, int), "same")
+    votes = np.convolve(some, np.ones(2 * AROUND + 1, int))[AROUND:][: len(seeds)]
     return [s if vote >= MOST else np.zeros_like(s) for s, vote in zip(seeds, votes, strict=True)]
 
 

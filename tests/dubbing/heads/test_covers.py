@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+import pytest
 
 from dubbing.heads.comparison import Compared, H, W, is_awry, to_face, usual_difference
 from dubbing.heads.cover_cut import (
@@ -108,6 +109,14 @@ def test_what_flashes_up_is_chance() -> None:
     assert not any(s.any() for s in steady(alone))
     lasting = [nothing] * 3 + [something] * 4 + [nothing] * 3
     assert [s.any() for s in steady(lasting)] == [s.any() for s in lasting]
+
+
+@pytest.mark.parametrize("frames", [1, 2, 4])
+def test_short_runs_are_looked_at_too(frames: int) -> None:
+    compared = [face(OBJECT, k) for k in range(frames)]
+    seeds = steady([unexplained(c, USUAL) for c in compared])
+    assert [s.any() for s in seeds] == [frames >= 3] * frames
+    assert len(followed(compared, seeds)) == frames
 
 
 def test_places_that_always_differ_are_usual() -> None:
