@@ -9,10 +9,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from dubbing.face.mesh_points import RIGID
 from dubbing.preparation.tracking.likeness import FARTHEST, apart
 
 INSIDE = 0.75  # face heights, largest distance of a point from the middle of its face
 MAX_MOTION = 0.7  # face sizes, between two searches
+BESIDE, STRAY = 3, 0.35  # frames before and after; face sizes from the middle of their places
 
 
 @dataclass(frozen=True)
@@ -202,3 +204,26 @@ def add_to_tracks(tracks: list[Track], face: Sighting) -> None:
         best.append(face)
     else:
         tracks.append([face])
+
+
+def strays(points: np.ndarray, valid: np.ndarray, segment: np.ndarray) -> np.ndarray:
+    """Frames (T,) bool whose face lies far beside that of most frames around: somebody else's.
+
+    A head on its way, however fast, lies in the middle of as many places before and after.
+
+    Args:
+        points: (T, 478, 3) px. valid: (T,) frames with a face. segment: (T,) number of the shot.
+    """
+    found = np.zeros(len(valid), bool)
+    for shot in np.unique(segment):
+        own = np.flatnonzero(valid & (segment == shot))
+        faces = points[own][:, list(RIGID), :2]
+        places, size = faces.mean(1), np.ptp(faces, axis=1).max(1, initial=1.0)
+        order = np.arange(len(own))
+        before = order - np.searchsorted(own, own - BESIDE)
+        after = np.searchsorted(own, own + BESIDE, "right") - 1 - order
+        for k, reach in enumerate(np.minimum(before, after)):
+            near = slice(k - reach, k + reach + 1)
+            away = np.linalg.norm(places[k] - np.median(places[near], 0))
+            found[own[k]] = away > STRAY * np.median(size[near])
+    return found

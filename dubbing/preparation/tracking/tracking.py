@@ -35,6 +35,7 @@ from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.crops.tracked_crops import CROPS, create_images
 from dubbing.preparation.matting.masks import People
 from dubbing.preparation.tracking.cropping import choose_windows, crop, to_crop
+from dubbing.preparation.tracking.following import strays
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
 from dubbing.preparation.tracking.survey import Survey, survey
@@ -117,6 +118,7 @@ def landmark_step(
     ]
     points, apart, valid = (np.stack(values) for values in zip(*combined, strict=True))
     points, valid = points.astype(np.float32), valid & surveyed["followed"]
+    valid &= ~strays(points, valid, segment)
     people, outlines = People(folder, crops), []
     seen = [p if there else None for p, there in zip(points, valid, strict=True)]
     parts = ((first, seen[first : first + BATCH]) for first in range(0, info.frames, BATCH))

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from dubbing.face.mesh_points import RIGID
-from dubbing.preparation.tracking.following import Person, Place, Sighting, Track, follow
+from dubbing.preparation.tracking.following import (
+    Person,
+    Place,
+    Sighting,
+    Track,
+    follow,
+    strays,
+)
 from dubbing.preparation.tracking.likeness import COLOUR_SCALE, PARTS
 from dubbing.preparation.tracking.survey import other_face
 
@@ -106,3 +113,21 @@ def test_the_largest_face_that_is_not_followed_is_known() -> None:
     box = np.array([[60.0, 0, 140, 80], [64.0, 0, 144, 80]])
     np.testing.assert_array_equal(other_face(seen, box), [1, 310, 30])
     assert np.isnan(other_face([seen[0][:1]], box)).all()
+
+
+def moving(frames: int = 40) -> np.ndarray:
+    """Faces (T, 478, 3) px of 40 px that cross the picture, and stop at once in the middle."""
+    face = np.random.default_rng(1).uniform(-20, 20, (478, 3))
+    way = 12.0 * np.minimum(np.arange(frames), frames // 2)
+    return face + np.stack([way, np.zeros(frames), np.zeros(frames)], 1)[:, None]
+
+
+def test_a_frame_that_shows_somebody_elses_face_is_told_from_those_around() -> None:
+    points, valid, segment = moving(), np.ones(40, bool), np.repeat([0, 1], 20)
+    points[20:] += 300.0  # another shot
+    assert not strays(points, valid, segment).any()
+    points[[9, 33, 34], :, 0] += 40
+    assert np.flatnonzero(strays(points, valid, segment)).tolist() == [9, 33, 34]
+    valid[[9, 33]] = False
+    assert np.flatnonzero(strays(points, valid, segment)).tolist() == [34]
+    assert not strays(points, np.zeros(40, bool), segment).any()
