@@ -21,6 +21,7 @@ from dfrf.presets import method_of
 from dubbing.engine.disk.files import atomic_path
 from dubbing.engine.graph.stage import Progress
 from dubbing.face.finding.hand_finder import HandFinder
+from dubbing.face.mesh_points import RIGID
 from dubbing.heads.comparison import Compared, Comparison, images, is_awry, usual_difference
 from dubbing.heads.cover_cut import (
     followed,
@@ -42,6 +43,7 @@ TYPICAL = 60  # frames of a shot from which is known what differs usually
 EVERY = 3  # frames between two that are looked at first
 BESIDE = 6  # frames round one with something over the face
 RUN = 500  # frames at most that are looked at together
+FITTING = 0.2  # eye distances of a firm point from that of the mean face
 BRIEF = 0.3  # s: nothing that hides a face, and has its colours, is there for less
 
 
@@ -163,7 +165,7 @@ def _with_poses_mended(
     """The clip with other poses and landmarks of those frames of a run whose head lies awry.
 
     What hides a face moves its landmarks. The pose begins between those of the frames around, and
-    is refined; the landmarks are those of the mean face in that pose.
+    is refined; landmarks that do not fit it become those of the mean face in that pose.
 
     Returns:
         The clip, and these frames.
@@ -186,7 +188,10 @@ def _with_poses_mended(
     posed = refined(method.model, maps, between, awry)
     landmarks = clip.landmarks.copy()
     poses = Poses(posed.rotation[awry], posed.translation[awry])
-    landmarks[awry] = project(to_camera(poses, clip.shape), clip.focal, clip.centre[awry])
+    mean = project(to_camera(poses, clip.shape), clip.focal, clip.centre[awry])
+    off = np.linalg.norm((landmarks[awry] - mean)[:, list(RIGID)], axis=2).max(1)
+    fit = off < FITTING * clip.eye_distances()[awry]
+    landmarks[awry] = np.where(fit[:, None, None], landmarks[awry], mean)
     return replace(posed, landmarks=landmarks), beside_face
 
 
