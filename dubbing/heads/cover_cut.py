@@ -81,6 +81,7 @@ def cut_out(
     cut[compared.known & (compared.apart < APART / 2)] = cv2.GC_BGD
     cut[compared.known & (compared.apart > APART)] = cv2.GC_PR_FGD
     if near is not None and not seeds.any():
+        # What the frame beside shows, and the head does not explain here either, is there still.
         inner = cv2.erode(near.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
         cut[inner & (compared.apart > APART)] = cv2.GC_FGD
     cut[seeds] = cv2.GC_FGD
