@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,6 +26,16 @@ pytestmark = pytest.mark.medium
 
 
 PROGRAM = Program("some.module", ("m.yaml",))
+
+
+@pytest.fixture(autouse=True)
+def _nothing_is_left() -> Iterator[None]:
+    """Dask closes a client that found nobody when it is collected, and hangs while it starts one.
+
+    A run has one client, tests have many.
+    """
+    yield
+    gc.collect()
 
 
 class Client:
