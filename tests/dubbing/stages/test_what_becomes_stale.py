@@ -90,6 +90,7 @@ OF_ONE: list[tuple[str, Any, set[str]]] = [
     ("dubs.0.edits.line", 1, set()),
     ("dubs.0.edits.note", "say it again", set()),
     ("dubs.0.edits.status", "redo", set()),
+    ("dubs.0.events", [1, 2], set()),  # of a timeline, which is written when all is made
     ("dubs.0.language", "it-IT", set()),  # compared with what was agreed to, and no more
 ]
 OF_SCENE: list[tuple[str, Any, set[str]]] = [
