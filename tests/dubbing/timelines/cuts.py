@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from dubbing.errors import MediaError
+from dubbing.manifest.keys import yaml_lines
 from dubbing.media import MediaInfo
 from dubbing.media.properties.colour import Colour
 from dubbing.media.properties.info import Picture
@@ -20,13 +21,15 @@ from dubbing.production.clip import Clip
 from dubbing.production.dub import Dub
 from dubbing.production.production import Production
 from dubbing.script.timecode import timecode_of
-from dubbing.script.timeline import Cue
+from dubbing.script.timeline import Cue, first_frame, frame_count
+from dubbing.timelines import cut_manifest, stretch
 
 otio: Any = pytest.importorskip("opentimelineio", reason="needs the extra film")
 
 KINDS = ("edl", "fcpxml", "aaf", "otio")
 RATES = {"23.976": Fraction(24000, 1001), "25": Fraction(25), "29.97": Fraction(30000, 1001)}
 LENGTH = 400  # frames of a film
+FILM_RATE = Fraction(25)
 
 
 @dataclass(frozen=True)
@@ -179,3 +182,25 @@ def dubbed(
         dubs[dub.name] = dub
         (out / dub.results()["video"]).touch()
     return Production(folder / "m.yaml", out, {}, dubs, frozenset(dubs), timeline=timeline)
+
+
+def use(monkeypatch: pytest.MonkeyPatch, rate: Fraction, *, timecode: bool = True) -> None:
+    """Let films have a rate."""
+
+    def probe(path: Path) -> MediaInfo:
+        return info_of(path, rate, timecode=timecode)
+
+    monkeypatch.setattr(cut_manifest, "probe", probe)
+    monkeypatch.setattr(stretch, "probe", probe)
+
+
+def written(folder: Path, cut: Path, handles: int = 0) -> tuple[list[dict[str, Any]], list[str]]:
+    """The dubs that are written for a timeline, and what is said."""
+    said: list[str] = []
+    path = cut_manifest.write_manifest(folder, cut, handles, said.append)
+    return yaml_lines.read(path.read_text()).data["dubs"], said
+
+
+def frames(dub: dict[str, Any], rate: Fraction = FILM_RATE) -> tuple[int, int]:
+    first = first_frame(dub["video_start"], rate)
+    return first, first + frame_count(dub["audio_seconds"], rate)
