@@ -24,9 +24,10 @@ from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.identity.dataset import lip_points, upper_face_expression
 from dubbing.media import read_frames
+from dubbing.preparation.covering import usual_colours
 from dubbing.preparation.matting.matting import dilate
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.preparation.tracking import cropping, usual_colours
+from dubbing.preparation.tracking import cropping
 
 SIDE = 128  # px of the pictures that are rendered
 EYES, W, H = 28.0, 88, 80  # of the frame of the face, px

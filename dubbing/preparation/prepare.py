@@ -25,6 +25,9 @@ from dubbing.preparation.alignment.score import root_mean_square
 from dubbing.preparation.alignment.silhouette import Silhouette
 from dubbing.preparation.background.background import background_step
 from dubbing.preparation.contact_sheet import contact_sheet, frames_shown
+from dubbing.preparation.covering.light import noticed
+from dubbing.preparation.covering.occlusion import covered_step
+from dubbing.preparation.covering.overlay import Overlay, overlay_step
 from dubbing.preparation.crops.tracked_crops import (
     ALPHA,
     CROPS,
@@ -38,9 +41,6 @@ from dubbing.preparation.matting.masks import matte_step
 from dubbing.preparation.prepared import BACKGROUND, HEAD_RADIUS, MATTE, OVERLAY, PreparedClip
 from dubbing.preparation.steps import STEPS, Steps
 from dubbing.preparation.tracking import tracking
-from dubbing.preparation.tracking.light import noticed
-from dubbing.preparation.tracking.occlusion import covered_step
-from dubbing.preparation.tracking.overlay import Overlay, overlay_step
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.reach import views_of
 from dubbing.preparation.tracking.tracking import Arrays

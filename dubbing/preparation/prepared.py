@@ -67,7 +67,7 @@ class FilmFrame:
         image: (S, S, 3) crop. matte: (S, S) of the head. fill: (S, S, 3), what is behind it. All
             uint8.
         overlay: (S, S) uint8, 255 where something lies over the face; None where nothing does.
-        haze: (3,) grey levels of light over the image; see `tracking.light`.
+        haze: (3,) grey levels of light over the image; see `covering.light`.
         noise: (5,) of the film, see `film_noise`. motion: (2,) px that the head moves in a frame.
         landmarks: (478, 2) px of the crop.
         whole: (H, W, 3) uint8, the source frame that the crop is of.

@@ -15,7 +15,7 @@ from dubbing.face.mesh_points import NOSE_BASE, NOSE_BRIDGE, RIGID
 from dubbing.face.mesh_triangles import TRIANGLES
 from dubbing.face.mouth.mouth_shape import INNER_LIP
 from dubbing.preparation.alignment.skin import vertex_normals
-from dubbing.preparation.tracking.light import Light, Sight, coarse_gain, light_of, sampled
+from dubbing.preparation.covering.light import Light, Sight, coarse_gain, light_of, sampled
 
 HALF_WIDTH = 0.42  # units of 10 cm from the middle of the face: beyond, cheeks turn away
 DARK = 8.0  # added to colours (0..255) before their logarithm: noise of dark ones counts less

@@ -18,10 +18,8 @@ from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.mesh_points import FACE_OVAL, NOSE_BASE
 from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.media import MediaInfo, VideoWriter
-from dubbing.preparation.crops.threads import in_order
-from dubbing.preparation.tracking.occlusion import regions
-from dubbing.preparation.tracking.tracking import Arrays
-from dubbing.preparation.tracking.usual_colours import (
+from dubbing.preparation.covering.occlusion import regions
+from dubbing.preparation.covering.usual_colours import (
     EYES,
     UsualColours,
     eye_distance,
@@ -30,6 +28,8 @@ from dubbing.preparation.tracking.usual_colours import (
     to_face,
     upright,
 )
+from dubbing.preparation.crops.threads import in_order
+from dubbing.preparation.tracking.tracking import Arrays
 
 FRAMES = 150  # from which usual colours are taken
 EVERY = 2  # frames from one in which detections are made to the next

@@ -1,1 +1,1 @@
-"""Tracking: choice of the person's face, landmarks, head poses, light and occlusion."""
+"""Tracking: choice of the person's face, landmarks, head poses."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dubbing.face.mesh_points import LEFT_EYE_AND_BROW
-from dubbing.preparation.tracking.light import Sight, coarse_gain, light_of, noticed
+from dubbing.preparation.covering.light import Sight, coarse_gain, light_of, noticed
 
 FRAMES, POINTS = 6, 478
 STILL = np.arange(100, 200)

@@ -8,14 +8,14 @@ import pytest
 
 from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.face.mesh_points import LEFT_EYE_AND_BROW, RIGHT_EYE_AND_BROW
-from dubbing.preparation.tracking.likeness import FARTHEST, apart, looks
-from dubbing.preparation.tracking.occlusion import (
+from dubbing.preparation.covering.occlusion import (
     AROUND,
     SHARE,
     covered_step,
     sight_of,
     unusual_share,
 )
+from dubbing.preparation.tracking.likeness import FARTHEST, apart, looks
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
 
 pytestmark = pytest.mark.medium

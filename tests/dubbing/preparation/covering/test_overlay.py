@@ -12,8 +12,8 @@ import pytest
 
 from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.media import read_frames
-from dubbing.preparation.tracking.occlusion import covered_step
-from dubbing.preparation.tracking.overlay import Overlay, overlay_step
+from dubbing.preparation.covering.occlusion import covered_step
+from dubbing.preparation.covering.overlay import Overlay, overlay_step
 from dubbing.preparation.tracking.procrustes import head_frame, mean_shape
 
 pytestmark = pytest.mark.medium
