@@ -6,7 +6,7 @@ S side of the crop in px. All lengths are given for S = 512 and scale with it.
 import cv2
 import numpy as np
 
-from dubbing.compositing.face_mask import face_mask
+from dubbing.compositing.face_mask import face_mask, skull_share
 from dubbing.compositing.film_look import in_focus
 from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import with_neck
@@ -46,7 +46,9 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
         beside &= film.overlay == 0
     lit = in_focus(film.image, lit, beside, film.noise, film.motion)
     under, stretched = with_neck(image, film.background, film.matte, lit[..., 3], contour)
-    return composite(under, restored | stretched, lit, share)
+    # The outline of nose and upper jaw is the film's own, wherever the rendered one lies.
+    own = (skull_share(landmarks, size) * (share > 0) * 255).round().astype(np.uint8)
+    return composite(blend(under, image, own), restored | stretched, lit, share)
 
 
 def composite(

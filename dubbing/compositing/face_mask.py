@@ -26,6 +26,7 @@ INSIDE, OUTSIDE = 13.0, 3.0
 # Between these heights across cheeks and nose the rendered head takes over: 0 on the line through
 # the eyes, 1 at the base of the nose.
 ABOVE, BELOW = 0.4, 0.8
+UPPER_LIP_TOP = 0  # of FaceMesh
 # Least length of that line, in eye distances: it is 0 for a nose that points at the camera.
 SHORTEST = 0.3
 # Between these distances from the mouth, in heights of the face, the film's own cheeks and jaw take
@@ -72,15 +73,27 @@ def rendered_region(landmarks: np.ndarray, size: int) -> np.ndarray:
 
 def lower_share(landmarks: np.ndarray, size: int) -> np.ndarray:
     """0 (S, S) above the cheeks, 1 below them, linear in between."""
+    return np.clip((way_down(landmarks, size) - ABOVE) / (BELOW - ABOVE), 0, 1)
+
+
+def skull_share(landmarks: np.ndarray, size: int) -> np.ndarray:
+    """1 (S, S) above the base of the nose, where no word moves the outline, 0 from the lips on."""
+    way = way_down(landmarks, size)
+    x, y = np.clip(landmarks[UPPER_LIP_TOP].round().astype(int), 0, size - 1)
+    lips = max(float(way[y, x]), 1 + SHORTEST)
+    return np.clip((lips - way) / (lips - 1), 0, 1)
+
+
+def way_down(landmarks: np.ndarray, size: int) -> np.ndarray:
+    """Height of each pixel (S, S): 0 on the line through the eyes, 1 at the base of the nose."""
     left, right = landmarks[LEFT_EYE_OUTER], landmarks[RIGHT_EYE_OUTER]
     apart = max(float(np.linalg.norm(right - left)), 1.0)
     down = np.array([left[1] - right[1], right[0] - left[0]]) / apart
     eyes = (left + right) / 2
     nose = max(float((landmarks[NOSE_BASE] - eyes) @ down), SHORTEST * apart)
     x, y = (np.arange(size) - place for place in eyes)
-    way = (x * down[0] + y[:, None] * down[1]) / nose
-    share: np.ndarray = np.clip((way - ABOVE) / (BELOW - ABOVE), 0, 1)
-    return share
+    way: np.ndarray = (x * down[0] + y[:, None] * down[1]) / nose
+    return way
 
 
 def mouth_share(landmarks: np.ndarray, size: int) -> np.ndarray:

@@ -111,6 +111,18 @@ def test_above_the_lower_face_every_pixel_is_the_films() -> None:
     assert tuple(shown[S // 2 + 30, S // 2]) == (220, 20, 60)
 
 
+def test_a_head_that_ends_too_early_leaves_the_films_nose_and_not_its_lips() -> None:
+    image, background, _, head = scene()
+    matte = np.where(np.hypot(*(np.mgrid[:S, :S] - S // 2)) < 100, 255, 0).astype(np.uint8)
+    head[:, S // 2 + 10 :] = 0
+    points = fakes.face(S)
+    picture, mask = replacement(film(image, matte, background), head)
+    nose, lips = (round(points[k, 1]) for k in (2, 14))
+    assert mask[nose - 3, S // 2 + 30] == mask[lips, S // 2 + 30] == 255
+    np.testing.assert_array_equal(picture[nose - 3, S // 2 + 30], image[nose - 3, S // 2 + 30])
+    assert tuple(picture[lips, S // 2 + 30]) == (0, 100, 0)
+
+
 def test_blend_mixes() -> None:
     image, picture = np.full((2, 2, 3), 100, np.uint8), np.full((2, 2, 3), 200, np.uint8)
     mask = np.array([[0, 51], [128, 255]], np.uint8)
