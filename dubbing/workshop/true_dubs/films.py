@@ -28,8 +28,6 @@ from dubbing.workshop.true_dubs.scenes import DUBBED, FRAMES, LEARNED, RATE, SCE
 
 MANIFEST = "true_dubs.yaml"
 FILM, TRUE_FILM, COVER, TRUTH = "film.mkv", "true.mkv", "cover.mkv", "truth.npz"
-SIZE = 256  # px, of head crops at most
-STEPS = 60
 FIRST = round(LEARNED * RATE)  # frame at which the dubbed part begins
 STAYS_FOR = "bruno"  # the face of who passes by
 
@@ -116,9 +114,7 @@ def manifest(scenes: Sequence[Scene]) -> str:
         s.name: {
             "clip": f"{s.name}/{FILM}",
             "seconds": LEARNED,
-            "size": SIZE if s.size <= 2 * SIZE else 2 * SIZE,
             "consent": consent,
-            "finetune": {"iterations": STEPS},
         }
         for s in scenes
     }
