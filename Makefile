@@ -50,12 +50,13 @@ attack: .venv/installed-dev
 	DFRF_ATTACK=$(TIMES) $(BIN)/python -m pytest -q tests/attack --hypothesis-seed=$(SEED)
 
 # Times a person that was dubbed before, the demo's by default: a frame and a step, part by part. Then what a dubbing
-# team waits for, with the clip and speech of WAITS.
+# team waits for, and how it grows, with the clip and speech of WAITS.
 BENCH ?= out/demo/demo.yaml alba
 WAITS ?= out/demo/source/clip.mp4 out/demo/source/italian.wav
 bench: .venv/installed
 	$(BIN)/python -m dubbing.workshop.bench.benchmark $(BENCH) out/bench.json
 	$(BIN)/python -m dubbing.workshop.bench.dub_times $(WAITS) out/bench-$$(date +%s)
+	$(BIN)/python -m dubbing.workshop.bench.growth $(WAITS) out/growth-$$(date +%s)
 
 # Everything that is to be measured on a GPU, into GPU_DAY: 25 minutes; called again it goes on.
 GPU_DAY ?= out/gpu
