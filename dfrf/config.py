@@ -128,6 +128,24 @@ class MarchConfig:
 
 
 @dataclass(frozen=True)
+class AdamConfig:
+    """Settings of the optimiser; the defaults are those of `fast`.
+
+    Attributes:
+        beta, epsilon: the second beta, and what is added to the denominator.
+        longest: length that the gradient of a step is cut to; 0 leaves it as it is.
+        cosine: the rate falls along half a cosine; False: by the same factor in each step.
+        attention_rate: rate of the attention over neighbouring speech codes, times the others'.
+    """
+
+    beta: float = 0.99
+    epsilon: float = 1e-12
+    longest: float = 1.0
+    cosine: bool = True
+    attention_rate: float = 1.0
+
+
+@dataclass(frozen=True)
 class TrainConfig:
     """Settings of `fit()`; a fine-tune is the base's settings with a few fields replaced.
 
@@ -135,12 +153,14 @@ class TrainConfig:
         iterations: optimiser steps in all.
         coarse_iterations: steps of the first stage, without the warp (3/4 of them in the paper).
         rays: rays a step, spread over `frames` frames of one person.
-        learning_rate: Adam's first rate; it falls to `final_rate` times itself, along a cosine.
+        learning_rate: Adam's first rate; it falls to `final_rate` times itself.
+        warmup: steps in which the rate rises to that; 0 begins with it.
+        adam: other settings of the optimiser.
         warp_weight: lambda of equation (9), in the paper's units (pixels at 512).
         opacity_weight, depth_weight, distortion_weight: what keeps the density compact.
         lip_iterations: steps that train the speech networks on lip measures, before all others.
         mouth_share, eyes_share, rim_share: shares of the rays drawn round the mouth, round the eyes
-            and at the head's rim.
+            and at the head's rim. Where it is 0, these pixels count as any of the head.
         outside_share: share of the rays drawn further out; the rest falls on the head.
         augment: whether each step changes how its person looks (`augmentation`).
         learn_references_every: steps between those in which the reference CNN learns; 0 never.
@@ -158,6 +178,7 @@ class TrainConfig:
     learning_rate: float = 2e-3
     final_rate: float = 0.05
     warmup: int = 100
+    adam: AdamConfig = AdamConfig()
     warp_weight: float = 5e-8
     opacity_weight: float = 0.1
     depth_weight: float = 0.05

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, overload
 
-from dfrf.config import STEPS, FieldConfig, MarchConfig, ModelConfig, TrainConfig
+from dfrf.config import STEPS, AdamConfig, FieldConfig, MarchConfig, ModelConfig, TrainConfig
 from dfrf.fast.fast_method import FastMethod
 from dfrf.fast.fast_model import FastModel
 from dfrf.method_interface import Method
@@ -28,19 +28,31 @@ BASE_TRAINING = TrainConfig(
     lip_iterations=LIP_ITERATIONS,
 )
 FINETUNE = TrainConfig(iterations=STEPS["fast"], warmup=20)
+PAPER_RATE = 5e-4
+PAPER_ADAM = AdamConfig(beta=0.999, epsilon=1e-8, longest=0.0, cosine=False, attention_rate=5.0)
+
+
+def paper_decay(steps: int) -> float:
+    """Factor by which the published rate falls in so many steps."""
+    return float(0.1 ** (steps / 750_000))
+
+
 # The paper's 300,000 + 100,000 steps of 850 rays, split over 17 frames so that the samples of 50
-# rays are all that is in memory at once. Rates as published: 5e-4 falls to .29 times that in
-# 400,000 steps; a fine-tune continues from there.
+# rays are all that is in memory at once. Rates as published: 5e-4 falls to a tenth in 750,000
+# steps; a fine-tune continues from there. As published, one ray of twenty is outside of the head.
 PAPER_BASE_TRAINING = TrainConfig(
     iterations=400_000,
     coarse_iterations=300_000,
     rays=850,
     frames=17,
-    learning_rate=5e-4,
-    final_rate=0.3,
-    mouth_share=0.25,
-    eyes_share=0.1,
-    outside_share=0.2,
+    learning_rate=PAPER_RATE,
+    final_rate=paper_decay(400_000),
+    warmup=0,
+    adam=PAPER_ADAM,
+    mouth_share=0.0,
+    eyes_share=0.0,
+    rim_share=0.0,
+    outside_share=0.05,
     learn_references_every=1,
     checkpoint_every=20,
     patience=2500,
@@ -49,8 +61,8 @@ PAPER_FINETUNE = replace(
     PAPER_BASE_TRAINING,
     iterations=STEPS["paper"],
     coarse_iterations=0,
-    learning_rate=1.5e-4,
-    final_rate=0.9,
+    learning_rate=PAPER_RATE * paper_decay(400_000),
+    final_rate=paper_decay(STEPS["paper"]),
 )
 
 

@@ -64,7 +64,10 @@ def similar_frames(
 def draw_rays(
     dataset: HeadDataset, frames: Int[Tensor, " F"], config: TrainConfig, generator: torch.Generator
 ) -> RayBatch:
-    """Rays of frames by importance: mouth, eyes, rim, the rest of the head, outside."""
+    """Rays of frames by importance: mouth, eyes, rim, the rest of the head, outside.
+
+    A region whose share is 0 is a part of the head.
+    """
     per_frame = config.rays // len(frames)
     beside = config.rim_share + config.outside_share
     shares = (
@@ -74,10 +77,13 @@ def draw_rays(
         (HEAD, 1 - config.mouth_share - config.eyes_share - beside),
         (OUTSIDE, config.outside_share),
     )
+    whole = [code for code, share in shares[:3] if not share]
     pixels, owner = [], []
     for i, t in enumerate(frames.tolist()):
         # numpy finds the pixels of a region five times as fast as torch does.
         region = dataset.regions[t].view(-1).numpy()
+        if whole:
+            region = np.where(np.isin(region, whole), HEAD, region)
         drawn = []
         for code, share in shares:
             if not share:

@@ -33,6 +33,8 @@ from dfrf.published.conditioned_field import (
 
 __all__ = ["EncodedReferences", "PaperConfig", "PaperField", "PaperModel", "References"]
 
+TRAINING_SAMPLES = 2  # times as many as rendered: published training takes 64 + 128
+
 
 class PaperModel(HeadModel):
     """The whole published model: speech, field, sampling, equation (8).
@@ -143,7 +145,8 @@ class PaperModel(HeadModel):
             windows: speech of the frame and its neighbours; unused without speech.
             references: images, or features computed before; unused without references.
             background: colour behind the head, 0..1.
-            jitter: True moves samples at random within their strata, for training.
+            jitter: True for training: samples are moved at random within their strata, and are
+                `TRAINING_SAMPLES` times as many.
             smooth: see `speech_code`.
             warp: False in the coarse stage of training, equation (2) instead of (7).
             generator: of the random numbers of jitter and slots, on the device of the rays.
@@ -170,15 +173,17 @@ class PaperModel(HeadModel):
         def uniform(count: int) -> Tensor:
             return torch.rand((rays, count), generator=generator, device=rays_o.device)
 
+        times = TRAINING_SAMPLES if jitter else 1
+        first, second = times * config.coarse_samples, times * config.fine_samples
         depths = sampling.stratified(
             rays_o.new_full((rays,), near),
             rays_o.new_full((rays,), far),
-            config.coarse_samples,
-            uniform(config.coarse_samples) if jitter else None,
+            first,
+            uniform(first) if jitter else None,
         )
         coarse = render(self.field.coarse, depths)
-        even = torch.linspace(0, 1, config.fine_samples, device=rays_o.device)[None]
-        u = uniform(config.fine_samples) if jitter else even
+        even = torch.linspace(0, 1, second, device=rays_o.device)[None]
+        u = uniform(second) if jitter else even
         # The bins leave out the last sample, so the background's weight is any number.
         weights = F.pad(coarse["weights"].detach(), (0, 1))
         fine = render(self.field.fine, sampling.importance(depths, weights, u))

@@ -29,6 +29,7 @@ from dfrf.training.step import step_outcome, total
 from dfrf.training.validation import Validation
 from dfrf.workers import Workers
 
+ATTENTION = "smoothing."  # parameters of the attention over neighbouring speech codes
 BAD_STEPS = 10  # in a row with a loss that is not finite, which end a run
 
 
@@ -60,22 +61,28 @@ class TrainingDivergedError(RuntimeError):
 
 
 def learning_rate(step: int, config: TrainConfig) -> float:
-    """Adam's rate at a step: a linear start, then half a cosine down to `final_rate`."""
+    """Adam's rate at a step: a linear start, then half a cosine, or a constant factor a step."""
     start = min(1.0, (step + 1) / max(config.warmup, 1))
-    fall = 0.5 * (1 + math.cos(math.pi * min(step / max(config.iterations, 1), 1.0)))
-    return config.learning_rate * start * (config.final_rate + (1 - config.final_rate) * fall)
+    done, end = min(step / max(config.iterations, 1), 1.0), config.final_rate
+    fall = 0.5 * (1 + math.cos(math.pi * done))
+    share = end + (1 - end) * fall if config.adam.cosine else end**done
+    return config.learning_rate * start * share
 
 
 def make_optimiser(method: Method[Any, Any], config: TrainConfig) -> torch.optim.Adam:
     """Adam over the parameters that are trained on images; the others are frozen."""
-    model = method.model
+    model, adam = method.model, config.adam
+    groups: dict[float, list[Tensor]] = {}  # by their rate, times the others'
     for name, parameter in model.named_parameters():
         parameter.requires_grad_(method.learns(name, config))
+        if parameter.requires_grad:
+            rate = adam.attention_rate if name.startswith(ATTENTION) else 1.0
+            groups.setdefault(rate, []).append(parameter)
     return torch.optim.Adam(
-        [p for p in model.parameters() if p.requires_grad],
+        [{"params": parameters, "rate": rate} for rate, parameters in groups.items()],
         lr=config.learning_rate,
-        betas=(0.9, 0.99),
-        eps=1e-12,
+        betas=(0.9, adam.beta),
+        eps=adam.epsilon,
     )
 
 
@@ -204,10 +211,11 @@ class Run(ExitStack):
         """
         if torch.isfinite(outcome.loss):
             for group in self.state.optimiser.param_groups:
-                group["lr"] = learning_rate(step, self.config)
+                group["lr"] = group["rate"] * learning_rate(step, self.config)
             for parameter, gradient in zip(self.trained, outcome.gradients, strict=True):
                 parameter.grad = gradient
-            torch.nn.utils.clip_grad_norm_(self.trained, 1.0)
+            if longest := self.config.adam.longest:
+                torch.nn.utils.clip_grad_norm_(self.trained, longest)
             self.state.optimiser.step()
             self.method.after_update(outcome)
             self.bad_steps = 0

@@ -6,6 +6,8 @@ import pytest
 
 from dfrf import presets
 from dfrf.config import FROM_BASE, ModelConfig
+from dfrf.published.paper_model import PaperModel
+from dfrf.training.fit import learning_rate, make_optimiser
 from tests.dfrf.people import small_config
 
 
@@ -71,3 +73,25 @@ def test_a_base_of_other_sizes_is_refused() -> None:
 def test_an_unknown_preset() -> None:
     with pytest.raises(ValueError, match="fast-nocrops"):
         presets.model_config("quick", 8)
+
+
+def test_paper_is_trained_as_the_published_code_trains() -> None:
+    """The numbers are those of its optimisers and of its argument parser."""
+    base, person = (presets.trainings("paper").base, presets.trainings("paper").finetune)
+    assert learning_rate(0, base) == 5e-4
+    assert learning_rate(300_000, base) == pytest.approx(1.99e-4, rel=2e-3)
+    assert learning_rate(0, person) == pytest.approx(1.46e-4, rel=3e-3)
+    assert learning_rate(40_000, person) == pytest.approx(1.30e-4, rel=5e-3)
+    for training in (base, person):
+        assert (training.rays, training.outside_share, training.adam.longest) == (850, 0.05, 0)
+    model = presets.build(presets.model_config("paper", 29))
+    assert isinstance(model, PaperModel)
+    optimiser = make_optimiser(presets.method_of(model), base)
+    both = optimiser.param_groups
+    assert [group["betas"] for group in both] == [(0.9, 0.999)] * 2
+    assert {group["eps"] for group in both} == {1e-8}
+    attention = {id(p) for p in model.smoothing.parameters()}
+    assert {group["rate"]: {id(p) in attention for p in group["params"]} for group in both} == {
+        1.0: {False},
+        5.0: {True},
+    }

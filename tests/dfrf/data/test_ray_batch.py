@@ -69,6 +69,17 @@ def test_regions_have_their_shares(numbered: HeadDataset) -> None:
         assert int((regions == code).sum()) == pytest.approx(share * CONFIG.rays)
 
 
+def test_a_region_without_a_share_is_drawn_with_the_head(numbered: HeadDataset) -> None:
+    even = replace(CONFIG, mouth_share=0.0, eyes_share=0.0, rim_share=0.0)
+    rays = draw_rays(numbered, FRAMES, even, torch.Generator().manual_seed(0))
+    frame, row, column = (rays.colour * 255).round().long().unbind(1)
+    regions, inside = numbered.regions[frame, row, column], numbered.regions[FRAMES] != OUTSIDE
+    for code in (MOUTH, EYES, RIM, HEAD):
+        part = float((numbered.regions[FRAMES] == code).sum() / inside.sum())
+        share = float((regions == code).float().mean() / (1 - SHARES[OUTSIDE]))
+        assert share == pytest.approx(part, abs=0.03)
+
+
 def test_a_face_without_a_region_is_drawn_from_the_others(numbered: HeadDataset) -> None:
     shut = replace(numbered, regions=numbered.regions.where(numbered.regions != EYES, HEAD))
     rays = draw_rays(shut, FRAMES, CONFIG, torch.Generator().manual_seed(0))

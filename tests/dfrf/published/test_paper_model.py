@@ -226,6 +226,15 @@ def test_training_is_random_and_rendering_is_not() -> None:
     assert not torch.equal(render(0), render(1))
 
 
+def test_training_takes_twice_the_samples() -> None:
+    model, views = tiny(), references()
+    o, d, windows, background = frame()
+    made = [model(o, d, NEAR, FAR, windows, views, background, jitter=j) for j in (False, True)]
+    for name in ("coarse_depths", "depths"):  # the background's sample is none of them
+        rendered, trained = (out[name].shape[1] + 1 for out in made)
+        assert trained == 2 * rendered
+
+
 @pytest.mark.parametrize("layer", ["query", "key"])
 def test_what_slots_ask_and_references_answer_matters_in_rendering(layer: str) -> None:
     model, views = tiny(), references()
