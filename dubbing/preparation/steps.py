@@ -21,15 +21,15 @@ from dubbing.preparation.tracking.tracking import Arrays
 STEPS, LAYOUT = "steps", 6  # the folder of the steps, and the version of its files
 # Shares of the steps in the time of a preparation, 13 s at 512 px.
 TIMES = {
-    "faces": 0.08,
-    "landmarks": 0.32,
-    "poses": 0.02,
-    "occlusion": 0.02,
-    "overlay": 0.05,
-    "refinement": 0.12,
-    "turned": 0.02,
-    "matte": 0.05,
-    "background": 0.32,
+    "faces": 0.04,
+    "landmarks": 0.36,
+    "poses": 0.01,
+    "occlusion": 0.04,
+    "overlay": 0.06,
+    "refinement": 0.15,
+    "turned": 0.01,
+    "matte": 0.08,
+    "background": 0.25,
 }
 
 

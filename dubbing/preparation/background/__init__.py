@@ -1,1 +1,1 @@
-"""Restores the background behind the head: wall, torso and neck."""
+"""Restores the background behind the head: wall, torso, and what surrounds it."""

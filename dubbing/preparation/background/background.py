@@ -12,8 +12,7 @@ import numpy as np
 
 from dubbing.engine.graph.stage import ReportShare
 from dubbing.media import VideoWriter
-from dubbing.preparation.background.filling import CONTEXT_PX, restore, rim
-from dubbing.preparation.background.neck import neck, neck_profile, smooth_profiles
+from dubbing.preparation.background.filling import CONTEXT_PX, restore
 from dubbing.preparation.background.pixels import chosen, extent
 from dubbing.preparation.background.torso import Torso, torso
 from dubbing.preparation.background.wall import (
@@ -53,26 +52,8 @@ def plate_frames(segment: np.ndarray, lit: np.ndarray) -> list[np.ndarray]:
     return out
 
 
-def neck_profiles(
-    clip: TrackedCrops, alphas: np.ndarray, wanted: set[int], progress: ReportShare
-) -> tuple[np.ndarray, dict[int, np.ndarray]]:
-    """Neck profiles (T, PROFILE, 4) of all frames, and the inpaint masks of those wanted."""
-
-    def work(t: int) -> tuple[np.ndarray, np.ndarray]:
-        hole = inpaint_mask(alphas[t])
-        return neck_profile(clip.crops[t], clip.person[t], hole, clip.landmarks[t]), hole
-
-    profiles, holes = [], {}
-    for t, (profile, hole) in enumerate(in_order(work, ((t,) for t in range(len(clip))))):
-        profiles.append(profile)
-        if t in wanted:
-            holes[t] = hole
-        progress((t + 1) / len(clip))
-    return smooth_profiles(np.stack(profiles), clip.segment), holes
-
-
-def shots(clip: TrackedCrops, plates: list[np.ndarray], holes: dict[int, np.ndarray]) -> list[Shot]:
-    """The background of every shot, from some of its frames with their inpaint masks."""
+def shots(clip: TrackedCrops, plates: list[np.ndarray], alphas: np.ndarray) -> list[Shot]:
+    """The background of every shot, from some of its frames with their mattes."""
     offsets, size = clip.offsets(), clip.size
 
     def work(frames: np.ndarray) -> Shot:
@@ -84,7 +65,7 @@ def shots(clip: TrackedCrops, plates: list[np.ndarray], holes: dict[int, np.ndar
             canvas[k, y : y + size, x : x + size] = images[k]
             known[k, y : y + size, x : x + size] = background_pixels(people[k])
         wall = partial(plate, canvas, known)
-        front = partial(torso, images, people, np.stack([holes[t] for t in frames]))
+        front = partial(torso, images, people, np.stack([inpaint_mask(alphas[t]) for t in frames]))
         return Shot(*in_order(lambda part: part(), [(wall,), (front,)]))
 
     return [work(frames) for frames in plates]
@@ -132,11 +113,8 @@ def background_step(
         The frames shown, (K, S, S, 3) uint8.
     """
     size, rate = clip.size, clip.info.rate
-    unit = size / REFERENCE_SIZE
-    plates = plate_frames(clip.segment, clip.well_lit())
-    wanted = set(np.concatenate(plates).tolist())
-    smooth, holes = neck_profiles(clip, alphas, wanted, lambda share: progress(0.1 * share))
-    behind, offsets = shots(clip, plates, holes), clip.offsets()
+    behind = shots(clip, plate_frames(clip.segment, clip.well_lit()), alphas)
+    offsets = clip.offsets()
     motions = torso_motions(clip, behind, lambda share: progress(0.1 + 0.2 * share))
 
     def work(t: int) -> np.ndarray:
@@ -145,7 +123,7 @@ def background_step(
         if not hole.any():
             return out
         region = covered(hole, alpha, clip.outline[t])
-        box = extent(hole, round(CONTEXT_PX * unit))
+        box = extent(hole, round(CONTEXT_PX * size / REFERENCE_SIZE))
         x, y = offsets[t]
         shot = behind[clip.segment[t]]
         plate_here = clip.lit(shot.wall[y : y + size, x : x + size], t)
@@ -156,10 +134,8 @@ def background_step(
         if shot.torso is not None:
             torso_here = replace(shot.torso, colour=clip.lit(shot.torso.colour, t))
             under, left = torso_here.fill(image, region, wall, motions[t], box)
-        landmarks = clip.landmarks[t] - (box[1].start, box[0].start)
-        growing = neck(under, left, landmarks, smooth[t], unit)
-        growing = rim(under, left, mask[box].astype(np.float32) / 255, growing, unit)
-        out[box] = chosen(hole[box], restore(under, left, wall, growing), out[box])
+        filled = restore(under, left, mask[box].astype(np.float32) / 255, wall)
+        out[box] = chosen(hole[box], filled, out[box])
         return out
 
     kept: list[np.ndarray] = []

@@ -5,8 +5,7 @@ import numpy as np
 
 from dubbing.preparation.background.pixels import chosen, rounded, spread
 
-RIM_FULL, RIM_END = 5.0, 10.0  # px at S = 512 inside the mask, between which surroundings fade
-CONTEXT_PX = 32  # at S = 512, round an inpaint mask, that its rim depends on
+CONTEXT_PX = 32  # at S = 512, round an inpaint mask, that its filling depends on
 
 
 def pull_push(image: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -38,44 +37,19 @@ def pull_push(image: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.asarray(filled)
 
 
-def rim(
-    image: np.ndarray,
-    region: np.ndarray,
-    person: np.ndarray,
-    growing: tuple[np.ndarray, np.ndarray],
-    unit: float,
-) -> tuple[np.ndarray, np.ndarray]:
-    """The neck in the inpaint mask, with the surroundings of the mask blended into its rim.
-
-    The neck is extended from below. Beside a jaw that rises steeply more of it, a collar or hair
-    lies just across the edge of the inpaint mask.
-
-    Args:
-        image: (H, W, 3) uint8, around the region. region: (H, W) bool inpaint mask.
-        person: (H, W) mask, 0..1. growing: colour (H, W, 3) and share (H, W) of the :func:`neck`.
-        unit: px of the crop for one at S = 512.
-    """
-    colour, share = growing
-    if not region.any() or region.all():
-        return growing
-    distance = cv2.distanceTransform(region.astype(np.uint8), cv2.DIST_L2, 5)
-    # Not the nearest pixel, but a mean of more pixels further in: otherwise streaks show.
-    beside = pull_push(image, np.where(region, 0, person))
-    theirs = pull_push(person, (~region).astype(np.float32))
-    near = np.clip((RIM_END * unit - distance) / ((RIM_END - RIM_FULL) * unit), 0, 1) * region
-    there = (near * theirs).astype(np.float32)
-    return colour + spread(there) * (beside - colour), np.maximum(share, there)
-
-
 def restore(
-    image: np.ndarray, region: np.ndarray, wall: np.ndarray, growing: tuple[np.ndarray, np.ndarray]
+    image: np.ndarray, region: np.ndarray, person: np.ndarray, wall: np.ndarray
 ) -> np.ndarray:
     """The frame without its head: (H, W, 3) uint8, equal to the image outside of the region.
 
+    Neck and clothes beside the head go on into its place, the more of them the nearer they are; the
+    rest is wall.
+
     Args:
-        image: (H, W, 3) uint8, around the region. region: (H, W) bool inpaint mask.
-        wall: (H, W, 3) float32, the plate in the light of the frame.
-        growing: colour and share of the neck in the inpaint mask, as of :func:`rim`.
+        image: (H, W, 3) uint8, around the region. region: (H, W) bool, to be restored.
+        person: (H, W) mask, 0..1. wall: (H, W, 3) float32, the plate in the light of the frame.
     """
-    colour, share = growing
-    return chosen(region, rounded(wall + spread(share) * (colour - wall)), image)
+    # Not the nearest pixel, but a mean of more pixels further away: otherwise streaks show.
+    beside = pull_push(image, np.where(region, 0, person))
+    share = pull_push(person, (~region).astype(np.float32))
+    return chosen(region, rounded(wall + spread(share) * (beside - wall)), image)

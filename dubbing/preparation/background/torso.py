@@ -13,7 +13,6 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
-from dubbing.preparation.background.neck import bottom_of
 from dubbing.preparation.background.pixels import chosen, extent, known_median, rounded, spread
 from dubbing.preparation.background.wall import all_of, halved, slow_difference
 from dubbing.preparation.matting.matting import GREY, REFERENCE_SIZE, dilate
@@ -102,6 +101,12 @@ class Torso:
         known &= visible & (share > PERSON)
         colour = cv2.warpAffine(self.colour, half, known.shape[::-1])
         return slow_difference(image, colour, known, len(self.share))
+
+
+def bottom_of(region: np.ndarray) -> np.ndarray:
+    """Lowest row (S,) of a region (S, S) bool in every column, -1 where it has none."""
+    rows = len(region) - 1 - np.argmax(region[::-1], axis=0)
+    return np.where(region.any(0), rows, -1)
 
 
 def _shifted(motion: np.ndarray, box: tuple[slice, slice]) -> np.ndarray:
