@@ -109,17 +109,23 @@ def render(
         if not path.exists():
             span = (first, stop, baked, strength, lips, scale)
             inputs = head_inputs(person, clip, speech, pose_index, *span)
-            if not pieces.take(path.name, digest_data([made_by, digest_of_inputs(inputs)])):
+            poses = pose_index[first:stop]
+            seen = [digest_bytes(of[poses].tobytes()) for of in (clip.landmarks, clip.valid)]
+            if not pieces.take(path.name, digest_data([made_by, digest_of_inputs(inputs), *seen])):
                 with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
-                    for done, head in enumerate(heads_of(person, maps, inputs), first + 1):
+                    heads = heads_of(person, maps, inputs, clip, poses)
+                    for done, head in enumerate(heads, first + 1):
                         video.write(head)
                         notify(done)
         notify(stop)
 
 
-def heads_of(person: HeadModel, maps: Maps | None, inputs: FrameInputs) -> Iterator[np.ndarray]:
-    """Heads (S, S, 4) uint8 of some frames; see `render`."""
-    for colour, opacity in method_of(person).render_frames(inputs, maps):
+def heads_of(
+    person: HeadModel, maps: Maps | None, inputs: FrameInputs, clip: PreparedClip, poses: np.ndarray
+) -> Iterator[np.ndarray]:
+    """Heads (S, S, 4) uint8 of F frames, over frames `poses` (F,) of a clip; see `render`."""
+    regions = torch.from_numpy(regions_of(clip, poses)).to(person.device)
+    for colour, opacity in method_of(person).render_frames(replace(inputs, regions=regions), maps):
         yield to_rgba(colour, opacity)
 
 
@@ -135,7 +141,7 @@ def head_inputs(
     lips: np.ndarray | None,
     scale: Scale | None = None,
 ) -> FrameInputs:
-    """Inputs of the heads of frames first .. stop of a dub; see `render`."""
+    """Inputs of the heads of frames first .. stop of a dub, but for their regions; see `render`."""
     around = NEIGHBOURS // 2 + method_of(person).reach  # frames that its speech codes look at
     low, high = max(0, first - around), min(len(pose_index), stop + around)
     heard, poses = speech(low, high - low), pose_index[low:high]
@@ -148,7 +154,6 @@ def head_inputs(
 
     return replace(
         inputs_of(person, clip, heard, poses, *span),
-        regions=torch.from_numpy(regions_of(clip, pose_index[first:stop])).to(person.device),
         baked=baked,
         strength=own(shares),
         lips=own(lips),

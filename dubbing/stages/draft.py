@@ -133,6 +133,7 @@ class HalfSize:
         speech = self.speech[cue.name]
         late = edit.shift / 1000 * float(speech.rate)  # frames
         frames = cue.stop - cue.first
+        clip, poses = self.clips[cue.identity], self.poses[cue.first : cue.stop]
         strength = edit.strengths(frames, speech.rate)
         scale = partial(self.scales.__getitem__, cue.identity)
         lips = given_lips(edit, frames, speech.rate, scale)
@@ -140,19 +141,20 @@ class HalfSize:
 
         def read(first: int, count: int) -> Iterator[np.ndarray]:
             for begin in range(first, first + count, segment):
+                stop = min(begin + segment, first + count)
                 inputs = rendering.head_inputs(
                     model,
-                    self.clips[cue.identity],
+                    clip,
                     lambda low, some: speech.part(low - late, some),
-                    self.poses[cue.first : cue.stop],
+                    poses,
                     begin,
-                    min(begin + segment, first + count),
+                    stop,
                     baked=True,
                     strength=strength,
                     lips=lips,
                     scale=scale,
                 )
-                yield from rendering.heads_of(model, maps, inputs)
+                yield from rendering.heads_of(model, maps, inputs, clip, poses[begin:stop])
 
         return read
 

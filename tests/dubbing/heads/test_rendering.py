@@ -13,6 +13,7 @@ import torch
 from dfrf import presets, saved_models
 from dfrf.fast.fast_method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS
+from dubbing.face.mesh_points import CHIN
 from dubbing.heads import rendering as heads
 from dubbing.identity.lip_scale import LipScale, Scale
 from dubbing.media import VideoWriter, read_frames
@@ -114,6 +115,11 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     assert len(shown) == 2  # of 3: in the last frames nothing changed
     for k, head in enumerate(again):
         np.testing.assert_allclose(head.astype(int), (muted if k == 12 else whole)[k], atol=1)
+    # Where other pixels of the head are shown, it is not.
+    clip.landmarks[20, CHIN] += 1
+    made(tmp_path / "moved", strength=once, last=tmp_path / "again")
+    assert len(shown) == 3
+    clip.landmarks[20, CHIN] -= 1
     # Lips that are given take the place of those heard: its own change nothing.
     own = heads.wanted_lips(model, speech)
     assert own is not None
