@@ -63,7 +63,10 @@ class MarkResult:
 
 
 def search(
-    frames: Iterable[np.ndarray], rate: Fraction, keys: Iterable[bytes], everywhere: bool = True
+    frames: Iterable[np.ndarray],
+    rate: Fraction,
+    keys: Iterable[bytes],
+    wanted: np.ndarray | None = None,
 ) -> list[MarkResult]:
     """Search luma frames (H, W) uint8, which are read once, for the marks of keys.
 
@@ -72,7 +75,8 @@ def search(
     scale, shift and window.
 
     Args:
-        everywhere: whether to do the latter; if not, the search ends as soon as all are found.
+        wanted: (64,) bits that all are to have: the search ends as soon as they are read, and
+            does without the latter.
     """
     codes = [Code.of(key) for key in keys]
     searches = [Search(code) for code in codes]
@@ -84,10 +88,17 @@ def search(
         for part in [bins, np.sum(last, 0)][: len(last)]:
             for one in searches:
                 one.add(part)
-        limit = limit_of(searched)
-        if not everywhere and all(one.best.value > SURE * limit for one in searches):
-            break
-    return [one.end(whole, limit_of(searched), count, everywhere) for one in searches]
+        if wanted is not None:
+            results = [one.result(limit_of(searched), count) for one in searches]
+            if all(one.present and np.array_equal(one.bits, wanted) for one in results):
+                return results
+    limit = limit_of(searched)
+    if whole is not None:
+        for one in searches:
+            one.add(whole)
+            if wanted is None and one.best.value < limit:
+                one.everywhere(whole, limit)
+    return [one.result(limit, count) for one in searches]
 
 
 def limit_of(searched: int) -> float:
@@ -111,14 +122,8 @@ class Search:
                 if self.best < match:
                     self.best, self._bins = match, bins
 
-    def end(
-        self, whole: np.ndarray | None, limit: float, frames: int, everywhere: bool
-    ) -> MarkResult:
-        """End the search with the sums of the whole video."""
-        if whole is not None:
-            self.add(whole)
-            if everywhere and self.best.value < limit:
-                self._everywhere(whole, limit)
+    def result(self, limit: float, frames: int) -> MarkResult:
+        """What is found in so many frames, with this threshold."""
         best = self._refined() if self.best.value >= limit else self.best
         return MarkResult(
             present=self.best.value >= limit,
@@ -133,8 +138,8 @@ class Search:
     def _match(self, total: np.ndarray, scale: float, window: Window) -> Match:
         return match_at(total, self._spectra, self._code, scale, window)
 
-    def _everywhere(self, whole: np.ndarray, limit: float) -> None:
-        """Search all scales and windows, by one overtone of the wave wherever it begins."""
+    def everywhere(self, whole: np.ndarray, limit: float) -> None:
+        """Search the whole video at all scales, by one overtone of the wave wherever it begins."""
         angle = np.arange(BINS) * (2 * np.pi * OVERTONE / BINS)
         quarters = [np.tensordot(f(angle).astype(np.float32), whole, 1) for f in (np.cos, np.sin)]
         best = Match()

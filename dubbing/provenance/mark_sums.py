@@ -13,7 +13,10 @@ import os
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from fractions import Fraction
+from functools import lru_cache
+from typing import Self
 
 import cv2
 import numpy as np
@@ -28,7 +31,24 @@ BINS = 2 * len(WAVE)  # parts of the period
 APART = 0.08  # seconds before and after a frame that it is compared with
 FLOW_SIDE, MIN_FLOW_SIDE = 360, 32  # px of the shorter side: flow is computed at, and needs
 PIECE = 2.0  # seconds that are added up by themselves
+NOTHING = np.zeros(0, np.float32)  # in place of a second map
 THREADS = max(1, min(8, os.cpu_count() or 1))
+
+
+@dataclass(frozen=True)
+class Luma:
+    """A frame: values (H, W) float32, and a copy (h, w) uint8 at the size of flow."""
+
+    values: np.ndarray
+    small: np.ndarray
+
+    @classmethod
+    def of(cls, values: np.ndarray) -> Self:
+        """The frame of these values."""
+        share = _share(*values.shape)
+        height, width = (max(1, round(side * share)) for side in values.shape)
+        small = cv2.resize(values, (width, height), interpolation=cv2.INTER_AREA)
+        return cls(values, small.astype(np.uint8))
 
 
 def changes(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[np.ndarray]:
@@ -41,53 +61,53 @@ def changes(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[np.ndarray
         yield from ordered(pool, _change, _with_near(frames, rate), ahead=THREADS)
 
 
-def _with_near(
-    frames: Iterable[np.ndarray], rate: Fraction
-) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
-    """Luma frames (H, W) float32, scaled down, each with the one or two that lie beside it."""
+def _with_near(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[tuple[Luma, list[Luma]]]:
+    """Frames, each with the one or two that lie beside it."""
     apart = max(1, round(APART * rate))
-    near: deque[np.ndarray] = deque(maxlen=2 * apart + 1)
+    near: deque[Luma] = deque(maxlen=2 * apart + 1)
 
-    def out(place: int) -> tuple[np.ndarray, list[np.ndarray]]:
+    def out(place: int) -> tuple[Luma, list[Luma]]:
         beside = [k for k in (place - apart, place + apart) if 0 <= k < len(near)]
         return near[place], [near[k] for k in beside]
 
     for frame in frames:
-        near.append(_small(frame))
+        near.append(Luma.of(_small(frame)))
         if len(near) > apart:
             yield out(len(near) - 1 - apart)
     for place in range(max(0, len(near) - apart), len(near)):
         yield out(place)
 
 
-def _change(of: tuple[np.ndarray, list[np.ndarray]]) -> np.ndarray:
+def _change(of: tuple[Luma, list[Luma]]) -> np.ndarray:
     """The difference of a frame from those beside it, moved onto it."""
     frame, beside = of
     flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
     moved = [_moved(other, frame, flow) for other in beside]
-    return normalized(frame - (np.mean(moved, 0) if moved else frame))
+    return normalized(frame.values - (sum(moved) / len(moved) if moved else frame.values))
 
 
-def _moved(frame: np.ndarray, to: np.ndarray, flow: cv2.DISOpticalFlow) -> np.ndarray:
+def _moved(frame: Luma, to: Luma, flow: cv2.DISOpticalFlow) -> np.ndarray:
     """A frame (H, W) float32 warped onto another by their optical flow."""
-    height, width = to.shape
-    if min(to.shape) < MIN_FLOW_SIDE:
-        return frame
-    share = min(1.0, FLOW_SIDE / min(to.shape))
-    size = (max(1, round(width * share)), max(1, round(height * share)))
-    small = [
-        cv2.resize(x, size, interpolation=cv2.INTER_AREA).astype(np.uint8) for x in (to, frame)
-    ]
-    motion = (
-        cv2.resize(
-            flow.calc(small[0], small[1], np.zeros((*small[0].shape, 2), np.float32)),
-            (width, height),
-        )
-        / share
-    )
+    height, width = to.values.shape
+    if min(height, width) < MIN_FLOW_SIDE:
+        return frame.values
+    found = flow.calc(to.small, frame.small, np.zeros((*to.small.shape, 2), np.float32))
+    at: np.ndarray = cv2.resize(found, (width, height))
+    at /= _share(height, width)
+    at += _places(height, width)
+    return np.asarray(cv2.remap(frame.values, at, NOTHING, cv2.INTER_CUBIC))
+
+
+def _share(height: int, width: int) -> float:
+    """Size of frames that flow is computed at, as a share of their own."""
+    return min(1.0, FLOW_SIDE / min(height, width))
+
+
+@lru_cache(maxsize=1)
+def _places(height: int, width: int) -> np.ndarray:
+    """Column and row of every pixel, (H, W, 2) float32."""
     x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    at = (x + motion[..., 0], y + motion[..., 1])
-    return np.asarray(cv2.remap(frame, *at, cv2.INTER_CUBIC))
+    return np.stack([x, y], -1)
 
 
 def _small(frame: np.ndarray) -> np.ndarray:
@@ -101,18 +121,19 @@ def _small(frame: np.ndarray) -> np.ndarray:
 def normalized(change: np.ndarray) -> np.ndarray:
     """A change (H, W) float32 less its surroundings, in their standard deviations."""
     cell = min(change.shape) / CELLS
-    fine = cv2.GaussianBlur(change, (0, 0), max(0.3, 0.35 * cell))
-    out = fine - cv2.GaussianBlur(change, (0, 0), 1.2 * cell)
+    out: np.ndarray = cv2.GaussianBlur(change, (0, 0), max(0.3, 0.35 * cell))
+    out -= cv2.GaussianBlur(change, (0, 0), 1.2 * cell)
     out /= np.maximum(deviation(out, 4 * cell), MIN_DEVIATION)
-    return np.clip(out, -MAX_CHANGE, MAX_CHANGE)
+    return np.clip(out, -MAX_CHANGE, MAX_CHANGE, out=out)
 
 
 def deviation(image: np.ndarray, radius: float) -> np.ndarray:
     """Standard deviation of an image (h, w) float32 in the square of ``radius`` round a pixel."""
     side = 2 * max(1, round(radius)) + 1
-    mean = cv2.blur(image, (side, side))
-    square = cv2.blur(image * image, (side, side))
-    return np.sqrt(np.maximum(square - mean * mean, 0))
+    mean: np.ndarray = cv2.blur(image, (side, side))
+    square: np.ndarray = cv2.blur(image * image, (side, side))
+    square -= mean * mean
+    return np.sqrt(np.maximum(square, 0, out=square), out=square)
 
 
 def pieces(frames: Iterable[np.ndarray], rate: Fraction) -> Iterator[tuple[np.ndarray, int]]:

@@ -26,7 +26,7 @@ from dubbing.mixing.mix import mix
 from dubbing.mixing.sound import SOUND, Sound
 from dubbing.preparation.crops.threads import in_order
 from dubbing.provenance import provenance
-from dubbing.provenance.mark_key import Marking, id_of
+from dubbing.provenance.mark_key import Marking, bits_of
 from dubbing.provenance.mark_search import search
 from dubbing.video.composer import Composer, Heads
 from dubbing.video.files import DELIVERED, PICTURE_FILE, PROXY_FILE, SCENE_FILE, video_file
@@ -203,12 +203,13 @@ def _pictures(
 def found_again(
     path: Path, marking: Marking, first: int, stop: int, rate: Fraction
 ) -> dict[str, Any]:
-    """Whether the mark is found in frames first .. stop of the finished file, or some of them."""
+    """Whether the mark is found in frames first .. stop of the finished file, or in the first."""
     stop = min(stop, first + round(MARKED_SECONDS * rate))
     frames = media.read_frames(path, start=first, count=stop - first, pixels="gray")
-    (seen,) = search(frames if stop > first else (), rate, [marking.key()], everywhere=False)
+    wanted = bits_of(marking.id)
+    (seen,) = search(frames if stop > first else (), rate, [marking.key()], wanted)
     return {
-        "found": seen.present and id_of(seen.bits) == marking.id,
+        "found": seen.present and np.array_equal(seen.bits, wanted),
         "statistic": round(seen.statistic, 1),
         "threshold": round(seen.threshold, 1),
         "frames": seen.frames,

@@ -10,7 +10,7 @@ from scipy import fft, stats
 from dubbing import media
 from dubbing.provenance import mark_match, mark_search, mark_sums
 from dubbing.provenance.mark import BITS, TILE, Code
-from dubbing.provenance.mark_key import id_of
+from dubbing.provenance.mark_key import bits_of, id_of
 from dubbing.provenance.mark_search import MarkResult
 from tests.dubbing.provenance import film
 
@@ -18,12 +18,13 @@ pytestmark = pytest.mark.medium
 
 
 COUNT = 75
+WANTED = bits_of(film.ID)
 CROP = "crop=576:432:20:30"  # a tenth off either side
 
 
-def found(path: Path, key: bytes = film.KEY, everywhere: bool = True) -> MarkResult:
+def found(path: Path, key: bytes = film.KEY, wanted: np.ndarray | None = None) -> MarkResult:
     frames, rate = media.read_frames(path, pixels="gray"), media.probe(path).rate
-    (seen,) = mark_search.search(frames, rate, [key], everywhere)
+    (seen,) = mark_search.search(frames, rate, [key], wanted)
     return seen
 
 
@@ -52,9 +53,16 @@ def test_it_is_found_with_all_its_bits(marked: Path, options: tuple[str, ...]) -
     assert id_of(seen.bits) == film.ID
 
 
+def test_a_search_ends_where_the_wanted_bits_are_read(marked: Path) -> None:
+    first, other = found(marked, wanted=WANTED), found(marked, wanted=1 - WANTED)
+    assert first.present
+    assert id_of(first.bits) == id_of(other.bits) == film.ID
+    assert (first.frames, other.frames) == (50, COUNT)
+
+
 def test_a_frame_alone_shows_nothing(marked: Path) -> None:
     for frame in list(media.read_frames(marked, pixels="gray"))[::15]:
-        (seen,) = mark_search.search([frame], film.RATE, [film.KEY], everywhere=False)
+        (seen,) = mark_search.search([frame], film.RATE, [film.KEY], WANTED)
         assert not seen.present
 
 
@@ -64,7 +72,7 @@ def test_two_seconds_of_a_long_film_are_found() -> None:
     plain = [np.roll(still, k % 40, 0) for k in range(150)]
     lines = film.marked(plain[50:100])
     frames = [cv2.cvtColor(f, cv2.COLOR_RGB2GRAY) for f in [*plain[:50], *lines, *plain]]
-    seen, other = mark_search.search(frames, film.RATE, [film.KEY, b"o" * 32], everywhere=False)
+    seen, other = mark_search.search(frames, film.RATE, [film.KEY, b"o" * 32], WANTED)
     assert seen.present
     assert id_of(seen.bits) == film.ID
     assert seen.frames == len(frames)
@@ -72,7 +80,7 @@ def test_two_seconds_of_a_long_film_are_found() -> None:
 
 
 def test_another_key_finds_nothing(marked: Path) -> None:
-    seen = found(marked, b"another key of so many bytes....", everywhere=False)
+    seen = found(marked, b"another key of so many bytes....", WANTED)
     assert not seen.present
 
 
