@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, Self
 
-from dubbing.engine.disk.files import atomic_write_json
+from dubbing.engine.disk.file_digests import digest_of
+from dubbing.engine.disk.files import atomic_write_json, digest_data
 from dubbing.engine.graph.stage import Progress, Rate, Stage
 from dubbing.mixing.sound import VOICES
 from dubbing.stages.base import DubbingStage
@@ -53,6 +54,7 @@ class Check(DubbingStage):
         )
 
     def run(self, out: Path, progress: Progress) -> None:
+        from dubbing.engine.disk.pieces import Pieces
         from dubbing.sync.check import check
 
         voices = self.video.folder / VOICES
@@ -63,6 +65,8 @@ class Check(DubbingStage):
             parts=self.spoken,
             leave_out=self.credits,
             progress=lambda share: progress("listening and looking", share),
+            pieces=Pieces(out, self.last),
+            made_by=digest_data([self.version, *map(digest_of, self.weights.values())]),
         )
         atomic_write_json(out / SYNC_FILE, result.to_json())
 

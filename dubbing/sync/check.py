@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from dubbing import media
+from dubbing.engine.disk.pieces import Pieces
 from dubbing.engine.graph.stage import ReportShare
 from dubbing.sync.curves import estimate
 from dubbing.sync.judgement import Measurement, conclude, film_face, judge_part
@@ -74,6 +75,8 @@ def check(
     parts: Parts | None = None,
     leave_out: int = 0,
     progress: ReportShare | None = None,
+    pieces: Pieces | None = None,
+    made_by: str = "",
 ) -> SyncResult:
     """Lip sync of a video, of any length, size, rate and number of faces.
 
@@ -89,6 +92,8 @@ def check(
             the whole video.
         leave_out: frames at the end whose picture and sound are ignored.
         progress: called with the share done, 0..1.
+        pieces: folders where the meshes of faces are kept, for frames that stay the same.
+        made_by: digest of code and weights.
 
     Raises:
         MediaError: the file is missing, unreadable or has no picture.
@@ -108,7 +113,13 @@ def check(
     network = load_network()
     sums = Sums(network, info, parts)
     for block in measure(
-        video, network.face.numpy(), sound_from=sound_from, leave_out=leave_out, progress=progress
+        video,
+        network.face.numpy(),
+        sound_from=sound_from,
+        leave_out=leave_out,
+        progress=progress,
+        pieces=pieces,
+        made_by=made_by,
     ):
         sums.add(block, lag or 0.0)
     speaker = max(sums.faces.values(), key=lambda f: evidence(f.whole), default=None)

@@ -19,8 +19,11 @@ import numpy as np
 
 from dfrf.field.speaker_adaptation import OPENING, TOUCHING
 from dubbing import media
+from dubbing.engine.disk.pieces import Pieces
 from dubbing.engine.graph.stage import ReportShare
+from dubbing.face.finding import kept_meshes
 from dubbing.face.finding.face_tracker import FaceTracker
+from dubbing.face.finding.kept_meshes import Meshes
 from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS, mouth_crop
 from dubbing.face.mouth.mouth_shape import MOUTH, mouth_shape
 from dubbing.sound_to_lips.predict import predict
@@ -30,6 +33,7 @@ from dubbing.sync.network.channels import SoundChannels
 BLOCK_SECONDS = 60.0
 # Sound is read this far beyond a block: the largest offset that is searched, and a window.
 MARGIN_SECONDS = 2.0
+KEPT = "faces"  # folder of the meshes of blocks
 SILENT_DB = -120.0  # of full scale, the least that `energy_db` gives
 
 
@@ -138,6 +142,8 @@ def measure(
     sound_from: Path | None = None,
     leave_out: int = 0,
     progress: ReportShare | None = None,
+    pieces: Pieces | None = None,
+    made_by: str = "",
 ) -> Iterator[Block]:
     """Blocks of a video from its beginning to its end.
 
@@ -157,19 +163,24 @@ def measure(
     images = media.read_frames(video)
     channels = SoundChannels()
     first = 0
-    tracker = FaceTracker(float(rate))
+    tracker = FaceTracker(float(rate), made_by=made_by)
     for length in block_lengths(total, rate):
         frames: dict[int, _FaceFrames] = {}
+        found: dict[str, Meshes] | None = None if pieces is None else {}
+        kept = Path(KEPT, f"{first:06d}.npz")
+        known = kept_meshes.read(pieces.last / kept) if pieces and pieces.last else {}
         place = first / float(rate), length / float(rate)
         with ThreadPoolExecutor(1) as beside:
             sound = beside.submit(measure_sound, sound_from or video, *place, channels, end)
-            for k, (frame, tracked) in enumerate(tracker(islice(images, length))):
+            for k, (frame, tracked) in enumerate(tracker(islice(images, length), known, found)):
                 for detected in tracked:
                     if detected.track not in frames:
                         frames[detected.track] = _FaceFrames.empty(length)
                     frames[detected.track].add(k, frame, detected.points, face)
                 if progress is not None:
                     progress((first + k + 1) / total)
+        if pieces is not None and found is not None:
+            kept_meshes.write(pieces.out / kept, found)
         faces = {track: f.block_face(info.width, info.height) for track, f in frames.items()}
         yield Block(first, length, rate, faces, sound.result())
         first += length

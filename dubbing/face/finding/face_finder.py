@@ -40,6 +40,10 @@ class FaceFinder:
         """Forget the faces that are followed."""
         self._followed = []
 
+    def follow_on(self, regions: Sequence[Region]) -> None:
+        """Follow the faces of these regions, in the place of those before."""
+        self._followed = [*regions]
+
     def find(self, images: Images) -> list[list[np.ndarray]]:
         """Faces of images that need not follow one another."""
         return self._look(images, [distinct(some) for some in self.detect(images)])

@@ -3,7 +3,7 @@
 Letters: T frames, P = 478 points of the face mesh, H and W pixels.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
@@ -11,7 +11,9 @@ from itertools import islice
 import numpy as np
 
 from dfrf.ordered import ordered
-from dubbing.face.finding.face_finder import FaceFinder
+from dubbing.engine.disk.files import digest_bytes, digest_data
+from dubbing.face.finding.face_finder import FaceFinder, region_of
+from dubbing.face.finding.kept_meshes import Meshes
 from dubbing.face.finding.regions import Images, Region
 
 POINTS = 478
@@ -22,6 +24,8 @@ MEMORY_SECONDS = 1.0
 TWIN = 0.25
 # A face belongs to a track whose last face is at most this many face widths away.
 MAX_MOTION = 0.6
+# Frames of a run. What is found in them depends on nothing before it but where, roughly, faces are.
+RUN = 50
 TOGETHER = 4  # frames in which faces are detected at once, while those before are followed
 
 
@@ -42,34 +46,74 @@ class _Track:
 
 
 class FaceTracker:
-    """FaceMesh in tracking mode, with one track number a person."""
+    """FaceMesh in tracking mode, with one track number a person.
 
-    def __init__(self, rate: float, max_faces: int = MAX_FACES) -> None:
+    Args:
+        made_by: digest of code and weights, where meshes are kept.
+    """
+
+    def __init__(self, rate: float, max_faces: int = MAX_FACES, made_by: str = "") -> None:
         self._finder = FaceFinder(max_faces)
         self._memory = max(1, round(rate * MEMORY_SECONDS))
         self._tracks: list[_Track] = []
         self._count = 0
         self._frame = -1
+        self._meshes: Meshes = []
+        self._begun = ""
+        self._made_by, self._key, self._keys = made_by, "", 0
 
-    def __call__(self, frames: Iterable[np.ndarray]) -> Iterator[tuple[np.ndarray, list[Face]]]:
-        """The next frames, RGB uint8 (H, W, 3), in order, each with its faces."""
-        for frame, regions in self._with_detected(iter(frames)):
+    def __call__(
+        self,
+        frames: Iterable[np.ndarray],
+        known: Mapping[str, Meshes] | None = None,
+        found: dict[str, Meshes] | None = None,
+    ) -> Iterator[tuple[np.ndarray, list[Face]]]:
+        """The next frames, RGB uint8 (H, W, 3), in order, each with its faces.
+
+        Args:
+            known: meshes of frames, which are not looked at again.
+            found: gets those of these frames, by all that they depend on.
+        """
+        known = known or {}
+        for frame, pixels, regions in self._with_detected(iter(frames), known, found is not None):
             self._frame += 1
-            meshes = self._finder.follow(frame, regions)
-            yield frame, self._assign([mesh.astype(np.float32) for mesh in meshes])
+            followed = [region_of(mesh) for mesh in self._meshes]
+            if self._frame % RUN == 0:
+                followed = [region.rounded() for region in followed]
+                self._begun = digest_data([vars(region) for region in followed])
+            key = f"{pixels} {self._begun}"
+            meshes = known.get(key)
+            if meshes is None:
+                self._finder.follow_on(followed)
+                meshes = [m.astype(np.float32) for m in self._finder.follow(frame, regions)]
+            self._meshes = meshes
+            if found is not None:
+                found[key] = meshes
+            yield frame, self._assign(meshes)
 
     def _with_detected(
-        self, frames: Iterator[np.ndarray]
-    ) -> Iterator[tuple[np.ndarray, list[Region]]]:
-        """Frames with the regions in which a face is detected."""
+        self, frames: Iterator[np.ndarray], known: Mapping[str, Meshes], keyed: bool
+    ) -> Iterator[tuple[np.ndarray, str, list[Region] | None]]:
+        """Frames, their keys, and regions in which a face is detected; None of known pixels."""
+        pixels = {key.split()[0] for key in known}
 
-        def detect(some: Images) -> list[tuple[np.ndarray, list[Region]]]:
-            return list(zip(some, self._finder.detect(some), strict=True))
+        def detect(some: Images) -> list[tuple[np.ndarray, str, list[Region] | None]]:
+            keys = [self._next_key(image) if keyed else "" for image in some]
+            if all(key in pixels for key in keys):
+                return [(frame, key, None) for frame, key in zip(some, keys, strict=True)]
+            return list(zip(some, keys, self._finder.detect(some), strict=True))
 
         parts = iter(lambda: list(islice(frames, TOGETHER)), [])
         with ThreadPoolExecutor(1) as pool:
             for part in ordered(pool, detect, parts, ahead=1):
                 yield from part
+
+    def _next_key(self, frame: np.ndarray) -> str:
+        """Digest of the next frame, and of those before it in its run."""
+        before = self._key if self._keys % RUN else self._made_by
+        self._keys += 1
+        self._key = digest_bytes(before.encode() + frame.tobytes())
+        return self._key
 
     def _assign(self, meshes: list[np.ndarray]) -> list[Face]:
         self._tracks = [t for t in self._tracks if self._frame - t.last_frame <= self._memory]

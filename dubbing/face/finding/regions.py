@@ -5,6 +5,7 @@ Pixels are counted from the edge of the first one, as the published graphs do.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,6 +13,7 @@ import cv2
 import numpy as np
 
 Images = Sequence[np.ndarray] | np.ndarray  # each (H, W, 3) uint8 RGB
+STEPS = 32  # of a rounded place in a side, of a side until it is twice as large, and in a radian
 MARGIN = 1.5  # side of a region in sides of the box that it is made from
 
 
@@ -31,6 +33,12 @@ class Region:
         right, down = eyes[1] - eyes[0]
         side = MARGIN * float((high - low).max())
         return cls(float(column), float(row), side, float(np.arctan2(down, right)))
+
+    def rounded(self) -> Region:
+        """A region near it, the same for almost all that differ by a small part of a pixel."""
+        side = 2.0 ** (round(STEPS * math.log2(max(self.side, 1))) / STEPS)
+        column, row = (round(STEPS * at / side) * side / STEPS for at in (self.column, self.row))
+        return Region(column, row, side, round(STEPS * self.rotation) / STEPS)
 
     @property
     def matrix(self) -> np.ndarray:

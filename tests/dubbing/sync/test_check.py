@@ -2,12 +2,17 @@
 
 import json
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from dubbing.engine.disk.pieces import Pieces
 from dubbing.errors import MediaError
+from dubbing.face.finding.face_finder import FaceFinder
+from dubbing.media import VideoWriter
 from dubbing.provenance.card import draw
 from dubbing.sync import measure
 from dubbing.sync.check import check
@@ -122,6 +127,35 @@ def test_blocks_change_little(speaker: Speaker, monkeypatch: pytest.MonkeyPatch)
     assert abs(parts.offset_frames - whole.offset_frames) <= 1
     assert parts.media == whole.media
     assert parts.confidence == pytest.approx(whole.confidence, abs=0.05)
+
+
+def test_faces_of_frames_that_stay_are_kept(
+    speaker: Speaker, sound_file: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks, follow = [], FaceFinder.follow
+
+    def counted(*of: Any) -> list[np.ndarray]:
+        looks.append(of)
+        return follow(*of)
+
+    def number(frames: np.ndarray, name: str, last: str, made_by: str = "this code") -> int:
+        del looks[:]
+        with VideoWriter(tmp_path / f"{name}.mkv", 96, 96, Fraction(25), "ffv1") as writer:
+            for frame in frames:
+                writer.write(frame)
+        pieces = Pieces(tmp_path / name, tmp_path / last if last else None)
+        found = check(writer.path, sound_from=sound, pieces=pieces, made_by=made_by)
+        looked = len(looks)
+        assert found == check(writer.path, sound_from=sound)
+        return looked
+
+    monkeypatch.setattr(FaceFinder, "follow", counted)
+    sound, changed = sound_file(speaker.sound), speaker.frames.copy()
+    changed[10:20] = changed[9]
+    assert number(speaker.frames, "one", "") == 100
+    assert number(changed, "two", "one") == 40  # to the end of that run
+    assert number(changed, "three", "two") == 0
+    assert number(changed, "four", "three", "other code") == 100
 
 
 def test_block_lengths() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from dubbing.face.finding.face_tracker import FaceTracker
+from dubbing.face.finding.regions import Region
 from tests.dubbing.sync.meshes import talk, turned
 
 FACE = talk(np.zeros(1))[0]
@@ -14,6 +15,7 @@ def tracker() -> FaceTracker:
     """A tracker without its face mesh: only the bookkeeping is tested."""
     made = FaceTracker.__new__(FaceTracker)
     made._memory, made._tracks, made._count, made._frame = 5, [], 0, -1
+    made._meshes, made._begun, made._made_by, made._key, made._keys = [], "", "", "", 0
     return made
 
 
@@ -50,6 +52,9 @@ def test_a_face_found_twice_is_one(tracker: FaceTracker) -> None:
 
 class Finder:
     """Finds one face in every frame, in a region that is the frame's number."""
+
+    def follow_on(self, regions: list[Region]) -> None:
+        pass
 
     def detect(self, images: list[np.ndarray]) -> list[list[int]]:
         return [[int(image[0, 0, 0])] for image in images]
