@@ -92,7 +92,7 @@ def check(
             the whole video.
         leave_out: frames at the end whose picture and sound are ignored.
         progress: called with the share done, 0..1.
-        pieces: folders where the meshes of faces are kept, for frames that stay the same.
+        pieces: folders where what is seen and heard is kept, for frames and sound that stay.
         made_by: digest of code and weights.
 
     Raises:

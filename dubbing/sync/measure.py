@@ -19,6 +19,7 @@ import numpy as np
 
 from dfrf.field.speaker_adaptation import OPENING, TOUCHING
 from dubbing import media
+from dubbing.engine.disk.files import atomic_path, digest_bytes, digest_data
 from dubbing.engine.disk.pieces import Pieces
 from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.finding import kept_meshes
@@ -58,6 +59,17 @@ class Sound:
         loudness = energy_db([samples]) - SILENT_DB
         heard = np.column_stack([voice_activity(samples), loudness, lips])
         return cls(start, channels.extract(samples), heard)
+
+    @classmethod
+    def read(cls, file: Path) -> "Sound":
+        """What `write` wrote."""
+        with np.load(file, allow_pickle=False) as kept:
+            return cls(float(kept["start"]), kept["features"], kept["heard"])
+
+    def write(self, file: Path) -> None:
+        """Keep it in a file."""
+        with atomic_path(file) as temporary:
+            np.savez(temporary, start=self.start, features=self.features, heard=self.heard)
 
 
 @dataclass(frozen=True)
@@ -122,9 +134,15 @@ def block_lengths(frames: int, rate: Fraction) -> list[int]:
 
 
 def measure_sound(
-    path: Path, start: float, seconds: float, channels: SoundChannels, end: float = math.inf
+    path: Path,
+    start: float,
+    seconds: float,
+    channels: SoundChannels,
+    end: float = math.inf,
+    pieces: Pieces | None = None,
+    made_by: str = "",
 ) -> Sound:
-    """Sound of a part of a file, up to ``end``."""
+    """Sound of a part of a file, up to ``end``; see `check`."""
     begin = max(0.0, start - MARGIN_SECONDS)
     samples = media.read_audio(
         path,
@@ -132,7 +150,12 @@ def measure_sound(
         start=begin,
         seconds=min(end, start + seconds + MARGIN_SECONDS) - begin,
     )
-    return Sound.of(begin, samples, channels)
+    if pieces is None:
+        return Sound.of(begin, samples, channels)
+    name = f"sound/{begin:.3f}.npz"
+    if not pieces.take(name, digest_data([made_by, begin, digest_bytes(samples.tobytes())])):
+        Sound.of(begin, samples, channels).write(pieces.out / name)
+    return Sound.read(pieces.out / name)
 
 
 def measure(
@@ -171,7 +194,8 @@ def measure(
         known = kept_meshes.read(pieces.last / kept) if pieces and pieces.last else {}
         place = first / float(rate), length / float(rate)
         with ThreadPoolExecutor(1) as beside:
-            sound = beside.submit(measure_sound, sound_from or video, *place, channels, end)
+            heard = (sound_from or video, *place, channels, end, pieces, made_by)
+            sound = beside.submit(measure_sound, *heard)
             for k, (frame, tracked) in enumerate(tracker(islice(images, length), known, found)):
                 for detected in tracked:
                     if detected.track not in frames:

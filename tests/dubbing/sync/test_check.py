@@ -16,6 +16,7 @@ from dubbing.media import VideoWriter
 from dubbing.provenance.card import draw
 from dubbing.sync import measure
 from dubbing.sync.check import check
+from dubbing.sync.network.channels import SoundChannels
 from dubbing.sync.sums import segment_edges
 from tests.dubbing.conftest import Speaker
 
@@ -129,33 +130,42 @@ def test_blocks_change_little(speaker: Speaker, monkeypatch: pytest.MonkeyPatch)
     assert parts.confidence == pytest.approx(whole.confidence, abs=0.05)
 
 
-def test_faces_of_frames_that_stay_are_kept(
+def test_what_stays_is_not_measured_again(
     speaker: Speaker, sound_file: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    looks, follow = [], FaceFinder.follow
+    looks, listened = [], []
+    follow, extract = FaceFinder.follow, SoundChannels.extract
 
     def counted(*of: Any) -> list[np.ndarray]:
         looks.append(of)
         return follow(*of)
 
-    def number(frames: np.ndarray, name: str, last: str, made_by: str = "this code") -> int:
-        del looks[:]
+    def heard(*of: Any) -> np.ndarray:
+        listened.append(of)
+        return extract(*of)
+
+    def number(
+        frames: np.ndarray, name: str, last: str, made_by: str = "this code"
+    ) -> tuple[int, int]:
+        del looks[:], listened[:]
         with VideoWriter(tmp_path / f"{name}.mkv", 96, 96, Fraction(25), "ffv1") as writer:
             for frame in frames:
                 writer.write(frame)
         pieces = Pieces(tmp_path / name, tmp_path / last if last else None)
         found = check(writer.path, sound_from=sound, pieces=pieces, made_by=made_by)
-        looked = len(looks)
+        counts = len(looks), len(listened)
         assert found == check(writer.path, sound_from=sound)
-        return looked
+        return counts
 
     monkeypatch.setattr(FaceFinder, "follow", counted)
+    monkeypatch.setattr(SoundChannels, "extract", heard)
     sound, changed = sound_file(speaker.sound), speaker.frames.copy()
     changed[10:20] = changed[9]
-    assert number(speaker.frames, "one", "") == 100
-    assert number(changed, "two", "one") == 40  # to the end of that run
-    assert number(changed, "three", "two") == 0
-    assert number(changed, "four", "three", "other code") == 100
+    assert number(speaker.frames, "one", "") == (100, 1)
+    assert number(changed, "two", "one") == (40, 0)  # to the end of that run
+    sound = sound_file(shifted(speaker.sound, 1))
+    assert number(changed, "three", "two") == (0, 1)
+    assert number(changed, "four", "three", "other code") == (100, 1)
 
 
 def test_block_lengths() -> None:
