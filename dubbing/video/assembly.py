@@ -147,12 +147,15 @@ def segment_edges(frames: int) -> list[tuple[int, int]]:
 def _take_over(composer: Composer, folder: Path, pieces: Pieces, made_by: str, codec: str) -> None:
     """Cut the segments that would be made again from the last result, if it has exact times."""
     exact = media.SUFFIX[codec] != ".mkv"
+    cuts = []
     for first, stop in segment_edges(len(composer.poses)):
         part = folder / f"{first:06d}{SUFFIX}"
         made_of = digest_data([made_by, first, composer.made_of(first, stop)])
         same = pieces.same(part.stem, made_of) and exact and not part.exists()
         if same and pieces.last is not None:
-            media.cut(video_file(pieces.last, codec), part, first, stop - first)
+            cuts.append((video_file(pieces.last, codec), part, first, stop - first))
+    for _ in in_order(media.cut, cuts):
+        pass
 
 
 def _pictures(
