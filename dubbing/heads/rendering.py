@@ -101,7 +101,7 @@ def render(
         if progress is not None:
             progress(f"frame {done} of {count}", (done - begin) / (end - begin))
 
-    pieces = Pieces(out, last)
+    pieces = Pieces(out, last, made_by)
     segment = method_of(person).segment
     for first in range(begin, end, segment):
         stop = min(first + segment, end)
@@ -111,7 +111,7 @@ def render(
             inputs = head_inputs(person, clip, speech, pose_index, *span)
             poses = pose_index[first:stop]
             seen = [digest_bytes(of[poses].tobytes()) for of in (clip.landmarks, clip.valid)]
-            if not pieces.take(path.name, digest_data([made_by, digest_of_inputs(inputs), *seen])):
+            if not pieces.take(path.name, [digest_of_inputs(inputs), *seen]):
                 with VideoWriter(path, clip.size, clip.size, clip.rate, "ffv1-rgba") as video:
                     heads = heads_of(person, maps, inputs, clip, poses)
                     for done, head in enumerate(heads, first + 1):

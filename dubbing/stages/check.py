@@ -57,6 +57,7 @@ class Check(DubbingStage):
         from dubbing.engine.disk.pieces import Pieces
         from dubbing.sync.check import check
 
+        made_by = digest_data([self.version, *map(digest_of, self.weights.values())])
         voices = self.video.folder / VOICES
         result = check(
             video_file(self.video.folder, self.codec),
@@ -65,8 +66,7 @@ class Check(DubbingStage):
             parts=self.spoken,
             leave_out=self.credits,
             progress=lambda share: progress("listening and looking", share),
-            pieces=Pieces(out, self.last),
-            made_by=digest_data([self.version, *map(digest_of, self.weights.values())]),
+            pieces=Pieces(out, self.last, made_by),
         )
         atomic_write_json(out / SYNC_FILE, result.to_json())
 

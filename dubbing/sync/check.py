@@ -76,7 +76,6 @@ def check(
     leave_out: int = 0,
     progress: ReportShare | None = None,
     pieces: Pieces | None = None,
-    made_by: str = "",
 ) -> SyncResult:
     """Lip sync of a video, of any length, size, rate and number of faces.
 
@@ -93,7 +92,6 @@ def check(
         leave_out: frames at the end whose picture and sound are ignored.
         progress: called with the share done, 0..1.
         pieces: folders where what is seen and heard is kept, for frames and sound that stay.
-        made_by: digest of code and weights.
 
     Raises:
         MediaError: the file is missing, unreadable or has no picture.
@@ -119,7 +117,6 @@ def check(
         leave_out=leave_out,
         progress=progress,
         pieces=pieces,
-        made_by=made_by,
     ):
         sums.add(block, lag or 0.0)
     speaker = max(sums.faces.values(), key=lambda f: evidence(f.whole), default=None)

@@ -19,7 +19,7 @@ import numpy as np
 
 from dfrf.field.speaker_adaptation import OPENING, TOUCHING
 from dubbing import media
-from dubbing.engine.disk.files import atomic_path, digest_bytes, digest_data
+from dubbing.engine.disk.files import atomic_path, digest_bytes
 from dubbing.engine.disk.pieces import Pieces
 from dubbing.engine.graph.stage import ReportShare
 from dubbing.face.finding import kept_meshes
@@ -34,7 +34,6 @@ from dubbing.sync.network.channels import SoundChannels
 BLOCK_SECONDS = 60.0
 # Sound is read this far beyond a block: the largest offset that is searched, and a window.
 MARGIN_SECONDS = 2.0
-KEPT = "faces"  # folder of the meshes of blocks
 SILENT_DB = -120.0  # of full scale, the least that `energy_db` gives
 
 
@@ -140,7 +139,6 @@ def measure_sound(
     channels: SoundChannels,
     end: float = math.inf,
     pieces: Pieces | None = None,
-    made_by: str = "",
 ) -> Sound:
     """Sound of a part of a file, up to ``end``; see `check`."""
     begin = max(0.0, start - MARGIN_SECONDS)
@@ -153,7 +151,7 @@ def measure_sound(
     if pieces is None:
         return Sound.of(begin, samples, channels)
     name = f"sound/{begin:.3f}.npz"
-    if not pieces.take(name, digest_data([made_by, begin, digest_bytes(samples.tobytes())])):
+    if not pieces.take(name, [begin, digest_bytes(samples.tobytes())]):
         Sound.of(begin, samples, channels).write(pieces.out / name)
     return Sound.read(pieces.out / name)
 
@@ -166,7 +164,6 @@ def measure(
     leave_out: int = 0,
     progress: ReportShare | None = None,
     pieces: Pieces | None = None,
-    made_by: str = "",
 ) -> Iterator[Block]:
     """Blocks of a video from its beginning to its end.
 
@@ -176,6 +173,7 @@ def measure(
         sound_from: another file to take the sound from, starting together.
         leave_out: frames at the end whose picture and sound are ignored.
         progress: called with the share done, 0..1.
+        pieces: see `check`.
 
     Raises:
         MediaError: no picture or no sound, or the file cannot be read.
@@ -186,15 +184,16 @@ def measure(
     images = media.read_frames(video)
     channels = SoundChannels()
     first = 0
-    tracker = FaceTracker(float(rate), made_by=made_by)
+    tracker = FaceTracker(float(rate))
     for length in block_lengths(total, rate):
         frames: dict[int, _FaceFrames] = {}
         found: dict[str, Meshes] | None = None if pieces is None else {}
-        kept = Path(KEPT, f"{first:06d}.npz")
-        known = kept_meshes.read(pieces.last / kept) if pieces and pieces.last else {}
+        kept = f"faces/{first:06d}.npz"
+        last = None if pieces is None else pieces.same(kept, [])
+        known = {} if last is None else kept_meshes.read(last / kept)
         place = first / float(rate), length / float(rate)
         with ThreadPoolExecutor(1) as beside:
-            heard = (sound_from or video, *place, channels, end, pieces, made_by)
+            heard = (sound_from or video, *place, channels, end, pieces)
             sound = beside.submit(measure_sound, *heard)
             for k, (frame, tracked) in enumerate(tracker(islice(images, length), known, found)):
                 for detected in tracked:

@@ -17,7 +17,7 @@ import numpy as np
 
 from dubbing import media
 from dubbing.engine.disk import json_records
-from dubbing.engine.disk.files import atomic_write_json, digest_data
+from dubbing.engine.disk.files import atomic_write_json
 from dubbing.engine.disk.pieces import Pieces
 from dubbing.engine.graph.stage import Progress
 from dubbing.errors import RenderingError
@@ -88,7 +88,7 @@ def make(
     composer = Composer(heads, pose_index, settings, delivery)
     if not result.exists():
         if delivery is None:  # frames beside the video are made with their segment
-            _take_over(composer, segments, Pieces(out, last), made_by, settings.codec)
+            _take_over(composer, segments, Pieces(out, last, made_by), settings.codec)
         parts = _pictures(composer, segments, settings, progress)
         progress("muxing", 1.0)
         # The sound has its requested length, unless the dub was cut to the clip.
@@ -144,16 +144,15 @@ def segment_edges(frames: int) -> list[tuple[int, int]]:
     return [(first, min(first + SEGMENT, frames)) for first in range(0, frames, SEGMENT)]
 
 
-def _take_over(composer: Composer, folder: Path, pieces: Pieces, made_by: str, codec: str) -> None:
+def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> None:
     """Cut the segments that would be made again from the last result, if it has exact times."""
     exact = media.SUFFIX[codec] != ".mkv"
     cuts = []
     for first, stop in segment_edges(len(composer.poses)):
         part = folder / f"{first:06d}{SUFFIX}"
-        made_of = digest_data([made_by, first, composer.made_of(first, stop)])
-        same = pieces.same(part.stem, made_of) and exact and not part.exists()
-        if same and pieces.last is not None:
-            cuts.append((video_file(pieces.last, codec), part, first, stop - first))
+        last = pieces.same(part.stem, [first, composer.made_of(first, stop)])
+        if last is not None and exact and not part.exists():
+            cuts.append((video_file(last, codec), part, first, stop - first))
     for _ in in_order(media.cut, cuts):
         pass
 

@@ -36,10 +36,6 @@ class FaceFinder:
         self._faces = faces
         self._followed: list[Region] = []
 
-    def restart(self) -> None:
-        """Forget the faces that are followed."""
-        self._followed = []
-
     def follow_on(self, regions: Sequence[Region]) -> None:
         """Follow the faces of these regions, in the place of those before."""
         self._followed = [*regions]

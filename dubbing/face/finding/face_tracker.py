@@ -46,13 +46,9 @@ class _Track:
 
 
 class FaceTracker:
-    """FaceMesh in tracking mode, with one track number a person.
+    """FaceMesh in tracking mode, with one track number a person."""
 
-    Args:
-        made_by: digest of code and weights, where meshes are kept.
-    """
-
-    def __init__(self, rate: float, max_faces: int = MAX_FACES, made_by: str = "") -> None:
+    def __init__(self, rate: float, max_faces: int = MAX_FACES) -> None:
         self._finder = FaceFinder(max_faces)
         self._memory = max(1, round(rate * MEMORY_SECONDS))
         self._tracks: list[_Track] = []
@@ -60,7 +56,7 @@ class FaceTracker:
         self._frame = -1
         self._meshes: Meshes = []
         self._begun = ""
-        self._made_by, self._key, self._keys = made_by, "", 0
+        self._key, self._keys = "", 0
 
     def __call__(
         self,
@@ -110,7 +106,7 @@ class FaceTracker:
 
     def _next_key(self, frame: np.ndarray) -> str:
         """Digest of the next frame, and of those before it in its run."""
-        before = self._key if self._keys % RUN else self._made_by
+        before = self._key if self._keys % RUN else ""
         self._keys += 1
         self._key = digest_bytes(before.encode() + frame.tobytes())
         return self._key

@@ -17,12 +17,9 @@ Meshes = list[np.ndarray]  # of the faces in a frame, each (P, 3) float32
 
 
 def read(file: Path) -> dict[str, Meshes]:
-    """What `write` wrote; nothing where there is no such file."""
-    try:
-        with np.load(file, allow_pickle=False) as kept:
-            keys, counts, meshes = (kept[name] for name in ("keys", "counts", "meshes"))
-    except (OSError, ValueError, KeyError):
-        return {}
+    """What `write` wrote."""
+    with np.load(file, allow_pickle=False) as kept:
+        keys, counts, meshes = (kept[name] for name in ("keys", "counts", "meshes"))
     parts = np.split(meshes, np.cumsum(counts)[:-1])
     return {str(key): list(part) for key, part in zip(keys, parts, strict=True)}
 

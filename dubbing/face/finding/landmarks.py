@@ -30,7 +30,7 @@ class FaceMesh:
 
     def restart(self) -> None:
         """Forget the face that was tracked: for the first frame after a cut."""
-        self._finder.restart()
+        self._finder.follow_on([])
 
     def __call__(self, image: np.ndarray) -> list[np.ndarray]:
         """Faces of an RGB frame: (478, 3) float64 each; an empty list where there is none."""

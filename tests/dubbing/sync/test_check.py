@@ -151,8 +151,8 @@ def test_what_stays_is_not_measured_again(
         with VideoWriter(tmp_path / f"{name}.mkv", 96, 96, Fraction(25), "ffv1") as writer:
             for frame in frames:
                 writer.write(frame)
-        pieces = Pieces(tmp_path / name, tmp_path / last if last else None)
-        found = check(writer.path, sound_from=sound, pieces=pieces, made_by=made_by)
+        pieces = Pieces(tmp_path / name, tmp_path / last if last else None, made_by)
+        found = check(writer.path, sound_from=sound, pieces=pieces)
         counts = len(looks), len(listened)
         assert found == check(writer.path, sound_from=sound)
         return counts

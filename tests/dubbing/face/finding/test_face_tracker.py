@@ -15,7 +15,7 @@ def tracker() -> FaceTracker:
     """A tracker without its face mesh: only the bookkeeping is tested."""
     made = FaceTracker.__new__(FaceTracker)
     made._memory, made._tracks, made._count, made._frame = 5, [], 0, -1
-    made._meshes, made._begun, made._made_by, made._key, made._keys = [], "", "", "", 0
+    made._meshes, made._begun, made._key, made._keys = [], "", "", 0
     return made
 
 
