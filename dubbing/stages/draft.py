@@ -126,7 +126,8 @@ class HalfSize:
 
     def _rendered(self, cue: Cue, edit: Edit) -> Callable[[int, int], Iterator[np.ndarray]]:
         from dfrf.presets import method_of
-        from dubbing.heads import rendering
+        from dubbing.heads.frame_inputs import head_inputs
+        from dubbing.heads.rendering import heads_of as rendered
         from dubbing.identity.lip_scale import given_lips
 
         model, maps = self.models[cue.identity]
@@ -142,7 +143,7 @@ class HalfSize:
         def read(first: int, count: int) -> Iterator[np.ndarray]:
             for begin in range(first, first + count, segment):
                 stop = min(begin + segment, first + count)
-                inputs = rendering.head_inputs(
+                inputs = head_inputs(
                     model,
                     clip,
                     lambda low, some: speech.part(low - late, some),
@@ -154,7 +155,7 @@ class HalfSize:
                     lips=lips,
                     scale=scale,
                 )
-                yield from rendering.heads_of(model, maps, inputs, clip, poses[begin:stop])
+                yield from rendered(model, maps, inputs, clip, poses[begin:stop])
 
         return read
 
@@ -163,7 +164,7 @@ class HalfSize:
 
         As heard, or as the curves of the edit give them; its shift and strength count for nothing.
         """
-        from dubbing.heads.rendering import wanted_lips
+        from dubbing.heads.frame_inputs import wanted_lips
         from dubbing.identity.lip_scale import given_lips
 
         speech, name = self.speech[cue.name], cue.identity

@@ -189,8 +189,9 @@ def measure(
         frames: dict[int, _FaceFrames] = {}
         found: dict[str, Meshes] | None = None if pieces is None else {}
         kept = f"faces/{first:06d}.npz"
-        last = None if pieces is None else pieces.same(kept, [])
-        known = {} if last is None else kept_meshes.read(last / kept)
+        known: dict[str, Meshes] = {}
+        if pieces is not None and pieces.same(kept, [""]) == [True] and pieces.last is not None:
+            known = kept_meshes.read(pieces.last / kept)
         place = first / float(rate), length / float(rate)
         with ThreadPoolExecutor(1) as beside:
             heard = (sound_from or video, *place, channels, end, pieces)

@@ -150,9 +150,9 @@ def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> 
     cuts = []
     for first, stop in segment_edges(len(composer.poses)):
         part = folder / f"{first:06d}{SUFFIX}"
-        last = pieces.same(part.stem, [first, composer.made_of(first, stop)])
-        if last is not None and exact and not part.exists():
-            cuts.append((video_file(last, codec), part, first, stop - first))
+        (same,) = pieces.same(part.stem, [[first, composer.made_of(first, stop)]])
+        if same and pieces.last is not None and exact and not part.exists():
+            cuts.append((video_file(pieces.last, codec), part, first, stop - first))
     for _ in in_order(media.cut, cuts):
         pass
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,22 +30,30 @@ class Pieces:
     last: Path | None
     made_by: str = ""
 
-    def same(self, name: str, made_of: Any) -> Path | None:
-        """Note what a piece is made of, plain data; the last result, if that piece is the same."""
-        note, digest = Path(FOLDER, f"{name}.json"), digest_data([self.made_by, made_of])
-        atomic_write_json(self.out / note, digest)
-        if self.last is None:
-            return None
-        try:
-            same = json_records.read(self.last / note, str, "digest") == digest
-        except ExplainedError:
-            return None
-        return self.last if same else None
+    def same(self, name: str, made_of: Sequence[Any]) -> list[bool]:
+        """Note what the parts of a piece are made of, plain data; which the last result has."""
+        note, digests = (
+            Path(FOLDER, f"{name}.json"),
+            [digest_data([self.made_by, p]) for p in made_of],
+        )
+        atomic_write_json(self.out / note, digests)
+        before: list[str] = []
+        if self.last is not None:
+            with suppress(ExplainedError):
+                before = json_records.read(self.last / note, list[str], "digests")
+        if len(before) != len(digests):
+            return [False] * len(digests)
+        return [one == other for one, other in zip(before, digests, strict=True)]
 
     def take(self, name: str, made_of: Any) -> bool:
         """Copy a file of the last result that is made of the same; whether there is one."""
-        if (last := self.same(name, made_of)) is None:
+        if not all(self.same(name, [made_of])):
             return False
-        with atomic_path(self.out / name) as temporary:
-            shutil.copyfile(last / name, temporary)
+        self.copy(name)
         return True
+
+    def copy(self, name: str) -> None:
+        """Copy a file of the last result."""
+        assert self.last is not None
+        with atomic_path(self.out / name) as temporary:
+            shutil.copyfile(self.last / name, temporary)

@@ -25,6 +25,7 @@ from dfrf.rendering.baked_frame import BakedHead
 from dubbing.compositing.composite import blend, replacement
 from dubbing.engine.graph.stage import Progress
 from dubbing.heads import rendering as heads
+from dubbing.heads.frame_inputs import inputs_of
 from dubbing.heads.pose_refinement import refined
 from dubbing.identity.best_seconds import Part
 from dubbing.identity.dataset import mouth_boxes
@@ -209,7 +210,7 @@ def _chosen(
     posed = refined(person, maps, clip, np.unique(under), progress)
     index = np.zeros(len(clip), int)
     index[spoken] = under
-    inputs = heads.inputs_of(person, posed, speech, index, begin, begin + len(spoken))
+    inputs = inputs_of(person, posed, speech, index, begin, begin + len(spoken))
     return _Frames(posed, under, person, maps, replace(inputs, baked=True))
 
 

@@ -15,6 +15,7 @@ from dfrf.fast.fast_method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.face.mesh_points import CHIN
 from dubbing.heads import rendering as heads
+from dubbing.heads.frame_inputs import inputs_of, made_of, wanted_lips
 from dubbing.identity.lip_scale import LipScale, Scale
 from dubbing.media import VideoWriter, read_frames
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
@@ -101,33 +102,44 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     speech = SpeechFrames(windows, speech.lips)
     for k, head in enumerate(made(tmp_path / "some", strength=some)):
         np.testing.assert_allclose(head.astype(int), (whole if some[k] else muted)[k], atol=1)
-    # What is made of the same as in the last result is copied from there.
+    # Frames made of the same as in the last result are taken from there.
     shown: list[int] = []
 
     def counted(*of: Any) -> Iterator[np.ndarray]:
-        shown.append(1)
+        shown.append(int(of[-1].sum()))
         return own_heads_of(*of)
 
     monkeypatch.setattr(heads, "heads_of", counted)
     once = np.ones(count, np.float32)
     once[12] = 0
     again = made(tmp_path / "again", strength=once, last=tmp_path / "some")
-    assert len(shown) == 2  # of 3: in the last frames nothing changed
+    assert shown == [2, 3]  # frames 6 to 9 are as spoken again, and 12 is muted
+    for head, alone in zip(again, made(tmp_path / "alone", strength=once), strict=True):
+        np.testing.assert_array_equal(head, alone)
+    assert shown == [2, 3, 8, 8, count - 16]
     for k, head in enumerate(again):
         np.testing.assert_allclose(head.astype(int), (muted if k == 12 else whole)[k], atol=1)
     # Where other pixels of the head are shown, it is not.
     clip.landmarks[20, CHIN] += 1
     made(tmp_path / "moved", strength=once, last=tmp_path / "again")
-    assert len(shown) == 3
+    assert shown[5:] == [1]
     clip.landmarks[20, CHIN] -= 1
+    # A frame is made of the lips around it, too.
+    reach = FastMethod.reach
+    first = inputs_of(model, clip, speech, np.arange(count), 0, 8)
+    other = replace(first, predicted_lips=first.predicted_lips.clone())
+    other.predicted_lips[reach + 4] += 1
+    both = (made_of(inputs, clip, np.arange(8)) for inputs in (first, other))
+    changed = [k for k, (one, two) in enumerate(zip(*both, strict=True)) if one != two]
+    assert changed == [k for k in range(8) if abs(k - 4) <= reach]
     # Lips that are given take the place of those heard: its own change nothing.
-    own = heads.wanted_lips(model, speech)
+    own = wanted_lips(model, speech)
     assert own is not None
     for a, b in zip(made(tmp_path / "own", lips=own), whole, strict=True):
         np.testing.assert_allclose(a.astype(int), b, atol=1)
     given = np.full_like(own, np.nan)
     given[6:10] = own[6:10] + 3
-    wanted = heads.wanted_lips(model, speech, lips=given)
+    wanted = wanted_lips(model, speech, lips=given)
     assert wanted is not None
     np.testing.assert_allclose(wanted, np.where(np.isnan(given), own, given), atol=1e-3)
     for k, head in enumerate(made(tmp_path / "given", lips=given)):
@@ -139,7 +151,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     late = LipScale(np.zeros(7), np.ones(7), 0.5)
     model.field.conditioning.closed_mouth_target.fill_(-2)
     saved_models.save_person(tmp_path / "model.safetensors", model, None, {})
-    own, closed = (heads.wanted_lips(model, speech, of) for of in (None, np.zeros(count)))
+    own, closed = (wanted_lips(model, speech, of) for of in (None, np.zeros(count)))
     assert own is not None
     assert closed is not None
     shares = late.shares(half, own[:, 0], closed[0, 0])
