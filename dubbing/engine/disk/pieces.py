@@ -32,10 +32,8 @@ class Pieces:
 
     def same(self, name: str, made_of: Sequence[Any]) -> list[bool]:
         """Note what the parts of a piece are made of, plain data; which the last result has."""
-        note, digests = (
-            Path(FOLDER, f"{name}.json"),
-            [digest_data([self.made_by, p]) for p in made_of],
-        )
+        note = Path(FOLDER, f"{name}.json")
+        digests = [digest_data([self.made_by, part]) for part in made_of]
         atomic_write_json(self.out / note, digests)
         before: list[str] = []
         if self.last is not None:
