@@ -14,12 +14,12 @@ from dfrf.cameras import project
 from dfrf.data.dataset import EYES, HEAD, HEAD_MATTE, MOUTH, RIM, HeadDataset
 from dfrf.field.mouth_pixels import region
 from dubbing.errors import TrainingError
+from dubbing.face.eyes import eye_axes, upwards
 from dubbing.face.mesh_points import EYE_CORNERS, RIGID
 from dubbing.face.mouth.lip_measures import lip_measures, lips_touch
 from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP
 from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.image_store import ImageStore
-from dubbing.preparation.alignment.silhouette import eye_axes, upwards
 from dubbing.preparation.prepared import PreparedClip
 
 # Of each eye: inner and outer corner, middle of the upper and of the lower lid, brow, iris.

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from dubbing.face.eyes import eye_axes, upwards
 from dubbing.preparation.alignment.banded import DOF, NormalEquations, huber_weight
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
 
@@ -44,22 +45,6 @@ class Silhouette:
     def take(self, index: np.ndarray) -> Silhouette:
         """Some of the frames."""
         return Silhouette(self.middle[index], self.top[index])
-
-
-def eye_axes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Middle (..., 2), unit vector to the right (..., 2) and distance (...) of the eyes.
-
-    Args:
-        corners: (..., 4, 2) px, in the order of `mesh_points.EYE_CORNERS`.
-    """
-    across = corners[..., 3, :] - corners[..., 0, :]
-    apart = np.linalg.norm(across, axis=-1)
-    return corners.mean(-2), across / apart[..., None], apart
-
-
-def upwards(right: np.ndarray) -> np.ndarray:
-    """Unit vectors (..., 2) towards the forehead, perpendicular to those to the right."""
-    return np.stack((right[..., 1], -right[..., 0]), axis=-1)
 
 
 def measure(alpha: np.ndarray, corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

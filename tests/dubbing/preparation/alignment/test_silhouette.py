@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
+from dubbing.face.eyes import eye_axes, upwards
 from dubbing.preparation.alignment.banded import DOF
 from dubbing.preparation.alignment.camera import Poses, project, rotation_from_vector, to_camera
 from dubbing.preparation.alignment.silhouette import (
@@ -11,10 +12,8 @@ from dubbing.preparation.alignment.silhouette import (
     TURN,
     Silhouette,
     equations,
-    eye_axes,
     measure,
     places,
-    upwards,
 )
 
 # Corners of the eyes in the head frame (y down), in the order of `mesh_points.EYE_CORNERS`.
