@@ -92,11 +92,11 @@ def dub_job(
     for cue in dub.cues:
         person, own = dub.person(cue), people[cue.identity]
         film, model = person.clip_at(dub.film.path), own.stage(Finetune)
-        speech = job.add(Listen.of(cue, person, dub.film.rate), cue.name)
+        speech = job.add(Listen.of(cue, person, dub.film.rate), cue.recorded)
         poses = own.stage(RefinePoses, film.name)
         learned = tuple(prepared(own, clip) for clip in person.learned)
         render = Render.of(dub, cue, prepared(own, film), model, poses, speech, learned, device)
-        heads[cue.name] = job.add(render, cue.name)
+        heads[cue.name] = job.add(render, cue.taken)
     if heads:
         on_film = {who.name: on_film_of(dub, who, people[who.name]) for who in dub.people}
         video = job.add(Composite.of(dub, heads, on_film))
@@ -113,7 +113,7 @@ def draft_job(dub: Dub, people: Mapping[str, Job], work: Path, device: str = "au
     """The stages of the draft of a dub; see `dub_job`."""
     job = empty_job(dub, people, dub_folder(work, dub.name))
     speech: dict[str, Stage] = {
-        cue.name: job.add(Listen.of(cue, dub.person(cue), dub.film.rate), cue.name)
+        cue.name: job.add(Listen.of(cue, dub.person(cue), dub.film.rate), cue.recorded)
         for cue in dub.cues
     }
     if speech:

@@ -23,7 +23,7 @@ from dubbing.errors import ExplainedError
 from dubbing.production.dub import Dub
 from dubbing.production.production import REPORTS, Production
 from dubbing.provenance.mark_key import make_installation_key
-from dubbing.report import lines, report
+from dubbing.report import lines, report, takes
 from dubbing.report.report import Sync
 from dubbing.script.edl import Marker
 from dubbing.stages.check import Check
@@ -87,7 +87,7 @@ def dub(
 
         def put(name: str, job: Job) -> None:
             publish(production.dubs[name], job, ledger)
-            remove_old_cues(job)
+            remove_old_cues(production.dubs[name], job)
 
         put_each(dubs, outcomes, put)
         syncs = {name: report.sync_of(job) for name, job in dubs.items()}
@@ -200,17 +200,21 @@ def publish(dub: Dub, job: Job, ledger: Ledger) -> None:
         "edl": lines.as_edl(dub, job, rows),
     }
     results.put(ledger, dub, files, texts)
+    takes.keep(dub, job, rows)
     if dub.settings.deliver != "video":
         results.put_frames(ledger, dub, job.stage(Composite).folder / DELIVERED)
 
 
-def remove_old_cues(job: Job) -> None:
-    """Remove what was made for lines that are spoken at other times now, or not at all."""
+def remove_old_cues(dub: Dub, job: Job) -> None:
+    """Remove what was made for lines that are spoken at other times now, or not at all.
+
+    What was made of other takes stays.
+    """
     cues = job.folder / job.parts
-    present = {stage.folder.parent for stage in job.stages.values()}
-    for folder in cues.iterdir() if cues.is_dir() else ():
+    present = {cue.name for cue in dub.cues}
+    for folder in cues.iterdir() if cues.is_dir() and not dub.length_of_take else ():
         # One with a claim in it is of another run.
-        if folder not in present and not any(folder.glob(f"*{claims.SUFFIX}")):
+        if folder.name not in present and not any(folder.rglob(f"*{claims.SUFFIX}")):
             shutil.rmtree(folder)
 
 

@@ -8,7 +8,9 @@ import numpy as np
 from dubbing.batch import jobs, results
 from dubbing.engine.disk import claims
 from dubbing.engine.disk.files import atomic_write_text, digest_bytes, make_folder
+from dubbing.engine.graph.graph import Job
 from dubbing.engine.graph.stage import Stage
+from dubbing.engine.running.update import run_stage
 from dubbing.errors import ExplainedError, RenderingError
 from dubbing.face.mouth.lip_curves import text_of
 from dubbing.identity.lip_scale import moments
@@ -16,6 +18,7 @@ from dubbing.pipeline import DUB
 from dubbing.production.dub import Dub
 from dubbing.production.production import WORK, Production
 from dubbing.stages.draft import Draft, HalfSize
+from dubbing.stages.listen import Listen
 
 
 def write_curves(production: Production, only: tuple[str, ...] = ()) -> Iterator[Path]:
@@ -28,19 +31,28 @@ def write_curves(production: Production, only: tuple[str, ...] = ()) -> Iterator
         dub = production.dubs[name]
         for draft in job.all_of(Draft):
             check_made(production, name, draft)
+            listen_to(job)
             text = text_of(rows_of(dub, draft.opened()))
             yield _put(production, dub, text)
 
 
 def check_made(production: Production, name: str, draft: Draft) -> None:
-    """Check that what a draft needs was made.
+    """Check that the people of a draft are learned.
 
     Raises:
-        ExplainedError: something was not.
+        ExplainedError: somebody is not.
     """
-    if not all(one.record() for one in draft.inputs.values() if isinstance(one, Stage)):
-        what = "a person is not learned yet, or speech was not listened to"
+    needed = [one for one in draft.inputs.values() if isinstance(one, Stage)]
+    if not all(one.record() for one in needed if not isinstance(one, Listen)):
+        what = "a person is not learned yet"
         raise ExplainedError(what, name, f"run first: dfrf dub {production.manifest}")
+
+
+def listen_to(job: Job) -> None:
+    """Listen to the recordings of a job that were not listened to."""
+    for stage in job.all_of(Listen):
+        if stage.record() is None:
+            run_stage(stage, lambda *_: None)
 
 
 def rows_of(dub: Dub, half: HalfSize) -> Iterator[tuple[int, int, float, np.ndarray]]:

@@ -77,6 +77,12 @@ class Dub:
         """In the order of their times."""
         return self.sound.cues
 
+    @property
+    def length_of_take(self) -> bool:
+        """Whether its length, and so the name of its cue, is that of the take that is chosen."""
+        takes = (take.audio for cue in self.cues for _, take in cue.edit.takes)
+        return not self.sound.film_heard and any(takes)
+
     def person(self, cue: Cue) -> Person:
         """Who speaks a cue."""
         return next(person for person in self.people if person.name == cue.identity)

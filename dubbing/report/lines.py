@@ -99,9 +99,10 @@ def edit_columns(edit: Edit) -> dict[str, Any]:
     strength = None if edit.strength == 1 else edit.strength
     keys = ", ".join(f"{at:g}: {value:g}" for at, value in edit.keys)
     curves = edit.curves[0].name if edit.curves else ""
+    take = {"take": edit.take, "recording": edit.audio.name if edit.audio else ""}
     own = {"shift": edit.shift or None, "strength": strength, "keys": keys, "curves": curves}
     own["film_mouth"] = ", ".join(f"{start:g}-{end:g}" for start, end in edit.film_mouth)
-    return {**own, "note": edit.note, "status": edit.status}
+    return {**take, **own, "note": edit.note, "status": edit.status}
 
 
 def edits_of(dub: Dub) -> list[dict[str, Any]]:

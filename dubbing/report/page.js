@@ -144,6 +144,13 @@ function write(part) {
   lines();
 }
 
+// A take of the chosen line, and how it was when it was made.
+function taken({ take, made: there, verdict, offset_ms: late, closeness: near }) {
+  const made = there ? ["", make("b", {}, WORDS[verdict] || "not judged"), Number.isFinite(late) && `, ${late} ms late`,
+    Number.isFinite(near) && `, mouth follows the words: ${percent(near)} of the original`] : ["not made as it is now"];
+  return make("p", { className: "quiet" }, `Take ${take || "without a name"}${take === line.take ? ", chosen" : ""}: `, ...made);
+}
+
 function lines() {
   const nav = find("lines"), held = nav.contains(document.activeElement);
   line = dub.lines.includes(line) ? line : dub.lines[0];
@@ -165,7 +172,7 @@ function lines() {
   find("told").replaceChildren(...[make("h2", {}, `Line ${line.line} · ${line.speaker || line.identity} · `,
     make("span", { className: "time" }, line.in)), line.words && make("p", {}, line.words),
   several && make("p", {}, tag(line.verdict || "unjudged"), ` ${line.reason || ""}`),
-  line.edit && quiet(`Edited: ${line.edit}`), line.reach && make("p", { className: line.short ? "warn" : "quiet" },
+  line.edit && quiet(`Edited: ${line.edit}`), ...line.takes.map(taken), line.reach && make("p", { className: line.short ? "warn" : "quiet" },
     `${line.short ? "Dubbed in part: " : ""}${line.reach}`),
   several && line.own_pixels && quiet(`The film's own face in frames: ${line.own_pixels}`),
   several && line.overlaid && quiet(`Something lies over the mouth and stays there, in frames: ${line.overlaid}`),

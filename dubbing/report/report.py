@@ -40,6 +40,7 @@ from dubbing.report.page import (
     page_of,
 )
 from dubbing.report.sources import relative, shown, source_of
+from dubbing.report.takes import takes_of
 from dubbing.report.thumbnails import thumbnail_of
 from dubbing.stages.check import Check
 from dubbing.stages.check_source import CheckSource
@@ -224,7 +225,10 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
         **source_of(production, dub.film.path, start),
         "undubbed": lines.undubbed_of(dub),
         "lines": [
-            row | _reach(of) | {"edit": cue.edit.in_words(), "cue": cue.name, "told": told(cue)}
+            row
+            | _reach(of)
+            | {"edit": cue.edit.in_words(), "cue": cue.name, "told": told(cue)}
+            | {"takes": takes_of(job, cue, cue.edit)}
             for row, of, cue in zip(rows, reach, dub.cues, strict=True)
         ],
         "short_lines": sum(of is not None and of.short for of in reach),

@@ -3,7 +3,10 @@
 F frames of the dub, T frames of the film.
 """
 
+from __future__ import annotations
+
 import math
+import re
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
@@ -11,10 +14,12 @@ from pathlib import Path
 
 import numpy as np
 
+from dubbing.engine.disk.files import digest_data
 from dubbing.engine.graph.fields import Setting
 from dubbing.errors import RenderingError
 
 HELD, AROUND = 0.04, 0.12  # s beside a key: its strength holds, and has gone
+TAKES, LONGEST_PLAIN = "takes", 20  # folder of takes; characters of the name of one that are read
 FADE = 3  # frames at a cue's edges over which the rendered head fades in and out
 
 
@@ -30,6 +35,8 @@ class Edit:
         status: open, approved or redo; for people.
         curves: a file, and the line in it whose lips take the place of those heard.
         take: its name, where the line has several; for people.
+        audio: the recording of that take, where it has one of its own; a cue has it as `audio`.
+        takes: all versions of the line by name, that without a name first; of one alone, none.
         film_mouth: from and to, in seconds of the cue, where the face stays the film's own. Which
             only a video depends on.
     """
@@ -42,6 +49,8 @@ class Edit:
     curves: tuple[Path, int] | None = None
     take: Setting[str] = ""
     film_mouth: tuple[tuple[float, float], ...] = ()
+    audio: Setting[Path | None] = None
+    takes: Setting[tuple[tuple[str, Edit], ...]] = ()
 
     @property
     def of_lips(self) -> bool:
@@ -77,6 +86,7 @@ class Edit:
     def in_words(self) -> str:
         """``the mouth 80 ms later, strength 0.5: mumbled``; empty without an edit."""
         found = [f"take {self.take}"] if self.take else []
+        found += [f"recording {self.audio.name}"] if self.audio else []
         if self.shift:
             side = "later" if self.shift > 0 else "earlier"
             found.append(f"the mouth {abs(self.shift):g} ms {side}")
@@ -116,6 +126,21 @@ class Cue:
     def name(self) -> str:
         """The name of its folder: a person has at most one cue at a time."""
         return f"{self.identity}_{self.first:07d}-{self.stop:07d}"
+
+    @property
+    def taken(self) -> str:
+        """The name of the folder of its take, where what was made of other takes stays."""
+        return self.folder_of(self.edit.take)
+
+    @property
+    def recorded(self) -> str:
+        """The name of the folder of what is heard, which takes of one recording share."""
+        return self.folder_of(self.edit.take if self.edit.audio else "")
+
+    def folder_of(self, take: str) -> str:
+        """The name of the folder of a take; '' is the version without a name."""
+        plain = re.sub("[^a-z0-9]+", "-", take.lower()).strip("-")[:LONGEST_PLAIN]
+        return f"{self.name}/{TAKES}/{plain}-{digest_data(take)[:6]}" if take else self.name
 
 
 def frame_count(seconds: float, rate: Fraction) -> int:

@@ -15,6 +15,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dubbing.batch.curves import listen_to
 from dubbing.batch.jobs import build
 from dubbing.engine.memory import SHORT
 from dubbing.errors import ExplainedError
@@ -101,7 +102,7 @@ class Desk:
 
     def __init__(self, manifest: Path, device: str) -> None:
         self.manifest, self.device = manifest, device
-        self.films: OrderedDict[str, Film] = OrderedDict()
+        self.films: dict[tuple[str, str], Film] = {}
         self.drawn: OrderedDict[tuple[str, str, int, str], bytes] = OrderedDict()
 
     @cached_property
@@ -110,24 +111,33 @@ class Desk:
 
         return load(self.manifest)
 
-    def film(self, name: str) -> Film:
-        """The film of a dub; another one than last time takes its place."""
-        if name not in self.films:
-            self.films.clear()
-            job = build(self.production, only=(name,), device=self.device, draft=True)
-            self.films[name] = Film(job.by_label[f"dub/{name}"].stage(Draft))
-        return self.films[name]
+    def film(self, name: str, heard: str) -> Film:
+        """The film of a dub; another one than last time takes its place.
 
-    def curves(self, dub: str, folder: str, edits: dict[str, Edit]) -> Iterator[dict[str, Any]]:
+        Args:
+            heard: names the recordings of its lines; other ones are listened to where they are new.
+        """
+        if (name, heard) not in self.films:
+            self.films.clear()
+            vars(self).pop("production", None)
+            built = build(self.production, only=(name,), device=self.device, draft=True)
+            job = built.by_label[f"dub/{name}"]
+            listen_to(job)
+            self.films[name, heard] = Film(job.stage(Draft))
+        return self.films[name, heard]
+
+    def curves(
+        self, dub: str, folder: str, edits: dict[str, Edit], heard: str
+    ) -> Iterator[dict[str, Any]]:
         """The sound of a dub as a file in a folder, and what is heard of lips in each line."""
         from dubbing.studio.sound import write_sound
 
-        film = self.film(dub)
+        film = self.film(dub, heard)
         file, peaks = write_sound(self.production.dubs[dub], Path(folder))
         yield {"file": file, "peaks": peaks, "lines": film.heard(edits)}
 
     def frames(
-        self, dub: str, kind: str, wanted: list[tuple[int, str]], edits: dict[str, Edit]
+        self, dub: str, kind: str, wanted: list[tuple[int, str]], edits: dict[str, Edit], heard: str
     ) -> Generator[tuple[int, str, bytes]]:
         """Frames as JPEG with their numbers and signatures, in the order asked for."""
         missing = []
@@ -139,7 +149,7 @@ class Desk:
                 missing.append((number, mark))
         marks = dict(missing)
         video = self.production.output / self.production.dubs[dub].results()["video"]
-        with closing(self.film(dub).draw(kind, list(marks), edits, video)) as images:
+        with closing(self.film(dub, heard).draw(kind, list(marks), edits, video)) as images:
             for number, image in images:
                 key = (dub, kind, number, marks[number])
                 self.drawn[key] = as_jpeg(image)

@@ -4,7 +4,6 @@ F frames of a dub.
 """
 
 from collections.abc import Mapping
-from functools import cached_property
 from threading import Lock
 from typing import Any
 
@@ -13,15 +12,17 @@ import numpy as np
 from dubbing.batch.curves import check_made
 from dubbing.batch.jobs import build
 from dubbing.engine.disk.file_digests import digest_of
-from dubbing.engine.graph.graph import Jobs
+from dubbing.engine.disk.files import digest_data
 from dubbing.engine.planning import planner
 from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.kept_edits import KeptEdits, StaleError, validated
 from dubbing.manifest.keys import edit_entry
+from dubbing.manifest.manifest import load
 from dubbing.pipeline import DUB
 from dubbing.production.dub import Dub
 from dubbing.production.production import Production
 from dubbing.report.lines import lines_of
+from dubbing.report.takes import takes_of
 from dubbing.script.timeline import FADE, Cue, Edit
 from dubbing.stages.draft import Draft
 
@@ -37,8 +38,12 @@ class Project:
     """
 
     def __init__(self, production: Production) -> None:
+        self._saving, self._loading = Lock(), Lock()
+        self._look(production)
+
+    def _look(self, production: Production) -> None:
+        """Take a production, whose stages are there or not."""
         self.production = production
-        self._saving = Lock()
         self.lacking: dict[str, str] = {}
         drafts = build(production, draft=True).named(DUB)
         for name, job in drafts.items():
@@ -49,10 +54,11 @@ class Project:
                 except ExplainedError as error:
                     self.lacking[name] = str(error)
         self.dubs = {n: d for n, d in production.dubs.items() if n not in self.lacking}
+        self._jobs = build(production)
 
-    @cached_property
-    def _jobs(self) -> Jobs:
-        return build(self.production)
+    def heard(self, name: str) -> str:
+        """Names the recordings of a dub."""
+        return digest_data([[cue.edit.take, str(cue.audio)] for cue in self.dubs[name].cues])[:16]
 
     def stale(self) -> list[str]:
         """Stages that were made from other inputs, or by another version, than is there now."""
@@ -67,10 +73,17 @@ class Project:
     def edits(self, name: str) -> dict[str, Edit]:
         """The edits of a dub by the names of its cues; as spoken for the others.
 
+        Where a take with another recording is chosen by now, all is looked at anew.
+
         Raises:
             ExplainedError: its file holds something else.
         """
-        return self._kept(name).edits()
+        with self._loading:
+            found = self._kept(name).edits()
+            if any(found[cue.name].audio != cue.edit.audio for cue in self.dubs[name].cues):
+                self._look(load(self.production.manifest))
+                found = self._kept(name).edits()
+            return found
 
     def save(self, name: str, cue: Cue, revision: str, given: Any) -> str:
         """Put the edit of a cue, as JSON holds it, into the file; gives the new revision.
@@ -90,8 +103,8 @@ class Project:
 
     def shown(self, name: str) -> dict[str, Any]:
         """A dub with its lines, as the page gets them."""
-        dub, edits = self.dubs[name], self.edits(name)
-        rows = lines_of(dub, self._jobs.named(DUB)[name])
+        edits, dub, job = self.edits(name), self.dubs[name], self._jobs.named(DUB)[name]
+        rows = lines_of(dub, job)
         video = self.video(name)
         takes = {} if dub.fixed_edits else _takes(self._kept(name).entries()[1])
         return {
@@ -100,6 +113,7 @@ class Project:
             "frames": dub.length,
             "size": [side // 2 for side in (dub.info.width, dub.info.height)],
             "revision": self.revision(name),
+            "heard": self.heard(name),
             "fixed": dub.fixed_edits,
             "dubbed": video is not None,
             "lines": [
@@ -107,6 +121,11 @@ class Project:
                 | {"cue": cue.name, "first": cue.first, "stop": min(cue.stop, dub.length)}
                 | {"seconds": cue.seconds, "edit": _as_json(edits[cue.name])}
                 | {"takes": takes.get(cue.name, {"": {}})}
+                | {
+                    "verdicts": {
+                        one["take"]: one["verdict"] for one in takes_of(job, cue, edits[cue.name])
+                    }
+                }
                 | {"strengths": self._strengths(dub, cue, edits[cue.name]).round(4).tolist()}
                 for row, cue in zip(rows, dub.cues, strict=True)
             ],
@@ -125,7 +144,7 @@ class Project:
         if kind == "dub":
             video = self.video(name)
             return [str(video.stat().st_mtime_ns if video else 0)] * (stop - first)
-        dub, edits = self.dubs[name], self.edits(name)
+        edits, dub = self.edits(name), self.dubs[name]
         parts: list[str] = [""] * dub.length
         for cue in dub.cues:
             edit, curves = edits[cue.name], _digest(edits[cue.name])
@@ -158,17 +177,20 @@ class Project:
         }
         allowed: set[str | None] = {None}  # no page may have other files read
         if before:
-            known = (before.curves, *(take.curves for take in before.takes.values()))
-            allowed |= {str(one) for one in known}
-        if any(one.get("curves") not in allowed for one in versions.values()):
-            raise ExplainedError("curves: only those in the file stay", remedy="name others there")
-        given |= versions.pop("", {})
+            known = [before.curves, *(one.curves for one in before.takes.values())]
+            allowed |= {str(one) for one in known + [one.audio for one in before.takes.values()]}
+        for key in ("curves", "audio"):
+            if any(one.get(key) not in allowed for one in versions.values()):
+                what = f"{key}: only those in the file stay"
+                raise ExplainedError(what, remedy="name others there")
+        given |= {key: value for key, value in versions.pop("", {}).items() if key != "audio"}
         return validated(line | given | {"takes": versions}, "", self.production.manifest.parent)
 
 
 def _digest(edit: Edit) -> str:
-    """Of the curves of an edit."""
-    return digest_of(edit.curves[0])[:8] if edit.curves else ""
+    """Of the curves and of the recording of an edit."""
+    files = (edit.curves and edit.curves[0], edit.audio)
+    return "/".join(digest_of(file)[:8] if file else "" for file in files)
 
 
 def _takes(entries: Mapping[Cue, edit_entry.Edit]) -> dict[str, dict[str, Any]]:
@@ -185,4 +207,6 @@ def _as_json(edit: Edit) -> dict[str, Any]:
     keys = [{"at": at, "strength": strength} for at, strength in edit.keys]
     curves = str(edit.curves[0]) if edit.curves else None
     spans = [{"start": start, "end": end} for start, end in edit.film_mouth]
-    return {**vars(edit), "keys": keys, "curves": curves, "film_mouth": spans}
+    audio = str(edit.audio) if edit.audio else None
+    own = {"keys": keys, "curves": curves, "film_mouth": spans, "audio": audio}
+    return {**{key: value for key, value in vars(edit).items() if key != "takes"}, **own}

@@ -23,6 +23,7 @@ from starlette.staticfiles import StaticFiles
 from dubbing import design
 from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.kept_edits import StaleError
+from dubbing.script.timeline import Edit
 from dubbing.studio.drafter import Drafter
 from dubbing.studio.film import DRAFT, DUB
 from dubbing.studio.guard import Guard
@@ -96,7 +97,7 @@ class Server:
 
     def __init__(self, project: Project, drafter: Drafter, folder: Path) -> None:
         self.project, self.drafter, self.folder = project, drafter, folder
-        self.curves_of: dict[str, asyncio.Task[dict[str, Any]]] = {}
+        self.curves_of: dict[tuple[str, str], asyncio.Task[dict[str, Any]]] = {}
 
     async def dubs(self, _: Request) -> Response:
         """The names of all dubs, and why some cannot be drafted."""
@@ -129,7 +130,7 @@ class Server:
     async def sound(self, request: Request) -> Response:
         """The sound of a dub."""
         found = await self._curves(self._name(request))
-        return FileResponse(self.folder / found["file"], media_type="audio/flac")
+        return FileResponse(found["file"], media_type="audio/flac")
 
     async def frames(self, request: Request) -> Response:
         """Frames of a dub from one on, then those before it; see `_packed`.
@@ -154,7 +155,14 @@ class Server:
         wanted.sort(key=lambda one: (one[0] < at, one[0]))
 
         async def stream() -> AsyncIterator[bytes]:
-            asked = self.drafter.ask("frames", name, kind=kind, wanted=wanted, edits=edits)
+            asked = self.drafter.ask(
+                "frames",
+                name,
+                kind=kind,
+                wanted=wanted,
+                edits=edits,
+                heard=self.project.heard(name),
+            )
             try:
                 async with aclosing(asked) as found:  # type: ignore[type-var]
                     async for number, mark, image in found:
@@ -180,14 +188,16 @@ class Server:
 
     async def _curves(self, name: str) -> dict[str, Any]:
         """Made once; made again where that failed."""
-        task = self.curves_of.get(name)
+        edits = await run_in_threadpool(self.project.edits, name)
+        key = name, self.project.heard(name)
+        task = self.curves_of.get(key)
         if task is None or (task.done() and task.exception()):
-            task = self.curves_of[name] = asyncio.create_task(self._ask_curves(name))
+            task = self.curves_of[key] = asyncio.create_task(self._ask_curves(*key, edits))
         return await asyncio.shield(task)
 
-    async def _ask_curves(self, name: str) -> dict[str, Any]:
-        edits = await run_in_threadpool(self.project.edits, name)
-        asked = self.drafter.ask("curves", name, folder=str(self.folder), edits=edits)
+    async def _ask_curves(self, name: str, heard: str, edits: dict[str, Edit]) -> dict[str, Any]:
+        folder = str(self.folder / heard)
+        asked = self.drafter.ask("curves", name, folder=folder, edits=edits, heard=heard)
         async with aclosing(asked) as found:  # type: ignore[type-var]
             async for curves in found:
                 return dict(curves)

@@ -15,7 +15,7 @@ PEAKS = 100  # a second
 
 
 def write_sound(dub: Dub, folder: Path) -> tuple[str, list[float]]:
-    """Write FOLDER/NAME.flac, as the finished dub has it; gives its name and its peaks."""
+    """Write FOLDER/NAME.flac, as the finished dub has it; gives its path and its peaks."""
     folder.mkdir(parents=True, exist_ok=True)
     own, seconds = folder / f"{dub.name}.flac", float(dub.length / dub.film.rate)
     if (cue := dub.sound.recording) is not None:
@@ -34,4 +34,4 @@ def write_sound(dub: Dub, folder: Path) -> tuple[str, list[float]]:
             peaks += [round(float(part.max(initial=0)), 3) for part in parts]
         out.write(np.zeros(max(0, left), np.float32))
         peaks += [0.0] * (max(0, left) * PEAKS // RATE)
-    return own.name, peaks
+    return str(own), peaks

@@ -2,13 +2,12 @@
 
 import datetime
 from collections.abc import Mapping
-from pathlib import Path
 
 from dubbing.engine.disk.numbered import numbered, plain
 from dubbing.errors import ExplainedError, MediaError
 from dubbing.manifest.checks import preset_checks as published
 from dubbing.manifest.checks import provenance_checks, sound_checks, terms
-from dubbing.manifest.edits.edits import edited
+from dubbing.manifest.edits.edits import edited, whole_recording
 from dubbing.manifest.keys.entries import Dub, Identity
 from dubbing.manifest.keys.findings import Findings, Scene
 from dubbing.manifest.keys.values import BEST
@@ -227,19 +226,19 @@ def _whole_audio(
 ) -> None:
     """A dub of one sound."""
     at: KeyPath = ("dubs", place)
-    assert isinstance(dub.audio, Path)
+    audio, within = whole_recording(dub)
     before = len(findings.problems)
-    sound = findings.look(dub.audio, (*at, "audio"))
+    sound = findings.look(audio, (*at, *within))
     if sound is not None:
         if sound.audio_rate is None:
-            findings.add((*at, "audio"), f"no sound in {dub.audio}")
+            findings.add((*at, *within), f"no sound in {audio}")
         elif dub.audio_start >= sound.sound_seconds:
             message = f"{dub.audio_start:g} s is past the end: the sound is"
             findings.add((*at, "audio_start"), f"{message} {sound.sound_seconds:.1f} s long")
         elif dub.audio_seconds and dub.audio_start + dub.audio_seconds > sound.sound_seconds + 0.5:
             message = f"there are only {sound.sound_seconds - dub.audio_start:.1f} s of sound"
             findings.add((*at, "audio_seconds"), message)
-        _check_channels(findings, (*at, "audio"), dub, sound)
+        _check_channels(findings, (*at, *within), dub, sound)
     clip = film_of(findings, at, dub, identities)
     if clip is None or clip.picture is None:
         return

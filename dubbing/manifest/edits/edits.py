@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 from dubbing.errors import ExplainedError
 from dubbing.face.mouth.lip_curves import LipCurves
@@ -25,9 +26,24 @@ def edited(
 ) -> Scene:
     """The scene of a dub, whose cues have the edits of their lines."""
     presets = {name: identity.preset for name, identity in identities.items()}
-    edits = edits_of(findings, (*at, "edits"), dub.edits, scene, presets)
-    cues = (replace(cue, edit=edits.get(cue.name, Edit())) for cue in scene.cues)
+    longer = dub.on_longer_audio
+    edits = edits_of(findings, (*at, "edits"), dub.edits, scene, presets, longer)
+    cues = [replace(cue, edit=edits.get(cue.name, Edit())) for cue in scene.cues]
+    if scene.film_heard:  # the one cue of another dub has the recording of its take already
+        cues = [
+            replace(cue, audio=own, audio_start=0.0) if (own := cue.edit.audio) else cue
+            for cue in cues
+        ]
     return replace(scene, cues=tuple(cues))
+
+
+def whole_recording(dub: Dub) -> tuple[Path, KeyPath]:
+    """The recording of a dub without lines, that of its take, and where in the dub it is named."""
+    for k, edit in enumerate(dub.edits):
+        if (take := edit.takes.get(edit.take)) is not None and take.audio is not None:
+            return take.audio, ("edits", k, "takes", edit.take, "audio")
+    assert isinstance(dub.audio, Path)
+    return dub.audio, ("audio",)
 
 
 def edits_of(
@@ -36,12 +52,14 @@ def edits_of(
     given: Sequence[edit_entry.Edit],
     scene: Scene,
     presets: Mapping[str, str],
+    longer: str = "cut",
 ) -> dict[str, Edit]:
     """The edits of a scene's cues, by their names; what is wrong goes to findings.
 
     Args:
         at: place of the list.
         presets: of the models of people.
+        longer: what is done with a take's recording that is longer than its line.
     """
     edits: dict[str, Edit] = {}
     for k, edit in enumerate(given):
@@ -51,7 +69,9 @@ def edits_of(
             continue
         if cue.name in edits:
             findings.add(key, f"line {cue.number} has an edit already: write both into one")
-        edits[cue.name] = checked(findings, key, edit, cue, presets[cue.identity])
+        edits[cue.name] = own = checked(findings, key, edit, cue, presets[cue.identity])
+        if own.audio is not None and scene.film_heard:
+            _fits(findings, (*key, "takes", own.take, "audio"), own.audio, cue, longer)
     return edits
 
 
@@ -62,6 +82,9 @@ def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, p
         close = suggestion(edit.take, [*edit.takes]) or f"; there is {some([*edit.takes])}"
         findings.add((*key, "take"), what + (close if edit.takes else ": write it into takes"))
         return Edit()
+    for name, take in edit.takes.items():
+        if take.audio is not None and not take.audio.is_file():
+            findings.add((*key, "takes", name, "audio"), f"no such file: {take.audio}")
     motion: edit_entry.Edit | edit_entry.Take = edit
     if edit.take:
         motion, key = edit.takes[edit.take], (*key, "takes", edit.take)
@@ -73,22 +96,50 @@ def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, p
         if span.start > cue.seconds:
             late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
             findings.add((*key, "film_mouth", number, "start"), late)
-    keys = tuple((one.at, one.strength) for one in motion.keys)
-    curves = None if motion.curves is None else (motion.curves, cue.number)
-    spans = tuple((span.start, span.end) for span in motion.film_mouth)
-    decided = (edit.note, keys, edit.status, curves, edit.take, spans)
-    found = Edit(motion.shift, motion.strength, *decided)
+    versions: dict[str, edit_entry.Edit | edit_entry.Take] = {"": edit, **edit.takes}
+    takes = tuple((name, _motion(one, cue, name)) for name, one in versions.items())
+    found = _motion(motion, cue, edit.take)
+    found = replace(found, note=edit.note, status=edit.status, takes=takes if edit.takes else ())
     before = len(findings.problems)
     for name, reasons in WITHOUT.items():
         if preset in reasons and getattr(found, name) != getattr(Edit(), name):
             why = f"preset {preset!r} of {cue.identity} {reasons[preset]}"
             findings.add((*key, name), f"{why}: leave it out, or take preset 'fast'")
-    if curves is not None and len(findings.problems) == before:
+    if found.curves is not None and len(findings.problems) == before:
         try:
-            LipCurves.read(*curves)
+            LipCurves.read(*found.curves)
         except ExplainedError as error:
             findings.add((*key, "curves"), str(error))
     return found
+
+
+def _motion(given: edit_entry.Edit | edit_entry.Take, cue: Cue, take: str) -> Edit:
+    """What an entry says of the recording and of the mouth of a cue."""
+    return Edit(
+        given.shift,
+        given.strength,
+        keys=tuple((one.at, one.strength) for one in given.keys),
+        curves=None if given.curves is None else (given.curves, cue.number),
+        take=take,
+        film_mouth=tuple((span.start, span.end) for span in given.film_mouth),
+        audio=given.audio if isinstance(given, edit_entry.Take) else None,
+    )
+
+
+def _fits(findings: Findings, key: KeyPath, audio: Path, cue: Cue, longer: str) -> None:
+    """Whether a recording can be heard in a line of a scene."""
+    sound = findings.look(audio, key)
+    if sound is None:
+        return
+    frame = cue.seconds / (cue.stop - cue.first)
+    if sound.audio_rate is None:
+        findings.add(key, f"no sound in {audio}")
+    elif sound.sound_seconds > cue.seconds + frame:
+        what = f"{sound.sound_seconds:.2f} s in line {cue.number} of {cue.seconds:.2f} s"
+        if longer == "cut":
+            findings.warn(f"{audio.name}: {what}: it is cut off with its line")
+        else:
+            findings.add(key, f"{what}: shorten the recording, or set on_longer_audio: cut")
 
 
 def _cue(findings: Findings, key: KeyPath, scene: Scene, edit: edit_entry.Edit) -> Cue | None:

@@ -47,8 +47,10 @@ Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 
 
 class Take(Entry):
-    """One of several edits of a line, of which `take` chooses."""
+    """One of several versions of a line, of which `take` chooses: a recording and an edit."""
 
+    audio: FilePath | None = None
+    """Another recording of the line, from its first frame on; that of the manifest if left out."""
     shift: Shift = 0.0
     """As that of the line."""
     strength: Strength = 1.0
@@ -85,9 +87,11 @@ class Edit(Entry):
     status: Literal["open", "approved", "redo"] = "open"
     """The state of the work on the line; changes nothing."""
     take: str = ""
-    """The name of the take that is used; without it, the keys above."""
+    """The name of the take that is used; without it, the keys above, and the recording in `audio`
+    of the dub.
+    """
     takes: dict[Name, Take] = Field(default={}, max_length=MOST_TAKES)
-    """Other edits of the line, by names of your own."""
+    """Other versions of the line, by names of your own."""
 
 
 Edits = Annotated[

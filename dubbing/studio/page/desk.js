@@ -3,7 +3,7 @@
 import { ask, dubPath, put } from "./api.js";
 
 export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], film_mouth: [], status: "open", curves: null,
-  take: "" };
+  take: "", audio: null };
 const LOOK_MS = 500, ELSEWHERE = "Changed elsewhere: shown now";
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
@@ -32,10 +32,19 @@ export class Desk extends EventTarget {
     this.tell("dub");
     this.tell("line");
     this.#watch();
-    const curves = await ask(`${dubPath(name)}/curves`);
-    if (this.dub.name !== name) return;
-    this.curves = curves;
-    this.tell("curves");
+    await this.#listen();
+  }
+
+  // The sound and the curves of the recordings that are chosen now.
+  async #listen() {
+    const { name, heard } = this.dub;
+    this.curves = null;
+    try {
+      const curves = await ask(`${dubPath(name)}/curves`);
+      if (this.dub.name !== name || this.dub.heard !== heard) return;
+      this.curves = curves;
+      this.tell("curves");
+    } catch (error) { this.tell("said", error.message); }
   }
 
   choose(line) {
@@ -107,9 +116,11 @@ export class Desk extends EventTarget {
   #take(dub, unfinished = false) {
     if (dub.name !== this.dub?.name) return;
     if (unfinished) { this.dub.revision = dub.revision; return; }
-    const chosen = this.line?.cue;
+    const chosen = this.line?.cue, heard = this.dub.heard === dub.heard;
+    if (this.dub.frames !== dub.frames) this.#done = this.#undone = [];
     this.dub = dub;
     this.line = dub.lines.find(({ cue }) => cue === chosen) || dub.lines[0];
+    if (!heard) this.#listen();
     this.tell("edits");
     this.tell("saved");
   }

@@ -3,7 +3,8 @@
 import { AS_SPOKEN } from "./desk.js";
 
 // What of an edit each take has of its own.
-const ofTake = ({ shift, strength, keys, curves, film_mouth }) => ({ shift, strength, keys, curves, film_mouth });
+const ofTake = ({ shift, strength, keys, curves, film_mouth, audio }) =>
+  ({ shift, strength, keys, curves, film_mouth, audio });
 
 const VERDICTS = { pass: "in sync", warn: "look closely", fail: "failed", unjudged: "not judged" };
 const find = (id) => document.getElementById(id);
@@ -85,7 +86,10 @@ export class LineForm {
     find("fields").disabled = dub.fixed;
     const names = [...new Set(["", ...Object.keys(line.takes), edit.take])];
     find("takes").hidden = names.length < 2;
-    elements.take.replaceChildren(...names.map((name) => new Option(name || "without a name", name)));
+    elements.take.replaceChildren(...names.map((name) => {
+      const verdict = VERDICTS[line.verdicts[name]];
+      return new Option([name || "without a name", verdict].filter(Boolean).join(" · "), name);
+    }));
     elements.take.value = edit.take;
     elements.strength.value = edit.strength;
     find("strong").textContent = edit.strength;

@@ -79,7 +79,7 @@ export class Timeline {
 
   // Everything where it belongs now.
   lay() {
-    if (!this.#wave || !this.desk.line) return;
+    if (!this.#wave || !this.desk.line || !this.desk.curves) return;
     const [low, high] = this.sight;
     const wide = find("wave").clientWidth;
     this.#wave.zoom(wide / (high - low));

@@ -182,6 +182,47 @@ def test_an_edit_of_a_line_is_named_in_what_is_handed_over(scene: Path) -> None:
     assert report_of(scene)["lines"][1]["edit"].endswith(": softer")
 
 
+def test_takes_stay_with_their_figures(scene: Path) -> None:
+    clips.write_sound(scene.parent / "again.wav", 0.4, hertz=900)
+    takes = "{again: {audio: again.wav}, late: {shift: 40}}"
+    plain = scene.read_text()
+
+    def choose(take: str) -> list[str]:
+        edits = f"codec: ffv1, edits: {{line: 3, take: '{take}', takes: {takes}}}}}\n"
+        scene.write_text(plain.replace("codec: ffv1}\n", edits))
+        result, began = dub(scene)
+        assert result.code == 0, result.outcomes
+        return began
+
+    def figures() -> dict[str, bool]:
+        line = report_of(scene)["lines"][1]
+        assert (line["line"], line["take"]) == (3, chosen)
+        return {one["take"]: one["made"] for one in line["takes"]}
+
+    chosen = ""
+    choose(chosen)
+    first = (scene.parent / "out" / "it.mkv").read_bytes()
+    assert figures() == {"": True, "again": False, "late": False}
+    for chosen, began in (
+        ("late", ["it:render"]),  # (The stand-in heads do not depend on edits.)
+        ("again", ["it:listen", "it:render", "it:composite", "it:check"]),
+    ):
+        assert choose(chosen) == began
+        assert figures()[chosen]
+    assert all(figures().values())
+    heads = [*(scene.parent / "out" / "work" / "dubs" / "it" / "cues").glob("*/takes/*/render")]
+    assert len(heads) == 2
+    # Back to the first: nothing is heard or rendered again, and the film is as it was.
+    chosen = ""
+    assert choose(chosen) == ["it:composite", "it:check"]
+    assert (scene.parent / "out" / "it.mkv").read_bytes() == first
+    assert all(figures().values())
+    # A changed take was not made as it is now.
+    takes = takes.replace("shift: 40", "shift: 60")
+    assert choose(chosen) == []
+    assert figures() == {"": True, "again": True, "late": False}
+
+
 def test_a_draft_is_the_scene_at_half_size(scene: Path) -> None:
     result, began = dub(scene, draft=True)
     assert result.code == 0, result.outcomes

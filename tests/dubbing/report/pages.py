@@ -112,6 +112,11 @@ def line(number: int, verdict: str | None) -> dict[str, Any]:
         "edit": "",
         "note": "",
         "status": "open",
+        "take": "late",
+        "takes": [
+            {"take": "", "made": False, "verdict": None, "offset_ms": None, "closeness": None},
+            {"take": "late", "made": True, "verdict": "pass", "offset_ms": 40, "closeness": 0.9},
+        ],
         "reach": "80 % of the frames dubbed" if number == 1 else "all frames dubbed",
         "short": number == 1,
     }

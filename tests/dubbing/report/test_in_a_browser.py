@@ -85,6 +85,12 @@ def test_a_dub_is_told_in_words_and_its_warnings_stand_beside_it(page: Page) -> 
     assert "consent" in text(page, "people").lower()
 
 
+def test_takes_stand_beside_their_line(page: Page) -> None:
+    told = page.run("document.getElementById('told').innerText")
+    assert "Take without a name: not made as it is now" in told
+    assert "Take late, chosen: in sync, 40 ms late, mouth follows the words: 90 %" in told
+
+
 def test_source_and_dub_play_together_by_keys(page: Page) -> None:
     """The source begins at 1.5 s with the dub, the second line at 0.5 s of it."""
     assert page.run("decodeURIComponent(source.src).split('/').pop()") == Path(SOURCE).name

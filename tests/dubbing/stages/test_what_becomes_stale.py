@@ -87,6 +87,11 @@ OF_ONE: list[tuple[str, Any, set[str]]] = [
     ("dubs.0.edits.film_mouth", [{"start": 0.1, "end": 0.4}], {"composite"}),
     ("dubs.0.edits.takes", {"late": {"shift": 40}}, set()),
     ("dubs.0.edits", {"take": "late", "takes": {"late": {"shift": 40}}}, {"render"}),
+    (
+        "dubs.0.edits",
+        {"take": "new", "takes": {"new": {"audio": "other.wav"}}},
+        {"listen", "render", "composite"},
+    ),
     ("dubs.0.edits.line", 1, set()),
     ("dubs.0.edits.note", "say it again", set()),
     ("dubs.0.edits.status", "redo", set()),

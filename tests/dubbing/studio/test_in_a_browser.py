@@ -13,6 +13,7 @@ import pytest
 from dubbing.manifest.edits.edits_file import edits_file
 from dubbing.manifest.keys import yaml_lines
 from dubbing.manifest.manifest import load
+from tests import clips
 from tests.dubbing.studio.browser import CTRL, SHIFT, Browser, Page, browser
 from tests.dubbing.studio.stand_in import FRAMES, server
 
@@ -274,3 +275,20 @@ def test_a_laugh_of_the_film_is_kept(page: Page, manifest: Path) -> None:
     page.run("document.querySelector('[name=film]').dispatchEvent(new Event('change'))")
     assert not page.run("document.querySelector('[name=film]').checkValidity()")
     assert edits(manifest)[0]["film_mouth"] == [{"start": 0.2, "end": 0.32}]
+
+
+def test_a_take_with_another_recording_is_heard(page: Page, manifest: Path) -> None:
+    clips.write_sound(manifest.parent / "again.wav", 0.3, hertz=900)
+    again = str(manifest.parent / "again.wav")
+    edits_file(manifest, "it").write_text("{line: 1, takes: {again: {audio: again.wav}}}")
+    page.until(f"studio.desk.line.takes.again?.audio === {again!r}")
+    before = page.run("[studio.desk.dub.heard, studio.desk.curves.peaks]")
+    page.press("x")
+    page.until("studio.desk.line.edit.take === 'again' && studio.desk.curves")
+    page.until(f"studio.desk.dub.heard !== {before[0]!r} && {READY}")
+    assert page.run("studio.desk.curves.peaks") != before[1]
+    page.press("x")
+    page.until(f"studio.desk.dub.heard === {before[0]!r} && {READY}")
+    assert page.run("studio.desk.curves.peaks") == before[1]
+    (edit,) = edits(manifest)
+    assert edit == {"line": 1, "takes": {"again": {"audio": "again.wav"}}}

@@ -261,6 +261,37 @@ def test_curves_and_sound(client: TestClient) -> None:
     assert (sound.status_code, sound.content) == (206, b"fLaC")
 
 
+def test_a_take_with_another_recording_is_heard_and_drafted(manifest: Path) -> None:
+    """A part of the studio's work alone is done anew: that of the line."""
+    clips.write_sound(manifest.parent / "again.wav", 0.6, hertz=900)
+    takes = "takes: {again: {audio: again.wav}}"
+    edits_file(manifest, "it").write_text(f"{{line: 1, {takes}}}")
+    with client_of(manifest) as client:
+        client.get(f"/?token={TOKEN}")
+
+        def chosen(take: str) -> tuple[Any, bytes, list[str]]:
+            (version, _) = client.get(DUB).json()["lines"]
+            edit = {"takes": version["takes"], "take": take, **version["takes"][take]}
+            assert save(client, edit).status_code == 200
+            dub = client.get(DUB).json()
+            assert dub["lines"][0]["edit"]["take"] == take
+            client.get(f"{DUB}/curves")
+            marks = [mark for _, (mark, _) in sorted(frames(client).items())]
+            return dub["heard"], client.get(f"{DUB}/sound").content, marks
+
+        before, again, after = chosen(""), chosen("again"), chosen("")
+        assert before == after
+        assert before[0] != again[0]
+        assert before[1] != again[1]
+        changed = [k for k, (a, b) in enumerate(zip(before[2], again[2], strict=True)) if a != b]
+        assert changed == [*range(5, 20)]
+        # No page may have other files read.
+        (line, _) = client.get(DUB).json()["lines"]
+        other = {"takes": {**line["takes"], "x": {"audio": str(manifest)}}}
+        assert "audio: only those in the file" in save(client, other).json()["error"]
+        assert line["takes"]["again"]["audio"].endswith("again.wav")
+
+
 def test_only_changed_frames_are_drawn_the_shown_one_first(client: TestClient) -> None:
     before = frames(client, at=10)
     assert [*before] == [*range(10, FRAMES), *range(10)]

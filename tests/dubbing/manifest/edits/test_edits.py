@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,7 +16,7 @@ from dubbing.errors import ManifestError
 from dubbing.manifest.edits import edits_file
 from dubbing.manifest.keys import edit_entry as entry
 from dubbing.manifest.manifest import load
-from dubbing.script.timeline import Edit
+from dubbing.script.timeline import Cue, Edit
 from tests import clips
 
 pytestmark = pytest.mark.medium
@@ -99,10 +101,82 @@ def test_parts_of_a_line_are_left_to_the_film(folder: Path) -> None:
 def test_the_chosen_take_counts(folder: Path) -> None:
     takes = "strength: 0.5, takes: {wide: {strength: 1.2, shift: 40}, shut: {strength: 0}}"
     (_, edit) = edits(scene(folder, f"{{line: 3, note: a, {takes}, take: wide}}"))
-    assert edit == Edit(40, 1.2, "a", take="wide")
+    assert replace(edit, takes=()) == Edit(40, 1.2, "a", take="wide")
+    assert [name for name, _ in edit.takes] == ["", "wide", "shut"]
+    assert dict(edit.takes)["shut"] == Edit(strength=0, take="shut")
     assert edit.in_words() == "take wide, the mouth 40 ms later, strength 1.2: a"
     (_, edit) = edits(scene(folder, f"{{line: 3, {takes}}}"))
-    assert edit == Edit(strength=0.5)
+    assert replace(edit, takes=()) == Edit(strength=0.5)
+
+
+def test_a_take_may_be_another_recording(folder: Path) -> None:
+    clips.write_sound(folder / "again.wav", 0.5)
+    takes = "takes: {again: {audio: again.wav, shift: 40}, late: {shift: 80}}"
+
+    def cue_of(take: str) -> Cue:
+        path = scene(folder, f"{{line: 3, take: '{take}', {takes}}}")
+        return load(path).dubs["it"].cues[1]
+
+    plain, late, again = (cue_of(take) for take in ("", "late", "again"))
+    assert (plain.audio.name, plain.audio_start) == ("track.wav", 2.0)
+    assert (late.audio, late.audio_start) == (plain.audio, 2.0)
+    # It begins with the first frame of the line, whose frames stay.
+    assert (again.audio.name, again.audio_start) == ("again.wav", 0)
+    assert again.name == plain.name
+    assert again.edit.in_words() == "take again, recording again.wav, the mouth 40 ms later"
+    # Takes of one recording share what was heard in it, and nothing else.
+    assert late.recorded == plain.recorded == plain.taken
+    assert len({plain.taken, late.taken, again.taken, again.recorded}) == 3
+    assert again.taken.startswith(f"{plain.name}/takes/again-")
+
+
+def test_takes_of_like_names_have_folders_of_their_own(folder: Path) -> None:
+    cue = load(scene(folder, "[]")).dubs["it"].cues[0]
+    names = [cue.folder_of(take) for take in ("Again!", "again", "../x", "..", "\u00e9" * 60)]
+    assert len({*names}) == len(names)
+    assert all(re.fullmatch(rf"{cue.name}/takes/[a-z0-9-]+", name) for name in names)
+
+
+def test_a_dub_of_one_recording_is_as_long_as_that_of_its_take(folder: Path) -> None:
+    edit = "{take: TAKE, takes: {again: {audio: again.wav}}}"
+    clips.write_sound(folder / "again.wav", 0.5)
+    whole = ALONE.replace("WHO", "ann").replace(", audio_seconds: 1", "").replace("EDITS", edit)
+    lengths = {}
+    for take in ("''", "again"):
+        dub = load(written(folder, whole.replace("TAKE", take))).dubs["it"]
+        lengths[take] = (dub.length, dub.cues[0].audio.name, dub.length_of_take)
+    assert lengths == {"''": (75, "track.wav", True), "again": (13, "again.wav", True)}
+
+
+@pytest.mark.parametrize(
+    ("take", "where", "words"),
+    [
+        ("{audio: nothing.wav}", "takes.a.audio", "no such file"),
+        ("{audio: it.srt}", "takes.a.audio", None),
+        ("{audio: silent.mp4}", "takes.a.audio", "no sound in"),
+        ("{audio: track.wav}", "takes.a.audio", "3.00 s in line 3 of 0.48 s: shorten"),
+    ],
+)
+def test_a_recording_that_does_not_fit_is_refused(
+    folder: Path, take: str, where: str, words: str | None
+) -> None:
+    if not (folder / "silent.mp4").exists():
+        clips.ffmpeg("-i", folder / "film.mp4", "-an", folder / "silent.mp4")
+    edit = f"{{line: 3, take: a, takes: {{a: {take}}}}}"
+    if words is None:  # damaged, which stops this dub alone
+        assert load(scene(folder, edit)).dubs["it"].blocked
+        return
+    (problem,) = problems(scene(folder, edit))
+    assert f"dubs[0].edits.{where}" in problem
+    assert words in problem
+    if "track" in take:
+        cut = load(scene(folder, edit, SCENE + ", on_longer_audio: cut"))
+        assert any("track.wav: 3.00 s in line 3" in warning for warning in cut.warnings)
+
+
+def test_a_missing_recording_is_told_of_where_it_is_not_chosen_too(folder: Path) -> None:
+    (problem,) = problems(scene(folder, "{line: 3, takes: {a: {audio: nothing.wav}}}"))
+    assert "takes.a.audio" in problem
 
 
 def test_curves_are_a_file_and_the_line_in_it(folder: Path) -> None:
