@@ -1,10 +1,12 @@
-"""The command of a machine: `doctor`."""
+"""Commands of a machine and its disk: `doctor`, `clean`."""
 
+import sys
 from typing import Annotated
 
 import typer
 
 from dubbing import packages
+from dubbing.cli.arguments import ManifestPath, print_line
 from dubbing.errors import CallError
 
 
@@ -34,3 +36,29 @@ def doctor(
     findings = examine()
     console.doctor(findings)
     raise typer.Exit(int(any(finding.state == "lacking" for finding in findings)))
+
+
+def clean(
+    manifest: ManifestPath,
+    takes: Annotated[
+        bool, typer.Option("--takes", help="Also what was made of takes that are not chosen.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Remove it without being asked.")] = False,
+) -> None:
+    """List what in its output folder a manifest no longer asks for; remove it if you agree."""
+    from dubbing.batch.cleaning import remove, surplus
+    from dubbing.manifest.manifest import load
+
+    production = load(manifest)
+    found = surplus(production, takes=takes)
+    for one in found:
+        print_line(f"{one.size / 1e6:9.1f} MB  {one.path.relative_to(production.output)}")
+    if not found:
+        print_line("nothing to remove")
+        return
+    print_line(f"{sum(one.size for one in found) / 1e6:9.1f} MB  in {production.output}")
+    if not yes and sys.stdin.isatty() and sys.stdout.isatty():
+        yes = typer.confirm("Remove all of it?")
+    if yes:
+        remove(production, found)
+    print_line("removed" if yes else "nothing was removed; --yes removes it")

@@ -67,7 +67,8 @@ COMMANDS = {
     "Dubbing": (
         *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.schema),
         *(page_commands.studio, page_commands.share, page_commands.notes),
-        *(job_commands.curves, job_commands.demo, clip_commands.prepare),
+        *(job_commands.curves, machine_commands.clean),
+        *(job_commands.demo, clip_commands.prepare),
     ),
     "Checking": (
         *(clip_commands.sync, provenance_commands.verify, provenance_commands.consent),
