@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,6 +24,7 @@ from dubbing.cli.arguments import (
     print_line,
 )
 from dubbing.errors import CallError
+from dubbing.printable import visible
 
 if TYPE_CHECKING:
     from dubbing.engine.running.executors import Executor
@@ -204,8 +206,12 @@ def init(
         typer.Option("--handles", min=0, help="With a timeline: frames beside those of a cut, 8."),
     ] = None,
 ) -> None:
-    """Write FOLDER/manifest.yaml from the clips and recordings found there."""
+    """Write FOLDER/manifest.yaml from the clips, recordings and scripts found there.
+
+    Of several clips and one script it shows the faces, and asks who is who.
+    """
     from dubbing.manifest.init import write_manifest
+    from dubbing.reels import reel_manifest
     from dubbing.timelines import cut_manifest
 
     if timeline is not None:
@@ -214,8 +220,15 @@ def init(
     elif handles is not None:
         raise CallError("goes with a timeline alone", "--handles", "leave it away")
     else:
-        written = write_manifest(folder, print_line)
+        ask = _ask if sys.stdin.isatty() and sys.stdout.isatty() else None
+        reel = reel_manifest.write_manifest(folder, print_line, ask)
+        written = reel or write_manifest(folder, print_line)
     print_line(f"wrote {written}; fill in who gave consent, then run: dfrf plan {written}")
+
+
+def _ask(question: str) -> str:
+    """What a user answers on the terminal."""
+    return str(typer.prompt(visible(question), default="", show_default=False))
 
 
 def schema() -> None:

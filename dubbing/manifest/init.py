@@ -42,11 +42,8 @@ def write_manifest(folder: Path, say: Callable[[str], None] = lambda _: None) ->
         ManifestError: there is a manifest already, or nothing to write one from.
         ExplainedError: nothing can be written there.
     """
-    make_folder(folder)
-    target = folder / NAME
-    if target.exists():
-        raise ManifestError(str(target), [Problem(0, "", "it is there already; nothing written")])
-    found = _sort(folder)
+    target = free_target(folder)
+    found = sorted_out(folder)
     if not found.clips:
         raise ManifestError(str(target), [Problem(0, "", f"no clip with sound in {folder}")])
     header = HEADER.format(schema=shipped_uri())
@@ -74,8 +71,8 @@ def clip_of(recording: str, clips: Iterable[str]) -> str | None:
 
 
 @dataclass
-class _Found:
-    """Clips with picture and sound by name, recordings, scripts, and why videos are left out.
+class Found:
+    """Clips of a folder with picture and sound by name; recordings; why videos are left out.
 
     ``paired``: what was put together, in words.
     """
@@ -91,7 +88,7 @@ class _Found:
         self.paired.append(f"{sound.name} is for {self.clips[clip].path.name}: {why}")
 
 
-def _identities(found: _Found) -> list[str]:
+def _identities(found: Found) -> list[str]:
     lines = []
     for name, info in found.clips.items():
         seconds = min(LONGEST_LEARNT, int(0.75 * info.duration) or 1)
@@ -105,7 +102,7 @@ def _identities(found: _Found) -> list[str]:
     return lines + [f"  # left out: {why}" for why in found.left_out]
 
 
-def _dubs(found: _Found) -> list[str]:
+def _dubs(found: Found) -> list[str]:
     if not found.recordings:
         found.paired.append("no recording was found, so there is nothing to dub yet")
         return ["dubs: []  # no recordings were found"]
@@ -141,7 +138,7 @@ def _dubs(found: _Found) -> list[str]:
     return lines
 
 
-def _scene(script: Path, found: _Found, *, pair: bool) -> tuple[list[str], str]:
+def _scene(script: Path, found: Found, *, pair: bool) -> tuple[list[str], str]:
     """Keys of the scene that a script makes, and in words what is missing.
 
     The script is named as the clip, or begins with its name. Its sound is the recording of the same
@@ -181,8 +178,22 @@ def _scene(script: Path, found: _Found, *, pair: bool) -> tuple[list[str], str]:
     return [*keys, f"audio: {quoted(sound.name)}"], ""
 
 
-def _sort(folder: Path) -> _Found:
-    found = _Found()
+def free_target(folder: Path) -> Path:
+    """The manifest to write into a folder, which is made if need be.
+
+    Raises:
+        ManifestError: there is one already.
+    """
+    make_folder(folder)
+    target = folder / NAME
+    if target.exists():
+        raise ManifestError(str(target), [Problem(0, "", "it is there already; nothing written")])
+    return target
+
+
+def sorted_out(folder: Path) -> Found:
+    """What lies in a folder."""
+    found = Found()
     taken: dict[str, str] = {}
     for path in sorted(folder.iterdir()):
         if path.suffix.lower() in READERS:
