@@ -180,16 +180,6 @@ def plan(
     console.plan(rows, warnings, needed, learned, undubbed, edits, reach, as_json=as_json)
 
 
-def curves(manifest: ManifestPath, only: Only = None) -> None:
-    """Write what is heard of the lips of every dub, as NAME.curves.csv."""
-    packages.require()
-    from dubbing.batch.curves import write_curves
-    from dubbing.manifest.manifest import load
-
-    for path in write_curves(load(manifest), tuple(only or ())):
-        print_line(str(path))
-
-
 def init(
     folder: Annotated[
         Path,

@@ -17,6 +17,7 @@ import typer
 from dubbing.cli import (
     clip_commands,
     job_commands,
+    lip_commands,
     machine_commands,
     page_commands,
     provenance_commands,
@@ -67,7 +68,7 @@ COMMANDS = {
     "Dubbing": (
         *(job_commands.dub, job_commands.plan, job_commands.init, job_commands.schema),
         *(page_commands.studio, page_commands.share, page_commands.notes),
-        *(job_commands.curves, machine_commands.clean),
+        *(lip_commands.curves, lip_commands.closures, machine_commands.clean),
         *(job_commands.demo, clip_commands.prepare),
     ),
     "Checking": (

@@ -15,6 +15,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from dubbing.batch.closures import closures_of, with_closures
 from dubbing.batch.curves import listen_to
 from dubbing.batch.jobs import build
 from dubbing.engine.memory import SHORT
@@ -135,6 +136,12 @@ class Desk:
         film = self.film(dub, heard)
         file, peaks = write_sound(self.production.dubs[dub], Path(folder))
         yield {"file": file, "peaks": peaks, "lines": film.heard(edits)}
+
+    def closures(self, dub: str, cue: str, edit: Edit, heard: str) -> Iterator[list[Any]]:
+        """The keys of a line with closures at the labials of its words."""
+        self.film(dub, heard)
+        (own,) = (one for one in self.production.dubs[dub].cues if one.name == cue)
+        yield with_closures(edit.keys, closures_of(own), edit.strength)
 
     def frames(
         self, dub: str, kind: str, wanted: list[tuple[int, str]], edits: dict[str, Edit], heard: str

@@ -70,6 +70,7 @@ def app_of(project: Project, drafter: Drafter, **guard: Any) -> Starlette:
         Route("/api/dubs", server.dubs),
         Route(dub, server.dub),
         Route(f"{dub}/lines/{{cue}}", server.save, methods=["PUT"]),
+        Route(f"{dub}/lines/{{cue}}/closures", server.closures),
         Route(f"{dub}/curves", server.curves),
         Route(f"{dub}/sound", server.sound),
         Route(f"{dub}/frames", server.frames, methods=["POST"]),
@@ -121,6 +122,18 @@ class Server:
             raise HTTPException(400, "give the revision that was edited, and the edit")
         await run_in_threadpool(self.project.save, name, cue, given["revision"], given["edit"])
         return JSONResponse(await run_in_threadpool(self.project.shown, name))
+
+    async def closures(self, request: Request) -> Response:
+        """The keys of a line with closures at the labials of its words."""
+        name, cue = self._name(request), request.path_params["cue"]
+        edits = await run_in_threadpool(self.project.edits, name)
+        if cue not in edits:
+            raise HTTPException(404, f"{name} has no line {cue}")
+        heard = self.project.heard(name)
+        asked = self.drafter.ask("closures", name, cue=cue, edit=edits[cue], heard=heard)
+        async with aclosing(asked) as found:  # type: ignore[type-var]
+            keys = [{"at": at, "strength": strength} async for one in found for at, strength in one]
+        return JSONResponse({"keys": keys})
 
     async def curves(self, request: Request) -> Response:
         """Peaks of the sound, and by line what is heard of lips."""

@@ -65,6 +65,16 @@ export class Desk extends EventTarget {
     this.#save(line, after, () => { this.#done = this.#done.filter((one) => one !== step); });
   }
 
+  // Keys that shut the mouth on the p, b and m of a line's words.
+  async close(line) {
+    this.tell("said", "Looking for p, b and m");
+    try {
+      const { keys } = await ask(`${dubPath(this.dub.name)}/lines/${encodeURIComponent(line.cue)}/closures`);
+      this.tell("said", `${keys.length - line.edit.keys.length} new keys`);
+      this.change(line, { keys });
+    } catch (error) { this.tell("said", error.message); }
+  }
+
   undo() { this.#step(this.#done, this.#undone, "before"); }
   redo() { this.#step(this.#undone, this.#done, "after"); }
 

@@ -27,6 +27,7 @@ export class LineForm {
     note.addEventListener("change", () => change({ note: note.value }));
     for (const one of status) one.addEventListener("change", () => change({ status: one.value }));
     this.form.elements.take.addEventListener("change", ({ target }) => this.take(target.value));
+    find("labials").addEventListener("click", () => this.desk.close(this.desk.line));
     find("keep").addEventListener("click", () => this.keep());
     find("reset").addEventListener("click", () => {
       const { note: words, status: as, take } = this.desk.line.edit;
@@ -84,6 +85,7 @@ export class LineForm {
     find("verdict").className = `tag ${line.verdict || ""}`;
     find("reason").textContent = line.reason || "";
     find("fields").disabled = dub.fixed;
+    find("labials").disabled = !line.words;
     const names = [...new Set(["", ...Object.keys(line.takes), edit.take])];
     find("takes").hidden = names.length < 2;
     elements.take.replaceChildren(...names.map((name) => {

@@ -3,8 +3,8 @@
 import torch
 
 from dubbing.speech.acoustic_network import LIPS, PHONES, AcousticNetwork, losses, parameters
+from dubbing.speech.phone_classes import CLASSES
 from dubbing.workshop.synthetic.visemes import CHANNELS
-from dubbing.workshop.training.speech.phones import CLASSES
 
 
 def test_it_is_small() -> None:

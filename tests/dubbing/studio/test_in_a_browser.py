@@ -292,3 +292,14 @@ def test_a_take_with_another_recording_is_heard(page: Page, manifest: Path) -> N
     assert page.run("studio.desk.curves.peaks") == before[1]
     (edit,) = edits(manifest)
     assert edit == {"line": 1, "takes": {"again": {"audio": "again.wav"}}}
+
+
+def test_labials_become_keys_that_can_be_taken_back(page: Page, manifest: Path) -> None:
+    saved(page, lambda: page.click("#labials"))
+    shut = [{"at": 0.12, "strength": 0}, {"at": 0.4, "strength": 0}]
+    assert edits(manifest) == [{"line": 1, "keys": shut}]
+    assert page.run("document.querySelectorAll('#curve .key').length") == 2
+    page.click("#labials")
+    page.until("document.getElementById('state').textContent === '0 new keys'")
+    saved(page, lambda: page.press("z", CTRL))
+    assert edits(manifest) == []

@@ -14,9 +14,10 @@ import torch
 from torch import Tensor
 
 from dubbing.speech import acoustic_input as front
+from dubbing.speech.phone_classes import SILENCE
 from dubbing.speech.voice_activity import HOP, SAMPLE_RATE, STEP_RATE
 from dubbing.workshop.training.speech.corpus import Part, Utterance
-from dubbing.workshop.training.speech.phones import SILENCE, UNKNOWN
+from dubbing.workshop.training.speech.phones import UNKNOWN
 from dubbing.workshop.training.speech.synthesis import ESPEAK, FESTIVAL, FLITE
 
 ITEMS = 32

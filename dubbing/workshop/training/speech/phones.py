@@ -1,25 +1,17 @@
-"""Phone classes: one alphabet for all synthesisers and languages.
+"""Phone classes of synthesised speech; see `dubbing.speech.phone_classes`.
 
-A class is an IPA letter, or several that hardly differ for an ear or a lip. Diphthongs and
-affricates are their parts, one after the other.
+Diphthongs and affricates are their parts, one after the other.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from dubbing.speech.phone_classes import CLASS_OF, SILENCE
 from dubbing.speech.voice_activity import STEP_RATE
 from dubbing.workshop.synthetic.visemes import Phone
 
-SILENCE = 0
 UNKNOWN = -1
-# The letters of each class; class 0 is silence.
-CLASSES = (
-    *("", "p", "b", "m", "fɸ", "vʋɱβ", "tʈ", "dɖ", "nɳ", "sɕ", "zʑ", "ʃʂ", "ʒʐ", "kqcʔ", "gɡɟɢ"),
-    *("ŋ", "θ", "ð", "hɦħʕ", "lɫɭ", "rɾʀʁɽ", "ɹɻ", "wʍɰ", "jʝ", "iɨɪ", "eɘ", "ɛ", "æ", "aɐ"),
-    *("ɑɒ", "ɔ", "oɤ", "ʊ", "uɯʉ", "ʌ", "əɵ", "ɜɚɝ", "yʏɥ", "øœɶ", "xχçɣɧ", "ɲʎ"),
-)
-_CLASS_OF = {letter: k for k, letters in enumerate(CLASSES) for letter in letters}
 
 # Phones of flite and festival's English voices, as espeak-ng would write them.
 ARPABET = {
@@ -34,7 +26,7 @@ ARPABET = {
 
 def letters(symbol: str) -> list[str]:
     """The letters of an IPA symbol that belong to a class; marks of length and tone fall away."""
-    return [c for c in symbol if c in _CLASS_OF]
+    return [c for c in symbol if c in CLASS_OF]
 
 
 def classes_at_steps(phones: Sequence[Phone], count: int) -> np.ndarray:
@@ -45,7 +37,7 @@ def classes_at_steps(phones: Sequence[Phone], count: int) -> np.ndarray:
     labels = np.full(count, UNKNOWN, np.int64)
     for phone in phones:
         known = letters(phone.symbol)
-        parts = [_CLASS_OF[c] for c in known] or [UNKNOWN if phone.symbol else SILENCE]
+        parts = [CLASS_OF[c] for c in known] or [UNKNOWN if phone.symbol else SILENCE]
         edges = np.linspace(phone.start, phone.end, len(parts) + 1) * STEP_RATE - 0.5
         places = np.clip(np.ceil(edges), 0, count).astype(int)
         for part, low, high in zip(parts, places[:-1], places[1:], strict=True):

@@ -14,8 +14,8 @@ from dubbing.errors import TrainingError
 from dubbing.speech import acoustic_input as front
 from dubbing.speech.acoustic_network import AcousticNetwork
 from dubbing.speech.acoustic_weights import SpeechModel, outputs
+from dubbing.speech.phone_classes import SILENCE
 from dubbing.workshop.training.speech.corpus import Part
-from dubbing.workshop.training.speech.phones import SILENCE
 
 DIM = 64
 # Deviation of each principal direction to this power is divided out: 0 leaves the directions as

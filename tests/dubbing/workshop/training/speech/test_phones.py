@@ -3,15 +3,10 @@
 import numpy as np
 import pytest
 
+from dubbing.speech.phone_classes import CLASSES, SILENCE
 from dubbing.workshop.synthetic.visemes import Phone
 from dubbing.workshop.training.speech import phones
-from dubbing.workshop.training.speech.phones import (
-    ARPABET,
-    CLASSES,
-    SILENCE,
-    UNKNOWN,
-    classes_at_steps,
-)
+from dubbing.workshop.training.speech.phones import ARPABET, UNKNOWN, classes_at_steps
 from tests.dubbing.workshop.training.speech.made import spoken
 
 pytestmark = pytest.mark.medium

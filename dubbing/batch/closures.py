@@ -1,0 +1,76 @@
+"""Keys that shut the mouth on the p, b and m of the words of lines, put into files of edits."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import pairwise
+
+from dubbing import media
+from dubbing.batch.jobs import chosen_dubs
+from dubbing.errors import ExplainedError
+from dubbing.manifest.edits.kept_edits import KeptEdits
+from dubbing.manifest.keys.edit_entry import Edit, Key
+from dubbing.production.production import Production
+from dubbing.script.timeline import AROUND, HELD, Cue
+from dubbing.speech import voice_activity as voice
+
+OPENED = 3 * HELD  # s between two closures, from which on the mouth opens between them
+ROUNDED = 2  # digits of seconds
+
+
+def closures_of(cue: Cue) -> list[float]:
+    """Seconds of a cue's sound at which the lips close, by its words."""
+    from dubbing.speech.labials import labials
+
+    sound = {"rate": voice.SAMPLE_RATE, "start": cue.audio_start, "seconds": cue.seconds}
+    found = labials(lambda: media.iter_audio(cue.audio, **sound), cue.words)  # type: ignore[arg-type]
+    return [min(one.at, cue.seconds) for one in found]
+
+
+def with_closures(
+    keys: Sequence[tuple[float, float]], at: Iterable[float], strength: float
+) -> list[tuple[float, float]]:
+    """Keys, moments and strengths, with a closure at moments that have no key nearby.
+
+    Where the next closure is so near that the mouth would stay shut, but a mouth has time to open,
+    a key opens it halfway between them.
+
+    Args:
+        strength: of the line.
+    """
+    new = [(round(one, ROUNDED), 0.0) for one in at if all(abs(one - k) >= AROUND for k, _ in keys)]
+    every = sorted({*keys, *new})
+    for (before, first), (after, last) in pairwise([*every]):
+        if first == last == 0 and OPENED <= after - before <= 2 * AROUND:
+            every.append((round((before + after) / 2, ROUNDED), strength))
+    return sorted(every)
+
+
+def write_closures(production: Production, only: tuple[str, ...] = ()) -> Iterator[str]:
+    """Put closures into the edits of lines whose words are known; says what is done, a line each.
+
+    A line with takes gets them in the one that is chosen.
+
+    Raises:
+        ExplainedError: the edits of a dub cannot be read or written, or nobody knows any words.
+    """
+    dubs = chosen_dubs(production, only)
+    if not any(cue.words for dub in dubs for cue in dub.cues):
+        what = "the words of no line are known"
+        raise ExplainedError(what, str(production.manifest), "give a script in `lines`")
+    for dub in dubs:
+        kept = KeptEdits(production.manifest, dub)
+        _, entries = kept.entries()
+        changed = {}
+        for cue in (cue for cue in dub.cues if cue.words):
+            own = with_closures(cue.edit.keys, found := closures_of(cue), cue.edit.strength)
+            changed[cue] = _with_keys(entries.get(cue, kept.plain(cue)), own)
+            yield f"{dub.name}, line {cue.number}: {len(found)} closures"
+        kept.put({**entries, **changed}, changed)
+
+
+def _with_keys(entry: Edit, keys: Sequence[tuple[float, float]]) -> Edit:
+    """An entry whose take that is chosen has these keys."""
+    own = [Key(at=at, strength=strength) for at, strength in keys]
+    if not entry.take:
+        return entry.model_copy(update={"keys": own})
+    take = entry.takes[entry.take].model_copy(update={"keys": own})
+    return entry.model_copy(update={"takes": {**entry.takes, entry.take: take}})
