@@ -47,10 +47,10 @@ dubs:
 """
 
 
-def write_scene(folder: Path) -> Path:
-    """A manifest, whose person counts as learned."""
-    clips.write_clip(folder / "film.mp4", FRAMES)
-    clips.write_sound(folder / "track.wav", FRAMES / 25)
+def write_scene(folder: Path, frames: int = FRAMES) -> Path:
+    """A manifest with all that it names."""
+    clips.write_clip(folder / "film.mp4", frames)
+    clips.write_sound(folder / "track.wav", frames / 25)
     (folder / "it.srt").write_text(SRT)
     path = folder / "m.yaml"
     path.write_text(MANIFEST.format(consent=clips.CONSENT))

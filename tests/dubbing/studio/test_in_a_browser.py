@@ -10,12 +10,18 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from dubbing.batch.jobs import build
+from dubbing.engine.graph.graph import Jobs
+from dubbing.engine.running import runner
+from dubbing.engine.running.runner import Options
 from dubbing.manifest.edits.edits_file import edits_file
 from dubbing.manifest.keys import yaml_lines
 from dubbing.manifest.manifest import load
-from tests import clips
+from dubbing.pipeline import PERSON
+from tests import clips, fakes
+from tests.dubbing.engine.listener import Listener
 from tests.dubbing.studio.browser import CTRL, SHIFT, Browser, Page, browser
-from tests.dubbing.studio.stand_in import FRAMES, server
+from tests.dubbing.studio.stand_in import FRAMES, server, write_scene
 
 pytestmark = pytest.mark.medium
 FIRST, LAST = "ann_0000005-0000020", "ann_0000040-0000055"
@@ -303,3 +309,39 @@ def test_labials_become_keys_that_can_be_taken_back(page: Page, manifest: Path) 
     page.until("document.getElementById('state').textContent === '0 new keys'")
     saved(page, lambda: page.press("z", CTRL))
     assert edits(manifest) == []
+
+
+def test_two_hundred_lines(
+    chromium: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All are in the list; any of them is a key or a click away, and is saved as one of few is."""
+    count, step = 200, 2
+    manifest = write_scene(tmp_path, count * step)
+    cues = [
+        f"{k}\n00:00:{at // 25:02},{at % 25 * 40:03} --> 00:00:{(at + 1) // 25:02},"
+        f"{(at + 1) % 25 * 40:03}\nANN: Line {k}.\n"
+        for k, at in enumerate(range(0, count * step, step), 1)
+    ]
+    (tmp_path / "it.srt").write_text("\n".join(cues))
+    fakes.install(monkeypatch.setattr)
+    people = [job for job in build(load(manifest), draft=True).all() if job.kind == PERSON]
+    runner.run(Jobs.of(people), Options(), Listener())
+    with server(manifest) as address:
+        page = chromium.open(address)
+        page.until(f"document.querySelectorAll('#lines button').length === {count}")
+        page.press("j")
+        page.until("studio.desk.line.line === 2")
+        page.click("#lines button:last-child")
+        page.until(f"studio.desk.line.line === {count}")
+        inside = page.run(
+            """(() => { const place = (tag) => document.querySelector(tag).getBoundingClientRect();
+            const [line, all] = [place("#lines [aria-current]"), place("#lines")];
+            return line.top >= all.top - 1 && line.bottom <= all.bottom + 1 })()"""
+        )
+        assert inside
+        saved(page, lambda: page.run("document.querySelector('[name=status][value=redo]').click()"))
+        assert edits(manifest) == [{"line": count, "status": "redo"}]
+        page.press("n")
+        page.until("studio.desk.line.line === 1")
+        counts = page.run("document.getElementById('counts').textContent")
+        assert counts == f"{count} lines: {count - 1} open, 0 approved, 1 redo"
