@@ -128,8 +128,43 @@ export class Timeline {
         this.desk.change(line, { shift: clamp(line.edit.shift + step, -LONGEST_SHIFT, LONGEST_SHIFT) });
       });
       return block;
-    }));
+    }), ...this.#spans(low, scale));
     find("lane").querySelector(`[data-block="${CSS.escape(held || "")}"]`)?.focus();
+  }
+
+  // Parts of the chosen line with the film's own mouth, and a handle at both ends of each.
+  #spans(low, scale) {
+    const { dub, line } = this.desk, { film_mouth: spans } = line.edit, begin = line.first / dub.rate - low;
+    return spans.flatMap((span, number) => {
+      const part = document.createElement("div");
+      part.className = "own";
+      const lay = ({ start, end }) => {
+        part.style.left = `${(begin + start) * scale}px`;
+        part.style.width = `${(end - start) * scale}px`;
+      };
+      lay(span);
+      const others = (one) => spans.flatMap((old, k) => (k === number ? one : old));
+      return [part, ...["start", "end"].map((side) => {
+        const handle = document.createElement("button"), [least, most] = side === "start"
+          ? [0, span.end - 1 / dub.rate] : [span.start + 1 / dub.rate, Math.max(line.seconds, span.end)];
+        const moved = (by) => ({ ...span, [side]: rounded(clamp(span[side] + by, least, most), 0.01) });
+        const place = (one) => { handle.style.left = `${(begin + one[side]) * scale}px`; };
+        let one = span;
+        handle.className = "edge";
+        handle.dataset.block = `${number} ${side}`;
+        handle.disabled = dub.fixed;
+        handle.setAttribute("aria-label", `Film's own mouth, ${side} at ${span[side]} s`);
+        place(span);
+        drag(handle, (across) => { one = moved(across / scale); place(one); lay(one); },
+          (did) => { if (did) this.desk.change(line, { film_mouth: others(one) }); });
+        handle.addEventListener("keydown", ({ key }) => {
+          const step = { ArrowLeft: -1, ArrowRight: 1 }[key];
+          if (step) this.desk.change(line, { film_mouth: others(moved(step / dub.rate)) });
+          if (key === "Delete" || key === "Backspace") this.desk.change(line, { film_mouth: others([]) });
+        });
+        return handle;
+      })];
+    });
   }
 
   #curve(low, high) {

@@ -277,10 +277,26 @@ def test_a_laugh_of_the_film_is_kept(page: Page, manifest: Path) -> None:
     assert edits(manifest) == [{"line": 1, "film_mouth": [{"start": 0.2, "end": 0.32}]}]
     page.until("window.drafted?.length >= 9 && studio.picture.missing('draft') === 0")
     assert sorted(set(page.run("window.drafted"))) == [*range(5 + 5 - 3, 5 + 8 + 3)]
+    # Its ends are dragged, or moved by keys.
+    (first, _) = saved(page, lambda: page.drag("[data-block='0 end']", 60))
+    (span,) = first["film_mouth"]
+    assert span["start"] == 0.2
+    assert 0.34 < span["end"] < 0.6
+    saved(page, lambda: page.press("ArrowLeft"))
+    assert edits(manifest)[0]["film_mouth"] == [
+        {"start": 0.2, "end": pytest.approx(span["end"] - 0.04)}
+    ]
+    tab_to(page, "edge")
+    saved(page, lambda: page.drag("[data-block='0 start']", 2000))  # never past the other
+    (span,) = edits(manifest)[0]["film_mouth"]
+    assert span["end"] - span["start"] == pytest.approx(0.04, abs=0.011)
+    saved(page, lambda: page.press("Delete"))
+    assert edits(manifest) == []
+    saved(page, lambda: page.press("z", CTRL))
     page.run("document.querySelector('[name=film]').value = '0.5-0.2'")
     page.run("document.querySelector('[name=film]').dispatchEvent(new Event('change'))")
     assert not page.run("document.querySelector('[name=film]').checkValidity()")
-    assert edits(manifest)[0]["film_mouth"] == [{"start": 0.2, "end": 0.32}]
+    assert edits(manifest)[0]["film_mouth"] == [span]
 
 
 def test_a_take_with_another_recording_is_heard(page: Page, manifest: Path) -> None:
