@@ -49,6 +49,7 @@ def studio(
 
     from dubbing.manifest.manifest import load
     from dubbing.studio.drafter import Drafter
+    from dubbing.studio.making import Making
     from dubbing.studio.project import Project
     from dubbing.studio.server import app_of
 
@@ -69,7 +70,9 @@ def studio(
     token = password or secrets.token_urlsafe(24)
     port = listener.getsockname()[1]
     drafter = Drafter(production.manifest, checked_device(device))
-    app = app_of(project, drafter, token=token, host=host, port=port, password=bool(password))
+    making = Making(production.manifest, device)
+    own = {"token": token, "host": host, "port": port, "password": bool(password)}
+    app = app_of(project, drafter, making, **own)
     name = f"[{host}]" if ":" in host else host
     print_line(f"http://{name}:{port}/" + ("" if password else f"?token={token}"))
     print_line("Keep this open; Ctrl-C ends it. Edits are saved as they are made.")

@@ -27,6 +27,7 @@ from dubbing.script.timeline import Edit
 from dubbing.studio.drafter import Drafter
 from dubbing.studio.film import DRAFT, DUB
 from dubbing.studio.guard import Guard
+from dubbing.studio.making import Making
 from dubbing.studio.project import Project
 
 PAGE = Path(__file__).with_name("page")
@@ -47,10 +48,11 @@ class Wanted(BaseModel):
     have: dict[int, str] = {}
 
 
-def app_of(project: Project, drafter: Drafter, **guard: Any) -> Starlette:
+def app_of(project: Project, drafter: Drafter, making: Making, **guard: Any) -> Starlette:
     """The application.
 
     Args:
+        making: of the finished dubs.
         guard: arguments of `Guard`.
     """
     folder = tempfile.TemporaryDirectory(prefix="dfrf-studio-")
@@ -60,11 +62,12 @@ def app_of(project: Project, drafter: Drafter, **guard: Any) -> Starlette:
         try:
             yield
         finally:
+            making.stop()
             drafter.close()
             folder.cleanup()
 
     dub = "/api/dubs/{name}"
-    server = Server(project, drafter, Path(folder.name))
+    server = Server(project, drafter, making, Path(folder.name))
     routes = [
         Route("/", lambda _: FileResponse(PAGE / "index.html")),
         Route("/api/dubs", server.dubs),
@@ -75,6 +78,7 @@ def app_of(project: Project, drafter: Drafter, **guard: Any) -> Starlette:
         Route(f"{dub}/sound", server.sound),
         Route(f"{dub}/frames", server.frames, methods=["POST"]),
         Route(f"{dub}/revision", server.revision),
+        Route(f"{dub}/making", server.make, methods=["PUT"]),
         Mount("/page", StaticFiles(directory=PAGE)),
         Mount("/design", StaticFiles(directory=design.FOLDER)),
     ]
@@ -96,8 +100,8 @@ class Server:
         folder: for sounds.
     """
 
-    def __init__(self, project: Project, drafter: Drafter, folder: Path) -> None:
-        self.project, self.drafter, self.folder = project, drafter, folder
+    def __init__(self, project: Project, drafter: Drafter, making: Making, folder: Path) -> None:
+        self.project, self.drafter, self.making, self.folder = project, drafter, making, folder
         self.curves_of: dict[tuple[str, str], asyncio.Task[dict[str, Any]]] = {}
 
     async def dubs(self, _: Request) -> Response:
@@ -188,9 +192,20 @@ class Server:
         )
 
     async def revision(self, request: Request) -> Response:
-        """Which content the edits of a dub have, by whomever; pages ask again and again."""
+        """What others change: the edits of a dub, and how far a run is; pages ask again."""
         found = await run_in_threadpool(self.project.revision, self._name(request))
-        return JSONResponse({"revision": found})
+        return JSONResponse({"revision": found, "making": self.making.state()})
+
+    async def make(self, request: Request) -> Response:
+        """Make the finished dub with the edits as they are, or stop that."""
+        name, given = self._name(request), await _json(request)
+        if given.get("run") is True:
+            self.making.start(name)
+        elif given.get("run") is False:
+            self.making.stop()
+        else:
+            raise HTTPException(400, "say whether to run: true or false")
+        return JSONResponse(self.making.state())
 
     def _name(self, request: Request) -> str:
         name = str(request.path_params["name"])

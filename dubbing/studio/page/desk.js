@@ -13,6 +13,7 @@ export class Desk extends EventTarget {
   dub = null;
   line = null;
   curves = null;
+  making = { running: false, words: "", dub: "" }; // the run of the finished dub
   before = {}; // by line, the take that was chosen before
   #undone = [];
   #done = [];
@@ -72,6 +73,14 @@ export class Desk extends EventTarget {
       const { keys } = await ask(`${dubPath(this.dub.name)}/lines/${encodeURIComponent(line.cue)}/closures`);
       this.tell("said", `${keys.length - line.edit.keys.length} new keys`);
       this.change(line, { keys });
+    } catch (error) { this.tell("said", error.message); }
+  }
+
+  // Make the finished dub, or stop that.
+  async make() {
+    try {
+      this.making = await put(`${dubPath(this.dub.name)}/making`, { run: !this.making.running });
+      this.tell("making");
     } catch (error) { this.tell("said", error.message); }
   }
 
@@ -142,8 +151,12 @@ export class Desk extends EventTarget {
     while (turn === this.#turn) {
       await new Promise((go) => setTimeout(go, LOOK_MS));
       try {
-        const { revision } = await ask(`${dubPath(this.dub.name)}/revision`);
+        const { revision, making } = await ask(`${dubPath(this.dub.name)}/revision`);
+        const ended = this.making.running && !making.running;
+        this.making = making;
         this.tell("found");
+        this.tell("making");
+        if (ended) await this.reload();
         if (turn === this.#turn && !this.#busy && revision !== this.dub.revision) await this.reload(ELSEWHERE);
       } catch (error) {
         if (error.status) this.tell("said", error.message);

@@ -46,6 +46,11 @@ function banner(words) {
 desk.addEventListener("said", ({ detail }) => { find("state").textContent = detail; });
 desk.addEventListener("lost", () => banner(LOST));
 desk.addEventListener("found", () => banner(desk.dub.fixed ? FIXED : ""));
+desk.addEventListener("making", () => {
+  const { running, words, dub } = desk.making;
+  find("make").textContent = running ? "Stop" : "Make the dub";
+  find("making").textContent = words && `${dub}: ${words}`;
+});
 for (const kind of ["dub", "edits", "saved"]) {
   desk.addEventListener(kind, () => {
     find("undo").disabled = !desk.canUndo;
@@ -54,7 +59,7 @@ for (const kind of ["dub", "edits", "saved"]) {
 }
 
 for (const [id, act] of Object.entries({
-  undo: () => desk.undo(), redo: () => desk.redo(), play: () => timeline.play(), back: () => step(-1),
+  make: () => desk.make(), undo: () => desk.undo(), redo: () => desk.redo(), play: () => timeline.play(), back: () => step(-1),
   on: () => step(1), nearer: () => timeline.nearer(2), farther: () => timeline.nearer(0.5),
   shut: () => timeline.addKey((picture.frame + 0.5) / desk.dub.rate, 0),
 })) find(id).addEventListener("click", act);

@@ -22,16 +22,24 @@ export class Picture {
     this.canvas = find("canvas");
     desk.addEventListener("dub", () => this.#begin());
     desk.addEventListener("line", () => this.fetch());
-    desk.addEventListener("saved", () => this.fetch(["draft"]));
+    desk.addEventListener("saved", () => {
+      this.#offer();
+      this.fetch(["draft", ...(this.#shows("dub") ? ["dub"] : [])]);
+    });
+  }
+
+  // The dub can be seen once it is made.
+  #offer() {
+    const { dubbed } = this.desk.dub;
+    document.querySelector("#views [value=dub]").disabled = !dubbed;
+    if (this.view === "dub" && !dubbed) this.show("draft");
   }
 
   #begin() {
     for (const kept of Object.values(this.#kept)) kept.clear();
     this.#bitmaps.clear();
-    const { size, dubbed } = this.desk.dub;
-    [this.canvas.width, this.canvas.height] = size;
-    document.querySelector("#views [value=dub]").disabled = !dubbed;
-    if (this.view === "dub" && !dubbed) this.show("draft");
+    [this.canvas.width, this.canvas.height] = this.desk.dub.size;
+    this.#offer();
   }
 
   show(view) {

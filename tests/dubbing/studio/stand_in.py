@@ -20,6 +20,7 @@ from dubbing.script.timeline import Cue, Edit
 from dubbing.stages.draft import HalfSize
 from dubbing.studio import drafting
 from dubbing.studio.drafter import Drafter
+from dubbing.studio.making import Making
 from dubbing.studio.project import Project
 from dubbing.studio.server import app_of
 from tests import clips, fakes
@@ -95,7 +96,8 @@ def server(manifest: Path, port: int = 0) -> Iterator[str]:
     port = listener.getsockname()[1]
     drafter = Drafter(manifest, target=serve)
     own = {"token": TOKEN, "host": "127.0.0.1", "port": port, "password": False}
-    app = app_of(Project(load(manifest)), drafter, **own)
+    making = Making(manifest, "auto", "tests.fakes")
+    app = app_of(Project(load(manifest)), drafter, making, **own)
     running = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
     thread = threading.Thread(target=running.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()

@@ -361,3 +361,15 @@ def test_two_hundred_lines(
         page.until("studio.desk.line.line === 1")
         counts = page.run("document.getElementById('counts').textContent")
         assert counts == f"{count} lines: {count - 1} open, 0 approved, 1 redo"
+
+
+def test_the_dub_is_made_and_its_verdict_stands_beside_the_line(page: Page, manifest: Path) -> None:
+    assert page.run("document.querySelector('#views [value=dub]').disabled")
+    page.click("#make")
+    page.until("document.getElementById('make').textContent === 'Stop'")
+    page.until("document.getElementById('making').textContent === 'it: made'")
+    page.until("studio.desk.dub.dubbed && !document.querySelector('#views [value=dub]').disabled")
+    assert (manifest.parent / "out" / "it.mp4").is_file()
+    assert page.run("document.getElementById('make').textContent") == "Make the dub"
+    page.press("b")
+    page.until("studio.picture.painted.kind === 'dub'")

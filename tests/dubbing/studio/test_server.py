@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from dubbing.manifest.edits.edits_file import edits_file
 from dubbing.manifest.manifest import load
 from dubbing.script.timeline import Edit
 from dubbing.studio.drafter import Drafter
+from dubbing.studio.making import Making
 from dubbing.studio.project import Project
 from dubbing.studio.server import app_of
 from tests import clips
@@ -30,7 +32,8 @@ DUB = "/api/dubs/it"
 def client_of(manifest: Path, **guard: Any) -> TestClient:
     drafter = Drafter(manifest, target=serve)
     own = {"token": TOKEN, "host": "127.0.0.1", "port": 8711, "password": False, **guard}
-    app = app_of(Project(load(manifest)), drafter, **own)
+    making = Making(manifest, "auto", "tests.fakes")
+    app = app_of(Project(load(manifest)), drafter, making, **own)
     return TestClient(app, HERE, headers={"origin": HERE}, follow_redirects=False)
 
 
@@ -320,3 +323,32 @@ def test_a_process_that_ends_is_told_of_and_starts_again(manifest: Path) -> None
         drafter._process.kill()
         drafter._process.join()
         assert frames(client)
+
+
+def test_a_run_is_watched_and_stopped(client: TestClient, manifest: Path) -> None:
+    def state() -> Any:
+        return client.get(f"{DUB}/revision").json()["making"]
+
+    def make(run: object) -> Any:
+        return client.put(f"{DUB}/making", json={"run": run})
+
+    def ended() -> str:
+        while state()["running"]:
+            time.sleep(0.05)
+        return str(state()["words"])
+
+    assert state() == {"dub": "", "running": False, "words": ""}
+    assert make("x").status_code == 400
+    assert make(False).json()["running"] is False  # there is none
+    assert make(True).json()["running"] is True
+    again = make(True)
+    assert (again.status_code, "it is being made" in again.json()["error"]) == (422, True)
+    assert make(False).status_code == 200
+    assert ended() == "stopped; it goes on where it was"
+    assert not (manifest.parent / "out" / "it.mp4").exists()
+    make(True)
+    assert ended() == "made"
+    assert (manifest.parent / "out" / "it.mp4").exists()
+    (manifest.parent / "track.wav").write_bytes(b"damaged")
+    make(True)
+    assert ended().startswith("not made: ")
