@@ -204,13 +204,13 @@ def init(
     from dubbing.reels import reel_manifest
     from dubbing.timelines import cut_manifest
 
+    ask = _ask if sys.stdin.isatty() and sys.stdout.isatty() else None
     if timeline is not None:
         wanted = cut_manifest.HANDLES if handles is None else handles
-        written = cut_manifest.write_manifest(folder, timeline, wanted, print_line)
+        written = cut_manifest.write_manifest(folder, timeline, wanted, print_line, ask)
     elif handles is not None:
         raise CallError("goes with a timeline alone", "--handles", "leave it away")
     else:
-        ask = _ask if sys.stdin.isatty() and sys.stdout.isatty() else None
         reel = reel_manifest.write_manifest(folder, print_line, ask)
         written = reel or write_manifest(folder, print_line)
     print_line(f"wrote {written}; fill in who gave consent, then run: dfrf plan {written}")

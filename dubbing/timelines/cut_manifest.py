@@ -20,8 +20,10 @@ from dubbing.errors import ManifestError, Problem
 from dubbing.manifest.edits import edits_file
 from dubbing.manifest.init import HEADER, LONGEST_LEARNT, MOST_SAID, NAME
 from dubbing.manifest.keys.edit_entry import LONGEST_NOTE, Edit
+from dubbing.manifest.keys.values import check_name
 from dubbing.manifest.schema import shipped_uri
 from dubbing.media import probe
+from dubbing.reels.reel_manifest import SHEET, Ask
 from dubbing.timelines import reading, stretch
 from dubbing.timelines.films import Films, Shot, files_under
 from dubbing.timelines.reading import Event
@@ -35,7 +37,11 @@ NOBODY = '{by: "", reference: ""}'
 
 
 def write_manifest(
-    folder: Path, timeline: Path, handles: int, say: Callable[[str], None] = lambda _: None
+    folder: Path,
+    timeline: Path,
+    handles: int,
+    say: Callable[[str], None] = lambda _: None,
+    ask: Ask | None = None,
 ) -> Path:
     """Write ``folder/manifest.yaml`` for a timeline whose films lie in the folder.
 
@@ -45,6 +51,7 @@ def write_manifest(
     Args:
         handles: frames to dub before and after those of an event, so that it can be trimmed.
         say: told what is new.
+        ask: who is who, where films of a first cut show several people; without, all are one.
 
     Raises:
         ManifestError: there is a manifest without a timeline, or events without a film.
@@ -58,7 +65,7 @@ def write_manifest(
     events = reading.read(timeline, films.named_in).events
     shots = _shots(events, films, timeline)
     used = list(dict.fromkeys(plain(shot.film.path) for _, shot in shots))
-    whose = _identities(document, folder, used, say)
+    whose = _identities(document, folder, used, say, ask)
     stretches = list(stretch.read(document, folder))
     last = len(stretches)
     speech = Speech(folder, files, timeline)
@@ -141,10 +148,12 @@ def _shots(events: Sequence[Event], films: Films, timeline: Path) -> list[tuple[
 
 
 def _identities(
-    document: Any, folder: Path, films: list[Path], say: Callable[[str], None]
+    document: Any, folder: Path, films: list[Path], say: Callable[[str], None], ask: Ask | None
 ) -> dict[Path, str]:
     """The person of each film, to whom new films are given."""
     people = document.setdefault("identities", CommentedMap())
+    if not people and ask is not None:
+        people |= _people(folder, films, say, ask)
     if not people:
         people[PERSON] = CommentedMap(clips=[], seconds=LONGEST_LEARNT)
         people[PERSON]["consent"] = _yaml().load(NOBODY)
@@ -163,6 +172,52 @@ def _identities(
         if len(people) > 1:
             say(f"{film.name} is new, and taken for one of {first}")
     return whose
+
+
+def _people(
+    folder: Path, films: list[Path], say: Callable[[str], None], ask: Ask
+) -> dict[str, CommentedMap]:
+    """People by the names that they are given: each has the films that show them largest.
+
+    Nobody where all films show one person, or none.
+    """
+    from dubbing.reels.faces import faces_of, write_sheet
+
+    faces = faces_of({seen_from(folder, film): probe(film) for film in films})
+    largest: dict[str, Any] = {}
+    for face in faces:
+        for clip in face.clips:
+            other = largest.get(clip)
+            if other is None or other.best(clip).sighting.size < face.best(clip).sighting.size:
+                largest[clip] = face
+    if len({*map(id, largest.values())}) < 2:
+        return {}
+    write_sheet(faces, folder / SHEET)
+    say(f"{folder / SHEET} shows the faces of {len(films)} films")
+    found: dict[str, CommentedMap] = {}
+    for number, face in enumerate(faces, 1):
+        own = [clip for clip in face.clips if largest[clip] is face]
+        if not own:
+            continue
+        say(f"face {number}: {', '.join(own)}")
+        name = _name(number, [*found], ask)
+        first = face.best(own[0])
+        point = CommentedMap(at=round(first.at, 2), x=round(first.x, 3), y=round(first.y, 3))
+        found[name] = CommentedMap(clips=own, face=point, seconds=LONGEST_LEARNT)
+        found[name]["consent"] = _yaml().load(NOBODY)
+    return found
+
+
+def _name(number: int, taken: list[str], ask: Ask) -> str:
+    """The name of a face; asks until it can be one."""
+    while True:
+        given = ask(f"Who is face {number}? A name").strip() or f"face-{number}"
+        try:
+            check_name(given)
+        except ValueError:
+            continue
+        if given not in taken:
+            return given
 
 
 def _known_first(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
 import soundfile
 from typer.testing import CliRunner
@@ -14,9 +16,14 @@ from typer.testing import CliRunner
 from dubbing.cli.main import app
 from dubbing.errors import CallError, ExplainedError, ManifestError, MediaError
 from dubbing.manifest.init import write_manifest as write_plain
+from dubbing.manifest.keys import yaml_lines
 from dubbing.media import MediaInfo
+from dubbing.preparation.tracking.following import Sighting
+from dubbing.reels import faces
+from dubbing.reels.faces import Seen
 from dubbing.timelines import cut_manifest, reading
 from tests import clips
+from tests.dubbing.reels.test_reel_manifest import looks_of
 from tests.dubbing.timelines import cuts
 from tests.dubbing.timelines.cuts import FILM_RATE, KINDS, RATES, Piece, frames, otio, use, written
 
@@ -236,3 +243,55 @@ def test_one_recording_runs_along_the_cut(folder: Path) -> None:
         clips.write_noise(folder / name, 1)
     with pytest.raises(ExplainedError, match=r"2 recordings.*: cut_de\.wav and cut_it\.wav"):
         written(folder, cut)
+
+
+def seen(name: str, info: MediaInfo) -> Iterator[list[Seen]]:
+    """Stands in for `faces.frames_of`: Ann before Ben in even films, Ben alone in others."""
+    even = name[4] in "0246"
+    for k in range(4):
+        found = []
+        for who, high in (("ann", 40), ("ben", 30)) if even else (("ben", 30),):
+            box = np.array([10.0, 5, 30, 5 + high])
+            sighting = Sighting(k, box, looks_of(who, k))
+            image = np.zeros((faces.CELL, faces.CELL, 3), np.uint8)
+            found.append(Seen(name, k / 25, 0.25, 0.5, sighting, image))
+        yield found
+
+
+def test_who_is_who_is_asked(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(faces, "frames_of", seen)
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(7), FILM_RATE)
+    answers = ["a/b", "Ben B.", "Ben B.", "ann"]
+    asked: list[str] = []
+
+    def ask(question: str) -> str:
+        asked.append(question)
+        return answers[len(asked) - 1]
+
+    said: list[str] = []
+    path = cut_manifest.write_manifest(folder, cut, 0, said.append, ask)
+    people = yaml_lines.read(path.read_text()).data["identities"]
+    # A name that cannot be a folder's, and one that is taken, are asked for again.
+    assert asked == ["Who is face 1? A name"] * 2 + ["Who is face 2? A name"] * 2
+    assert {name: one["clips"] for name, one in people.items()} == {
+        "Ben B.": ["shot1.mov", "shot3.mov", "shot5.mov"],
+        "ann": ["shot0.mov", "shot2.mov", "shot4.mov", "shot6.mov"],
+    }
+    assert people["ann"]["face"] == {"at": 0.0, "x": 0.25, "y": 0.5}
+    assert (folder / "manifest.faces.jpg").is_file()
+    dubs = yaml_lines.read(path.read_text()).data["dubs"]
+    whose = {one["clip"]: one["identity"] for one in dubs}
+    assert (whose["shot1.mov"], whose["shot2.mov"]) == ("Ben B.", "ann")
+    # Later cuts keep them.
+    cut_manifest.write_manifest(folder, cut, 0, said.append, ask)
+    assert len(asked) == 4
+
+
+def test_where_nobody_is_asked_all_is_one_person(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(faces, "frames_of", seen)
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(3), FILM_RATE)
+    path = cut_manifest.write_manifest(folder, cut, 0)
+    assert [*yaml_lines.read(path.read_text()).data["identities"]] == ["person"]
+    assert not (folder / "manifest.faces.jpg").exists()
