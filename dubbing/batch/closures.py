@@ -1,28 +1,46 @@
-"""Keys that shut the mouth on the p, b and m of the words of lines, put into files of edits."""
+"""Keys that shut the mouth on p, b and m of the words of lines, put into files of edits."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 
 from dubbing import media
+from dubbing.batch.curves import opened
 from dubbing.batch.jobs import chosen_dubs
 from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.kept_edits import KeptEdits
-from dubbing.manifest.keys.edit_entry import Edit, Key
+from dubbing.manifest.keys import edit_entry
 from dubbing.production.production import Production
-from dubbing.script.timeline import AROUND, HELD, Cue
+from dubbing.script.timeline import AROUND, HELD, Cue, Edit
 from dubbing.speech import voice_activity as voice
+from dubbing.stages.draft import HalfSize
 
+PARTED = 0.01  # eye distances beyond a closed mouth's, from which on lips do not touch
 OPENED = 3 * HELD  # s between two closures, from which on the mouth opens between them
 ROUNDED = 2  # digits of seconds
 
 
-def closures_of(cue: Cue) -> list[float]:
-    """Seconds of a cue's sound at which the lips close, by its words."""
+def closures_of(cue: Cue, half: HalfSize) -> list[float]:
+    """Seconds of a cue's sound at which the lips should close, by its words, and do not."""
+    import numpy as np
+
     from dubbing.speech.labials import labials
 
     sound = {"rate": voice.SAMPLE_RATE, "start": cue.audio_start, "seconds": cue.seconds}
     found = labials(lambda: media.iter_audio(cue.audio, **sound), cue.words)  # type: ignore[arg-type]
-    return [min(one.at, cue.seconds) for one in found]
+    heard = half.lips(cue, cue.edit)
+    if heard is None:
+        return [min(one.at, cue.seconds) for one in found]
+    closed = half.lips(cue, Edit(), np.zeros(len(heard), np.float32))
+    assert closed is not None
+    open_ = heard[:, 0] > closed[0, 0] + PARTED
+    needed = [one.at for one in found if open_[_beside(one.at, cue, len(open_))].all()]
+    return [min(at, cue.seconds) for at in needed]
+
+
+def _beside(at: float, cue: Cue, frames: int) -> slice:
+    """The frame of a moment of a cue, and those beside it."""
+    frame = min(int(at / cue.seconds * (cue.stop - cue.first)), frames - 1)
+    return slice(max(0, frame - 1), frame + 2)
 
 
 def with_closures(
@@ -50,26 +68,26 @@ def write_closures(production: Production, only: tuple[str, ...] = ()) -> Iterat
     A line with takes gets them in the one that is chosen.
 
     Raises:
-        ExplainedError: the edits of a dub cannot be read or written, or nobody knows any words.
+        ExplainedError: a person is not learned, the edits of a dub cannot be read or written, or
+            nobody knows any words.
     """
-    dubs = chosen_dubs(production, only)
-    if not any(cue.words for dub in dubs for cue in dub.cues):
+    if not any(cue.words for dub in chosen_dubs(production, only) for cue in dub.cues):
         what = "the words of no line are known"
         raise ExplainedError(what, str(production.manifest), "give a script in `lines`")
-    for dub in dubs:
+    for dub, half in opened(production, only):
         kept = KeptEdits(production.manifest, dub)
         _, entries = kept.entries()
         changed = {}
         for cue in (cue for cue in dub.cues if cue.words):
-            own = with_closures(cue.edit.keys, found := closures_of(cue), cue.edit.strength)
+            own = with_closures(cue.edit.keys, found := closures_of(cue, half), cue.edit.strength)
             changed[cue] = _with_keys(entries.get(cue, kept.plain(cue)), own)
             yield f"{dub.name}, line {cue.number}: {len(found)} closures"
         kept.put({**entries, **changed}, changed)
 
 
-def _with_keys(entry: Edit, keys: Sequence[tuple[float, float]]) -> Edit:
+def _with_keys(entry: edit_entry.Edit, keys: Sequence[tuple[float, float]]) -> edit_entry.Edit:
     """An entry whose take that is chosen has these keys."""
-    own = [Key(at=at, strength=strength) for at, strength in keys]
+    own = [edit_entry.Key(at=at, strength=strength) for at, strength in keys]
     if not entry.take:
         return entry.model_copy(update={"keys": own})
     take = entry.takes[entry.take].model_copy(update={"keys": own})

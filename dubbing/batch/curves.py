@@ -27,13 +27,21 @@ def write_curves(production: Production, only: tuple[str, ...] = ()) -> Iterator
     Raises:
         ExplainedError: a person is not learned, or the file may not be written.
     """
+    for dub, half in opened(production, only):
+        yield _put(production, dub, text_of(rows_of(dub, half)))
+
+
+def opened(production: Production, only: tuple[str, ...]) -> Iterator[tuple[Dub, HalfSize]]:
+    """Dubs with their films and people.
+
+    Raises:
+        ExplainedError: a person is not learned.
+    """
     for name, job in jobs.build(production, only=only, draft=True).named(DUB).items():
-        dub = production.dubs[name]
         for draft in job.all_of(Draft):
             check_made(production, name, draft)
             listen_to(job)
-            text = text_of(rows_of(dub, draft.opened()))
-            yield _put(production, dub, text)
+            yield production.dubs[name], draft.opened()
 
 
 def check_made(production: Production, name: str, draft: Draft) -> None:

@@ -15,7 +15,7 @@ def curves(manifest: ManifestPath, only: Only = None) -> None:
 
 
 def closures(manifest: ManifestPath, only: Only = None) -> None:
-    """Shut mouths on the p, b and m of the words of lines: keys in NAME.edits.yaml."""
+    """Shut mouths that stay open on p, b or m of the words of lines: keys in NAME.edits.yaml."""
     packages.require()
     from dubbing.batch.closures import write_closures
     from dubbing.manifest.manifest import load

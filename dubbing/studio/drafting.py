@@ -139,9 +139,9 @@ class Desk:
 
     def closures(self, dub: str, cue: str, edit: Edit, heard: str) -> Iterator[list[Any]]:
         """The keys of a line with closures at the labials of its words."""
-        self.film(dub, heard)
+        half = self.film(dub, heard).half
         (own,) = (one for one in self.production.dubs[dub].cues if one.name == cue)
-        yield with_closures(edit.keys, closures_of(own), edit.strength)
+        yield with_closures(edit.keys, closures_of(own, half), edit.strength)
 
     def frames(
         self, dub: str, kind: str, wanted: list[tuple[int, str]], edits: dict[str, Edit], heard: str

@@ -30,7 +30,10 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (tmp_path / "it.srt").read_text().replace("One.", "0.1 0.4").replace("Three.", "0.3")
     )
     monkeypatch.setattr(
-        closures, "closures_of", lambda cue: [float(at) for at in cue.words.split()]
+        closures, "opened", lambda made, _: [(dub, None) for dub in made.dubs.values()]
+    )
+    monkeypatch.setattr(
+        closures, "closures_of", lambda cue, _: [float(at) for at in cue.words.split()]
     )
     return path
 
@@ -88,12 +91,22 @@ def test_a_line_is_listened_to_where_it_sounds(path: Path, monkeypatch: pytest.M
 
     def count(blocks: Any, words: str) -> list[labials.Labial]:
         heard.append(sum(map(len, blocks())))
-        return [labials.Labial("p", 0.2)]
+        return [labials.Labial("p", 0.2), labials.Labial("m", 0.4)]
 
     monkeypatch.setattr(labials, "labials", count)
     cue: Cue = load(path).dubs["it"].cues[0]
-    assert closures.closures_of(cue) == [0.2]
+    lengths = np.full((cue.stop - cue.first, 7), 0.1)
+
+    class Half:
+        def lips(self, of: Cue, edit: Edit, strength: Any = None) -> np.ndarray:
+            return lengths if strength is None else np.full_like(lengths, 0.02)
+
+    assert closures.closures_of(cue, Half()) == [0.2, 0.4]  # type: ignore[arg-type]
     assert heard == [round(cue.seconds * 16000)]
+    lengths[11] = 0.025  # beside the frame of .4 s the lips touch already
+    assert closures.closures_of(cue, Half()) == [0.2]  # type: ignore[arg-type]
+    lengths[11] = 0.05
+    assert closures.closures_of(cue, Half()) == [0.2, 0.4]  # type: ignore[arg-type]
 
 
 def test_without_words_there_is_nothing_to_do(path: Path) -> None:

@@ -85,7 +85,7 @@ def serve(pipe: Connection, manifest: str, device: str) -> None:
     fakes.install(setattr)
     HalfSize._rendered = rendered  # type: ignore[method-assign]
     HalfSize.lips = lips  # type: ignore[method-assign]
-    drafting.closures_of = lambda cue: [0.12, 0.4]
+    drafting.closures_of = lambda cue, half: [0.12, 0.4]
     drafting.serve(pipe, manifest, device)
 
 
