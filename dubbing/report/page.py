@@ -1,15 +1,12 @@
 """The page of a report: one file, which needs no network and no server."""
 
-import json
 import math
 import re
 from pathlib import Path
 from typing import Any
 
-import jinja2
-from markupsafe import Markup
-
 from dubbing import design
+from dubbing.design.filled import filled
 from dubbing.printable import visible
 
 MOST_POINTS = 400  # of a curve on the page
@@ -29,17 +26,13 @@ FOLDERS = re.compile(r"(?<![\w./:])/(?:[^\s/:]+/)+")  # of an absolute path
 
 def page_of(found: dict[str, Any]) -> str:
     """The HTML of what `report.collect` found."""
-    own, page = Path(__file__), {name: _text(name) for name in (design.CURVES, design.CURVE_STYLE)}
+    own = Path(__file__)
     parts = {
-        "style": page[design.CURVE_STYLE] + _text(design.STYLE),
-        "data": json.dumps(portable(found), ensure_ascii=False).replace("<", "\\u003c"),
-        "curves": page[design.CURVES],
+        "style": _text(design.CURVE_STYLE) + _text(design.STYLE),
+        "curves": _text(design.CURVES),
         "script": own.with_name("page.js").read_text(encoding="utf-8"),
     }
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
-    template = environment.from_string(own.with_name("page.html").read_text(encoding="utf-8"))
-    marked = {name: Markup(part) for name, part in parts.items()}
-    return template.render(marked, first_line=first_line(found))
+    return filled(own.with_name("page.html"), portable(found), parts, first_line=first_line(found))
 
 
 def first_line(found: dict[str, Any]) -> str:
