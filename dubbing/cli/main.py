@@ -73,7 +73,7 @@ COMMANDS = {
     ),
     "Checking": (
         *(clip_commands.sync, provenance_commands.verify, provenance_commands.consent),
-        machine_commands.doctor,
+        *(page_commands.rate, machine_commands.doctor),
     ),
     "Research": (research_commands.evaluate, research_commands.import_checkpoint),
     "Training": (

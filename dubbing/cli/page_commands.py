@@ -1,4 +1,4 @@
-"""Commands of the pages: `studio` for edits, `share` and `notes` for the report."""
+"""Commands of the pages: `studio` for edits, `share` and `notes` for the report, `rate`."""
 
 import os
 import secrets
@@ -15,6 +15,7 @@ from dubbing.cli.arguments import (
     ManifestPath,
     checked_device,
     checked_output,
+    checked_path,
     file_argument,
     file_option,
     print_line,
@@ -137,3 +138,53 @@ def notes(
         redo = sum(note.status == "redo" for note in found)
         where = edits_file(production.manifest, name).name
         print_line(f"{where}: {len(found)} line{'' if len(found) == 1 else 's'}, {redo} to redo")
+
+
+def rate(
+    paths: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="PATH...",
+            exists=True,
+            help="Manifests of two or more versions of the same dubs; with --answers, the FOLDER.",
+        ),
+    ],
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FOLDER",
+            help="Make rate.html there, its videos, and pairs.json, which says what was what.",
+        ),
+    ] = None,
+    answers: Annotated[
+        list[Path] | None,
+        file_option("--answers", "Answers that the page saved; further files may follow."),
+    ] = None,
+) -> None:
+    """Compare versions of dubs blindly: make a page of pairs, or say what people answered to it."""
+    from dubbing.rating import pairs
+
+    if output is not None:
+        from dubbing.manifest.manifest import load
+
+        if answers or len(paths) < 2:
+            remedy = "give two or more manifests to make a page, or --answers alone"
+            raise CallError("this makes no page of pairs", f"--output {output}", remedy)
+        key, left_out = pairs.write([load(path) for path in paths], checked_path(output))
+        for line in left_out:
+            print_line(f"left out: {line}", err=True)
+        print_line(
+            f"{output / pairs.PAGE}: {len(key['pairs'])} pairs; keep {pairs.KEY} to yourself"
+        )
+        return
+    if not answers or not paths[0].is_dir():
+        remedy = "give manifests and --output FOLDER, or FOLDER and --answers FILE ..."
+        raise CallError("nothing to make and nothing to read", str(paths[0]), remedy)
+    from dubbing.rating.answers import read
+    from dubbing.rating.summary import in_words
+
+    key = pairs.read(paths[0])
+    for line in in_words(read([*answers, *paths[1:]], key), key):
+        print_line(line)
