@@ -1,4 +1,4 @@
-"""What of an output folder its manifest no longer asks for, and its removal."""
+"""Finds and removes files of an output folder that its manifest no longer asks for."""
 
 import shutil
 from collections.abc import Iterable, Iterator
@@ -37,7 +37,7 @@ class Surplus:
 
 
 def surplus(production: Production, *, takes: bool = False) -> list[Surplus]:
-    """What lies in the output folder and is neither asked for nor read.
+    """Files and folders of the output folder that are neither asked for nor read.
 
     Links, and files that were not made by this manifest or are not as it made them, are left alone;
     so is what another run is at work on.
@@ -126,7 +126,7 @@ def _of_job(job: Job) -> set[Path]:
 
 
 def _of_takes(dub: Dub, job: Job) -> set[Path]:
-    """What was made of all takes of the lines of a dub."""
+    """Folders of all takes of the lines of a dub."""
     cues = job.folder / job.parts
     kept = {cues} if dub.length_of_take else set()
     for cue in dub.cues:
@@ -153,7 +153,7 @@ def _results(ledger: Ledger, wanted: set[str]) -> Iterator[Path]:
 
 
 def _below(folder: Path, kept: set[Path], around: set[Path]) -> Iterator[Path]:
-    """What lies in a folder and is not kept."""
+    """Files and folders below a folder that are not kept."""
     for path in sorted(folder.iterdir()):
         if path in kept or path.is_symlink() or path.suffix == claims.SUFFIX or path.name[0] == ".":
             continue

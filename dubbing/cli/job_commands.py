@@ -217,7 +217,7 @@ def init(
 
 
 def _ask(question: str) -> str:
-    """What a user answers on the terminal."""
+    """Ask on the terminal; gives the answer."""
     return str(typer.prompt(visible(question), default="", show_default=False))
 
 

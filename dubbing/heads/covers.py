@@ -144,7 +144,7 @@ def _covers(
 def told_apart(
     seen: Compared, mask: np.ndarray, sure: np.ndarray, hands: list[np.ndarray]
 ) -> Cover | None:
-    """What lies over a face, where it can be told from it: by its colours, or as a hand.
+    """The cover of a face, where it can be told from it: by its colours, or as a hand.
 
     Args:
         mask: (H, W) bool, cut out by colours. sure: what of it differs from the head.

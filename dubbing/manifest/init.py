@@ -192,7 +192,7 @@ def free_target(folder: Path) -> Path:
 
 
 def sorted_out(folder: Path) -> Found:
-    """What lies in a folder."""
+    """Sort the files of a folder into clips, recordings and scripts."""
     found = Found()
     taken: dict[str, str] = {}
     for path in sorted(folder.iterdir()):

@@ -123,7 +123,7 @@ class Search:
                     self.best, self._bins = match, bins
 
     def result(self, limit: float, frames: int) -> MarkResult:
-        """What is found in so many frames, with this threshold."""
+        """The result of so many frames, with this threshold."""
         best = self._refined() if self.best.value >= limit else self.best
         return MarkResult(
             present=self.best.value >= limit,

@@ -192,7 +192,7 @@ class Server:
         )
 
     async def revision(self, request: Request) -> Response:
-        """What others change: the edits of a dub, and how far a run is; pages ask again."""
+        """The revision of a dub's edits, and how far a run is; pages ask again and again."""
         found = await run_in_threadpool(self.project.revision, self._name(request))
         return JSONResponse({"revision": found, "making": self.making.state()})
 

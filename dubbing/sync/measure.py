@@ -61,7 +61,7 @@ class Sound:
 
     @classmethod
     def read(cls, file: Path) -> "Sound":
-        """What `write` wrote."""
+        """Read the sound that `write` kept."""
         with np.load(file, allow_pickle=False) as kept:
             return cls(float(kept["start"]), kept["features"], kept["heard"])
 

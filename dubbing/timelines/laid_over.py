@@ -75,7 +75,7 @@ def warnings(production: Production) -> list[str]:
 
 
 def files(production: Production, markers: Markers) -> dict[str, Callable[[Path], None]]:
-    """What writes each file of a manifest's timeline with its dubs, by the name of the file.
+    """Writers of a manifest's timeline with its dubs, by the names of the files.
 
     Args:
         markers: of a dub, in its frames.

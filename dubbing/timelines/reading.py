@@ -176,7 +176,7 @@ def _event(item: Any, timeline: Any, markers: list[Any], number: int, drop: bool
 
 
 def _names(item: Any, media: Any) -> Iterator[str]:
-    """What its film may be called: as the file that is named, as the clip, or as the reel."""
+    """Names that its film may have: of the file that is named, of the clip, or of the reel."""
     url = getattr(media, "target_url", "") or ""
     yield PurePosixPath(unquote(url).replace("\\", "/")).name
     if hasattr(media, "name_prefix"):  # numbered files

@@ -1,7 +1,7 @@
 """Clips that many tests read: numbered frames, and the synthetic speaker in known sync."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -15,6 +15,7 @@ from dubbing import media
 from dubbing.media import VideoWriter
 from dubbing.workshop.synthetic.speaker import make_speaker
 from tests import clips, fakes
+from tests.dubbing.studio.browser import Browser, browser
 
 TEXT = "The quick brown fox jumps over the lazy dog, and then we walked back home."
 RATE = Fraction(25)
@@ -31,6 +32,13 @@ def footage(tmp_path_factory: pytest.TempPathFactory) -> Path:
     whole = (folder / "bob.mp4").read_bytes()
     (folder / "damaged.mp4").write_bytes(whole[: len(whole) // 3])
     return folder
+
+
+@pytest.fixture(scope="module")
+def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """Headless Chromium; skips where it is not installed."""
+    with browser(tmp_path_factory.mktemp("profile")) as found:
+        yield found
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ Meshes = list[np.ndarray]  # of the faces in a frame, each (P, 3) float32
 
 
 def read(file: Path) -> dict[str, Meshes]:
-    """What `write` wrote."""
+    """Read the meshes that `write` kept, by the keys of their frames."""
     with np.load(file, allow_pickle=False) as kept:
         keys, counts, meshes = (kept[name] for name in ("keys", "counts", "meshes"))
     parts = np.split(meshes, np.cumsum(counts)[:-1])

@@ -114,7 +114,7 @@ def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, p
 
 
 def _motion(given: edit_entry.Edit | edit_entry.Take, cue: Cue, take: str) -> Edit:
-    """What an entry says of the recording and of the mouth of a cue."""
+    """The edit of a cue's recording and mouth that an entry or a take gives."""
     return Edit(
         given.shift,
         given.strength,

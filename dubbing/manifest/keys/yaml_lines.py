@@ -53,7 +53,7 @@ def quoted(text: str) -> str:
 
 
 def read_file(path: Path, most: int) -> Document:
-    """What a file of at most so many bytes holds.
+    """Read a file of at most so many bytes.
 
     Raises:
         ValueError: it cannot be read.

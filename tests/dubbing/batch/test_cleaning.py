@@ -1,4 +1,4 @@
-"""What a manifest no longer asks for is listed, and removed where that is asked for."""
+"""Files that a manifest no longer asks for are listed, and removed where one says so."""
 
 from __future__ import annotations
 

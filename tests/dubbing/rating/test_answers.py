@@ -1,4 +1,4 @@
-"""What answers add up to; answers that do not belong to a page are refused."""
+"""Answers are added up; those that do not belong to a page are refused."""
 
 from __future__ import annotations
 

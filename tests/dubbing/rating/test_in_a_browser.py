@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -12,16 +11,10 @@ import pytest
 from dubbing.manifest.manifest import load
 from dubbing.rating import answers as told
 from dubbing.rating.pairs import PAGE, Key, write
-from tests.dubbing.studio.browser import Browser, Page, browser
+from tests.dubbing.studio.browser import Browser, Page
 
 pytestmark = pytest.mark.medium
 SHOWN = "videos.map((video) => video.getAttribute('src'))"
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    with browser(tmp_path_factory.mktemp("profile")) as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.dubbing.report.pages import DUBS, SOURCE, write_everything
-from tests.dubbing.studio.browser import Browser, Page, browser
+from tests.dubbing.studio.browser import Browser, Page
 
 pytestmark = pytest.mark.medium
 WORST_FIRST = ["still", "gone", "shot10", "early", "quiet", "weak", "fine", "shot9"]
@@ -18,12 +17,6 @@ VERDICTS["passed"] = WORST_FIRST[5:]
 SHOWN = "[...document.querySelectorAll('#lineup button')].map((one) => one.dataset.name)"
 TEXT = "document.getElementById('{}').innerText"
 READY = "result.readyState > 1 && (find('views').disabled || source.readyState > 1)"
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    with browser(tmp_path_factory.mktemp("profile")) as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

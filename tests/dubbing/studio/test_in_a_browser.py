@@ -20,7 +20,7 @@ from dubbing.manifest.manifest import load
 from dubbing.pipeline import PERSON
 from tests import clips, fakes
 from tests.dubbing.engine.listener import Listener
-from tests.dubbing.studio.browser import CTRL, SHIFT, Browser, Page, browser
+from tests.dubbing.studio.browser import CTRL, SHIFT, Browser, Page
 from tests.dubbing.studio.stand_in import FRAMES, server, write_scene
 
 pytestmark = pytest.mark.medium
@@ -39,12 +39,6 @@ RED = """[...studio.picture.canvas.getContext("2d").getImageData(0, 0, 32, 24).d
 
 # A frame is painted a little after it came.
 PAINTED = "studio.picture.painted.frame === 12 && studio.picture.painted.mark === window.marks[12]"
-
-
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    with browser(tmp_path_factory.mktemp("profile")) as found:
-        yield found
 
 
 @pytest.fixture
