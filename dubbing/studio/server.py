@@ -221,6 +221,8 @@ class Server:
         task = self.curves_of.get(key)
         if task is None or (task.done() and task.exception()):
             task = self.curves_of[key] = asyncio.create_task(self._ask_curves(*key, edits))
+            # Whoever asked may have left the page: then nobody else takes the error.
+            task.add_done_callback(lambda done: done.cancelled() or done.exception())
         return await asyncio.shield(task)
 
     async def _ask_curves(self, name: str, heard: str, edits: dict[str, Edit]) -> dict[str, Any]:

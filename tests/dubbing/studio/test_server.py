@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
+import gc
 import json
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import cv2
@@ -13,13 +16,14 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
+from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.edits_file import edits_file
 from dubbing.manifest.manifest import load
 from dubbing.script.timeline import Edit
 from dubbing.studio.drafter import Drafter
 from dubbing.studio.making import Making
 from dubbing.studio.project import Project
-from dubbing.studio.server import app_of
+from dubbing.studio.server import Server, app_of
 from tests import clips
 from tests.dubbing.studio.stand_in import FRAMES, TOKEN, image, serve
 
@@ -352,3 +356,28 @@ def test_a_run_is_watched_and_stopped(client: TestClient, manifest: Path) -> Non
     (manifest.parent / "track.wav").write_bytes(b"damaged")
     make(True)
     assert ended().startswith("not made: ")
+
+
+def test_curves_that_fail_for_somebody_who_left_are_no_complaint() -> None:
+    said: list[object] = []
+
+    async def fail(*_: object) -> dict[str, Any]:
+        await asyncio.sleep(0)
+        raise ExplainedError("the process ended")
+
+    async def leave() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, about: said.append(about))
+        server: Any = object.__new__(Server)
+        server.curves_of, server._ask_curves = {}, fail
+        server.project = SimpleNamespace(edits=lambda _: {}, heard=lambda _: "heard")
+        asked = asyncio.create_task(server._curves("it"))
+        while not server.curves_of:
+            await asyncio.sleep(0)
+        asked.cancel()
+        await asyncio.wait([asked, *server.curves_of.values()])
+        server.curves_of.clear()
+        gc.collect()
+
+    asyncio.run(leave())
+    gc.collect()
+    assert not said
