@@ -47,6 +47,9 @@ RIGID: tuple[int, ...] = (
     *EYE_CORNERS,  # stay last
 )
 
+# Nose and cheeks, where hardly anybody has hair.
+SKIN: tuple[int, ...] = (4, 5, 195, 197, 6, 50, 280, 205, 425, 101, 330, 36, 266)
+
 # Outline of the skin that moves with the skull: temples, cheek bones, the nose. It ends above the
 # upper lip and below the forehead, whose skin goes up and wrinkles with the brows.
 UPPER_FACE: tuple[int, ...] = (

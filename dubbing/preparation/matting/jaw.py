@@ -3,6 +3,7 @@
 FaceMesh gives the jaw to a few px and ignores beards. The true edge is searched along the normals
 of its line: the smooth line of strongest colour steps near it, by dynamic programming (an active
 contour: Amini, Weymouth and Jain 1990). Where no edge separates skin from skin, the line stays.
+Below a beard the edge lies where what looks like the beard ends, however far that is.
 
 S is the side of the crop in px. Lengths are for S = 512 and scale with it.
 """
@@ -12,14 +13,19 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from dubbing.face.face_contour import evenly
+from dubbing.preparation.matting.beard import JawColours
 from dubbing.preparation.matting.matting import OPAQUE, REFERENCE_SIZE
 
 POINTS = 96  # of the line
 SPACING = 1.0  # px
-OFFSETS = np.arange(-5.0, 30.0 + SPACING / 2, SPACING)  # px along a normal, J of them
-ABOVE, BELOW = 2.5, 14.0  # px: expected distance of the edge from FaceMesh's line
+OFFSETS = np.arange(-5.0, 80.0 + SPACING / 2, SPACING)  # px along a normal
+SHAVEN = 36  # of them are looked at where nobody has a beard: up to 30 px
+# px: expected distance of the edge from FaceMesh's line, the last one below a beard.
+ABOVE, BELOW, BEARDED = 2.5, 14.0, 35.0
+LIKE_BEARD = 0.25  # reward of a px that looks like the beard, cost of one that looks like skin
 STEP = 5  # px on either side whose means are compared
 CLEAR = 60.0  # grey levels: a step of this height is worth half of MAX_REWARD
+USUAL, SPREAD = 0.6, 8.0  # quantile of a beard's lengths in a shot, and px about it
 MAX_REWARD = 3.0  # of a step: the white of a collar is no better a chin
 # Reward where the person ends, and cost of what is beyond; of any face, and of a profile.
 WALL, PROFILE_WALL = 6.0, 12.0
@@ -36,37 +42,50 @@ def normals(line: np.ndarray) -> np.ndarray:
     return across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
 
 
-def edge_costs(image: np.ndarray, person: np.ndarray, outline: np.ndarray) -> np.ndarray:
-    """Cost (POINTS, J) of the edge lying OFFSETS below an outline (K, 2) px.
+def edge_costs(
+    image: np.ndarray,
+    person: np.ndarray,
+    outline: np.ndarray,
+    beard: np.ndarray | None = None,
+    colours: JawColours | None = None,
+) -> np.ndarray:
+    """Cost (POINTS, J) of the edge lying the first J OFFSETS below an outline (K, 2) px.
 
     Where a chin lies before the wall, as in a profile, its edge is that of the person: FaceMesh's
     line is then far off, and what is crossed on the way to the wall is the chin's own shading.
 
     Args:
         image: (S, S, 3) uint8 RGB. person: (S, S) uint8, opacity.
+        beard: (POINTS,) 0..1, how surely there is one; None: nowhere.
+        colours: of the jaw, needed where there is one.
     """
     unit = len(image) / REFERENCE_SIZE
     line = evenly(outline, POINTS)
-    places = line[:, None] + (OFFSETS * unit)[:, None] * normals(line)[:, None]
+    offsets = OFFSETS[:SHAVEN] if beard is None else OFFSETS
+    places = line[:, None] + (offsets * unit)[:, None] * normals(line)[:, None]
     smooth = cv2.GaussianBlur(image, (0, 0), unit)
     x, y = (places[..., k].astype(np.float32) for k in range(2))
     colour = cv2.remap(smooth, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     step = np.linalg.norm(steps(colour.astype(np.float32), STEP), axis=2)
-    far = np.where(OFFSETS < 0, OFFSETS / ABOVE, OFFSETS / BELOW)
-    outward = np.where(OFFSETS >= 0, step, 0)
+    share = np.zeros((POINTS, 1)) if beard is None else beard[:, None]
+    far = np.where(offsets < 0, offsets / ABOVE, offsets / (BELOW + share * (BEARDED - BELOW)))
+    outward = np.where(offsets >= 0, step, 0) * (1 - share)  # a beard's own hairs are no edges
     passed = np.cumsum(outward, axis=1) - outward
-    passed = np.pad(passed, ((0, 0), (STEP, 0)))[:, : len(OFFSETS)]
+    passed = np.pad(passed, ((0, 0), (STEP, 0)))[:, : len(offsets)]
     inside = cv2.remap(person, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) >= OPAQUE
     ends = np.where((inside.all(1) | ~inside[:, 0])[:, None], np.inf, inside.argmin(1)[:, None])
     wall = WALL
     if np.isfinite(ends[line[:, 1].argmax()]):  # the lowest point: a chin without a neck below it
         wall, passed = PROFILE_WALL, np.where(np.isfinite(ends), 0, passed)
     cost = far**2 / 2 - MAX_REWARD * step / (step + CLEAR) + CROSSED * SPACING * passed
-    place = np.arange(len(OFFSETS))
+    if colours is not None:
+        unlike = share * np.where(offsets >= 0, colours.unlike(colour), 0)
+        cost += LIKE_BEARD * SPACING * (np.cumsum(unlike, axis=1) - unlike)
+    place = np.arange(len(offsets))
     cost += np.where(place > ends, wall, np.where(place >= ends - 1, -wall, 0))
     still = round(ENDS * POINTS)
     for end in (slice(0, still), slice(POINTS - still, None)):
-        cost[end] = OFFSETS**2
+        cost[end] = offsets**2
     return np.asarray(cost)
 
 
@@ -78,6 +97,19 @@ def edge_offsets(costs: np.ndarray, size: int) -> np.ndarray:
     """
     bend = BEND * (SPACING * np.arange(-2, 3)) ** 2
     return OFFSETS[smoothest(costs, bend)] * (size / REFERENCE_SIZE)
+
+
+def expect_beards(costs: np.ndarray, beard: np.ndarray) -> np.ndarray:
+    """Costs (T, POINTS, J) of the frames of a shot, with a beard as long in all as in most.
+
+    Args:
+        costs: of the same shape. beard: (POINTS,) 0..1, how surely there is one.
+    """
+    found = edge_offsets(costs, REFERENCE_SIZE)
+    usual = gaussian_filter1d(np.quantile(found, USUAL, axis=0), SMOOTH_POINTS, mode="nearest")
+    offsets = OFFSETS[: costs.shape[2]]
+    nearer = ((offsets - usual[:, None]) / SPREAD) ** 2 - (offsets / BEARDED) ** 2
+    return np.asarray(costs + beard[:, None] * nearer / 2)
 
 
 def steps(profile: np.ndarray, reach: int) -> np.ndarray:

@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from dubbing.engine.graph.stage import ReportShare
+from dubbing.face.face_contour import evenly
 from dubbing.face.finding.graph_network import network
 from dubbing.face.finding.regions import Images
 from dubbing.face.mesh_points import EYE_CORNERS, NOSE_BRIDGE
@@ -20,10 +21,26 @@ from dubbing.media import VideoWriter
 from dubbing.preparation.alignment.silhouette import measure
 from dubbing.preparation.crops.threads import in_order
 from dubbing.preparation.crops.tracked_crops import OPACITY, PERSON, TrackedCrops, create_images
-from dubbing.preparation.matting.jaw import edge_costs, edge_offsets, moved, smooth_offsets
-from dubbing.preparation.matting.matting import component_at, head_matte, in_bytes, opacity
+from dubbing.preparation.matting.beard import FRAMES, JawColours, beard_share, jaw_colours
+from dubbing.preparation.matting.jaw import (
+    POINTS,
+    edge_costs,
+    edge_offsets,
+    expect_beards,
+    moved,
+    normals,
+    smooth_offsets,
+)
+from dubbing.preparation.matting.matting import (
+    REFERENCE_SIZE,
+    component_at,
+    head_matte,
+    in_bytes,
+    opacity,
+)
 
 INPUT_SIDE = 256  # px, side of the network's input
+TIPS = 6.0  # px at 512: single hairs reach below the edge of a beard, and would be left behind
 BATCH = 4  # images at once: more do not fit a core's cache
 
 
@@ -79,16 +96,44 @@ class People:
 def jaw_lines(clip: TrackedCrops, progress: ReportShare) -> np.ndarray:
     """The outlines moved to the visible edge of the jaw, (T, POINTS, 2) px."""
 
+    beards = beards_of_shots(clip)
+
     def work(t: int) -> np.ndarray:
-        return edge_costs(clip.crops[t], clip.opacity[t], clip.outline[t])
+        frame = clip.crops[t], clip.opacity[t], clip.outline[t]
+        if not any(beard.any() for beard in beards.values()):
+            return edge_costs(*frame)
+        return edge_costs(*frame, beards[clip.segment[t]], colours_of(clip, t))
 
     costs = []
     for cost in in_order(work, ((t,) for t in range(len(clip)))):
         costs.append(cost)
         progress(len(costs) / len(clip))
-    offsets = edge_offsets(np.stack(costs), clip.size)
+    found, tips = np.stack(costs), np.zeros((len(clip), POINTS))
+    for shot, beard in beards.items():
+        index = clip.segment == shot
+        if beard.any():
+            found[index] = expect_beards(found[index], beard)
+            tips[index] = beard * TIPS * clip.size / REFERENCE_SIZE
+    offsets = edge_offsets(found, clip.size) + tips
     smooth = smooth_offsets(offsets, clip.segment)
     return np.stack([moved(*pair) for pair in zip(clip.outline, smooth, strict=True)])
+
+
+def beards_of_shots(clip: TrackedCrops) -> dict[int, np.ndarray]:
+    """How surely there is a beard at the points of the jaw line, (POINTS,) 0..1 of each shot."""
+    found = {}
+    for shot in np.unique(clip.segment):
+        frames = np.flatnonzero((clip.segment == shot) & clip.valid)
+        some = frames[:: max(1, len(frames) // FRAMES)]
+        colours = [colours_of(clip, t) for t in some]
+        found[int(shot)] = beard_share(colours) if colours else np.zeros(POINTS)
+    return found
+
+
+def colours_of(clip: TrackedCrops, t: int) -> JawColours:
+    """Colours along the jaw line of frame t, and of its skin."""
+    line = evenly(clip.outline[t], POINTS)
+    return jaw_colours(clip.crops[t], clip.landmarks[t], line, normals(line))
 
 
 def matte_step(clip: TrackedCrops, matte: Path, images: Path, progress: ReportShare) -> None:

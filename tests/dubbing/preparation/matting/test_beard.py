@@ -1,0 +1,101 @@
+"""A beard on made pictures: told from a shaven chin in the shade, and cut where it ends."""
+
+import numpy as np
+import pytest
+
+from dubbing.face.face_contour import evenly
+from dubbing.face.mesh_points import SKIN
+from dubbing.preparation.matting.beard import JawColours, beard_share, jaw_colours
+from dubbing.preparation.matting.jaw import (
+    POINTS,
+    edge_costs,
+    edge_offsets,
+    expect_beards,
+    moved,
+    normals,
+)
+
+SIZE = 512
+LINE = np.stack((np.linspace(120, 392, 17), 300 + 80 * np.sin(np.linspace(0, np.pi, 17))), 1)
+MIDDLE = slice(POINTS // 3, 2 * POINTS // 3)
+SKIN_COLOUR, BEARD, SHIRT = (205, 160, 135), (60, 45, 35), (40, 60, 110)
+PERSON = np.full((SIZE, SIZE), 255, np.uint8)
+
+
+def landmarks() -> np.ndarray:
+    """Points of a face whose nose and cheeks are at a bare place, (478, 2) px."""
+    points = np.zeros((478, 2))
+    points[list(SKIN)] = (256, 200)
+    return points
+
+
+def picture(length: float, shade: float = 1.0, seed: int = 0) -> np.ndarray:
+    """A beard so many px below the jaw line, hairs of many lengths; a neck in the shade; a shirt.
+
+    Args:
+        length: None of the face is beard at 0.
+    """
+    row, column = np.mgrid[:SIZE, :SIZE].astype(float)
+    line = 300 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi)
+    rng = np.random.default_rng(seed)
+    image = np.empty((SIZE, SIZE, 3))
+    image[:] = SKIN_COLOUR
+    image[row > line] *= shade
+    image[row > 480] = SHIRT
+    if length:
+        hairs = np.repeat(rng.normal(0, 3, SIZE // 4), 4)
+        beard = (row > line - 40) & (row < line + length + hairs)
+        tone = np.repeat(rng.uniform(0.5, 1.5, (SIZE // 8, SIZE)), 8, axis=0)
+        image[beard] = np.array(BEARD) * tone[beard][:, None]
+    return image.clip(0, 255).astype(np.uint8)
+
+
+def colours(image: np.ndarray) -> JawColours:
+    line = evenly(LINE, POINTS)
+    return jaw_colours(image, landmarks(), line, normals(line))
+
+
+def offsets(image: np.ndarray) -> np.ndarray:
+    """Offsets (POINTS,) px of the edge in one picture, as in a shot that shows nothing else."""
+    found = colours(image)
+    beard = beard_share([found])
+    costs = edge_costs(image, PERSON, LINE, beard, found)[None]
+    return edge_offsets(expect_beards(costs, beard), SIZE)[0]
+
+
+@pytest.mark.parametrize("length", [20, 45, 65])
+@pytest.mark.parametrize("shade", [1.0, 0.55])
+def test_the_edge_lies_where_the_beard_ends(length: int, shade: float) -> None:
+    line = moved(LINE, offsets(picture(length, shade)))[MIDDLE]
+    truth = 300 + 80 * np.sin((line[:, 0] - 120) / 272 * np.pi) + length
+    assert np.abs(line[:, 1] - truth).max() < 6
+
+
+@pytest.mark.parametrize("shade", [1.0, 0.8, 0.55])
+def test_a_neck_in_the_shade_is_no_beard(shade: float) -> None:
+    assert beard_share([colours(picture(0, shade))]).max() == 0
+
+
+def test_a_beard_is_told_by_most_frames_of_a_shot() -> None:
+    shaven, bearded = colours(picture(0)), colours(picture(40))
+    assert beard_share([shaven, bearded, bearded])[MIDDLE].min() > 0.9
+    assert beard_share([shaven, shaven, bearded]).max() == 0
+
+
+def test_a_frame_that_shows_no_edge_takes_the_length_of_the_others() -> None:
+    """As where a beard hangs over a shirt of its colour."""
+    images = [picture(45, seed=seed) for seed in range(5)]
+    row, column = np.mgrid[:SIZE, :SIZE].astype(float)
+    line = 300 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi)
+    images[-1][row > line + 30] = BEARD
+    found = [colours(image) for image in images]
+    beard = beard_share(found)
+    pairs = zip(images, found, strict=True)
+    costs = np.stack([edge_costs(image, PERSON, LINE, beard, each) for image, each in pairs])
+
+    def too_long(costs: np.ndarray) -> float:
+        lengths = edge_offsets(costs, SIZE)[:, MIDDLE]
+        return float((lengths[-1] - lengths[0]).max())
+
+    assert too_long(costs) > 20
+    assert too_long(expect_beards(costs, beard)) < 16
