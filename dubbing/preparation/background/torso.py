@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
-from dubbing.preparation.background.pixels import chosen, extent, known_median, rounded, spread
-from dubbing.preparation.background.wall import all_of, halved, slow_difference
+from dubbing.preparation.background.filling import pull_push
+from dubbing.preparation.background.pixels import chosen, known_median, rounded, spread
+from dubbing.preparation.background.wall import halved
 from dubbing.preparation.matting.matting import GREY, REFERENCE_SIZE, dilate
 
 PERSON = 0.5  # of the person mask: above this a pixel is torso, where the head is not
@@ -26,7 +27,8 @@ THERE_AND_BACK = 0.7  # px, largest error of a corner tracked forwards and back
 OUTLIER = 1.5  # px
 CLEAR = 4.0  # px round an inpaint mask that may still show the jaw
 CLOTHES_PX = 90.0  # round the head within which clothes are tracked: beyond, they move otherwise
-LEAST_SEEN = 0.3  # share of the frames in which a point must be visible
+LEAST_SEEN = 0.3  # share of the frames in which a point must be visible,
+AGREED_SEEN, AGREED = 0.1, 8.0  # or this one, if they differ by fewer grey levels in the median
 LEAST_FOUND = 0.9  # share of the frames in which the torso must be tracked
 EVEN = 4.0  # px along which the upper end of the filled part is smoothed
 
@@ -75,16 +77,16 @@ class Torso:
             box: rows and columns of the part, which holds all of the region.
         """
         part, left = image[box].copy(), region[box]
-        visible, share = self._seen(_shifted(motion, box), left.shape)
+        moved = _shifted(motion, box)
+        visible, share = self._seen(moved, left.shape)
         here = reached(left, visible, len(image) / REFERENCE_SIZE)
         if here.any():
-            inner = extent(here)
-            shape = inner[1].stop - inner[1].start, inner[0].stop - inner[0].start
-            there = _shifted(_shifted(motion, box), inner)
-            colour = cv2.warpAffine(self.colour, there, shape, flags=cv2.INTER_CUBIC)
-            colour = colour + self._light(image, region, motion)[box][inner]
-            filled = wall[inner] + spread(share[inner]) * (colour - wall[inner])
-            part[inner] = chosen(here[inner], rounded(filled), part[inner])
+            colour = cv2.warpAffine(self.colour, moved, left.shape[::-1], flags=cv2.INTER_CUBIC)
+            apart = part.astype(np.float32) - colour
+            # What is apart beside the mask goes on in it: the light of the frame, and no seam.
+            colour = colour + pull_push(apart, ~left & visible & (share > PERSON))
+            filled = wall + spread(share) * (colour - wall)
+            part = chosen(here, rounded(filled), part)
         return part, left & ~here
 
     def _seen(self, motion: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -92,15 +94,6 @@ class Torso:
         side = shape[1], shape[0]
         visible = cv2.warpAffine(self.visible.astype(np.uint8) * 255, motion, side) > 0.99 * 255
         return visible, cv2.warpAffine(self.share, motion, side)
-
-    def _light(self, image: np.ndarray, region: np.ndarray, motion: np.ndarray) -> np.ndarray:
-        """How much brighter the torso is in the image, (S, S, 3); see `slow_difference`."""
-        image, known = halved(image), all_of(~region)
-        half = (motion - np.array([[0, 0, 0.5], [0, 0, 0.5]])) / 2
-        visible, share = self._seen(half, known.shape)
-        known &= visible & (share > PERSON)
-        colour = cv2.warpAffine(self.colour, half, known.shape[::-1])
-        return slow_difference(image, colour, known, len(self.share))
 
 
 def bottom_of(region: np.ndarray) -> np.ndarray:
@@ -214,11 +207,14 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
         views.append(cv2.warpAffine(clear.astype(np.float32), back, (size, size)) > 0.99)
     if len(views) < LEAST_FOUND * len(images):
         return None
-    visible = np.stack(views)
+    visible, seen = np.stack(views), np.stack(colours)
+    colour = known_median(seen, visible)
+    apart = known_median(np.abs(seen - colour).max(3, keepdims=True), visible)[..., 0]
+    often = visible.mean(0)
     return Torso(
-        colour=rounded(known_median(np.stack(colours), visible)),
+        colour=rounded(colour),
         share=known_median(np.stack(shares)[..., None], visible)[..., 0] / 255,
-        visible=visible.mean(0) >= LEAST_SEEN,
+        visible=(often >= LEAST_SEEN) | ((often >= AGREED_SEEN) & (apart < AGREED)),
         reference=halved(reference),
         corners=(corners - np.float32(0.5)) / 2,
     )

@@ -26,6 +26,7 @@ ALONG = 4.0  # points of the jaw line over which its colours are smoothed
 DISTANCE = (17.0, 22.0)
 CHIN = 0.12  # share of the line to either side of its middle
 FRAMES = 15  # of a shot that are looked at
+TIE = 2.0  # a colour must be nearer to skin than to the beard by this much to be skin
 LIGHT = (1.0, 0.6, 0.4)  # on skin, and in the shade
 
 
@@ -49,10 +50,15 @@ class JawColours:
         A neck lies in the shade of its chin: there it is skin, however dark it is.
         """
         colours = weighed(rgb)
-        jaw = np.linalg.norm(colours - self.jaw[:, None], axis=2)
+        # Where the jaw itself is bare, what hangs below it is the beard of the chin.
+        local = np.interp(self.distances(), DISTANCE, (0, 1))[:, None]
+        beard = np.median(self.jaw[chin(len(self.jaw))], axis=0)
+        beard = beard + local * (self.jaw - beard)
+        jaw = np.linalg.norm(colours - beard[:, None], axis=2)
         skin = np.min([np.linalg.norm(colours - shade, axis=2) for shade in self.shades], axis=0)
-        nearer = (jaw - skin) / np.maximum(jaw + skin, 1.0)
-        far = jaw / np.maximum(self.distances(), 1.0)[:, None] - 1
+        nearer = (jaw - skin - TIE) / np.maximum(jaw + skin, 1.0)
+        apart = np.linalg.norm(beard - self.shades[0], axis=1)
+        far = jaw / np.maximum(apart, 1.0)[:, None] - 1
         return np.clip(np.maximum(nearer, far), -1, 1)
 
 
@@ -88,10 +94,13 @@ def weighed(rgb: np.ndarray) -> np.ndarray:
     return np.asarray(lab * np.array([LIGHTNESS, 1, 1], np.float32))
 
 
-def beard_share(frames: Sequence[JawColours]) -> np.ndarray:
-    """How surely a beard is at each point of the jaw line of a shot, (P,) 0..1."""
+def beard_share(frames: Sequence[JawColours]) -> float:
+    """How surely the person of a shot has a beard, 0..1."""
     usual = np.median([frame.distances() for frame in frames], axis=0)
-    middle, reach = len(usual) // 2, round(CHIN * len(usual))
-    chin = np.median(usual[middle - reach : middle + reach])
-    along = gaussian_filter1d(usual, ALONG, mode="nearest")
-    return np.asarray(np.interp(chin, DISTANCE, (0, 1)) * np.interp(along, DISTANCE, (0, 1)))
+    return float(np.interp(np.median(usual[chin(len(usual))]), DISTANCE, (0, 1)))
+
+
+def chin(points: int) -> slice:
+    """The middle of a jaw line of so many points."""
+    middle, reach = points // 2, round(CHIN * points)
+    return slice(middle - reach, middle + reach)

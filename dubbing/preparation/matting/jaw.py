@@ -46,7 +46,7 @@ def edge_costs(
     image: np.ndarray,
     person: np.ndarray,
     outline: np.ndarray,
-    beard: np.ndarray | None = None,
+    beard: float = 0,
     colours: JawColours | None = None,
 ) -> np.ndarray:
     """Cost (POINTS, J) of the edge lying the first J OFFSETS below an outline (K, 2) px.
@@ -56,20 +56,18 @@ def edge_costs(
 
     Args:
         image: (S, S, 3) uint8 RGB. person: (S, S) uint8, opacity.
-        beard: (POINTS,) 0..1, how surely there is one; None: nowhere.
-        colours: of the jaw, needed where there is one.
+        beard: how surely there is one, 0..1. colours: of the jaw, with a beard.
     """
     unit = len(image) / REFERENCE_SIZE
     line = evenly(outline, POINTS)
-    offsets = OFFSETS[:SHAVEN] if beard is None else OFFSETS
+    offsets = OFFSETS if colours else OFFSETS[:SHAVEN]
     places = line[:, None] + (offsets * unit)[:, None] * normals(line)[:, None]
     smooth = cv2.GaussianBlur(image, (0, 0), unit)
     x, y = (places[..., k].astype(np.float32) for k in range(2))
     colour = cv2.remap(smooth, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     step = np.linalg.norm(steps(colour.astype(np.float32), STEP), axis=2)
-    share = np.zeros((POINTS, 1)) if beard is None else beard[:, None]
-    far = np.where(offsets < 0, offsets / ABOVE, offsets / (BELOW + share * (BEARDED - BELOW)))
-    outward = np.where(offsets >= 0, step, 0) * (1 - share)  # a beard's own hairs are no edges
+    far = np.where(offsets < 0, offsets / ABOVE, offsets / (BELOW + beard * (BEARDED - BELOW)))
+    outward = np.where(offsets >= 0, step, 0) * (1 - beard)  # a beard's own hairs are no edges
     passed = np.cumsum(outward, axis=1) - outward
     passed = np.pad(passed, ((0, 0), (STEP, 0)))[:, : len(offsets)]
     inside = cv2.remap(person, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) >= OPAQUE
@@ -78,8 +76,8 @@ def edge_costs(
     if np.isfinite(ends[line[:, 1].argmax()]):  # the lowest point: a chin without a neck below it
         wall, passed = PROFILE_WALL, np.where(np.isfinite(ends), 0, passed)
     cost = far**2 / 2 - MAX_REWARD * step / (step + CLEAR) + CROSSED * SPACING * passed
-    if colours is not None:
-        unlike = share * np.where(offsets >= 0, colours.unlike(colour), 0)
+    if colours:
+        unlike = beard * np.where(offsets >= 0, colours.unlike(colour), 0)
         cost += LIKE_BEARD * SPACING * (np.cumsum(unlike, axis=1) - unlike)
     place = np.arange(len(offsets))
     cost += np.where(place > ends, wall, np.where(place >= ends - 1, -wall, 0))
@@ -99,17 +97,17 @@ def edge_offsets(costs: np.ndarray, size: int) -> np.ndarray:
     return OFFSETS[smoothest(costs, bend)] * (size / REFERENCE_SIZE)
 
 
-def expect_beards(costs: np.ndarray, beard: np.ndarray) -> np.ndarray:
+def expect_beards(costs: np.ndarray, beard: float) -> np.ndarray:
     """Costs (T, POINTS, J) of the frames of a shot, with a beard as long in all as in most.
 
     Args:
-        costs: of the same shape. beard: (POINTS,) 0..1, how surely there is one.
+        costs: of the same shape. beard: how surely there is one, 0..1.
     """
     found = edge_offsets(costs, REFERENCE_SIZE)
     usual = gaussian_filter1d(np.quantile(found, USUAL, axis=0), SMOOTH_POINTS, mode="nearest")
     offsets = OFFSETS[: costs.shape[2]]
     nearer = ((offsets - usual[:, None]) / SPREAD) ** 2 - (offsets / BEARDED) ** 2
-    return np.asarray(costs + beard[:, None] * nearer / 2)
+    return np.asarray(costs + beard * nearer / 2)
 
 
 def steps(profile: np.ndarray, reach: int) -> np.ndarray:

@@ -100,7 +100,7 @@ def jaw_lines(clip: TrackedCrops, progress: ReportShare) -> np.ndarray:
 
     def work(t: int) -> np.ndarray:
         frame = clip.crops[t], clip.opacity[t], clip.outline[t]
-        if not any(beard.any() for beard in beards.values()):
+        if not any(beards.values()):
             return edge_costs(*frame)
         return edge_costs(*frame, beards[clip.segment[t]], colours_of(clip, t))
 
@@ -108,25 +108,25 @@ def jaw_lines(clip: TrackedCrops, progress: ReportShare) -> np.ndarray:
     for cost in in_order(work, ((t,) for t in range(len(clip)))):
         costs.append(cost)
         progress(len(costs) / len(clip))
-    found, tips = np.stack(costs), np.zeros((len(clip), POINTS))
+    found, tips = np.stack(costs), np.zeros(len(clip))
     for shot, beard in beards.items():
         index = clip.segment == shot
-        if beard.any():
+        if beard:
             found[index] = expect_beards(found[index], beard)
             tips[index] = beard * TIPS * clip.size / REFERENCE_SIZE
-    offsets = edge_offsets(found, clip.size) + tips
+    offsets = edge_offsets(found, clip.size) + tips[:, None]
     smooth = smooth_offsets(offsets, clip.segment)
     return np.stack([moved(*pair) for pair in zip(clip.outline, smooth, strict=True)])
 
 
-def beards_of_shots(clip: TrackedCrops) -> dict[int, np.ndarray]:
-    """How surely there is a beard at the points of the jaw line, (POINTS,) 0..1 of each shot."""
+def beards_of_shots(clip: TrackedCrops) -> dict[int, float]:
+    """How surely the person has a beard in each shot, 0..1."""
     found = {}
     for shot in np.unique(clip.segment):
         frames = np.flatnonzero((clip.segment == shot) & clip.valid)
         some = frames[:: max(1, len(frames) // FRAMES)]
         colours = [colours_of(clip, t) for t in some]
-        found[int(shot)] = beard_share(colours) if colours else np.zeros(POINTS)
+        found[int(shot)] = beard_share(colours) if colours else 0.0
     return found
 
 

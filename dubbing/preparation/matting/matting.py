@@ -13,7 +13,7 @@ EDGE_LOW, EDGE_WIDTH = 0.4, 0.5  # of the person mask: opacity rises from here o
 CORE = 0.8  # of the matte before it is sharpened: above this it may only grow
 OPAQUE = 128  # of 255
 LEAST = 0.02  # of the matte: less is not head
-JAW_MARGIN = 2.0  # px outside of the matte that may still show some of a jaw
+JAW_MARGIN = 3.0  # px outside of the matte that may still show some of a jaw
 GREY = cv2.COLOR_RGB2GRAY
 
 
@@ -101,21 +101,20 @@ def component_at(mask: np.ndarray, point: np.ndarray) -> np.ndarray:
 def inpaint_mask(matte: np.ndarray) -> np.ndarray:
     """Where the background is restored, (S, S) bool: the matte above .02, widened.
 
-    By 11 px upwards, where hair is finer than a matte, and by 4 px downwards, where the image shows
-    neck and collar.
+    By 8 px, and by 11 px upwards, where hair is finer than a matte.
     """
     unit = len(matte) / REFERENCE_SIZE
     head = matte > LEAST * 255
     higher = np.zeros_like(head)
     rise = max(1, round(4 * unit))
     higher[:-rise] = head[rise:]
-    return dilate(higher, 7 * unit) | dilate(head, 4 * unit)
+    return dilate(higher, 7 * unit) | dilate(head, 8 * unit)
 
 
 def covered(hole: np.ndarray, matte: np.ndarray, outline: np.ndarray) -> np.ndarray:
     """Pixels (S, S) bool of an inpaint mask that are to be restored: not the neck beside the jaw.
 
-    Below the ear lobes there is no hair that a matte could miss, so pixels 2 px from it or more are
+    Below the ear lobes there is no hair that a matte could miss, so pixels 3 px from it or more are
     visible.
 
     Args:

@@ -15,7 +15,7 @@ def scene() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     image = noise.integers(0, 256, (S, S, 3), dtype=np.uint8)
     rows, columns = np.mgrid[0:S, 0:S] - S // 2
     radius = np.hypot(rows, columns)
-    inpaint_mask = radius < 107
+    inpaint_mask = radius < 108
     background = image.copy()
     background[inpaint_mask] = (0, 100, 0)
     head = np.zeros((S, S, 4), np.uint8)
@@ -74,7 +74,7 @@ def test_the_seam_is_feathered() -> None:
     assert np.abs(steps).max() < 60
     soft = (profile > 0) & (profile < 255)
     assert 4 <= soft.sum() <= 8
-    # It ends before the old head begins: the inpaint mask is 7 px wider than that.
+    # It ends before the old head begins: the inpaint mask is 8 px wider than that.
     assert profile[100] == 255
 
 

@@ -4,12 +4,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from dubbing.compositing.neck import outline, with_neck
+from dubbing.compositing.neck import bottom, with_neck
 from dubbing.face.face_contour import FaceContour, face_contour
 from tests import fakes
 
 S = 256
-MIDDLE = np.array([S / 2, S / 2])
 SKIN, GROWN, SHIRT, WALL = (200, 130, 110), (90, 90, 90), (230, 230, 240), (20, 60, 120)
 FILM, COLLAR = 100, 125  # px from the middle: the film's open jaw, and where a shirt begins
 
@@ -62,8 +61,9 @@ def test_a_chin_that_is_lower_changes_nothing() -> None:
 def test_a_collar_right_below_the_chin_is_not_pulled_up() -> None:
     image, background, matte, contour = scene(collar=FILM + 4)
     made, where = with_neck(image, background, matte, disc(90), contour)
-    np.testing.assert_array_equal(made, background)
-    assert not where.any()
+    below = slice(S // 2 - 60, S // 2 + 60)  # further beside, the neck goes on along a column
+    np.testing.assert_array_equal(made[:, below], background[:, below])
+    assert not where[:, below].any()
 
 
 def test_without_a_head_the_background_stays() -> None:
@@ -86,6 +86,28 @@ def test_it_moves_as_smoothly_as_the_chin() -> None:
     assert np.abs(below[-1] - film[S // 2 + 110 :]).mean() < 0.01
 
 
-def test_an_outline_is_found_between_pixels() -> None:
-    found = outline(disc(77.5), MIDDLE)
-    assert np.abs(found - 77.5).max() < 0.3
+def test_beside_the_neck_the_wall_stays() -> None:
+    """A jaw is wider than a neck: what it uncovers beside the neck is no skin."""
+    image, background, matte, contour = scene(collar=180)
+    column = np.arange(S)
+    beside = np.abs(column - S // 2) > 50
+    image[:, beside] = np.where((matte[:, beside] > 127)[..., None], SKIN, WALL)
+    background[:, beside] = WALL
+    made, _ = with_neck(image, background, matte, disc(85), contour)
+    np.testing.assert_array_equal(made[:, beside], background[:, beside])
+    inside = np.abs(column - S // 2) < 40
+    rows = np.mgrid[:S, :S][0] - S / 2
+    radius = np.hypot(rows, np.mgrid[:S, :S][1] - S / 2)
+    uncovered = (radius > 87) & (radius < FILM + 3) & (rows > 0) & inside
+    skin = np.abs(made.astype(int) - SKIN).max(2)
+    assert np.mean(skin[uncovered] < 45) > 0.95  # as dark as the line in the neck
+
+
+def test_the_lower_end_of_a_head_is_found_between_pixels() -> None:
+    found = bottom(disc(77.5))
+    across = np.abs(np.arange(S) - S / 2) < 60
+    truth = S / 2 + np.sqrt(77.5**2 - (np.arange(S)[across] - S / 2) ** 2)
+    assert np.abs(found[across] - truth).max() < 0.5
+    assert not found[:40].any()
+    touching = np.full((S, S), 255, np.uint8)
+    assert (bottom(touching) == S - 1).all()

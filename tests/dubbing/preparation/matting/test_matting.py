@@ -83,7 +83,7 @@ def test_neck_and_collar_beside_the_jaw_are_not_restored_where_they_are_seen() -
     above = rows < 248
     assert np.array_equal(region[above], inpaint_mask(matte)[above])
     below = rows > 252
-    jaw = dilate(matte > 0, 2)
+    jaw = dilate(matte > 0, 3)
     assert np.array_equal(region[below], (inpaint_mask(matte) & jaw)[below])
     assert (inpaint_mask(matte) & ~region)[below].sum() > 500
 
