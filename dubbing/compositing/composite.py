@@ -19,7 +19,7 @@ FLOOR = 6  # of 255: a lower opacity is haze, not head
 OPEN_JAW_PX = 30  # beyond the inpaint mask where an open jaw may lie; it fades over as much again
 INPAINT = 3  # px round letters from which the neck behind them is inpainted
 HALF, OPAQUE = 128, 250  # of 255
-FEATHER = 7  # px, inside the edge; less than the inpaint mask is wider than the old head
+FEATHER = 6  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
 def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
