@@ -29,7 +29,7 @@ from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.matting.matting import inpaint_mask
 from dubbing.preparation.tracking import cropping
 
-VERSION = 9
+VERSION = 10
 HEAD_RADIUS = 1.7  # units (10 cm), the largest extent of a head from its origin
 TRACK, MATTE, BACKGROUND = "track.npz", "matte.mkv", "background.mkv"
 OVERLAY = "overlay.mkv"  # masks of all frames, if something lies over the face in any
