@@ -12,7 +12,7 @@ LEFT_EYE_OUTER, RIGHT_EYE_OUTER = 33, 263
 LEFT_EAR, RIGHT_EAR = 234, 454
 FOREHEAD_TOP, CHIN = 10, 152
 EYE_CORNERS = (33, 133, 362, 263)
-NOSE_BRIDGE, NOSE_BASE = 168, 2
+NOSE_BRIDGE, NOSE_TIP, NOSE_BASE = 168, 4, 2
 
 # Points that speech, blinks and brows do not move: forehead, temples, nose, cheek bones and eye
 # corners. Poses are fitted to these alone.

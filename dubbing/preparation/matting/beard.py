@@ -34,11 +34,13 @@ LIGHT = (1.0, 0.6, 0.4)  # on skin, and in the shade
 class JawColours:
     """Colours of one frame.
 
-    jaw (P, 3), inside the jaw line; shades (K, 3) of skin, lit first.
+    jaw (P, 3), inside the jaw line; shades (K, 3) of skin, lit first; share 0..1, how surely the
+    jaw's are those of a beard.
     """
 
     jaw: np.ndarray
     shades: np.ndarray
+    share: float = 0
 
     def distances(self) -> np.ndarray:
         """Between jaw and lit skin, (P,)."""

@@ -10,9 +10,10 @@ S is the side of the crop in px. Lengths are for S = 512 and scale with it.
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, median_filter
+from scipy.ndimage import gaussian_filter1d, median_filter, percentile_filter
 
 from dubbing.face.face_contour import evenly
+from dubbing.face.mesh_points import LEFT_EAR, NOSE_TIP, RIGHT_EAR
 from dubbing.preparation.matting.beard import JawColours
 from dubbing.preparation.matting.matting import OPAQUE, REFERENCE_SIZE
 
@@ -20,12 +21,14 @@ POINTS = 96  # of the line
 SPACING = 1.0  # px
 OFFSETS = np.arange(-5.0, 80.0 + SPACING / 2, SPACING)  # px along a normal
 SHAVEN = 36  # of them are looked at where nobody has a beard: up to 30 px
-# px: expected distance of the edge from FaceMesh's line, the last one below a beard.
-ABOVE, BELOW, BEARDED = 2.5, 14.0, 35.0
+# px: expected distance of the edge from FaceMesh's line, the last one of a beard or a turned head.
+ABOVE, BELOW, FAR_BELOW = 2.5, 14.0, 35.0
+# From where to where between the ears, from their middle, the nose of a turned head lies.
+TURNED = (0.21, 0.41)
 LIKE_BEARD = 0.25  # reward of a px that looks like the beard, cost of one that looks like skin
 STEP = 5  # px on either side whose means are compared
 CLEAR = 60.0  # grey levels: a step of this height is worth half of MAX_REWARD
-USUAL, SPREAD = 0.6, 8.0  # quantile of a beard's lengths in a shot, and px about it
+AROUND, USUAL, SPREAD = 60, 60, 8.0  # frames, percentile of the edges in these, px about it
 MAX_REWARD = 3.0  # of a step: the white of a collar is no better a chin
 # Reward where the person ends, and cost of what is beyond; of any face, and of a profile.
 WALL, PROFILE_WALL = 6.0, 12.0
@@ -46,8 +49,8 @@ def edge_costs(
     image: np.ndarray,
     person: np.ndarray,
     outline: np.ndarray,
-    beard: float = 0,
-    colours: JawColours | None = None,
+    unsure: float = 0,
+    beard: JawColours | None = None,
 ) -> np.ndarray:
     """Cost (POINTS, J) of the edge lying the first J OFFSETS below an outline (K, 2) px.
 
@@ -56,18 +59,19 @@ def edge_costs(
 
     Args:
         image: (S, S, 3) uint8 RGB. person: (S, S) uint8, opacity.
-        beard: how surely there is one, 0..1. colours: of the jaw, with a beard.
+        unsure: 0..1, how little FaceMesh's line says of the edge.
+        beard: colours of the jaw, where there may be one.
     """
     unit = len(image) / REFERENCE_SIZE
     line = evenly(outline, POINTS)
-    offsets = OFFSETS if colours else OFFSETS[:SHAVEN]
+    offsets = OFFSETS if beard else OFFSETS[:SHAVEN]
     places = line[:, None] + (offsets * unit)[:, None] * normals(line)[:, None]
     smooth = cv2.GaussianBlur(image, (0, 0), unit)
     x, y = (places[..., k].astype(np.float32) for k in range(2))
     colour = cv2.remap(smooth, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     step = np.linalg.norm(steps(colour.astype(np.float32), STEP), axis=2)
-    far = np.where(offsets < 0, offsets / ABOVE, offsets / (BELOW + beard * (BEARDED - BELOW)))
-    outward = np.where(offsets >= 0, step, 0) * (1 - beard)  # a beard's own hairs are no edges
+    far = np.where(offsets < 0, offsets / ABOVE, offsets / (BELOW + unsure * (FAR_BELOW - BELOW)))
+    outward = np.where(offsets >= 0, step, 0) * (1 - unsure)  # nor are a beard's hairs edges
     passed = np.cumsum(outward, axis=1) - outward
     passed = np.pad(passed, ((0, 0), (STEP, 0)))[:, : len(offsets)]
     inside = cv2.remap(person, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) >= OPAQUE
@@ -76,8 +80,8 @@ def edge_costs(
     if np.isfinite(ends[line[:, 1].argmax()]):  # the lowest point: a chin without a neck below it
         wall, passed = PROFILE_WALL, np.where(np.isfinite(ends), 0, passed)
     cost = far**2 / 2 - MAX_REWARD * step / (step + CLEAR) + CROSSED * SPACING * passed
-    if colours:
-        unlike = beard * np.where(offsets >= 0, colours.unlike(colour), 0)
+    if beard:
+        unlike = beard.share * np.where(offsets >= 0, beard.unlike(colour), 0)
         cost += LIKE_BEARD * SPACING * (np.cumsum(unlike, axis=1) - unlike)
     place = np.arange(len(offsets))
     cost += np.where(place > ends, wall, np.where(place >= ends - 1, -wall, 0))
@@ -85,6 +89,17 @@ def edge_costs(
     for end in (slice(0, still), slice(POINTS - still, None)):
         cost[end] = offsets**2
     return np.asarray(cost)
+
+
+def turned_share(landmarks: np.ndarray) -> float:
+    """How far a head with landmarks (478, 2) is turned: 0 up to some 25 degrees, 1 from 40 on.
+
+    The jaw of a turned head is that of a mean face, and may be far off.
+    """
+    left, right, nose = landmarks[[LEFT_EAR, RIGHT_EAR, NOSE_TIP]]
+    across = right - left
+    place = float((nose - left) @ across / max(float(across @ across), 1e-6))
+    return float(np.interp(abs(place - 0.5), TURNED, (0, 1)))
 
 
 def edge_offsets(costs: np.ndarray, size: int) -> np.ndarray:
@@ -97,17 +112,19 @@ def edge_offsets(costs: np.ndarray, size: int) -> np.ndarray:
     return OFFSETS[smoothest(costs, bend)] * (size / REFERENCE_SIZE)
 
 
-def expect_beards(costs: np.ndarray, beard: float) -> np.ndarray:
-    """Costs (T, POINTS, J) of the frames of a shot, with a beard as long in all as in most.
+def expect_as_around(costs: np.ndarray, unsure: np.ndarray) -> np.ndarray:
+    """Costs (T, POINTS, J) of the frames of a shot, whose edges are expected as in most around.
 
     Args:
-        costs: of the same shape. beard: how surely there is one, 0..1.
+        costs: of the same shape. unsure: (T,) 0..1, how little FaceMesh's line says of the edge.
     """
-    found = edge_offsets(costs, REFERENCE_SIZE)
-    usual = gaussian_filter1d(np.quantile(found, USUAL, axis=0), SMOOTH_POINTS, mode="nearest")
+    found = percentile_filter(
+        edge_offsets(costs, REFERENCE_SIZE), USUAL, (2 * AROUND + 1, 1), mode="reflect"
+    )
+    usual = gaussian_filter1d(found.astype(float), SMOOTH_POINTS, axis=1, mode="nearest")
     offsets = OFFSETS[: costs.shape[2]]
-    nearer = ((offsets - usual[:, None]) / SPREAD) ** 2 - (offsets / BEARDED) ** 2
-    return np.asarray(costs + beard * nearer / 2)
+    nearer = ((offsets - usual[..., None]) / SPREAD) ** 2 - (offsets / FAR_BELOW) ** 2
+    return np.asarray(costs + unsure[:, None, None] * nearer / 2)
 
 
 def steps(profile: np.ndarray, reach: int) -> np.ndarray:

@@ -6,6 +6,7 @@ T frames, S the side of the crop in px.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -26,10 +27,11 @@ from dubbing.preparation.matting.jaw import (
     POINTS,
     edge_costs,
     edge_offsets,
-    expect_beards,
+    expect_as_around,
     moved,
     normals,
     smooth_offsets,
+    turned_share,
 )
 from dubbing.preparation.matting.matting import (
     REFERENCE_SIZE,
@@ -40,6 +42,7 @@ from dubbing.preparation.matting.matting import (
 )
 
 INPUT_SIDE = 256  # px, side of the network's input
+MOST_UNSURE = 0.8  # of a jaw line of a turned head; that of a bearded one says nothing
 TIPS = 6.0  # px at 512: single hairs reach below the edge of a beard, and would be left behind
 BATCH = 4  # images at once: more do not fit a core's cache
 
@@ -97,36 +100,35 @@ def jaw_lines(clip: TrackedCrops, progress: ReportShare) -> np.ndarray:
     """The outlines moved to the visible edge of the jaw, (T, POINTS, 2) px."""
 
     beards = beards_of_shots(clip)
+    every = beards[clip.segment]
+    unsure = np.maximum(every, [MOST_UNSURE * turned_share(points) for points in clip.landmarks])
 
     def work(t: int) -> np.ndarray:
+        colours = replace(colours_of(clip, t), share=every[t]) if beards.any() else None
         frame = clip.crops[t], clip.opacity[t], clip.outline[t]
-        if not any(beards.values()):
-            return edge_costs(*frame)
-        return edge_costs(*frame, beards[clip.segment[t]], colours_of(clip, t))
+        return edge_costs(*frame, unsure[t], colours)
 
     costs = []
     for cost in in_order(work, ((t,) for t in range(len(clip)))):
         costs.append(cost)
         progress(len(costs) / len(clip))
-    found, tips = np.stack(costs), np.zeros(len(clip))
-    for shot, beard in beards.items():
+    found = np.stack(costs)
+    for shot in np.unique(clip.segment[unsure > 0]):
         index = clip.segment == shot
-        if beard:
-            found[index] = expect_beards(found[index], beard)
-            tips[index] = beard * TIPS * clip.size / REFERENCE_SIZE
+        found[index] = expect_as_around(found[index], unsure[index])
+    tips = every * TIPS * clip.size / REFERENCE_SIZE
     offsets = edge_offsets(found, clip.size) + tips[:, None]
     smooth = smooth_offsets(offsets, clip.segment)
     return np.stack([moved(*pair) for pair in zip(clip.outline, smooth, strict=True)])
 
 
-def beards_of_shots(clip: TrackedCrops) -> dict[int, float]:
-    """How surely the person has a beard in each shot, 0..1."""
-    found = {}
-    for shot in np.unique(clip.segment):
+def beards_of_shots(clip: TrackedCrops) -> np.ndarray:
+    """How surely the person has a beard, in each shot, 0..1."""
+    found = np.zeros(clip.segment[-1] + 1)
+    for shot in np.unique(clip.segment[clip.valid]):
         frames = np.flatnonzero((clip.segment == shot) & clip.valid)
         some = frames[:: max(1, len(frames) // FRAMES)]
-        colours = [colours_of(clip, t) for t in some]
-        found[int(shot)] = beard_share(colours) if colours else 0.0
+        found[shot] = beard_share([colours_of(clip, t) for t in some])
     return found
 
 

@@ -1,5 +1,7 @@
 """A beard on made pictures: told from a shaven chin in the shade, and cut where it ends."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from dubbing.preparation.matting.jaw import (
     POINTS,
     edge_costs,
     edge_offsets,
-    expect_beards,
+    expect_as_around,
     moved,
     normals,
 )
@@ -59,8 +61,8 @@ def offsets(image: np.ndarray) -> np.ndarray:
     """Offsets (POINTS,) px of the edge in one picture, as in a shot that shows nothing else."""
     found = colours(image)
     beard = beard_share([found])
-    costs = edge_costs(image, PERSON, LINE, beard, found)[None]
-    return edge_offsets(expect_beards(costs, beard), SIZE)[0]
+    costs = edge_costs(image, PERSON, LINE, beard, replace(found, share=beard))[None]
+    return edge_offsets(expect_as_around(costs, np.array([beard])), SIZE)[0]
 
 
 @pytest.mark.parametrize("length", [20, 45, 65])
@@ -97,13 +99,13 @@ def test_a_frame_that_shows_no_edge_takes_the_length_of_the_others() -> None:
     line = 300 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi)
     images[-1][row > line + 30] = BEARD
     found = [colours(image) for image in images]
-    beard = beard_share(found)
-    pairs = zip(images, found, strict=True)
-    costs = np.stack([edge_costs(image, PERSON, LINE, beard, each) for image, each in pairs])
+    assert beard_share(found) == 1
+    pairs = [(image, replace(each, share=1)) for image, each in zip(images, found, strict=True)]
+    costs = np.stack([edge_costs(image, PERSON, LINE, 1, each) for image, each in pairs])
 
     def too_long(costs: np.ndarray) -> float:
         lengths = edge_offsets(costs, SIZE)[:, MIDDLE]
         return float((lengths[-1] - lengths[0]).max())
 
     assert too_long(costs) > 20
-    assert too_long(expect_beards(costs, beard)) < 16
+    assert too_long(expect_as_around(costs, np.ones(5))) < 16

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dubbing.face.mesh_points import LEFT_EAR, NOSE_TIP, RIGHT_EAR
 from dubbing.preparation.matting.jaw import (
     POINTS,
     edge_costs,
@@ -10,6 +11,7 @@ from dubbing.preparation.matting.jaw import (
     smooth_offsets,
     smoothest,
     steps,
+    turned_share,
 )
 
 SIZE = 512
@@ -107,6 +109,29 @@ def test_a_step_is_the_difference_of_means_on_both_sides() -> None:
     assert found[7] == found[8] or abs(found).argmax() in (7, 8)
     assert found[3] == 0
     np.testing.assert_allclose(found[8], (30 * 3 - 10 * 3) / 3)
+
+
+def test_the_jaw_line_of_a_turned_head_says_less() -> None:
+    """Beyond 25 degrees it is that of a mean face: the edge may lie further down."""
+    image, person = picture(24), np.full((SIZE, SIZE), 255, np.uint8)
+    image[image == 130] = 165  # a weak edge, above skin that grows darker
+    row = np.arange(SIZE)[:, None, None]
+    image = np.clip(image - 0.12 * np.maximum(row - 300, 0), 0, 255).astype(np.uint8)
+    frontal, turned = (edge_costs(image, person, LINE, unsure)[None] for unsure in (0, 0.8))
+    middle = slice(POINTS // 2 - 5, POINTS // 2 + 5)
+    assert edge_offsets(frontal, SIZE)[0, middle].max() < 12
+    assert np.abs(edge_offsets(turned, SIZE)[0, middle] - 24).max() < 3
+
+
+def test_how_far_a_head_is_turned_shows_between_its_ears() -> None:
+    points = np.zeros((478, 2))
+    points[[LEFT_EAR, RIGHT_EAR]] = (100, 200), (300, 220)
+    shares = []
+    for place in (0.5, 0.4, 0.8, 0.95, 1.1):
+        points[NOSE_TIP] = (100 + 200 * place, 260)
+        shares.append(turned_share(points))
+    assert shares[:2] == [0, 0]
+    assert 0 < shares[2] < shares[3] == shares[4] == 1
 
 
 def test_offsets_are_smooth_in_time_but_not_across_a_cut() -> None:
