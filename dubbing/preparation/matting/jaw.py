@@ -88,7 +88,7 @@ def edge_costs(
     still = round(ENDS * POINTS)
     for end in (slice(0, still), slice(POINTS - still, None)):
         cost[end] = offsets**2
-    return np.asarray(cost)
+    return cost.astype(np.float32)  # of a film of an hour they are many
 
 
 def turned_share(landmarks: np.ndarray) -> float:
@@ -124,7 +124,7 @@ def expect_as_around(costs: np.ndarray, unsure: np.ndarray) -> np.ndarray:
     usual = gaussian_filter1d(found.astype(float), SMOOTH_POINTS, axis=1, mode="nearest")
     offsets = OFFSETS[: costs.shape[2]]
     nearer = ((offsets - usual[..., None]) / SPREAD) ** 2 - (offsets / FAR_BELOW) ** 2
-    return np.asarray(costs + unsure[:, None, None] * nearer / 2)
+    return (costs + unsure[:, None, None] * nearer / 2).astype(np.float32)
 
 
 def steps(profile: np.ndarray, reach: int) -> np.ndarray:

@@ -98,7 +98,6 @@ class People:
 
 def jaw_lines(clip: TrackedCrops, progress: ReportShare) -> np.ndarray:
     """The outlines moved to the visible edge of the jaw, (T, POINTS, 2) px."""
-
     beards = beards_of_shots(clip)
     every = beards[clip.segment]
     unsure = np.maximum(every, [MOST_UNSURE * turned_share(points) for points in clip.landmarks])
