@@ -13,15 +13,13 @@ import unicodedata
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from ..errors import ExplainedError
-from .numbered import numbered
 
 WINDOWS = os.name == "nt"
 PAUSES_S = (0.1, 0.2, 0.4, 0.8)
 FULL = (errno.ENOSPC, errno.EDQUOT)
-Found = TypeVar("Found")
 # A name of a file and what `atomic_path` adds to it must fit into this, in bytes of UTF-8.
 LONGEST_NAME = 255 - len("..4194304.tmp")
 PARTIAL = ".partial-"  # in the name of a folder of work in progress, before 12 digits of its key
@@ -228,31 +226,3 @@ def digest_data(content: Any) -> str:
     """BLAKE2b-128 of plain data (as JSON holds it), the same for every order of keys."""
     text = json.dumps(content, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
     return digest_bytes(text.encode())
-
-
-def while_unchanged(maxsize: int) -> Callable[[Callable[[Path], Found]], Callable[[Path], Found]]:
-    """Cache a function of a file until its size, a time stamp or its inode changes.
-
-    Of the time stamps one is the system's own: nobody can put it back. Of a film of numbered files
-    each counts.
-
-    The cached function raises FileNotFoundError where there is no file.
-    """
-
-    def wrap(read: Callable[[Path], Found]) -> Callable[[Path], Found]:
-        @functools.lru_cache(maxsize)
-        def cached(path: Path, *_status: int) -> Found:
-            return read(path)
-
-        @functools.wraps(read)
-        def call(path: Path) -> Found:
-            sequence = numbered(path)
-            status: list[int] = []
-            for file in (sequence.files().values() if sequence else ()) or (path,):
-                of = os.stat(file)
-                status += (of.st_size, of.st_mtime_ns, of.st_ctime_ns, of.st_ino)
-            return cached(path, *status)
-
-        return call
-
-    return wrap
