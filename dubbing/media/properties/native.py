@@ -106,8 +106,11 @@ class PixelFormat:
             before: the picture that the planes show.
             colour: of the film: how planes stand for RGB.
         """
+        places = list(self._places((before != after).reshape(len(before), -1)))
+        if not places:
+            return planes
         out = [plane.copy() for plane in planes]
-        for rows, columns in self._places((before != after).reshape(len(before), -1)):
+        for rows, columns in places:
             more = after[rows, columns].astype(np.float32) - before[rows, columns]
             for number, (plane, change) in enumerate(
                 zip(out, self._steps(more, colour), strict=True)
