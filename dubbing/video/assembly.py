@@ -6,7 +6,7 @@ files, so memory does not grow with the length and a kill costs one segment. S s
 
 import shutil
 from collections.abc import Generator, Sequence
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import asdict
 from fractions import Fraction
 from itertools import islice
@@ -20,7 +20,7 @@ from dubbing.engine.disk import json_records
 from dubbing.engine.disk.files import atomic_write_json
 from dubbing.engine.disk.pieces import Pieces
 from dubbing.engine.graph.stage import Progress
-from dubbing.errors import RenderingError
+from dubbing.errors import ExplainedError, RenderingError
 from dubbing.media.reading.overlap import ahead, behind
 from dubbing.mixing.mix import mix
 from dubbing.mixing.sound import SOUND, Sound
@@ -28,13 +28,14 @@ from dubbing.preparation.crops.threads import in_order
 from dubbing.provenance import provenance
 from dubbing.provenance.mark_key import Marking, bits_of
 from dubbing.provenance.mark_search import search
+from dubbing.provenance.mark_sums import APART
 from dubbing.video.composer import Composer, Heads
 from dubbing.video.files import DELIVERED, PICTURE_FILE, PROXY_FILE, SCENE_FILE, video_file
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import CHECKED, Delivery
 from dubbing.video.untouched import compare
 
-SEGMENT = 50  # frames a file: what is made again where one of them changes
+SEGMENT = 25  # frames a file: what is made again where one of them changes
 SUFFIX = ".mov"  # a container with exact time stamps and colours, to be joined without decoding
 MIXED = "mixed.json"
 MARKED_SECONDS = 20  # of the finished file that are searched for its mark, at most
@@ -86,9 +87,10 @@ def make(
     if settings.deliver != "video":
         delivery = Delivery(film.clip, out / DELIVERED, settings.deliver == "sequence")
     composer = Composer(heads, pose_index, settings, delivery)
+    taken: set[int] = set()
     if not result.exists():
         if delivery is None:  # frames beside the video are made with their segment
-            _take_over(composer, segments, Pieces(out, last, made_by), settings.codec)
+            taken = _take_over(composer, segments, Pieces(out, last, made_by), settings.codec)
         parts = _pictures(composer, segments, settings, progress)
         progress("muxing", 1.0)
         # The sound has its requested length, unless the dub was cut to the clip.
@@ -119,7 +121,9 @@ def make(
     }
     if settings.mark is not None:
         progress("looking for the invisible mark", 1.0)
-        picture["mark"] = found_again(result, settings.mark, *composer.replaced(), rate)
+        shown = composer.replaced()
+        known = found_before(last, taken, shown[0], rate)
+        picture["mark"] = known or found_again(result, settings.mark, *shown, rate)
     if delivery is not None:
         picture["delivered"] = delivery.finish(rate)
     atomic_write_json(out / PICTURE_FILE, picture)
@@ -144,8 +148,11 @@ def segment_edges(frames: int) -> list[tuple[int, int]]:
     return [(first, min(first + SEGMENT, frames)) for first in range(0, frames, SEGMENT)]
 
 
-def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> None:
-    """Cut the segments that would be made again from the last result, if it has exact times."""
+def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> set[int]:
+    """Cut the segments that would be made again from the last result, if it has exact times.
+
+    Gives the first frames of those that were cut.
+    """
     exact = media.SUFFIX[codec] != ".mkv"
     cuts = []
     for first, stop in segment_edges(len(composer.poses)):
@@ -155,6 +162,7 @@ def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> 
             cuts.append((video_file(pieces.last, codec), part, first, stop - first))
     for _ in in_order(media.cut, cuts):
         pass
+    return {first for _, _, first, _ in cuts}
 
 
 def _pictures(
@@ -202,6 +210,26 @@ def _pictures(
     return parts
 
 
+def found_before(
+    last: Path | None, taken: set[int], first: int, rate: Fraction
+) -> dict[str, Any] | None:
+    """What `found_again` said of the last result, if it looked at segments that were taken alone.
+
+    Args:
+        last: see `make`. taken: first frames of the segments.
+        first: frame at which it would begin.
+    """
+    if last is None or not taken:
+        return None
+    with suppress(ExplainedError):
+        before = json_records.read(last / PICTURE_FILE, dict[str, Any], "record").get("mark") or {}
+        if before.get("found") and before.get("first") == first:
+            stop = first + before["frames"] + 1 + round(APART * rate)  # of frames after them
+            if all(k // SEGMENT * SEGMENT in taken for k in range(first, stop)):
+                return before
+    return None
+
+
 def found_again(
     path: Path, marking: Marking, first: int, stop: int, rate: Fraction
 ) -> dict[str, Any]:
@@ -211,6 +239,7 @@ def found_again(
     wanted = bits_of(marking.id)
     (seen,) = search(frames if stop > first else (), rate, [marking.key()], wanted)
     return {
+        "first": first,
         "found": seen.present and np.array_equal(seen.bits, wanted),
         "statistic": round(seen.statistic, 1),
         "threshold": round(seen.threshold, 1),
