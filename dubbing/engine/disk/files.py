@@ -10,6 +10,7 @@ import re
 import stat
 import time
 import unicodedata
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -24,7 +25,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT)
 LONGEST_NAME = 255 - len("..4194304.tmp")
 PARTIAL = ".partial-"  # in the name of a folder of work in progress, before 12 digits of its key
 IN_PROGRESS = re.compile(rf".+{re.escape(PARTIAL)}[0-9a-f]{{12}}")
-DIGESTS = ".digests"  # in that folder: of each file that is whole, so that damage is seen
+CHECKSUMS = ".checksums"  # in that folder: of each file that is whole, so that damage is seen
 
 
 def make_folder(path: Path) -> None:
@@ -86,7 +87,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
         yield temporary
         with writing(path):
             sync_file(temporary)
-            note_digest(path, temporary)
+            note_checksum(path, temporary)
             patiently(lambda: os.replace(temporary, path))
             sync_file(path.parent)
     finally:
@@ -94,8 +95,8 @@ def atomic_path(path: Path) -> Iterator[Path]:
             temporary.unlink()
 
 
-def note_digest(path: Path, temporary: Path | None = None) -> None:
-    """Keep the digest of a file that is whole, where it is work in progress.
+def note_checksum(path: Path, temporary: Path | None = None) -> None:
+    """Keep the checksum of a file that is whole, where it is work in progress.
 
     Behind that of the file before it: a kill may come before that is replaced.
 
@@ -105,18 +106,18 @@ def note_digest(path: Path, temporary: Path | None = None) -> None:
     folder = next((one for one in path.parents if IN_PROGRESS.fullmatch(one.name)), None)
     if folder is None:
         return
-    kept = folder / DIGESTS / path.relative_to(folder)
+    kept = folder / CHECKSUMS / path.relative_to(folder)
     kept.parent.mkdir(parents=True, exist_ok=True)
     before = kept.read_text().split()[-1:] if kept.exists() else []
-    kept.write_text(" ".join([*before, digest_file(temporary or path)]))
+    kept.write_text(" ".join([*before, checksum_of(temporary or path)]))
 
 
 def remove_damaged(folder: Path) -> list[Path]:
     """Remove the files of work in progress that are not what was written; gives them."""
     damaged = []
-    for kept in (folder / DIGESTS).rglob("*"):
-        path = folder / kept.relative_to(folder / DIGESTS)
-        if kept.is_file() and path.is_file() and digest_file(path) not in kept.read_text().split():
+    for kept in (folder / CHECKSUMS).rglob("*"):
+        path = folder / kept.relative_to(folder / CHECKSUMS)
+        if kept.is_file() and path.is_file() and checksum_of(path) not in kept.read_text().split():
             path.unlink()
             damaged.append(path)
     return damaged
@@ -215,6 +216,15 @@ def digest_file(path: Path) -> str:
     """BLAKE2b-128 of a file's bytes, in hexadecimal."""
     with open(path, "rb") as stream:
         return hashlib.file_digest(stream, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+
+
+def checksum_of(path: Path) -> str:
+    """CRC-32 of a file's bytes, in hexadecimal: it tells damage in a fifth of a digest's time."""
+    checksum = 0
+    with open(path, "rb") as stream:
+        while content := stream.read(1 << 20):
+            checksum = zlib.crc32(content, checksum)
+    return f"{checksum:08x}"
 
 
 def digest_bytes(content: bytes) -> str:
