@@ -6,7 +6,7 @@ files, so memory does not grow with the length and a kill costs one segment. S s
 
 import shutil
 from collections.abc import Generator, Sequence
-from contextlib import closing, suppress
+from contextlib import closing
 from dataclasses import asdict
 from fractions import Fraction
 from itertools import islice
@@ -20,17 +20,15 @@ from dubbing.engine.disk import json_records
 from dubbing.engine.disk.files import atomic_write_json
 from dubbing.engine.disk.pieces import Pieces
 from dubbing.engine.graph.stage import Progress
-from dubbing.errors import ExplainedError, RenderingError
+from dubbing.errors import RenderingError
 from dubbing.media.reading.overlap import ahead, behind
 from dubbing.mixing.mix import mix
 from dubbing.mixing.sound import SOUND, Sound
 from dubbing.preparation.crops.threads import in_order
 from dubbing.provenance import provenance
-from dubbing.provenance.mark_key import Marking, bits_of
-from dubbing.provenance.mark_search import search
-from dubbing.provenance.mark_sums import APART
 from dubbing.video.composer import Composer, Heads
 from dubbing.video.files import DELIVERED, PICTURE_FILE, PROXY_FILE, SCENE_FILE, video_file
+from dubbing.video.found_mark import found_again, found_before
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import CHECKED, Delivery
 from dubbing.video.untouched import compare
@@ -38,7 +36,6 @@ from dubbing.video.untouched import compare
 SEGMENT = 25  # frames a file: what is made again where one of them changes
 SUFFIX = ".mov"  # a container with exact time stamps and colours, to be joined without decoding
 MIXED = "mixed.json"
-MARKED_SECONDS = 20  # of the finished file that are searched for its mark, at most
 TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
 
 
@@ -151,7 +148,7 @@ def segment_edges(frames: int) -> list[tuple[int, int]]:
 def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> set[int]:
     """Cut the segments that would be made again from the last result, if it has exact times.
 
-    Gives the first frames of those that were cut.
+    Gives the numbers of their frames.
     """
     exact = media.SUFFIX[codec] != ".mkv"
     cuts = []
@@ -162,7 +159,7 @@ def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> 
             cuts.append((video_file(pieces.last, codec), part, first, stop - first))
     for _ in in_order(media.cut, cuts):
         pass
-    return {first for _, _, first, _ in cuts}
+    return {k for _, _, first, count in cuts for k in range(first, first + count)}
 
 
 def _pictures(
@@ -208,43 +205,6 @@ def _pictures(
             for _ in range(settings.card.frames):
                 encoder.write(picture)
     return parts
-
-
-def found_before(
-    last: Path | None, taken: set[int], first: int, rate: Fraction
-) -> dict[str, Any] | None:
-    """What `found_again` said of the last result, if it looked at segments that were taken alone.
-
-    Args:
-        last: see `make`. taken: first frames of the segments.
-        first: frame at which it would begin.
-    """
-    if last is None or not taken:
-        return None
-    with suppress(ExplainedError):
-        before = json_records.read(last / PICTURE_FILE, dict[str, Any], "record").get("mark") or {}
-        if before.get("found") and before.get("first") == first:
-            stop = first + before["frames"] + 1 + round(APART * rate)  # of frames after them
-            if all(k // SEGMENT * SEGMENT in taken for k in range(first, stop)):
-                return before
-    return None
-
-
-def found_again(
-    path: Path, marking: Marking, first: int, stop: int, rate: Fraction
-) -> dict[str, Any]:
-    """Whether the mark is found in frames first .. stop of the finished file, or in the first."""
-    stop = min(stop, first + round(MARKED_SECONDS * rate))
-    frames = media.read_frames(path, start=first, count=stop - first, pixels="gray")
-    wanted = bits_of(marking.id)
-    (seen,) = search(frames if stop > first else (), rate, [marking.key()], wanted)
-    return {
-        "first": first,
-        "found": seen.present and np.array_equal(seen.bits, wanted),
-        "statistic": round(seen.statistic, 1),
-        "threshold": round(seen.threshold, 1),
-        "frames": seen.frames,
-    }
 
 
 def verify(path: Path, frames: int, rate: Fraction) -> None:
