@@ -1,6 +1,8 @@
 """Where this user's settings and caches lie: nowhere, for a user without a home folder."""
 
 import os
+import sys
+from importlib import metadata
 from pathlib import Path
 
 import typer
@@ -20,6 +22,18 @@ def cache_folder() -> Path | None:
     if named.is_absolute():
         return named / "dfrf"
     return home / ".cache" / "dfrf" if home else None
+
+
+def keep_findings() -> None:
+    """Keep what is found out about files in this user's caches, for later runs of this version."""
+    import dubbing
+    from dubbing.engine.disk.files import digest_data
+    from dubbing.engine.disk.unchanged import keep_in
+
+    if (folder := cache_folder()) is not None:
+        sources = sorted(Path(next(iter(dubbing.__path__))).rglob("*.py"))
+        code = [[str(path), path.stat().st_mtime_ns] for path in sources]
+        keep_in(folder / "files.json", digest_data([sys.version, metadata.version("av"), code]))
 
 
 def _home() -> Path | None:

@@ -9,6 +9,6 @@ import tests.shapes  # noqa: F401 - the hook below finds it by its name
 
 install_import_hook(["dfrf"], "tests.shapes.checked")
 
-# The key of the invisible mark that tests make: not in the folder of who runs them.
+# The key of the invisible mark that tests make, and caches: not in the folders of who runs them.
 SETTINGS = tempfile.TemporaryDirectory()
-os.environ["XDG_CONFIG_HOME"] = SETTINGS.name
+os.environ["XDG_CONFIG_HOME"] = os.environ["XDG_CACHE_HOME"] = SETTINGS.name

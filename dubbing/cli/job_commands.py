@@ -24,6 +24,7 @@ from dubbing.cli.arguments import (
     print_line,
 )
 from dubbing.errors import CallError
+from dubbing.homes import keep_findings
 from dubbing.printable import visible
 
 if TYPE_CHECKING:
@@ -82,6 +83,7 @@ def dub(
     if scheduler and jobs > 1:
         raise CallError("the workers are those of the scheduler", "--jobs", "leave it away")
     packages.require("cluster" if scheduler else "")
+    keep_findings()
     from dubbing.batch import batch
     from dubbing.batch.task import program
     from dubbing.cli import console, live
@@ -135,7 +137,7 @@ def plan(
 ) -> None:
     """Check a manifest and its files, and print what would run, why, and how long it takes.
 
-    Writes nothing.
+    Makes nothing.
     """
     from dubbing.batch import jobs, results
     from dubbing.batch.rates import calibrated
@@ -152,6 +154,7 @@ def plan(
     from dubbing.stages.finetune import Finetune
     from dubbing.timelines import laid_over
 
+    keep_findings()
     production = load(manifest, from_base=True)
     planned = jobs.build(production, only=tuple(only or ()))
     results.check(production, jobs.chosen_dubs(production, tuple(only or ())))

@@ -1,7 +1,8 @@
 """A prepared clip, the input of all later stages.
 
 T frames, S the side of the crop in px. Pixel coordinates are OpenCV's: (column, row), (0, 0) the
-middle of the first pixel. See :class:`PreparedClip`.
+middle of the first pixel. See :class:`PreparedClip`. What plans a dub reads this: images are loaded
+late.
 """
 
 from __future__ import annotations
@@ -15,7 +16,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 from typing_extensions import TypedDict
 
@@ -26,8 +26,6 @@ from dubbing.errors import ExplainedError, PreparationError
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER, RIGID
 from dubbing.media import PixelFormat, Planes, probe, read_frames, read_planes
 from dubbing.preparation.file_names import SUMMARY
-from dubbing.preparation.matting.matting import inpaint_mask
-from dubbing.preparation.tracking import cropping
 
 VERSION = 10
 HEAD_RADIUS = 1.7  # units (10 cm), the largest extent of a head from its origin
@@ -86,11 +84,15 @@ class FilmFrame:
     @cached_property
     def restored(self) -> np.ndarray:
         """Where the background is restored, (S, S) bool: the matte's inpaint mask."""
+        from dubbing.preparation.matting.matting import inpaint_mask
+
         return inpaint_mask(self.matte)
 
     @cached_property
     def background(self) -> np.ndarray:
         """The frame without the head, (S, S, 3) uint8: the image where nothing is restored."""
+        import cv2
+
         return cv2.copyTo(self.fill, self.restored.astype(np.uint8), self.image.copy())
 
 
@@ -263,6 +265,8 @@ class PreparedClip:
 
     def film_frames(self, start: int = 0, count: int | None = None) -> Iterator[FilmFrame]:
         """Frames with all that belongs to them, one by one; the video is decoded once."""
+        from dubbing.preparation.tracking import cropping
+
         images = self.whole_frames(start, count)
         mattes = read_frames(self.folder / MATTE, start=start, count=count, pixels="gray")
         fills = read_frames(self.folder / BACKGROUND, start=start, count=count)
@@ -304,6 +308,8 @@ class PreparedClip:
         self, frame: np.ndarray, index: int, crop_image: np.ndarray, mask: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Source frame ``index`` with a crop image pasted in, and the mask; see `paste`."""
+        from dubbing.preparation.tracking import cropping
+
         return cropping.paste(frame, self.crop[index], crop_image, mask)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from dubbing.engine.disk import json_records
 from dubbing.engine.disk.file_digests import digest_of
-from dubbing.engine.disk.files import atomic_path, atomic_write_json, note_digest
+from dubbing.engine.disk.files import atomic_path, atomic_write_json, note_checksum
 from dubbing.engine.graph.stage import Progress, ReportShare
 from dubbing.errors import ExplainedError, PreparationError
 from dubbing.preparation.file_names import SUMMARY
@@ -80,7 +80,7 @@ class Steps:
                     "use a clip in which one person faces the camera",
                 ) from error
             for file in beside:
-                note_digest(file)
+                note_checksum(file)
             with atomic_path(path) as temporary:
                 np.savez(temporary, allow_pickle=False, **arrays)
         self._progress(name, 1.0)

@@ -12,7 +12,8 @@ from typing import Any
 
 from PIL import Image
 
-from dubbing.engine.disk.files import atomic_path, read_bounded, while_unchanged
+from dubbing.engine.disk.files import atomic_path, read_bounded
+from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import ExplainedError, RenderingError, StageError
 from dubbing.packages import lacking, missing_of
 from dubbing.provenance.provenance import SOURCE_TYPE, made_by

@@ -164,10 +164,15 @@ class Composite(OnFilm):
 
 
 def digests_of_heads(stage: Stage, first: int, count: int) -> list[str]:
-    """Digests of the files that hold heads first .. first + count of a rendering stage."""
+    """Of heads first .. first + count of a rendering stage, what each is made of."""
+    from dubbing.engine.disk.pieces import digests_of
     from dubbing.video.composer import files_of_heads
 
-    return [digest_of(path) for _, path in files_of_heads(stage.folder, first, count)]
+    found = []
+    for start, path in files_of_heads(stage.folder, first, count):
+        each = digests_of(stage.folder, path.name)
+        found += each[max(0, first - start) : first + count - start] or [digest_of(path)]
+    return found
 
 
 def heads_of(

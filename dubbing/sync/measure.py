@@ -22,13 +22,13 @@ from dubbing import media
 from dubbing.engine.disk.files import atomic_path, digest_bytes
 from dubbing.engine.disk.pieces import Pieces
 from dubbing.engine.graph.stage import ReportShare
-from dubbing.face.finding import kept_meshes
 from dubbing.face.finding.face_tracker import FaceTracker
-from dubbing.face.finding.kept_meshes import Meshes
 from dubbing.face.mouth.mouth_crop import COLUMNS, ROWS, mouth_crop
 from dubbing.face.mouth.mouth_shape import MOUTH, mouth_shape
+from dubbing.media.reading.late_frames import late_frames
 from dubbing.sound_to_lips.predict import predict
 from dubbing.speech.voice_activity import SAMPLE_RATE, energy_db, voice_activity
+from dubbing.sync.kept_faces import KeptFaces
 from dubbing.sync.network.channels import SoundChannels
 
 BLOCK_SECONDS = 60.0
@@ -97,10 +97,10 @@ class _FaceFrames:
         shapes = np.full((frames, len(MOUTH), 2), np.nan, np.float32)
         return cls(shapes, np.zeros((frames, ROWS, COLUMNS), np.uint8))
 
-    def add(self, k: int, frame: np.ndarray, points: np.ndarray, face: np.ndarray) -> None:
-        """Add frame k (H, W, 3) with the mesh (478, 3) of the face."""
+    def add(self, k: int, points: np.ndarray, crop: np.ndarray, face: np.ndarray) -> None:
+        """Add frame k with the mesh (478, 3) of the face, and the crop (R, C) of its mouth."""
         self.shapes[k] = mouth_shape(points[None], face)[0]
-        self.crops[k] = mouth_crop(frame, points, face)
+        self.crops[k] = crop
         low, high = points[:, :2].min(0), points[:, :2].max(0)
         self.places.append(np.array([*(low + high) / 2, high[0] - low[0]]))
 
@@ -181,30 +181,36 @@ def measure(
     info = media.probe(video)
     rate, total = info.rate, info.frames - leave_out
     end = total / float(rate) if leave_out else math.inf
-    images = media.read_frames(video)
+    images = late_frames(video, keyed=pieces is not None)
     channels = SoundChannels()
     first = 0
     tracker = FaceTracker(float(rate))
     for length in block_lengths(total, rate):
         frames: dict[int, _FaceFrames] = {}
-        found: dict[str, Meshes] | None = None if pieces is None else {}
+        known, found = KeptFaces(), KeptFaces()
         kept = f"faces/{first:06d}.npz"
-        known: dict[str, Meshes] = {}
         if pieces is not None and pieces.same(kept, [""]) == [True] and pieces.last is not None:
-            known = kept_meshes.read(pieces.last / kept)
+            known = KeptFaces.read(pieces.last / kept)
         place = first / float(rate), length / float(rate)
         with ThreadPoolExecutor(1) as beside:
             heard = (sound_from or video, *place, channels, end, pieces)
             sound = beside.submit(measure_sound, *heard)
-            for k, (frame, tracked) in enumerate(tracker(islice(images, length), known, found)):
-                for detected in tracked:
+            some = islice(images, length)
+            meshes = None if pieces is None else found.meshes
+            for k, (frame, key, tracked) in enumerate(tracker(some, known.meshes, meshes)):
+                for number, detected in enumerate(tracked):
                     if detected.track not in frames:
                         frames[detected.track] = _FaceFrames.empty(length)
-                    frames[detected.track].add(k, frame, detected.points, face)
+                    mouth = f"{key} {number}"
+                    crop = known.mouths.get(mouth)
+                    if crop is None:
+                        crop = mouth_crop(frame.image, detected.points, face)
+                    found.mouths[mouth] = crop
+                    frames[detected.track].add(k, detected.points, crop, face)
                 if progress is not None:
                     progress((first + k + 1) / total)
-        if pieces is not None and found is not None:
-            kept_meshes.write(pieces.out / kept, found)
+        if pieces is not None:
+            found.write(pieces.out / kept)
         faces = {track: f.block_face(info.width, info.height) for track, f in frames.items()}
         yield Block(first, length, rate, faces, sound.result())
         first += length

@@ -26,18 +26,16 @@ from dubbing.mixing.mix import mix
 from dubbing.mixing.sound import SOUND, Sound
 from dubbing.preparation.crops.threads import in_order
 from dubbing.provenance import provenance
-from dubbing.provenance.mark_key import Marking, bits_of
-from dubbing.provenance.mark_search import search
 from dubbing.video.composer import Composer, Heads
 from dubbing.video.files import DELIVERED, PICTURE_FILE, PROXY_FILE, SCENE_FILE, video_file
+from dubbing.video.found_mark import found_again, found_before
 from dubbing.video.settings import VideoSettings
 from dubbing.video.turnover import CHECKED, Delivery
 from dubbing.video.untouched import compare
 
-SEGMENT = 50  # frames a file: what is made again where one of them changes
+SEGMENT = 25  # frames a file: what is made again where one of them changes
 SUFFIX = ".mov"  # a container with exact time stamps and colours, to be joined without decoding
 MIXED = "mixed.json"
-MARKED_SECONDS = 20  # of the finished file that are searched for its mark, at most
 TOLERANCE = 1e-3  # seconds; Matroska counts whole milliseconds
 
 
@@ -86,9 +84,10 @@ def make(
     if settings.deliver != "video":
         delivery = Delivery(film.clip, out / DELIVERED, settings.deliver == "sequence")
     composer = Composer(heads, pose_index, settings, delivery)
+    taken: set[int] = set()
     if not result.exists():
         if delivery is None:  # frames beside the video are made with their segment
-            _take_over(composer, segments, Pieces(out, last, made_by), settings.codec)
+            taken = _take_over(composer, segments, Pieces(out, last, made_by), settings.codec)
         parts = _pictures(composer, segments, settings, progress)
         progress("muxing", 1.0)
         # The sound has its requested length, unless the dub was cut to the clip.
@@ -119,7 +118,9 @@ def make(
     }
     if settings.mark is not None:
         progress("looking for the invisible mark", 1.0)
-        picture["mark"] = found_again(result, settings.mark, *composer.replaced(), rate)
+        shown = composer.replaced()
+        known = found_before(last, taken, shown[0], rate)
+        picture["mark"] = known or found_again(result, settings.mark, *shown, rate)
     if delivery is not None:
         picture["delivered"] = delivery.finish(rate)
     atomic_write_json(out / PICTURE_FILE, picture)
@@ -144,8 +145,11 @@ def segment_edges(frames: int) -> list[tuple[int, int]]:
     return [(first, min(first + SEGMENT, frames)) for first in range(0, frames, SEGMENT)]
 
 
-def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> None:
-    """Cut the segments that would be made again from the last result, if it has exact times."""
+def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> set[int]:
+    """Cut the segments that would be made again from the last result, if it has exact times.
+
+    Gives the numbers of their frames.
+    """
     exact = media.SUFFIX[codec] != ".mkv"
     cuts = []
     for first, stop in segment_edges(len(composer.poses)):
@@ -155,6 +159,7 @@ def _take_over(composer: Composer, folder: Path, pieces: Pieces, codec: str) -> 
             cuts.append((video_file(pieces.last, codec), part, first, stop - first))
     for _ in in_order(media.cut, cuts):
         pass
+    return {k for _, _, first, count in cuts for k in range(first, first + count)}
 
 
 def _pictures(
@@ -200,22 +205,6 @@ def _pictures(
             for _ in range(settings.card.frames):
                 encoder.write(picture)
     return parts
-
-
-def found_again(
-    path: Path, marking: Marking, first: int, stop: int, rate: Fraction
-) -> dict[str, Any]:
-    """Whether the mark is found in frames first .. stop of the finished file, or in the first."""
-    stop = min(stop, first + round(MARKED_SECONDS * rate))
-    frames = media.read_frames(path, start=first, count=stop - first, pixels="gray")
-    wanted = bits_of(marking.id)
-    (seen,) = search(frames if stop > first else (), rate, [marking.key()], wanted)
-    return {
-        "found": seen.present and np.array_equal(seen.bits, wanted),
-        "statistic": round(seen.statistic, 1),
-        "threshold": round(seen.threshold, 1),
-        "frames": seen.frames,
-    }
 
 
 def verify(path: Path, frames: int, rate: Fraction) -> None:

@@ -5,8 +5,9 @@ import os
 import stat
 from pathlib import Path
 
-from .files import digest_data, digest_file, while_unchanged
+from .files import digest_data, digest_file
 from .numbered import is_there, numbered
+from .unchanged import while_unchanged
 
 
 def digest_of(path: Path) -> str:
@@ -20,7 +21,7 @@ def digest_of(path: Path) -> str:
     return _digest(path) if regular else ""  # a pipe in its place would block whoever reads it
 
 
-@while_unchanged(65536)
+@while_unchanged(65536, kept=str)
 def _digest(path: Path) -> str:
     sequence = numbered(path)
     if sequence is None:

@@ -40,7 +40,7 @@ def parse(
 ) -> Shape:
     """JSON text as ``shape``; see `read`."""
     try:
-        found: Shape = _adapter(shape).validate_json(content)
+        found: Shape = adapter(shape).validate_json(content)
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(map(str, first["loc"]))
@@ -50,5 +50,6 @@ def parse(
 
 
 @lru_cache
-def _adapter(shape: Any) -> TypeAdapter[Any]:
+def adapter(shape: Any) -> TypeAdapter[Any]:
+    """What reads and writes data of a shape, as pydantic checks it."""
     return TypeAdapter(shape)

@@ -32,13 +32,9 @@ class Pieces:
 
     def same(self, name: str, made_of: Sequence[Any]) -> list[bool]:
         """Note what the parts of a piece are made of, plain data; which the last result has."""
-        note = Path(FOLDER, f"{name}.json")
         digests = [digest_data([self.made_by, part]) for part in made_of]
-        atomic_write_json(self.out / note, digests)
-        before: list[str] = []
-        if self.last is not None:
-            with suppress(ExplainedError):
-                before = json_records.read(self.last / note, list[str], "digests")
+        atomic_write_json(_note(self.out, name), digests)
+        before = digests_of(self.last, name) if self.last is not None else []
         if len(before) != len(digests):
             return [False] * len(digests)
         return [one == other for one, other in zip(before, digests, strict=True)]
@@ -55,3 +51,14 @@ class Pieces:
         assert self.last is not None
         with atomic_path(self.out / name) as temporary:
             shutil.copyfile(self.last / name, temporary)
+
+
+def digests_of(folder: Path, name: str) -> list[str]:
+    """What the parts of a piece in a folder are made of, as digests; none where it has no note."""
+    with suppress(ExplainedError):
+        return json_records.read(_note(folder, name), list[str], "digests")
+    return []
+
+
+def _note(folder: Path, name: str) -> Path:
+    return folder / FOLDER / f"{name}.json"

@@ -12,6 +12,8 @@ from functools import lru_cache
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
 
+from ..disk.unchanged import while_unchanged
+
 Names = tuple[str, ...]
 # Fields of syntax nodes that hold statements, or what these lie in.
 BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
@@ -41,7 +43,8 @@ def reachable(module: str, packages: Names, without: Names = ()) -> set[str]:
         name = waiting.pop()
         if name not in found and not _lies_in(name, without):
             found.add(name)
-            waiting += [one for one in _parsed(name)[1] if one.split(".")[0] in packages]
+            named = (one for one in _parsed(name)[1] if one.split(".")[0] in packages)
+            waiting += [one for one in named if file_of(one) is not None]
     return found
 
 
@@ -51,24 +54,31 @@ def _lies_in(name: str, modules: Names) -> bool:
 
 @lru_cache(maxsize=1024)
 def _parsed(module: str) -> tuple[str, Names]:
-    """Digest of one module's code, and the modules that it imports."""
+    """Digest of one module's code, and the names that it imports, of modules or from them."""
     path = file_of(module)
     assert path is not None, module
-    tree = ast.parse(path.read_bytes())
     package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    digest, named = _read(path)
+    return digest, tuple(resolve_name(name, package) for name in named)
+
+
+@while_unchanged(1024, kept=tuple[str, list[str]])
+def _read(path: Path) -> tuple[str, list[str]]:
+    """Digest of the code in a file, and the names that it imports, relative ones as they are."""
+    tree = ast.parse(path.read_bytes())
     imported: dict[str, None] = {}
     waiting: list[ast.AST] = [tree]
     while waiting:  # statements alone: expressions hold no imports
         node = waiting.pop()
         if isinstance(node, ast.Import | ast.ImportFrom):
-            imported |= dict.fromkeys(_imported(node, package))
+            imported |= dict.fromkeys(_imported(node))
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef) and _documented(node):
             node.body = node.body[1:]
         for block in BLOCKS:
             if inner := getattr(node, block, None):
                 inner[:] = [one for one in inner if not _for_type_checkers(one)]
                 waiting += inner
-    return hashlib.blake2b(ast.dump(tree).encode(), digest_size=16).hexdigest(), tuple(imported)
+    return hashlib.blake2b(ast.dump(tree).encode(), digest_size=16).hexdigest(), list(imported)
 
 
 def _for_type_checkers(node: ast.AST) -> bool:
@@ -79,15 +89,15 @@ def _for_type_checkers(node: ast.AST) -> bool:
     )
 
 
-def _imported(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[str]:
-    """Modules that an import statement in a package imports."""
+def _imported(node: ast.Import | ast.ImportFrom) -> Iterator[str]:
+    """Names that an import statement imports."""
     if isinstance(node, ast.Import):
-        names = [alias.name for alias in node.names]
+        yield from (alias.name for alias in node.names)
     else:
         # What is imported from a package is one of its modules, or comes from its __init__.
-        base = resolve_name("." * node.level + (node.module or ""), package)
-        names = [base, *(f"{base}.{alias.name}" for alias in node.names)]
-    yield from (name for name in names if file_of(name) is not None)
+        base = "." * node.level + (node.module or "")
+        yield base
+        yield from (f"{base}{'.' * bool(node.module)}{alias.name}" for alias in node.names)
 
 
 def _documented(node: ast.Module | ast.ClassDef | ast.FunctionDef) -> bool:

@@ -230,7 +230,8 @@ class Stage:
         if record is None:
             if os.path.lexists(self.folder / RECORD):
                 return ["its record is damaged"]
-            started = self._inputs_ready() and self.partial().is_dir()
+            begun = any(self.folder.parent.glob(f"{self.folder.name}{PARTIAL}*"))
+            started = begun and self._inputs_ready() and self.partial().is_dir()
             return ["interrupted: goes on where it stopped" if started else "not made yet"]
         reasons = []
         if record["version"] != self.version:

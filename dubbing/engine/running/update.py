@@ -12,7 +12,7 @@ from uuid import uuid4
 from ..disk import claims, json_records
 from ..disk.claims import TAKEN_OVER, Claim, Watch
 from ..disk.files import (
-    DIGESTS,
+    CHECKSUMS,
     PARTIAL,
     atomic_write_json,
     digest_file,
@@ -84,7 +84,7 @@ def _update(
             seconds += json_records.read(mark, float, "seconds of a part")
             mark.unlink()
         _seal(stage, partial, key=key, digests=digests, seconds=seconds)
-    shutil.rmtree(partial / DIGESTS, ignore_errors=True)
+    shutil.rmtree(partial / CHECKSUMS, ignore_errors=True)
     claim.check()
     _swap(stage, partial)
     for kind in (PARTIAL, READY):
@@ -174,7 +174,7 @@ def _sealed(stage: Stage, partial: Path) -> bool:
 
 def _seal(stage: Stage, folder: Path, *, key: str, digests: dict[str, str], seconds: float) -> None:
     """Flush every output to the disk, then write the record."""
-    shutil.rmtree(folder / DIGESTS, ignore_errors=True)
+    shutil.rmtree(folder / CHECKSUMS, ignore_errors=True)
     outputs = {}
     for path in sorted(p for p in folder.rglob("*") if p.is_file() and p.name != RECORD):
         sync_file(path)

@@ -13,10 +13,11 @@ import numpy as np
 from dfrf.ordered import ordered
 from dubbing.engine.disk.files import digest_bytes, digest_data
 from dubbing.face.finding.face_finder import FaceFinder, region_of
-from dubbing.face.finding.kept_meshes import Meshes
-from dubbing.face.finding.regions import Images, Region
+from dubbing.face.finding.regions import Region
+from dubbing.media.reading.late_frames import LateFrame
 
 POINTS = 478
+Meshes = list[np.ndarray]  # of the faces in a frame, each (478, 3) float32
 MAX_FACES = 4
 # A face that was lost for longer than this starts a new track.
 MEMORY_SECONDS = 1.0
@@ -60,55 +61,57 @@ class FaceTracker:
 
     def __call__(
         self,
-        frames: Iterable[np.ndarray],
+        frames: Iterable[LateFrame],
         known: Mapping[str, Meshes] | None = None,
         found: dict[str, Meshes] | None = None,
-    ) -> Iterator[tuple[np.ndarray, list[Face]]]:
-        """The next frames, RGB uint8 (H, W, 3), in order, each with its faces.
+    ) -> Iterator[tuple[LateFrame, str, list[Face]]]:
+        """The next frames in order, each with its key and faces.
 
         Args:
             known: meshes of frames, which are not looked at again.
-            found: gets those of these frames, by all that they depend on.
+            found: gets those of these frames, by their keys: by all that they depend on.
         """
         known = known or {}
-        for frame, pixels, regions in self._with_detected(iter(frames), known, found is not None):
+        for frame, shown, regions in self._with_detected(iter(frames), known, found is not None):
             self._frame += 1
             followed = [region_of(mesh) for mesh in self._meshes]
             if self._frame % RUN == 0:
                 followed = [region.rounded() for region in followed]
                 self._begun = digest_data([vars(region) for region in followed])
-            key = f"{pixels} {self._begun}"
+            key = f"{shown} {self._begun}"
             meshes = known.get(key)
             if meshes is None:
                 self._finder.follow_on(followed)
-                meshes = [m.astype(np.float32) for m in self._finder.follow(frame, regions)]
+                looked = self._finder.follow(frame.image, regions)
+                meshes = [mesh.astype(np.float32) for mesh in looked]
             self._meshes = meshes
             if found is not None:
                 found[key] = meshes
-            yield frame, self._assign(meshes)
+            yield frame, key, self._assign(meshes)
 
     def _with_detected(
-        self, frames: Iterator[np.ndarray], known: Mapping[str, Meshes], keyed: bool
-    ) -> Iterator[tuple[np.ndarray, str, list[Region] | None]]:
-        """Frames, their keys, and regions in which a face is detected; None of known pixels."""
-        pixels = {key.split()[0] for key in known}
+        self, frames: Iterator[LateFrame], known: Mapping[str, Meshes], keyed: bool
+    ) -> Iterator[tuple[LateFrame, str, list[Region] | None]]:
+        """Frames, their keys, and regions in which a face is detected; None of known frames."""
+        shown = {key.split()[0] for key in known}
 
-        def detect(some: Images) -> list[tuple[np.ndarray, str, list[Region] | None]]:
-            keys = [self._next_key(image) if keyed else "" for image in some]
-            if all(key in pixels for key in keys):
+        def detect(some: list[LateFrame]) -> list[tuple[LateFrame, str, list[Region] | None]]:
+            keys = [self._next_key(frame) if keyed else "" for frame in some]
+            if all(key in shown for key in keys):
                 return [(frame, key, None) for frame, key in zip(some, keys, strict=True)]
-            return list(zip(some, keys, self._finder.detect(some), strict=True))
+            regions = self._finder.detect([frame.image for frame in some])
+            return list(zip(some, keys, regions, strict=True))
 
         parts = iter(lambda: list(islice(frames, TOGETHER)), [])
         with ThreadPoolExecutor(1) as pool:
             for part in ordered(pool, detect, parts, ahead=1):
                 yield from part
 
-    def _next_key(self, frame: np.ndarray) -> str:
-        """Digest of the next frame, and of those before it in its run."""
+    def _next_key(self, frame: LateFrame) -> str:
+        """Digest of what the next frame shows, and those before it in its run."""
         before = self._key if self._keys % RUN else ""
         self._keys += 1
-        self._key = digest_bytes(before.encode() + frame.tobytes())
+        self._key = digest_data([before, frame.key or digest_bytes(frame.image.tobytes())])
         return self._key
 
     def _assign(self, meshes: list[np.ndarray]) -> list[Face]:
@@ -150,5 +153,6 @@ def _without_twins(meshes: list[np.ndarray]) -> list[np.ndarray]:
 
 def track_faces(frames: Iterable[np.ndarray], rate: float) -> Iterator[list[Face]]:
     """Faces of each frame in order; the frames are not kept."""
-    for _, faces in FaceTracker(rate)(frames):
+    late = (LateFrame("", lambda image=image: image) for image in frames)  # type: ignore[misc]
+    for _, _, faces in FaceTracker(rate)(late):
         yield faces

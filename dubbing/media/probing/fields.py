@@ -9,7 +9,7 @@ from pathlib import Path
 import av
 import numpy as np
 
-from dubbing.engine.disk.files import while_unchanged
+from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
 
@@ -47,7 +47,7 @@ def is_flagged(path: Path, index: int, keys: Sequence[int], pixels: int) -> bool
     return False
 
 
-@while_unchanged(1024)
+@while_unchanged(1024, kept=bool)
 def looks_interlaced(path: Path) -> bool:
     """Whether the images of a video look interlaced, whatever its flags.
 

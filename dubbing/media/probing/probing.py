@@ -11,8 +11,8 @@ from pathlib import Path
 import av
 import numpy as np
 
-from dubbing.engine.disk.files import while_unchanged
 from dubbing.engine.disk.numbered import numbered
+from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
 from dubbing.media.opening.tracks import Track, heard_tracks
@@ -47,7 +47,7 @@ def probe(path: Path | str) -> MediaInfo:
     return _probe(path)
 
 
-@while_unchanged(1024)  # each cue of a film probes it again
+@while_unchanged(1024, kept=MediaInfo)  # each cue of a film probes it again
 def _probe(path: Path) -> MediaInfo:
     try:
         with opened(path) as container:

@@ -7,6 +7,7 @@ film's own, and what is replaced keeps the film's finer steps. H x W pixels.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import av
@@ -16,6 +17,7 @@ from dubbing.media.properties.colour import Colour
 
 WEIGHTS = {"bt709": (0.2126, 0.0722), "bt601": (0.299, 0.114), "bt2020": (0.2627, 0.0593)}  # R, B
 STEPS = 255.0  # of the RGB picture
+APART = 8  # rows, more than a value of chroma has
 CHROMA = {(0, 0): "444", (1, 0): "422", (1, 1): "420", (0, 1): "440", (2, 0): "411", (2, 2): "410"}
 Planes = list[np.ndarray]
 
@@ -104,32 +106,40 @@ class PixelFormat:
             before: the picture that the planes show.
             colour: of the film: how planes stand for RGB.
         """
-        differs = (before != after).any(-1)
-        if not differs.any():
+        places = list(self._places((before != after).reshape(len(before), -1)))
+        if not places:
             return planes
-        rows, columns = (
-            self._span(differs.any(axis), one) for axis, one in ((1, self.down), (0, self.across))
-        )
-        more = after[rows, columns].astype(np.float32) - before[rows, columns]
-        out = []
-        for number, (plane, change) in enumerate(
-            zip(planes, self._steps(more, colour), strict=True)
-        ):
-            down, across = (0, 0) if self.rgb or not number else (self.down, self.across)
-            part = tuple(
-                slice(s.start >> k, -(-s.stop // (1 << k)))
-                for s, k in ((rows, down), (columns, across))
-            )
-            new = plane.copy()
-            new[part] = np.clip(
-                np.rint(plane[part] + pooled(change, down, across)), 0, (1 << self.bits) - 1
-            )
-            out.append(new)
+        out = [plane.copy() for plane in planes]
+        for rows, columns in places:
+            more = after[rows, columns].astype(np.float32) - before[rows, columns]
+            for number, (plane, change) in enumerate(
+                zip(out, self._steps(more, colour), strict=True)
+            ):
+                down, across = (0, 0) if self.rgb or not number else (self.down, self.across)
+                part = plane[
+                    tuple(
+                        slice(s.start >> k, -(-s.stop // (1 << k)))
+                        for s, k in ((rows, down), (columns, across))
+                    )
+                ]
+                values = np.rint(part + pooled(change, down, across))
+                part[...] = np.clip(values, 0, (1 << self.bits) - 1)
         return out
 
-    def _span(self, some: np.ndarray, halvings: int) -> slice:
-        """From the first to the last that is true, in whole values of chroma."""
-        at, unit = np.flatnonzero(some), 1 << halvings
+    def _places(self, differs: np.ndarray) -> Iterator[tuple[slice, slice]]:
+        """Rows and columns that hold all that differs, (H, 3 W) bool: parts far from one another.
+
+        A face and a label would lie in one part that is most of the frame.
+        """
+        some = np.flatnonzero(differs.any(1))
+        for rows in np.split(some, np.flatnonzero(np.diff(some) > APART) + 1) if len(some) else ():
+            part = self._span(rows, self.down)
+            columns = np.flatnonzero(differs[part].any(0)) // 3
+            yield part, self._span(columns, self.across)
+
+    def _span(self, at: np.ndarray, halvings: int) -> slice:
+        """From the first to the last, in whole values of chroma."""
+        unit = 1 << halvings
         return slice(int(at[0]) // unit * unit, -(-(int(at[-1]) + 1) // unit) * unit)
 
     def _steps(self, more: np.ndarray, colour: Colour) -> list[np.ndarray]:

@@ -15,7 +15,7 @@ from pathlib import Path
 import av
 import numpy as np
 
-from dubbing.engine.disk.files import while_unchanged
+from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
 from dubbing.media.opening.opening import opened
 from dubbing.media.properties.info import MediaInfo

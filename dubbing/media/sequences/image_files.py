@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from dubbing import packages
-from dubbing.engine.disk.files import atomic_path, while_unchanged
+from dubbing.engine.disk.files import atomic_path
+from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
 
 FORMATS = ("openexr", "dpx", "tiff")

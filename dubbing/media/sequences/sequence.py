@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from dubbing.engine.disk.files import while_unchanged
 from dubbing.engine.disk.numbered import numbered
+from dubbing.engine.disk.unchanged import while_unchanged
 from dubbing.errors import MediaError
 from dubbing.media.properties.colour import Colour
 from dubbing.media.properties.frame_rate import snap

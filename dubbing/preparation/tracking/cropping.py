@@ -9,6 +9,8 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
+from dubbing.preparation.background.pixels import extent
+
 FACE_SHARE = 0.5  # of the window's height, for the face from the forehead to the chin
 FACE_HEIGHT_AT = 0.55  # of the window's height, for the middle of the face: hair needs room above
 WHOLE_SHARE = 0.8  # a square source is used whole where the window would be this share of it
@@ -83,10 +85,10 @@ def paste(
         mask = cv2.resize(mask, (side, side), interpolation=cv2.INTER_LINEAR)
     out, pasted = frame.copy(), np.zeros(frame.shape[:2], np.uint8)
     pasted[y0 : y0 + side, x0 : x0 + side] = mask
-    part = out[y0 : y0 + side, x0 : x0 + side]
-    share = mask[..., None].astype(np.float32) / 255
-    blended = part + share * (crop_image.astype(np.float32) - part)
-    part[...] = np.where(mask[..., None] > 0, np.clip(blended.round(), 0, 255), part)
+    part = extent(mask > 0)
+    below = out[y0 : y0 + side, x0 : x0 + side][part]
+    share = mask[part][..., None].astype(np.float32) / 255
+    below[...] = (below + share * (crop_image[part].astype(np.float32) - below)).round()
     return out, pasted
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from fractions import Fraction
 from functools import partial
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from dubbing.provenance.mark_key import marking
 from dubbing.video import composer
 from dubbing.video.assembly import make
 from dubbing.video.composer import Heads, read_frames, read_heads
+from dubbing.video.found_mark import found_before
 from dubbing.video.settings import VideoSettings
 from tests import clips, fakes
 from tests.dubbing.video.scene import Scene, kept_of, quiet, recording
@@ -113,6 +115,20 @@ def test_what_became_of_the_faces_is_written_down(scene: Scene, tmp_path: Path) 
     assert reach["yaw"]["most"] == 0
     assert not picture["mark"]["found"]  # a face of 10 px for half a second
     assert picture["mark"]["frames"] == 8  # the longest run with a face
+
+
+def test_the_mark_is_looked_for_where_segments_were_made_again(tmp_path: Path) -> None:
+    mark = {"first": 10, "found": True, "frames": 40}
+    (tmp_path / "picture.json").write_text(json.dumps({"mark": mark}))
+    taken, rate = set(range(100)), Fraction(25)  # it read frames 10 to 50, and 3 after them
+    assert found_before(tmp_path, taken, 10, rate) == mark
+    assert found_before(tmp_path, taken - {9, 53}, 10, rate) == mark
+    assert found_before(tmp_path, taken - {52}, 10, rate) is None
+    assert found_before(tmp_path, taken - {10}, 10, rate) is None
+    assert found_before(tmp_path, taken, 11, rate) is None
+    assert found_before(None, set(), 10, rate) is None
+    (tmp_path / "picture.json").write_text(json.dumps({"mark": {**mark, "found": False}}))
+    assert found_before(tmp_path, taken, 10, rate) is None
 
 
 def test_a_face_fades_with_its_shot_and_what_lies_over_it_is_listed(scene: Scene) -> None:

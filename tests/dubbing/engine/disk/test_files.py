@@ -8,6 +8,7 @@ from dubbing.engine.disk import files
 from dubbing.engine.disk.files import (
     atomic_path,
     atomic_write_text,
+    checksum_of,
     digest_data,
     digest_file,
     make_folder,
@@ -190,3 +191,14 @@ def test_a_file_is_on_the_disk_before_its_name_and_the_name_before_anything_else
     with atomic_path(tmp_path / "a") as temporary:
         temporary.write_text("new")
     assert flushed == [("flushed", temporary), ("named", tmp_path / "a"), ("flushed", tmp_path)]
+
+
+def test_a_checksum_tells_a_changed_byte(tmp_path: Path) -> None:
+    path = tmp_path / "large"
+    path.write_bytes(bytes(3 << 20))
+    before = checksum_of(path)
+    with path.open("r+b") as file:
+        file.seek(2 << 20)
+        file.write(b"1")
+    assert checksum_of(path) != before
+    assert len(before) == 8

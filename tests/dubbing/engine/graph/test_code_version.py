@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -22,8 +24,11 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Write:
     (folder / "__init__.py").touch()
     monkeypatch.syspath_prepend(str(tmp_path))
 
+    moments = count(1)
+
     def write(name: str, text: str) -> None:
         (folder / f"{name}.py").write_text(text)
+        os.utime(folder / f"{name}.py", (0, next(moments)))  # two writes may have one time
         versions.code_version.cache_clear()
         versions._parsed.cache_clear()
         versions.file_of.cache_clear()
