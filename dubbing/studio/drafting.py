@@ -22,7 +22,7 @@ from dubbing.engine.memory import SHORT
 from dubbing.errors import ExplainedError
 from dubbing.script.timeline import Edit
 from dubbing.stages.draft import Draft
-from dubbing.studio.film import DUB, SOURCE, Film, as_jpeg
+from dubbing.studio.film import DUB, FILM, Film, as_jpeg
 
 if TYPE_CHECKING:
     from dubbing.manifest.manifest import Production
@@ -49,7 +49,7 @@ class Job:
     @property
     def urgent(self) -> bool:
         """Whether others rest meanwhile."""
-        return self.arguments.get("kind") not in (SOURCE, DUB)
+        return self.arguments.get("kind") not in (FILM, DUB)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 QUALITY = 88  # of JPEG
 FIRST_BLOCK, LONGEST_BLOCK = 2, 24  # frames that are rendered at once: the first comes soon
 DRAWN = ("opening", "width")
-SOURCE, DUB, DRAFT = "source", "dub", "draft"
+FILM, DUB, DRAFT = "film", "dub", "draft"
 
 
 class Film:
@@ -54,7 +54,7 @@ class Film:
         def read(first: int, stop: int) -> Iterator[Any]:
             if kind == DUB:
                 return of_video(video, first, stop, composer.size)
-            if kind == SOURCE:
+            if kind == FILM:
                 return read_film(composer.film, self.half.poses[first:stop])
             return composer.read(first, stop)
 

@@ -139,7 +139,7 @@ class Project:
 
     def signatures(self, name: str, kind: str, first: int, stop: int) -> list[str]:
         """Of frames first .. stop: as long as one stays the same, so does its picture."""
-        if kind == "source":
+        if kind == "film":
             return ["-"] * (stop - first)
         if kind == "dub":
             video = self.video(name)

@@ -41,7 +41,7 @@ class Wanted(BaseModel):
         have: signatures of frames.
     """
 
-    kind: Literal["source", "dub", "draft"]
+    kind: Literal["film", "dub", "draft"]
     first: int
     stop: int
     at: int

@@ -71,7 +71,8 @@ export class Desk extends EventTarget {
     this.tell("said", "Looking for p, b and m");
     try {
       const { keys } = await ask(`${dubPath(this.dub.name)}/lines/${encodeURIComponent(line.cue)}/closures`);
-      this.tell("said", `${keys.length - line.edit.keys.length} new keys`);
+      const count = keys.length - line.edit.keys.length;
+      this.tell("said", count ? `${count} new keys` : "No new key is needed");
       this.change(line, { keys });
     } catch (error) { this.tell("said", error.message); }
   }

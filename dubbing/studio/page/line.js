@@ -120,7 +120,9 @@ export class LineForm {
       });
       return input;
     };
-    find("keys").replaceChildren(...line.edit.keys.flatMap((key, place) => {
+    const heads = line.edit.keys.length ? ["Key at, s", "Strength", ""] : [];
+    find("keys").replaceChildren(...heads.map((words) => Object.assign(document.createElement("span"), { textContent: words })),
+      ...line.edit.keys.flatMap((key, place) => {
       const remove = document.createElement("button");
       Object.assign(remove, { type: "button", textContent: "×" });
       remove.setAttribute("aria-label", `Remove key ${place + 1}`);

@@ -68,7 +68,7 @@ find("wipe").addEventListener("input", () => picture.draw());
 find("views").addEventListener("change", ({ target }) => picture.show(target.value));
 
 const KEYS = {
-  " ": () => timeline.play(), a: () => picture.show("source"), b: () => picture.show("dub"),
+  " ": () => timeline.play(), a: () => picture.show("film"), b: () => picture.show("dub"),
   d: () => picture.show("draft"), n: () => form.next(), j: () => form.beside(1), k: () => form.beside(-1),
   ",": () => step(-1), ".": () => step(1), "+": () => timeline.nearer(2), "-": () => timeline.nearer(0.5),
   c: () => find("shut").click(), x: () => form.swap(), w: () => { find("wiping").checked = !find("wiping").checked; wipe(); },

@@ -1,4 +1,4 @@
-// The picture: frames of source, dub and draft as they come, and what of them is shown.
+// The picture: frames of film, dub and draft as they come, and what of them is shown.
 
 import { frames } from "./api.js";
 
@@ -11,7 +11,7 @@ export class Picture {
   view = "draft";
   frame = 0;
   painted = {}; // what the canvas shows: kind, frame and mark
-  #kept = { source: new Map(), dub: new Map(), draft: new Map() };
+  #kept = { film: new Map(), dub: new Map(), draft: new Map() };
   #asked = {};
   #left = {};
   #drawn = 0;
@@ -60,7 +60,7 @@ export class Picture {
   }
 
   // Frames of the chosen line, or from the shown one on where that is elsewhere; changed ones alone.
-  fetch(kinds = ["draft", "source", ...(this.#shows("dub") ? ["dub"] : [])]) {
+  fetch(kinds = ["draft", "film", ...(this.#shows("dub") ? ["dub"] : [])]) {
     const { dub, line } = this.desk;
     const inside = this.frame >= line.first - BESIDE && this.frame < line.stop + BESIDE;
     const from = inside ? line.first : this.frame;
@@ -124,19 +124,19 @@ export class Picture {
   async draw() {
     const turn = this.#drawn += 1, { view: kind, frame } = this;
     const shown = { kind, frame, mark: this.#kept[kind].get(frame)?.mark };
-    const wiped = find("wiping").checked && this.view !== "source";
-    const [image, source] = await Promise.all(
-      [this.#image(this.view, this.frame), wiped ? this.#image("source", this.frame) : null]);
+    const wiped = find("wiping").checked && this.view !== "film";
+    const [image, film] = await Promise.all(
+      [this.#image(this.view, this.frame), wiped ? this.#image("film", this.frame) : null]);
     if (turn !== this.#drawn) return;
-    find("shown").textContent = wiped ? `source | ${this.view}` : this.view;
+    find("shown").textContent = wiped ? `film | ${this.view}` : this.view;
     if (!image) return;
     const { width, height } = this.canvas, paint = this.canvas.getContext("2d");
     paint.drawImage(image, 0, 0, width, height);
     this.painted = shown;
-    if (!source) return;
+    if (!film) return;
     const edge = Math.round(width * find("wipe").value / 100);
-    const scale = source.width / width;
-    if (edge) paint.drawImage(source, 0, 0, edge * scale, source.height, 0, 0, edge, height);
+    const scale = film.width / width;
+    if (edge) paint.drawImage(film, 0, 0, edge * scale, film.height, 0, 0, edge, height);
     paint.fillStyle = "#fff";
     paint.fillRect(edge - 1, 0, 2, height);
   }

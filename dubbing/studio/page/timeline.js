@@ -6,6 +6,7 @@ import { dubPath } from "./api.js";
 const AXIS = 52; // px to both sides of the curves, as in studio.css
 const MOST = 1.5, LONGEST_SHIFT = 500; // of strength; ms
 const STEP = 0.05; // of strength
+const BELOW = 0.1; // of what is in sight, below 0
 const find = (id) => document.getElementById(id);
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
@@ -184,8 +185,8 @@ export class Timeline {
     const top = Math.max(...heard, ...wanted, 0.1) * 1.1;
     this.#plot.batch(() => {
       this.#plot.setScale("x", { min: low, max: high });
-      this.#plot.setScale("y", { min: 0, max: top });
-      this.#plot.setScale("s", { min: 0, max: MOST });
+      this.#plot.setScale("y", { min: -BELOW * top, max: top }); // a key at 0 covers no axis
+      this.#plot.setScale("s", { min: -BELOW * MOST, max: MOST });
     });
     this.#handles(line);
   }
@@ -197,7 +198,7 @@ export class Timeline {
       scales: { x: { time: false }, y: {}, s: {} },
       axes: [{ ...axis, size: 30, values: (_, ticks) => ticks.map((t) => `${t.toFixed(2)} s`) },
         { ...axis, label: "% of eye distance", labelSize: 20, size: AXIS - 20,
-          values: (_, ticks) => ticks.map((t) => (100 * t).toFixed(0)) },
+          values: (_, ticks) => ticks.map((t) => Number((100 * t).toFixed(1))) },
         { ...axis, scale: "s", side: 1, grid: { show: false }, label: "strength", labelSize: 20, size: AXIS - 20 }],
       series: [{}, series("heard", "heard", { dash: [2, 4] }), series("wanted", "wanted", { width: 3 }),
         series("strength", "share", { scale: "s", dash: [8, 5] })],

@@ -133,7 +133,7 @@ def test_all_of_it_works_by_keyboard(page: Page, manifest: Path) -> None:
     assert last["status"] == "approved"
     page.press("n")
     assert page.run("studio.desk.line.line") == 1
-    for key, shown in (("a", "source"), ("d", "draft"), ("b", "draft")):  # there is no dub yet
+    for key, shown in (("a", "film"), ("d", "draft"), ("b", "draft")):  # there is no dub yet
         page.press(key)
         assert page.run("studio.picture.view") == shown
     tab_to(page, "", "name === 'note'")
@@ -316,7 +316,7 @@ def test_labials_become_keys_that_can_be_taken_back(page: Page, manifest: Path) 
     assert edits(manifest) == [{"line": 1, "keys": shut}]
     assert page.run("document.querySelectorAll('#curve .key').length") == 2
     page.click("#labials")
-    page.until("document.getElementById('state').textContent === '0 new keys'")
+    page.until("document.getElementById('state').textContent === 'No new key is needed'")
     saved(page, lambda: page.press("z", CTRL))
     assert edits(manifest) == []
 

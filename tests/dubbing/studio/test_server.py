@@ -313,10 +313,10 @@ def test_only_changed_frames_are_drawn_the_shown_one_first(client: TestClient) -
     assert np.abs(middle[0] - middle[1]).max() > 30
     save(client, {})
     assert frames(client, have=have) == {}
-    source = frames(client, kind="source")
-    assert image(source[0][1]).shape == image(before[0][1]).shape == (24, 32, 3)
+    film = frames(client, kind="film")
+    assert image(film[0][1]).shape == image(before[0][1]).shape == (24, 32, 3)
     # Beside the lines the draft is the film.
-    assert np.abs(image(source[30][1]).astype(float) - image(before[30][1])).max() < 3
+    assert np.abs(image(film[30][1]).astype(float) - image(before[30][1])).max() < 3
 
 
 def test_a_process_that_ends_is_told_of_and_starts_again(manifest: Path) -> None:
