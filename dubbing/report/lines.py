@@ -102,6 +102,7 @@ def edit_columns(edit: Edit) -> dict[str, Any]:
     take = {"take": edit.take, "recording": edit.audio.name if edit.audio else ""}
     own = {"shift": edit.shift or None, "strength": strength, "keys": keys, "curves": curves}
     own["film_mouth"] = ", ".join(f"{start:g}-{end:g}" for start, end in edit.film_mouth)
+    own["moved"] = ", ".join(f"{start:g}-{end:g}: {by:g}" for start, end, by in edit.moved)
     return {**take, **own, "note": edit.note, "status": edit.status}
 
 

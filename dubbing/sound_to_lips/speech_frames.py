@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -38,22 +37,16 @@ class SpeechFrames:
         return SpeechFrames(self.windows[first:stop], self.lips[first:stop])
 
 
-def at_frames(
-    speech_features: np.ndarray, lips: np.ndarray, frames: int, rate: Fraction, first: float = 0
-) -> SpeechFrames:
-    """Speech at video frames from features (T, D) and lips (T, P), both 50 a second.
+def at_moments(speech_features: np.ndarray, lips: np.ndarray, moments: np.ndarray) -> SpeechFrames:
+    """Speech at moments (F,) of the sound, in seconds, the middles of F frames.
 
     Args:
-        frames: how many.
-        rate: frames a second.
-        first: number of the first one; a fraction lies between frames.
+        speech_features: (T, D), 50 a second.
+        lips: (T, P), 50 a second.
     """
-    middle = (first + np.arange(frames) + 0.5) / float(rate)
     # Outside the audio the lips stay as at its ends: it is silent there, so they are closed.
-    inside = np.clip(middle, 0.5 / voice.STEP_RATE, (len(lips) - 0.5) / voice.STEP_RATE)
-    return SpeechFrames(
-        features.windows(speech_features, frames, rate, first), voice.at_times(lips, inside)
-    )
+    inside = np.clip(moments, 0.5 / voice.STEP_RATE, (len(lips) - 0.5) / voice.STEP_RATE)
+    return SpeechFrames(features.windows(speech_features, moments), voice.at_times(lips, inside))
 
 
 def lips_of_file(path: Path, *, start: float = 0.0, seconds: float | None = None) -> np.ndarray:

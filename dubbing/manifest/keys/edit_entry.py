@@ -1,8 +1,9 @@
 """The entry of an edit: how a line's mouth is to differ from what its speech asks for."""
 
+from itertools import pairwise
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from dubbing.manifest.keys.entry import Entry
 from dubbing.manifest.keys.values import FilePath
@@ -41,8 +42,26 @@ class Span(Entry):
 
 
 Shift = Annotated[float, Field(ge=-LONGEST_SHIFT, le=LONGEST_SHIFT, allow_inf_nan=False)]
+
+
+class Moved(Span):
+    """A part of a line whose mouth comes later or earlier than that of the rest."""
+
+    shift: Shift
+    """Milliseconds by which it comes later than `shift` of the line says; below 0, earlier."""
+
+
+def _apart(parts: list[Moved]) -> list[Moved]:
+    for before, after in pairwise(sorted(parts, key=lambda part: part.start)):
+        if after.start < before.end:
+            what = f"the parts from {before.start:g} and from {after.start:g} s overlap"
+            raise ValueError(what)
+    return parts
+
+
 Keys = Annotated[list[Key], Field(max_length=MOST_KEYS)]
 Spans = Annotated[list[Span], Field(max_length=MOST_KEYS)]
+MovedParts = Annotated[list[Moved], Field(max_length=MOST_KEYS), AfterValidator(_apart)]
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 
 
@@ -60,6 +79,8 @@ class Take(Entry):
     curves: FilePath | None = None
     """As those of the line."""
     film_mouth: Spans = Field(default=[])
+    """As those of the line."""
+    moved: MovedParts = Field(default=[])
     """As those of the line."""
 
 
@@ -82,6 +103,8 @@ class Edit(Entry):
     """
     film_mouth: Spans = Field(default=[])
     """Parts of the line in which the face stays the film's own, as in a laugh."""
+    moved: MovedParts = Field(default=[])
+    """Parts of the line whose mouth comes later or earlier, as a word; they may not overlap."""
     note: str = Field(default="", max_length=LONGEST_NOTE)
     """Text for people; changes nothing."""
     status: Literal["open", "approved", "redo"] = "open"
