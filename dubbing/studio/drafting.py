@@ -5,6 +5,7 @@ It answers jobs through a pipe, one after another. K frames.
 
 from __future__ import annotations
 
+import json
 import signal
 from collections import OrderedDict
 from collections.abc import Generator, Iterator
@@ -22,7 +23,7 @@ from dubbing.engine.memory import SHORT
 from dubbing.errors import ExplainedError
 from dubbing.script.timeline import Edit
 from dubbing.stages.draft import Draft
-from dubbing.studio.film import DUB, FILM, Film, as_jpeg
+from dubbing.studio.film import DRAFT, DUB, FILM, MEASURED, Film, as_jpeg, of_jpeg
 
 if TYPE_CHECKING:
     from dubbing.manifest.manifest import Production
@@ -49,7 +50,7 @@ class Job:
     @property
     def urgent(self) -> bool:
         """Whether others rest meanwhile."""
-        return self.arguments.get("kind") not in (FILM, DUB)
+        return self.arguments.get("kind") not in (FILM, DUB, MEASURED)
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,15 @@ class Desk:
     def frames(
         self, dub: str, kind: str, wanted: list[tuple[int, str]], edits: dict[str, Edit], heard: str
     ) -> Generator[tuple[int, str, bytes]]:
-        """Frames as JPEG with their numbers and signatures, in the order asked for."""
+        """Frames as JPEG with their numbers and signatures, in the order asked for.
+
+        What is measured in frames of the draft, as JSON.
+        """
+        if kind == MEASURED:
+            film = self.film(dub, heard)
+            for number, mark, data in self.frames(dub, DRAFT, wanted, edits, heard):
+                yield number, mark, json.dumps(film.measured(number, of_jpeg(data))).encode()
+            return
         missing = []
         for number, mark in wanted:
             if (key := (dub, kind, number, mark)) in self.drawn:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,12 +16,14 @@ from dubbing.stages.draft import Draft
 if TYPE_CHECKING:
     import numpy as np
 
+    from dubbing.face.finding.face_finder import FaceFinder
     from dubbing.stages.draft import HalfSize
 
 QUALITY = 88  # of JPEG
 FIRST_BLOCK, LONGEST_BLOCK = 2, 24  # frames that are rendered at once: the first comes soon
 DRAWN = ("opening", "width")
 FILM, DUB, DRAFT = "film", "dub", "draft"
+MEASURED = "measured"  # lengths of the lips in frames of the draft
 
 
 class Film:
@@ -34,6 +37,13 @@ class Film:
         clips = {name: KeptFilm.of(clip.full) for name, clip in opened.clips.items()}  # type: ignore[attr-defined]
         self.half: HalfSize = replace(opened, clips=clips)
         self.length = len(self.half.poses)
+
+    @cached_property
+    def finder(self) -> FaceFinder:
+        """Finds the landmarks of one face."""
+        from dubbing.face.finding.face_finder import FaceFinder
+
+        return FaceFinder()
 
     @property
     def cues(self) -> tuple[Cue, ...]:
@@ -71,6 +81,30 @@ class Film:
                     yield number, np.asarray(drawn)  # a draft has no planes
                 else:
                     yield number, one
+
+    def measured(self, number: int, image: np.ndarray) -> dict[str, float]:
+        """Opening and width of the lips in an image (H, W, 3) of a frame, in eye distances.
+
+        Those of the person whose line it is; nothing beside lines, and where no face is found.
+        """
+        from dubbing.face.finding.face_finder import region_of
+        from dubbing.face.mouth.lip_measures import lip_lengths
+        from dubbing.preparation.tracking import cropping
+
+        cue = next((cue for cue in self.cues if cue.first <= number < cue.stop), None)
+        if cue is None:
+            return {}
+        clip, pose = self.half.clips[cue.identity], int(self.half.poses[number])
+        self.finder.follow_on([region_of(clip.landmarks[pose])])
+        faces = self.finder.follow(cropping.crop(image, clip.crop[pose], clip.size))
+        if not faces:
+            return {}
+        alone = {
+            name: getattr(clip, name)[[pose]] for name in ("rotation", "translation", "centre")
+        }
+        one = replace(clip, landmarks=faces[0][None, :, :2] - 0.5, **alone)
+        lengths = zip(LENGTHS, lip_lengths(one.frontal_landmarks())[0], strict=True)
+        return {name: round(float(length), 4) for name, length in lengths if name in DRAWN}
 
     def heard(self, edits: Mapping[str, Edit]) -> dict[str, dict[str, Any]]:
         """By cue: opening and width of the lips in its frames, heard and of a closed mouth.
@@ -123,3 +157,13 @@ def as_jpeg(image: np.ndarray) -> bytes:
 
     _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     return data.tobytes()
+
+
+def of_jpeg(data: bytes) -> np.ndarray:
+    """The image (H, W, 3) uint8 RGB in a file."""
+    import cv2
+    import numpy as np
+
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    return image[..., ::-1]

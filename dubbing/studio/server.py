@@ -25,7 +25,7 @@ from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.kept_edits import StaleError
 from dubbing.script.timeline import Edit
 from dubbing.studio.drafter import Drafter
-from dubbing.studio.film import DRAFT, DUB
+from dubbing.studio.film import DRAFT, DUB, MEASURED
 from dubbing.studio.guard import Guard
 from dubbing.studio.making import Making
 from dubbing.studio.project import Project
@@ -41,7 +41,7 @@ class Wanted(BaseModel):
         have: signatures of frames.
     """
 
-    kind: Literal["film", "dub", "draft"]
+    kind: Literal["film", "dub", "draft", "measured"]
     first: int
     stop: int
     at: int
@@ -167,7 +167,7 @@ class Server:
         if kind == DUB and self.project.video(name) is None:
             raise HTTPException(404, f"{name} is not made yet: run dfrf dub")
         marks = await run_in_threadpool(self.project.signatures, name, kind, first, stop)
-        edits = self.project.edits(name) if kind == DRAFT else {}
+        edits = self.project.edits(name) if kind in (DRAFT, MEASURED) else {}
         wanted = [(k, m) for k, m in enumerate(marks, first) if asked_for.have.get(k) != m]
         wanted.sort(key=lambda one: (one[0] < at, one[0]))
 

@@ -19,6 +19,7 @@ export class Desk extends EventTarget {
   #done = [];
   #saving = Promise.resolve();
   #busy = 0;
+  #stamp = 0; // another one since a save began or ended: what was asked for before is old
   #turn = 0;
 
   tell(kind, detail) { this.dispatchEvent(new CustomEvent(kind, { detail })); }
@@ -102,6 +103,7 @@ export class Desk extends EventTarget {
     const [name, cue, before] = [this.dub.name, line.cue, line.edit];
     line.edit = edit;
     this.#busy += 1;
+    this.#stamp += 1;
     this.tell("edits");
     this.tell("said", "Saving");
     this.#saving = this.#saving.then(async () => {
@@ -117,16 +119,19 @@ export class Desk extends EventTarget {
         else this.tell("lost");
         this.tell("edits");
         this.tell("said", `Not saved: ${error.status ? error.message : "the server does not answer"}`);
-      } finally { this.#busy -= 1; }
+      } finally {
+        this.#busy -= 1;
+        this.#stamp += 1;
+      }
     });
   }
 
   // What the server has; nothing where something is saved here meanwhile, which brings it, too.
   async reload(words = "") {
-    const busy = this.#busy;
+    const stamp = this.#stamp;
     try {
       const dub = await ask(dubPath(this.dub.name));
-      if (this.#busy > busy || (words && dub.revision === this.dub.revision)) return;
+      if (stamp !== this.#stamp || (words && dub.revision === this.dub.revision)) return;
       this.#take(dub);
       if (words) this.tell("said", words);
     } catch (error) { this.tell("said", error.message); }
@@ -151,6 +156,7 @@ export class Desk extends EventTarget {
     const turn = this.#turn += 1;
     while (turn === this.#turn) {
       await new Promise((go) => setTimeout(go, LOOK_MS));
+      const stamp = this.#stamp;
       try {
         const { revision, making } = await ask(`${dubPath(this.dub.name)}/revision`);
         const ended = this.making.running && !making.running;
@@ -158,7 +164,7 @@ export class Desk extends EventTarget {
         this.tell("found");
         this.tell("making");
         if (ended) await this.reload();
-        if (turn === this.#turn && !this.#busy && revision !== this.dub.revision) await this.reload(ELSEWHERE);
+        if (turn === this.#turn && stamp === this.#stamp && !this.#busy && revision !== this.dub.revision) await this.reload(ELSEWHERE);
       } catch (error) {
         if (error.status) this.tell("said", error.message);
         else this.tell("lost");

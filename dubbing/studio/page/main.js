@@ -13,7 +13,7 @@ const FIXED = "The manifest holds the edits of this dub. To change them here, mo
 const desk = new Desk();
 const picture = new Picture(desk);
 const form = new LineForm(desk);
-const timeline = new Timeline(desk, () => moved());
+const timeline = new Timeline(desk, picture, () => moved());
 window.studio = { desk, picture, timeline };
 
 // What is shown follows the sound.

@@ -11,7 +11,7 @@ export class Picture {
   view = "draft";
   frame = 0;
   painted = {}; // what the canvas shows: kind, frame and mark
-  #kept = { film: new Map(), dub: new Map(), draft: new Map() };
+  #kept = { film: new Map(), dub: new Map(), draft: new Map(), measured: new Map() };
   #asked = {};
   #left = {};
   #drawn = 0;
@@ -90,8 +90,8 @@ export class Picture {
     try {
       await frames(this.desk.dub.name, { kind, first, stop, at, have }, signal,
         said,
-        (frame, mark, blob) => {
-          kept.set(frame, { mark, blob });
+        (frame, mark, body) => {
+          kept.set(frame, { mark, body });
           if (kept.size > MOST) kept.delete(kept.keys().next().value);
           said(this.#left[kind] - 1);
           if (frame === this.frame) this.draw();
@@ -102,10 +102,18 @@ export class Picture {
       this.desk.tell("said", error.message);
     }
     said(0);
+    const { line } = this.desk;
+    if (kind === "draft" && this.desk.curves?.lines[line.cue].opening) this.#fetch("measured", line.first, line.stop);
   }
 
   // How many frames of a kind have not come yet, of those that were asked for.
   missing(kind) { return this.#left[kind] ?? -1; }
+
+  // Opening and width of the lips in a frame of the draft as it is now; nothing before they are measured.
+  measured(frame) {
+    const found = this.#kept.measured.get(frame);
+    return found && found.mark === this.#kept.draft.get(frame)?.mark ? JSON.parse(new TextDecoder().decode(found.body)) : {};
+  }
 
   #shows(kind) { return this.view === kind; }
 
@@ -114,7 +122,7 @@ export class Picture {
     if (!found) return null;
     const key = `${kind} ${frame} ${found.mark}`;
     if (!this.#bitmaps.has(key)) {
-      this.#bitmaps.set(key, createImageBitmap(found.blob));
+      this.#bitmaps.set(key, createImageBitmap(new Blob([found.body], { type: "image/jpeg" })));
       if (this.#bitmaps.size > 60) this.#bitmaps.delete(this.#bitmaps.keys().next().value);
     }
     return this.#bitmaps.get(key);

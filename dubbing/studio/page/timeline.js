@@ -17,16 +17,20 @@ export class Timeline {
   #wave = null;
   #plot = null;
   #ready = false; // whether the sound is there
+  #dragged = false; // whether something is: what is laid anew meanwhile would take it out of the hand
+  #later = 0; // a layout that is asked for
   #at = 0; // the moment while nothing plays: the player takes a while to go where it is told to
 
-  constructor(desk, moved) {
+  constructor(desk, picture, moved) {
     this.desk = desk;
+    this.picture = picture;
     this.moved = moved;
     desk.addEventListener("dub", () => this.#close());
     desk.addEventListener("curves", () => this.#open());
     desk.addEventListener("line", () => { this.zoom = 1; this.seek(this.desk.line.first / this.desk.dub.rate); this.lay(); });
     desk.addEventListener("edits", () => this.lay());
     desk.addEventListener("saved", () => this.lay());
+    desk.addEventListener("frame", ({ detail }) => { if (detail.kind === "measured") this.#later ||= requestAnimationFrame(() => this.lay()); });
     find("measure").addEventListener("change", () => this.lay());
     new ResizeObserver(() => this.lay()).observe(find("timeline"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#open());
@@ -80,7 +84,8 @@ export class Timeline {
 
   // Everything where it belongs now.
   lay() {
-    if (!this.#wave || !this.desk.line || !this.desk.curves) return;
+    this.#later = 0;
+    if (!this.#wave || !this.desk.line || !this.desk.curves || this.#dragged) return;
     const [low, high] = this.sight;
     const wide = find("wave").clientWidth;
     this.#wave.zoom(wide / (high - low));
@@ -116,7 +121,7 @@ export class Timeline {
       const place = (shift) => { block.style.left = `${(line.first / dub.rate - low + shift / 1000) * scale}px`; };
       place(line.edit.shift);
       let shift = line.edit.shift;
-      drag(block, (across) => {
+      this.#drag(block, (across) => {
         shift = clamp(Math.round(line.edit.shift + across / scale * 1000), -LONGEST_SHIFT, LONGEST_SHIFT);
         place(shift);
         this.desk.tell("said", `the mouth ${shift} ms later`);
@@ -156,7 +161,7 @@ export class Timeline {
         handle.disabled = dub.fixed;
         handle.setAttribute("aria-label", `Film's own mouth, ${side} at ${span[side]} s`);
         place(span);
-        drag(handle, (across) => { one = moved(across / scale); place(one); lay(one); },
+        this.#drag(handle, (across) => { one = moved(across / scale); place(one); lay(one); },
           (did) => { if (did) this.desk.change(line, { film_mouth: others(one) }); });
         handle.addEventListener("keydown", ({ key }) => {
           const step = { ArrowLeft: -1, ArrowRight: 1 }[key];
@@ -178,11 +183,12 @@ export class Timeline {
       return heard[floor] + (at - floor) * ((heard[floor + 1] ?? heard[floor]) - heard[floor]);
     };
     const wanted = heard.map((_, k) => lips.closed + line.strengths[k] * (shifted(k) - lips.closed));
-    const data = [times, heard, wanted, line.strengths];
+    const measured = line.strengths.map((_, k) => this.picture.measured(line.first + k)[find("measure").value] ?? null);
+    const data = [times, heard, wanted, line.strengths, measured];
     const size = { width: find("curve").clientWidth, height: 180 };
     if (!this.#plot) this.#plot = new uPlot(this.#options(size), data, find("curve"));
     else { this.#plot.setSize(size); this.#plot.setData(data, false); }
-    const top = Math.max(...heard, ...wanted, 0.1) * 1.1;
+    const top = Math.max(...heard, ...wanted, ...measured, 0.1) * 1.1;
     this.#plot.batch(() => {
       this.#plot.setScale("x", { min: low, max: high });
       this.#plot.setScale("y", { min: -BELOW * top, max: top }); // a key at 0 covers no axis
@@ -201,7 +207,7 @@ export class Timeline {
           values: (_, ticks) => ticks.map((t) => Number((100 * t).toFixed(1))) },
         { ...axis, scale: "s", side: 1, grid: { show: false }, label: "strength", labelSize: 20, size: AXIS - 20 }],
       series: [{}, series("heard", "heard", { dash: [2, 4] }), series("wanted", "wanted", { width: 3 }),
-        series("strength", "share", { scale: "s", dash: [8, 5] })],
+        series("strength", "share", { scale: "s", dash: [8, 5] }), series("measured", "good")],
       hooks: { init: [(plot) => {
         const now = document.createElement("div");
         now.className = "now";
@@ -247,7 +253,7 @@ export class Timeline {
       const changed = (one) => this.#change(line, line.edit.keys.map((old, k) => k === number ? one : old));
       place(key);
       let one = key;
-      drag(handle, (across, down) => {
+      this.#drag(handle, (across, down) => {
         one = moved(plot.posToVal(plot.valToPos(begin + key.at, "x") + across, "x") - begin,
           plot.posToVal(plot.valToPos(key.strength, "s") + down, "s"));
         place(one);
@@ -263,21 +269,27 @@ export class Timeline {
     });
     over.querySelector(`[data-key="${held}"]`)?.focus();
   }
-}
 
-// Calls `moved(across, down)` in px while something is dragged, and `ended(whether it moved)`.
-function drag(tag, moved, ended) {
-  tag.addEventListener("pointerdown", (down) => {
-    if (down.button || tag.disabled) return;
-    tag.setPointerCapture(down.pointerId);
-    let far = false;
-    const move = (event) => {
-      const [across, below] = [event.clientX - down.clientX, event.clientY - down.clientY];
-      far ||= Math.hypot(across, below) > 2;
-      if (far) moved(across, below);
-    };
-    const end = () => { tag.removeEventListener("pointermove", move); ended(far); };
-    tag.addEventListener("pointermove", move);
-    tag.addEventListener("pointerup", end, { once: true });
-  });
+  // Calls `moved(across, down)` in px while something is dragged, and `ended(whether it moved)`.
+  #drag(tag, moved, ended) {
+    tag.addEventListener("pointerdown", (down) => {
+      if (down.button || tag.disabled) return;
+      tag.setPointerCapture(down.pointerId);
+      let far = false;
+      const move = (event) => {
+        const [across, below] = [event.clientX - down.clientX, event.clientY - down.clientY];
+        far ||= Math.hypot(across, below) > 2;
+        if (far) moved(across, below);
+      };
+      const end = ({ type }) => {
+        tag.removeEventListener("pointermove", move);
+        this.#dragged = false;
+        ended(far && type === "pointerup");
+        this.lay();
+      };
+      this.#dragged = true;
+      tag.addEventListener("pointermove", move);
+      for (const kind of ["pointerup", "pointercancel"]) tag.addEventListener(kind, end, { once: true });
+    });
+  }
 }

@@ -20,6 +20,7 @@ from dubbing.script.timeline import Cue, Edit
 from dubbing.stages.draft import HalfSize
 from dubbing.studio import drafting
 from dubbing.studio.drafter import Drafter
+from dubbing.studio.film import Film
 from dubbing.studio.making import Making
 from dubbing.studio.project import Project
 from dubbing.studio.server import app_of
@@ -77,6 +78,11 @@ def rendered(self: HalfSize, cue: Cue, edit: Edit) -> Any:
     return read
 
 
+def measured(self: Film, number: int, image: np.ndarray) -> dict[str, float]:
+    """An opening that is the wider, the redder an image is."""
+    return {"opening": float(image[..., 0].mean()) / 1000, "width": 0.5}
+
+
 cue_rate: Any = 25
 
 
@@ -85,6 +91,7 @@ def serve(pipe: Connection, manifest: str, device: str) -> None:
     fakes.install(setattr)
     HalfSize._rendered = rendered  # type: ignore[method-assign]
     HalfSize.lips = lips  # type: ignore[method-assign]
+    Film.measured = measured  # type: ignore[method-assign]
     drafting.closures_of = lambda cue, half: [0.12, 0.4]
     drafting.serve(pipe, manifest, device)
 

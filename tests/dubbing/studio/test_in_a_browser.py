@@ -99,6 +99,33 @@ def test_a_dragged_key_changes_the_file_and_the_frames(page: Page, manifest: Pat
     assert edits(manifest) == []
 
 
+def test_what_is_measured_in_the_draft_follows_it(page: Page) -> None:
+    opening = "studio.picture.measured(12).opening"
+    open_ = page.until(opening)
+    page.run(
+        """studio.desk.addEventListener("frame", ({ detail: { kind, frame } }) => {
+        if (kind === "measured") (window.measured ||= []).push(frame) })"""
+    )
+    page.run("studio.timeline.seek(0.5)")  # frame 12
+    saved(page, lambda: page.click("#shut"))
+    page.until("window.measured?.length >= 5")
+    assert page.until(opening) < open_
+    assert sorted(page.run("window.measured")) == [10, 11, 12, 13, 14]  # those that changed
+    assert page.run("studio.picture.measured(30)") == {}  # beside the line
+
+
+def test_a_drag_outlives_what_comes_in_the_meantime(page: Page) -> None:
+    saved(page, lambda: page.click("#shut"))
+    x, y = page.place("#curve .key")
+    page._mouse("mousePressed", x, y)
+    page._mouse("mouseMoved", x, y - 40)
+    page.run("studio.timeline.lay()")
+    page._mouse("mouseMoved", x, y - 80)
+    (first, _) = saved(page, lambda: page._mouse("mouseReleased", x, y - 80))
+    assert first["keys"][0]["strength"] > 0.5
+    assert page.run("document.querySelectorAll('#curve .key').length") == 1
+
+
 def test_a_dragged_block_shifts_the_mouth(page: Page, manifest: Path) -> None:
     (first, last) = saved(page, lambda: page.drag(f"[data-block={FIRST!r}]", 100))
     assert last["shift"] == 0
@@ -171,6 +198,22 @@ def test_a_second_page_sees_what_the_first_saved(
     page.until("document.getElementById('state').textContent.includes('saved elsewhere')")
     assert edits_file(manifest, "it").read_text() == "{line: 3, strength: 0.5}"
     page.until(f"({LINES})[0].status === 'open'")
+
+
+def test_what_was_asked_for_before_a_save_does_not_undo_it(page: Page) -> None:
+    page.run(
+        """const real = fetch; window.fetch = async (path, options = {}) => {
+        const answer = await real(path, options);
+        if (path.endsWith("/it") && !options.method) await new Promise((go) => { window.go = go; });
+        return answer }"""
+    )
+    page.run("void studio.desk.reload('old')")
+    page.until("window.go")
+    saved(page, lambda: page.click("#shut"))
+    page.run("window.go(); new Promise((go) => setTimeout(go, 50))")
+    assert len(page.run(LINES)[0]["keys"]) == 1
+    redo = "document.querySelector('[name=status][value=redo]').click()"
+    saved(page, lambda: page.run(redo))  # it is not refused
 
 
 def test_a_lost_server_is_said_and_found_again(chromium: Browser, manifest: Path) -> None:
