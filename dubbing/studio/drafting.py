@@ -16,7 +16,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dubbing.batch.closures import closures_of, with_closures
+from dubbing.batch.closures import closures_of, sound_of, with_closures
 from dubbing.batch.curves import listen_to
 from dubbing.batch.jobs import build
 from dubbing.engine.memory import SHORT
@@ -28,6 +28,7 @@ from dubbing.studio.film import DRAFT, DUB, FILM, MEASURED, Film, as_jpeg, of_jp
 if TYPE_CHECKING:
     from dubbing.manifest.manifest import Production
 
+CLOSURES, WORDS = "closures", "words"  # that are looked for in a line
 MOST_KEPT = 300 * 10**6  # bytes of drawn frames
 
 
@@ -138,11 +139,19 @@ class Desk:
         file, peaks = write_sound(self.production.dubs[dub], Path(folder))
         yield {"file": file, "peaks": peaks, "lines": film.heard(edits)}
 
-    def closures(self, dub: str, cue: str, edit: Edit, heard: str) -> Iterator[list[Any]]:
-        """The keys of a line with closures at the labials of its words."""
+    def of_line(
+        self, dub: str, what: str, cue: str, edit: Edit, heard: str
+    ) -> Iterator[list[dict[str, Any]]]:
+        """When the words of a line are spoken, or its keys with closures at their labials."""
+        from dubbing.speech.labials import words_in
+
         half = self.film(dub, heard).half
         (own,) = (one for one in self.production.dubs[dub].cues if one.name == cue)
-        yield with_closures(edit.keys, closures_of(own, half), edit.strength)
+        if what == WORDS:
+            yield [vars(word) for word in words_in(sound_of(own), own.words)]
+        else:
+            keys = with_closures(edit.keys, closures_of(own, half), edit.strength)
+            yield [{"at": at, "strength": strength} for at, strength in keys]
 
     def frames(
         self, dub: str, kind: str, wanted: list[tuple[int, str]], edits: dict[str, Edit], heard: str

@@ -2,7 +2,7 @@
 
 import { ask, dubPath, put } from "./api.js";
 
-export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], film_mouth: [], status: "open", curves: null,
+export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], film_mouth: [], moved: [], status: "open", curves: null,
   take: "", audio: null };
 const LOOK_MS = 500, ELSEWHERE = "Changed elsewhere: shown now";
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
@@ -12,6 +12,7 @@ const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 export class Desk extends EventTarget {
   dub = null;
   line = null;
+  dragged = false; // whether something is: what is laid anew meanwhile would take it out of the hand
   curves = null;
   making = { running: false, words: "", dub: "" }; // the run of the finished dub
   before = {}; // by line, the take that was chosen before
@@ -44,8 +45,9 @@ export class Desk extends EventTarget {
     try {
       const curves = await ask(`${dubPath(name)}/curves`);
       if (this.dub.name !== name || this.dub.heard !== heard) return;
-      this.curves = curves;
+      this.curves = { ...curves, words: {} };
       this.tell("curves");
+      this.#align();
     } catch (error) { this.tell("said", error.message); }
   }
 
@@ -53,6 +55,20 @@ export class Desk extends EventTarget {
     if (!line || line === this.line) return;
     this.line = line;
     this.tell("line");
+    this.#align();
+  }
+
+  #path({ cue }) { return `${dubPath(this.dub.name)}/lines/${encodeURIComponent(cue)}`; }
+
+  // When the words of the chosen line are spoken.
+  async #align() {
+    const { line, curves } = this;
+    if (!line.words || !curves || curves.words[line.cue]) return;
+    curves.words[line.cue] = [];
+    try {
+      curves.words[line.cue] = await ask(`${this.#path(line)}/words`);
+      this.tell("words");
+    } catch (error) { this.tell("said", error.message); }
   }
 
   get canUndo() { return this.#done.length > 0; }
@@ -71,7 +87,7 @@ export class Desk extends EventTarget {
   async close(line) {
     this.tell("said", "Looking for p, b and m");
     try {
-      const { keys } = await ask(`${dubPath(this.dub.name)}/lines/${encodeURIComponent(line.cue)}/closures`);
+      const keys = await ask(`${this.#path(line)}/closures`);
       const count = keys.length - line.edit.keys.length;
       this.tell("said", count ? `${count} new keys` : "No new key is needed");
       this.change(line, { keys });

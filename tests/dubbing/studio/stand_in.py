@@ -17,6 +17,7 @@ from PIL import Image
 from dubbing.cli.page_commands import listening
 from dubbing.manifest.manifest import load
 from dubbing.script.timeline import Cue, Edit
+from dubbing.speech import labials
 from dubbing.stages.draft import HalfSize
 from dubbing.studio import drafting
 from dubbing.studio.drafter import Drafter
@@ -92,6 +93,7 @@ def serve(pipe: Connection, manifest: str, device: str) -> None:
     HalfSize._rendered = rendered  # type: ignore[method-assign]
     HalfSize.lips = lips  # type: ignore[method-assign]
     Film.measured = measured  # type: ignore[method-assign]
+    labials.words_in = lambda blocks, words: [labials.Word("One", 0.12, 0.32)]
     drafting.closures_of = lambda cue, half: [0.12, 0.4]
     drafting.serve(pipe, manifest, device)
 

@@ -126,6 +126,38 @@ def test_a_drag_outlives_what_comes_in_the_meantime(page: Page) -> None:
     assert page.run("document.querySelectorAll('#curve .key').length") == 1
 
 
+def test_a_dragged_word_is_moved_and_no_other(page: Page, manifest: Path) -> None:
+    word = "[data-block='word 0']"
+    page.until(f"document.querySelector({word!r}).textContent === 'One'")
+    scale = page.run(
+        "document.getElementById('wave').clientWidth"
+        " / (studio.timeline.sight[1] - studio.timeline.sight[0])"
+    )
+    (first, last) = saved(page, lambda: page.drag(word, 0.04 * scale))
+    (part,) = first["moved"]
+    assert part == {"start": 0.12, "end": 0.32, "shift": pytest.approx(40, abs=2)}
+    assert last["moved"] == []
+    place = f"parseFloat(document.querySelector({word!r}).style.left) / {scale}"
+    start = page.run(place) + page.run("studio.timeline.sight[0]")
+    assert start == pytest.approx(0.2 + 0.12 + part["shift"] / 1000, abs=0.01)
+    (first, _) = saved(page, lambda: page.press("ArrowRight"))  # it stays in focus
+    assert first["moved"][0]["shift"] == part["shift"] + 10
+    assert edits(manifest) == [{"line": 1, "moved": first["moved"]}]
+    # An end of the block moves the first frame of the line, or the last one.
+    (first, _) = saved(page, lambda: page.drag("[data-block=end]", -0.06 * scale))
+    end = first["moved"][1]
+    assert end == {"start": 0.56, "end": 0.6, "shift": pytest.approx(-60, abs=2)}
+    saved(page, lambda: page.press("Delete"))
+    page.run("document.querySelector('[name=moved]').value = '0.2-0.4 -30'")
+    change = "document.querySelector('[name=moved]').dispatchEvent(new Event('change'))"
+    saved(page, lambda: page.run(change))
+    typed = {"start": 0.2, "end": 0.4, "shift": -30}
+    assert edits(manifest) == [{"line": 1, "moved": [typed]}]
+    # The word lies in that part by now, which moves as a whole.
+    (first, _) = saved(page, lambda: page.drag(word, 0.02 * scale))
+    assert first["moved"] == [{**typed, "shift": pytest.approx(-10, abs=2)}]
+
+
 def test_a_dragged_block_shifts_the_mouth(page: Page, manifest: Path) -> None:
     (first, last) = saved(page, lambda: page.drag(f"[data-block={FIRST!r}]", 100))
     assert last["shift"] == 0
