@@ -66,7 +66,7 @@ def listen_to(job: Job) -> None:
 def rows_of(dub: Dub, half: HalfSize) -> Iterator[tuple[int, int, float, np.ndarray]]:
     """Line, frame of the dub, seconds of the line's sound and lengths of the lips of all lines."""
     for cue in dub.cues:
-        lengths = half.lips(cue, cue.edit)
+        lengths = half.lips(cue, Edit(curves=cue.edit.curves))
         if lengths is None:
             what = f"the model of {cue.identity} has no lip measures"
             raise RenderingError(what, dub.name, "take preset 'fast'")

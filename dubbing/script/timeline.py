@@ -19,6 +19,12 @@ from dubbing.engine.graph.fields import Setting
 from dubbing.errors import RenderingError
 
 HELD, AROUND = 0.04, 0.12  # s beside a key: its strength holds, and has gone
+AS_SPOKEN = "as spoken"
+STYLES = {
+    AS_SPOKEN: 0.0,
+    "softer": -1.0,
+    "clearer": 1.0,
+}  # see `sound_to_lips.speech_frames.styled`
 TAKES, LONGEST_PLAIN = "takes", 20  # folder of takes; characters of the name of one that are read
 FADE = 3  # frames at a cue's edges over which the rendered head fades in and out
 
@@ -39,6 +45,7 @@ class Edit:
         takes: all versions of the line by name, that without a name first; of one alone, none.
         film_mouth: from and to, in seconds of the cue, where the face stays the film's own. Which
             only a video depends on.
+        style: of `STYLES`.
         moved: from and to, in seconds of the cue's sound, and ms by which the mouth of that part
             comes later than that of the whole.
     """
@@ -54,6 +61,7 @@ class Edit:
     audio: Setting[Path | None] = None
     takes: Setting[tuple[tuple[str, Edit], ...]] = ()
     moved: tuple[tuple[float, float, float], ...] = ()
+    style: str = AS_SPOKEN
 
     @property
     def of_lips(self) -> bool:
@@ -118,6 +126,7 @@ class Edit:
             found.append(f"{start:g} to {end:g} s {abs(shift):g} ms {side}")
         if self.strength != 1:
             found.append(f"strength {self.strength:g}")
+        found += [self.style] if self.style != AS_SPOKEN else []
         found += [f"{strength:g} at {at:g} s" for at, strength in self.keys]
         found += [f"lips of {self.curves[0].name}"] if self.curves else []
         spans = [f"{start:g} to {end:g} s" for start, end in self.film_mouth]

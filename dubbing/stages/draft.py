@@ -131,7 +131,7 @@ class HalfSize:
         from dubbing.identity.lip_scale import given_lips
 
         model, maps = self.models[cue.identity]
-        speech = self.speech[cue.name]
+        speech = self.speech[cue.name].styled(edit.style)
         frames = cue.stop - cue.first
         heard = edit.heard(frames, speech.rate)
         clip, poses = self.clips[cue.identity], self.poses[cue.first : cue.stop]
@@ -162,12 +162,12 @@ class HalfSize:
     def lips(self, cue: Cue, edit: Edit, strength: np.ndarray | None = None) -> np.ndarray | None:
         """Lengths (F, L) of the lips in the frames of a cue, in eye distances; None without lips.
 
-        As heard, or as the curves of the edit give them; nothing else of the edit counts.
+        As heard, or as the curves of the edit give them; of the edit only its style counts, too.
         """
         from dubbing.heads.frame_inputs import wanted_lips
         from dubbing.identity.lip_scale import given_lips
 
-        speech, name = self.speech[cue.name], cue.identity
+        speech, name = self.speech[cue.name].styled(edit.style), cue.identity
         frames = min(cue.stop, len(self.poses)) - cue.first
         plain = Edit(curves=edit.curves)
         given = given_lips(plain, frames, speech.rate, lambda: self.scales[name])

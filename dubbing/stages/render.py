@@ -99,7 +99,7 @@ class Render(DubbingStage):
         from dubbing.preparation.head_findings import seen_by_head
         from dubbing.sound_to_lips.cue_speech import Speech
 
-        speech = Speech.load(self.speech.folder)
+        speech = Speech.load(self.speech.folder).styled(self.edit.style)
         clip = seen_by_head(self.prepared.load(), self.poses.folder)
         poses = timeline.pose_index(self.stop, clip.segment, self.film_first, self.on_longer_audio)
         frames = self.stop - self.first

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dubbing.face.mouth.lip_curves import LENGTHS
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.timeline import AS_SPOKEN, STYLES, Cue, Edit
 from dubbing.stages.draft import Draft
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class Film:
         return {name: round(float(length), 4) for name, length in lengths if name in DRAWN}
 
     def heard(self, edits: Mapping[str, Edit]) -> dict[str, dict[str, Any]]:
-        """By cue: opening and width of the lips in its frames, heard and of a closed mouth.
+        """By cue: opening and width of the lips in its frames, by style, and of a closed mouth.
 
         In eye distances; nothing of models without lip measures.
         """
@@ -116,13 +116,15 @@ class Film:
     def _heard(self, cue: Cue, edit: Edit) -> dict[str, Any]:
         import numpy as np
 
-        heard = self.half.lips(cue, edit)
-        if heard is None:
+        lips = {style: self.half.lips(cue, replace(edit, style=style)) for style in STYLES}
+        heard = {style: own for style, own in lips.items() if own is not None}
+        if not heard:
             return {}
-        closed = self.half.lips(cue, Edit(), np.zeros(len(heard), np.float32))
+        closed = self.half.lips(cue, Edit(), np.zeros(len(heard[AS_SPOKEN]), np.float32))
         assert closed is not None
         return {
-            name: {"heard": heard[:, k].round(4).tolist(), "closed": round(float(closed[0, k]), 4)}
+            name: {style: own[:, k].round(4).tolist() for style, own in heard.items()}
+            | {"closed": round(float(closed[0, k]), 4)}
             for k, name in enumerate(LENGTHS)
             if name in DRAWN
         }

@@ -158,7 +158,7 @@ class Project:
             for k, (share, film) in enumerate(zip(strengths, near, strict=True)):
                 beside = late[max(0, k - REACH) : k + REACH + 1].round(5).tolist()
                 moved = digest_data(beside)[:8] if len({*beside}) > 1 else f"{beside[0]:g}"
-                parts[cue.first + k] += f"{moved}/{share:.4f}/{curves}/{film} "
+                parts[cue.first + k] += f"{moved}/{share:.4f}/{edit.style}/{curves}/{film} "
         return parts[first:stop]
 
     def _strengths(self, dub: Dub, cue: Cue, edit: Edit) -> np.ndarray:

@@ -17,7 +17,7 @@ NO_LIPS = dict.fromkeys(("paper", "ad-nerf", "nerf"), "has no lip measures")
 NO_SPEECH = {"nerf": "hears no speech"}
 # Presets whose models have nothing that a key could change, and why.
 WITHOUT = {
-    **dict.fromkeys(("strength", "keys", "curves"), NO_LIPS),
+    **dict.fromkeys(("strength", "style", "keys", "curves"), NO_LIPS),
     **dict.fromkeys(("shift", "moved"), NO_SPEECH),
 }
 
@@ -121,6 +121,7 @@ def _motion(given: edit_entry.Edit | edit_entry.Take, cue: Cue, take: str) -> Ed
         take=take,
         film_mouth=tuple((span.start, span.end) for span in given.film_mouth),
         moved=tuple((part.start, part.end, part.shift) for part in given.moved),
+        style=given.style,
         audio=given.audio if isinstance(given, edit_entry.Take) else None,
     )
 

@@ -17,6 +17,9 @@ MOST_KEYS, LATEST = 1000, 86400.0  # of a line; s
 Strength = Annotated[float, Field(ge=0, le=1.5, allow_inf_nan=False)]
 
 
+Style = Literal["as spoken", "softer", "clearer"]
+
+
 class Key(Entry):
     """How far the lips leave the closed mouth at one moment of a line."""
 
@@ -74,6 +77,8 @@ class Take(Entry):
     """As that of the line."""
     strength: Strength = 1.0
     """As that of the line."""
+    style: Style = "as spoken"
+    """As that of the line."""
     keys: Keys = Field(default=[])
     """As those of the line."""
     curves: FilePath | None = None
@@ -95,6 +100,10 @@ class Edit(Entry):
     """Milliseconds by which the mouth comes later than the sound; below 0, earlier."""
     strength: Strength = 1.0
     """How far the lips leave the closed mouth: 0 never, 1 as spoken. Preset `fast` only."""
+    style: Style = "as spoken"
+    """`softer`: lips move less and more slowly; `clearer`: they open and close further. Preset
+    `fast` only.
+    """
     keys: Keys = Field(default=[])
     """Moments at which the strength is another; 120 ms beside each it is the line's again."""
     curves: FilePath | None = None

@@ -2,7 +2,7 @@
 
 import { ask, dubPath, put } from "./api.js";
 
-export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], film_mouth: [], moved: [], status: "open", curves: null,
+export const AS_SPOKEN = { shift: 0, strength: 1, style: "as spoken", note: "", keys: [], film_mouth: [], moved: [], status: "open", curves: null,
   take: "", audio: null };
 const LOOK_MS = 500, ELSEWHERE = "Changed elsewhere: shown now";
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);

@@ -3,8 +3,8 @@
 import { AS_SPOKEN } from "./desk.js";
 
 // What of an edit each take has of its own.
-const ofTake = ({ shift, strength, keys, curves, film_mouth, moved, audio }) =>
-  ({ shift, strength, keys, curves, film_mouth, moved, audio });
+const ofTake = ({ shift, strength, style, keys, curves, film_mouth, moved, audio }) =>
+  ({ shift, strength, style, keys, curves, film_mouth, moved, audio });
 
 const VERDICTS = { pass: "in sync", warn: "look closely", fail: "failed", unjudged: "not judged" };
 const find = (id) => document.getElementById(id);
@@ -28,6 +28,7 @@ export class LineForm {
       });
     }
     note.addEventListener("change", () => change({ note: note.value }));
+    this.form.elements.style.addEventListener("change", ({ target }) => change({ style: target.value }));
     for (const one of status) one.addEventListener("change", () => change({ status: one.value }));
     this.form.elements.take.addEventListener("change", ({ target }) => this.take(target.value));
     find("labials").addEventListener("click", () => this.desk.close(this.desk.line));
@@ -98,6 +99,7 @@ export class LineForm {
     elements.take.value = edit.take;
     elements.strength.value = edit.strength;
     find("strong").textContent = edit.strength;
+    elements.style.value = edit.style;
     elements.shift.value = edit.shift;
     if (document.activeElement !== elements.film)
       elements.film.value = edit.film_mouth.map(({ start, end }) => `${start}-${end}`).join(", ");
@@ -150,7 +152,7 @@ export class LineForm {
       });
       parts[0].textContent = line.line;
       parts[1].textContent = [line.speaker || line.identity, line.words].filter(Boolean).join(": ");
-      const { edit } = line, edited = edit.shift || edit.strength !== 1 || edit.keys.length || edit.film_mouth.length || edit.moved.length;
+      const { edit } = line, edited = edit.shift || edit.strength !== 1 || edit.style !== AS_SPOKEN.style || edit.keys.length || edit.film_mouth.length || edit.moved.length;
       parts[2].textContent = edit.status === "open" ? (edited ? "edited" : "") : edit.status;
       parts[2].classList.add(edit.status);
       button.append(...parts);

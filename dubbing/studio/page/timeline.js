@@ -109,10 +109,10 @@ export class Timeline {
   #curve(low, high) {
     const { dub, line, curves } = this.desk, lips = curves.lines[line.cue][find("measure").value];
     const times = line.strengths.map((_, k) => (line.first + k + 0.5) / dub.rate);
-    const heard = lips?.heard || [];
+    const heard = lips?.["as spoken"] || [], own = lips?.[line.edit.style] || [];
     const shifted = (k) => {
       const at = clamp(line.moments[k] * dub.rate - 0.5, 0, heard.length - 1), floor = Math.floor(at);
-      return heard[floor] + (at - floor) * ((heard[floor + 1] ?? heard[floor]) - heard[floor]);
+      return own[floor] + (at - floor) * ((own[floor + 1] ?? own[floor]) - own[floor]);
     };
     const wanted = heard.map((_, k) => lips.closed + line.strengths[k] * (shifted(k) - lips.closed));
     const measured = line.strengths.map((_, k) => this.picture.measured(line.first + k)[find("measure").value] ?? null);

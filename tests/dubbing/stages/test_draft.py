@@ -84,3 +84,12 @@ def test_a_moved_part_is_seen_as_a_shifted_line_is(half: HalfSize) -> None:
     )
     assert np.abs(moved - shifted).max() <= ROUNDED
     assert np.abs(moved - plain).max() > ROUNDED
+
+
+def test_a_style_is_seen(half: HalfSize) -> None:
+    plain, softer = (drawn(half, style=style) for style in ("as spoken", "softer"))
+    assert np.abs(softer - plain).max() > ROUNDED
+    soft, heard = (half.lips(CUE, Edit(style=style)) for style in ("softer", "as spoken"))
+    assert soft is not None
+    assert heard is not None
+    assert np.abs(np.diff(soft, axis=0)).mean() < 0.7 * np.abs(np.diff(heard, axis=0)).mean()

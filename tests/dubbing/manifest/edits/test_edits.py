@@ -98,6 +98,12 @@ def test_parts_of_a_line_are_left_to_the_film(folder: Path) -> None:
     assert edit.in_words() == "the film's own mouth from 0.1 to 0.2 s, 0.3 to 9 s"
 
 
+def test_a_line_has_a_style(folder: Path) -> None:
+    (_, edit) = edits(scene(folder, "{line: 3, style: softer, strength: 0.5}"))
+    assert edit == Edit(strength=0.5, style="softer")
+    assert edit.in_words() == "strength 0.5, softer"
+
+
 def test_parts_of_a_line_are_moved(folder: Path) -> None:
     parts = "{start: 0.1, end: 0.2, shift: 40}, {start: 0.3, end: 0.4, shift: -60}"
     (_, edit) = edits(scene(folder, f"{{line: 3, moved: [{parts}]}}"))
@@ -239,6 +245,7 @@ def test_of_several_who_speak_in_one_cue_the_speaker_is_named(folder: Path) -> N
             "ends at 0.2 s, and begins at 0.4 s",
         ),
         ("{line: 3, moved: [{start: 0.1, end: 0.2}]}", "edits.moved.shift", "is required"),
+        ("{line: 3, style: soft}", "edits.style", "must be one of 'as spoken', 'softer'"),
         ("{line: 3, mvoed: []}", "edits.mvoed", "unknown key; did you mean 'moved'?"),
         ("{line: 3, moved: [{start: 9, end: 10, shift: 9}]}", "edits.moved.start", "ends after"),
         (
