@@ -385,6 +385,18 @@ def test_a_take_with_another_recording_is_heard(page: Page, manifest: Path) -> N
     assert edit == {"line": 1, "takes": {"again": {"audio": "again.wav"}}}
 
 
+def test_a_style_is_chosen(page: Page, manifest: Path) -> None:
+    marks = "window.marks[12]"
+    softer = "document.querySelector('[name=style]').value = 'softer'"
+    change = "document.querySelector('[name=style]').dispatchEvent(new Event('change'))"
+    saved(page, lambda: page.run(f"{softer}; {change}"))
+    assert edits(manifest) == [{"line": 1, "style": "softer"}]
+    page.until(marks)  # drafted again
+    assert page.run("document.querySelector('#lines .tag').textContent") == "edited"
+    saved(page, lambda: page.click("#reset"))
+    assert edits(manifest) == []
+
+
 def test_labials_become_keys_that_can_be_taken_back(page: Page, manifest: Path) -> None:
     saved(page, lambda: page.click("#labials"))
     shut = [{"at": 0.12, "strength": 0}, {"at": 0.4, "strength": 0}]
