@@ -25,8 +25,7 @@ def closures_of(cue: Cue, half: HalfSize) -> list[float]:
 
     from dubbing.speech.labials import labials
 
-    sound = {"rate": voice.SAMPLE_RATE, "start": cue.audio_start, "seconds": cue.seconds}
-    found = labials(lambda: media.iter_audio(cue.audio, **sound), cue.words)  # type: ignore[arg-type]
+    found = labials(sound_of(cue), cue.words)
     heard = half.lips(cue, cue.edit)
     if heard is None:
         return [min(one.at, cue.seconds) for one in found]
@@ -35,6 +34,12 @@ def closures_of(cue: Cue, half: HalfSize) -> list[float]:
     open_ = heard[:, 0] > closed[0, 0] + PARTED
     needed = [one.at for one in found if open_[_beside(one.at, cue, len(open_))].all()]
     return [min(at, cue.seconds) for at in needed]
+
+
+def sound_of(cue: Cue) -> voice.Blocks:
+    """Gives the sound of a cue in blocks."""
+    rate, start, seconds = voice.SAMPLE_RATE, cue.audio_start, cue.seconds
+    return lambda: media.iter_audio(cue.audio, rate=rate, start=start, seconds=seconds)
 
 
 def _beside(at: float, cue: Cue, frames: int) -> slice:

@@ -13,10 +13,10 @@ from dubbing.engine.graph.stage import Stage
 from dubbing.engine.running.update import run_stage
 from dubbing.errors import ExplainedError, RenderingError
 from dubbing.face.mouth.lip_curves import text_of
-from dubbing.identity.lip_scale import moments
 from dubbing.pipeline import DUB
 from dubbing.production.dub import Dub
 from dubbing.production.production import WORK, Production
+from dubbing.script.timeline import Edit
 from dubbing.stages.draft import Draft, HalfSize
 from dubbing.stages.listen import Listen
 
@@ -66,11 +66,11 @@ def listen_to(job: Job) -> None:
 def rows_of(dub: Dub, half: HalfSize) -> Iterator[tuple[int, int, float, np.ndarray]]:
     """Line, frame of the dub, seconds of the line's sound and lengths of the lips of all lines."""
     for cue in dub.cues:
-        lengths = half.lips(cue, cue.edit)
+        lengths = half.lips(cue, Edit(curves=cue.edit.curves))
         if lengths is None:
             what = f"the model of {cue.identity} has no lip measures"
             raise RenderingError(what, dub.name, "take preset 'fast'")
-        times = moments(len(lengths), dub.film.rate)
+        times = Edit().heard(len(lengths), dub.film.rate)
         for k, (time, one) in enumerate(zip(times, lengths, strict=True), cue.first):
             yield cue.number, k, float(time), one
 

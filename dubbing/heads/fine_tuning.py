@@ -33,7 +33,7 @@ from dubbing.identity.learned import CURVE_FILE, SUMMARY_FILE
 from dubbing.identity.reference_choice import choose_references, turns_far
 from dubbing.media.reading.voice_channel import is_silent
 from dubbing.preparation.prepared import PreparedClip
-from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
+from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_moments, lips_of_file
 from dubbing.speech import features
 
 MODEL_FILE = "model.safetensors"
@@ -216,7 +216,8 @@ def clip_speech(
         )
     heard, _ = features.features_of_file(clip.clip, features.features_by_name(speech, weights))
     lips = lips_of_file(clip.clip)
-    return at_frames(heard, lips, clip.frames_count, clip.rate, first=-offset)
+    middles = (np.arange(clip.frames_count) - offset + 0.5) / float(clip.rate)
+    return at_moments(heard, lips, middles)
 
 
 def reference_frames(

@@ -84,14 +84,9 @@ def _parting(opening: np.ndarray, touching: np.ndarray) -> float:
 Scale = Callable[[], LipScale]  # read where it is needed
 
 
-def moments(frames: int, rate: Fraction, shift: float = 0.0) -> np.ndarray:
-    """Seconds (F,) of a line's sound in the middle of its frames, whose mouth comes later (ms)."""
-    return np.asarray((np.arange(frames) + 0.5) / float(rate) - shift / 1000)
-
-
 def given_lips(edit: Edit, frames: int, rate: Fraction, scale: Scale) -> np.ndarray | None:
     """Lip measures (F, L) that the curves of an edit give in the frames of its line; else NaN."""
     if edit.curves is None:
         return None
-    lengths = LipCurves.read(*edit.curves).at(moments(frames, rate, edit.shift))
+    lengths = LipCurves.read(*edit.curves).at(edit.heard(frames, rate))
     return scale().measures(lengths).astype(np.float32)

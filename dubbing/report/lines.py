@@ -15,7 +15,7 @@ from dubbing.errors import ExplainedError
 from dubbing.preparation.tracking.reach import Reach
 from dubbing.production.dub import Dub
 from dubbing.script.edl import Marker, edl
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.timeline import AS_SPOKEN, Cue, Edit
 from dubbing.stages.check import Check
 from dubbing.stages.composite import Composite
 from dubbing.sync.records import SYNC_FILE
@@ -102,6 +102,8 @@ def edit_columns(edit: Edit) -> dict[str, Any]:
     take = {"take": edit.take, "recording": edit.audio.name if edit.audio else ""}
     own = {"shift": edit.shift or None, "strength": strength, "keys": keys, "curves": curves}
     own["film_mouth"] = ", ".join(f"{start:g}-{end:g}" for start, end in edit.film_mouth)
+    own["style"] = "" if edit.style == AS_SPOKEN else edit.style
+    own["moved"] = ", ".join(f"{start:g}-{end:g}: {by:g}" for start, end, by in edit.moved)
     return {**take, **own, "note": edit.note, "status": edit.status}
 
 

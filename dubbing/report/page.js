@@ -60,7 +60,7 @@ function syncOf(holder, sync, title) {
   const { curve, parts, confidence, source_confidence: own } = sync || {};
   const shares = Object.entries(parts || {}).map(([part, share]) => `${part} ${percent(share)}`).join(", ");
   const sure = Number.isFinite(confidence) && `confidence ${confidence.toFixed(3)}` +
-    (Number.isFinite(own) ? `, the source's ${own.toFixed(3)}` : "");
+    (Number.isFinite(own) ? `, the film's ${own.toFixed(3)}` : "");
   const drawn = room();
   holder.append(...[drawn, quiet(shares && `As in the film: ${shares}`), quiet(sure)].filter(Boolean));
   const middle = ((curve || []).length - 1) / 2;
@@ -95,7 +95,7 @@ function look(view) {
   find("views").querySelector(`[value=${view}]`).checked = true;
   source.classList.toggle("unseen-film", view !== "source");
   result.classList.toggle("unseen-film", view !== "result");
-  find("shown").textContent = view === "source" ? "source" : "dub";
+  find("shown").textContent = view === "source" ? "film" : "dub";
   source.muted = !find("original").checked;
   result.muted = find("original").checked;
 }

@@ -47,6 +47,7 @@ def _digest(edit: Edit) -> str:
     """Of a take: its name, its recording, and its edit."""
     files = [edit.audio, edit.curves and edit.curves[0]]
     plain = [edit.take, edit.shift, edit.strength, edit.keys, edit.film_mouth]
+    plain += [edit.moved, edit.style]
     return digest_data([plain, [digest_of(file) if file else "" for file in files]])
 
 

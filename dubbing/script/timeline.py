@@ -19,6 +19,12 @@ from dubbing.engine.graph.fields import Setting
 from dubbing.errors import RenderingError
 
 HELD, AROUND = 0.04, 0.12  # s beside a key: its strength holds, and has gone
+AS_SPOKEN = "as spoken"
+STYLES = {
+    AS_SPOKEN: 0.0,
+    "softer": -1.0,
+    "clearer": 1.0,
+}  # see `sound_to_lips.speech_frames.styled`
 TAKES, LONGEST_PLAIN = "takes", 20  # folder of takes; characters of the name of one that are read
 FADE = 3  # frames at a cue's edges over which the rendered head fades in and out
 
@@ -39,6 +45,9 @@ class Edit:
         takes: all versions of the line by name, that without a name first; of one alone, none.
         film_mouth: from and to, in seconds of the cue, where the face stays the film's own. Which
             only a video depends on.
+        style: of `STYLES`.
+        moved: from and to, in seconds of the cue's sound, and ms by which the mouth of that part
+            comes later than that of the whole.
     """
 
     shift: float = 0.0
@@ -51,11 +60,33 @@ class Edit:
     film_mouth: tuple[tuple[float, float], ...] = ()
     audio: Setting[Path | None] = None
     takes: Setting[tuple[tuple[str, Edit], ...]] = ()
+    moved: tuple[tuple[float, float, float], ...] = ()
+    style: str = AS_SPOKEN
 
     @property
     def of_lips(self) -> bool:
         """Whether it changes how the lips move, and not only when."""
         return self.curves is not None or bool(self.keys) or self.strength != 1
+
+    def heard(self, frames: int, rate: Fraction) -> np.ndarray:
+        """The second of the cue's sound that the mouth speaks in the middle of each frame, (F,).
+
+        It never goes back. Beside a moved part, over twice its shift, speech is faster or slower
+        until it is in step again, or with the next part. What a part is moved over is left out.
+        """
+        seconds = (np.arange(frames) + 0.5) / float(rate) - self.shift / 1000
+        parts = [(start, end, shift / 1000) for start, end, shift in sorted(self.moved)]
+        points = [(at, late) for start, end, late in parts for at in (start, end)]
+        beyond = [(0.0, -np.inf, 0.0), *parts, (np.inf, 0.0, 0.0)]
+        for (_, end, before), (start, _, after) in pairwise(beyond):
+            back, on = end + 2 * abs(before), start - 2 * abs(after)
+            points += [(at, 0.0) for at in (back, on) if back < on and np.isfinite(at)]
+        if not parts:
+            return np.asarray(seconds)
+        at, late = np.array(sorted(points, key=lambda point: point[0])).T
+        shown = np.maximum.accumulate(at + late)
+        inside = (seconds > shown[0]) & (seconds < shown[-1])  # beside, to the bit as before
+        return np.where(inside, np.interp(seconds, shown, at), seconds)
 
     def strengths(self, frames: int, rate: Fraction) -> np.ndarray:
         """The strength in each frame of the cue, (F,) float32.
@@ -63,7 +94,7 @@ class Edit:
         A key holds for `HELD` on both sides; from there to `AROUND` the line's own strength comes
         back, or the next key's.
         """
-        heard = (np.arange(frames) + 0.5) / float(rate) - self.shift / 1000  # in their middles
+        heard = self.heard(frames, rate)
         keys = sorted(self.keys)
         points = [(at + side * HELD, value) for at, value in keys for side in (-1, 1)]
         for (before, _), (after, _) in pairwise([(-np.inf, 0), *keys, (np.inf, 0)]):
@@ -90,8 +121,12 @@ class Edit:
         if self.shift:
             side = "later" if self.shift > 0 else "earlier"
             found.append(f"the mouth {abs(self.shift):g} ms {side}")
+        for start, end, shift in self.moved:
+            side = "later" if shift > 0 else "earlier"
+            found.append(f"{start:g} to {end:g} s {abs(shift):g} ms {side}")
         if self.strength != 1:
             found.append(f"strength {self.strength:g}")
+        found += [self.style] if self.style != AS_SPOKEN else []
         found += [f"{strength:g} at {at:g} s" for at, strength in self.keys]
         found += [f"lips of {self.curves[0].name}"] if self.curves else []
         spans = [f"{start:g} to {end:g} s" for start, end in self.film_mouth]

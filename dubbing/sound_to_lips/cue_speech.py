@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from dubbing.engine.disk import json_records
 from dubbing.engine.disk.files import atomic_write_bytes, atomic_write_json
 from dubbing.errors import RenderingError
 from dubbing.script import timeline
-from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_frames, lips_of_file
+from dubbing.sound_to_lips.speech_frames import SpeechFrames, at_moments, lips_of_file, styled
 from dubbing.speech import features
 
 TENSORS, SUMMARY = "features.safetensors", "speech.json"
@@ -54,9 +54,13 @@ class Speech:
         summary = json_records.read(folder / SUMMARY, Summary, "speech", "run with --force listen")
         return Speech(**summary, **load_file(folder / TENSORS))
 
-    def part(self, first: float, count: int) -> SpeechFrames:
-        """Speech features of the video frames first .. first + count; see `at_frames`."""
-        return at_frames(self.features, self.lips, count, self.rate, first)
+    def styled(self, style: str) -> Speech:
+        """The same with lips in a style; see `speech_frames.styled`."""
+        return replace(self, lips=styled(self.lips, style))
+
+    def at(self, moments: np.ndarray) -> SpeechFrames:
+        """Speech features at moments (F,) of the sound, in seconds; see `at_moments`."""
+        return at_moments(self.features, self.lips, moments)
 
 
 def listen(

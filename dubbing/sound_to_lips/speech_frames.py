@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 
+from dfrf.field.speaker_adaptation import PREDICTED
 from dubbing import media
+from dubbing.script.timeline import STYLES
 from dubbing.sound_to_lips.predict import predict
 from dubbing.speech import features
 from dubbing.speech import voice_activity as voice
+
+ROUND_S = 0.16  # to both sides, of the mean of lips that a style goes by
 
 
 @dataclass(frozen=True)
@@ -38,22 +41,33 @@ class SpeechFrames:
         return SpeechFrames(self.windows[first:stop], self.lips[first:stop])
 
 
-def at_frames(
-    speech_features: np.ndarray, lips: np.ndarray, frames: int, rate: Fraction, first: float = 0
-) -> SpeechFrames:
-    """Speech at video frames from features (T, D) and lips (T, P), both 50 a second.
+def at_moments(speech_features: np.ndarray, lips: np.ndarray, moments: np.ndarray) -> SpeechFrames:
+    """Speech at moments (F,) of the sound, in seconds, the middles of F frames.
 
     Args:
-        frames: how many.
-        rate: frames a second.
-        first: number of the first one; a fraction lies between frames.
+        speech_features: (T, D), 50 a second.
+        lips: (T, P), 50 a second.
     """
-    middle = (first + np.arange(frames) + 0.5) / float(rate)
     # Outside the audio the lips stay as at its ends: it is silent there, so they are closed.
-    inside = np.clip(middle, 0.5 / voice.STEP_RATE, (len(lips) - 0.5) / voice.STEP_RATE)
-    return SpeechFrames(
-        features.windows(speech_features, frames, rate, first), voice.at_times(lips, inside)
-    )
+    inside = np.clip(moments, 0.5 / voice.STEP_RATE, (len(lips) - 0.5) / voice.STEP_RATE)
+    return SpeechFrames(features.windows(speech_features, moments), voice.at_times(lips, inside))
+
+
+def styled(lips: np.ndarray, style: str) -> np.ndarray:
+    """Predicted lips (T, P) in a style: nearer to their mean round each step, or further from it.
+
+    Softer, they are that mean; clearer, twice as far from it. It is weighted by a triangle that
+    ends `ROUND_S` to both sides.
+    """
+    if not STYLES[style]:
+        return lips
+    steps = round(ROUND_S * voice.STEP_RATE)
+    weights = np.bartlett(2 * steps + 1)[1:-1]
+    own, heard = np.split(lips, [PREDICTED], axis=1)
+    padded = np.pad(own, ((steps - 1, steps - 1), (0, 0)), mode="edge")
+    around = np.lib.stride_tricks.sliding_window_view(padded, len(weights), axis=0)
+    mean = around @ (weights / weights.sum())
+    return np.concatenate([own + STYLES[style] * (own - mean), heard], 1).astype(lips.dtype)
 
 
 def lips_of_file(path: Path, *, start: float = 0.0, seconds: float | None = None) -> np.ndarray:

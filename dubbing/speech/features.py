@@ -5,7 +5,6 @@ A new kind of feature is a class with the members of `SpeechFeatures`, and an en
 """
 
 from collections.abc import Callable, Iterable
-from fractions import Fraction
 from pathlib import Path
 from typing import Protocol
 
@@ -130,26 +129,21 @@ def _named(name: str, weights: Path | None) -> Path:
     return weights
 
 
-def windows(features: np.ndarray, frames: int, rate: Fraction, first: float = 0) -> np.ndarray:
-    """Features around each video frame.
+def windows(features: np.ndarray, moments: np.ndarray) -> np.ndarray:
+    """Features around moments of the sound.
 
     Args:
         features: (T, D), 50 a second.
-        frames: number of video frames.
-        rate: frames a second.
-        first: number of the first frame, to process a long sound in pieces; a fraction lies between
-            frames.
+        moments: (F,) seconds, the middles of F video frames.
 
     Returns:
-        (frames, 16, D) float32: 16 steps of 20 ms centred on the middle of frame i, at
-        (i + 0.5) / rate. Interpolated between steps where the rate needs it; silence (0)
-        before the first and after the last step.
+        (F, 16, D) float32: 16 steps of 20 ms centred on each moment. Interpolated between steps
+        where the rate needs it; silence (0) before the first and after the last step.
     """
-    middle = (first + np.arange(frames) + 0.5) / float(rate)
     # The middle of the frame lies between the eighth and the ninth value. At 25 fps it is an edge
     # of the 20 ms grid, so the values are the steps themselves.
     offsets = (np.arange(WINDOW) - (WINDOW - 1) / 2) / RATE
-    return voice.at_times(features, middle[:, None] + offsets[None, :])
+    return voice.at_times(features, moments[:, None] + offsets[None, :])
 
 
 def features_of_file(

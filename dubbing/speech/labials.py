@@ -1,4 +1,4 @@
-"""When the p, b and m of known words sound: their letters are aligned to the sound.
+"""When known words sound, and their p, b and m: their letters are aligned to the sound.
 
 Letters tell too little of how a word sounds, and enough of it here: each may be one of several
 phones, or silent, and of vowels any. T steps of 20 ms, S states: the letters, and a pause before,
@@ -43,6 +43,15 @@ class Labial:
     at: float
 
 
+@dataclass(frozen=True)
+class Word:
+    """A word, and the seconds of a sound from and to which it is spoken."""
+
+    text: str
+    start: float
+    end: float
+
+
 def labials(blocks: voice.Blocks, words: str) -> list[Labial]:
     """The labials of words that are spoken in a sound, in their order.
 
@@ -50,12 +59,39 @@ def labials(blocks: voice.Blocks, words: str) -> list[Labial]:
         blocks: gives the sound in blocks of any length.
     """
     letters = letters_of(words)
-    spectra = acoustic_inference.spectra_of(blocks())
-    if not len(spectra) or not {*letters} & {*LABIALS}:
+    phones = _phones(blocks) if {*letters} & {*LABIALS} else np.zeros((0, len(CLASSES)))
+    return in_phones(phones, letters) if len(phones) else []
+
+
+def words_in(blocks: voice.Blocks, words: str) -> list[Word]:
+    """The words that are spoken in a sound, in their order, but for those that are not heard.
+
+    Args:
+        blocks: gives the sound in blocks of any length.
+    """
+    letters, phones = letters_of(words), _phones(blocks)
+    if not len(phones) or letters == PAUSE:
         return []
+    path = aligned(np.log(phones + FLOOR), letters)
+    number = np.cumsum([letter == PAUSE for letter in letters])[path] - 1  # of the word
+    spoken = np.array([letter != PAUSE for letter in letters])[path]
+    texts = [text for text in words.split() if letters_of(text) != PAUSE]
+    found = []
+    for k, text in enumerate(texts):
+        at = np.flatnonzero(spoken & (number == k))
+        if len(at):
+            start, stop = at[0] / voice.STEP_RATE, (at[-1] + 1) / voice.STEP_RATE
+            found.append(Word(text, float(start), float(stop)))
+    return found
+
+
+def _phones(blocks: voice.Blocks) -> np.ndarray:
+    """Probabilities (T, P) of the phones of a sound."""
+    spectra = acoustic_inference.spectra_of(blocks())
+    if not len(spectra):
+        return np.zeros((0, len(CLASSES)))
     network = load_model().network
-    found = acoustic_inference.run_network(network, spectra, lambda o: o.phones.softmax(-1))
-    return in_phones(found, letters)
+    return acoustic_inference.run_network(network, spectra, lambda o: o.phones.softmax(-1))
 
 
 def in_phones(phones: np.ndarray, letters: str) -> list[Labial]:

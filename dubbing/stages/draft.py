@@ -131,9 +131,9 @@ class HalfSize:
         from dubbing.identity.lip_scale import given_lips
 
         model, maps = self.models[cue.identity]
-        speech = self.speech[cue.name]
-        late = edit.shift / 1000 * float(speech.rate)  # frames
+        speech = self.speech[cue.name].styled(edit.style)
         frames = cue.stop - cue.first
+        heard = edit.heard(frames, speech.rate)
         clip, poses = self.clips[cue.identity], self.poses[cue.first : cue.stop]
         strength = edit.strengths(frames, speech.rate)
         scale = partial(self.scales.__getitem__, cue.identity)
@@ -146,7 +146,7 @@ class HalfSize:
                 inputs = head_inputs(
                     model,
                     clip,
-                    lambda low, some: speech.part(low - late, some),
+                    lambda low, some: speech.at(heard[low : low + some]),
                     poses,
                     begin,
                     stop,
@@ -162,13 +162,15 @@ class HalfSize:
     def lips(self, cue: Cue, edit: Edit, strength: np.ndarray | None = None) -> np.ndarray | None:
         """Lengths (F, L) of the lips in the frames of a cue, in eye distances; None without lips.
 
-        As heard, or as the curves of the edit give them; its shift and strength count for nothing.
+        As heard, or as the curves of the edit give them; of the edit only its style counts, too.
         """
         from dubbing.heads.frame_inputs import wanted_lips
         from dubbing.identity.lip_scale import given_lips
 
-        speech, name = self.speech[cue.name], cue.identity
+        speech, name = self.speech[cue.name].styled(edit.style), cue.identity
         frames = min(cue.stop, len(self.poses)) - cue.first
-        given = given_lips(replace(edit, shift=0.0), frames, speech.rate, lambda: self.scales[name])
-        found = wanted_lips(self.models[name][0], speech.part(0, frames), strength, given)
+        plain = Edit(curves=edit.curves)
+        given = given_lips(plain, frames, speech.rate, lambda: self.scales[name])
+        speech_frames = speech.at(plain.heard(frames, speech.rate))
+        found = wanted_lips(self.models[name][0], speech_frames, strength, given)
         return None if found is None else self.scales[name].lengths(found)

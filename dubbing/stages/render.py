@@ -99,11 +99,11 @@ class Render(DubbingStage):
         from dubbing.preparation.head_findings import seen_by_head
         from dubbing.sound_to_lips.cue_speech import Speech
 
-        speech = Speech.load(self.speech.folder)
+        speech = Speech.load(self.speech.folder).styled(self.edit.style)
         clip = seen_by_head(self.prepared.load(), self.poses.folder)
         poses = timeline.pose_index(self.stop, clip.segment, self.film_first, self.on_longer_audio)
-        late = self.edit.shift / 1000 * float(speech.rate)  # frames
         frames = self.stop - self.first
+        heard = self.edit.heard(frames, speech.rate)
 
         def scale() -> LipScale:
             return LipScale.of(self.model.folder, [one.load() for one in self.learned])
@@ -111,7 +111,7 @@ class Render(DubbingStage):
         render(
             self.model.folder / MODEL_FILE,
             clip,
-            lambda first, count: speech.part(first - late, count),
+            lambda first, count: speech.at(heard[first : first + count]),
             out,
             pose_index=poses[self.first :],
             part=self.part,

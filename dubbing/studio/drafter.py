@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 import multiprocessing
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncGenerator, Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import Lock, Thread
@@ -35,7 +35,7 @@ class Drafter:
         self._process: Any = None
         self._pipe: Connection
 
-    async def ask(self, ask: str, dub: str, **arguments: Any) -> AsyncIterator[Any]:
+    async def ask(self, ask: str, dub: str, **arguments: Any) -> AsyncGenerator[Any]:
         """Yields the values that a job gives; leaving off early takes it back.
 
         Raises:

@@ -5,6 +5,7 @@ It answers jobs through a pipe, one after another. K frames.
 
 from __future__ import annotations
 
+import json
 import signal
 from collections import OrderedDict
 from collections.abc import Generator, Iterator
@@ -15,18 +16,19 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dubbing.batch.closures import closures_of, with_closures
+from dubbing.batch.closures import closures_of, sound_of, with_closures
 from dubbing.batch.curves import listen_to
 from dubbing.batch.jobs import build
 from dubbing.engine.memory import SHORT
 from dubbing.errors import ExplainedError
 from dubbing.script.timeline import Edit
 from dubbing.stages.draft import Draft
-from dubbing.studio.film import DUB, SOURCE, Film, as_jpeg
+from dubbing.studio.film import DRAFT, DUB, FILM, MEASURED, Film, as_jpeg, of_jpeg
 
 if TYPE_CHECKING:
     from dubbing.manifest.manifest import Production
 
+CLOSURES, WORDS = "closures", "words"  # that are looked for in a line
 MOST_KEPT = 300 * 10**6  # bytes of drawn frames
 
 
@@ -49,7 +51,7 @@ class Job:
     @property
     def urgent(self) -> bool:
         """Whether others rest meanwhile."""
-        return self.arguments.get("kind") not in (SOURCE, DUB)
+        return self.arguments.get("kind") not in (FILM, DUB, MEASURED)
 
 
 @dataclass(frozen=True)
@@ -137,16 +139,32 @@ class Desk:
         file, peaks = write_sound(self.production.dubs[dub], Path(folder))
         yield {"file": file, "peaks": peaks, "lines": film.heard(edits)}
 
-    def closures(self, dub: str, cue: str, edit: Edit, heard: str) -> Iterator[list[Any]]:
-        """The keys of a line with closures at the labials of its words."""
+    def of_line(
+        self, dub: str, what: str, cue: str, edit: Edit, heard: str
+    ) -> Iterator[list[dict[str, Any]]]:
+        """When the words of a line are spoken, or its keys with closures at their labials."""
+        from dubbing.speech.labials import words_in
+
         half = self.film(dub, heard).half
         (own,) = (one for one in self.production.dubs[dub].cues if one.name == cue)
-        yield with_closures(edit.keys, closures_of(own, half), edit.strength)
+        if what == WORDS:
+            yield [vars(word) for word in words_in(sound_of(own), own.words)]
+        else:
+            keys = with_closures(edit.keys, closures_of(own, half), edit.strength)
+            yield [{"at": at, "strength": strength} for at, strength in keys]
 
     def frames(
         self, dub: str, kind: str, wanted: list[tuple[int, str]], edits: dict[str, Edit], heard: str
     ) -> Generator[tuple[int, str, bytes]]:
-        """Frames as JPEG with their numbers and signatures, in the order asked for."""
+        """Frames as JPEG with their numbers and signatures, in the order asked for.
+
+        What is measured in frames of the draft, as JSON.
+        """
+        if kind == MEASURED:
+            film = self.film(dub, heard)
+            for number, mark, data in self.frames(dub, DRAFT, wanted, edits, heard):
+                yield number, mark, json.dumps(film.measured(number, of_jpeg(data))).encode()
+            return
         missing = []
         for number, mark in wanted:
             if (key := (dub, kind, number, mark)) in self.drawn:

@@ -5,22 +5,25 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import closing
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dubbing.face.mouth.lip_curves import LENGTHS
-from dubbing.script.timeline import Cue, Edit
+from dubbing.script.timeline import AS_SPOKEN, STYLES, Cue, Edit
 from dubbing.stages.draft import Draft
 
 if TYPE_CHECKING:
     import numpy as np
 
+    from dubbing.face.finding.face_finder import FaceFinder
     from dubbing.stages.draft import HalfSize
 
 QUALITY = 88  # of JPEG
 FIRST_BLOCK, LONGEST_BLOCK = 2, 24  # frames that are rendered at once: the first comes soon
 DRAWN = ("opening", "width")
-SOURCE, DUB, DRAFT = "source", "dub", "draft"
+FILM, DUB, DRAFT = "film", "dub", "draft"
+MEASURED = "measured"  # lengths of the lips in frames of the draft
 
 
 class Film:
@@ -34,6 +37,13 @@ class Film:
         clips = {name: KeptFilm.of(clip.full) for name, clip in opened.clips.items()}  # type: ignore[attr-defined]
         self.half: HalfSize = replace(opened, clips=clips)
         self.length = len(self.half.poses)
+
+    @cached_property
+    def finder(self) -> FaceFinder:
+        """Finds the landmarks of one face."""
+        from dubbing.face.finding.face_finder import FaceFinder
+
+        return FaceFinder()
 
     @property
     def cues(self) -> tuple[Cue, ...]:
@@ -54,7 +64,7 @@ class Film:
         def read(first: int, stop: int) -> Iterator[Any]:
             if kind == DUB:
                 return of_video(video, first, stop, composer.size)
-            if kind == SOURCE:
+            if kind == FILM:
                 return read_film(composer.film, self.half.poses[first:stop])
             return composer.read(first, stop)
 
@@ -72,8 +82,32 @@ class Film:
                 else:
                     yield number, one
 
+    def measured(self, number: int, image: np.ndarray) -> dict[str, float]:
+        """Opening and width of the lips in an image (H, W, 3) of a frame, in eye distances.
+
+        Those of the person whose line it is; nothing beside lines, and where no face is found.
+        """
+        from dubbing.face.finding.face_finder import region_of
+        from dubbing.face.mouth.lip_measures import lip_lengths
+        from dubbing.preparation.tracking import cropping
+
+        cue = next((cue for cue in self.cues if cue.first <= number < cue.stop), None)
+        if cue is None:
+            return {}
+        clip, pose = self.half.clips[cue.identity], int(self.half.poses[number])
+        self.finder.follow_on([region_of(clip.landmarks[pose])])
+        faces = self.finder.follow(cropping.crop(image, clip.crop[pose], clip.size))
+        if not faces:
+            return {}
+        alone = {
+            name: getattr(clip, name)[[pose]] for name in ("rotation", "translation", "centre")
+        }
+        one = replace(clip, landmarks=faces[0][None, :, :2] - 0.5, **alone)
+        lengths = zip(LENGTHS, lip_lengths(one.frontal_landmarks())[0], strict=True)
+        return {name: round(float(length), 4) for name, length in lengths if name in DRAWN}
+
     def heard(self, edits: Mapping[str, Edit]) -> dict[str, dict[str, Any]]:
-        """By cue: opening and width of the lips in its frames, heard and of a closed mouth.
+        """By cue: opening and width of the lips in its frames, by style, and of a closed mouth.
 
         In eye distances; nothing of models without lip measures.
         """
@@ -82,13 +116,15 @@ class Film:
     def _heard(self, cue: Cue, edit: Edit) -> dict[str, Any]:
         import numpy as np
 
-        heard = self.half.lips(cue, edit)
-        if heard is None:
+        lips = {style: self.half.lips(cue, replace(edit, style=style)) for style in STYLES}
+        heard = {style: own for style, own in lips.items() if own is not None}
+        if not heard:
             return {}
-        closed = self.half.lips(cue, Edit(), np.zeros(len(heard), np.float32))
+        closed = self.half.lips(cue, Edit(), np.zeros(len(heard[AS_SPOKEN]), np.float32))
         assert closed is not None
         return {
-            name: {"heard": heard[:, k].round(4).tolist(), "closed": round(float(closed[0, k]), 4)}
+            name: {style: own[:, k].round(4).tolist() for style, own in heard.items()}
+            | {"closed": round(float(closed[0, k]), 4)}
             for k, name in enumerate(LENGTHS)
             if name in DRAWN
         }
@@ -123,3 +159,13 @@ def as_jpeg(image: np.ndarray) -> bytes:
 
     _, data = cv2.imencode(".jpg", image[..., ::-1], [cv2.IMWRITE_JPEG_QUALITY, QUALITY])
     return data.tobytes()
+
+
+def of_jpeg(data: bytes) -> np.ndarray:
+    """The image (H, W, 3) uint8 RGB in a file."""
+    import cv2
+    import numpy as np
+
+    image = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    assert image is not None
+    return image[..., ::-1]

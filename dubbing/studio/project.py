@@ -26,6 +26,7 @@ from dubbing.report.takes import takes_of
 from dubbing.script.timeline import FADE, Cue, Edit
 from dubbing.stages.draft import Draft
 
+REACH = 7  # frames to each side whose speech a head depends on; see `heads.frame_inputs`
 OF_LINE = ("line", "speaker", "identity", "in", "verdict", "reason", "words")
 
 
@@ -127,6 +128,7 @@ class Project:
                     }
                 }
                 | {"strengths": self._strengths(dub, cue, edits[cue.name]).round(4).tolist()}
+                | {"moments": self._heard(dub, cue, edits[cue.name]).round(4).tolist()}
                 for row, cue in zip(rows, dub.cues, strict=True)
             ],
         }
@@ -139,7 +141,7 @@ class Project:
 
     def signatures(self, name: str, kind: str, first: int, stop: int) -> list[str]:
         """Of frames first .. stop: as long as one stays the same, so does its picture."""
-        if kind == "source":
+        if kind == "film":
             return ["-"] * (stop - first)
         if kind == "dub":
             video = self.video(name)
@@ -152,12 +154,18 @@ class Project:
             own = np.flatnonzero(edit.of_film(len(strengths), dub.film.rate))
             away = np.abs(np.subtract.outer(np.arange(len(strengths)), own))
             near = (away <= FADE).sum(1)  # beside such frames the face fades in and out
-            for k, (share, film) in enumerate(zip(strengths, near, strict=True), cue.first):
-                parts[k] += f"{edit.shift:g}/{share:.4f}/{curves}/{film} "
+            late = self._heard(dub, cue, Edit()) - self._heard(dub, cue, edit)
+            for k, (share, film) in enumerate(zip(strengths, near, strict=True)):
+                beside = late[max(0, k - REACH) : k + REACH + 1].round(5).tolist()
+                moved = digest_data(beside)[:8] if len({*beside}) > 1 else f"{beside[0]:g}"
+                parts[cue.first + k] += f"{moved}/{share:.4f}/{edit.style}/{curves}/{film} "
         return parts[first:stop]
 
     def _strengths(self, dub: Dub, cue: Cue, edit: Edit) -> np.ndarray:
         return edit.strengths(min(cue.stop, dub.length) - cue.first, dub.film.rate)
+
+    def _heard(self, dub: Dub, cue: Cue, edit: Edit) -> np.ndarray:
+        return edit.heard(min(cue.stop, dub.length) - cue.first, dub.film.rate)
 
     def _kept(self, name: str) -> KeptEdits:
         return KeptEdits(self.production.manifest, self.dubs[name])
@@ -208,5 +216,6 @@ def _as_json(edit: Edit) -> dict[str, Any]:
     curves = str(edit.curves[0]) if edit.curves else None
     spans = [{"start": start, "end": end} for start, end in edit.film_mouth]
     audio = str(edit.audio) if edit.audio else None
-    own = {"keys": keys, "curves": curves, "film_mouth": spans, "audio": audio}
+    moved = [{"start": start, "end": end, "shift": by} for start, end, by in edit.moved]
+    own = {"keys": keys, "curves": curves, "film_mouth": spans, "audio": audio, "moved": moved}
     return {**{key: value for key, value in vars(edit).items() if key != "takes"}, **own}

@@ -8,9 +8,8 @@ import tempfile
 from collections.abc import AsyncIterator
 from contextlib import aclosing, asynccontextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from pydantic import BaseModel, ValidationError
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -25,27 +24,14 @@ from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.kept_edits import StaleError
 from dubbing.script.timeline import Edit
 from dubbing.studio.drafter import Drafter
-from dubbing.studio.film import DRAFT, DUB
+from dubbing.studio.drafting import CLOSURES, WORDS
+from dubbing.studio.film import DRAFT, DUB, MEASURED
+from dubbing.studio.frame_stream import Wanted, stream
 from dubbing.studio.guard import Guard
 from dubbing.studio.making import Making
 from dubbing.studio.project import Project
 
 PAGE = Path(__file__).with_name("page")
-MOST_FRAMES = 3000  # of one request
-
-
-class Wanted(BaseModel):
-    """Frames first .. stop that a page asks for, from one on, but for those that it has.
-
-    Attributes:
-        have: signatures of frames.
-    """
-
-    kind: Literal["source", "dub", "draft"]
-    first: int
-    stop: int
-    at: int
-    have: dict[int, str] = {}
 
 
 def app_of(project: Project, drafter: Drafter, making: Making, **guard: Any) -> Starlette:
@@ -73,7 +59,7 @@ def app_of(project: Project, drafter: Drafter, making: Making, **guard: Any) -> 
         Route("/api/dubs", server.dubs),
         Route(dub, server.dub),
         Route(f"{dub}/lines/{{cue}}", server.save, methods=["PUT"]),
-        Route(f"{dub}/lines/{{cue}}/closures", server.closures),
+        Route(f"{dub}/lines/{{cue}}/{{what}}", server.of_line),
         Route(f"{dub}/curves", server.curves),
         Route(f"{dub}/sound", server.sound),
         Route(f"{dub}/frames", server.frames, methods=["POST"]),
@@ -127,17 +113,15 @@ class Server:
         await run_in_threadpool(self.project.save, name, cue, given["revision"], given["edit"])
         return JSONResponse(await run_in_threadpool(self.project.shown, name))
 
-    async def closures(self, request: Request) -> Response:
-        """The keys of a line with closures at the labials of its words."""
-        name, cue = self._name(request), request.path_params["cue"]
+    async def of_line(self, request: Request) -> Response:
+        """When the words of a line are spoken, or its keys with closures at their labials."""
+        name, cue, what = self._name(request), *map(request.path_params.get, ("cue", "what"))
         edits = await run_in_threadpool(self.project.edits, name)
-        if cue not in edits:
-            raise HTTPException(404, f"{name} has no line {cue}")
-        heard = self.project.heard(name)
-        asked = self.drafter.ask("closures", name, cue=cue, edit=edits[cue], heard=heard)
-        async with aclosing(asked) as found:  # type: ignore[type-var]
-            keys = [{"at": at, "strength": strength} async for one in found for at, strength in one]
-        return JSONResponse({"keys": keys})
+        if cue not in edits or what not in (CLOSURES, WORDS):
+            raise HTTPException(404, f"{name} has no line {cue}, or a line no {what}")
+        own = {"what": what, "cue": cue, "edit": edits[cue], "heard": self.project.heard(name)}
+        async with aclosing(self.drafter.ask("of_line", name, **own)) as found:
+            return JSONResponse([one async for some in found for one in some])
 
     async def curves(self, request: Request) -> Response:
         """Peaks of the sound, and by line what is heard of lips."""
@@ -150,46 +134,22 @@ class Server:
         return FileResponse(found["file"], media_type="audio/flac")
 
     async def frames(self, request: Request) -> Response:
-        """Frames of a dub from one on, then those before it; see `_packed`.
+        """Frames of a dub from one on, then those before it; see `frame_stream`.
 
         Those that the page has, with the signatures that they have now, are left out.
         """
-        name, given = self._name(request), await _json(request)
-        try:
-            asked_for = Wanted.model_validate(given)
-        except ValidationError as error:
-            detail = error.errors()[0]
-            raise HTTPException(400, f"{detail['loc'][0]}: {detail['msg']}") from None
-        kind, first, stop, at = (asked_for.kind, asked_for.first, asked_for.stop, asked_for.at)
-        length = self.project.dubs[name].length
-        if not 0 <= first < stop <= length or stop - first > MOST_FRAMES:
-            raise HTTPException(400, f"first and stop are frames of 0 to {length}")
+        name = self._name(request)
+        wanted = Wanted.of(await _json(request), self.project.dubs[name].length)
+        kind, first, stop = wanted.kind, wanted.first, wanted.stop
         if kind == DUB and self.project.video(name) is None:
             raise HTTPException(404, f"{name} is not made yet: run dfrf dub")
         marks = await run_in_threadpool(self.project.signatures, name, kind, first, stop)
-        edits = self.project.edits(name) if kind == DRAFT else {}
-        wanted = [(k, m) for k, m in enumerate(marks, first) if asked_for.have.get(k) != m]
-        wanted.sort(key=lambda one: (one[0] < at, one[0]))
-
-        async def stream() -> AsyncIterator[bytes]:
-            asked = self.drafter.ask(
-                "frames",
-                name,
-                kind=kind,
-                wanted=wanted,
-                edits=edits,
-                heard=self.project.heard(name),
-            )
-            try:
-                async with aclosing(asked) as found:  # type: ignore[type-var]
-                    async for number, mark, image in found:
-                        yield _packed({"frame": number, "mark": mark}, image)
-            except ExplainedError as error:
-                yield _packed({"error": str(error)}, b"")
-
-        return StreamingResponse(
-            stream(), headers={"x-frames": str(len(wanted))}, media_type="application/octet-stream"
-        )
+        missing = wanted.missing(marks)
+        edits = self.project.edits(name) if kind in (DRAFT, MEASURED) else {}
+        own = {"kind": kind, "wanted": missing, "edits": edits, "heard": self.project.heard(name)}
+        frames = stream(self.drafter.ask("frames", name, **own))
+        about = {"x-frames": str(len(missing))}
+        return StreamingResponse(frames, headers=about, media_type="application/octet-stream")
 
     async def revision(self, request: Request) -> Response:
         """The revision of a dub's edits, and how far a run is; pages ask again and again."""
@@ -228,16 +188,10 @@ class Server:
     async def _ask_curves(self, name: str, heard: str, edits: dict[str, Edit]) -> dict[str, Any]:
         folder = str(self.folder / heard)
         asked = self.drafter.ask("curves", name, folder=folder, edits=edits, heard=heard)
-        async with aclosing(asked) as found:  # type: ignore[type-var]
+        async with aclosing(asked) as found:
             async for curves in found:
                 return dict(curves)
         raise ExplainedError("no curves came")
-
-
-def _packed(head: dict[str, Any], body: bytes) -> bytes:
-    """A record of a stream: two lengths of 4 bytes, a head in JSON, a body."""
-    text = json.dumps(head).encode()
-    return len(text).to_bytes(4, "big") + len(body).to_bytes(4, "big") + text + body
 
 
 async def _json(request: Request) -> dict[str, Any]:

@@ -13,7 +13,7 @@ import typer
 from dubbing.cli.main import app
 from dubbing.engine.disk.files import atomic_write_text
 from dubbing.manifest import schema
-from dubbing.manifest.keys.edit_entry import Edit, Key, Span, Take
+from dubbing.manifest.keys.edit_entry import Edit, Key, Moved, Span, Take
 from dubbing.manifest.keys.entries import (
     Colour,
     Consent,
@@ -42,6 +42,7 @@ ENTRIES: dict[type[Entry], str] = {
     Edit: "edits",
     Key: "keys",
     Span: "film_mouth",
+    Moved: "moved",
     Take: "takes",
     Label: "label",
     Credits: "credits",

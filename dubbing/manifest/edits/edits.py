@@ -14,10 +14,11 @@ from dubbing.manifest.keys.yaml_lines import KeyPath
 from dubbing.script.timeline import Cue, Edit
 
 NO_LIPS = dict.fromkeys(("paper", "ad-nerf", "nerf"), "has no lip measures")
+NO_SPEECH = {"nerf": "hears no speech"}
 # Presets whose models have nothing that a key could change, and why.
 WITHOUT = {
-    **dict.fromkeys(("strength", "keys", "curves"), NO_LIPS),
-    "shift": {"nerf": "hears no speech"},
+    **dict.fromkeys(("strength", "style", "keys", "curves"), NO_LIPS),
+    **dict.fromkeys(("shift", "moved"), NO_SPEECH),
 }
 
 
@@ -88,14 +89,11 @@ def checked(findings: Findings, key: KeyPath, edit: edit_entry.Edit, cue: Cue, p
     motion: edit_entry.Edit | edit_entry.Take = edit
     if edit.take:
         motion, key = edit.takes[edit.take], (*key, "takes", edit.take)
-    for number, one in enumerate(motion.keys):
-        if one.at > cue.seconds:
-            late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
-            findings.add((*key, "keys", number, "at"), late)
-    for number, span in enumerate(motion.film_mouth):
-        if span.start > cue.seconds:
-            late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
-            findings.add((*key, "film_mouth", number, "start"), late)
+    for name, begin in (("keys", "at"), ("film_mouth", "start"), ("moved", "start")):
+        for number, one in enumerate(getattr(motion, name)):
+            if getattr(one, begin) > cue.seconds:
+                late = f"the sound of line {cue.number} ends after {cue.seconds:.2f} s"
+                findings.add((*key, name, number, begin), late)
     versions: dict[str, edit_entry.Edit | edit_entry.Take] = {"": edit, **edit.takes}
     takes = tuple((name, _motion(one, cue, name)) for name, one in versions.items())
     found = _motion(motion, cue, edit.take)
@@ -122,6 +120,8 @@ def _motion(given: edit_entry.Edit | edit_entry.Take, cue: Cue, take: str) -> Ed
         curves=None if given.curves is None else (given.curves, cue.number),
         take=take,
         film_mouth=tuple((span.start, span.end) for span in given.film_mouth),
+        moved=tuple((part.start, part.end, part.shift) for part in given.moved),
+        style=given.style,
         audio=given.audio if isinstance(given, edit_entry.Take) else None,
     )
 

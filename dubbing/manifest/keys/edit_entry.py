@@ -1,8 +1,9 @@
 """The entry of an edit: how a line's mouth is to differ from what its speech asks for."""
 
+from itertools import pairwise
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from dubbing.manifest.keys.entry import Entry
 from dubbing.manifest.keys.values import FilePath
@@ -14,6 +15,9 @@ MOST_KEYS, LATEST = 1000, 86400.0  # of a line; s
 
 
 Strength = Annotated[float, Field(ge=0, le=1.5, allow_inf_nan=False)]
+
+
+Style = Literal["as spoken", "softer", "clearer"]
 
 
 class Key(Entry):
@@ -41,8 +45,26 @@ class Span(Entry):
 
 
 Shift = Annotated[float, Field(ge=-LONGEST_SHIFT, le=LONGEST_SHIFT, allow_inf_nan=False)]
+
+
+class Moved(Span):
+    """A part of a line whose mouth comes later or earlier than that of the rest."""
+
+    shift: Shift
+    """Milliseconds by which it comes later than `shift` of the line says; below 0, earlier."""
+
+
+def _apart(parts: list[Moved]) -> list[Moved]:
+    for before, after in pairwise(sorted(parts, key=lambda part: part.start)):
+        if after.start < before.end:
+            what = f"the parts from {before.start:g} and from {after.start:g} s overlap"
+            raise ValueError(what)
+    return parts
+
+
 Keys = Annotated[list[Key], Field(max_length=MOST_KEYS)]
 Spans = Annotated[list[Span], Field(max_length=MOST_KEYS)]
+MovedParts = Annotated[list[Moved], Field(max_length=MOST_KEYS), AfterValidator(_apart)]
 Name = Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)]
 
 
@@ -55,11 +77,15 @@ class Take(Entry):
     """As that of the line."""
     strength: Strength = 1.0
     """As that of the line."""
+    style: Style = "as spoken"
+    """As that of the line."""
     keys: Keys = Field(default=[])
     """As those of the line."""
     curves: FilePath | None = None
     """As those of the line."""
     film_mouth: Spans = Field(default=[])
+    """As those of the line."""
+    moved: MovedParts = Field(default=[])
     """As those of the line."""
 
 
@@ -74,6 +100,10 @@ class Edit(Entry):
     """Milliseconds by which the mouth comes later than the sound; below 0, earlier."""
     strength: Strength = 1.0
     """How far the lips leave the closed mouth: 0 never, 1 as spoken. Preset `fast` only."""
+    style: Style = "as spoken"
+    """`softer`: lips move less and more slowly; `clearer`: they open and close further. Preset
+    `fast` only.
+    """
     keys: Keys = Field(default=[])
     """Moments at which the strength is another; 120 ms beside each it is the line's again."""
     curves: FilePath | None = None
@@ -82,6 +112,8 @@ class Edit(Entry):
     """
     film_mouth: Spans = Field(default=[])
     """Parts of the line in which the face stays the film's own, as in a laugh."""
+    moved: MovedParts = Field(default=[])
+    """Parts of the line whose mouth comes later or earlier, as a word; they may not overlap."""
     note: str = Field(default="", max_length=LONGEST_NOTE)
     """Text for people; changes nothing."""
     status: Literal["open", "approved", "redo"] = "open"

@@ -16,7 +16,7 @@ export const put = (path, body) => ask(path, {
   method: "PUT", headers: { "content-type": "application/json" }, body: JSON.stringify(body),
 });
 
-// Calls `got(frame, mark, blob)` for each frame as it comes, after `told(number of frames)`.
+// Calls `got(frame, mark, body)` for each frame as it comes, after `told(number of frames)`.
 export async function frames(name, wanted, signal, told, got) {
   const answer = await fetch(`${dubPath(name)}/frames`, { method: "POST", signal,
     headers: { "content-type": "application/json" }, body: JSON.stringify(wanted) });
@@ -37,8 +37,7 @@ export async function frames(name, wanted, signal, told, got) {
       if (held.length < 8 + head + body) break;
       const about = JSON.parse(new TextDecoder().decode(held.subarray(8, 8 + head)));
       if (about.error) throw new Error(about.error);
-      const blob = new Blob([held.slice(8 + head, 8 + head + body)], { type: "image/jpeg" });
-      got(about.frame, about.mark, blob);
+      got(about.frame, about.mark, held.slice(8 + head, 8 + head + body));
       held = held.subarray(8 + head + body);
     }
   }

@@ -2,7 +2,7 @@
 
 import { ask, dubPath, put } from "./api.js";
 
-export const AS_SPOKEN = { shift: 0, strength: 1, note: "", keys: [], film_mouth: [], status: "open", curves: null,
+export const AS_SPOKEN = { shift: 0, strength: 1, style: "as spoken", note: "", keys: [], film_mouth: [], moved: [], status: "open", curves: null,
   take: "", audio: null };
 const LOOK_MS = 500, ELSEWHERE = "Changed elsewhere: shown now";
 const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
@@ -12,6 +12,7 @@ const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 export class Desk extends EventTarget {
   dub = null;
   line = null;
+  dragged = false; // whether something is: what is laid anew meanwhile would take it out of the hand
   curves = null;
   making = { running: false, words: "", dub: "" }; // the run of the finished dub
   before = {}; // by line, the take that was chosen before
@@ -19,6 +20,7 @@ export class Desk extends EventTarget {
   #done = [];
   #saving = Promise.resolve();
   #busy = 0;
+  #stamp = 0; // another one since a save began or ended: what was asked for before is old
   #turn = 0;
 
   tell(kind, detail) { this.dispatchEvent(new CustomEvent(kind, { detail })); }
@@ -43,8 +45,9 @@ export class Desk extends EventTarget {
     try {
       const curves = await ask(`${dubPath(name)}/curves`);
       if (this.dub.name !== name || this.dub.heard !== heard) return;
-      this.curves = curves;
+      this.curves = { ...curves, words: {} };
       this.tell("curves");
+      this.#align();
     } catch (error) { this.tell("said", error.message); }
   }
 
@@ -52,6 +55,20 @@ export class Desk extends EventTarget {
     if (!line || line === this.line) return;
     this.line = line;
     this.tell("line");
+    this.#align();
+  }
+
+  #path({ cue }) { return `${dubPath(this.dub.name)}/lines/${encodeURIComponent(cue)}`; }
+
+  // When the words of the chosen line are spoken.
+  async #align() {
+    const { line, curves } = this;
+    if (!line.words || !curves || curves.words[line.cue]) return;
+    curves.words[line.cue] = [];
+    try {
+      curves.words[line.cue] = await ask(`${this.#path(line)}/words`);
+      this.tell("words");
+    } catch (error) { this.tell("said", error.message); }
   }
 
   get canUndo() { return this.#done.length > 0; }
@@ -70,8 +87,9 @@ export class Desk extends EventTarget {
   async close(line) {
     this.tell("said", "Looking for p, b and m");
     try {
-      const { keys } = await ask(`${dubPath(this.dub.name)}/lines/${encodeURIComponent(line.cue)}/closures`);
-      this.tell("said", `${keys.length - line.edit.keys.length} new keys`);
+      const keys = await ask(`${this.#path(line)}/closures`);
+      const count = keys.length - line.edit.keys.length;
+      this.tell("said", count ? `${count} new keys` : "No new key is needed");
       this.change(line, { keys });
     } catch (error) { this.tell("said", error.message); }
   }
@@ -101,6 +119,7 @@ export class Desk extends EventTarget {
     const [name, cue, before] = [this.dub.name, line.cue, line.edit];
     line.edit = edit;
     this.#busy += 1;
+    this.#stamp += 1;
     this.tell("edits");
     this.tell("said", "Saving");
     this.#saving = this.#saving.then(async () => {
@@ -116,16 +135,19 @@ export class Desk extends EventTarget {
         else this.tell("lost");
         this.tell("edits");
         this.tell("said", `Not saved: ${error.status ? error.message : "the server does not answer"}`);
-      } finally { this.#busy -= 1; }
+      } finally {
+        this.#busy -= 1;
+        this.#stamp += 1;
+      }
     });
   }
 
   // What the server has; nothing where something is saved here meanwhile, which brings it, too.
   async reload(words = "") {
-    const busy = this.#busy;
+    const stamp = this.#stamp;
     try {
       const dub = await ask(dubPath(this.dub.name));
-      if (this.#busy > busy || (words && dub.revision === this.dub.revision)) return;
+      if (stamp !== this.#stamp || (words && dub.revision === this.dub.revision)) return;
       this.#take(dub);
       if (words) this.tell("said", words);
     } catch (error) { this.tell("said", error.message); }
@@ -150,6 +172,7 @@ export class Desk extends EventTarget {
     const turn = this.#turn += 1;
     while (turn === this.#turn) {
       await new Promise((go) => setTimeout(go, LOOK_MS));
+      const stamp = this.#stamp;
       try {
         const { revision, making } = await ask(`${dubPath(this.dub.name)}/revision`);
         const ended = this.making.running && !making.running;
@@ -157,7 +180,7 @@ export class Desk extends EventTarget {
         this.tell("found");
         this.tell("making");
         if (ended) await this.reload();
-        if (turn === this.#turn && !this.#busy && revision !== this.dub.revision) await this.reload(ELSEWHERE);
+        if (turn === this.#turn && stamp === this.#stamp && !this.#busy && revision !== this.dub.revision) await this.reload(ELSEWHERE);
       } catch (error) {
         if (error.status) this.tell("said", error.message);
         else this.tell("lost");

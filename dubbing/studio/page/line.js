@@ -3,8 +3,8 @@
 import { AS_SPOKEN } from "./desk.js";
 
 // What of an edit each take has of its own.
-const ofTake = ({ shift, strength, keys, curves, film_mouth, audio }) =>
-  ({ shift, strength, keys, curves, film_mouth, audio });
+const ofTake = ({ shift, strength, style, keys, curves, film_mouth, moved, audio }) =>
+  ({ shift, strength, style, keys, curves, film_mouth, moved, audio });
 
 const VERDICTS = { pass: "in sync", warn: "look closely", fail: "failed", unjudged: "not judged" };
 const find = (id) => document.getElementById(id);
@@ -13,18 +13,22 @@ export class LineForm {
   constructor(desk) {
     this.desk = desk;
     this.form = find("line");
-    const { strength, shift, film, note, status } = this.form.elements;
+    const { strength, shift, film, moved, note, status } = this.form.elements;
     strength.addEventListener("input", () => { find("strong").textContent = strength.value; });
     const change = (part) => this.desk.change(this.desk.line, part);
     strength.addEventListener("change", () => change({ strength: Number(strength.value) }));
     shift.addEventListener("change", () => shift.reportValidity() && change({ shift: Number(shift.value) }));
-    film.addEventListener("change", () => {
-      const found = [...film.value.matchAll(/([\d.]+)\s*-\s*([\d.]+)/g)];
-      const spans = found.map(([, start, end]) => ({ start: Number(start), end: Number(end) }));
-      film.setCustomValidity(spans.every(({ start, end }) => start < end) ? "" : "From the earlier to the later second");
-      if (film.reportValidity()) change({ film_mouth: spans });
-    });
+    for (const [field, name] of [[film, "film_mouth"], [moved, "moved"]]) {
+      field.addEventListener("change", () => {
+        const found = [...field.value.matchAll(/([\d.]+)\s*-\s*([\d.]+)(?:\s+(-?\d+))?/g)];
+        const parts = found.map(([, start, end, by]) => ({ start: Number(start), end: Number(end),
+          ...(field === moved ? { shift: Number(by) } : {}) }));
+        field.setCustomValidity(parts.every(({ start, end }) => start < end) ? "" : "From the earlier to the later second");
+        if (field.reportValidity()) change({ [name]: parts });
+      });
+    }
     note.addEventListener("change", () => change({ note: note.value }));
+    this.form.elements.style.addEventListener("change", ({ target }) => change({ style: target.value }));
     for (const one of status) one.addEventListener("change", () => change({ status: one.value }));
     this.form.elements.take.addEventListener("change", ({ target }) => this.take(target.value));
     find("labials").addEventListener("click", () => this.desk.close(this.desk.line));
@@ -95,9 +99,12 @@ export class LineForm {
     elements.take.value = edit.take;
     elements.strength.value = edit.strength;
     find("strong").textContent = edit.strength;
+    elements.style.value = edit.style;
     elements.shift.value = edit.shift;
     if (document.activeElement !== elements.film)
       elements.film.value = edit.film_mouth.map(({ start, end }) => `${start}-${end}`).join(", ");
+    if (document.activeElement !== elements.moved)
+      elements.moved.value = edit.moved.map(({ start, end, shift }) => `${start}-${end} ${shift}`).join(", ");
     if (document.activeElement !== elements.note) elements.note.value = edit.note;
     elements.status.value = edit.status;
     this.#keys(line);
@@ -120,7 +127,9 @@ export class LineForm {
       });
       return input;
     };
-    find("keys").replaceChildren(...line.edit.keys.flatMap((key, place) => {
+    const heads = line.edit.keys.length ? ["Key at, s", "Strength", ""] : [];
+    find("keys").replaceChildren(...heads.map((words) => Object.assign(document.createElement("span"), { textContent: words })),
+      ...line.edit.keys.flatMap((key, place) => {
       const remove = document.createElement("button");
       Object.assign(remove, { type: "button", textContent: "×" });
       remove.setAttribute("aria-label", `Remove key ${place + 1}`);
@@ -143,7 +152,7 @@ export class LineForm {
       });
       parts[0].textContent = line.line;
       parts[1].textContent = [line.speaker || line.identity, line.words].filter(Boolean).join(": ");
-      const { edit } = line, edited = edit.shift || edit.strength !== 1 || edit.keys.length || edit.film_mouth.length;
+      const { edit } = line, edited = edit.shift || edit.strength !== 1 || edit.style !== AS_SPOKEN.style || edit.keys.length || edit.film_mouth.length || edit.moved.length;
       parts[2].textContent = edit.status === "open" ? (edited ? "edited" : "") : edit.status;
       parts[2].classList.add(edit.status);
       button.append(...parts);

@@ -13,7 +13,7 @@ const FIXED = "The manifest holds the edits of this dub. To change them here, mo
 const desk = new Desk();
 const picture = new Picture(desk);
 const form = new LineForm(desk);
-const timeline = new Timeline(desk, () => moved());
+const timeline = new Timeline(desk, picture, () => moved());
 window.studio = { desk, picture, timeline };
 
 // What is shown follows the sound.
@@ -68,7 +68,7 @@ find("wipe").addEventListener("input", () => picture.draw());
 find("views").addEventListener("change", ({ target }) => picture.show(target.value));
 
 const KEYS = {
-  " ": () => timeline.play(), a: () => picture.show("source"), b: () => picture.show("dub"),
+  " ": () => timeline.play(), a: () => picture.show("film"), b: () => picture.show("dub"),
   d: () => picture.show("draft"), n: () => form.next(), j: () => form.beside(1), k: () => form.beside(-1),
   ",": () => step(-1), ".": () => step(1), "+": () => timeline.nearer(2), "-": () => timeline.nearer(0.5),
   c: () => find("shut").click(), x: () => form.swap(), w: () => { find("wiping").checked = !find("wiping").checked; wipe(); },

@@ -1,4 +1,4 @@
-// The picture: frames of source, dub and draft as they come, and what of them is shown.
+// The picture: frames of film, dub and draft as they come, and what of them is shown.
 
 import { frames } from "./api.js";
 
@@ -11,7 +11,7 @@ export class Picture {
   view = "draft";
   frame = 0;
   painted = {}; // what the canvas shows: kind, frame and mark
-  #kept = { source: new Map(), dub: new Map(), draft: new Map() };
+  #kept = { film: new Map(), dub: new Map(), draft: new Map(), measured: new Map() };
   #asked = {};
   #left = {};
   #drawn = 0;
@@ -60,7 +60,7 @@ export class Picture {
   }
 
   // Frames of the chosen line, or from the shown one on where that is elsewhere; changed ones alone.
-  fetch(kinds = ["draft", "source", ...(this.#shows("dub") ? ["dub"] : [])]) {
+  fetch(kinds = ["draft", "film", ...(this.#shows("dub") ? ["dub"] : [])]) {
     const { dub, line } = this.desk;
     const inside = this.frame >= line.first - BESIDE && this.frame < line.stop + BESIDE;
     const from = inside ? line.first : this.frame;
@@ -90,8 +90,8 @@ export class Picture {
     try {
       await frames(this.desk.dub.name, { kind, first, stop, at, have }, signal,
         said,
-        (frame, mark, blob) => {
-          kept.set(frame, { mark, blob });
+        (frame, mark, body) => {
+          kept.set(frame, { mark, body });
           if (kept.size > MOST) kept.delete(kept.keys().next().value);
           said(this.#left[kind] - 1);
           if (frame === this.frame) this.draw();
@@ -102,10 +102,18 @@ export class Picture {
       this.desk.tell("said", error.message);
     }
     said(0);
+    const { line } = this.desk;
+    if (kind === "draft" && this.desk.curves?.lines[line.cue].opening) this.#fetch("measured", line.first, line.stop);
   }
 
   // How many frames of a kind have not come yet, of those that were asked for.
   missing(kind) { return this.#left[kind] ?? -1; }
+
+  // Opening and width of the lips in a frame of the draft as it is now; nothing before they are measured.
+  measured(frame) {
+    const found = this.#kept.measured.get(frame);
+    return found && found.mark === this.#kept.draft.get(frame)?.mark ? JSON.parse(new TextDecoder().decode(found.body)) : {};
+  }
 
   #shows(kind) { return this.view === kind; }
 
@@ -114,7 +122,7 @@ export class Picture {
     if (!found) return null;
     const key = `${kind} ${frame} ${found.mark}`;
     if (!this.#bitmaps.has(key)) {
-      this.#bitmaps.set(key, createImageBitmap(found.blob));
+      this.#bitmaps.set(key, createImageBitmap(new Blob([found.body], { type: "image/jpeg" })));
       if (this.#bitmaps.size > 60) this.#bitmaps.delete(this.#bitmaps.keys().next().value);
     }
     return this.#bitmaps.get(key);
@@ -124,19 +132,19 @@ export class Picture {
   async draw() {
     const turn = this.#drawn += 1, { view: kind, frame } = this;
     const shown = { kind, frame, mark: this.#kept[kind].get(frame)?.mark };
-    const wiped = find("wiping").checked && this.view !== "source";
-    const [image, source] = await Promise.all(
-      [this.#image(this.view, this.frame), wiped ? this.#image("source", this.frame) : null]);
+    const wiped = find("wiping").checked && this.view !== "film";
+    const [image, film] = await Promise.all(
+      [this.#image(this.view, this.frame), wiped ? this.#image("film", this.frame) : null]);
     if (turn !== this.#drawn) return;
-    find("shown").textContent = wiped ? `source | ${this.view}` : this.view;
+    find("shown").textContent = wiped ? `film | ${this.view}` : this.view;
     if (!image) return;
     const { width, height } = this.canvas, paint = this.canvas.getContext("2d");
     paint.drawImage(image, 0, 0, width, height);
     this.painted = shown;
-    if (!source) return;
+    if (!film) return;
     const edge = Math.round(width * find("wipe").value / 100);
-    const scale = source.width / width;
-    if (edge) paint.drawImage(source, 0, 0, edge * scale, source.height, 0, 0, edge, height);
+    const scale = film.width / width;
+    if (edge) paint.drawImage(film, 0, 0, edge * scale, film.height, 0, 0, edge, height);
     paint.fillStyle = "#fff";
     paint.fillRect(edge - 1, 0, 2, height);
   }

@@ -1,31 +1,35 @@
-// The sound, the lines as blocks, and the curves of the lips with the keys of their strength.
+// The sound, the lanes of lines and words, and the curves of the lips with the keys of their strength.
 
 import WaveSurfer from "/design/vendor/wavesurfer.js";
 import { dubPath } from "./api.js";
+import { clamp, Lanes, rounded } from "./lanes.js";
+import { drag, heardAt, seen } from "./moving.js";
 
 const AXIS = 52; // px to both sides of the curves, as in studio.css
-const MOST = 1.5, LONGEST_SHIFT = 500; // of strength; ms
+const MOST = 1.5; // of strength
 const STEP = 0.05; // of strength
+const BELOW = 0.1; // of what is in sight, below 0
 const find = (id) => document.getElementById(id);
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
-const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
-const rounded = (value, step) => Number((Math.round(value / step) * step).toFixed(3));
 
 export class Timeline {
   zoom = 1;
   #wave = null;
   #plot = null;
   #ready = false; // whether the sound is there
+  #later = 0; // a layout that is asked for
   #at = 0; // the moment while nothing plays: the player takes a while to go where it is told to
 
-  constructor(desk, moved) {
+  constructor(desk, picture, moved) {
     this.desk = desk;
+    this.picture = picture;
+    this.lanes = new Lanes(desk);
     this.moved = moved;
     desk.addEventListener("dub", () => this.#close());
     desk.addEventListener("curves", () => this.#open());
     desk.addEventListener("line", () => { this.zoom = 1; this.seek(this.desk.line.first / this.desk.dub.rate); this.lay(); });
-    desk.addEventListener("edits", () => this.lay());
-    desk.addEventListener("saved", () => this.lay());
+    for (const kind of ["edits", "saved", "words", "dropped"]) desk.addEventListener(kind, () => this.lay());
+    desk.addEventListener("frame", ({ detail }) => { if (detail.kind === "measured") this.#later ||= requestAnimationFrame(() => this.lay()); });
     find("measure").addEventListener("change", () => this.lay());
     new ResizeObserver(() => this.lay()).observe(find("timeline"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#open());
@@ -79,12 +83,13 @@ export class Timeline {
 
   // Everything where it belongs now.
   lay() {
-    if (!this.#wave || !this.desk.line || !this.desk.curves) return;
+    this.#later = 0;
+    if (!this.#wave || !this.desk.line || !this.desk.curves || this.desk.dragged) return;
     const [low, high] = this.sight;
     const wide = find("wave").clientWidth;
     this.#wave.zoom(wide / (high - low));
     this.#wave.setScrollTime(low);
-    this.#blocks(low, high, wide);
+    this.lanes.lay(low, high, wide);
     this.#curve(low, high);
     this.mark();
   }
@@ -101,91 +106,25 @@ export class Timeline {
     else this.mark();
   }
 
-  #blocks(low, high, wide) {
-    const { dub, line: chosen } = this.desk, held = document.activeElement?.dataset?.block;
-    const scale = wide / (high - low);
-    find("lane").replaceChildren(...dub.lines.filter(({ first, stop }) =>
-      stop / dub.rate > low - 1 && first / dub.rate < high + 1).map((line) => {
-      const block = document.createElement("button");
-      block.dataset.block = line.cue;
-      block.textContent = `${line.line} ${line.speaker || line.identity} ${line.words}`;
-      block.setAttribute("aria-label", `Line ${line.line}, its mouth ${line.edit.shift} ms later`);
-      if (line === chosen) block.setAttribute("aria-current", "true");
-      block.style.width = `${(line.stop - line.first) / dub.rate * scale}px`;
-      const place = (shift) => { block.style.left = `${(line.first / dub.rate - low + shift / 1000) * scale}px`; };
-      place(line.edit.shift);
-      let shift = line.edit.shift;
-      drag(block, (across) => {
-        shift = clamp(Math.round(line.edit.shift + across / scale * 1000), -LONGEST_SHIFT, LONGEST_SHIFT);
-        place(shift);
-        this.desk.tell("said", `the mouth ${shift} ms later`);
-      }, (moved) => { this.desk.choose(line); if (moved) this.desk.change(line, { shift }); });
-      block.addEventListener("click", () => this.desk.choose(line));
-      block.addEventListener("keydown", (event) => {
-        const step = { ArrowLeft: -10, ArrowRight: 10 }[event.key];
-        if (!step) return;
-        event.preventDefault();
-        this.desk.change(line, { shift: clamp(line.edit.shift + step, -LONGEST_SHIFT, LONGEST_SHIFT) });
-      });
-      return block;
-    }), ...this.#spans(low, scale));
-    find("lane").querySelector(`[data-block="${CSS.escape(held || "")}"]`)?.focus();
-  }
-
-  // Parts of the chosen line with the film's own mouth, and a handle at both ends of each.
-  #spans(low, scale) {
-    const { dub, line } = this.desk, { film_mouth: spans } = line.edit, begin = line.first / dub.rate - low;
-    return spans.flatMap((span, number) => {
-      const part = document.createElement("div");
-      part.className = "own";
-      const lay = ({ start, end }) => {
-        part.style.left = `${(begin + start) * scale}px`;
-        part.style.width = `${(end - start) * scale}px`;
-      };
-      lay(span);
-      const others = (one) => spans.flatMap((old, k) => (k === number ? one : old));
-      return [part, ...["start", "end"].map((side) => {
-        const handle = document.createElement("button"), [least, most] = side === "start"
-          ? [0, span.end - 1 / dub.rate] : [span.start + 1 / dub.rate, Math.max(line.seconds, span.end)];
-        const moved = (by) => ({ ...span, [side]: rounded(clamp(span[side] + by, least, most), 0.01) });
-        const place = (one) => { handle.style.left = `${(begin + one[side]) * scale}px`; };
-        let one = span;
-        handle.className = "edge";
-        handle.dataset.block = `${number} ${side}`;
-        handle.disabled = dub.fixed;
-        handle.setAttribute("aria-label", `Film's own mouth, ${side} at ${span[side]} s`);
-        place(span);
-        drag(handle, (across) => { one = moved(across / scale); place(one); lay(one); },
-          (did) => { if (did) this.desk.change(line, { film_mouth: others(one) }); });
-        handle.addEventListener("keydown", ({ key }) => {
-          const step = { ArrowLeft: -1, ArrowRight: 1 }[key];
-          if (step) this.desk.change(line, { film_mouth: others(moved(step / dub.rate)) });
-          if (key === "Delete" || key === "Backspace") this.desk.change(line, { film_mouth: others([]) });
-        });
-        return handle;
-      })];
-    });
-  }
-
   #curve(low, high) {
     const { dub, line, curves } = this.desk, lips = curves.lines[line.cue][find("measure").value];
-    const late = line.edit.shift / 1000 * dub.rate;
     const times = line.strengths.map((_, k) => (line.first + k + 0.5) / dub.rate);
-    const heard = lips?.heard || [];
+    const heard = lips?.["as spoken"] || [], own = lips?.[line.edit.style] || [];
     const shifted = (k) => {
-      const at = clamp(k - late, 0, heard.length - 1), floor = Math.floor(at);
-      return heard[floor] + (at - floor) * ((heard[floor + 1] ?? heard[floor]) - heard[floor]);
+      const at = clamp(line.moments[k] * dub.rate - 0.5, 0, heard.length - 1), floor = Math.floor(at);
+      return own[floor] + (at - floor) * ((own[floor + 1] ?? own[floor]) - own[floor]);
     };
     const wanted = heard.map((_, k) => lips.closed + line.strengths[k] * (shifted(k) - lips.closed));
-    const data = [times, heard, wanted, line.strengths];
+    const measured = line.strengths.map((_, k) => this.picture.measured(line.first + k)[find("measure").value] ?? null);
+    const data = [times, heard, wanted, line.strengths, measured];
     const size = { width: find("curve").clientWidth, height: 180 };
     if (!this.#plot) this.#plot = new uPlot(this.#options(size), data, find("curve"));
     else { this.#plot.setSize(size); this.#plot.setData(data, false); }
-    const top = Math.max(...heard, ...wanted, 0.1) * 1.1;
+    const top = Math.max(...heard, ...wanted, ...measured, 0.1) * 1.1;
     this.#plot.batch(() => {
       this.#plot.setScale("x", { min: low, max: high });
-      this.#plot.setScale("y", { min: 0, max: top });
-      this.#plot.setScale("s", { min: 0, max: MOST });
+      this.#plot.setScale("y", { min: -BELOW * top, max: top }); // a key at 0 covers no axis
+      this.#plot.setScale("s", { min: -BELOW * MOST, max: MOST });
     });
     this.#handles(line);
   }
@@ -197,10 +136,10 @@ export class Timeline {
       scales: { x: { time: false }, y: {}, s: {} },
       axes: [{ ...axis, size: 30, values: (_, ticks) => ticks.map((t) => `${t.toFixed(2)} s`) },
         { ...axis, label: "% of eye distance", labelSize: 20, size: AXIS - 20,
-          values: (_, ticks) => ticks.map((t) => (100 * t).toFixed(0)) },
+          values: (_, ticks) => ticks.map((t) => Number((100 * t).toFixed(1))) },
         { ...axis, scale: "s", side: 1, grid: { show: false }, label: "strength", labelSize: 20, size: AXIS - 20 }],
       series: [{}, series("heard", "heard", { dash: [2, 4] }), series("wanted", "wanted", { width: 3 }),
-        series("strength", "share", { scale: "s", dash: [8, 5] })],
+        series("strength", "share", { scale: "s", dash: [8, 5] }), series("measured", "good")],
       hooks: { init: [(plot) => {
         const now = document.createElement("div");
         now.className = "now";
@@ -217,8 +156,8 @@ export class Timeline {
 
   // A key at a moment of the dub.
   addKey(seconds, strength) {
-    const { dub, line } = this.desk;
-    const at = rounded(clamp(seconds - line.first / dub.rate - line.edit.shift / 1000, 0, line.seconds), 0.01);
+    const { line } = this.desk;
+    const at = rounded(clamp(heardAt(this.desk, line, seconds), 0, line.seconds), 0.01);
     const rest = line.edit.keys.filter((key) => Math.abs(key.at - at) > 0.005);
     this.#change(line, [...rest, { at, strength: clamp(strength, 0, MOST) }]);
   }
@@ -229,14 +168,13 @@ export class Timeline {
     const { dub } = this.desk, plot = this.#plot, { over } = plot;
     const held = document.activeElement?.dataset?.key;
     for (const old of over.querySelectorAll(".key")) old.remove();
-    const begin = line.first / dub.rate + line.edit.shift / 1000;
     line.edit.keys.forEach((key, number) => {
       const handle = document.createElement("button");
       handle.className = "key";
       handle.dataset.key = number;
       handle.disabled = dub.fixed;
       const place = ({ at, strength }) => {
-        handle.style.left = `${plot.valToPos(begin + at, "x")}px`;
+        handle.style.left = `${plot.valToPos(seen(this.desk, line, at), "x")}px`;
         handle.style.top = `${plot.valToPos(strength, "s")}px`;
         handle.setAttribute("aria-label", `Key at ${at} s, strength ${strength}`);
         handle.title = `${at} s: ${strength}`;
@@ -246,8 +184,8 @@ export class Timeline {
       const changed = (one) => this.#change(line, line.edit.keys.map((old, k) => k === number ? one : old));
       place(key);
       let one = key;
-      drag(handle, (across, down) => {
-        one = moved(plot.posToVal(plot.valToPos(begin + key.at, "x") + across, "x") - begin,
+      drag(this.desk, handle, (across, down) => {
+        one = moved(heardAt(this.desk, line, plot.posToVal(plot.valToPos(seen(this.desk, line, key.at), "x") + across, "x")),
           plot.posToVal(plot.valToPos(key.strength, "s") + down, "s"));
         place(one);
       }, (did) => { if (did) changed(one); });
@@ -262,21 +200,4 @@ export class Timeline {
     });
     over.querySelector(`[data-key="${held}"]`)?.focus();
   }
-}
-
-// Calls `moved(across, down)` in px while something is dragged, and `ended(whether it moved)`.
-function drag(tag, moved, ended) {
-  tag.addEventListener("pointerdown", (down) => {
-    if (down.button || tag.disabled) return;
-    tag.setPointerCapture(down.pointerId);
-    let far = false;
-    const move = (event) => {
-      const [across, below] = [event.clientX - down.clientX, event.clientY - down.clientY];
-      far ||= Math.hypot(across, below) > 2;
-      if (far) moved(across, below);
-    };
-    const end = () => { tag.removeEventListener("pointermove", move); ended(far); };
-    tag.addEventListener("pointermove", move);
-    tag.addEventListener("pointerup", end, { once: true });
-  });
 }

@@ -1,4 +1,4 @@
-"""The strength of a line's lips from frame to frame."""
+"""An edit from frame to frame: how strong the lips move, and which moment they speak."""
 
 from fractions import Fraction
 
@@ -45,3 +45,36 @@ def test_keys_are_moments_of_the_sound_which_a_shifted_mouth_follows() -> None:
     plain = Edit(keys=((0.505, 0.0),)).strengths(100, RATE)
     late = Edit(shift=80, keys=((0.505, 0.0),)).strengths(100, RATE)
     np.testing.assert_allclose(late[8:], plain[:-8])
+
+
+def test_a_moved_part_is_spoken_later_and_the_rest_comes_back_into_step() -> None:
+    plain = Edit().heard(300, RATE)
+    late = plain - Edit(moved=((1.0, 1.5, 100.0),)).heard(300, RATE)
+    np.testing.assert_allclose(late[(plain > 1.1) & (plain < 1.6)], 0.1)
+    # Twice its shift before it and behind it all is as it was, to the bit.
+    assert not late[(plain < 0.8) | (plain > 1.7)].any()
+    assert (late >= -1e-9).all()
+    assert np.abs(np.diff(late)).max() <= 0.01 + 1e-9  # no jump
+    early = plain - Edit(shift=40, moved=((1.0, 1.5, -100.0),)).heard(300, RATE)
+    np.testing.assert_allclose(early[(plain > 0.94) & (plain < 1.44)], 0.04 - 0.1)
+    np.testing.assert_allclose(early[(plain < 0.8) | (plain > 1.8)], 0.04)
+
+
+def test_parts_that_are_near_go_over_into_one_another() -> None:
+    moved = ((1.0, 1.2, 100.0), (1.3, 1.5, 40.0))
+    plain = Edit().heard(300, RATE)
+    late = plain - Edit(moved=moved).heard(300, RATE)
+    np.testing.assert_allclose(late[(plain > 1.1) & (plain < 1.3)], 0.1)
+    np.testing.assert_allclose(late[(plain > 1.34) & (plain < 1.54)], 0.04)
+    between = late[(plain > 1.3) & (plain < 1.34)]
+    assert (np.diff(between) < 0).all()
+
+
+def test_no_mouth_goes_back_whatever_is_moved() -> None:
+    random = np.random.default_rng(0)
+    for _ in range(200):
+        count = int(random.integers(1, 6))
+        at = np.sort(random.uniform(0, 3, 2 * count)).reshape(-1, 2)
+        moved = tuple((low, high, float(random.uniform(-500, 500))) for low, high in at)
+        heard = Edit(moved=moved).heard(400, RATE)
+        assert (np.diff(heard) >= -1e-9).all(), moved

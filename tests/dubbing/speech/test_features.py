@@ -69,7 +69,7 @@ def test_filters_cover_every_band_and_have_one_area() -> None:
 
 def test_windows_at_25_fps_are_the_steps_themselves() -> None:
     steps = np.arange(1, 101, dtype=np.float32)[:, None]
-    got = windows(steps, 50, Fraction(25))
+    got = windows(steps, (np.arange(50) + 0.5) / 25)
     assert got.shape == (50, 16, 1)
     # Frame i is centred on the edge between steps 2i and 2i+1.
     for i in (4, 20, 45):
@@ -82,18 +82,18 @@ def test_windows_at_25_fps_are_the_steps_themselves() -> None:
 def test_windows_are_centred_at_any_rate(rate: Fraction) -> None:
     seconds = (np.arange(500, dtype=np.float32)[:, None] + 0.5) / 50
     frames = int(10 * rate)
-    got = windows(seconds, frames, rate)[:, :, 0]
-    inner = slice(int(rate), frames - int(rate))
     middle = (np.arange(frames) + 0.5) / float(rate)
+    got = windows(seconds, middle)[:, :, 0]
+    inner = slice(int(rate), frames - int(rate))
     assert np.allclose(got.mean(1)[inner], middle[inner], atol=1e-4)
     assert np.allclose(np.diff(got, axis=1)[inner], 0.02, atol=1e-4)
 
 
 def test_windows_in_pieces() -> None:
     steps = np.random.default_rng(1).normal(size=(90, 3)).astype(np.float32)
-    rate = Fraction(30000, 1001)
-    whole = windows(steps, 53, rate)
-    assert np.array_equal(whole[20:40], windows(steps, 20, rate, first=20))
+    middle = (np.arange(53) + 0.5) / float(Fraction(30000, 1001))
+    whole = windows(steps, middle)
+    assert np.array_equal(whole[20:40], windows(steps, middle[20:40]))
 
 
 def test_unknown_name_lists_what_there_is() -> None:

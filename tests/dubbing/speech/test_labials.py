@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import resample_poly
 
-from dubbing.speech.labials import in_phones, labials, letters_of
+from dubbing.speech.labials import in_phones, labials, letters_of, words_in
 from dubbing.speech.phone_classes import CLASS_OF, CLASSES, SILENCE
 from dubbing.speech.voice_activity import SAMPLE_RATE, STEP_RATE
 
@@ -75,3 +75,32 @@ def test_labials_of_known_speech_are_found(voice: str, words: str) -> None:
     away = np.array([np.maximum(np.maximum(start - found, found - end), 0) for start, end in true])
     assert away.min(1).max() < 1 / STEP_RATE  # in each of them there is one, to a step
     assert away.min(0).max() < 0.04  # and nowhere else
+
+
+@pytest.mark.medium
+@pytest.mark.parametrize(
+    ("voice", "words"),
+    [
+        ("en-us", "My mother made apple pie and plum jam before the match."),
+        ("it", "Mia mamma - prepara sempre la pasta al pomodoro."),
+    ],
+)
+def test_words_of_known_speech_are_found(voice: str, words: str) -> None:
+    """True times are of sentences that grow by a word."""
+    from dubbing.workshop.synthetic.voice import synthesise
+
+    texts = [text for text in words.split() if text != "-"]
+    counts = [0]
+    for k in range(len(texts)):
+        said = synthesise(" ".join(texts[: k + 1]), voice)[2]
+        counts.append(sum(bool(phone.symbol.strip("_: ")) for phone in said))
+    samples, rate, phones = synthesise(" ".join(texts), voice)
+    spoken = [phone for phone in phones if phone.symbol.strip("_: ")]
+    sound = resample_poly(samples, SAMPLE_RATE, rate).astype(np.float32)
+    found = words_in(lambda: [sound], words)
+    assert [word.text for word in found] == texts
+    for word, first, stop in zip(found, counts, counts[1:], strict=False):
+        assert word.start == pytest.approx(spoken[first].start, abs=0.08), word
+        assert word.end == pytest.approx(spoken[stop - 1].end, abs=0.08), word
+    assert words_in(lambda: [np.zeros(0, np.float32)], words) == []
+    assert words_in(lambda: [sound], "- -") == []

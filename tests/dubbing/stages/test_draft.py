@@ -13,7 +13,7 @@ import torch
 from dfrf import presets
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.face.mouth.lip_curves import text_of
-from dubbing.identity.lip_scale import LipScale, moments
+from dubbing.identity.lip_scale import LipScale
 from dubbing.preparation.halved import HalvedClip
 from dubbing.script.timeline import Cue, Edit
 from dubbing.sound_to_lips.cue_speech import Speech
@@ -60,7 +60,7 @@ def test_an_edit_changes_its_own_frames_alone(half: HalfSize, tmp_path: Path) ->
     heard = half.lips(CUE, Edit(shift=80, strength=0))  # both count for nothing
     assert heard is not None
     assert heard.shape == (COUNT, 7)
-    times = moments(COUNT, Fraction(25))
+    times = Edit().heard(COUNT, Fraction(25))
     whole = drawn(half)
     assert whole[..., 3].max() > 200
     table = tmp_path / "heard.csv"
@@ -74,3 +74,22 @@ def test_an_edit_changes_its_own_frames_alone(half: HalfSize, tmp_path: Path) ->
     assert np.flatnonzero(changed).tolist() == [4, 5]
     apart = np.abs(drawn(half, keys=((0.22, 0.0),)) - whole).max((1, 2, 3)) > ROUNDED
     assert np.flatnonzero(apart).tolist() == [3, 4, 5, 6, 7]
+
+
+def test_a_moved_part_is_seen_as_a_shifted_line_is(half: HalfSize) -> None:
+    """The last frame's speech does not reach back to the first one, which is not in step yet."""
+    plain, shifted, moved = (
+        drawn(half, **edit)[-1]
+        for edit in ({}, {"shift": 40}, {"moved": ((0.0, COUNT / 25, 40.0),)})
+    )
+    assert np.abs(moved - shifted).max() <= ROUNDED
+    assert np.abs(moved - plain).max() > ROUNDED
+
+
+def test_a_style_is_seen(half: HalfSize) -> None:
+    plain, softer = (drawn(half, style=style) for style in ("as spoken", "softer"))
+    assert np.abs(softer - plain).max() > ROUNDED
+    soft, heard = (half.lips(CUE, Edit(style=style)) for style in ("softer", "as spoken"))
+    assert soft is not None
+    assert heard is not None
+    assert np.abs(np.diff(soft, axis=0)).mean() < 0.7 * np.abs(np.diff(heard, axis=0)).mean()

@@ -85,6 +85,8 @@ OF_ONE: list[tuple[str, Any, set[str]]] = [
     ("dubs.0.edits.keys", [{"at": 0.1, "strength": 0}], {"render"}),
     ("dubs.0.edits.curves", "curves.csv", {"render"}),
     ("dubs.0.edits.film_mouth", [{"start": 0.1, "end": 0.4}], {"composite"}),
+    ("dubs.0.edits.style", "softer", {"render"}),
+    ("dubs.0.edits.moved", [{"start": 0.1, "end": 0.3, "shift": 40}], {"render"}),
     ("dubs.0.edits.takes", {"late": {"shift": 40}}, set()),
     ("dubs.0.edits", {"take": "late", "takes": {"late": {"shift": 40}}}, {"render"}),
     (

@@ -1,13 +1,16 @@
 """A scene that can be drafted, with its film and its stages made once."""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests import fakes
 from tests.dubbing.batches import dub
-from tests.dubbing.studio.stand_in import write_scene
+from tests.dubbing.studio.browser import Browser, Page
+from tests.dubbing.studio.pages import opened
+from tests.dubbing.studio.stand_in import server, write_scene
 
 
 @pytest.fixture(scope="session")
@@ -25,3 +28,14 @@ def manifest(made: Path, tmp_path: Path) -> Path:
     """A copy of it, for one test."""
     shutil.copytree(made, tmp_path / "scene")
     return tmp_path / "scene" / "m.yaml"
+
+
+@pytest.fixture
+def address(manifest: Path) -> Iterator[str]:
+    with server(manifest) as found:
+        yield found
+
+
+@pytest.fixture
+def page(chromium: Browser, address: str) -> Page:
+    return opened(chromium, address)

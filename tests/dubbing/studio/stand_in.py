@@ -17,9 +17,11 @@ from PIL import Image
 from dubbing.cli.page_commands import listening
 from dubbing.manifest.manifest import load
 from dubbing.script.timeline import Cue, Edit
+from dubbing.speech import labials
 from dubbing.stages.draft import HalfSize
 from dubbing.studio import drafting
 from dubbing.studio.drafter import Drafter
+from dubbing.studio.film import Film
 from dubbing.studio.making import Making
 from dubbing.studio.project import Project
 from dubbing.studio.server import app_of
@@ -77,6 +79,11 @@ def rendered(self: HalfSize, cue: Cue, edit: Edit) -> Any:
     return read
 
 
+def measured(self: Film, number: int, image: np.ndarray) -> dict[str, float]:
+    """An opening that is the wider, the redder an image is."""
+    return {"opening": float(image[..., 0].mean()) / 1000, "width": 0.5}
+
+
 cue_rate: Any = 25
 
 
@@ -85,6 +92,8 @@ def serve(pipe: Connection, manifest: str, device: str) -> None:
     fakes.install(setattr)
     HalfSize._rendered = rendered  # type: ignore[method-assign]
     HalfSize.lips = lips  # type: ignore[method-assign]
+    Film.measured = measured  # type: ignore[method-assign]
+    labials.words_in = lambda blocks, words: [labials.Word("One", 0.12, 0.32)]
     drafting.closures_of = lambda cue, half: [0.12, 0.4]
     drafting.serve(pipe, manifest, device)
 

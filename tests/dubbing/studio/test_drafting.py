@@ -16,7 +16,7 @@ from dubbing.errors import RenderingError
 from dubbing.preparation.halved import HalvedClip
 from dubbing.studio import drafting, film, kept_film
 from dubbing.studio.drafting import Answer, Job
-from dubbing.studio.film import DRAFT, SOURCE, blocks
+from dubbing.studio.film import DRAFT, FILM, blocks
 from dubbing.studio.kept_film import KeptFilm
 from tests import clips, fakes
 
@@ -60,7 +60,7 @@ def pipe(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def test_a_draft_goes_before_the_film_which_goes_on_after_it(pipe: Any) -> None:
-    pipe.send(Job(1, "count", "film", {"kind": SOURCE}))
+    pipe.send(Job(1, "count", "film", {"kind": FILM}))
     assert pipe.recv() == Answer(1, 0)
     pipe.send(Job(2, "count", "draft", {"kind": DRAFT}))
     answers: list[Answer] = []

@@ -16,13 +16,15 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
+from dfrf.field.audio import NEIGHBOURS
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES
 from dubbing.errors import ExplainedError
 from dubbing.manifest.edits.edits_file import edits_file
 from dubbing.manifest.manifest import load
 from dubbing.script.timeline import Edit
 from dubbing.studio.drafter import Drafter
 from dubbing.studio.making import Making
-from dubbing.studio.project import Project
+from dubbing.studio.project import REACH, Project
 from dubbing.studio.server import Server, app_of
 from tests import clips
 from tests.dubbing.studio.stand_in import FRAMES, TOKEN, image, serve
@@ -313,10 +315,21 @@ def test_only_changed_frames_are_drawn_the_shown_one_first(client: TestClient) -
     assert np.abs(middle[0] - middle[1]).max() > 30
     save(client, {})
     assert frames(client, have=have) == {}
-    source = frames(client, kind="source")
-    assert image(source[0][1]).shape == image(before[0][1]).shape == (24, 32, 3)
+    film = frames(client, kind="film")
+    assert image(film[0][1]).shape == image(before[0][1]).shape == (24, 32, 3)
     # Beside the lines the draft is the film.
-    assert np.abs(image(source[30][1]).astype(float) - image(before[30][1])).max() < 3
+    assert np.abs(image(film[30][1]).astype(float) - image(before[30][1])).max() < 3
+
+
+def test_a_moved_part_is_drawn_again_as_far_as_its_speech_reaches(client: TestClient) -> None:
+    assert REACH >= NEIGHBOURS // 2 + CONTEXT_FRAMES
+    before = frames(client)
+    have = {str(k): mark for k, (mark, _) in before.items()}
+    save(client, {"moved": [{"start": 0.56, "end": 0.6, "shift": 20}]})
+    # From twice its shift before it on, to the end of the line.
+    assert sorted(frames(client, have=have)) == [*range(5 + 13 - REACH, 20)]
+    save(client, {"moved": [{"start": 0, "end": 9, "shift": 20}]})
+    assert sorted(frames(client, have=have)) == [*range(5, 20)]
 
 
 def test_a_process_that_ends_is_told_of_and_starts_again(manifest: Path) -> None:

@@ -98,6 +98,19 @@ def test_parts_of_a_line_are_left_to_the_film(folder: Path) -> None:
     assert edit.in_words() == "the film's own mouth from 0.1 to 0.2 s, 0.3 to 9 s"
 
 
+def test_a_line_has_a_style(folder: Path) -> None:
+    (_, edit) = edits(scene(folder, "{line: 3, style: softer, strength: 0.5}"))
+    assert edit == Edit(strength=0.5, style="softer")
+    assert edit.in_words() == "strength 0.5, softer"
+
+
+def test_parts_of_a_line_are_moved(folder: Path) -> None:
+    parts = "{start: 0.1, end: 0.2, shift: 40}, {start: 0.3, end: 0.4, shift: -60}"
+    (_, edit) = edits(scene(folder, f"{{line: 3, moved: [{parts}]}}"))
+    assert edit.moved == ((0.1, 0.2, 40.0), (0.3, 0.4, -60.0))
+    assert edit.in_words() == "0.1 to 0.2 s 40 ms later, 0.3 to 0.4 s 60 ms earlier"
+
+
 def test_the_chosen_take_counts(folder: Path) -> None:
     takes = "strength: 0.5, takes: {wide: {strength: 1.2, shift: 40}, shut: {strength: 0}}"
     (_, edit) = edits(scene(folder, f"{{line: 3, note: a, {takes}, take: wide}}"))
@@ -230,6 +243,15 @@ def test_of_several_who_speak_in_one_cue_the_speaker_is_named(folder: Path) -> N
             "{line: 3, film_mouth: [{start: 0.4, end: 0.2}]}",
             "edits.film_mouth",
             "ends at 0.2 s, and begins at 0.4 s",
+        ),
+        ("{line: 3, moved: [{start: 0.1, end: 0.2}]}", "edits.moved.shift", "is required"),
+        ("{line: 3, style: soft}", "edits.style", "must be one of 'as spoken', 'softer'"),
+        ("{line: 3, mvoed: []}", "edits.mvoed", "unknown key; did you mean 'moved'?"),
+        ("{line: 3, moved: [{start: 9, end: 10, shift: 9}]}", "edits.moved.start", "ends after"),
+        (
+            "{line: 3, moved: [{start: 0.3, end: 1, shift: 9}, {start: 0.1, end: 0.4, shift: 9}]}",
+            "edits.moved",
+            "the parts from 0.1 and from 0.3 s overlap",
         ),
         ("{line: 3, take: wid, takes: {wide: {}}}", "edits.take", "mean 'wide'?"),
         ("{line: 3, take: a, takes: {bc: {}, de: {}}}", "edits.take", "there is bc, de"),
