@@ -41,6 +41,7 @@ from dubbing.preparation.matting.masks import matte_step
 from dubbing.preparation.prepared import BACKGROUND, HEAD_RADIUS, MATTE, OVERLAY, PreparedClip
 from dubbing.preparation.steps import STEPS, Steps
 from dubbing.preparation.tracking import tracking
+from dubbing.preparation.tracking.cut_line import jaw_outline
 from dubbing.preparation.tracking.portraits import Portrait
 from dubbing.preparation.tracking.reach import views_of
 from dubbing.preparation.tracking.tracking import Arrays
@@ -157,9 +158,8 @@ def _cut_out(
         Crops, mattes and backgrounds for the contact sheet.
     """
     surveyed, landmarks, observed = tracked.surveyed, tracked.landmarks, tracked.observed
-    outline = tracking.jaw_outline(
-        landmarks, tracked.track["shape"], tracked.poses, observed, tracked.size
-    )
+    shape, poses = tracked.track["shape"], tracked.poses
+    outline = jaw_outline(landmarks, shape, poses, observed, tracked.size)
     visible = tracking.bridged(tracked.known, observed.rate)
     masks = open_images(steps.folder / PERSON), open_images(steps.folder / OPACITY)
     places = surveyed["window"], landmarks, outline, visible, surveyed["segment"]

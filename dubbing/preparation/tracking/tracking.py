@@ -14,10 +14,9 @@ import numpy as np
 
 from dubbing.engine.graph.stage import ReportShare
 from dubbing.errors import PreparationError
-from dubbing.face.face_contour import evenly, face_contour
 from dubbing.face.finding import chains
 from dubbing.face.finding.landmarks import FaceMesh, combine, nearest
-from dubbing.face.mesh_points import JAW, RIGID
+from dubbing.face.mesh_points import RIGID
 from dubbing.face.mouth.similarity import similarity
 from dubbing.media import MediaInfo, read_frames
 from dubbing.preparation.alignment.banded import second_difference_links
@@ -51,9 +50,6 @@ DETECTED, FOLLOWED = 0.3, 0.5  # shares of the work done when all faces are dete
 LEAST_FRAMES = 5
 BLENDED = np.radians(28.0)  # turn from which on detected landmarks do not count at all
 FRAMES_A_TERM = 25  # least number of frames for each term of a regression
-OUTLINE_POINTS = 96
-# From the ends of the jaw line to below the ear lobes, in units of 10 cm: out, down and back.
-LOBES = np.array([[-0.12, 0.1, 0.45], [0.12, 0.1, 0.45]])
 
 Arrays = dict[str, np.ndarray]
 
@@ -253,27 +249,6 @@ def undistorted(shapes: np.ndarray, rotation: np.ndarray) -> np.ndarray:
     terms = terms[:, : 1 + len(terms) // FRAMES_A_TERM]
     usual = terms @ np.linalg.lstsq(terms, shapes.reshape(len(shapes), -1), rcond=None)[0]
     return shapes - usual.reshape(shapes.shape)
-
-
-def jaw_outline(
-    landmarks: np.ndarray, shape: np.ndarray, poses: Poses, observed: Observations, size: int
-) -> np.ndarray:
-    """Line (T, K, 2) px from left to right along which the head is cut from the neck.
-
-    It is the lower part of the face's contour. At both ends a point under the ear lobe is added,
-    which FaceMesh does not have: it comes from the shape and the pose, so that it moves correctly
-    when the head nods. A lobe that the face hides is left out.
-    """
-    ends = shape[[JAW[0], JAW[-1]]]
-    lobes = project(to_camera(poses, ends + LOBES), observed.focal, observed.centre)
-    return np.stack([_cut(*pair, size) for pair in zip(landmarks, lobes, strict=True)])
-
-
-def _cut(landmarks: np.ndarray, lobes: np.ndarray, size: int) -> np.ndarray:
-    """The line (OUTLINE_POINTS, 2) px of one frame; lobes (2, 2) px, the left one first."""
-    contour = face_contour(landmarks, size)
-    left, right = ([] if contour.holds(lobe) else [lobe] for lobe in lobes)
-    return evenly(np.stack([*left, *contour.jaw(), *right]), OUTLINE_POINTS)
 
 
 def refine_step(
