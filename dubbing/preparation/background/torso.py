@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from dubbing.preparation.background.filling import pull_push
-from dubbing.preparation.background.pixels import chosen, known_median, rounded, spread
+from dubbing.preparation.background.pixels import chosen, extent, known_median, rounded, spread
 from dubbing.preparation.background.wall import halved
 from dubbing.preparation.matting.matting import GREY, REFERENCE_SIZE, dilate
 
@@ -30,6 +30,7 @@ CLOTHES_PX = 90.0  # round the head within which clothes are tracked: beyond, th
 LEAST_SEEN = 0.3  # share of the frames in which a point must be visible,
 AGREED_SEEN, AGREED = 0.1, 8.0  # or this one, if they differ by fewer grey levels in the median
 LEAST_FOUND = 0.9  # share of the frames in which the torso must be tracked
+BESIDE = 32.0  # px round the filled part within which torso and frame are compared
 EVEN = 4.0  # px along which the upper end of the filled part is smoothed
 
 
@@ -76,17 +77,20 @@ class Torso:
             motion: (2, 3) that aligns the torso to the image.
             box: rows and columns of the part, which holds all of the region.
         """
-        part, left = image[box].copy(), region[box]
-        moved = _shifted(motion, box)
-        visible, share = self._seen(moved, left.shape)
-        here = reached(left, visible, len(image) / REFERENCE_SIZE)
+        part, left, unit = image[box].copy(), region[box], len(image) / REFERENCE_SIZE
+        visible, share = self._seen(_shifted(motion, box), left.shape)
+        here = reached(left, visible, unit)
         if here.any():
-            colour = cv2.warpAffine(self.colour, moved, left.shape[::-1], flags=cv2.INTER_CUBIC)
-            apart = part.astype(np.float32) - colour
+            inner = extent(here, round(BESIDE * unit))
+            film = part[inner]
+            there = _shifted(_shifted(motion, box), inner)
+            side = film.shape[1::-1]
+            colour = cv2.warpAffine(self.colour, there, side, flags=cv2.INTER_CUBIC)
             # What is apart beside the mask goes on in it: the light of the frame, and no seam.
-            colour = colour + pull_push(apart, ~left & visible & (share > PERSON))
-            filled = wall + spread(share) * (colour - wall)
-            part = chosen(here, rounded(filled), part)
+            beside = (~left & visible & (share > PERSON))[inner]
+            colour = colour + pull_push(cv2.subtract(film, colour, dtype=cv2.CV_32F), beside)
+            filled = wall[inner] + spread(share[inner]) * (colour - wall[inner])
+            part[inner] = chosen(here[inner], rounded(filled), film)
         return part, left & ~here
 
     def _seen(self, motion: np.ndarray, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -207,14 +211,15 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
         views.append(cv2.warpAffine(clear.astype(np.float32), back, (size, size)) > 0.99)
     if len(views) < LEAST_FOUND * len(images):
         return None
-    visible, seen = np.stack(views), np.stack(colours)
-    colour = known_median(seen, visible)
-    apart = known_median(np.abs(seen - colour).max(3, keepdims=True), visible)[..., 0]
+    visible = np.stack(views)
+    colour = rounded(known_median(np.stack(colours), visible))
+    alike = [cv2.absdiff(one, colour).max(2) < AGREED for one in colours]
     often = visible.mean(0)
+    agreed = (visible & alike).mean(0) >= often / 2
     return Torso(
-        colour=rounded(colour),
+        colour=colour,
         share=known_median(np.stack(shares)[..., None], visible)[..., 0] / 255,
-        visible=(often >= LEAST_SEEN) | ((often >= AGREED_SEEN) & (apart < AGREED)),
+        visible=(often >= LEAST_SEEN) | ((often >= AGREED_SEEN) & agreed),
         reference=halved(reference),
         corners=(corners - np.float32(0.5)) / 2,
     )

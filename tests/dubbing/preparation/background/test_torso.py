@@ -45,6 +45,36 @@ def test_what_one_jaw_covers_is_taken_from_frames_that_show_it() -> None:
         assert np.abs(filled[new].astype(int) - clean[new]).mean() < 6
 
 
+def test_what_few_frames_show_counts_where_they_agree() -> None:
+    """Two of twelve show the chest higher up; where their colours differ, nobody knows it."""
+    frames = [frame(2 * np.sin(k), 115 if k in (3, 8) else 170) for k in range(12)]
+    images, _, person, masks = (np.stack([f[k] for f in frames]) for k in range(4))
+    images[8, 120:160, 130:190] = 250
+    found = torso(images, person, masks)
+    assert found is not None
+    assert found.visible[130:155, 80:120].mean() > 0.9
+    assert found.visible[130:155, 140:180].mean() < 0.1
+
+
+def test_light_beside_the_mask_goes_on_in_it_without_a_seam() -> None:
+    assert FOUND is not None
+    image, clean, _, inpaint_mask = FRAMES[2]
+    # A shadow that falls from the right, deepest at the mask's lower end.
+    row, column = np.mgrid[:SIZE, :SIZE]
+    shadow = 1 - 0.4 * np.exp(-((row - 170) ** 2) / 1800) * np.clip((column - 60) / 140, 0, 1)
+    darker, truth = (np.rint(one * shadow[..., None]).astype(np.uint8) for one in (image, clean))
+    motion = FOUND.motion(image)
+    assert motion is not None
+    box = slice(4, 250), slice(60, 200)
+    wall = np.full((246, 140, 3), 90, np.float32)
+    part, left = FOUND.fill(darker, inpaint_mask, wall, motion, box)
+    new = (inpaint_mask[box] & ~left)[:, 60:]  # where the shadow is
+    lower = new & (row[box][:, 60:] > 155)
+    assert lower.sum() > 300
+    apart = part[:, 60:].astype(int) - truth[box][:, 60:]
+    assert np.abs(apart[lower].mean(0)).max() < 5
+
+
 def test_motion_is_found_and_a_blank_is_not_followed() -> None:
     assert FOUND is not None
     moved = np.roll(FRAMES[6][0], (3, -5), (0, 1))
