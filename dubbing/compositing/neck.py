@@ -8,7 +8,7 @@ crop.
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, grey_opening
 
 from dubbing.compositing.face_mask import jaw_share
 from dubbing.face.face_contour import FaceContour
@@ -20,6 +20,7 @@ MAX_NECK_PX = 40.0  # of neck that are stretched
 SKIN = 0.05  # how much lower a neck's share of red may be than the face's; a collar's is lower
 DARK = 0.3  # share of the face's light below which nothing is neck: the gap under a collar
 TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
+NARROW = 10.0  # px: fewer columns beside one another are no neck
 UNDER = 12.0  # px that the neck extends under the edge of the head
 
 
@@ -52,6 +53,7 @@ def with_neck(
     jaw = jaw_share(contour, np.arctan2(y, x)) * (low > high) * (high > 0)
     room = room_below(image, low, jaw > 0)
     share = jaw * np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
+    share = grey_opening(share, max(2, round(NARROW * unit)))
     if not share.any():
         return background, np.zeros((size, size), bool)
     end = low + room

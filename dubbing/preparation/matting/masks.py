@@ -43,7 +43,7 @@ from dubbing.preparation.matting.matting import (
 
 INPUT_SIDE = 256  # px, side of the network's input
 MOST_UNSURE = 0.8  # of a jaw line of a turned head; that of a bearded one says nothing
-TIPS = 6.0  # px at 512: single hairs reach below the edge of a beard, and would be left behind
+TIPS = 9.0  # px at 512: single hairs reach below the edge of a beard, and would be left behind
 BATCH = 4  # images at once: more do not fit a core's cache
 
 
@@ -115,7 +115,7 @@ def jaw_lines(clip: TrackedCrops, progress: ReportShare) -> np.ndarray:
     for shot in np.unique(clip.segment[unsure > 0]):
         index = clip.segment == shot
         found[index] = expect_as_around(found[index], unsure[index])
-    tips = every * TIPS * clip.size / REFERENCE_SIZE
+    tips = unsure * TIPS * clip.size / REFERENCE_SIZE
     offsets = edge_offsets(found, clip.size) + tips[:, None]
     smooth = smooth_offsets(offsets, clip.segment)
     return np.stack([moved(*pair) for pair in zip(clip.outline, smooth, strict=True)])

@@ -103,6 +103,16 @@ def test_beside_the_neck_the_wall_stays() -> None:
     assert np.mean(skin[uncovered] < 45) > 0.95  # as dark as the line in the neck
 
 
+def test_a_narrow_strip_of_skin_is_no_neck() -> None:
+    """As a strand of hair or the edge of a hand has its colour: a line would show up to the jaw."""
+    image, background, matte, contour = scene(collar=FILM + 4)
+    image[S // 2 + FILM :, S // 2 + 2 : S // 2 + 6] = SKIN
+    made, where = with_neck(image, background, matte, disc(90), contour)
+    below = slice(S // 2 - 60, S // 2 + 60)
+    np.testing.assert_array_equal(made[:, below], background[:, below])
+    assert not where[:, below].any()
+
+
 def test_the_lower_end_of_a_head_is_found_between_pixels() -> None:
     found = bottom(disc(77.5))
     across = np.abs(np.arange(S) - S / 2) < 60
