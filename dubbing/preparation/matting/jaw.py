@@ -23,8 +23,9 @@ OFFSETS = np.arange(-5.0, 80.0 + SPACING / 2, SPACING)  # px along a normal
 SHAVEN = 36  # of them are looked at where nobody has a beard: up to 30 px
 # px: expected distance of the edge from FaceMesh's line, the last one of a beard or a turned head.
 ABOVE, BELOW, FAR_BELOW = 2.5, 14.0, 35.0
-# From where to where between the ears, from their middle, the nose of a turned head lies.
-TURNED = (0.21, 0.41)
+# Distances of the nose from the middle between the ears, as shares of theirs: 25 and 35 degrees,
+# 40 and 60.
+TURNED, PROFILE = (0.21, 0.41), (1.0, 2.0)
 LIKE_BEARD = 0.25  # reward of a px that looks like the beard, cost of one that looks like skin
 STEP = 5  # px on either side whose means are compared
 CLEAR = 60.0  # grey levels: a step of this height is worth half of MAX_REWARD
@@ -91,15 +92,15 @@ def edge_costs(
     return cost.astype(np.float32)  # of a film of an hour they are many
 
 
-def turned_share(landmarks: np.ndarray) -> float:
-    """How far a head with landmarks (478, 2) is turned: 0 up to some 25 degrees, 1 from 40 on.
+def turned_share(landmarks: np.ndarray, least_most: tuple[float, float] = TURNED) -> float:
+    """How far a head with landmarks (478, 2) is turned: 0 up to the least of two, 1 from the most.
 
     The jaw of a turned head is that of a mean face, and may be far off.
     """
     left, right, nose = landmarks[[LEFT_EAR, RIGHT_EAR, NOSE_TIP]]
     across = right - left
     place = float((nose - left) @ across / max(float(across @ across), 1e-6))
-    return float(np.interp(abs(place - 0.5), TURNED, (0, 1)))
+    return float(np.interp(abs(place - 0.5), least_most, (0, 1)))
 
 
 def edge_offsets(costs: np.ndarray, size: int) -> np.ndarray:

@@ -25,6 +25,7 @@ from dubbing.preparation.crops.tracked_crops import OPACITY, PERSON, TrackedCrop
 from dubbing.preparation.matting.beard import FRAMES, JawColours, beard_share, jaw_colours
 from dubbing.preparation.matting.jaw import (
     POINTS,
+    PROFILE,
     edge_costs,
     edge_offsets,
     expect_as_around,
@@ -43,7 +44,9 @@ from dubbing.preparation.matting.matting import (
 
 INPUT_SIDE = 256  # px, side of the network's input
 MOST_UNSURE = 0.8  # of a jaw line of a turned head; that of a bearded one says nothing
-TIPS = 9.0  # px at 512: single hairs reach below the edge of a beard, and would be left behind
+# px at 512: single hairs reach below the edge of a beard, and would be left behind, as would some
+# of the jaw of a profile.
+TIPS = 9.0
 BATCH = 4  # images at once: more do not fit a core's cache
 
 
@@ -115,7 +118,8 @@ def jaw_lines(clip: TrackedCrops, progress: ReportShare) -> np.ndarray:
     for shot in np.unique(clip.segment[unsure > 0]):
         index = clip.segment == shot
         found[index] = expect_as_around(found[index], unsure[index])
-    tips = unsure * TIPS * clip.size / REFERENCE_SIZE
+    below = np.maximum(every, [turned_share(points, PROFILE) for points in clip.landmarks])
+    tips = below * TIPS * clip.size / REFERENCE_SIZE
     offsets = edge_offsets(found, clip.size) + tips[:, None]
     smooth = smooth_offsets(offsets, clip.segment)
     return np.stack([moved(*pair) for pair in zip(clip.outline, smooth, strict=True)])

@@ -5,6 +5,7 @@ import numpy as np
 from dubbing.face.mesh_points import LEFT_EAR, NOSE_TIP, RIGHT_EAR
 from dubbing.preparation.matting.jaw import (
     POINTS,
+    PROFILE,
     edge_costs,
     edge_offsets,
     moved,
@@ -127,11 +128,14 @@ def test_how_far_a_head_is_turned_shows_between_its_ears() -> None:
     points = np.zeros((478, 2))
     points[[LEFT_EAR, RIGHT_EAR]] = (100, 200), (300, 220)
     shares = []
-    for place in (0.5, 0.4, 0.8, 0.95, 1.1):
+    for place in (0.5, 0.4, 0.8, 0.95, 2.5):
         points[NOSE_TIP] = (100 + 200 * place, 260)
         shares.append(turned_share(points))
     assert shares[:2] == [0, 0]
     assert 0 < shares[2] < shares[3] == shares[4] == 1
+    assert turned_share(points, PROFILE) == 1
+    points[NOSE_TIP] = (280, 260)
+    assert turned_share(points, PROFILE) == 0
 
 
 def test_offsets_are_smooth_in_time_but_not_across_a_cut() -> None:
