@@ -18,8 +18,9 @@ SMOOTH = 1.5  # px, standard deviation: along the outlines
 BELOW = 4.0  # px from the outline of the film's jaw to where none of it shows
 MAX_NECK_PX = 40.0  # of neck that are stretched
 SKIN = 0.05  # how much lower a neck's share of red may be than the face's; a collar's is lower
-DARK = 0.3  # share of the face's light below which nothing is neck: the gap under a collar
+DARK = 0.45  # share of the face's light below which nothing is neck: the gap under a collar
 TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
+EDGE = 3.0  # px of neck that the edge of a collar shades
 NARROW = 10.0  # px: fewer columns beside one another are no neck
 UNDER = 12.0  # px that the neck extends under the edge of the head
 
@@ -98,7 +99,7 @@ def room_below(image: np.ndarray, low: np.ndarray, jaw: np.ndarray) -> np.ndarra
         return np.zeros(size)
     other = (red < np.median(red[face]) - SKIN) | (light < DARK * np.median(light[face]))
     other &= row >= low
-    first = np.where(other.any(0), other.argmax(0), size) - low
+    first = np.where(other.any(0), other.argmax(0) - EDGE * unit, size) - low
     return np.clip(first, 0, MAX_NECK_PX * unit)
 
 
