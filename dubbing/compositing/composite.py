@@ -15,10 +15,15 @@ from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 from dubbing.preparation.prepared import FilmFrame
 
-FLOOR = 6  # of 255: a lower opacity is haze, not head
 OPEN_JAW_PX = 30  # beyond the inpaint mask where an open jaw may lie; it fades over as much again
 INPAINT = 3  # px round letters from which the neck behind them is inpainted
 HALF, OPAQUE = 128, 250  # of 255
+# A learned head's edge is wider than a film's: opacities are this many times as far from the
+# middle. Truth: chins have .75 of a film's gradient energy without, .9 with it, 1.0 with 2.5.
+CRISP = 1.6
+OPACITIES = np.arange(256, dtype=np.float32)
+# What each is multiplied by; 0 up to 48: that is haze, no head.
+CRISPER = np.clip(HALF + CRISP * (OPACITIES - HALF), 0, 255) / np.maximum(OPACITIES, 1)
 FEATHER = 6  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
@@ -91,7 +96,7 @@ def blend(image: np.ndarray, over: np.ndarray, mask: np.ndarray) -> np.ndarray:
 
 
 def without_haze(head: np.ndarray, restored: np.ndarray, reach: float) -> np.ndarray:
-    """A head (S, S, 4) without haze, and without floaters far from the inpaint mask.
+    """A head (S, S, 4) without haze, with crisp edges, and without floaters far from its place.
 
     Args:
         reach: px from the inpaint mask at which opacity starts to fade; it is 0 at twice that.
@@ -100,9 +105,9 @@ def without_haze(head: np.ndarray, restored: np.ndarray, reach: float) -> np.nda
     if not restored.any():
         away = np.zeros_like(away)
     out = np.zeros_like(head)
-    part = extent(head[..., 3] >= FLOOR)
-    keep = np.clip(2 - away[part] / max(reach, 1.0), 0, 1)
-    keep[head[part][..., 3] < FLOOR] = 0
+    crisper = CRISPER[head[..., 3]]
+    part = extent(crisper > 0)
+    keep = np.clip(2 - away[part] / max(reach, 1.0), 0, 1) * crisper[part]
     out[part] = (head[part] * keep[..., None]).round()
     return out
 
