@@ -57,19 +57,25 @@ def with_neck(
     share = grey_opening(share, max(2, round(NARROW * unit)))
     if not share.any():
         return background, np.zeros((size, size), bool)
-    end = low + room
-    row = np.arange(size, dtype=np.float32)[:, None]
+    end, inner = low + room, high - UNDER * unit
+    columns = slice(*np.flatnonzero(share)[[0, -1]] + [0, 1])
+    some = share > 0
+    rows = slice(max(0, int(inner[some].min())), min(size, int(end[some].max()) + 1))
+    row = np.arange(rows.start, rows.stop, dtype=np.float32)[:, None]
     source = end - (end - row) * room / np.maximum(end - high, unit)
     neck = cv2.remap(
         image,
-        np.broadcast_to(column.astype(np.float32), (size, size)),
-        np.maximum(source, low).astype(np.float32),
+        np.broadcast_to(column.astype(np.float32), source.shape)[:, columns],
+        np.maximum(source, low).astype(np.float32)[:, columns],
         cv2.INTER_CUBIC,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    weight = share * ((row < end) & (row > high - UNDER * unit))
-    out = background + weight[..., None] * (neck.astype(np.float32) - background)
-    return out.round().astype(np.uint8), weight > 0
+    weight = (share * ((row < end) & (row > inner)))[:, columns]
+    below = background[rows, columns]
+    out, changed = background.copy(), np.zeros((size, size), bool)
+    blended = below + weight[..., None] * (neck.astype(np.float32) - below)
+    out[rows, columns], changed[rows, columns] = blended.round(), weight > 0
+    return out, changed
 
 
 def bottom(head: np.ndarray) -> np.ndarray:

@@ -30,7 +30,7 @@ class Wanted(BaseModel):
 
     @staticmethod
     def of(given: dict[str, Any], length: int) -> Wanted:
-        """What a request of frames of a dub of so many says.
+        """The frames that a request asks for, of a dub of so many.
 
         Raises:
             HTTPException: it is none.

@@ -1,4 +1,4 @@
-"""What was seen of faces in frames of a video, kept in a file by all that each frame's depend on.
+"""Faces seen in frames of a video, kept in a file by all that each frame's depend on.
 
 P = 478 points of the face mesh, R rows and C columns of a crop.
 """

@@ -21,7 +21,7 @@ MARKED_SECONDS = 20  # of the finished file that are searched for its mark, at m
 def found_before(
     last: Path | None, taken: set[int], first: int, rate: Fraction
 ) -> dict[str, Any] | None:
-    """What `found_again` said of the last result, if it looked at segments that were taken alone.
+    """The last answer of `found_again`, if it looked at segments that were taken alone.
 
     Args:
         last: see `make`. taken: numbers of the frames in segments that were taken.

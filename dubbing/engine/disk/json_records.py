@@ -51,5 +51,5 @@ def parse(
 
 @lru_cache
 def adapter(shape: Any) -> TypeAdapter[Any]:
-    """What reads and writes data of a shape, as pydantic checks it."""
+    """Reads and writes data of a shape, as pydantic checks it."""
     return TypeAdapter(shape)

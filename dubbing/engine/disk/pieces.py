@@ -54,7 +54,7 @@ class Pieces:
 
 
 def digests_of(folder: Path, name: str) -> list[str]:
-    """What the parts of a piece in a folder are made of, as digests; none where it has no note."""
+    """Digests of all that the parts of a piece in a folder are made of; none without a note."""
     with suppress(ExplainedError):
         return json_records.read(_note(folder, name), list[str], "digests")
     return []

@@ -1,4 +1,4 @@
-"""What was found out about files, and holds as long as they do not change."""
+"""Keeps findings about files for as long as these do not change."""
 
 import atexit
 import functools
@@ -33,7 +33,7 @@ class Kept(TypedDict):
 
 @dataclass
 class Findings:
-    """What is known of files beyond this process; None: nothing is kept."""
+    """Findings about files beyond this process; None: nothing is kept."""
 
     known: Known | None = None
 

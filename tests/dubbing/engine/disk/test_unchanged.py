@@ -1,4 +1,4 @@
-"""What was found out about a file holds until it changes, in later processes as well."""
+"""Findings about a file hold until it changes, in later processes as well."""
 
 import json
 import os
@@ -34,7 +34,7 @@ def text(tmp_path: Path) -> Path:
 
 
 def look(kept: Path, text: Path, version: str = "1", settled: float = 0) -> list[str]:
-    """What a process says that looks into the text; it trusts files of so many seconds."""
+    """The output of a process that looks into the text; it trusts files of so many seconds."""
     command = [sys.executable, "-c", LOOK, str(kept), version, str(text), str(settled)]
     return subprocess.check_output(command, text=True).split()
 
