@@ -16,9 +16,8 @@ from dubbing.preparation.matting.jaw import (
     moved,
     normals,
 )
+from tests.dubbing.preparation.matting.test_jaw import LINE, SIZE, jaw_row
 
-SIZE = 512
-LINE = np.stack((np.linspace(120, 392, 17), 300 + 80 * np.sin(np.linspace(0, np.pi, 17))), 1)
 MIDDLE = slice(POINTS // 3, 2 * POINTS // 3)
 SKIN_COLOUR, BEARD, SHIRT = (205, 160, 135), (60, 45, 35), (40, 60, 110)
 PERSON = np.full((SIZE, SIZE), 255, np.uint8)
@@ -35,10 +34,10 @@ def picture(length: float, shade: float = 1.0, seed: int = 0) -> np.ndarray:
     """A beard so many px below the jaw line, hairs of many lengths; a neck in the shade; a shirt.
 
     Args:
-        length: None of the face is beard at 0.
+        length: of the beard; 0: there is none.
     """
     row, column = np.mgrid[:SIZE, :SIZE].astype(float)
-    line = 300 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi)
+    line = jaw_row(column)
     rng = np.random.default_rng(seed)
     image = np.empty((SIZE, SIZE, 3))
     image[:] = SKIN_COLOUR
@@ -69,7 +68,7 @@ def offsets(image: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("shade", [1.0, 0.55])
 def test_the_edge_lies_where_the_beard_ends(length: int, shade: float) -> None:
     line = moved(LINE, offsets(picture(length, shade)))[MIDDLE]
-    truth = 300 + 80 * np.sin((line[:, 0] - 120) / 272 * np.pi) + length
+    truth = jaw_row(line[:, 0]) + length
     assert np.abs(line[:, 1] - truth).max() < 6
 
 
@@ -96,7 +95,7 @@ def test_a_frame_that_shows_no_edge_takes_the_length_of_the_others() -> None:
     """As where a beard hangs over a shirt of its colour."""
     images = [picture(45, seed=seed) for seed in range(5)]
     row, column = np.mgrid[:SIZE, :SIZE].astype(float)
-    line = 300 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi)
+    line = jaw_row(column)
     images[-1][row > line + 30] = BEARD
     found = [colours(image) for image in images]
     assert beard_share(found) == 1

@@ -16,14 +16,21 @@ from dubbing.preparation.matting.jaw import (
 )
 
 SIZE = 512
-LINE = np.stack((np.linspace(120, 392, 17), 300 + 80 * np.sin(np.linspace(0, np.pi, 17))), 1)
+
+
+def jaw_row(column: np.ndarray) -> np.ndarray:
+    """Rows of the jaw at columns."""
+    return np.asarray(300 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi))
+
+
+LINE = np.stack((np.linspace(120, 392, 17), jaw_row(np.linspace(120, 392, 17))), 1)
 MIDDLE = slice(POINTS // 4, 3 * POINTS // 4)
 
 
 def picture(below: float, collar: int | None = None) -> np.ndarray:
     """Skin down to so many px below the line, then darker neck, then a white collar at a row."""
     row, column = np.mgrid[:SIZE, :SIZE].astype(float)
-    edge = 300 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi) + below
+    edge = jaw_row(column) + below
     image = np.full((SIZE, SIZE, 3), 190, np.uint8)
     image[row > edge] = 130
     if collar is not None:
@@ -45,7 +52,7 @@ def test_the_edge_is_found_where_it_is() -> None:
     for below in (0.0, 3.0, 6.0, 15.0):
         offset = offsets_in(picture(below), LINE)
         line = moved(LINE, offset)[MIDDLE]
-        truth = 300 + 80 * np.sin((line[:, 0] - 120) / 272 * np.pi) + below
+        truth = jaw_row(line[:, 0]) + below
         assert np.abs(line[:, 1] - truth).max() < 1.6
 
 
@@ -53,11 +60,11 @@ def test_a_chin_before_the_wall_ends_where_the_person_does() -> None:
     """As in a profile: nothing but the mask tells the chin from a wall of its colour."""
     image = np.full((SIZE, SIZE, 3), 190, np.uint8)
     row, column = np.mgrid[:SIZE, :SIZE].astype(float)
-    edge = 318 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi)
+    edge = jaw_row(column) + 18
     chin = np.where((row < edge) | (column < 200), 255, 0).astype(np.uint8)  # and a neck
     line = moved(LINE, offsets_of(image, chin, LINE))
     there = line[(line[:, 0] > 240) & (line[:, 0] < 330)]
-    truth = 318 + 80 * np.sin((there[:, 0] - 120) / 272 * np.pi)
+    truth = jaw_row(there[:, 0]) + 18
     assert np.abs(there[:, 1] - truth).max() < 2.5
     neck = offsets_of(image, chin, LINE)[: POINTS // 5]
     assert np.abs(neck).max() < 2.5
@@ -65,7 +72,7 @@ def test_a_chin_before_the_wall_ends_where_the_person_does() -> None:
 
 def test_the_shading_of_a_profile_is_no_edge_but_that_of_a_neck_is() -> None:
     row, column = np.mgrid[:SIZE, :SIZE].astype(float)
-    line = 300 + 80 * np.sin(np.clip((column - 120) / 272, 0, 1) * np.pi)
+    line = jaw_row(column)
     shade = np.clip(190 - 5 * np.maximum(row - line, 0), 90, None)
     image = np.repeat(shade[..., None], 3, 2).astype(np.uint8)
     middle = slice(POINTS // 2 - 5, POINTS // 2 + 5)
