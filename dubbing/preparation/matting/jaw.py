@@ -119,9 +119,10 @@ def expect_as_around(costs: np.ndarray, unsure: np.ndarray) -> np.ndarray:
     Args:
         costs: of the same shape. unsure: (T,) 0..1, how little FaceMesh's line says of the edge.
     """
-    found = percentile_filter(
-        edge_offsets(costs, REFERENCE_SIZE), USUAL, (2 * AROUND + 1, 1), mode="reflect"
-    )
+    # scipy's own reflection reads outside of arrays much shorter than the window.
+    around = ((AROUND, AROUND), (0, 0))
+    found = np.pad(edge_offsets(costs, REFERENCE_SIZE), around, mode="symmetric")
+    found = percentile_filter(found, USUAL, (2 * AROUND + 1, 1))[AROUND : len(found) - AROUND]
     usual = gaussian_filter1d(found.astype(float), SMOOTH_POINTS, axis=1, mode="nearest")
     offsets = OFFSETS[: costs.shape[2]]
     nearer = ((offsets - usual[..., None]) / SPREAD) ** 2 - (offsets / FAR_BELOW) ** 2
