@@ -20,6 +20,9 @@ LEAST = 150  # px that must be compared
 OPAQUE = 250  # of 255
 TELLING = 0.2  # share of a film's detail that is no noise: with less, noise hides its focus
 SHARPER = 0.9  # share of the render's detail: a film that has more is as sharp
+IN_FOCUS = 1.0  # px: edges of a film in focus
+EDGE, SHARPEST, LEAST_EDGE = 40, 10, 30  # levels of an edge, percentile of widths, px of edges
+AROUND = np.ones((9, 9), np.uint8)  # px in which an edge rises
 NOISE_SEED = 20240607
 QUIET = 0.3  # levels: a film with less noise has none
 
@@ -53,6 +56,29 @@ def in_focus(
         return np.asarray(cv2.filter2D(head, -1, line(share * motion)))
     left = [detail(blurred(grey[1], sigma), here) for sigma in SIGMAS]
     return blurred(head, between(np.array(left), SIGMAS, wanted))
+
+
+def edge_width(image: np.ndarray, where: np.ndarray) -> float:
+    """How blurred the sharpest edges of a film are: sigma of a Gaussian, px, `IN_FOCUS` at least.
+
+    An edge of height h, blurred so, has a slope of h / (sigma sqrt(2 pi)). Measuring it blurs by
+    .8 px: where the film is blurred by s, up to 2 px, sigma is sqrt(s^2 + .8^2).
+
+    Args:
+        image: (S, S, 3) uint8. where: (S, S) bool, the edges that are looked at.
+    """
+    if not where.any():
+        return IN_FOCUS
+    part = extent(where)
+    grey = cv2.GaussianBlur(luma(image[part]), (0, 0), 0.6)
+    slope = np.hypot(*(cv2.Sobel(grey, cv2.CV_32F, *way, scale=1 / 8) for way in ((1, 0), (0, 1))))
+    height = cv2.dilate(grey, AROUND) - cv2.erode(grey, AROUND)
+    steepest = slope >= cv2.dilate(slope, np.ones((3, 3), np.uint8))
+    found = where[part] & steepest & (height > EDGE)
+    if found.sum() < LEAST_EDGE:
+        return IN_FOCUS
+    widths = height[found] / slope[found] / np.sqrt(2 * np.pi)
+    return max(IN_FOCUS, float(np.percentile(widths, SHARPEST)))
 
 
 def with_noise(
