@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from dubbing.compositing.face_mask import face_mask, skull_share
-from dubbing.compositing.film_look import edge_width, in_focus
+from dubbing.compositing.film_look import in_focus, with_edges_of
 from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import with_neck
 from dubbing.face.face_contour import face_contour
@@ -18,9 +18,12 @@ from dubbing.preparation.prepared import FilmFrame
 OPEN_JAW_PX = 30  # beyond the inpaint mask where an open jaw may lie; it fades over as much again
 INPAINT = 3  # px round letters from which the neck behind them is inpainted
 HALF, OPAQUE = 128, 250  # of 255
-LEARNED_EDGE = 1.6  # px, as of `edge_width`: a learned head's edge is wider than a film's in focus
-HAZE = 12  # of 255: less opacity is no head
+# A learned head's edge is wider than a film's: opacities are this many times as far from the
+# middle. Truth: chins have .75 of a film's gradient energy without, .9 with it, 1.0 with 2.5.
+CRISP = 1.6
 OPACITIES = np.arange(256, dtype=np.float32)
+# What each is multiplied by; 0 up to 48: that is haze, no head.
+CRISPER = np.clip(HALF + CRISP * (OPACITIES - HALF), 0, 255) / np.maximum(OPACITIES, 1)
 FEATHER = 6  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
@@ -36,8 +39,7 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     size = len(image)
     restored = film.restored
     bare = np.ones((size, size), bool) if film.overlay is None else film.overlay == 0
-    crisp = max(1.0, LEARNED_EDGE / edge_width(image, bare & (film.matte > 0)))
-    clean = without_haze(head, restored, OPEN_JAW_PX * size / REFERENCE_SIZE, crisp)
+    clean = without_haze(head, restored, OPEN_JAW_PX * size / REFERENCE_SIZE)
     lit = follow_light(image, film.matte, clean, landmarks, film.haze, film.overlay)
     if film.overlay is not None:
         image = cv2.inpaint(image, film.overlay, INPAINT, cv2.INPAINT_TELEA)
@@ -47,6 +49,7 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
         share = np.minimum(share, 255 - film.overlay)
     beside = bare & (share < HALF) & (film.matte >= OPAQUE)
     lit = in_focus(film.image, lit, beside, film.noise, film.motion)
+    lit = with_edges_of(film.image, bare & (film.matte > 0), lit, share > 0)
     under, stretched = with_neck(image, film.background, film.matte, lit[..., 3], contour)
     # The outline of nose and upper jaw is the film's own, wherever the rendered one lies.
     own = (skull_share(landmarks, size) * (share > 0) * 255).round().astype(np.uint8)
@@ -92,21 +95,17 @@ def blend(image: np.ndarray, over: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return out
 
 
-def without_haze(
-    head: np.ndarray, restored: np.ndarray, reach: float, crisp: float = 1
-) -> np.ndarray:
+def without_haze(head: np.ndarray, restored: np.ndarray, reach: float) -> np.ndarray:
     """A head (S, S, 4) without haze, with crisp edges, and without floaters far from its place.
 
     Args:
         reach: px from the inpaint mask at which opacity starts to fade; it is 0 at twice that.
-        crisp: how many times as narrow the edges become; opacities leave the middle by as much.
     """
     away = cv2.distanceTransform((~restored).astype(np.uint8), cv2.DIST_L2, 3)
     if not restored.any():
         away = np.zeros_like(away)
     out = np.zeros_like(head)
-    crisper = np.clip(HALF + crisp * (OPACITIES - HALF), 0, 255) / np.maximum(OPACITIES, 1)
-    crisper = np.where(OPACITIES < HAZE, 0, crisper)[head[..., 3]]
+    crisper = CRISPER[head[..., 3]]
     part = extent(crisper > 0)
     keep = np.clip(2 - away[part] / max(reach, 1.0), 0, 1) * crisper[part]
     out[part] = (head[part] * keep[..., None]).round()

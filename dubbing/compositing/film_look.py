@@ -16,12 +16,14 @@ COARSE = 1.2  # px, Gaussian: detail finer than that is compared
 SIGMAS = np.array([0.0, 0.4, 0.6, 0.8, 1.0, 1.3, 1.7, 2.2, 2.8, 3.5])  # px, blurs that are tried
 SHUTTERS = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 1.0])  # shares of a frame's time
 MOVES = 1.5  # px a frame: a head that moves less has no blur of motion
+LEAST_BLUR = 0.2  # px: less is next to nothing
 LEAST = 150  # px that must be compared
 OPAQUE = 250  # of 255
 TELLING = 0.2  # share of a film's detail that is no noise: with less, noise hides its focus
 SHARPER = 0.9  # share of the render's detail: a film that has more is as sharp
 IN_FOCUS = 1.0  # px: edges of a film in focus
 EDGE, SHARPEST, LEAST_EDGE = 40, 10, 30  # levels of an edge, percentile of widths, px of edges
+NEAR_EDGE = 8  # the blurred edge fades in over an opacity of one eighth
 AROUND = np.ones((9, 9), np.uint8)  # px in which an edge rises
 NOISE_SEED = 20240607
 QUIET = 0.3  # levels: a film with less noise has none
@@ -58,23 +60,44 @@ def in_focus(
     return blurred(head, between(np.array(left), SIGMAS, wanted))
 
 
-def edge_width(image: np.ndarray, where: np.ndarray) -> float:
-    """How blurred the sharpest edges of a film are: sigma of a Gaussian, px, `IN_FOCUS` at least.
+def with_edges_of(
+    image: np.ndarray, where: np.ndarray, head: np.ndarray, replaced: np.ndarray
+) -> np.ndarray:
+    """A head whose edge is no sharper than the sharpest edges of the film, (S, S, 4) uint8.
+
+    Args:
+        image: (S, S, 3) uint8 of the film. where: (S, S) bool, the edges that are looked at.
+        head: (S, S, 4) uint8, premultiplied. replaced: (S, S) bool, where it is shown.
+    """
+    wanted = edge_width(luma(image), where)
+    sigma = np.sqrt(
+        max(0.0, wanted**2 - edge_width(head[..., 3].astype(np.float32), replaced) ** 2)
+    )
+    if sigma < LEAST_BLUR:
+        return head
+    soft = cv2.GaussianBlur(head, (0, 0), sigma)
+    # Within a head its detail stays.
+    share = np.clip(NEAR_EDGE * (1 - soft[..., 3:].astype(np.float32) / 255), 0, 1)
+    return np.asarray((head + share * (soft.astype(np.float32) - head)).round().astype(np.uint8))
+
+
+def edge_width(grey: np.ndarray, where: np.ndarray) -> float:
+    """How blurred the sharpest edges are: sigma of a Gaussian, px, `IN_FOCUS` at least.
 
     An edge of height h, blurred so, has a slope of h / (sigma sqrt(2 pi)). Measuring it blurs by
     .8 px: where the film is blurred by s, up to 2 px, sigma is sqrt(s^2 + .8^2).
 
     Args:
-        image: (S, S, 3) uint8. where: (S, S) bool, the edges that are looked at.
+        grey: (S, S) float32. where: (S, S) bool, the edges that are looked at.
     """
     if not where.any():
         return IN_FOCUS
     part = extent(where)
-    grey = cv2.GaussianBlur(luma(image[part]), (0, 0), 0.6)
+    grey = cv2.GaussianBlur(grey[part], (0, 0), 0.6)
     slope = np.hypot(*(cv2.Sobel(grey, cv2.CV_32F, *way, scale=1 / 8) for way in ((1, 0), (0, 1))))
     height = cv2.dilate(grey, AROUND) - cv2.erode(grey, AROUND)
     steepest = slope >= cv2.dilate(slope, np.ones((3, 3), np.uint8))
-    found = where[part] & steepest & (height > EDGE)
+    found = where[part] & steepest & (height > EDGE) & (slope > 0)
     if found.sum() < LEAST_EDGE:
         return IN_FOCUS
     widths = height[found] / slope[found] / np.sqrt(2 * np.pi)
@@ -118,7 +141,7 @@ def luma(image: np.ndarray) -> np.ndarray:
 
 def blurred(image: np.ndarray, sigma: float) -> np.ndarray:
     """An image, blurred by a Gaussian of sigma px; as it is where that is next to nothing."""
-    return image if sigma < 0.2 else np.asarray(cv2.GaussianBlur(image, (0, 0), sigma))
+    return image if sigma < LEAST_BLUR else np.asarray(cv2.GaussianBlur(image, (0, 0), sigma))
 
 
 def detail(grey: np.ndarray, where: np.ndarray) -> float:
