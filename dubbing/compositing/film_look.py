@@ -70,9 +70,8 @@ def with_edges_of(
         head: (S, S, 4) uint8, premultiplied. replaced: (S, S) bool, where it is shown.
     """
     wanted = edge_width(luma(image), where)
-    sigma = np.sqrt(
-        max(0.0, wanted**2 - edge_width(head[..., 3].astype(np.float32), replaced) ** 2)
-    )
+    own = edge_width(head[..., 3].astype(np.float32), replaced)
+    sigma = np.sqrt(max(0.0, wanted**2 - own**2))
     if sigma < LEAST_BLUR:
         return head
     soft = cv2.GaussianBlur(head, (0, 0), sigma)

@@ -69,7 +69,7 @@ def test_edges_tell_how_blurred_a_film_is(sigma: float, noise: float) -> None:
     row, column = np.mgrid[:200, :200] - 100
     head = np.where(np.hypot(row, column) < 60, 180, 60).astype(np.float32)
     made = cv2.GaussianBlur(head, (0, 0), sigma)
-    made += np.random.default_rng(0).normal(0, noise, (200, 200))
+    made = made + np.random.default_rng(0).normal(0, noise, (200, 200))
     grey, everywhere = made.clip(0, 255).astype(np.float32), np.ones((200, 200), bool)
     assert abs(edge_width(grey, everywhere) - np.hypot(sigma, 0.8)) < 0.1
     even = np.full_like(grey, 90)  # shows no edge
