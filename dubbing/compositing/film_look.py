@@ -21,7 +21,7 @@ LEAST = 150  # px that must be compared
 OPAQUE = 250  # of 255
 TELLING = 0.2  # share of a film's detail that is no noise: with less, noise hides its focus
 SHARPER = 0.9  # share of the render's detail: a film that has more is as sharp
-IN_FOCUS = 1.0  # px: edges of a film in focus
+IN_FOCUS = 1.3  # px: sharper edges are in focus
 EDGE, SHARPEST, LEAST_EDGE = 40, 10, 30  # levels of an edge, percentile of widths, px of edges
 NEAR_EDGE = 8  # the blurred edge fades in over an opacity of one eighth
 AROUND = np.ones((9, 9), np.uint8)  # px in which an edge rises
@@ -84,7 +84,7 @@ def edge_width(grey: np.ndarray, where: np.ndarray) -> float:
     """How blurred the sharpest edges are: sigma of a Gaussian, px, `IN_FOCUS` at least.
 
     An edge of height h, blurred so, has a slope of h / (sigma sqrt(2 pi)). Measuring it blurs by
-    .8 px: where the film is blurred by s, up to 2 px, sigma is sqrt(s^2 + .8^2).
+    .8 px: where a picture is blurred by s, up to 2 px, sigma is sqrt(s^2 + .8^2).
 
     Args:
         grey: (S, S) float32. where: (S, S) bool, the edges that are looked at.

@@ -4,7 +4,15 @@ import cv2
 import numpy as np
 import pytest
 
-from dubbing.compositing.film_look import detail, edge_width, in_focus, line, luma, with_noise
+from dubbing.compositing.film_look import (
+    IN_FOCUS,
+    detail,
+    edge_width,
+    in_focus,
+    line,
+    luma,
+    with_noise,
+)
 from dubbing.preparation.crops.film_noise import measured
 
 S = 160
@@ -71,9 +79,10 @@ def test_edges_tell_how_blurred_a_film_is(sigma: float, noise: float) -> None:
     made = cv2.GaussianBlur(head, (0, 0), sigma)
     made = made + np.random.default_rng(0).normal(0, noise, (200, 200))
     grey, everywhere = made.clip(0, 255).astype(np.float32), np.ones((200, 200), bool)
-    assert abs(edge_width(grey, everywhere) - np.hypot(sigma, 0.8)) < 0.1
+    wanted = max(IN_FOCUS, np.hypot(sigma, 0.8))
+    assert abs(edge_width(grey, everywhere) - wanted) < 0.1
     even = np.full_like(grey, 90)  # shows no edge
-    assert edge_width(even, everywhere) == edge_width(even, ~everywhere) == 1
+    assert edge_width(even, everywhere) == edge_width(even, ~everywhere) == IN_FOCUS
 
 
 def test_noise_is_not_taken_for_detail() -> None:
