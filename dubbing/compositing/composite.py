@@ -10,6 +10,7 @@ from dubbing.compositing.face_mask import face_mask, skull_share
 from dubbing.compositing.film_look import in_focus, with_edges_of
 from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import with_neck
+from dubbing.compositing.skin_detail import with_detail_of
 from dubbing.face.face_contour import face_contour
 from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
@@ -47,9 +48,11 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     share = face_mask(landmarks, contour)
     if film.overlay is not None:
         share = np.minimum(share, 255 - film.overlay)
-    beside = bare & (share < HALF) & (film.matte >= OPAQUE)
+    person = bare & (film.matte >= OPAQUE)
+    beside = person & (share < HALF)
     lit = in_focus(film.image, lit, beside, film.noise, film.motion)
     lit = with_edges_of(film.image, bare & (film.matte > 0), lit, share > 0)
+    lit = with_detail_of(film.image, person, lit, share > 0, landmarks, film.noise)
     under, stretched = with_neck(image, film.background, film.matte, lit[..., 3], contour)
     # The outline of nose and upper jaw is the film's own, wherever the rendered one lies.
     own = (skull_share(landmarks, size) * (share > 0) * 255).round().astype(np.uint8)
