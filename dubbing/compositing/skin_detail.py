@@ -16,6 +16,7 @@ from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 FINE = 3.2  # px, Gaussian: what is finer is detail
+INSIDE = 8  # px from the edge of what is taken: the old chin's edge is no detail of skin
 LIPS = 16  # px round the lips in which nothing is taken or given; they say other words
 FADE = 4.0  # px over which that fades
 WINDOW = 18  # px in which motion is the same, at half the size
@@ -58,7 +59,9 @@ def with_detail_of(
 
     apart = np.abs(cv2.GaussianBlur(seen(grey) - moved, (0, 0), FINE * unit))
     lips = lip_share(landmarks, len(image), unit)[part]
-    same = (new[..., 3] >= OPAQUE) & (seen(shown[part].astype(np.float32)) > 0.99)
+    within = np.ones((2 * round(INSIDE * unit) + 1,) * 2, np.uint8)
+    inside = cv2.erode(shown[part].astype(np.uint8), within).astype(np.float32)
+    same = (new[..., 3] >= OPAQUE) & (seen(inside) > 0.99)
     alike = np.clip((UNLIKE - apart) / (UNLIKE - ALIKE), 0, 1)
     share = np.where(same, alike * (1 - lips) * (1 - seen(lips)), 0).astype(np.float32)
     inner = cv2.erode(share, np.ones((3, 3), np.uint8))
