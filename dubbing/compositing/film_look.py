@@ -69,15 +69,19 @@ def with_edges_of(
         image: (S, S, 3) uint8 of the film. where: (S, S) bool, the edges that are looked at.
         head: (S, S, 4) uint8, premultiplied. replaced: (S, S) bool, where it is shown.
     """
-    wanted = edge_width(luma(image), where)
-    own = edge_width(head[..., 3].astype(np.float32), replaced)
+    part = extent(where)
+    wanted = edge_width(luma(image[part]), where[part])
+    if wanted == IN_FOCUS:
+        return head
+    part = extent(replaced)
+    own = edge_width(head[part][..., 3].astype(np.float32), replaced[part])
     sigma = np.sqrt(max(0.0, wanted**2 - own**2))
     if sigma < LEAST_BLUR:
         return head
     soft = cv2.GaussianBlur(head, (0, 0), sigma)
     # Within a head its detail stays.
-    share = np.clip(NEAR_EDGE * (1 - soft[..., 3:].astype(np.float32) / 255), 0, 1)
-    return np.asarray((head + share * (soft.astype(np.float32) - head)).round().astype(np.uint8))
+    share = np.clip(NEAR_EDGE * (1 - soft[..., 3] / np.float32(255)), 0, 1)
+    return np.asarray(cv2.blendLinear(soft, head, share, 1 - share))
 
 
 def edge_width(grey: np.ndarray, where: np.ndarray) -> float:
@@ -87,16 +91,15 @@ def edge_width(grey: np.ndarray, where: np.ndarray) -> float:
     .8 px: where a picture is blurred by s, up to 2 px, sigma is sqrt(s^2 + .8^2).
 
     Args:
-        grey: (S, S) float32. where: (S, S) bool, the edges that are looked at.
+        grey: (H, W) float32. where: (H, W) bool, the edges that are looked at.
     """
     if not where.any():
         return IN_FOCUS
-    part = extent(where)
-    grey = cv2.GaussianBlur(grey[part], (0, 0), 0.6)
+    grey = cv2.GaussianBlur(grey, (0, 0), 0.6)
     slope = np.hypot(*(cv2.Sobel(grey, cv2.CV_32F, *way, scale=1 / 8) for way in ((1, 0), (0, 1))))
     height = cv2.dilate(grey, AROUND) - cv2.erode(grey, AROUND)
     steepest = slope >= cv2.dilate(slope, np.ones((3, 3), np.uint8))
-    found = where[part] & steepest & (height > EDGE) & (slope > 0)
+    found = where & steepest & (height > EDGE) & (slope > 0)
     if found.sum() < LEAST_EDGE:
         return IN_FOCUS
     widths = height[found] / slope[found] / np.sqrt(2 * np.pi)

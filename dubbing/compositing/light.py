@@ -9,7 +9,7 @@ scale with it.
 import cv2
 import numpy as np
 
-from dubbing.face.mouth.mouth_shape import OUTER_LIP
+from dubbing.face.mouth.lip_region import lip_region
 from dubbing.preparation.background.pixels import extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
@@ -42,9 +42,8 @@ def follow_light(
     """
     size = len(image)
     unit = size / REFERENCE_SIZE
-    lips = np.zeros((size, size), np.uint8)
-    cv2.fillPoly(lips, [landmarks[list(OUTER_LIP)].round().astype(np.int32)], 1)
-    same = (head[..., 3] >= OPAQUE) & (matte >= OPAQUE) & ~dilate(lips > 0, MOUTH * unit)
+    lips = dilate(lip_region(landmarks, size), MOUTH * unit)
+    same = (head[..., 3] >= OPAQUE) & (matte >= OPAQUE) & ~lips
     if overlay is not None:
         same &= overlay == 0
     if same.mean() < MIN_SHARE:

@@ -11,16 +11,17 @@ import cv2
 import numpy as np
 
 from dubbing.compositing.film_look import detail, luma, noise_in_detail
-from dubbing.face.mouth.mouth_shape import OUTER_LIP
-from dubbing.preparation.background.pixels import extent
-from dubbing.preparation.matting.matting import REFERENCE_SIZE
+from dubbing.face.mouth.lip_region import lip_region
+from dubbing.preparation.background.pixels import extent, rounded, spread
+from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
 FINE = 3.2  # px, Gaussian: what is finer is detail
 INSIDE = 8  # px from the edge of what is taken: the old chin's edge is no detail of skin
-LIPS = 16  # px round the lips in which nothing is taken or given; they say other words
+LIPS = 8  # px round the lips in which nothing is taken or given; they say other words
 FADE = 4.0  # px over which that fades
 WINDOW = 18  # px in which motion is the same, at half the size
 ALIKE, UNLIKE = 7.0, 14.0  # levels by which the same skin may differ, smoothed
+EVEN = 1.2  # px, whatever S is: weights are smoothed
 CLEAN = 0.25  # share of a film's detail that may be noise: replaced pixels get noise of their own
 OPAQUE = 250  # of 255
 
@@ -46,30 +47,31 @@ def with_detail_of(
     if not skin.any():
         return head
     part = extent(replaced)
-    film, new = image[part].astype(np.float32), head[part].astype(np.float32)
-    grey = luma(film)
-    if noise_in_detail(noise) > CLEAN * detail(grey, skin[part]):
+    colours, opacity = head[part][..., :3], head[part][..., 3]
+    film, new = luma(image[part]), luma(colours)
+    if noise_in_detail(noise) > CLEAN * detail(film, skin[part]):
         return head
-    moved = luma(new[..., :3]) + (1 - new[..., 3] / 255) * grey
-    there = motion(moved, grey, unit)
+    over = new + (1 - opacity / np.float32(255)) * film
+    there = motion(over, film, unit)
 
     def seen(values: np.ndarray) -> np.ndarray:
         """What the film has where the head has the same skin."""
         return np.asarray(cv2.remap(values, *there, cv2.INTER_LINEAR))
 
-    apart = np.abs(cv2.GaussianBlur(seen(grey) - moved, (0, 0), FINE * unit))
+    apart = np.abs(cv2.GaussianBlur(seen(film) - over, (0, 0), FINE * unit))
     lips = lip_share(landmarks, len(image), unit)[part]
     within = np.ones((2 * round(INSIDE * unit) + 1,) * 2, np.uint8)
     inside = cv2.erode(shown[part].astype(np.uint8), within).astype(np.float32)
-    same = (new[..., 3] >= OPAQUE) & (seen(inside) > 0.99)
+    same = (opacity >= OPAQUE) & (seen(inside) > 0.99)
     alike = np.clip((UNLIKE - apart) / (UNLIKE - ALIKE), 0, 1)
     share = np.where(same, alike * (1 - lips) * (1 - seen(lips)), 0).astype(np.float32)
-    inner = cv2.erode(share, np.ones((3, 3), np.uint8))
-    weight = cv2.GaussianBlur(inner, (0, 0), 1.2)[..., None]
-    fine, own = (x - cv2.GaussianBlur(x, (0, 0), FINE * unit) for x in (film, new[..., :3]))
+    weight = cv2.GaussianBlur(cv2.erode(share, np.ones((3, 3), np.uint8)), (0, 0), EVEN)
+    # Of colour there is hardly any detail, and films have it at half the size.
+    fine, own = (x - cv2.GaussianBlur(x, (0, 0), FINE * unit) for x in (film, new))
     here = cv2.remap(fine, *there, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
     out = head.copy()
-    out[part][..., :3] = (new[..., :3] + weight * (here - own)).round().clip(0, 255)
+    changed = rounded(colours.astype(np.float32) + spread(weight * (here - own)))
+    out[part][..., :3] = np.minimum(changed, opacity[..., None])
     return out
 
 
@@ -94,8 +96,5 @@ def motion(new: np.ndarray, old: np.ndarray, unit: float) -> tuple[np.ndarray, n
 
 def lip_share(landmarks: np.ndarray, size: int, unit: float) -> np.ndarray:
     """Mask (size, size) float32 of the film's lips: 1 on them, 0 away from them."""
-    lips = np.zeros((size, size), np.uint8)
-    outline = cv2.convexHull(landmarks[list(OUTER_LIP)].round().astype(np.int32))
-    cv2.fillConvexPoly(lips, outline, 255)
-    wide = cv2.dilate(lips, np.ones((round(LIPS * unit) | 1,) * 2, np.uint8))
-    return np.asarray(cv2.GaussianBlur(wide, (0, 0), FADE * unit).astype(np.float32) / 255)
+    wide = dilate(lip_region(landmarks, size), LIPS * unit).astype(np.float32)
+    return np.asarray(cv2.GaussianBlur(wide, (0, 0), FADE * unit))

@@ -21,7 +21,7 @@ from dfrf.workers import Workers
 from dubbing.compositing.face_mask import lower_share
 from dubbing.face.face_contour import face_region
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
-from dubbing.face.mouth.mouth_shape import OUTER_LIP
+from dubbing.face.mouth.lip_region import lip_region
 from dubbing.identity.dataset import lip_points, upper_face_expression
 from dubbing.media import read_frames
 from dubbing.preparation.covering import usual_colours
@@ -93,9 +93,7 @@ def compare(
     side = max(W, H)
     face = face_region(points, side)[:H, :W] > 0
     lower = lower_share(points, side)[:H, :W] > 0
-    mouth = np.zeros((H, W), np.uint8)
-    cv2.fillPoly(mouth, [points[list(OUTER_LIP)].round().astype(np.int32)], 1)
-    lips = dilate(mouth > 0, LIPS * EYES)
+    lips = dilate(lip_region(points, side)[:H, :W], LIPS * EYES)
     solid = (alpha > OPAQUE) & face
     ratio = np.log(picture + DARK) - np.log(np.clip(head, 0, 255) + DARK)
     middle = np.median(ratio[solid & ~lips], 0) if (solid & ~lips).any() else np.zeros(3)

@@ -108,4 +108,4 @@ def test_a_frame_that_shows_no_edge_takes_the_length_of_the_others(frames: int) 
         return float((lengths[-1] - lengths[0]).max())
 
     assert too_long(costs) > 20
-    assert too_long(expect_as_around(costs, np.ones(frames))) < 20
+    assert too_long(expect_as_around(costs, np.ones(frames))) < 16
