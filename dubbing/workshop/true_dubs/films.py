@@ -97,12 +97,13 @@ def write(scene: Scene, out: Path) -> None:
                     video.write((matte * 255).round().astype(np.uint8))
     with atomic_path(folder / "b.wav") as temporary_sound:
         soundfile.write(temporary_sound, wanted.sound, wanted.rate, format="WAV")
-    scale = np.stack([look.transform(t)[0][:, :2].diagonal() for t in range(FIRST, FRAMES)])
-    boxes = np.stack([look.points(mouths[t, 0], t) for t in range(FIRST, FRAMES)])
+    scale = np.stack([look.transform(t)[0][:, :2].diagonal() for t in range(FRAMES)])
+    boxes = np.stack([look.points(mouths[t, 0], t) for t in range(FRAMES)])
     with atomic_path(folder / TRUTH) as temporary_truth, temporary_truth.open("wb") as file:
         np.savez(
             file,
-            mouths=np.stack([boxes, mouths[FIRST:, 1] * scale], 1),
+            mouths=np.stack([boxes, mouths[:, 1] * scale], 1),
+            film_opening=films["a"].opening,
             opening=films["b"].opening[FIRST:],
         )
 

@@ -19,12 +19,15 @@ import numpy as np
 from dubbing.engine.disk.files import atomic_path, atomic_write_json
 from dubbing.errors import ExplainedError
 from dubbing.media import read_frames
+from dubbing.workshop.lab.metrics import lips
 from dubbing.workshop.true_dubs.figures import DubFigures, mean_of
 from dubbing.workshop.true_dubs.films import COVER, FILM, FIRST, TRUE_FILM, TRUTH, chosen, parser
+from dubbing.workshop.true_dubs.opening import OpeningReader, mouth_picture
 from dubbing.workshop.true_dubs.scenes import FRAMES, RATE
 
 FIGURES = "figures.json"
 TILES, TILE = 6, 320  # so many frames, px
+READABLE = 0.85  # correlation of what is read off the true dub with the truth
 COLUMNS = {
     "dubbed": "dubbed",
     "psnr": "PSNR",
@@ -57,12 +60,15 @@ def compared(out: Path, name: str) -> dict[str, float]:
         raise ExplainedError("is not there", str(dub), f"run `dfrf dub {out}/true_dubs.yaml`")
     count = FRAMES - FIRST
     with np.load(folder / TRUTH) as known:
-        mouths = known["mouths"]
+        mouths, film_opening, opening = (known[n] for n in ("mouths", "film_opening", "opening"))
+    pictures = map(mouth_picture, read_frames(folder / FILM, count=FRAMES), mouths)
+    reader = OpeningReader(np.stack(list(pictures)), film_opening)
+    mouths = mouths[FIRST:]
     mattes: Iterator[np.ndarray | None] = repeat(None)
     if (folder / COVER).exists():
         mattes = read_frames(folder / COVER, pixels="gray")
     figures = DubFigures(RATE)
-    tiles = []
+    tiles, seen = [], []
     films = zip(
         read_frames(dub, count=count),
         read_frames(folder / FILM, start=FIRST, count=count),
@@ -74,12 +80,27 @@ def compared(out: Path, name: str) -> dict[str, float]:
     shown = set(np.linspace(3, count - 4, TILES).round().astype(int).tolist())
     for t, (made, film, truth, mouth, matte) in enumerate(films):
         figures.add(made, film, truth, mouth, None if matte is None else matte / 255)
+        seen.append([mouth_picture(x, mouth) for x in (made, truth)])
         if t in shown:
             tiles.append(np.concatenate([around(x, mouth) for x in (film, made, truth)]))
     with atomic_path(folder / "tiles.png") as temporary:
         image = cv2.cvtColor(np.concatenate(tiles, 1), cv2.COLOR_RGB2BGR)
         temporary.write_bytes(cv2.imencode(".png", image)[1].tobytes())
-    return figures.figures()
+    dub_opening, true_opening = (reader.read(x) for x in np.stack(seen, 1))
+    return figures.figures() | openings(dub_opening, true_opening, opening)
+
+
+def openings(dub: np.ndarray, true_dub: np.ndarray, opening: np.ndarray) -> dict[str, float]:
+    """How well openings (T,) that are read off a dub follow the true ones, in its true dub's stead.
+
+    Empty where the picture of the true dub does not show them either.
+    """
+    if lips.correlation(true_dub, opening) < READABLE:
+        return {}
+    return {
+        "opening_r": lips.correlation(dub, opening),
+        "opening_ratio": lips.spread_ratio(dub, true_dub),
+    }
 
 
 def around(image: np.ndarray, mouth: np.ndarray) -> np.ndarray:
