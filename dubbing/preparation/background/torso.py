@@ -16,7 +16,7 @@ from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from dubbing.preparation.background.filling import pull_push
 from dubbing.preparation.background.pixels import chosen, extent, known_median, rounded, spread
 from dubbing.preparation.background.wall import halved
-from dubbing.preparation.matting.matting import GREY, REFERENCE_SIZE, dilate
+from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
 PERSON = 0.5  # of the person mask: above this a pixel is torso, where the head is not
 MOST_CORNERS, CORNER_QUALITY, CORNER_GAP = 200, 0.005, 5.0
@@ -54,7 +54,7 @@ class Torso:
 
     def motion(self, image: np.ndarray) -> np.ndarray | None:
         """Similarity (2, 3) that aligns the torso to an image (S, S, 3), None if not tracked."""
-        grey = halved(cv2.cvtColor(image, GREY))
+        grey = halved(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
         motion = follow(self.reference, grey, self.corners, SMALL_PATCH, SMALL_LEVELS)
         if motion is None:
             return None
@@ -191,7 +191,7 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
     unit = size / REFERENCE_SIZE
     free = [~dilate(region, CLEAR * unit) for region in inpaint_masks]
     middle = len(images) // 2
-    reference = cv2.cvtColor(images[middle], GREY)
+    reference = cv2.cvtColor(images[middle], cv2.COLOR_RGB2GRAY)
     head = inpaint_masks[middle]
     near = dilate(head, CLOTHES_PX * unit) & ~dilate(head, PATCH / 4 * unit)
     cloth = near & (person[middle] > PERSON * 255)
@@ -202,7 +202,7 @@ def torso(images: np.ndarray, person: np.ndarray, inpaint_masks: np.ndarray) -> 
         return None
     colours, shares, views = [], [], []
     for image, mask, clear in zip(images, person, free, strict=True):
-        motion = follow(reference, cv2.cvtColor(image, GREY), corners)
+        motion = follow(reference, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), corners)
         if motion is None:
             continue
         back = cv2.invertAffineTransform(motion)

@@ -9,12 +9,12 @@ import numpy as np
 REFERENCE_SIZE = 512
 CUT_SOFTNESS = 1.2  # px, Gaussian
 CUT_BELOW = 1.0  # px below the edge of the jaw, which the lens blurs
-EDGE_LOW, EDGE_WIDTH = 0.4, 0.5  # of the person mask: opacity rises from here over this width
-CORE = 0.8  # of the matte before it is sharpened: above this it may only grow
+# Of the guided filter: px, and of colours in 0..1 the variance below which nothing is an edge.
+EDGE_REACH, FLAT = 10.0, 1e-4
+EDGE_MIDDLE, EDGE_GAIN = 0.55, 2.0  # of the filtered mask: half opaque here, steeper by this factor
 OPAQUE = 128  # of 255
 LEAST = 0.02  # of the matte: less is not head
 JAW_MARGIN = 3.0  # px outside of the matte that may still show some of a jaw
-GREY = cv2.COLOR_RGB2GRAY
 
 
 def above_jaw(outline: np.ndarray, size: int) -> np.ndarray:
@@ -43,18 +43,17 @@ def fill_polygon(polygon: np.ndarray, size: int) -> np.ndarray:
 def opacity(image: np.ndarray, person: np.ndarray) -> np.ndarray:
     """Opacity (S, S) float32 in 0..1 of a person, with edges that follow the image's.
 
+    A guided filter (He, Sun and Tang 2010) moves the coarse edges of the mask to those of colours:
+    lips and a wall are often of one brightness.
+
     Args:
         image: (S, S, 3) RGB uint8.
         person: (S, S) from :func:`person_masks`.
     """
-    unit = len(image) / REFERENCE_SIZE
-    guide = cv2.cvtColor(image, GREY).astype(np.float32) / 255
-    refined = cv2.ximgproc.guidedFilter(guide, person, max(1, round(4 * unit)), 1e-4)
-    alpha = np.clip((refined - EDGE_LOW) / EDGE_WIDTH, 0, 1)
-    alpha = cv2.GaussianBlur(alpha, (0, 0), 1.2 * unit)
-    sharp = cv2.ximgproc.guidedFilter(guide, alpha, max(1, round(6 * unit)), 4e-4)
-    # The filter also follows edges between hair and ear well inside the head: keep that opaque.
-    return np.asarray(np.maximum(sharp, (alpha - CORE) / (1 - CORE)))
+    reach = max(1, round(EDGE_REACH * len(image) / REFERENCE_SIZE))
+    # The filter needs guide and mask on the scale of the bytes.
+    followed = cv2.ximgproc.guidedFilter(image, person * 255, reach, FLAT * 255**2) / 255
+    return np.clip((followed - EDGE_MIDDLE) * EDGE_GAIN + 0.5, 0, 1)
 
 
 def in_bytes(share: np.ndarray) -> np.ndarray:

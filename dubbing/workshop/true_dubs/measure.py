@@ -27,7 +27,7 @@ from dubbing.workshop.true_dubs.scenes import FRAMES, RATE
 
 FIGURES = "figures.json"
 TILES, TILE = 6, 320  # so many frames, px
-READABLE = 0.85  # correlation of what is read off the true dub with the truth
+READABLE = 0.95  # correlation of what is read off the true dub with the truth
 COLUMNS = {
     "dubbed": "dubbed",
     "psnr": "PSNR",

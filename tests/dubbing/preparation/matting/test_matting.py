@@ -1,5 +1,6 @@
 """Jaw polygon, matte and inpaint mask on made pictures."""
 
+import cv2
 import numpy as np
 
 from dubbing.preparation.matting.matting import (
@@ -97,3 +98,18 @@ def test_without_a_head_nothing_is_covered() -> None:
 def test_a_share_in_bytes_is_the_nearest_of_256() -> None:
     share = np.array([[0, 0.5, 1], [0.2 / 255, 100.6 / 255, 1.3]], np.float32)
     assert np.array_equal(in_bytes(share), [[0, 128, 255], [0, 101, 255]])
+
+
+def test_opacity_follows_colours_of_one_brightness() -> None:
+    size = 320
+    y, x = np.mgrid[:size, :size]
+    inside = x < 160 + 4 * np.sin(y / 9)  # a profile
+    image = np.where(inside[..., None], (190, 105, 85), (128, 128, 128)).astype(np.uint8)
+    assert np.ptp(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)) < 3
+    noise = np.random.default_rng(0).normal(0, 3, image.shape)
+    image = np.clip(image + noise, 0, 255).astype(np.uint8)
+    coarse = cv2.GaussianBlur((x < 163).astype(np.float32), (0, 0), 3)  # knows no lips
+    found = opacity(image, coarse)
+    near = np.abs(x - 160) < 16
+    assert np.abs(found - inside)[near].mean() < 0.06
+    assert np.abs(coarse - inside)[near].mean() > 0.1
