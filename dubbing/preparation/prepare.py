@@ -184,7 +184,7 @@ def _record(clip: Path, out: Path, info: MediaInfo, tracked: _Tracked) -> Prepar
     """The prepared clip that later stages read."""
     surveyed, observed, poses = tracked.surveyed, tracked.observed, tracked.poses
     detected = tracked.detected | {"covered": tracked.light["covered"], "over": tracked.over}
-    detected["valid"] = tracked.known
+    detected |= {"valid": tracked.known, "points": tracked.landmarks}
     distance = np.linalg.norm(poses.translation, axis=1)[tracked.known]
     return PreparedClip(
         folder=out,

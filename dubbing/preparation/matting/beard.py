@@ -27,6 +27,7 @@ DISTANCE = (17.0, 22.0)
 CHIN = 0.12  # share of the line to either side of its middle
 FRAMES = 15  # of a shot that are looked at
 TIE = 2.0  # a colour must be nearer to skin than to the beard by this much to be skin
+STEEP = 2.0  # of hairs: between alike and not there is little
 LIGHT = (1.0, 0.6, 0.4)  # on skin, and in the shade
 
 
@@ -51,17 +52,27 @@ class JawColours:
 
         A neck lies in the shade of its chin: there it is skin, however dark it is.
         """
-        colours = weighed(rgb)
         # Where the jaw itself is bare, what hangs below it is the beard of the chin.
         local = np.interp(self.distances(), DISTANCE, (0, 1))[:, None]
-        beard = np.median(self.jaw[chin(len(self.jaw))], axis=0)
-        beard = beard + local * (self.jaw - beard)
-        jaw = np.linalg.norm(colours - beard[:, None], axis=2)
+        beard = self._of_chin()
+        return self._unlike(rgb, (beard + local * (self.jaw - beard))[:, None])
+
+    def like_hairs(self, image: np.ndarray) -> np.ndarray:
+        """How like the chin's beard the pixels of an image (S, S, 3) are, (S, S) 0..1."""
+        return np.clip(0.5 - STEEP * self._unlike(image, self._of_chin()), 0, 1)
+
+    def _of_chin(self) -> np.ndarray:
+        return np.asarray(np.median(self.jaw[chin(len(self.jaw))], axis=0))
+
+    def _unlike(self, rgb: np.ndarray, beard: np.ndarray) -> np.ndarray:
+        """See `unlike`, for the beard's colours (3,) or (P, 1, 3)."""
+        colours = weighed(rgb)
+        jaw = np.linalg.norm(colours - beard, axis=2)
         skin = np.min([np.linalg.norm(colours - shade, axis=2) for shade in self.shades], axis=0)
         nearer = (jaw - skin - TIE) / np.maximum(jaw + skin, 1.0)
-        apart = np.linalg.norm(beard - self.shades[0], axis=1)
-        far = jaw / np.maximum(apart, 1.0)[:, None] - 1
-        return np.clip(np.maximum(nearer, far), -1, 1)
+        apart = np.linalg.norm(beard - self.shades[0], axis=-1)
+        far = jaw / np.maximum(apart, 1.0) - 1
+        return np.asarray(np.clip(np.maximum(nearer, far), -1, 1))
 
 
 def jaw_colours(

@@ -36,6 +36,7 @@ from dubbing.preparation.matting.jaw import (
 )
 from dubbing.preparation.matting.matting import (
     REFERENCE_SIZE,
+    above,
     component_at,
     head_matte,
     in_bytes,
@@ -44,8 +45,8 @@ from dubbing.preparation.matting.matting import (
 
 INPUT_SIDE = 256  # px, side of the network's input
 MOST_UNSURE = 0.8  # of a jaw line of a turned head; that of a bearded one says nothing
-# px at 512: single hairs reach below the edge of a beard, and would be left behind, as would some
-# of the jaw of a profile.
+# px at 512: single hairs reach so far below the edge of a beard, and would be left behind, as would
+# some of the jaw of a profile.
 TIPS = 9.0
 BATCH = 4  # images at once: more do not fit a core's cache
 
@@ -99,9 +100,12 @@ class People:
         return np.stack(measure(alpha, corners))
 
 
-def jaw_lines(clip: TrackedCrops, progress: ReportShare) -> np.ndarray:
-    """The outlines moved to the visible edge of the jaw, (T, POINTS, 2) px."""
-    beards = beards_of_shots(clip)
+def jaw_lines(clip: TrackedCrops, beards: np.ndarray, progress: ReportShare) -> np.ndarray:
+    """The outlines moved to the visible edge of the jaw, (T, POINTS, 2) px.
+
+    Args:
+        beards: see `beards_of_shots`.
+    """
     every = beards[clip.segment]
     unsure = np.maximum(every, [MOST_UNSURE * turned_share(points) for points in clip.landmarks])
 
@@ -118,11 +122,26 @@ def jaw_lines(clip: TrackedCrops, progress: ReportShare) -> np.ndarray:
     for shot in np.unique(clip.segment[unsure > 0]):
         index = clip.segment == shot
         found[index] = expect_as_around(found[index], unsure[index])
-    below = np.maximum(every, [turned_share(points, PROFILE) for points in clip.landmarks])
-    tips = below * TIPS * clip.size / REFERENCE_SIZE
-    offsets = edge_offsets(found, clip.size) + tips[:, None]
-    smooth = smooth_offsets(offsets, clip.segment)
+    smooth = smooth_offsets(edge_offsets(found, clip.size), clip.segment)
     return np.stack([moved(*pair) for pair in zip(clip.outline, smooth, strict=True)])
+
+
+def above_line(clip: TrackedCrops, t: int, line: np.ndarray, beard: float) -> np.ndarray:
+    """Coverage (S, S) uint8 of what may be the head of frame t.
+
+    Below its line there may be some of the jaw of a profile, and hairs: what looks like the beard.
+
+    Args:
+        line: see `jaw_lines`. beard: 0..1, how surely there is one.
+    """
+    face, profile = above(line, clip.size), turned_share(clip.landmarks[t], PROFILE)
+    if not max(beard, profile):
+        return face
+    tips = TIPS * clip.size / REFERENCE_SIZE
+    below = above(moved(line, np.full(POINTS, max(beard, profile) * tips)), clip.size)
+    if beard > profile:
+        below = below * np.maximum(profile, colours_of(clip, t).like_hairs(clip.crops[t]))
+    return np.maximum(face, below).astype(np.uint8)
 
 
 def beards_of_shots(clip: TrackedCrops) -> np.ndarray:
@@ -144,12 +163,14 @@ def colours_of(clip: TrackedCrops, t: int) -> JawColours:
 def matte_step(clip: TrackedCrops, matte: Path, images: Path, progress: ReportShare) -> None:
     """Write the matte, as a video and as images; frames that do not show the head: an empty one."""
     size, alphas = clip.size, create_images(images, *clip.opacity.shape)
-    lines = jaw_lines(clip, lambda share: progress(0.2 * share))
+    beards = beards_of_shots(clip)
+    lines = jaw_lines(clip, beards, lambda share: progress(0.2 * share))
 
     def work(t: int) -> np.ndarray:
         if not clip.valid[t]:
             return np.zeros((size, size), np.uint8)
-        return head_matte(clip.opacity[t], lines[t], clip.landmarks[t, NOSE_BRIDGE])
+        face = above_line(clip, t, lines[t], float(beards[clip.segment[t]]))
+        return head_matte(clip.opacity[t], face, clip.landmarks[t, NOSE_BRIDGE])
 
     with VideoWriter(matte, size, size, clip.info.rate, "ffv1-gray") as mattes:
         for t, alpha in enumerate(in_order(work, ((t,) for t in range(len(clip))))):

@@ -61,19 +61,21 @@ def in_bytes(share: np.ndarray) -> np.ndarray:
     return cv2.convertScaleAbs(share, alpha=255)
 
 
-def head_matte(alpha: np.ndarray, outline: np.ndarray, inside: np.ndarray) -> np.ndarray:
+def above(outline: np.ndarray, size: int) -> np.ndarray:
+    """Coverage (S, S) uint8 of what lies above an outline (K, 2) px, see :func:`above_jaw`."""
+    unit = size / REFERENCE_SIZE
+    face = fill_polygon(above_jaw(outline, size) + np.array([0, CUT_BELOW * unit]), size)
+    return np.asarray(cv2.GaussianBlur(face, (0, 0), CUT_SOFTNESS * unit))
+
+
+def head_matte(alpha: np.ndarray, face: np.ndarray, inside: np.ndarray) -> np.ndarray:
     """Matte (S, S) uint8 of the head with its hair, down to the jaw.
 
     Args:
         alpha: (S, S) uint8, from :func:`opacity`.
-        outline: (K, 2) px, see :func:`above_jaw`.
+        face: (S, S) uint8, coverage of what may be head, from :func:`above`.
         inside: (2,) px, a point of the face: only the part connected to it is kept.
     """
-    size = len(alpha)
-    unit = size / REFERENCE_SIZE
-    below = np.array([0, CUT_BELOW * unit])
-    face = fill_polygon(above_jaw(outline, size) + below, size)
-    face = cv2.GaussianBlur(face, (0, 0), CUT_SOFTNESS * unit)
     matte = cv2.multiply(alpha, face, scale=1 / 255)
     return np.where(component_at(matte > 5, inside), without_holes(matte), 0).astype(np.uint8)
 

@@ -16,7 +16,12 @@ LARGE_YAW = 35.0  # degrees
 def warnings_of(
     info: MediaInfo, size: int, surveyed: Arrays, detected: Arrays, poses: Poses
 ) -> list[str]:
-    """Sentences for the report; empty without warnings."""
+    """Sentences for the report; empty without warnings.
+
+    Args:
+        detected: `valid` (T,) says where a pose is known, `points` (T, 478, 2 or more) lie where
+            the head's pose shows them if no landmarks were found there.
+    """
     out = []
     valid, covered, over = detected["valid"], detected["covered"], detected["over"]
     kept, views = hidden(valid, covered), views_of(poses.rotation, poses.translation)

@@ -83,6 +83,18 @@ def test_a_beard_is_told_by_most_frames_of_a_shot() -> None:
     assert beard_share([shaven, shaven, bearded]) == 0
 
 
+@pytest.mark.parametrize("below", [SHIRT, (235, 230, 232), SKIN_COLOUR])
+def test_below_the_edge_hairs_are_the_heads_and_what_is_between_them_is_not(
+    below: tuple[int, int, int],
+) -> None:
+    image = picture(40)
+    image[-40:] = below
+    image[-40:, ::4] = BEARD
+    like = colours(image).like_hairs(image)[-40:]
+    assert like[:, ::4].mean() > 0.9
+    assert like[:, 2::4].mean() < 0.1
+
+
 def test_beside_a_goatee_the_jaw_stays_where_it_is() -> None:
     image, shaven = picture(45), picture(0)
     image[:, :190], image[:, 320:] = shaven[:, :190], shaven[:, 320:]

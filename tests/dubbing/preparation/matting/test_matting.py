@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 
 from dubbing.preparation.matting.matting import (
+    above,
     above_jaw,
     component_at,
     covered,
@@ -46,7 +47,7 @@ def test_matte_of_a_whole_person_ends_at_the_jaw() -> None:
     image = np.full((SIZE, SIZE, 3), 90, np.uint8)
     person = np.zeros((SIZE, SIZE), np.float32)
     person[10:, 34:95] = 1  # head, neck and torso
-    matte = head_matte(in_bytes(opacity(image, person)), jaw(), np.array([64.0, 50.0]))
+    matte = head_matte(in_bytes(opacity(image, person)), above(jaw(), SIZE), np.array([64.0, 50.0]))
     assert matte.dtype == np.uint8
     assert (matte[20:60, 40:88] > 250).all()
     assert matte[112:].max() == 0
