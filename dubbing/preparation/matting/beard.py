@@ -58,8 +58,9 @@ class JawColours:
         return self._unlike(rgb, (beard + local * (self.jaw - beard))[:, None])
 
     def like_hairs(self, image: np.ndarray) -> np.ndarray:
-        """How like the chin's beard the pixels of an image (S, S, 3) are, (S, S) 0..1."""
-        return np.clip(0.5 - STEEP * self._unlike(image, self._of_chin()), 0, 1)
+        """How like the chin's beard each pixel of an image (S, S, 3) or one beside is, (S, S) 0..1."""
+        like = np.clip(0.5 - STEEP * self._unlike(image, self._of_chin()), 0, 1)
+        return np.asarray(cv2.dilate(like, np.ones((3, 3))))  # hairs are thin and blurred
 
     def _of_chin(self) -> np.ndarray:
         return np.asarray(np.median(self.jaw[chin(len(self.jaw))], axis=0))

@@ -10,7 +10,8 @@ REFERENCE_SIZE = 512
 CUT_SOFTNESS = 1.2  # px, Gaussian
 CUT_BELOW = 1.0  # px below the edge of the jaw, which the lens blurs
 # Of the guided filter: px, and of colours in 0..1 the variance below which nothing is an edge.
-EDGE_REACH, FLAT = 10.0, 1e-4
+EDGE_REACH, FLAT = 6.0, 1e-4
+SUBSAMPLED = 0.5  # a third of the time, and no worse
 EDGE_MIDDLE, EDGE_GAIN = 0.55, 2.0  # of the filtered mask: half opaque here, steeper by this factor
 OPAQUE = 128  # of 255
 LEAST = 0.02  # of the matte: less is not head
@@ -52,8 +53,10 @@ def opacity(image: np.ndarray, person: np.ndarray) -> np.ndarray:
     """
     reach = max(1, round(EDGE_REACH * len(image) / REFERENCE_SIZE))
     # The filter needs guide and mask on the scale of the bytes.
-    followed = cv2.ximgproc.guidedFilter(image, person * 255, reach, FLAT * 255**2) / 255
-    return np.clip((followed - EDGE_MIDDLE) * EDGE_GAIN + 0.5, 0, 1)
+    followed = cv2.ximgproc.guidedFilter(
+        image, person * 255, reach, FLAT * 255**2, scale=SUBSAMPLED
+    )
+    return np.clip((followed / 255 - EDGE_MIDDLE) * EDGE_GAIN + 0.5, 0, 1)
 
 
 def in_bytes(share: np.ndarray) -> np.ndarray:
