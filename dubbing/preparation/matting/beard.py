@@ -58,7 +58,7 @@ class JawColours:
         return self._unlike(rgb, (beard + local * (self.jaw - beard))[:, None])
 
     def like_hairs(self, image: np.ndarray) -> np.ndarray:
-        """How like the chin's beard each pixel of an image (S, S, 3) or one beside is, (S, S) 0..1."""
+        """How like the chin's beard a pixel of (S, S, 3), or one beside it, is: (S, S) 0..1."""
         like = np.clip(0.5 - STEEP * self._unlike(image, self._of_chin()), 0, 1)
         return np.asarray(cv2.dilate(like, np.ones((3, 3))))  # hairs are thin and blurred
 
