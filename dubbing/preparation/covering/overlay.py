@@ -184,7 +184,12 @@ class Overlay:
             mask[mouth(points, eyes, (size, size))] = 0
         reach = max(2, round(OUTLINE * eyes))
         round_ = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
-        return np.asarray(cv2.dilate(cv2.morphologyEx(mask, cv2.MORPH_CLOSE, round_), round_) * 255)
+        closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, round_)
+        _, piece, stats, _ = cv2.connectedComponentsWithStats(closed)
+        # Of a lip or a glint a few pixels have a graphic's colour, too.
+        small = np.flatnonzero(stats[:, cv2.CC_STAT_AREA] < LEAST_AREA * eyes**2)
+        closed[np.isin(piece, small)] = 0
+        return np.asarray(cv2.dilate(closed, round_) * 255)
 
     def _places(self, t: int, usual: UsualColours) -> tuple[np.ndarray, np.ndarray]:
         """Pixels (S, S) bool whose usual colours are known, and those that never change."""

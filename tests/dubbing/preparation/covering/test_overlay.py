@@ -100,6 +100,20 @@ def test_what_lies_over_the_chin_is_found_to_the_pixel(
     assert not masks[:, lips[1], lips[0]].any()  # the mouth is dubbed
 
 
+def test_a_pixel_of_a_captions_colour_is_no_caption(
+    people: dict[str, np.ndarray], tmp_path: Path
+) -> None:
+    frames = people["alba"].copy()
+    points = meshes(frames)
+    chin, cheek = (np.median(points[:, k, :2], 0).round().astype(int) for k in (152, 192))
+    for t, picture in enumerate(frames):
+        text("NOW", (255, 255, 0))(picture, t, chin)
+        picture[cheek[1], cheek[0]] = (255, 255, 0)
+    masks, over = look(frames, points, tmp_path / "o.mkv")
+    assert over.all()
+    assert not masks[:, cheek[1], cheek[0]].any()
+
+
 @pytest.mark.parametrize("light", [1.0, 0.5, 1.3])
 def test_on_a_bare_face_nothing_is_found(
     people: dict[str, np.ndarray], light: float, tmp_path: Path
