@@ -8,7 +8,7 @@ crop.
 
 import cv2
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, grey_opening, minimum_filter1d
+from scipy.ndimage import gaussian_filter1d, grey_opening
 
 from dubbing.compositing.face_mask import jaw_share
 from dubbing.face.face_contour import FaceContour
@@ -22,7 +22,6 @@ DARK = 0.45  # share of the face's light below which nothing is neck: the gap un
 TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
 EDGE = 3.0  # px of neck that the edge of a collar shades
 NARROW = 10.0  # px: fewer columns beside one another are no neck
-FADE = 8.0  # px, to either side of the middle of an edge of what is stretched
 UNDER = 12.0  # px that the neck extends under the edge of the head
 
 
@@ -55,7 +54,7 @@ def with_neck(
     jaw = jaw_share(contour, np.arctan2(y, x)) * (low > high) * (high > 0)
     room = room_below(image, low, jaw > 0)
     share = jaw * np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
-    share = faded(grey_opening(share, max(2, round(NARROW * unit))), FADE * unit)
+    share = grey_opening(share, max(2, round(NARROW * unit)))
     if not share.any():
         return background, np.zeros((size, size), bool)
     end, inner = low + room, high - UNDER * unit
@@ -77,13 +76,6 @@ def with_neck(
     blended = below + weight[..., None] * (neck.astype(np.float32) - below)
     out[rows, columns], changed[rows, columns] = blended.round(), weight > 0
     return out, changed
-
-
-def faded(share: np.ndarray, reach: float) -> np.ndarray:
-    """Shares (S,) that nowhere rise or fall at once, and are 0 where they were."""
-    wide = max(1, round(reach))
-    low = minimum_filter1d(share, 2 * wide + 1, mode="nearest")
-    return np.asarray(np.minimum(share, gaussian_filter1d(low, wide / 2, mode="nearest")))
 
 
 def bottom(head: np.ndarray) -> np.ndarray:

@@ -3,9 +3,8 @@
 from itertools import pairwise
 
 import numpy as np
-import pytest
 
-from dubbing.compositing.neck import bottom, faded, with_neck
+from dubbing.compositing.neck import bottom, with_neck
 from dubbing.face.face_contour import FaceContour, face_contour
 from tests import fakes
 
@@ -122,13 +121,3 @@ def test_the_lower_end_of_a_head_is_found_between_pixels() -> None:
     assert not found[:40].any()
     touching = np.full((S, S), 255, np.uint8)
     assert (bottom(touching) == S - 1).all()
-
-
-def test_what_is_stretched_ends_softly() -> None:
-    share = np.zeros(200)
-    share[40:160] = 1
-    share[95:100] = 0  # columns without a neck below
-    soft = faded(share, 8.0)
-    assert (soft <= share).all()
-    assert soft[[70, 125]] == pytest.approx(1, abs=0.01)
-    assert np.abs(np.diff(soft)).max() < 0.15
