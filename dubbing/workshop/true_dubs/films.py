@@ -27,7 +27,7 @@ from dubbing.workshop.true_dubs.rendered import FRAME_RATE, Rendered, rendered, 
 from dubbing.workshop.true_dubs.scenes import DUBBED, FRAMES, LEARNED, RATE, SCENES, Scene
 
 MANIFEST = "true_dubs.yaml"
-FILM, TRUE_FILM, COVER, TRUTH = "film.mkv", "true.mkv", "cover.mkv", "truth.npz"
+FILM, TRUE_FILM, COVER, TRUTH = "film.mkv", "true.mkv", "cover.mkv", "true_mouths.npz"
 FIRST = round(LEARNED * RATE)  # frame at which the dubbed part begins
 STAYS_FOR = "bruno"  # the face of who passes by
 

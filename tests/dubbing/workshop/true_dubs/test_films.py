@@ -123,7 +123,7 @@ def test_the_films_of_a_scene_differ_in_the_mouth_alone(tmp_path: Path) -> None:
     film = list(read_frames(tmp_path / "tiny" / "film.mkv", start=FIRST))
     true = list(read_frames(tmp_path / "tiny" / "true.mkv"))
     assert len(film) == len(true) == FRAMES - FIRST
-    with np.load(tmp_path / "tiny" / "truth.npz") as known:
+    with np.load(tmp_path / "tiny" / films.TRUTH) as known:
         mouths = known["mouths"]
     changed = np.zeros((96, 96))
     for a, b in zip(film, true, strict=True):
