@@ -25,16 +25,13 @@ def choose(name: str = "auto") -> torch.device:
 
 
 def has_bfloat16(device: torch.device) -> bool:
-    """Whether bfloat16 arithmetic is faster on a device, with gradients on or off as they are now.
+    """Whether bfloat16 arithmetic is faster on a device.
 
-    It is on GPUs from Ampere on and on CPUs with AMX. With AVX512-BF16 alone a product takes longer
-    than in float32; training, which moves more memory, is still faster.
+    It is on GPUs from Ampere on, and on CPUs with AMX or AVX512-BF16.
     """
     if device.type == "cuda":
         return torch.cuda.is_bf16_supported()
-    if torch.cpu._is_amx_tile_supported():
-        return True
-    return bool(torch.is_grad_enabled() and torch.cpu._is_avx512_bf16_supported())
+    return torch.cpu._is_amx_tile_supported() or torch.cpu._is_avx512_bf16_supported()
 
 
 def arithmetic(device: torch.device) -> AbstractContextManager[object]:

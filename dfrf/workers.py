@@ -41,8 +41,18 @@ class Workers(ExitStack):
         return self
 
     def map(self, work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-        """Results in the order of the items; each thread works at most one item ahead."""
+        """Results in the order of the items; each thread works at most one item ahead.
+
+        Gradients are kept as in the calling thread. Torch's `no_grad` holds for one thread: without
+        this, every result would keep all activations that it was made from.
+        """
         if self._pool is None:
             yield from map(work, items)
             return
-        yield from ordered(self._pool, work, items, ahead=self.count)
+        learns = torch.is_grad_enabled()
+
+        def as_called(item: Item) -> Result:
+            with torch.set_grad_enabled(learns):
+                return work(item)
+
+        yield from ordered(self._pool, as_called, items, ahead=self.count)

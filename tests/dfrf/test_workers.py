@@ -56,3 +56,14 @@ def test_the_callers_own_threads_stay_as_they_are() -> None:
     with Workers(CPU, 2) as workers:
         list(workers.map(lambda k: torch.ones(3) + k, range(4)))
     assert torch.get_num_threads() == before
+
+
+@pytest.mark.parametrize("learns", [False, True])
+def test_gradients_are_kept_as_in_the_calling_thread(
+    monkeypatch: pytest.MonkeyPatch, learns: bool
+) -> None:
+    monkeypatch.setattr(torch, "get_num_threads", lambda: 2)
+    weight = torch.ones(3, requires_grad=True)
+    with Workers(CPU, 2) as workers, torch.set_grad_enabled(learns):
+        results = list(workers.map(lambda k: weight * k, range(4)))
+    assert [r.requires_grad for r in results] == 4 * [learns]
