@@ -12,7 +12,7 @@ from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import with_neck
 from dubbing.compositing.skin_detail import with_detail_of
 from dubbing.face.face_contour import face_contour
-from dubbing.preparation.background.pixels import extent
+from dubbing.preparation.background.pixels import extent, rounded, spread
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 from dubbing.preparation.prepared import FilmFrame
 
@@ -111,7 +111,7 @@ def without_haze(head: np.ndarray, restored: np.ndarray, reach: float) -> np.nda
     crisper = CRISPER[head[..., 3]]
     part = extent(crisper > 0)
     keep = np.clip(2 - away[part] / max(reach, 1.0), 0, 1) * crisper[part]
-    out[part] = (head[part] * keep[..., None]).round()
+    out[part] = rounded(head[part] * spread(keep, 4))
     return out
 
 

@@ -5,6 +5,8 @@ frame, so a dub keeps their pixels. S side of the crop in px; lengths are for S 
 it.
 """
 
+import math
+
 import cv2
 import numpy as np
 
@@ -17,7 +19,7 @@ from dubbing.face.mesh_points import (
     RIGHT_EYE_OUTER,
 )
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
-from dubbing.preparation.background.pixels import extent
+from dubbing.preparation.background.pixels import Part, around, extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 # Between these distances from the edge of the face, px, the film's own pixels take over: a model's
@@ -48,27 +50,35 @@ def face_mask(landmarks: np.ndarray, contour: FaceContour) -> np.ndarray:
         landmarks: (478, 2) px.
         contour: of these.
     """
-    face, size = contour.region, len(contour.region)
+    size = len(contour.region)
     unit = size / REFERENCE_SIZE
-    lower = lower_share(landmarks, size)
-    rows, columns = part = extent(lower > 0)
+    part = round_mouth(landmarks, size)
+    lower = lower_share(landmarks, size)[part]
+    wide, own = around(part, math.ceil(INSIDE * unit) + 1, size)
+    face = contour.region[wide]
     outside, inside = (
-        cv2.distanceTransform(side, cv2.DIST_L2, 5)[part] for side in (255 - face, face)
+        cv2.distanceTransform(side, cv2.DIST_L2, 5)[own] for side in (255 - face, face)
     )
     near = np.clip((OUTSIDE * unit - outside + inside) / ((OUTSIDE + INSIDE) * unit), 0, 1)
-    x, y = (np.arange(size)[i] - k for i, k in zip((columns, rows), contour.middle, strict=True))
+    y, x = (np.arange(size)[i] - k for i, k in zip(part, contour.middle[::-1], strict=True))
     share = np.maximum(near, jaw_share(contour, np.arctan2(y[:, None], x)))
-    share = share * mouth_share(landmarks, size)[part]
     mask = np.zeros((size, size), np.uint8)
-    mask[part] = (share * lower[part] * 255).round()
+    mask[part] = (share * mouth_share(landmarks, part) * lower * 255).round()
     return mask
 
 
 def rendered_region(landmarks: np.ndarray, size: int) -> np.ndarray:
     """Pixels (S, S) bool of a rendered head that a composite depends on; see `face_mask`."""
-    mask = face_mask(landmarks, face_contour(landmarks, size))
-    away = cv2.distanceTransform((mask == 0).astype(np.uint8), cv2.DIST_L2, 5)
-    return np.asarray(away <= AROUND * size / REFERENCE_SIZE)
+    mask, reach = (
+        face_mask(landmarks, face_contour(landmarks, size)),
+        AROUND * size / REFERENCE_SIZE,
+    )
+    out = np.zeros((size, size), bool)
+    part = extent(mask > 0, math.ceil(reach))
+    if mask[part].any():
+        away = cv2.distanceTransform((mask[part] == 0).astype(np.uint8), cv2.DIST_L2, 5)
+        out[part] = away <= reach
+    return out
 
 
 def lower_share(landmarks: np.ndarray, size: int) -> np.ndarray:
@@ -96,11 +106,24 @@ def way_down(landmarks: np.ndarray, size: int) -> np.ndarray:
     return way
 
 
-def mouth_share(landmarks: np.ndarray, size: int) -> np.ndarray:
-    """1 (S, S) round the mouth and the chin, 0 far from them."""
+def round_mouth(landmarks: np.ndarray, size: int) -> Part:
+    """Rows and columns of an image of side `size` that hold all of `mouth_share`."""
+    face = max(float(np.linalg.norm(landmarks[FOREHEAD_TOP] - landmarks[CHIN])), 1.0)
+    reach = FAR_FROM_MOUTH * DOWNWARDS * face
+    x, y = landmarks[list(OUTER_LIP)].mean(0)
+    rows, columns = (
+        slice(*np.clip([math.floor(k - reach), math.ceil(k + reach) + 1], 0, size).tolist())
+        for k in (y, x)
+    )
+    return rows, columns
+
+
+def mouth_share(landmarks: np.ndarray, part: Part) -> np.ndarray:
+    """1 (H, W) round the mouth and the chin, 0 far from them, in rows and columns of an image."""
     up = landmarks[FOREHEAD_TOP] - landmarks[CHIN]
     up = up / max(float(up @ up), 1.0)
-    x, y = (np.arange(size) - place for place in landmarks[list(OUTER_LIP)].mean(0))
+    place = landmarks[list(OUTER_LIP)].mean(0)
+    y, x = (np.arange(i.start, i.stop) - k for i, k in zip(part, place[::-1], strict=True))
     above = x * up[0] + y[:, None] * up[1]
     beside = x * up[1] - y[:, None] * up[0]
     away = np.hypot(beside, np.where(above < 0, above / DOWNWARDS, above))

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from dubbing.face.mouth.lip_region import lip_region
-from dubbing.preparation.background.pixels import extent
+from dubbing.preparation.background.pixels import around, extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE, dilate
 
 STEP = 4  # px between places where the ratio is measured
@@ -42,36 +42,45 @@ def follow_light(
     """
     size = len(image)
     unit = size / REFERENCE_SIZE
-    lips = dilate(lip_region(landmarks, size), MOUTH * unit)
-    same = (head[..., 3] >= OPAQUE) & (matte >= OPAQUE) & ~lips
+    # Only where the head is, from block to block, and one block more.
+    rows, columns = (
+        slice(i.start // STEP * STEP, i.stop // STEP * STEP)
+        for i in around(extent(head[..., 3] > 0), 2 * STEP, size)[0]
+    )
+    part = rows, columns
+    lips = dilate(lip_region(landmarks, size)[part], MOUTH * unit)
+    same = (head[part][..., 3] >= OPAQUE) & (matte[part] >= OPAQUE) & ~lips
     if overlay is not None:
-        same &= overlay == 0
-    if same.mean() < MIN_SHARE:
+        same &= overlay[part] == 0
+    if same.sum() < MIN_SHARE * size**2:
         return head
     counts = same.astype(np.uint8)
     share = _small(counts)[..., None]
     filmed, rendered = (
-        _small(cv2.bitwise_and(pixels, pixels, mask=counts))[..., :3] / np.maximum(share, 1e-6)
+        _small(cv2.bitwise_and(pixels[part], pixels[part], mask=counts))[..., :3]
+        / np.maximum(share, 1e-6)
         for pixels in (image, head)
     )
     ratio = np.log(np.maximum(filmed - haze, 0) + DARK) - np.log(rendered + DARK)
     middle = np.median(ratio[share[..., 0] > 0.5], 0) if (share > 0.5).any() else ratio.mean((0, 1))
     weight = share / (1 + (np.abs(ratio - middle) / OUTLIER) ** 2)
     sigma = SMOOTH * unit / STEP
-    near, around = (cv2.GaussianBlur(x, (0, 0), sigma) for x in (weight, weight * (ratio - middle)))
-    slow = middle + around / (near + PRIOR_WEIGHT)
-    gain = cv2.resize(np.exp(slow).astype(np.float32), (size, size), interpolation=cv2.INTER_LINEAR)
+    near, apart = (
+        cv2.GaussianBlur(x, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+        for x in (weight, weight * (ratio - middle))
+    )
+    slow = middle + apart / (near + PRIOR_WEIGHT)
+    side = same.shape[::-1]
+    gain = cv2.resize(np.exp(slow).astype(np.float32), side, interpolation=cv2.INTER_LINEAR)
     out = head.copy()
-    part = extent(head[..., 3] > 0)
     colour, most = head[part][..., :3], head[part][..., 3:]
     opacity = most.astype(np.float32) / 255
-    lit = (colour + DARK * opacity) * gain[part] + (haze - DARK).astype(np.float32) * opacity
+    lit = (colour + DARK * opacity) * gain + (haze - DARK).astype(np.float32) * opacity
     out[part][..., :3] = np.clip(lit.round(), 0, most)
     return out
 
 
 def _small(image: np.ndarray) -> np.ndarray:
-    """An image (S, S[, C]) uint8 downsampled by `STEP`: each pixel the mean of its block."""
-    side = max(1, len(image) // STEP)
-    pixels = image.astype(np.float32)
-    return np.asarray(cv2.resize(pixels, (side, side), interpolation=cv2.INTER_AREA))
+    """An image (H, W[, C]) uint8 downsampled by `STEP`: each pixel the mean of its block."""
+    side = image.shape[1] // STEP, image.shape[0] // STEP
+    return np.asarray(cv2.resize(image.astype(np.float32), side, interpolation=cv2.INTER_AREA))

@@ -6,12 +6,15 @@ stretched, from the collar up. Lengths are in px, given for S = 512 and scaled. 
 crop.
 """
 
+import math
+
 import cv2
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, grey_opening
 
 from dubbing.compositing.face_mask import jaw_share
 from dubbing.face.face_contour import FaceContour
+from dubbing.preparation.background.pixels import around, extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
 SMOOTH = 1.5  # px, standard deviation: along the outlines
@@ -94,19 +97,28 @@ def room_below(image: np.ndarray, low: np.ndarray, jaw: np.ndarray) -> np.ndarra
     Pixels at least about as red as the face are neck; skin in a shadow is redder. The face is
     measured in the columns `jaw` (S,) bool, above the chin.
     """
-    size = len(image)
+    size, out = len(image), np.zeros(len(image))
     unit = size / REFERENCE_SIZE
-    smoothed = cv2.blur(image, (3, 3)).astype(np.float32) + 1
+    if not jaw.any():
+        return out
+    _, columns = extent(jaw[None])
+    low, jaw = low[columns], jaw[columns]
+    reach = math.ceil((MAX_NECK_PX + EDGE) * unit) + 2
+    top, end = int(low[jaw].min()) - reach, int(low[jaw].max()) + reach
+    rows = slice(max(0, top), min(size, end))
+    wide, own = around((rows, columns), 1, size)
+    smoothed = cv2.blur(image[wide], (3, 3))[own].astype(np.float32) + 1
     light = smoothed.sum(2)
     red = smoothed[..., 0] / light
-    row = np.arange(size)[:, None]
+    row = np.arange(size)[rows, None]
     face = (row < low - 3 * BELOW * unit) & (row > low - MAX_NECK_PX * unit) & jaw
     if not face.any():
-        return np.zeros(size)
+        return out
     other = (red < np.median(red[face]) - SKIN) | (light < DARK * np.median(light[face]))
     other &= row >= low
-    first = np.where(other.any(0), other.argmax(0) - EDGE * unit, size) - low
-    return np.clip(first, 0, MAX_NECK_PX * unit)
+    collar = np.where(other.any(0), rows.start + other.argmax(0) - EDGE * unit, size)
+    out[columns] = np.clip(collar - low, 0, MAX_NECK_PX * unit)
+    return out
 
 
 def smooth(rows: np.ndarray, unit: float) -> np.ndarray:

@@ -3,6 +3,8 @@
 import cv2
 import numpy as np
 
+Part = tuple[slice, slice]  # rows and columns of an image
+
 
 def spread(weight: np.ndarray, channels: int = 3) -> np.ndarray:
     """A weight (H, W) float32 for every channel, (H, W, C): numpy's broadcasting is slow."""
@@ -19,7 +21,7 @@ def chosen(where: np.ndarray, image: np.ndarray, other: np.ndarray) -> np.ndarra
     return cv2.copyTo(image, where.astype(np.uint8), other.copy())
 
 
-def extent(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
+def extent(mask: np.ndarray, margin: int = 0) -> Part:
     """Rows and columns of an image that hold all of a mask (H, W), with a margin in px; else none.
 
     Only that is computed.
@@ -32,6 +34,15 @@ def extent(mask: np.ndarray, margin: int = 0) -> tuple[slice, slice]:
         for at, length in zip((rows, columns), mask.shape, strict=True)
     )
     return row, column
+
+
+def around(part: Part, margin: int, size: int) -> tuple[Part, Part]:
+    """A part of an image of side `size` with a margin in px, and where the part lies in that."""
+    rows, columns = (slice(max(0, i.start - margin), min(size, i.stop + margin)) for i in part)
+    first, length = (rows.start, columns.start), [i.stop - i.start for i in part]
+    down, right = (i.start - k for i, k in zip(part, first, strict=True))
+    own = slice(down, down + length[0]), slice(right, right + length[1])
+    return (rows, columns), own
 
 
 def known_median(images: np.ndarray, known: np.ndarray) -> np.ndarray:
