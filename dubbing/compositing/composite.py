@@ -19,12 +19,11 @@ from dubbing.preparation.prepared import FilmFrame
 OPEN_JAW_PX = 30  # beyond the inpaint mask where an open jaw may lie; it fades over as much again
 INPAINT = 3  # px round letters from which the neck behind them is inpainted
 HALF, OPAQUE = 128, 250  # of 255
-# A learned head's edge is wider than a film's: opacities are this many times as far from the
-# middle. Truth: chins have .75 of a film's gradient energy without, .9 with it, 1.0 with 2.5.
-CRISP = 1.6
-OPACITIES = np.arange(256, dtype=np.float32)
-# What each is multiplied by; 0 up to 48: that is haze, no head.
-CRISPER = np.clip(HALF + CRISP * (OPACITIES - HALF), 0, 255) / np.maximum(OPACITIES, 1)
+# A learned head's edge is wider than a film's, the more the larger the face is: opacities are moved
+# away from the middle, until they rise by STEEP levels a px, or are GAINS times as far from it.
+STEEP, GAINS = 70.0, (1.6, 5.0)
+HAZE = HALF - HALF / GAINS[0]  # opacity up to which there is no head
+EDGE, ALONG = 64, 4.0  # levels from the middle that belong to an edge; px along which it is alike
 FEATHER = 6  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
@@ -108,11 +107,24 @@ def without_haze(head: np.ndarray, restored: np.ndarray, reach: float) -> np.nda
     if not restored.any():
         away = np.zeros_like(away)
     out = np.zeros_like(head)
-    crisper = CRISPER[head[..., 3]]
-    part = extent(crisper > 0)
-    keep = np.clip(2 - away[part] / max(reach, 1.0), 0, 1) * crisper[part]
+    part = extent(head[..., 3] > HAZE)
+    crisp = crispened(head[part][..., 3]) / np.maximum(head[part][..., 3], np.float32(1))
+    keep = np.clip(2 - away[part] / max(reach, 1.0), 0, 1) * crisp
     out[part] = rounded(head[part] * spread(keep, 4))
     return out
+
+
+def crispened(opacity: np.ndarray) -> np.ndarray:
+    """Opacities (H, W) uint8 with steep edges and without haze, float32 0..255."""
+    alpha = opacity.astype(np.float32)
+    smooth = cv2.GaussianBlur(alpha, (0, 0), 0.6)
+    across, down = (cv2.Sobel(smooth, cv2.CV_32F, *way, scale=1 / 8) for way in ((1, 0), (0, 1)))
+    edge = np.float32(1) * (np.abs(alpha - HALF) < EDGE)
+    slope, count = (
+        cv2.GaussianBlur(x, (0, 0), ALONG) for x in (edge * cv2.magnitude(across, down), edge)
+    )
+    gain = np.clip(STEEP * count / np.maximum(slope, 1e-3), *GAINS)
+    return np.clip(HALF + gain * (alpha - HALF), 0, 255)
 
 
 def feathered(inside: np.ndarray, width: float) -> np.ndarray:
