@@ -187,7 +187,8 @@ def install(patch: Any) -> None:
         kill("refine_poses")
         clip = self.prepared.load()
         np.savez(out / "poses.npz", c2w=clip.c2w())
-        np.savez(out / "covers.npz", over=clip.over, covered=clip.covered, landmarks=clip.landmarks)
+        found = {"landmarks": clip.landmarks, "jaw": np.zeros((len(clip), 48))}
+        np.savez(out / "covers.npz", over=clip.over, covered=clip.covered, **found)
 
     def compose(self: Composite, out: Path, progress: Any) -> None:
         def reporting(message: str, share: float) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from dubbing.compositing.face_mask import face_mask, skull_share
 from dubbing.compositing.film_look import in_focus, with_edges_of
+from dubbing.compositing.jaw_line import moved
 from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import with_neck
 from dubbing.compositing.skin_detail import with_detail_of
@@ -39,11 +40,13 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     size = len(image)
     restored = film.restored
     bare = np.ones((size, size), bool) if film.overlay is None else film.overlay == 0
+    contour = face_contour(landmarks, size)
+    if film.jaw is not None:
+        head = moved(head, film.jaw, landmarks, contour)
     clean = without_haze(head, restored, OPEN_JAW_PX * size / REFERENCE_SIZE)
     lit = follow_light(image, film.matte, clean, landmarks, film.haze, film.overlay)
     if film.overlay is not None:
         image = cv2.inpaint(image, film.overlay, INPAINT, cv2.INPAINT_TELEA)
-    contour = face_contour(landmarks, size)
     share = face_mask(landmarks, contour)
     if film.overlay is not None:
         share = np.minimum(share, 255 - film.overlay)

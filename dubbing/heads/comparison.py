@@ -8,7 +8,7 @@ S side of the crop in px.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import cv2
@@ -19,14 +19,15 @@ from dfrf.cameras import Camera
 from dfrf.method_interface import Maps, Method
 from dfrf.workers import Workers
 from dubbing.compositing.face_mask import lower_share
-from dubbing.face.face_contour import face_region
+from dubbing.compositing.jaw_line import ANGLES, beside
+from dubbing.face.face_contour import face_contour, face_region
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.face.mouth.lip_region import lip_region
 from dubbing.identity.dataset import lip_points, upper_face_expression
 from dubbing.media import read_frames
 from dubbing.preparation.covering import usual_colours
 from dubbing.preparation.matting.matting import dilate
-from dubbing.preparation.prepared import PreparedClip
+from dubbing.preparation.prepared import MATTE, PreparedClip
 from dubbing.preparation.tracking import cropping
 
 SIDE = 128  # px of the pictures that are rendered
@@ -37,7 +38,7 @@ OPAQUE = 0.9  # opacity from which the head is compared
 LIGHT = 9.0  # px, Gaussian: what varies more slowly is light
 OUTLIER = 0.25  # of a logarithm: a place that far off says little about the light
 LIPS = 0.04  # eye distances round the lips where words decide what is seen
-RIM = 3  # px round the face that are rendered
+RIM = 5  # px round the face that are rendered
 MUCH, AWRY = 70, 0.1  # percent, logarithm: with so much beyond that, the head lies beside the face
 AT_ONCE = 8
 EYE_OUTERS = LEFT_EYE_OUTER, RIGHT_EYE_OUTER
@@ -52,6 +53,7 @@ class Compared:
         picture: (H, W, 3) uint8. apart: (H, W) float32, difference from the head as a logarithm.
         known: (H, W) bool, the lower face beside the lips. lips: (H, W) bool.
         face: (H, W) bool, all of the face beside the lips.
+        jaw: (K,) px of the crop, see `compositing.jaw_line.beside`.
         zoom: how much larger than one that looks ahead a turned face is here; 1 at least.
     """
 
@@ -61,6 +63,7 @@ class Compared:
     lips: np.ndarray
     face: np.ndarray
     zoom: float = 1.0
+    jaw: np.ndarray = field(default_factory=lambda: np.full(len(ANGLES), np.nan))
 
 
 def to_face(landmarks: np.ndarray) -> np.ndarray:
@@ -125,19 +128,26 @@ class Comparison:
         scale = SIDE / clip.size
         centre = (torch.from_numpy(clip.centre[frames]).float().to(device) + 0.5) * scale - 0.5
 
-        def one(job: tuple[int, np.ndarray]) -> Compared:
-            number, image = job
+        def one(job: tuple[int, np.ndarray, np.ndarray]) -> Compared:
+            number, image, matte = job
             landmarks = clip.landmarks[frames[number]]
             region = dilate(face_region((landmarks + 0.5) * scale - 0.5, SIDE) > 0, RIM)
             camera = Camera(c2w[number], float(clip.focal) * scale, centre[number], SIDE)
             seen = heads(number).render(camera, torch.from_numpy(region).to(device))
-            compared = compare(image, landmarks, *(part.float().cpu().numpy() for part in seen))
+            colour, opacity = (part.float().cpu().numpy() for part in seen)
+            compared = compare(image, landmarks, colour, opacity)
+            jaw = beside(
+                cv2.resize(matte, (SIDE, SIDE), interpolation=cv2.INTER_AREA),
+                (opacity * 255).round().astype(np.uint8),
+                face_contour((landmarks + 0.5) * scale - 0.5, SIDE),
+            )
             across = np.linalg.norm(np.diff(landmarks[list(EYE_OUTERS)], axis=0))
             zoom = ZOOMED * eyes[frames[number]] / max(float(across), 1.0)
-            return replace(compared, zoom=max(1.0, float(zoom)))
+            return replace(compared, zoom=max(1.0, float(zoom)), jaw=jaw / scale)
 
         with Workers(device, AT_ONCE) as workers:
-            yield from workers.map(one, enumerate(images(clip, frames)))
+            pictures = images(clip, frames), mattes(clip, frames)
+            yield from workers.map(one, zip(range(len(frames)), *pictures, strict=True))
 
 
 def images(clip: PreparedClip, frames: np.ndarray) -> Iterator[np.ndarray]:
@@ -149,6 +159,17 @@ def images(clip: PreparedClip, frames: np.ndarray) -> Iterator[np.ndarray]:
     for t, whole in enumerate(films, first):
         if t in wanted:
             yield cropping.crop(whole, clip.crop[t], clip.size)
+
+
+def mattes(clip: PreparedClip, frames: np.ndarray) -> Iterator[np.ndarray]:
+    """Mattes (S, S) of frames (F,), rising."""
+    if not len(frames):
+        return
+    first, wanted = int(frames[0]), set(frames.tolist())
+    file, count = clip.folder / MATTE, int(frames[-1]) - first + 1
+    for t, matte in enumerate(read_frames(file, start=first, count=count, pixels="gray"), first):
+        if t in wanted:
+            yield matte
 
 
 def usual_difference(apart: np.ndarray) -> np.ndarray:

@@ -7,6 +7,8 @@ frames, S side of the crop in px, H and W as in `comparison`.
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +20,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from dfrf.method_interface import Maps, Method
 from dfrf.model_interface import HeadModel
 from dfrf.presets import method_of
+from dubbing.compositing.jaw_line import ANGLES
 from dubbing.engine.disk.files import atomic_path
 from dubbing.engine.graph.stage import Progress
 from dubbing.face.finding.hand_finder import HandFinder
@@ -75,6 +78,7 @@ def find_covers(
     """
     over: dict[int, Cover] = {}
     hidden: set[int] = set()
+    clip = replace(clip, jaw=np.zeros((len(clip), len(ANGLES)), np.float32))
     if method_of(model).refines_poses:
         with torch.no_grad():
             clip, over, hidden = _covers(model, maps, clip, progress)
@@ -91,7 +95,13 @@ def find_covers(
     every = np.arange(len(clip))
     covered = (clip.covered & ~np.isin(every, list(over))) | np.isin(every, list(hidden))
     with atomic_path(out / COVERED_FILE) as temporary:
-        np.savez(temporary, over=shows, covered=covered, landmarks=clip.landmarks)
+        np.savez(
+            temporary,
+            over=shows,
+            covered=covered,
+            landmarks=clip.landmarks,
+            jaw=np.asarray(clip.jaw),
+        )
     return replace(clip, overlay=out / COVERS_FILE, over=shows, covered=covered)
 
 
@@ -105,6 +115,7 @@ def _covers(
     method = method_of(model)
     over: dict[int, Cover] = {}
     hidden: set[int] = set()
+    jaw = np.zeros((len(clip), len(ANGLES)), np.float32)
     # From where it was never seen, a head explains nothing.
     known = (trust(torch.from_numpy(clip.c2w()).float(), maps) > 0).numpy()
     shots = np.unique(clip.segment[clip.valid])
@@ -124,6 +135,8 @@ def _covers(
             if unexplained(c, usual).any() or is_awry(c, usual)
         ]
         near = frames[np.isin(frames, np.add.outer(flagged, np.arange(-BESIDE, BESIDE + 1)))]
+        free = ~np.isin(some, near)
+        jaw[frames] = jaw_lines(some[free], [looked[k].jaw for k in np.flatnonzero(free)], frames)
         for run in runs_of(near):
             clip, awry = _with_poses_mended(method, maps, clip, run, usual)
             compared = list(Comparison(method, maps, clip).look(run))
@@ -138,7 +151,29 @@ def _covers(
                     over[t] = cover
                 elif is_large(seen, sure) or t in awry:
                     hidden.add(t)
+    clip = replace(clip, jaw=jaw)
     return clip, over, lasting(hidden, BRIEF * float(clip.rate))
+
+
+def jaw_lines(looked: np.ndarray, jaws: Sequence[np.ndarray], frames: np.ndarray) -> np.ndarray:
+    """Offsets of the jaw line (F, K) px of frames (F,) of a shot; 0 where they are not known.
+
+    Args:
+        looked: (N,) frames that were compared. jaws: of each, (K,), see `jaw_line.beside`.
+    """
+    out = np.zeros((len(frames), len(ANGLES)), np.float32)
+    if not len(looked):
+        return out
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of medians of nothing
+        padded = np.pad(np.stack(jaws), ((1, 1), (0, 0)), constant_values=np.nan)
+        steady = np.nanmedian([padded[k : k + len(looked)] for k in range(3)], 0)
+        even = np.nanmedian([np.roll(steady, k, 1) for k in (-1, 0, 1)], 0)
+    for k, column in enumerate(even.T):
+        known = np.isfinite(column)
+        if known.any():
+            out[:, k] = np.interp(frames, looked[known], column[known])
+    return out
 
 
 def told_apart(

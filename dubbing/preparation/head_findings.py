@@ -29,9 +29,11 @@ def seen_by_head(clip: PreparedClip, folder: Path) -> PreparedClip:
         PreparationError: there are none, or they are of another clip.
     """
     clip = with_refined_poses(clip, folder)
-    over, covered, landmarks = _kept(clip, folder / COVERED_FILE, "over", "covered", "landmarks")
+    over, covered, landmarks, jaw = _kept(
+        clip, folder / COVERED_FILE, "over", "covered", "landmarks", "jaw"
+    )
     masks = folder / COVERS_FILE
-    return replace(clip, overlay=masks, over=over, covered=covered, landmarks=landmarks)
+    return replace(clip, overlay=masks, over=over, covered=covered, landmarks=landmarks, jaw=jaw)
 
 
 def with_refined_poses(clip: PreparedClip, folder: Path) -> PreparedClip:

@@ -68,6 +68,7 @@ class FilmFrame:
         haze: (3,) grey levels of light over the image; see `covering.light`.
         noise: (5,) of the film, see `film_noise`. motion: (2,) px that the head moves in a frame.
         landmarks: (478, 2) px of the crop.
+        jaw: (K,) px, see `compositing.jaw_line.beside`; None where the head was not compared.
         whole: (H, W, 3) uint8, the source frame that the crop is of.
     """
 
@@ -80,6 +81,7 @@ class FilmFrame:
     motion: np.ndarray
     landmarks: np.ndarray
     whole: np.ndarray
+    jaw: np.ndarray | None = None
 
     @cached_property
     def restored(self) -> np.ndarray:
@@ -124,6 +126,8 @@ class PreparedClip:
         overlay: file of the masks of what lies over the face, of every frame if over any.
         shape: (478, 3) mean head shape in the head frame: x right, y down, z away from the camera,
             outer eye corners 0.9 apart, origin between the ears.
+        jaw: (T, K) px by which the film's jaw line lies beyond the learned head's; see
+            `compositing.jaw_line.beside`. None of a film that it was not compared with.
     """
 
     folder: Path
@@ -153,6 +157,7 @@ class PreparedClip:
     landmarks: np.ndarray
     shape: np.ndarray
     overlay: Path | None = None
+    jaw: np.ndarray | None = None
 
     def __len__(self) -> int:
         return self.frames_count
@@ -289,6 +294,7 @@ class PreparedClip:
                 motions[index - start],
                 self.landmarks[index],
                 whole,
+                None if self.jaw is None else self.jaw[index],
             )
 
     def motions(self, start: int, count: int | None = None) -> np.ndarray:

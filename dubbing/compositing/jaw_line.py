@@ -1,0 +1,95 @@
+"""The outline of a new head, as far beside the film's as words move it.
+
+A jaw is higher or lower than lips say, and a pose is a little off: with the film's own lips a
+learned head's outline lies some pixels beside the film's. A head with new lips lies as far beside
+the right place, so it is moved back. S is the side of the crop in px, K angles. Lengths are for
+S = 512 and scale with it.
+"""
+
+import cv2
+import numpy as np
+
+from dubbing.compositing.face_mask import jaw_share
+from dubbing.face.face_contour import FaceContour
+from dubbing.face.mesh_points import CHIN
+from dubbing.preparation.background.pixels import around, extent
+from dubbing.preparation.matting.matting import REFERENCE_SIZE
+
+ANGLES = np.arange(48) * (2 * np.pi / 48)  # at the middle of the face, from the image's right down
+STEP = 0.5  # px along a ray
+HALF = 127.5  # of 255: opacity at the outline
+MOST = 16.0  # px that an outline is moved
+UNLIKE = 30.0  # px: an outline so far away is another thing's
+LOWER_LIP = 17  # of FaceMesh
+STRETCHED = 0.8  # of the way from chin to lip, over which skin is stretched
+UNSURE = 1.5  # px by which outlines differ by chance
+
+
+def radii(opacity: np.ndarray, middle: np.ndarray) -> np.ndarray:
+    """How far the outline of a head (S, S) uint8 is from the middle (2,) at `ANGLES`, (K,) px.
+
+    NaN where there is no head in that direction.
+    """
+    way = np.arange(0, len(opacity), STEP, dtype=np.float32)
+    x, y = (
+        (k + turn(ANGLES)[:, None] * way).astype(np.float32)
+        for k, turn in zip(middle, (np.cos, np.sin), strict=True)
+    )
+    along = cv2.remap(opacity, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+    seen = along.astype(np.float32)
+    inside = seen >= HALF
+    last = len(way) - 1 - inside[:, ::-1].argmax(1)
+    ray, after = np.arange(len(ANGLES)), np.minimum(last + 1, len(way) - 1)
+    fall = np.maximum(seen[ray, last] - seen[ray, after], 1)
+    part = np.clip((seen[ray, last] - HALF) / fall, 0, 1)
+    return np.where(inside.any(1), way[last] + STEP * part, np.nan)
+
+
+def beside(film: np.ndarray, head: np.ndarray, contour: FaceContour) -> np.ndarray:
+    """How far the film's outline lies beyond a head's, (K,) px; NaN where that says nothing.
+
+    Args:
+        film, head: (S, S) uint8, opacities; the head has the film's lips.
+        contour: of the film's face.
+    """
+    unit = len(film) / REFERENCE_SIZE
+    apart = radii(film, contour.middle) - radii(head, contour.middle)
+    apart[(jaw_share(contour, ANGLES) == 0) | ~(np.abs(apart) < UNLIKE * unit)] = np.nan
+    return np.clip(apart, -MOST * unit, MOST * unit)
+
+
+def moved(
+    head: np.ndarray, offsets: np.ndarray, landmarks: np.ndarray, contour: FaceContour
+) -> np.ndarray:
+    """A head whose jaw line is moved outwards, (S, S, 4) uint8; lips stay where they are.
+
+    Args:
+        head: (S, S, 4) uint8. offsets: (K,) px, see `beside`.
+        landmarks: (478, 2) px. contour: of these.
+    """
+    size = len(head)
+    sure = np.maximum(np.abs(offsets) - UNSURE * size / REFERENCE_SIZE, 0)
+    offsets = np.sign(offsets) * sure * jaw_share(contour, ANGLES)
+    outline = radii(head[..., 3], contour.middle)
+    known = np.isfinite(outline)
+    part = extent(head[..., 3] > 0)
+    if not known.any() or np.abs(offsets).max() < STEP:
+        return head
+    part, _ = around(part, round(MOST * size / REFERENCE_SIZE) + 1, size)
+    y, x = (
+        np.arange(i.start, i.stop, dtype=np.float32) - np.float32(k)
+        for i, k in zip(part, contour.middle[::-1], strict=True)
+    )
+    angle, radius = np.arctan2(y[:, None], x), np.hypot(y[:, None], x)
+    outer = np.interp(angle, ANGLES[known], outline[known], period=2 * np.pi)
+    reach = STRETCHED * float(np.linalg.norm(landmarks[CHIN] - landmarks[LOWER_LIP]))
+    share = np.clip(1 - (outer - radius) / max(reach, 1.0), 0, 1)
+    shift = share * share * (3 - 2 * share) * np.interp(angle, ANGLES, offsets, period=2 * np.pi)
+    kept = 1 - shift / np.maximum(radius, 1)
+    column, row = (
+        (kept * i + k).astype(np.float32)
+        for i, k in zip((x, y[:, None]), contour.middle, strict=True)
+    )
+    out = head.copy()
+    out[part] = cv2.remap(head, column, row, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return out
