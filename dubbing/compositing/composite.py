@@ -24,7 +24,7 @@ HALF, OPAQUE = 128, 250  # of 255
 # away from the middle, until they rise by STEEP levels a px, or are GAINS times as far from it.
 STEEP, GAINS = 70.0, (1.6, 5.0)
 HAZE = HALF - HALF / GAINS[0]  # opacity up to which there is no head
-EDGE, ALONG = 64, 4.0  # levels from the middle that belong to an edge; px along which it is alike
+EDGE, ALONG = 64, (15, 15)  # levels from the middle that belong to an edge; px in which it is alike
 FEATHER = 6  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
@@ -123,9 +123,7 @@ def crispened(opacity: np.ndarray) -> np.ndarray:
     smooth = cv2.GaussianBlur(alpha, (0, 0), 0.6)
     across, down = (cv2.Sobel(smooth, cv2.CV_32F, *way, scale=1 / 8) for way in ((1, 0), (0, 1)))
     edge = np.float32(1) * (np.abs(alpha - HALF) < EDGE)
-    slope, count = (
-        cv2.GaussianBlur(x, (0, 0), ALONG) for x in (edge * cv2.magnitude(across, down), edge)
-    )
+    slope, count = (cv2.blur(x, ALONG) for x in (edge * cv2.magnitude(across, down), edge))
     gain = np.clip(STEEP * count / np.maximum(slope, 1e-3), *GAINS)
     return np.clip(HALF + gain * (alpha - HALF), 0, 255)
 

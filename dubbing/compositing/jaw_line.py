@@ -15,8 +15,9 @@ from dubbing.face.mesh_points import CHIN
 from dubbing.preparation.background.pixels import around, extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
+FINE = 1024  # angles that offsets are interpolated to
 ANGLES = np.arange(48) * (2 * np.pi / 48)  # at the middle of the face, from the image's right down
-STEP = 0.5  # px along a ray
+STEP = 1.0  # px along a ray
 HALF = 127.5  # of 255: opacity at the outline
 MOST = 16.0  # px that an outline is moved
 UNLIKE = 30.0  # px: an outline so far away is another thing's
@@ -81,10 +82,14 @@ def moved(
         for i, k in zip(part, contour.middle[::-1], strict=True)
     )
     angle, radius = np.arctan2(y[:, None], x), np.hypot(y[:, None], x)
-    outer = np.interp(angle, ANGLES[known], outline[known], period=2 * np.pi)
+    turn = (angle * (FINE / (2 * np.pi))).astype(np.int16) % FINE
+    outer, offset = (
+        np.interp(np.arange(FINE), at * (FINE / (2 * np.pi)), values, period=FINE)[turn]
+        for at, values in ((ANGLES[known], outline[known]), (ANGLES, offsets))
+    )
     reach = STRETCHED * float(np.linalg.norm(landmarks[CHIN] - landmarks[LOWER_LIP]))
     share = np.clip(1 - (outer - radius) / max(reach, 1.0), 0, 1)
-    shift = share * share * (3 - 2 * share) * np.interp(angle, ANGLES, offsets, period=2 * np.pi)
+    shift = share * share * (3 - 2 * share) * offset
     kept = 1 - shift / np.maximum(radius, 1)
     column, row = (
         (kept * i + k).astype(np.float32)
