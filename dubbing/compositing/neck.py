@@ -20,7 +20,9 @@ from dubbing.preparation.matting.matting import REFERENCE_SIZE
 SMOOTH = 1.5  # px, standard deviation: along the outlines
 BELOW = 4.0  # px from the outline of the film's jaw to where none of it shows
 MAX_NECK_PX = 40.0  # of neck that are stretched
-SKIN = 0.05  # how much lower a neck's share of red may be than the face's; a collar's is lower
+# How much lower a neck's share of red may be than the face's, if it is brighter, or if it is not: a
+# shirt lights the shade above it. A collar's is lower.
+SKIN, SHADED = 0.05, 0.08
 DARK = 0.45  # share of the face's light below which nothing is neck: the gap under a collar
 TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
 EDGE = 3.0  # px of neck that the edge of a collar shades
@@ -94,8 +96,8 @@ def bottom(head: np.ndarray) -> np.ndarray:
 def room_below(image: np.ndarray, low: np.ndarray, jaw: np.ndarray) -> np.ndarray:
     """Px of neck (S,), at most `MAX_NECK_PX`, that each column has below the chin (S,).
 
-    Pixels at least about as red as the face are neck; skin in a shadow is redder. The face is
-    measured in the columns `jaw` (S,) bool, above the chin.
+    Pixels at least about as red as the face are neck. The face is measured above the chin, in the
+    columns `jaw` (S,) bool.
     """
     size, out = len(image), np.zeros(len(image))
     unit = size / REFERENCE_SIZE
@@ -114,7 +116,9 @@ def room_below(image: np.ndarray, low: np.ndarray, jaw: np.ndarray) -> np.ndarra
     face = (row < low - 3 * BELOW * unit) & (row > low - MAX_NECK_PX * unit) & jaw
     if not face.any():
         return out
-    other = (red < np.median(red[face]) - SKIN) | (light < DARK * np.median(light[face]))
+    usual = np.median(light[face])
+    pale = np.where(light < usual, SHADED, SKIN)
+    other = (red < np.median(red[face]) - pale) | (light < DARK * usual)
     other &= row >= low
     collar = np.where(other.any(0), rows.start + other.argmax(0) - EDGE * unit, size)
     out[columns] = np.clip(collar - low, 0, MAX_NECK_PX * unit)

@@ -103,6 +103,18 @@ def test_beside_the_neck_the_wall_stays() -> None:
     assert np.mean(skin[uncovered] < 45) > 0.95  # as dark as the line in the neck
 
 
+def test_a_neck_that_a_shirt_lights_is_a_neck() -> None:
+    """In the shade its skin is less red than the face; the shirt is less red, and brighter."""
+    image, background, matte, contour = scene()
+    left = np.mgrid[:S, :S][1] < S // 2
+    image[(image == SKIN).all(2) & (matte == 0) & left] = (140, 115, 104)
+    made, where = with_neck(image, background, matte, disc(90), contour)
+    for column in range(S // 2 - 30, S // 2 + 30, 5):
+        assert where[S // 2 + 92, column]
+        assert np.abs(made[S // 2 + 94, column].astype(int) - GROWN).sum() > 60
+    assert not where[S // 2 + COLLAR + 2 :].any()
+
+
 def test_a_narrow_strip_of_skin_is_no_neck() -> None:
     """As a strand of hair or the edge of a hand has its colour: a line would show up to the jaw."""
     image, background, matte, contour = scene(collar=FILM + 4)
