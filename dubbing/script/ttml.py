@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import Any
 from xml.etree import ElementTree
 
-from dubbing.script.line import Line
+from dubbing.script.line import UNNUMBERED, Line
 from dubbing.script.timecode import frame_of
 
 NAMESPACE, KINDS = "{http://www.w3.org/", ("ttml", "ttaf1")
@@ -161,9 +161,9 @@ def _number(text: str) -> Fraction:
 
 
 def _digits(name: str) -> int:
-    """The number at the end of an identifier as ``c12``; 0 without one."""
+    """The number at the end of an identifier as ``c12``; UNNUMBERED without one."""
     digits = name[len(name.rstrip("0123456789")) :]
-    return int(digits) if 0 < len(digits) < 10 else 0
+    return int(digits) if 0 < len(digits) < 10 else UNNUMBERED
 
 
 def _attribute(element: ElementTree.Element, name: str) -> str:

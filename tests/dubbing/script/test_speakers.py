@@ -136,6 +136,21 @@ def test_a_name_that_stands_only_where_the_speaker_changes(tmp_path: Path) -> No
     ]
 
 
+def test_who_spoke_last_is_a_matter_of_times_not_of_the_files_order(tmp_path: Path) -> None:
+    one, two, three = srt("ALBA: One.", "Two.", "BOB: Three.").split("\n\n")[:3]
+    lines = read(tmp_path, "\n\n".join((one, three, two)), "ALBA")
+    assert [(line.number, line.speaker) for line in lines] == [(1, "ALBA"), (2, "ALBA"), (3, "BOB")]
+
+
+def test_nobody_is_assigned_where_names_are_a_field(tmp_path: Path) -> None:
+    path = tmp_path / "a.ass"
+    event = "Dialogue: 0,0:00:0{0}.00,0:00:0{0}.50,Default,{1},0,0,0,,Hi {0}\n"
+    said = enumerate(("ALBA", "BOB", ""), 1)
+    path.write_text("[Events]\n" + "".join(event.format(*one) for one in said))
+    last = read_lines(path, Fraction(25), ["ALBA", "BOB"])[2]
+    assert (last.speaker, last.carried) == ("", False)
+
+
 @pytest.mark.parametrize(
     "text",
     [
