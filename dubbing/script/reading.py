@@ -7,7 +7,7 @@ from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
-from dubbing.engine.disk.files import read_bounded
+from dubbing.engine.disk.files import read_text
 from dubbing.errors import ExplainedError
 from dubbing.script import substation, subtitles, ttml
 from dubbing.script.line import LONGEST, UNNUMBERED, Line, is_timecode, seconds_of
@@ -38,10 +38,7 @@ def read_lines(path: Path, rate: Fraction, names: Collection[str] | None = ()) -
         known = ", ".join(READERS)
         raise ExplainedError(f"no kind of script: {path.suffix!r}", path.name, f"one of {known}")
     try:
-        text = read_bounded(path, MOST_BYTES).decode("utf-8-sig")
-        lines = READERS[kind](text, rate)
-    except UnicodeDecodeError as error:
-        raise ExplainedError("it is not UTF-8", path.name, "save it as UTF-8") from error
+        lines = READERS[kind](read_text(path, MOST_BYTES), rate)
     except csv.Error as error:
         remedy = "is every quotation mark closed?"
         raise ExplainedError(f"it is no table: {error}", path.name, remedy) from error

@@ -8,7 +8,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from dubbing import packages
-from dubbing.engine.disk.files import read_bounded
+from dubbing.engine.disk.files import read_text
 from dubbing.errors import ExplainedError
 from dubbing.media import MediaInfo
 from dubbing.media.properties.frame_rate import snap
@@ -87,11 +87,8 @@ def read(path: Path, films: Callable[[str], Iterable[MediaInfo]]) -> Cut:
         known = ", ".join(ADAPTERS)
         raise ExplainedError(f"no kind of timeline: {kind!r}", path.name, f"one of {known}")
     try:
-        content = read_bounded(path, MOST_BYTES)
-        text = "" if kind == ".aaf" else content.decode("utf-8-sig")
+        text = "" if kind == ".aaf" else read_text(path, MOST_BYTES)
         rate = _rate_of_list(films(text)) if kind == ".edl" else None
-    except UnicodeDecodeError as error:
-        raise ExplainedError("it is not UTF-8", path.name, "save it as UTF-8") from error
     except OSError as error:
         raise ExplainedError(f"cannot be read: {error.strerror}", path.name) from error
     except ExplainedError as error:
