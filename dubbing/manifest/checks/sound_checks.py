@@ -20,6 +20,11 @@ from dubbing.script.timeline import Cue
 MOST_CHANNELS = max(LAYOUTS)  # of the bed of a scene
 # Of so many cues of one file, spread over it, the channels are looked at.
 LOOKED_AT = 12
+WHY_NOT_ALL = {
+    "centre": "have a centre",
+    "opposed": "cancel one another",
+    "unused": "are silent in part",
+}
 AT_THE_END = {
     "bounce": "the film's last shot runs backwards and forwards below the last {}",
     "loop": "the film begins again below the last {}",
@@ -76,7 +81,7 @@ def _channels(
     for start, seconds in stretches:
         one = voice_channel(info, start, seconds)
         found[one.why] = one
-    for why, said in (("opposed", "cancel one another"), ("unused", "are silent in part")):
+    for why, said in WHY_NOT_ALL.items():
         if why in found:
             what = f"the {info.audio_channels} channels of {info.path.name} {said}"
             heard = f"channel {found[why].taken} is heard as the voice"

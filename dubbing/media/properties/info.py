@@ -41,6 +41,8 @@ class MediaInfo:
         audio_tracks: indices of the audio tracks that are read; see `tracks.heard_tracks`.
         unheard_tracks: number of the other tracks.
         audio_channels: of all tracks that are read.
+        centre: index of the centre channel of 3.0, 5.1 and the like; None if the file has none, or
+            does not say.
         video_start, audio_start: seconds after the start of the file; 0 for most files.
         zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
             first requested stream instead (MPEG-TS, MPEG-PS, Ogg); else None.
@@ -68,6 +70,7 @@ class MediaInfo:
     timecode_count: int | None = None
     audio_tracks: tuple[int, ...] = (0,)
     unheard_tracks: int = 0
+    centre: int | None = None
 
     @property
     def rate(self) -> Fraction:
