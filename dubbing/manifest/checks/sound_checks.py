@@ -3,6 +3,7 @@
 It is quick: of a sound with one channel nothing is read but up to its first sound.
 """
 
+import math
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -62,6 +63,10 @@ def of_dub(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
             found = zip(cues, are_silent(info, stretches), strict=True)
             silent += [str(cue.number) for cue, is_so in found if is_so]
             _channels(findings, dub.name, info, stretches[:: 1 + len(stretches) // LOOKED_AT])
+            if info.peak > 1 and dub.loudness == "none":
+                over = f"up to {20 * math.log10(info.peak):.1f} dB above full scale"
+                clipped = "is clipped there: make it softer, or set loudness in a scene"
+                findings.warn(f"{dub.name}: {path.name} is {over}, and {clipped}")
     if silent and len(scene.cues) == 1:
         findings.warn(f"{dub.name}: nothing can be heard in {scene.cues[0].audio}")
     elif silent:

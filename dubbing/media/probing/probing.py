@@ -18,7 +18,7 @@ from dubbing.media.opening.opening import opened
 from dubbing.media.opening.tracks import Track, heard_tracks
 from dubbing.media.probing.fields import is_flagged
 from dubbing.media.probing.timecode_track import timecode_of
-from dubbing.media.probing.whole import check_whole
+from dubbing.media.probing.whole import check_frames, check_whole
 from dubbing.media.properties.colour import colour_of
 from dubbing.media.properties.frame_rate import choose_rate
 from dubbing.media.properties.info import MediaInfo, Picture
@@ -89,13 +89,10 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     told = 0 if video is None else video.frames
     check_whole(path, container, told, packets.pictures, packets.times, packets.last - zero)
     if video is not None:
-        _check_pictures(path, packets)
+        check_frames(path, packets.pictures, packets.untimed, packets.times)
         picture = _picture(path, video, packets.keys)
         width, height = picture.width, picture.height
         times = sorted(packets.times)
-        if len(times) > 1 and times[0] == times[-1]:
-            same = "all its frames have the same time stamp"
-            raise MediaError(same, str(path), "convert the file again")
         hints = [r for r in (video.average_rate, video.guessed_rate) if r]
         rate, variable = choose_rate(times, hints)
         span = packets.ends["video"] - times[0] if variable else float(len(times) / rate)
@@ -125,6 +122,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         audio_tracks=tuple(tracks.index(track) for track in heard),
         unheard_tracks=len(tracks) - len(heard),
         centre=_centre(heard),
+        peak=packets.peak,
     )
 
 
@@ -140,6 +138,7 @@ class _Packets:
 
     Attributes:
         last: end of the last packet of any stream.
+        peak: of samples in floating point; see `MediaInfo.peak`.
         pictures, untimed: packets with a frame, and those of them without a time stamp.
         times: of the frames.
         keys: time stamps of the key frames.
@@ -147,6 +146,7 @@ class _Packets:
 
     pictures: int = 0
     last: float = 0.0
+    peak: float = 0.0
     untimed: int = 0
     times: list[float] = field(default_factory=list)
     keys: list[int] = field(default_factory=list)
@@ -175,7 +175,7 @@ def _visit(
             packets.pictures += 1
             packets.untimed += packet.pts is None and packet.dts is None
         elif (kept := floats.get(packet.stream.index)) is not None and packet.size > 0:
-            _check_sound(path, packet, kept)
+            packets.peak = max(packets.peak, _peak(path, packet, kept))
         if packet.pts is None or packet.is_discard or not unit:
             continue
         packets.starts[kind] = min(packets.starts.get(kind, at), at)
@@ -184,16 +184,6 @@ def _visit(
             packets.times.append(at)
             packets.keys += [packet.pts] if packet.is_keyframe else []
     return packets
-
-
-def _check_pictures(path: Path, packets: _Packets) -> None:
-    """Raises MediaError where there are no frames, or not all have time stamps."""
-    if not packets.times:
-        raise MediaError("no frame in its video stream", str(path), "is the file complete?")
-    if packets.untimed:
-        # As in a Matroska file with negative times: ffmpeg would guess, and drop frames that clash.
-        what = f"{packets.untimed} of its {packets.pictures} frames have no time stamp"
-        raise MediaError(what, str(path), "convert the file again")
 
 
 def _codec(path: Path, sound: Track) -> str:
@@ -205,15 +195,16 @@ def _codec(path: Path, sound: Track) -> str:
     return sound.codec_context.name
 
 
-def _check_sound(path: Path, packet: av.Packet, kind: str) -> None:
+def _peak(path: Path, packet: av.Packet, kind: str) -> float:
     size = np.dtype(kind).itemsize
     samples = np.frombuffer(memoryview(packet), kind, packet.size // size)
     with np.errstate(invalid="ignore"):
-        good = samples.size == 0 or (samples.max() < LOUDEST and samples.min() > -LOUDEST)
-    if not good:
+        peak = float(np.abs(samples).max(initial=0))
+    if not peak < LOUDEST:
         at = float((packet.pts or 0) * (packet.time_base or 0))
         what = f"its sound holds samples that are not finite numbers, from about {at:.1f} s on"
         raise MediaError(what, str(path), "export it again, with 16 or 24 bits")
+    return peak
 
 
 def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) -> Picture:

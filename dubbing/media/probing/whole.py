@@ -1,4 +1,4 @@
-"""Finds files that break off: they hold less than their header says, as half of a copy does."""
+"""Finds files that break off, as half of a copy does, and frames without times of their own."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -45,6 +45,27 @@ def check_whole(
     else:
         return
     raise MediaError(f"it breaks off: {what}", str(path), REMEDY)
+
+
+def check_frames(path: Path, pictures: int, untimed: int, times: Sequence[float]) -> None:
+    """Look for frames that cannot be placed in time.
+
+    Args:
+        pictures, untimed: packets with a frame, and those of them without a time stamp.
+        times: of the frames, in seconds.
+
+    Raises:
+        MediaError: there are some, or there are no frames.
+    """
+    if not times:
+        raise MediaError("no frame in its video stream", str(path), "is the file complete?")
+    if untimed:
+        # As in a Matroska file with negative times: ffmpeg would guess, and drop frames that clash.
+        what = f"{untimed} of its {pictures} frames have no time stamp"
+        raise MediaError(what, str(path), "convert the file again")
+    if len(times) > 1 and min(times) == max(times):
+        same = "all its frames have the same time stamp"
+        raise MediaError(same, str(path), "convert the file again")
 
 
 def _counted(container: av.container.InputContainer, pictures: int, times: Sequence[float]) -> int:

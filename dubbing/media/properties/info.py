@@ -44,6 +44,8 @@ class MediaInfo:
         centre: index of the centre channel of 3.0, 5.1 and the like; None if the file has none, or
             does not say.
         video_start, audio_start: seconds after the start of the file; 0 for most files.
+        peak: the largest sample, 1 is full scale; 0 where samples are whole numbers, which have no
+            larger ones.
         zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
             first requested stream instead (MPEG-TS, MPEG-PS, Ogg); else None.
         timecode: of the first frame, as ``01:00:00:00``; '' where the file has none.
@@ -71,6 +73,7 @@ class MediaInfo:
     audio_tracks: tuple[int, ...] = (0,)
     unheard_tracks: int = 0
     centre: int | None = None
+    peak: float = 0.0
 
     @property
     def rate(self) -> Fraction:

@@ -32,6 +32,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     }
     for name, samples in sounds.items():
         soundfile.write(place / name, samples, RATE)
+    soundfile.write(place / "loud.wav", 8 * tone / np.abs(tone).max(), RATE, subtype="FLOAT")
+    soundfile.write(place / "full.wav", tone / np.abs(tone).max(), RATE, subtype="FLOAT")
     for name in ("opposed", "silent", "ten"):
         codec = ("-c:v", "copy", "-c:a", "pcm_s16le")
         maps = ("-map", "0:v", "-map", "1:a")
@@ -66,6 +68,10 @@ CASES = [
     (SCENE + "left.wav", "film.mp4", ["the 2 channels of left.wav are silent in part", ONE]),
     (WHOLE + "plain.wav", "opposed.mov", ["identities.ann: the 2 channels of opposed.mov", ONE]),
     (WHOLE + "silent.wav", "film.mp4", ["it: nothing can be heard in", "silent.wav"]),
+    (WHOLE + "loud.wav", "film.mp4", ["it: loud.wav is up to 18.1 dB above full scale, and is"]),
+    (SCENE + "loud.wav", "film.mp4", ["it: loud.wav is up to 18.1 dB above full scale, and is"]),
+    (SCENE + "loud.wav, loudness: r128", "film.mp4", []),
+    (SCENE + "full.wav", "film.mp4", []),
     (SCENE + "half.wav", "film.mp4", ["nothing can be heard in the sound of lines 2: mouths"]),
     (WHOLE + "plain.wav", "two.mov", ["two.mov: tracks 1, 2 of 2 are heard as the channels"]),
     (WHOLE + "plain.wav", "later.mov", ["later.mov: of its 2 tracks of sound number 2 alone"]),
