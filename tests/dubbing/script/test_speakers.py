@@ -59,6 +59,7 @@ def said(lines: list[Line]) -> list[tuple[str, str]]:
         "ALBA：Hi there.",
         "[ALBA] Hi there.",
         "[ALBA]: Hi there.",
+        "[ALBA:] Hi there.",
         "[Alba]\nHi there.",
         "(ALBA) Hi there.",
         "【ALBA】Hi there.",
@@ -167,6 +168,24 @@ def test_strange_names_and_dashes_are_not_the_last_speakers(tmp_path: Path, text
     lines = read(tmp_path, srt("BOB: Zero.", "ALBA: One.", text), "ALBA", "BOB")
     assert lines[2].speaker not in ("ALBA", "BOB")
     assert not lines[2].carried
+
+
+@pytest.mark.parametrize(
+    ("text", "spoken"),
+    [
+        ("MR. SMITH: Hi.", [("Mr. Smith", "Hi.")]),
+        ("- MR. SMITH (V.O.): Hi.", [("Mr. Smith", "Hi.")]),
+        ("J. R. EWING: Hi.", [("J. R. Ewing", "Hi.")]),
+        ("DR. NO: Hi.", [("DR. NO", "Hi.")]),
+        ("J. R. EWING: Hi. MR. SMITH: No.", [("J. R. Ewing", "Hi."), ("Mr. Smith", "No.")]),
+        ("No. MR. SMITH: Hi.", [("", "No."), ("Mr. Smith", "Hi.")]),
+        ("No. J. R. Ewing: Hi.", [("", "No."), ("J. R. Ewing", "Hi.")]),
+    ],
+)
+def test_a_title_before_a_name_is_no_sentence(
+    tmp_path: Path, text: str, spoken: list[tuple[str, str]]
+) -> None:
+    assert said(read(tmp_path, srt(text), "Mr. Smith", "J. R. Ewing")) == spoken
 
 
 def test_a_line_after_a_long_pause_is_not_the_last_speakers(tmp_path: Path) -> None:
