@@ -20,6 +20,7 @@ NUMBERS = ("cue", "line", "number", "#")  # columns of a table that hold a line'
 # Formats in which a cue without a name may continue the speaker before. In the others, names are a
 # field of their own, which is empty where nobody speaks.
 CARRIED = (".srt", ".vtt", ".csv", ".tsv")
+OVERLAP = Fraction(1, 20)  # seconds by which cues that follow one another may overlap
 LONGEST_PAUSE = 10  # seconds, after which a line without a name no longer continues a speaker
 
 
@@ -125,13 +126,16 @@ def _carried(lines: list[Line], *, continues: bool) -> list[Line]:
     several = continues and len({line.speaker for line in lines} - {""}) > 1
     assigned, speaker, end = [], "", Fraction(0)
     for line in lines:
-        if line.carried and several and speaker and line.start - end <= LONGEST_PAUSE:
+        # Nobody speaks two lines at a time: it is a sign, or another person.
+        beside = not line.speaker and line.start < end - OVERLAP
+        near = line.start - end <= LONGEST_PAUSE and not beside
+        if line.carried and several and speaker and near:
             assigned.append(replace(line, speaker=speaker))
         else:
             assigned.append(replace(line, carried=False))
-            if not is_sound(line.words):
+            if not is_sound(line.words) and not beside:
                 speaker = "" if line.shared else line.speaker
-        end = line.stop
+        end = max(end, line.stop)
     return assigned
 
 

@@ -143,6 +143,17 @@ def test_who_spoke_last_is_a_matter_of_times_not_of_the_files_order(tmp_path: Pa
     assert [(line.number, line.speaker) for line in lines] == [(1, "ALBA"), (2, "ALBA"), (3, "BOB")]
 
 
+@pytest.mark.parametrize(("begin", "whose"), [("00,800", ""), ("00,990", "ALBA")])
+def test_what_stands_beside_a_line_is_not_its_speakers(
+    tmp_path: Path, begin: str, whose: str
+) -> None:
+    """As a sign that is read while somebody speaks; the next line may be theirs again."""
+    text = srt("ALBA: One.", "PLATFORM 4", "Three.", "BOB: Four.")
+    text = text.replace("00:00:02,000", f"00:00:{begin}")
+    lines = read(tmp_path, text, "ALBA", "BOB")
+    assert [line.speaker for line in lines] == ["ALBA", whose, "ALBA", "BOB"]
+
+
 def test_nobody_is_assigned_where_names_are_a_field(tmp_path: Path) -> None:
     path = tmp_path / "a.ass"
     event = "Dialogue: 0,0:00:0{0}.00,0:00:0{0}.50,Default,{1},0,0,0,,Hi {0}\n"
