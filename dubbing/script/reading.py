@@ -57,7 +57,7 @@ def read_lines(path: Path, rate: Fraction, names: Collection[str] | None = ()) -
             raise ExplainedError(what, path.name, "correct it there")
     if names is None:
         names = guessed(line.words for line in lines)
-    spoken = _numbered(_once(_spoken(lines, Names(names))))
+    spoken = _numbered(_once(_spoken(lines, Names(names)), rate))
     in_time = sorted(spoken, key=lambda line: line.start)
     return _carried(in_time, continues=kind in CARRIED)
 
@@ -96,11 +96,12 @@ def _spoken(lines: list[Line], names: Names) -> Iterator[Line]:
             )
 
 
-def _once(lines: Iterable[Line]) -> Iterator[Line]:
-    """Lines without repetitions of the same words at the same time, as in layered subtitles."""
-    said: dict[tuple[Fraction, Fraction, str], list[Line]] = {}
+def _once(lines: Iterable[Line], rate: Fraction) -> Iterator[Line]:
+    """Lines without repetitions of the same words in the same frames, as in layered subtitles."""
+    said: dict[tuple[int, int, str], list[Line]] = {}
     for line in lines:
-        said.setdefault((line.start, line.stop, line.words), []).append(line)
+        frames = round(line.start * rate), round(line.stop * rate)
+        said.setdefault((*frames, line.words), []).append(line)
     for alike in said.values():
         by_speaker = {line.speaker: line for line in reversed(alike)}
         named = [line for speaker, line in by_speaker.items() if speaker]

@@ -192,6 +192,12 @@ def test_an_empty_row_in_a_cue_loses_no_words(tmp_path: Path) -> None:
     assert read(tmp_path, "a.srt", text)[0].words == "Good evening. And welcome."
 
 
+def test_layers_of_one_line_may_be_a_hundredth_apart(tmp_path: Path) -> None:
+    event = "Dialogue: {},0:00:03.0{},0:00:03.5{},Default,Anna,0,0,0,,Lala\n"
+    lines = read(tmp_path, "a.ass", ASS + event.format(0, 0, 0) + event.format(1, 1, 1))
+    assert [line.words for line in lines] == ["Good, evening", "Lala"]
+
+
 def test_layers_drawings_and_arrows_of_ass(tmp_path: Path) -> None:
     event = "Dialogue: {},0:00:0{}.00,0:00:0{}.50,Default,{},0,0,0,,{}\n"
     text = ASS + "".join(
