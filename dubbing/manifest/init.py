@@ -202,7 +202,8 @@ def sorted_out(folder: Path) -> Found:
     """Sort the files of a folder into clips, recordings and scripts."""
     found = Found()
     taken: dict[str, str] = {}
-    for path in sorted(folder.iterdir()):
+    # macOS keeps `._host.mp4` beside `host.mp4` on disks of other systems.
+    for path in sorted(path for path in folder.iterdir() if not path.name.startswith(".")):
         if path.suffix.lower() in READERS:
             found.scripts.append(path)
             continue

@@ -31,6 +31,7 @@ def plain(detail: Any, model: type[Entry]) -> str:
         "string_type": f"must be text, not {describe(value)}: put it in quotes",
         "string_too_short": "must not be empty",
         "model_type": f"must hold keys, not {describe(value)}",
+        "tuple_type": f"must be a list, not {describe(value)}",
         "too_short": "must not be empty",
         **dict.fromkeys(DAYS, f"must be a day as 2026-11-02, not {short(value)}"),
         "bool_type": f"must be true or false, not {short(value)}",

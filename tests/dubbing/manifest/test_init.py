@@ -99,6 +99,8 @@ def test_what_fits_nothing_is_written_as_comments(tmp_path: Path) -> None:
     clips.write_sound(tmp_path / "shot10_it.wav", 1)
     (tmp_path / "half.mp4").write_bytes((tmp_path / "shot1.mp4").read_bytes()[:9000])
     (tmp_path / "notes.txt").write_text("no media")
+    for hidden in ("._shot1.mp4", "._shot1.srt"):  # as macOS leaves them
+        (tmp_path / hidden).write_bytes(b"\0\x05\x16\x07")
     said: list[str] = []
     text = init.write_manifest(tmp_path, said.append).read_text()
     written = yaml_lines.read(text).data
@@ -107,6 +109,7 @@ def test_what_fits_nothing_is_written_as_comments(tmp_path: Path) -> None:
     assert '  # - {identity: "Shot1", audio: "shot10_it.wav"}' in text
     assert '  # left out: "mute.mp4" has no sound to learn from' in text
     assert '  # left out: "shot1.mp4" has the name of "Shot1.mov"' in text
+    assert "._" not in text
     left_out = [one for one in said if one.startswith("left out")]
     assert [one.split('"')[1] for one in left_out] == ["half.mp4", "mute.mp4", "shot1.mp4"]
     assert left_out[0].startswith('left out: "half.mp4": it breaks off: ')
