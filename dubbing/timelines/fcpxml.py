@@ -181,7 +181,9 @@ def _item(element: Element, resources: dict[str, Element], rate: Fraction) -> An
         source_range=_otio_range(_start(element, resources) + late, length, own),
     )
     clip.enabled = element.get("enabled", "1") != "0"
-    if element.find("timeMap") is not None:
+    conform = element.find("conform-rate")
+    scaled = conform is not None and conform.get("scaleEnabled", "1") != "0"
+    if element.find("timeMap") is not None or (scaled and round(own) != round(rate)):
         clip.effects.append(otio.schema.TimeEffect())
     notes = [(one.get("value", ""), one.get("start")) for one in element.findall("marker")]
     notes += [(one.text or "", element.get("start")) for one in element.findall("note")]

@@ -219,13 +219,15 @@ def _rate_of_list(films: Iterable[MediaInfo]) -> float:
 
 
 def _plain_comments(text: str) -> str:
-    """An EDL whose locators and speeds are read: not with the semicolon of drop-frame timecode.
+    """An EDL whose files, locators and speeds are read.
+
+    Locators and speeds are not, with the semicolon of drop-frame timecode.
 
     Speeds stand in it twice: the adapter forgets one if the event is as long as its source, and
     keeps comments that it does not know.
     """
     rows = []
-    for row in text.splitlines():
+    for row in text.replace("* SOURCE FILE:", "* FROM FILE:").splitlines():
         rows.append(row.replace(";", ":", 3) if row.startswith(("* LOC:", SPEED)) else row)
         rows += [f"* {row.strip()}".replace(SPEED, SPEED_KEPT)] if row.startswith(SPEED) else []
     return "\n".join(rows)

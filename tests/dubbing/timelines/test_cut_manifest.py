@@ -182,6 +182,18 @@ def test_a_clip_at_another_rate_than_its_film_is_refused(folder: Path) -> None:
         written(folder, cut)
 
 
+def test_a_film_is_found_by_the_source_file_of_an_edl(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(3), FILM_RATE)
+    rows = [row for row in cut.read_text().splitlines() if not row.startswith("*")]
+    at = next(k for k, row in enumerate(rows) if row.startswith("002"))
+    rows[at] = rows[at].replace("shot1", "AX   ")
+    cut.write_text(
+        "\n".join([*rows[: at + 1], "* SOURCE FILE: C:\\films\\shot1.mov", *rows[at + 1 :]])
+    )
+    dubs, _ = written(folder, cut)
+    assert [dub["clip"] for dub in dubs] == ["shot0.mov", "shot1.mov", "shot2.mov"]
+
+
 @pytest.mark.parametrize(
     ("speed", "kept"),
     [

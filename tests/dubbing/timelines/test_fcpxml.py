@@ -121,6 +121,17 @@ def test_what_is_not_seen_is_not_dubbed() -> None:
     }
 
 
+@pytest.mark.parametrize(
+    ("scaled", "why"), [("", reading.RETIMED), ('scaleEnabled="1"', reading.RETIMED),
+                        ('scaleEnabled="0"', "")],
+)  # fmt: skip
+def test_a_film_played_at_the_rate_of_the_timeline_is_retimed(scaled: str, why: str) -> None:
+    """At 25 frames a second, of a film of 23.976."""
+    clip = '<asset-clip ref="c" name="c" offset="3600s" duration="2002/48s">{}</asset-clip>'
+    (event,) = found(clip.format(f'<conform-rate {scaled} srcFrameRate="23.98"/>')).values()
+    assert event[3] == why
+
+
 def test_a_transition_reaches_into_both_clips() -> None:
     spine = """
     <asset-clip ref="a" name="one" offset="3600s" start="3602s" duration="2s"/>
