@@ -97,6 +97,8 @@ class _Document:
             assert stop is not None
             self._add(element, start, stop, agent)
             return
+        if _tag(element) == "p" and start != begin and _words(element) and not _timed(element):
+            raise ValueError(f"the paragraph at {float(start):g} s has no end")
         for child in element:
             if _tag(child) in SPOKEN:
                 self.walk(child, start, stop, agent)
@@ -180,6 +182,11 @@ def _said(element: ElementTree.Element, agent: str) -> Iterator[tuple[str, str]]
         for child in element:
             yield from _said(child, agent)
             yield agent, child.tail or ""
+
+
+def _timed(element: ElementTree.Element) -> bool:
+    """Whether parts of an element have times of their own."""
+    return any(part.get("begin") for part in element.iter() if part is not element)
 
 
 def _words(element: ElementTree.Element) -> str:

@@ -121,6 +121,11 @@ def test_csv(tmp_path: Path) -> None:
         ("a.csv", "line,in,out,speaker,words\nA3,1,2,A,x\n", "line 1: 'A3' is no number"),
         ("a.csv", "in,out,speaker,words\n1,soon,A,x\n", "line 1: 'soon' is no time"),
         ("a.ttml", "<tt>", "no XML"),
+        (
+            "a.ttml",
+            TTML.format(extra="").replace('dur="1500ms"', ""),
+            "paragraph at 4.003 s has no",
+        ),
         ("a.ttml", "<!DOCTYPE tt [<!ENTITY a 'b'>]><tt>&a;</tt>", "declares entities"),
         ("a.ttml", TTML.format(extra="").replace('"24"', '"0"'), "frame rate"),
         ("a.doc", "x", "no kind of script"),
