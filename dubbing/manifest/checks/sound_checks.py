@@ -120,7 +120,10 @@ def _longer(findings: Findings, name: str, scene: Scene, film: MediaInfo) -> Non
 
 
 def of_tracks(findings: Findings, info: MediaInfo) -> None:
-    """Say which of several tracks of a file are heard."""
+    """Say which of several tracks of a file are seen and heard."""
+    if info.unseen_tracks:
+        count = 1 + info.unseen_tracks
+        findings.warn(f"{info.path.name}: of its {count} video tracks number 1 alone is seen")
     heard = [str(track + 1) for track in info.audio_tracks]
     if info.audio_rate is None or (len(heard) == 1 and not info.unheard_tracks):
         return

@@ -71,7 +71,8 @@ def count_frames(path: Path | str) -> int:
 
 
 def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
-    video = next((s for s in container.streams.video if not s.disposition & ATTACHED_PICTURE), None)
+    pictures = [s for s in container.streams.video if not s.disposition & ATTACHED_PICTURE]
+    video = next(iter(pictures), None)
     tracks = list(container.streams.audio)
     heard = heard_tracks(tracks)
     if video is None and not heard:
@@ -121,6 +122,7 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         timecode_count=count,
         audio_tracks=tuple(tracks.index(track) for track in heard),
         unheard_tracks=len(tracks) - len(heard),
+        unseen_tracks=max(0, len(pictures) - 1),
         centre=_centre(heard),
         peak=packets.peak,
     )

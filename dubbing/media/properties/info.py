@@ -40,6 +40,7 @@ class MediaInfo:
         duration: of the picture in seconds; of the audio, where there is no picture.
         audio_tracks: indices of the audio tracks that are read; see `tracks.heard_tracks`.
         unheard_tracks: number of the other tracks.
+        unseen_tracks: number of video tracks beside the first, which is read.
         audio_channels: of all tracks that are read.
         centre: index of the centre channel of 3.0, 5.1 and the like; None if the file has none, or
             does not say.
@@ -72,6 +73,7 @@ class MediaInfo:
     timecode_count: int | None = None
     audio_tracks: tuple[int, ...] = (0,)
     unheard_tracks: int = 0
+    unseen_tracks: int = 0
     centre: int | None = None
     peak: float = 0.0
 

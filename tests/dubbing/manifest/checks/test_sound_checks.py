@@ -44,6 +44,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clips.ffmpeg("-i", film, "-i", tone_file, *both, place / "two.mov")
     later = ("-disposition:a:0", "0", "-disposition:a:1", "default")
     clips.ffmpeg("-i", film, "-i", tone_file, *both, *later, place / "later.mov")
+    seen = ("-map", "0:v", "-map", "0:v", "-map", "1:a", "-c:v", "copy", "-c:a", "pcm_s16le")
+    clips.ffmpeg("-i", film, "-i", tone_file, *seen, place / "angles.mov")
     (place / "it.srt").write_text(SRT)
     return place
 
@@ -74,6 +76,7 @@ CASES = [
     (SCENE + "full.wav", "film.mp4", []),
     (SCENE + "half.wav", "film.mp4", ["nothing can be heard in the sound of lines 2: mouths"]),
     (WHOLE + "plain.wav", "two.mov", ["two.mov: tracks 1, 2 of 2 are heard as the channels"]),
+    (WHOLE + "plain.wav", "angles.mov", ["angles.mov: of its 2 video tracks number 1 alone is"]),
     (WHOLE + "plain.wav", "later.mov", ["later.mov: of its 2 tracks of sound number 2 alone"]),
     (
         WHOLE + "long.wav",
