@@ -47,7 +47,9 @@ def read(text: str, rate: Fraction) -> list[Line]:
 def _cues(text: str) -> list[_Cue]:
     cues: list[_Cue] = []
     above, begins, skipped = "", True, False  # begins: the row above begins a block
-    rows = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    for end in ("\r\r\n", "\r\n", "\r"):  # the first is the second, converted once more
+        text = text.replace(end, "\n")
+    rows = text.split("\n")
     for place, row in enumerate(map(str.strip, rows), 1):
         # Times are at the beginning of a block, or below its name.
         expected = not above or begins or bool(PRINTED.fullmatch(above))

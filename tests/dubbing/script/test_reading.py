@@ -187,6 +187,13 @@ def test_a_row_of_ass_ends_with_its_line(tmp_path: Path) -> None:
     assert read(tmp_path, "a.ass", odd)[0].words == "Good, evening to you"
 
 
+@pytest.mark.parametrize("end", ["\r\n", "\r", "\r\r\n"])
+def test_ends_of_rows(tmp_path: Path, end: str) -> None:
+    gap = SRT.replace("\n2\n", "\n7\n")
+    (tmp_path / "b.srt").write_bytes(gap.replace("\n", end).encode())
+    assert read_lines(tmp_path / "b.srt", FILM) == read(tmp_path, "a.srt", gap)
+
+
 def test_words_that_are_numbers_stay(tmp_path: Path) -> None:
     text = "1\n00:00:01,000 --> 00:00:02,000\nIt was\n1984\n\n2\n00:00:03,000 --> 00:00:04,000\n7\n"
     assert [line.words for line in read(tmp_path, "a.srt", text)] == ["It was 1984", "7"]
