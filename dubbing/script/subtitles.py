@@ -37,7 +37,8 @@ def read(text: str, rate: Fraction) -> list[Line]:
     lines: list[Line] = []
     for cue in _cues(text):
         start, stop = (seconds_of(part, rate) for part in cue.times)
-        number = int(cue.name) if PRINTED.fullmatch(cue.name) else UNNUMBERED
+        name = cue.name.strip("#.")  # as word processors number
+        number = int(name) if PRINTED.fullmatch(name) else UNNUMBERED
         voices = voices_of("\n".join(cue.rows))
         shared = len({voice for voice, _ in voices}) > 1
         lines += [Line(number, start, stop, voice, words, shared=shared) for voice, words in voices]

@@ -21,6 +21,7 @@ from dubbing.script.timeline import Cue
 MOST_CHANNELS = max(LAYOUTS)  # of the bed of a scene
 # Of so many cues of one file, spread over it, the channels are looked at.
 LOOKED_AT = 12
+OTHER_CUT = 0.5  # seconds by which music and effects are longer or shorter than their film
 WHY_NOT_ALL = {
     "centre": "have a centre",
     "opposed": "cancel one another",
@@ -101,7 +102,10 @@ def _bed(findings: Findings, at: KeyPath, dub: Dub, film: MediaInfo, *, speaks: 
     """
     under = {"clip": film} if speaks or dub.music_effects is None else {}
     if dub.music_effects in findings.media:
-        under["music_effects"] = findings.media[dub.music_effects]
+        under["music_effects"] = music = findings.media[dub.music_effects]
+        if music.audio_rate and abs(music.sound_seconds - film.duration) > OTHER_CUT:
+            lasts = f"lasts {music.sound_seconds:.2f} s, the film {film.duration:.2f} s"
+            findings.warn(f"{dub.name}: {music.path.name} {lasts}: is it of the same cut?")
     for key, info in under.items():
         if (info.audio_channels or 0) > MOST_CHANNELS:
             count = f"{info.audio_channels} channels in {info.path}"

@@ -151,6 +151,9 @@ def test_numbers_are_those_that_are_printed(tmp_path: Path) -> None:
     assert [line.number for line in read(tmp_path, "a.ttml", named)] == [8, 2]
     table = "line,in,out,speaker,words\n4,1,2,A,x\n6.0,3,4,A,y\n10.,5,6,A,z\n"
     assert [line.number for line in read(tmp_path, "a.csv", table)] == [4, 6, 10]
+    for form in ("7.", "#7", "007"):
+        found = read(tmp_path, "a.srt", SRT.replace("\n2\n", f"\n{form}\n"))
+        assert [line.number for line in found] == [1, 7, 3]
     from_zero = SRT.replace("\n2\n", "\n1\n").replace("1\n", "0\n", 1).replace("\n3\n", "\n2\n")
     assert [line.number for line in read(tmp_path, "a.srt", from_zero)] == [0, 1, 2]
 

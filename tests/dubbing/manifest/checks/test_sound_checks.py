@@ -29,6 +29,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "silent.wav": 0 * tone,
         "ten.wav": np.repeat(tone, 10, 1),
         "long.wav": clips.tone(3.04),
+        "short.wav": clips.tone(2),
     }
     for name, samples in sounds.items():
         soundfile.write(place / name, samples, RATE)
@@ -85,6 +86,12 @@ CASES = [
             "0.04 s longer than the film: the film's last shot runs backwards and forwards",
             "1 frame",
         ],
+    ),
+    (SCENE + "plain.wav, music_effects: long.wav", "film.mp4", []),
+    (
+        SCENE + "plain.wav, music_effects: short.wav",
+        "film.mp4",
+        ["it: short.wav lasts 2.00 s, the film 3.00 s: is it of the same cut?"],
     ),
     (WHOLE + "plain.wav, video_start: 1.0", "film.mp4", ["1.00 s longer", "last 25 frames"]),
     (WHOLE + "long.wav, on_longer_audio: loop", "film.mp4", ["the film begins again"]),
