@@ -1,6 +1,8 @@
 """A first manifest from the clips, recordings and scripts of a folder."""
 
+import mimetypes
 import unicodedata
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -45,10 +47,13 @@ def write_manifest(folder: Path, say: Callable[[str], None] = lambda _: None) ->
     target = free_target(folder)
     found = sorted_out(folder)
     if not found.clips:
-        raise ManifestError(str(target), [Problem(0, "", f"no clip with sound in {folder}")])
+        why = [f"no clip with sound in {folder}", *found.left_out]
+        raise ManifestError(str(target), [Problem(0, "", "; ".join(why))])
     header = HEADER.format(schema=shipped_uri())
     lines = [header + "identities:", *_identities(found), *_dubs(found)]
     atomic_write_text(target, "\n".join(lines) + "\n")
+    for one in found.left_out[:MOST_SAID]:
+        say(f"left out: {one}")
     for pair in found.paired[:MOST_SAID]:
         say(pair)
     if (more := len(found.paired) - MOST_SAID) > 0:
@@ -118,6 +123,7 @@ def _dubs(found: Found) -> list[str]:
     for script in found.scripts:
         scene, why = _scene(script, found, pair=pair)
         (unmatched if why else matched).append(f"- {{{', '.join(scene)}}}{why}")
+    stems = Counter(_key(recording.stem) for recording in found.recordings)
     for recording in found.recordings:
         clip = clip_of(recording.stem, found.clips)
         keys = f"identity: {quoted(clip or only)}, audio: {quoted(recording.name)}"
@@ -130,7 +136,8 @@ def _dubs(found: Found) -> list[str]:
         else:
             found.pair(recording, clip, NAMED)
             # The clip's name would stand twice in the default one.
-            matched.append(f"- {{name: {quoted(recording.stem)}, {keys}}}")
+            name = recording.stem if stems[_key(recording.stem)] == 1 else recording.name
+            matched.append(f"- {{name: {quoted(name)}, {keys}}}")
     lines = ["dubs:", *(f"  {entry}" for entry in matched)]
     if unmatched:
         lines += ["  # These begin with no clip's name and a separator, or something is missing."]
@@ -195,14 +202,17 @@ def sorted_out(folder: Path) -> Found:
     """Sort the files of a folder into clips, recordings and scripts."""
     found = Found()
     taken: dict[str, str] = {}
-    for path in sorted(folder.iterdir()):
+    # macOS keeps `._host.mp4` beside `host.mp4` on disks of other systems.
+    for path in sorted(path for path in folder.iterdir() if not path.name.startswith(".")):
         if path.suffix.lower() in READERS:
             found.scripts.append(path)
             continue
         try:
             info = probe(path)
-        except MediaError:
-            continue  # not media
+        except MediaError as error:
+            if (mimetypes.guess_type(path.name)[0] or "").startswith(("audio/", "video/")):
+                found.left_out.append(f"{quoted(path.name)}: {error.what}")
+            continue  # else it is no media
         if info.picture is None:
             if info.audio_rate is not None:
                 found.recordings.append(path)

@@ -7,7 +7,7 @@ there but damaged is no mistake in the manifest: it blocks only the people and d
 from dataclasses import replace
 from pathlib import Path
 
-from dubbing.engine.disk.files import read_bounded
+from dubbing.engine.disk.files import read_text
 from dubbing.errors import ExplainedError, ManifestError, Problem
 from dubbing.manifest.keys import yaml_lines
 from dubbing.manifest.keys.values import check_path
@@ -16,6 +16,7 @@ from dubbing.manifest.resolving import resolved
 from dubbing.production.production import Production
 
 MOST_BYTES = 10 * 10**6
+NO_MANIFEST = "a manifest is a YAML file, as `dfrf init` writes it"
 
 
 def load(path: Path | str, only: tuple[str, ...] = (), *, from_base: bool = False) -> Production:
@@ -32,13 +33,15 @@ def load(path: Path | str, only: tuple[str, ...] = (), *, from_base: bool = Fals
     try:
         path = path.resolve()
         check_path(path)
-        text = read_bounded(path, MOST_BYTES).decode()
+        text = read_text(path, MOST_BYTES)
     except FileNotFoundError:
         raise ManifestError(str(path), [Problem(0, "", "no such file")]) from None
     except (OSError, RuntimeError, ValueError) as error:
         raise ManifestError(str(path), [Problem(0, "", f"cannot be read: {error}")]) from error
     except ExplainedError as error:
-        raise ManifestError(str(path), [Problem(0, "", error.what)]) from error
+        raise ManifestError(
+            str(path), [Problem(0, "", f"{error.what}: {error.remedy}; {NO_MANIFEST}")]
+        ) from error
     reader = Reader(path, yaml_lines.read(text), only)
     output, dubs, findings = reader.read()
     reader.found += findings.baseless if from_base else []

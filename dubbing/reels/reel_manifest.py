@@ -11,6 +11,7 @@ from dubbing.errors import ExplainedError, ManifestError, Problem
 from dubbing.manifest.init import HEADER, LONGEST_LEARNT, Found, clip_of, free_target, sorted_out
 from dubbing.manifest.keys.entries import Dub
 from dubbing.manifest.keys.findings import Findings
+from dubbing.manifest.keys.messages import some
 from dubbing.manifest.keys.values import check_name
 from dubbing.manifest.keys.yaml_lines import quoted
 from dubbing.manifest.scenes.reels import of_film
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 SHEET = "manifest.faces.jpg"
 UNKNOWN = "?"  # stands for a person who is not known yet
+PLACE = re.compile(r"\{cue(?::0[0-9])?\}")
 NUMBERED = re.compile(r"(.*?)([0-9]+)(\.\w+)")
 Ask = Callable[[str], str]
 
@@ -77,6 +79,8 @@ def write_manifest(folder: Path, say: Callable[[str], None], ask: Ask | None = N
     if not faces:
         raise ManifestError(str(target), [Problem(0, "", f"no clip in {folder} shows a face")])
     write_sheet(faces, folder / SHEET)
+    for one in found.left_out:
+        say(f"left out: {one}")
     say(f"{folder / SHEET} shows the faces of {len(found.clips)} clips")
     for number, face in enumerate(faces, 1):
         say(f"face {number}: {', '.join(found.clips[clip].path.name for clip in face.clips)}")
@@ -93,7 +97,16 @@ def write_manifest(folder: Path, say: Callable[[str], None], ask: Ask | None = N
             clip, shot, script, found, {s: [seen[n] for n in whose[s] if n in seen] for s in whose}
         )
     atomic_write_text(target, "\n".join(lines) + "\n")
+    used = [_files(_sound(clip, shot, found)) for clip, shot in shots.items()]
+    names = [path.name for path in found.recordings]
+    if left := [name for name in names if not any(one.fullmatch(name) for one in used)]:
+        say(f"not used are {some(left)}, as of another language: copy the dubs for them")
     return target
+
+
+def _files(sound: str) -> re.Pattern[str]:
+    """Names of the recordings that `_sound` gives."""
+    return re.compile("[0-9]+".join(map(re.escape, PLACE.split(sound))))
 
 
 def asked(speaker: str, count: int, ask: Ask) -> list[int]:

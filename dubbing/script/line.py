@@ -7,6 +7,7 @@ from fractions import Fraction
 from dubbing.script.timecode import frame_of
 
 LONGEST = 10**9  # seconds
+UNNUMBERED = -1  # the number of a line without a printed one, until all of the file is read
 CLOCK = re.compile(r"(?:(?:([0-9]{1,3}):)?([0-9]{1,3}):)?([0-9]{1,9}(?:[.,][0-9]{1,9})?)")
 
 
@@ -15,7 +16,7 @@ class Line:
     """Spoken words with their times and speaker.
 
     Attributes:
-        number: as printed in the file, else its position there, from 1.
+        number: as printed in the file, else the position of its cue there, from 1.
         start, stop: seconds, as written.
         speaker: '' where the file names none.
         counted: whether its times are timecodes, which count frames.

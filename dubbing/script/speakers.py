@@ -20,6 +20,7 @@ BRACKETS = {"[": "]", "(": ")", "\uff08": "\uff09", "\u3010": "\u3011", "\uff3b"
 # Additions to a name: voice over, off screen, off camera, continued.
 MARKS = {"vo", "os", "oc", "off", "over", "contd", "cont"}
 ENDS, QUOTES = "[.!?\u2026]", r"[\"\u201d\u00bb)]"
+SHORTENED = re.compile(r"(\w{1,4}\.)+")
 SENTENCE_END = re.compile(rf"(?:(?<={ENDS})|(?<={ENDS}{QUOTES}))\s+(?=\S)")
 
 
@@ -103,16 +104,35 @@ def _rows(text: str, names: Names) -> Iterator[str]:
     """Rows of a text. ``>>`` starts one, and so does a name after the end of a sentence."""
     for row in text.replace(">>", "\n>>").replace(">>\n", ">>").split("\n"):
         begun: list[str] = []
-        for piece in SENTENCE_END.split(row.strip()):
-            labels = _labels(piece.lstrip(f"{LEADING} "))
-            if begun and any(
-                form == "colon" and (_is_other(label) or names.known(label))
-                for label, form, _ in labels
-            ):
+        for piece in _sentences(row.strip(), names):
+            if begun and _begins_turn(piece, names):
                 yield " ".join(begun)
                 begun = []
             begun.append(piece)
         yield " ".join(begun)
+
+
+def _sentences(row: str, names: Names) -> Iterator[str]:
+    """The sentences of a row. ``MR.`` or ``J.`` is none where it begins a name."""
+    short: list[str] = []
+    for piece in SENTENCE_END.split(row):
+        if SHORTENED.fullmatch(piece.lstrip(f"{LEADING} ")):
+            short.append(piece)
+            continue
+        wholes = {k: " ".join([*short[k:], piece]) for k in range(-MOST_WORDS, 0)}
+        at = next((k for k, whole in wholes.items() if _begins_turn(whole, names)), len(short))
+        yield from short[:at]
+        yield " ".join([*short[at:], piece])
+        short = []
+    yield from short
+
+
+def _begins_turn(text: str, names: Names) -> bool:
+    """Whether a text begins with a name and a colon."""
+    return any(
+        form == "colon" and (_is_other(label) or bool(names.known(label)))
+        for label, form, _ in _labels(text.lstrip(f"{LEADING} "))
+    )
 
 
 def _named(row: str, names: Names, *, more: bool) -> tuple[str, str]:
@@ -155,7 +175,11 @@ def _labels(text: str) -> Iterator[tuple[str, str, str]]:
     head = f"{text[:LONGEST]} "
     closing = BRACKETS.get(head[0])
     if closing and (end := head.find(closing)) > 1:
-        yield head[1:end].strip(), "bracket", text[end + 1 :].lstrip(f"{COLONS}{DASHES} ")
+        yield (
+            head[1:end].strip(f"{COLONS} "),
+            "bracket",
+            text[end + 1 :].lstrip(f"{COLONS}{DASHES} "),
+        )
     colon = min((k for sign in COLONS if (k := head.find(sign)) > 0), default=0)
     if colon and not (head[colon - 1].isdigit() and head[colon + 1].isdigit()):
         yield head[:colon].strip(), "colon", text[colon + 1 :].strip()

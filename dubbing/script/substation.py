@@ -3,11 +3,12 @@
 pysubs2 handles drawings, too, but takes quadratic time for a text of many overrides.
 """
 
+import io
 import re
 from collections.abc import Iterator
 from fractions import Fraction
 
-from dubbing.script.line import Line, seconds_of
+from dubbing.script.line import UNNUMBERED, Line, seconds_of
 
 FIELDS = "Layer, Start, End, Style, Name, MarginL, MarginR, MarginV, Effect, Text"
 OVERRIDE = re.compile(r"(\{[^{}]*\})")
@@ -30,14 +31,14 @@ def read(text: str, rate: Fraction) -> list[Line]:
         except (KeyError, ValueError) as error:
             raise ValueError(f"row {place}: no times as 0:01:05.50,0:01:07.00") from error
         speaker = event.get("name", event.get("actor", "")).strip()
-        lines.append(Line(0, start, stop, speaker, words))
+        lines.append(Line(UNNUMBERED, start, stop, speaker, words))
     return lines
 
 
 def _events(text: str) -> Iterator[tuple[int, dict[str, str]]]:
     """The fields of each event of dialogue, by their names, and its row."""
     names, section = _named(FIELDS), ""
-    for place, row in enumerate(text.splitlines(), 1):
+    for place, row in enumerate(io.StringIO(text, newline=None), 1):
         kind, _, rest = row.partition(":")
         if row.startswith("["):
             section = row.strip().casefold()

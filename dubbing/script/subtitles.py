@@ -9,9 +9,11 @@ import re
 from dataclasses import dataclass, field
 from fractions import Fraction
 
-from dubbing.script.line import CLOCK, Line, seconds_of
+from dubbing.script.line import CLOCK, UNNUMBERED, Line, seconds_of
 
-ARROW = "-->"
+# Word processors make one sign of the arrow `-->`, or of its dashes.
+ARROW = re.compile("[-\u2010-\u2015\u2212]{1,2}>|\u2192")
+TIMED = re.compile("[0-9]+:[0-9]+:[0-9]")  # begins a row of times, and hardly one of words
 SKIPPED = ("NOTE", "STYLE", "REGION", "WEBVTT")  # blocks of VTT without words
 PRINTED = re.compile(r"[0-9]{1,9}")
 TAG = re.compile(r"(<[\w/.][^<>]*>|\{[^{}]*\})")  # tags do not nest: linear time
@@ -35,7 +37,8 @@ def read(text: str, rate: Fraction) -> list[Line]:
     lines: list[Line] = []
     for cue in _cues(text):
         start, stop = (seconds_of(part, rate) for part in cue.times)
-        number = int(cue.name) if PRINTED.fullmatch(cue.name) else 0
+        name = cue.name.strip("#.")  # as word processors number
+        number = int(name) if PRINTED.fullmatch(name) else UNNUMBERED
         voices = voices_of("\n".join(cue.rows))
         shared = len({voice for voice, _ in voices}) > 1
         lines += [Line(number, start, stop, voice, words, shared=shared) for voice, words in voices]
@@ -45,18 +48,20 @@ def read(text: str, rate: Fraction) -> list[Line]:
 def _cues(text: str) -> list[_Cue]:
     cues: list[_Cue] = []
     above, begins, skipped = "", True, False  # begins: the row above begins a block
-    rows = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    for end in ("\r\r\n", "\r\n", "\r"):  # the first is the second, converted once more
+        text = text.replace(end, "\n")
+    rows = text.split("\n")
     for place, row in enumerate(map(str.strip, rows), 1):
         # Times are at the beginning of a block, or below its name.
         expected = not above or begins or bool(PRINTED.fullmatch(above))
-        times = _times(row) if ARROW in row else None
+        times = _times(row)
         if times is not None:
             name = above if expected else ""
             if cues and name and cues[-1].rows[-1:] == [name]:
                 cues[-1].rows.pop()
             cues.append(_Cue(name, times))
             skipped = False
-        elif ARROW in row and not skipped and (expected or re.match("[0-9]+:", row)):
+        elif expected and not skipped and ("-->" in row or TIMED.match(row)):
             raise ValueError(f"row {place}: no times as 00:01:05,500 --> 00:01:07,000")
         else:
             if not above:
@@ -69,10 +74,10 @@ def _cues(text: str) -> list[_Cue]:
 
 def _times(row: str) -> tuple[str, str] | None:
     """The two times of a row, as written; settings may follow them."""
-    before, _, after = row.partition(ARROW)
-    first, second = before.strip(), "".join(after.split(maxsplit=1)[:1])
-    well = all(":" in part and CLOCK.fullmatch(part) for part in (first, second))
-    return (first, second) if well else None
+    first, *after = ARROW.split(row, 1)
+    parts = first.strip(), "".join("".join(after).split(maxsplit=1)[:1])
+    well = all(":" in part and CLOCK.fullmatch(part) for part in parts)
+    return parts if well else None
 
 
 def voices_of(text: str) -> list[tuple[str, str]]:

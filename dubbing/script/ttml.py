@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import Any
 from xml.etree import ElementTree
 
-from dubbing.script.line import Line
+from dubbing.script.line import UNNUMBERED, Line
 from dubbing.script.timecode import frame_of
 
 NAMESPACE, KINDS = "{http://www.w3.org/", ("ttml", "ttaf1")
@@ -97,6 +97,8 @@ class _Document:
             assert stop is not None
             self._add(element, start, stop, agent)
             return
+        if _tag(element) == "p" and start != begin and _words(element) and not _timed(element):
+            raise ValueError(f"the paragraph at {float(start):g} s has no end")
         for child in element:
             if _tag(child) in SPOKEN:
                 self.walk(child, start, stop, agent)
@@ -161,9 +163,9 @@ def _number(text: str) -> Fraction:
 
 
 def _digits(name: str) -> int:
-    """The number at the end of an identifier as ``c12``; 0 without one."""
+    """The number at the end of an identifier as ``c12``; UNNUMBERED without one."""
     digits = name[len(name.rstrip("0123456789")) :]
-    return int(digits) if 0 < len(digits) < 10 else 0
+    return int(digits) if 0 < len(digits) < 10 else UNNUMBERED
 
 
 def _attribute(element: ElementTree.Element, name: str) -> str:
@@ -180,6 +182,11 @@ def _said(element: ElementTree.Element, agent: str) -> Iterator[tuple[str, str]]
         for child in element:
             yield from _said(child, agent)
             yield agent, child.tail or ""
+
+
+def _timed(element: ElementTree.Element) -> bool:
+    """Whether parts of an element have times of their own."""
+    return any(part.get("begin") for part in element.iter() if part is not element)
 
 
 def _words(element: ElementTree.Element) -> str:

@@ -131,10 +131,10 @@ def _spine(
     for child in spine:
         if child.tag == "transition":
             continue
-        offset = child.get("offset")
+        clip, offset = _picked(child), child.get("offset")
         at = end if offset is None else zero + _seconds(offset)
-        yield from _clip(child, lane, at, resources)
-        end = at + _seconds(child.get("duration"))
+        yield from _clip(clip, lane, at, resources)
+        end = at + _seconds(clip.get("duration"))
 
 
 def _clip(
@@ -151,7 +151,12 @@ def _clip(
         if child.tag == "spine":
             yield from _spine(child, lane + own, there, resources)
         else:
-            yield from _clip(child, lane + own, there, resources)
+            yield from _clip(_picked(child), lane + own, there, resources)
+
+
+def _picked(element: Element) -> Element:
+    """Of an audition the clip that is shown, which is its first."""
+    return element[0] if element.tag == "audition" and len(element) else element
 
 
 def _item(element: Element, resources: dict[str, Element], rate: Fraction) -> Any:
@@ -164,7 +169,7 @@ def _item(element: Element, resources: dict[str, Element], rate: Fraction) -> An
         nested = element.tag in ("ref-clip", "sync-clip", "mc-clip")
         return otio.schema.Stack(element.get("name", ""), source_range=whole) if nested else None
     asset, late = found
-    if asset.get("hasVideo", "1") == "0":
+    if asset.get("hasVideo", "1") == "0" or element.get("srcEnable") == "audio":
         return None
     own = _rate(resources[asset.get("format", "")]) if asset.get("format") in resources else rate
     original = asset.find("media-rep")
@@ -175,7 +180,10 @@ def _item(element: Element, resources: dict[str, Element], rate: Fraction) -> An
         media_reference=otio.schema.ExternalReference(url, there),
         source_range=_otio_range(_start(element, resources) + late, length, own),
     )
-    if element.find("timeMap") is not None:
+    clip.enabled = element.get("enabled", "1") != "0"
+    conform = element.find("conform-rate")
+    scaled = conform is not None and conform.get("scaleEnabled", "1") != "0"
+    if element.find("timeMap") is not None or (scaled and round(own) != round(rate)):
         clip.effects.append(otio.schema.TimeEffect())
     notes = [(one.get("value", ""), one.get("start")) for one in element.findall("marker")]
     notes += [(one.text or "", element.get("start")) for one in element.findall("note")]

@@ -1,5 +1,6 @@
 """Reads a timeline: EDL (CMX3600), AAF and OTIO by OpenTimelineIO, FCPXML by `fcpxml`."""
 
+import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -8,7 +9,7 @@ from typing import Any
 from urllib.parse import unquote
 
 from dubbing import packages
-from dubbing.engine.disk.files import read_bounded
+from dubbing.engine.disk.files import read_text
 from dubbing.errors import ExplainedError
 from dubbing.media import MediaInfo
 from dubbing.media.properties.frame_rate import snap
@@ -19,6 +20,9 @@ MOST_BYTES = 10**8
 ADAPTERS = {".edl": "cmx_3600", ".fcpxml": "", ".aaf": "AAF", ".otio": "otio_json"}
 NESTED = "it is a composition in itself: flatten it"
 DROP = 'tcFormat="DF"'
+# A row of an EDL that gives the speed of an event, frames a second; another word to keep it by.
+SPEED, SPEED_KEPT = "M2 ", "SPEED "
+FORWARDS, NEAR_RATE = re.compile(r"[0-9]{1,4}(\.[0-9]{1,6})?"), 0.1  # after the point is one digit
 RETIMED = "its speed is changed: write a film of it, and cut that in"
 
 
@@ -87,11 +91,8 @@ def read(path: Path, films: Callable[[str], Iterable[MediaInfo]]) -> Cut:
         known = ", ".join(ADAPTERS)
         raise ExplainedError(f"no kind of timeline: {kind!r}", path.name, f"one of {known}")
     try:
-        content = read_bounded(path, MOST_BYTES)
-        text = "" if kind == ".aaf" else content.decode("utf-8-sig")
+        text = "" if kind == ".aaf" else read_text(path, MOST_BYTES)
         rate = _rate_of_list(films(text)) if kind == ".edl" else None
-    except UnicodeDecodeError as error:
-        raise ExplainedError("it is not UTF-8", path.name, "save it as UTF-8") from error
     except OSError as error:
         raise ExplainedError(f"cannot be read: {error.strerror}", path.name) from error
     except ExplainedError as error:
@@ -102,7 +103,7 @@ def read(path: Path, films: Callable[[str], Iterable[MediaInfo]]) -> Cut:
         elif kind == ".aaf":
             found = otio.adapters.read_from_file(str(path), ADAPTERS[kind])
         elif rate is not None:
-            found = otio.adapters.read_from_string(_plain_locators(text), "cmx_3600", rate=rate)
+            found = otio.adapters.read_from_string(_plain_comments(text), "cmx_3600", rate=rate)
         else:
             found = otio.adapters.read_from_string(text, ADAPTERS[kind])
         several = found if isinstance(found, otio.schema.SerializableCollection) else [found]
@@ -152,7 +153,7 @@ def _event(item: Any, timeline: Any, markers: list[Any], number: int, drop: bool
     at = frames(on_cut.start_time)
     own = [*item.markers, *(m for m in markers if on_cut.contains(m.marked_range.start_time))]
     nested = not isinstance(item, otio.schema.Clip)
-    retimed = any(isinstance(effect, otio.schema.TimeEffect) for effect in item.effects)
+    retimed = _is_retimed(item, source.start_time.rate)
     media = getattr(item, "media_reference", None)
     there = getattr(media, "available_range", None)
     return Event(
@@ -217,7 +218,28 @@ def _rate_of_list(films: Iterable[MediaInfo]) -> float:
     return float(rates.pop())
 
 
-def _plain_locators(text: str) -> str:
-    """An EDL whose locators are read: not with the semicolon of drop-frame timecode."""
-    rows = text.splitlines()
-    return "\n".join(r.replace(";", ":", 3) if r.startswith("* LOC:") else r for r in rows)
+def _plain_comments(text: str) -> str:
+    """An EDL whose files, locators and speeds are read.
+
+    Locators and speeds are not, with the semicolon of drop-frame timecode.
+
+    Speeds stand in it twice: the adapter forgets one if the event is as long as its source, and
+    keeps comments that it does not know.
+    """
+    rows = []
+    for row in text.replace("* SOURCE FILE:", "* FROM FILE:").splitlines():
+        rows.append(row.replace(";", ":", 3) if row.startswith(("* LOC:", SPEED)) else row)
+        rows += [f"* {row.strip()}".replace(SPEED, SPEED_KEPT)] if row.startswith(SPEED) else []
+    return "\n".join(rows)
+
+
+def _is_retimed(item: Any, rate: float) -> bool:
+    """Whether a clip is shown at another speed, or backwards."""
+    import opentimelineio as otio
+
+    for comment in map(str, item.metadata.get("cmx_3600", {}).get("comments", ())):
+        if comment.startswith(SPEED_KEPT):
+            speed = comment.split()[-2]  # the last is a timecode
+            if not FORWARDS.fullmatch(speed) or abs(float(speed) - rate) > NEAR_RATE:
+                return True
+    return any(isinstance(effect, otio.schema.TimeEffect) for effect in item.effects)

@@ -158,13 +158,28 @@ def read_bounded(path: Path, most: int) -> bytes:
     """
     # A pipe that nobody writes to would be waited for.
     handle = os.open(path, os.O_RDONLY | flags("O_NONBLOCK", "O_CLOEXEC", "O_BINARY"))
-    with os.fdopen(handle, "rb", closefd=True) as stream:
-        if not stat.S_ISREG(os.fstat(handle).st_mode):
-            raise ExplainedError("is no regular file", str(path), "name one")
+    if not stat.S_ISREG(mode := os.fstat(handle).st_mode):
+        os.close(handle)
+        what = "it is a folder" if stat.S_ISDIR(mode) else "it is no regular file"
+        raise ExplainedError(what, str(path), "name a file")
+    with os.fdopen(handle, "rb") as stream:
         content = stream.read(most + 1)
     if len(content) > most:
-        raise ExplainedError(f"is larger than {most // 10**6} MB", str(path), "name another file")
+        what = f"it is larger than {most // 10**6} MB"
+        raise ExplainedError(what, str(path), "name another file")
     return content
+
+
+def read_text(path: Path, most: int) -> str:
+    """The same as text, without a byte order mark.
+
+    Raises:
+        OSError, ExplainedError: as `read_bounded`; or it is not UTF-8.
+    """
+    try:
+        return read_bounded(path, most).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ExplainedError("it is not UTF-8", str(path), "save it as UTF-8") from error
 
 
 def flags(*names: str) -> int:

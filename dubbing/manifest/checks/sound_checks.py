@@ -3,6 +3,7 @@
 It is quick: of a sound with one channel nothing is read but up to its first sound.
 """
 
+import math
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
@@ -20,6 +21,12 @@ from dubbing.script.timeline import Cue
 MOST_CHANNELS = max(LAYOUTS)  # of the bed of a scene
 # Of so many cues of one file, spread over it, the channels are looked at.
 LOOKED_AT = 12
+OTHER_CUT = 0.5  # seconds by which music and effects are longer or shorter than their film
+WHY_NOT_ALL = {
+    "centre": "have a centre",
+    "opposed": "cancel one another",
+    "unused": "are silent in part",
+}
 AT_THE_END = {
     "bounce": "the film's last shot runs backwards and forwards below the last {}",
     "loop": "the film begins again below the last {}",
@@ -57,6 +64,10 @@ def of_dub(findings: Findings, at: KeyPath, dub: Dub, scene: Scene) -> None:
             found = zip(cues, are_silent(info, stretches), strict=True)
             silent += [str(cue.number) for cue, is_so in found if is_so]
             _channels(findings, dub.name, info, stretches[:: 1 + len(stretches) // LOOKED_AT])
+            if info.peak > 1 and dub.loudness == "none":
+                over = f"up to {20 * math.log10(info.peak):.1f} dB above full scale"
+                clipped = "is clipped there: make it softer, or set loudness in a scene"
+                findings.warn(f"{dub.name}: {path.name} is {over}, and {clipped}")
     if silent and len(scene.cues) == 1:
         findings.warn(f"{dub.name}: nothing can be heard in {scene.cues[0].audio}")
     elif silent:
@@ -76,7 +87,7 @@ def _channels(
     for start, seconds in stretches:
         one = voice_channel(info, start, seconds)
         found[one.why] = one
-    for why, said in (("opposed", "cancel one another"), ("unused", "are silent in part")):
+    for why, said in WHY_NOT_ALL.items():
         if why in found:
             what = f"the {info.audio_channels} channels of {info.path.name} {said}"
             heard = f"channel {found[why].taken} is heard as the voice"
@@ -91,7 +102,10 @@ def _bed(findings: Findings, at: KeyPath, dub: Dub, film: MediaInfo, *, speaks: 
     """
     under = {"clip": film} if speaks or dub.music_effects is None else {}
     if dub.music_effects in findings.media:
-        under["music_effects"] = findings.media[dub.music_effects]
+        under["music_effects"] = music = findings.media[dub.music_effects]
+        if music.audio_rate and abs(music.sound_seconds - film.duration) > OTHER_CUT:
+            lasts = f"lasts {music.sound_seconds:.2f} s, the film {film.duration:.2f} s"
+            findings.warn(f"{dub.name}: {music.path.name} {lasts}: is it of the same cut?")
     for key, info in under.items():
         if (info.audio_channels or 0) > MOST_CHANNELS:
             count = f"{info.audio_channels} channels in {info.path}"
@@ -110,7 +124,10 @@ def _longer(findings: Findings, name: str, scene: Scene, film: MediaInfo) -> Non
 
 
 def of_tracks(findings: Findings, info: MediaInfo) -> None:
-    """Say which of several tracks of a file are heard."""
+    """Say which of several tracks of a file are seen and heard."""
+    if info.unseen_tracks:
+        count = 1 + info.unseen_tracks
+        findings.warn(f"{info.path.name}: of its {count} video tracks number 1 alone is seen")
     heard = [str(track + 1) for track in info.audio_tracks]
     if info.audio_rate is None or (len(heard) == 1 and not info.unheard_tracks):
         return

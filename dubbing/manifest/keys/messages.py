@@ -7,6 +7,7 @@ from typing import Any, get_args
 
 from dubbing.manifest.keys.entries import Entry
 
+DAYS = ("date_type", "date_parsing", "date_from_datetime_parsing", "date_from_datetime_inexact")
 LONGEST = 60  # characters of a wrong value in a message
 MOST_NAMED = 5  # lines that one sentence names
 
@@ -30,6 +31,9 @@ def plain(detail: Any, model: type[Entry]) -> str:
         "string_type": f"must be text, not {describe(value)}: put it in quotes",
         "string_too_short": "must not be empty",
         "model_type": f"must hold keys, not {describe(value)}",
+        "tuple_type": f"must be a list, not {describe(value)}",
+        "too_short": "must not be empty",
+        **dict.fromkeys(DAYS, f"must be a day as 2026-11-02, not {short(value)}"),
         "bool_type": f"must be true or false, not {short(value)}",
     }
     sentence = str(detail["msg"]).replace("Input should be", "must be")

@@ -172,7 +172,20 @@ def _film(value: Any, info: ValidationInfo) -> Any:
     return resolve(value, info)
 
 
+def _language(value: str) -> str:
+    if not LANGUAGE.fullmatch(value):
+        raise ValueError(f"must be the code of a language as it or pt-BR, not {value!r:.60}")
+    return value
+
+
+def _sha256(value: str) -> str:
+    if not re.fullmatch(SHA256, value):
+        raise ValueError(f"must be 64 hexadecimal digits, not {value!r:.80}")
+    return value.lower()
+
+
 SHA256 = "[0-9a-fA-F]{64}"
+LANGUAGE = re.compile("[a-zA-Z]{2,3}(-[a-zA-Z0-9]{2,8})*")
 # What may be written in a manifest, for its schema.
 PathText = Annotated[str, WithJsonSchema({"type": "string", "format": "path", "pattern": r"\S"})]
 CLOCK_PATTERN = rf"^\s*(?:{CLOCK.pattern})\s*$"
@@ -200,6 +213,12 @@ LearnedSeconds = Annotated[
 Name = Annotated[str, BeforeValidator(check_name, json_schema_input_type=NameText)]
 Filled = Annotated[str, Field(min_length=1), AfterValidator(_check_filled)]
 Day = Annotated[datetime.date, Field(strict=False)]
-Language = Annotated[str, Field(pattern="^[a-zA-Z]{2,3}(-[a-zA-Z0-9]{2,8})*$")]
+Language = Annotated[
+    str,
+    AfterValidator(_language),
+    WithJsonSchema({"type": "string", "pattern": f"^{LANGUAGE.pattern}$"}),
+]
 Film = Annotated[Path | str, BeforeValidator(_film, json_schema_input_type=PathText)]
-Sha256 = Annotated[str, Field(pattern=f"^{SHA256}$"), AfterValidator(str.lower)]
+Sha256 = Annotated[
+    str, AfterValidator(_sha256), WithJsonSchema({"type": "string", "pattern": f"^{SHA256}$"})
+]

@@ -12,7 +12,7 @@ from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.nodes import CollectionNode, MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from dubbing.engine.disk.files import read_bounded
+from dubbing.engine.disk.files import read_text
 from dubbing.errors import ExplainedError, Problem
 
 KeyPath = tuple[str | int, ...]
@@ -59,7 +59,7 @@ def read_file(path: Path, most: int) -> Document:
         ValueError: it cannot be read.
     """
     try:
-        return read(read_bounded(path, most).decode())
+        return read(read_text(path, most))
     except (OSError, ValueError, ExplainedError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise ValueError(f"cannot be read: {reason}") from error

@@ -18,6 +18,8 @@ from dubbing.script.timeline import Cue
 
 CUE = re.compile(r"\{cue(?::0?([1-9]))?\}")  # {cue}, or {cue:03} with leading zeros
 
+TAIL = 0.25  # seconds of a line that a track may lack: silence is trimmed off its end
+
 
 class SceneCues:
     """The cues of one dub, and what is wrong with them."""
@@ -34,6 +36,7 @@ class SceneCues:
         self.carried: list[str] = []
         self.too_long: list[str] = []
         self.unheard: list[str] = []
+        self.cut_short: list[str] = []
         self.numbered: dict[int, Line] = {}
         self.twice: list[str] = []
         self.given = 0  # lines that somebody dubs, with or without a sound
@@ -120,8 +123,11 @@ class SceneCues:
             return None
         if path == named:  # a track that runs beside the film
             start = float(first / self.rate)
+            missing = float(stop / self.rate) - sound.sound_seconds
             if start >= sound.sound_seconds:
                 self.unheard.append(f"{line.number} (at {start:.2f} s)")
+            elif missing > TAIL:
+                self.cut_short.append(f"{line.number} (by {missing:.2f} s)")
             return path, start
         there, room = sound.sound_seconds, float((stop - first + 1) / self.rate)
         if there > room:
@@ -138,6 +144,9 @@ class SceneCues:
         if self.too_long:
             what = f"lines {some(self.too_long)} are cut off with their cues"
             self.findings.warn(f"{self.dub.name}: {what}")
+        if self.cut_short:
+            what = f"lines {some(self.cut_short)} last longer than the track of their sound"
+            self.findings.warn(f"{self.dub.name}: {what}: mouths stay shut after its end")
         if self.carried:
             what = f"lines {some(self.carried)} of {name} name nobody"
             self.findings.warn(

@@ -18,13 +18,13 @@ from dubbing.media.opening.opening import opened
 from dubbing.media.opening.tracks import Track, heard_tracks
 from dubbing.media.probing.fields import is_flagged
 from dubbing.media.probing.timecode_track import timecode_of
+from dubbing.media.probing.whole import check_frames, check_whole
 from dubbing.media.properties.colour import colour_of
 from dubbing.media.properties.frame_rate import choose_rate
 from dubbing.media.properties.info import MediaInfo, Picture
 from dubbing.media.properties.native import PixelFormat
 from dubbing.media.sequences import sequence
 
-COMPLETE = 0.98  # share of the header's number of frames (most containers have none)
 SHORTEST, LONGEST, SLIMMEST = 16, 16384, 10  # px, px, and one side over the other
 FLOATS = {"pcm_f32le": "<f4", "pcm_f32be": ">f4", "pcm_f64le": "<f8", "pcm_f64be": ">f8"}
 LOUDEST = 1e6  # 1 is full scale; the AAC encoder fails from about 1e10
@@ -71,7 +71,8 @@ def count_frames(path: Path | str) -> int:
 
 
 def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
-    video = next((s for s in container.streams.video if not s.disposition & ATTACHED_PICTURE), None)
+    pictures = [s for s in container.streams.video if not s.disposition & ATTACHED_PICTURE]
+    video = next(iter(pictures), None)
     tracks = list(container.streams.audio)
     heard = heard_tracks(tracks)
     if video is None and not heard:
@@ -86,14 +87,13 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
     count: int | None = None
     picture: Picture | None = None
     video_start = packets.starts.get("video", zero) - zero
+    told = 0 if video is None else video.frames
+    check_whole(path, container, told, packets.pictures, packets.times, packets.last - zero)
     if video is not None:
-        _check_pictures(path, container, video, packets)
+        check_frames(path, packets.pictures, packets.untimed, packets.times)
         picture = _picture(path, video, packets.keys)
         width, height = picture.width, picture.height
         times = sorted(packets.times)
-        if len(times) > 1 and times[0] == times[-1]:
-            same = "all its frames have the same time stamp"
-            raise MediaError(same, str(path), "convert the file again")
         hints = [r for r in (video.average_rate, video.guessed_rate) if r]
         rate, variable = choose_rate(times, hints)
         span = packets.ends["video"] - times[0] if variable else float(len(times) / rate)
@@ -122,7 +122,16 @@ def _read(path: Path, container: av.container.InputContainer) -> MediaInfo:
         timecode_count=count,
         audio_tracks=tuple(tracks.index(track) for track in heard),
         unheard_tracks=len(tracks) - len(heard),
+        unseen_tracks=max(0, len(pictures) - 1),
+        centre=_centre(heard),
+        peak=packets.peak,
     )
+
+
+def _centre(heard: list[Track]) -> int | None:
+    """Index of the channel that the only track read says is the centre of several."""
+    names = [channel.name for channel in heard[0].layout.channels] if len(heard) == 1 else []
+    return names.index("FC") if len(names) > 1 and "FC" in names else None
 
 
 @dataclass
@@ -130,12 +139,16 @@ class _Packets:
     """Counts and times of the packets of a file; times in seconds, by kind of stream.
 
     Attributes:
+        last: end of the last packet of any stream.
+        peak: of samples in floating point; see `MediaInfo.peak`.
         pictures, untimed: packets with a frame, and those of them without a time stamp.
         times: of the frames.
         keys: time stamps of the key frames.
     """
 
     pictures: int = 0
+    last: float = 0.0
+    peak: float = 0.0
     untimed: int = 0
     times: list[float] = field(default_factory=list)
     keys: list[int] = field(default_factory=list)
@@ -151,54 +164,28 @@ def _visit(
 ) -> _Packets:
     packets = _Packets()
     floats = {track.index: FLOATS.get(_codec(path, track)) for track in heard}
-    for packet in container.demux([*([] if video is None else [video]), *heard]):
+    wanted = {stream.index for stream in (video, *heard) if stream is not None}
+    for packet in container.demux():
+        unit = packet.time_base or 0  # none, of a packet without time stamps
+        at = float((packet.pts or 0) * unit)
+        end = at + float((packet.duration or 0) * unit)
+        packets.last = max(packets.last, end)  # of any stream
+        if packet.stream.index not in wanted:
+            continue
         kind = packet.stream.type
         if kind == "video" and packet.size > 0:
             packets.pictures += 1
             packets.untimed += packet.pts is None and packet.dts is None
         elif (kept := floats.get(packet.stream.index)) is not None and packet.size > 0:
-            _check_sound(path, packet, kept)
-        if packet.pts is None or packet.is_discard or packet.time_base is None:
+            packets.peak = max(packets.peak, _peak(path, packet, kept))
+        if packet.pts is None or packet.is_discard or not unit:
             continue
-        at = float(packet.pts * packet.time_base)
-        length = float((packet.duration or 0) * packet.time_base)
         packets.starts[kind] = min(packets.starts.get(kind, at), at)
-        packets.ends[kind] = max(packets.ends[kind], at + length)
+        packets.ends[kind] = max(packets.ends[kind], end)
         if kind == "video":
             packets.times.append(at)
             packets.keys += [packet.pts] if packet.is_keyframe else []
     return packets
-
-
-def _check_pictures(
-    path: Path,
-    container: av.container.InputContainer,
-    video: av.video.stream.VideoStream,
-    packets: _Packets,
-) -> None:
-    """Raises MediaError where frames, or their time stamps, are missing."""
-    if not packets.times:
-        raise MediaError("no frame in its video stream", str(path), "is the file complete?")
-    there = _counted(container, packets.pictures, packets.times)
-    if there < COMPLETE * video.frames:
-        broken = f"it breaks off: {there} of {video.frames} frames are there"
-        raise MediaError(broken, str(path), "copy or convert the file again")
-    if packets.untimed:
-        # As in a Matroska file with negative times: ffmpeg would guess, and drop frames that clash.
-        what = f"{packets.untimed} of its {packets.pictures} frames have no time stamp"
-        raise MediaError(what, str(path), "convert the file again")
-
-
-def _counted(container: av.container.InputContainer, pictures: int, times: list[float]) -> int:
-    """Number of frames as the header counts them, from frames with these times.
-
-    The header of an AVI counts ticks of its clock, which may be finer than frames.
-    """
-    many = len(times)
-    if container.format.name != "avi" or many < 2:
-        return pictures
-    ticks = (max(times) - min(times)) / float(container.streams.video[0].time_base or 1)
-    return max(pictures, round(ticks * (many + 1) / (many - 1)))
 
 
 def _codec(path: Path, sound: Track) -> str:
@@ -210,21 +197,26 @@ def _codec(path: Path, sound: Track) -> str:
     return sound.codec_context.name
 
 
-def _check_sound(path: Path, packet: av.Packet, kind: str) -> None:
+def _peak(path: Path, packet: av.Packet, kind: str) -> float:
     size = np.dtype(kind).itemsize
     samples = np.frombuffer(memoryview(packet), kind, packet.size // size)
     with np.errstate(invalid="ignore"):
-        good = samples.size == 0 or (samples.max() < LOUDEST and samples.min() > -LOUDEST)
-    if not good:
+        peak = float(np.abs(samples).max(initial=0))
+    if not peak < LOUDEST:
         at = float((packet.pts or 0) * (packet.time_base or 0))
         what = f"its sound holds samples that are not finite numbers, from about {at:.1f} s on"
         raise MediaError(what, str(path), "export it again, with 16 or 24 bits")
+    return peak
 
 
 def _picture(path: Path, video: av.video.stream.VideoStream, keys: list[int]) -> Picture:
     """Properties of the picture, from the first frame; and whether any frame is interlaced."""
-    with opened(path) as container:
-        frame = next(container.decode(container.streams[video.index]), None)
+    try:
+        with opened(path) as container:
+            frame = next(container.decode(container.streams[video.index]), None)
+    except av.InvalidDataError as error:
+        what = "its first frames cannot be decoded, as where it begins between key frames"
+        raise MediaError(what, str(path), "convert it to .mp4 or .mov") from error
     if not isinstance(frame, av.VideoFrame):
         raise MediaError("no frame of it can be decoded", str(path), "is the file complete?")
     width, height = frame.width, frame.height

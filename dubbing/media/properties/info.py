@@ -40,8 +40,13 @@ class MediaInfo:
         duration: of the picture in seconds; of the audio, where there is no picture.
         audio_tracks: indices of the audio tracks that are read; see `tracks.heard_tracks`.
         unheard_tracks: number of the other tracks.
+        unseen_tracks: number of video tracks beside the first, which is read.
         audio_channels: of all tracks that are read.
+        centre: index of the centre channel of 3.0, 5.1 and the like; None if the file has none, or
+            does not say.
         video_start, audio_start: seconds after the start of the file; 0 for most files.
+        peak: the largest sample, 1 is full scale; 0 where samples are whole numbers, which have no
+            larger ones.
         zero: time stamp of the start of the file in seconds, where ffmpeg would count from the
             first requested stream instead (MPEG-TS, MPEG-PS, Ogg); else None.
         timecode: of the first frame, as ``01:00:00:00``; '' where the file has none.
@@ -68,6 +73,9 @@ class MediaInfo:
     timecode_count: int | None = None
     audio_tracks: tuple[int, ...] = (0,)
     unheard_tracks: int = 0
+    unseen_tracks: int = 0
+    centre: int | None = None
+    peak: float = 0.0
 
     @property
     def rate(self) -> Fraction:

@@ -1,8 +1,9 @@
 """Reduces the channels of audio to one with the voice.
 
 Channels are averaged. Where that would cancel the voice (one channel is the other inverted) or
-halve it (a channel is silent), only channels with the voice are averaged. All readers of mono audio
-use this, so that features, lips, sync check and mix get the same.
+halve it (a channel is silent), only channels with the voice are averaged; of 5.1 and the like it is
+the centre. All readers of mono audio use this, so that features, lips, sync check and mix get the
+same.
 
 P pieces of half a second, C channels.
 """
@@ -25,6 +26,7 @@ PIECE = 0.5  # seconds
 WHOLE, WINDOWS, WINDOW = 60.0, 20, 2.0
 SILENT = 1e-7  # mean power of a piece: -70 dB of full scale, the gate of loudness measurement
 UNUSED = 1e-4  # power of a silent channel over that of the loudest
+CENTRAL = 0.25  # power of a centre with dialogue over that of the loudest channel
 LOUD = 1e-2  # power of pieces that count over that of the loudest
 # Power of the sum of channels over the sum of their powers: C if they are equal, 1 if they are
 # uncorrelated, 0 if they cancel. Channels cancel below the first in any loud piece, or below the
@@ -39,7 +41,7 @@ class VoiceChannel:
 
     Attributes:
         weights: of the channels.
-        why: ``opposed``, ``unused`` or '', why not all of them are averaged.
+        why: ``centre``, ``opposed``, ``unused`` or '', why not all of them are averaged.
     """
 
     weights: tuple[float, ...]
@@ -65,12 +67,16 @@ def voice_channel(info: MediaInfo, start: float, seconds: float | None) -> Voice
         end = info.sound_seconds if seconds is None else min(info.sound_seconds, start + seconds)
         powers = [_powers(part) for part in _pieces(info, start, end)]
         none = np.zeros((0, count, count))
-        known[start, seconds] = chosen(np.concatenate([none, *powers]))
+        known[start, seconds] = chosen(np.concatenate([none, *powers]), info.centre)
     return known[start, seconds]
 
 
-def chosen(powers: np.ndarray) -> VoiceChannel:
-    """The channels to average in pieces with the powers (P, C, C) of all pairs."""
+def chosen(powers: np.ndarray, centre: int | None = None) -> VoiceChannel:
+    """The channels to average in pieces with the powers (P, C, C) of all pairs.
+
+    Args:
+        centre: the channel of dialogue, if the file says which it is.
+    """
     count = powers.shape[1]
     every = VoiceChannel((1 / count,) * count)
     own = powers.trace(axis1=1, axis2=2)
@@ -80,6 +86,8 @@ def chosen(powers: np.ndarray) -> VoiceChannel:
     if not len(loud) or each.max() <= 0:
         return every
     used = each > UNUSED * each.max()
+    if centre is not None and used.sum() > 1 and each[centre] > CENTRAL * each.max():
+        return VoiceChannel(tuple(float(k == centre) for k in range(count)), "centre")
     sums = loud.sum((1, 2)) / loud.trace(axis1=1, axis2=2)
     if sums.min() < CANCELS or total.sum() < CANCEL_TOGETHER * each.sum():
         # The first of those about as loud as the loudest, so that it is the same in all parts.
@@ -110,7 +118,7 @@ def is_silent(info: MediaInfo, start: float, seconds: float) -> bool:
 def _is_silent(info: MediaInfo, container: Container, start: float, seconds: float) -> bool:
     end, pieces = min(info.sound_seconds, start + seconds), 0
     for part in _decoded(info, container, start, end):
-        if (part.astype(np.float64) ** 2).mean(0).max() > SILENT:
+        if part.astype(np.float64).var(0).max() > SILENT:
             return False
         pieces += 1
     # Where none of it can be decoded, reading it reports the error.
@@ -143,8 +151,11 @@ def _pieces(info: MediaInfo, start: float, end: float) -> Iterator[np.ndarray]:
 
 
 def _powers(part: np.ndarray) -> np.ndarray:
-    """Mean power of all pairs of channels, (1, C, C), of a piece (n, C)."""
-    exact = part.astype(np.float64)
+    """Mean power of all pairs of channels, (1, C, C), of a piece (n, C), without its mean.
+
+    A constant offset, as of a cheap converter, cannot be heard.
+    """
+    exact = part.astype(np.float64) - part.mean(0, dtype=np.float64)
     return (exact.T @ exact / len(part))[None]
 
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from dubbing.errors import ManifestError
 from dubbing.manifest import init
 from dubbing.manifest.keys import yaml_lines
 from dubbing.media import MediaInfo, probe
@@ -96,12 +97,36 @@ def test_what_fits_nothing_is_written_as_comments(tmp_path: Path) -> None:
     (tmp_path / "Shot1.mov").write_bytes((tmp_path / "shot1.mp4").read_bytes())
     clips.write_video(tmp_path / "mute.mp4", 30)
     clips.write_sound(tmp_path / "shot10_it.wav", 1)
-    text = init.write_manifest(tmp_path).read_text()
+    (tmp_path / "half.mp4").write_bytes((tmp_path / "shot1.mp4").read_bytes()[:9000])
+    (tmp_path / "notes.txt").write_text("no media")
+    for hidden in ("._shot1.mp4", "._shot1.srt"):  # as macOS leaves them
+        (tmp_path / hidden).write_bytes(b"\0\x05\x16\x07")
+    said: list[str] = []
+    text = init.write_manifest(tmp_path, said.append).read_text()
     written = yaml_lines.read(text).data
     assert list(written["identities"]) == ["Shot1"]
     assert written["dubs"] is None
     assert '  # - {identity: "Shot1", audio: "shot10_it.wav"}' in text
     assert '  # left out: "mute.mp4" has no sound to learn from' in text
     assert '  # left out: "shot1.mp4" has the name of "Shot1.mov"' in text
+    assert "._" not in text
+    left_out = [one for one in said if one.startswith("left out")]
+    assert [one.split('"')[1] for one in left_out] == ["half.mp4", "mute.mp4", "shot1.mp4"]
+    assert left_out[0].startswith('left out: "half.mp4": it breaks off: ')
     uncommented = yaml_lines.read(text.replace("  # - {", "  - {")).data
     assert uncommented["dubs"] == [{"identity": "Shot1", "audio": "shot10_it.wav"}]
+
+
+def test_two_recordings_of_one_name_are_two_dubs(tmp_path: Path) -> None:
+    clips.write_clip(tmp_path / "shot1.mp4", 30)
+    for name in ("shot1_it.wav", "shot1_it.flac", "shot1_de.wav"):
+        clips.write_sound(tmp_path / name, 1)
+    written = yaml_lines.read(init.write_manifest(tmp_path).read_text()).data
+    named = ["shot1_de", "shot1_it.flac", "shot1_it.wav"]
+    assert [dub["name"] for dub in written["dubs"]] == named
+
+
+def test_a_folder_whose_only_clip_cannot_be_read_says_why(tmp_path: Path) -> None:
+    (tmp_path / "shot1.mp4").write_bytes(b"half of a copy")
+    with pytest.raises(ManifestError, match=r'no clip with sound .*"shot1\.mp4": not a readable'):
+        init.write_manifest(tmp_path)

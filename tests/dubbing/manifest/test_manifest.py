@@ -100,7 +100,7 @@ def test_everything_wrong_is_reported_at_once_with_key_and_line(folder: Path) ->
           ../evil:
             clip: nothing.mp4
             consent: {by: "a", reference: "b"}
-          mute: {clip: silent.mp4, consent: {by: a, reference: b}}
+          mute: {clip: silent.mp4, consent: {by: a, reference: b, languages: it}}
         dubs:
           - {identity: host, audio: silent.mp4}
           - {identity: nobody, audio: 3, name: ../x}
@@ -123,6 +123,7 @@ def test_everything_wrong_is_reported_at_once_with_key_and_line(folder: Path) ->
         "line 9: identities.../evil: the name would leave the output folder",
         "line 10: identities.../evil.clip: no such file",
         "line 12: identities.mute.clip: no sound in",
+        "line 12: identities.mute.consent.languages: must be a list, not text",
         "line 14: dubs[0].audio: no sound in",
         "line 15: dubs[1].audio: must be the path of a file",
         "line 15: dubs[1].identity: no identity 'nobody'; there is host, ../evil, mute",

@@ -209,6 +209,22 @@ def test_a_recording_of_the_shot_serves_as_well(folder: Path) -> None:
     assert [one["audio"] for one in found["dubs"]] == ["s2_it.wav"]
 
 
+def test_a_shot_that_cannot_be_read_is_named(folder: Path) -> None:
+    (folder / "s4.mov").write_bytes(b"half of a copy")
+    assert 'left out: "s4.mov": not a readable media file' in written(folder)[1]
+
+
+def test_recordings_of_another_language_are_named(folder: Path) -> None:
+    for number in range(1, 5):
+        clips.write_sound(folder / f"fr_{number:02d}.wav", 0.6)
+    _, said = written(folder)
+    assert any("not used are it_01.wav, it_02.wav, it_03.wav, it_04.wav" in one for one in said)
+    for number in range(1, 5):
+        (folder / f"fr_{number:02d}.wav").unlink()
+    (folder / "manifest.yaml").unlink()
+    assert not any("not used" in one for one in written(folder)[1])
+
+
 def test_other_folders_are_no_reels(folder: Path) -> None:
     (folder / "s1_it.srt").write_text(SRT)
     assert reel_manifest.write_manifest(folder, print) is None  # two scripts

@@ -114,9 +114,18 @@ def test_csv(tmp_path: Path) -> None:
         ("a.srt", SRT.replace("00:00:03,000 -->", "00:00:3x,000 -->"), "row 7: no times"),
         ("a.srt", SRT.replace("00:00:04,000", "00:00:03,000"), "line 2 ends at 3 s"),
         ("a.srt", "", "no subtitles|no line"),
+        ("a.srt", SRT.replace("00:00:03,000 -->", "00:00:03,000"), "row 7: no times"),
         ("a.csv", "in,out,words\n1,2,x\n", "no column speaker"),
+        ("a.csv", 'in,out,speaker,words\n1,2,A,"x\n3,4,B,y\n', "quotation mark"),
+        ("a.csv", "in,out,speaker,words\n1,2,A,Oh, yes\n", "line 1 has more cells"),
+        ("a.csv", "line,in,out,speaker,words\nA3,1,2,A,x\n", "line 1: 'A3' is no number"),
         ("a.csv", "in,out,speaker,words\n1,soon,A,x\n", "line 1: 'soon' is no time"),
         ("a.ttml", "<tt>", "no XML"),
+        (
+            "a.ttml",
+            TTML.format(extra="").replace('dur="1500ms"', ""),
+            "paragraph at 4.003 s has no",
+        ),
         ("a.ttml", "<!DOCTYPE tt [<!ENTITY a 'b'>]><tt>&a;</tt>", "declares entities"),
         ("a.ttml", TTML.format(extra="").replace('"24"', '"0"'), "frame rate"),
         ("a.doc", "x", "no kind of script"),
@@ -140,8 +149,52 @@ def test_numbers_are_those_that_are_printed(tmp_path: Path) -> None:
     assert [line.number for line in read(tmp_path, "a.vtt", VTT)] == [1, 2]  # names: their places
     named = TTML.format(extra="").replace("<p begin", '<p xml:id="c8" begin', 1)
     assert [line.number for line in read(tmp_path, "a.ttml", named)] == [8, 2]
-    table = "line,in,out,speaker,words\n4,1,2,A,x\n6,3,4,A,y\n"
-    assert [line.number for line in read(tmp_path, "a.csv", table)] == [4, 6]
+    table = "line,in,out,speaker,words\n4,1,2,A,x\n6.0,3,4,A,y\n10.,5,6,A,z\n"
+    assert [line.number for line in read(tmp_path, "a.csv", table)] == [4, 6, 10]
+    for form in ("7.", "#7", "007"):
+        found = read(tmp_path, "a.srt", SRT.replace("\n2\n", f"\n{form}\n"))
+        assert [line.number for line in found] == [1, 7, 3]
+    from_zero = SRT.replace("\n2\n", "\n1\n").replace("1\n", "0\n", 1).replace("\n3\n", "\n2\n")
+    assert [line.number for line in read(tmp_path, "a.srt", from_zero)] == [0, 1, 2]
+
+
+def test_speakers_of_one_cue_have_its_number(tmp_path: Path) -> None:
+    """The recording of the last line is it_3.wav: it is the third cue."""
+    cue = "00:0{}.000 --> 00:0{}.000\n{}\n\n"
+    cues = [(1, 2, "Hello"), (3, 4, "<v Anna>Hi\n<v Ben>Yes"), (5, 6, "Bye")]
+    vtt = "WEBVTT\n\n" + "".join(cue.format(*one) for one in cues)
+    assert [line.number for line in read(tmp_path, "a.vtt", vtt)] == [1, 2, 2, 3]
+    twice = vtt.replace("Bye", "- Bye\n- Bye, now")
+    assert [line.number for line in read(tmp_path, "a.vtt", twice)] == [1, 2, 2, 3, 3]
+
+
+@pytest.mark.parametrize("arrow", ["->", "\u2192", "\u2014>", "\u2013>"])
+def test_arrows_of_word_processors(tmp_path: Path, arrow: str) -> None:
+    assert read(tmp_path, "a.srt", SRT.replace("-->", arrow)) == read(tmp_path, "b.srt", SRT)
+
+
+def test_tables_of_spreadsheets(tmp_path: Path) -> None:
+    table = 'in;out;speaker;words\r\n1,5;2,5;ANNA;"Good\r\nevening"\r\n;;;\r\n'
+    table += "3;4;BEN;Now\x0b!\r\n;;;\r\n"
+    found = [
+        (Fraction(3, 2), Fraction(5, 2), "ANNA", "Good evening"),
+        (Fraction(3), Fraction(4), "BEN", "Now !"),
+    ]
+    assert rows(read(tmp_path, "a.csv", table)) == found
+    assert rows(read(tmp_path, "a.tsv", table.replace(";", "\t"))) == found
+
+
+def test_a_row_of_ass_ends_with_its_line(tmp_path: Path) -> None:
+    """Not at the signs that end lines elsewhere: what follows would be lost."""
+    odd = ASS.replace("evening", "evening\u2028to\x85you")
+    assert read(tmp_path, "a.ass", odd)[0].words == "Good, evening to you"
+
+
+@pytest.mark.parametrize("end", ["\r\n", "\r", "\r\r\n"])
+def test_ends_of_rows(tmp_path: Path, end: str) -> None:
+    gap = SRT.replace("\n2\n", "\n7\n")
+    (tmp_path / "b.srt").write_bytes(gap.replace("\n", end).encode())
+    assert read_lines(tmp_path / "b.srt", FILM) == read(tmp_path, "a.srt", gap)
 
 
 def test_words_that_are_numbers_stay(tmp_path: Path) -> None:
@@ -152,6 +205,12 @@ def test_words_that_are_numbers_stay(tmp_path: Path) -> None:
 def test_an_empty_row_in_a_cue_loses_no_words(tmp_path: Path) -> None:
     text = SRT.replace("evening.\n", "evening.\n\n")
     assert read(tmp_path, "a.srt", text)[0].words == "Good evening. And welcome."
+
+
+def test_layers_of_one_line_may_be_a_hundredth_apart(tmp_path: Path) -> None:
+    event = "Dialogue: {},0:00:03.0{},0:00:03.5{},Default,Anna,0,0,0,,Lala\n"
+    lines = read(tmp_path, "a.ass", ASS + event.format(0, 0, 0) + event.format(1, 1, 1))
+    assert [line.words for line in lines] == ["Good, evening", "Lala"]
 
 
 def test_layers_drawings_and_arrows_of_ass(tmp_path: Path) -> None:

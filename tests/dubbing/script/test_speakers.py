@@ -59,6 +59,7 @@ def said(lines: list[Line]) -> list[tuple[str, str]]:
         "ALBA：Hi there.",
         "[ALBA] Hi there.",
         "[ALBA]: Hi there.",
+        "[ALBA:] Hi there.",
         "[Alba]\nHi there.",
         "(ALBA) Hi there.",
         "【ALBA】Hi there.",
@@ -136,6 +137,32 @@ def test_a_name_that_stands_only_where_the_speaker_changes(tmp_path: Path) -> No
     ]
 
 
+def test_who_spoke_last_is_a_matter_of_times_not_of_the_files_order(tmp_path: Path) -> None:
+    one, two, three = srt("ALBA: One.", "Two.", "BOB: Three.").split("\n\n")[:3]
+    lines = read(tmp_path, "\n\n".join((one, three, two)), "ALBA")
+    assert [(line.number, line.speaker) for line in lines] == [(1, "ALBA"), (2, "ALBA"), (3, "BOB")]
+
+
+@pytest.mark.parametrize(("begin", "whose"), [("00,800", ""), ("00,990", "ALBA")])
+def test_what_stands_beside_a_line_is_not_its_speakers(
+    tmp_path: Path, begin: str, whose: str
+) -> None:
+    """As a sign that is read while somebody speaks; the next line may be theirs again."""
+    text = srt("ALBA: One.", "PLATFORM 4", "Three.", "BOB: Four.")
+    text = text.replace("00:00:02,000", f"00:00:{begin}")
+    lines = read(tmp_path, text, "ALBA", "BOB")
+    assert [line.speaker for line in lines] == ["ALBA", whose, "ALBA", "BOB"]
+
+
+def test_nobody_is_assigned_where_names_are_a_field(tmp_path: Path) -> None:
+    path = tmp_path / "a.ass"
+    event = "Dialogue: 0,0:00:0{0}.00,0:00:0{0}.50,Default,{1},0,0,0,,Hi {0}\n"
+    said = enumerate(("ALBA", "BOB", ""), 1)
+    path.write_text("[Events]\n" + "".join(event.format(*one) for one in said))
+    last = read_lines(path, Fraction(25), ["ALBA", "BOB"])[2]
+    assert (last.speaker, last.carried) == ("", False)
+
+
 @pytest.mark.parametrize(
     "text",
     [
@@ -152,6 +179,24 @@ def test_strange_names_and_dashes_are_not_the_last_speakers(tmp_path: Path, text
     lines = read(tmp_path, srt("BOB: Zero.", "ALBA: One.", text), "ALBA", "BOB")
     assert lines[2].speaker not in ("ALBA", "BOB")
     assert not lines[2].carried
+
+
+@pytest.mark.parametrize(
+    ("text", "spoken"),
+    [
+        ("MR. SMITH: Hi.", [("Mr. Smith", "Hi.")]),
+        ("- MR. SMITH (V.O.): Hi.", [("Mr. Smith", "Hi.")]),
+        ("J. R. EWING: Hi.", [("J. R. Ewing", "Hi.")]),
+        ("DR. NO: Hi.", [("DR. NO", "Hi.")]),
+        ("J. R. EWING: Hi. MR. SMITH: No.", [("J. R. Ewing", "Hi."), ("Mr. Smith", "No.")]),
+        ("No. MR. SMITH: Hi.", [("", "No."), ("Mr. Smith", "Hi.")]),
+        ("No. J. R. Ewing: Hi.", [("", "No."), ("J. R. Ewing", "Hi.")]),
+    ],
+)
+def test_a_title_before_a_name_is_no_sentence(
+    tmp_path: Path, text: str, spoken: list[tuple[str, str]]
+) -> None:
+    assert said(read(tmp_path, srt(text), "Mr. Smith", "J. R. Ewing")) == spoken
 
 
 def test_a_line_after_a_long_pause_is_not_the_last_speakers(tmp_path: Path) -> None:

@@ -182,6 +182,38 @@ def test_a_clip_at_another_rate_than_its_film_is_refused(folder: Path) -> None:
         written(folder, cut)
 
 
+def test_a_film_is_found_by_the_source_file_of_an_edl(folder: Path) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(3), FILM_RATE)
+    rows = [row for row in cut.read_text().splitlines() if not row.startswith("*")]
+    at = next(k for k, row in enumerate(rows) if row.startswith("002"))
+    rows[at] = rows[at].replace("shot1", "AX   ")
+    cut.write_text(
+        "\n".join([*rows[: at + 1], "* SOURCE FILE: C:\\films\\shot1.mov", *rows[at + 1 :]])
+    )
+    dubs, _ = written(folder, cut)
+    assert [dub["clip"] for dub in dubs] == ["shot0.mov", "shot1.mov", "shot2.mov"]
+
+
+@pytest.mark.parametrize(
+    ("speed", "kept"),
+    [
+        ("050.0                01:00:40:00", [[1], [3]]),
+        ("-25.0                01:00:40:00", [[1], [3]]),
+        ("000.0                01:00:40;00", [[1], [3]]),
+        ("025.0                01:00:40:00", [[1], [2], [3]]),
+    ],
+)
+def test_a_changed_speed_of_an_edl_is_said(folder: Path, speed: str, kept: list[list[int]]) -> None:
+    """Even if the event is as long as its source: a list may give the length on tape alone."""
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(3), FILM_RATE)
+    rows = cut.read_text().splitlines()
+    second = next(k for k, row in enumerate(rows) if row.startswith("002"))
+    cut.write_text("\n".join([*rows[: second + 1], f"M2   shot1    {speed}", *rows[second + 1 :]]))
+    dubs, said = written(folder, cut)
+    assert [dub["events"] for dub in dubs] == kept
+    assert any("its speed is changed" in one for one in said) == (len(kept) == 2)
+
+
 @pytest.mark.parametrize("what", ["nested", "retimed"])
 def test_what_cannot_be_dubbed_is_said(folder: Path, what: str) -> None:
     made = cuts.timeline(cuts.pieces(3), FILM_RATE)

@@ -102,6 +102,36 @@ def test_compositions_and_changed_speeds_are_no_films_to_dub_and_sound_is_no_pic
     }
 
 
+def test_what_is_not_seen_is_not_dubbed() -> None:
+    spine = """
+    <asset-clip ref="a" name="off" offset="3600s" start="3600s" duration="2s" enabled="0">
+      <asset-clip ref="b" name="over it" lane="1" offset="3600s" start="1s" duration="1s"/>
+      <asset-clip ref="b" name="heard" lane="2" offset="3600s" duration="1s" srcEnable="audio"/>
+    </asset-clip>
+    <audition offset="3602s">
+      <asset-clip ref="a" name="picked" start="3604s" duration="2s"/>
+      <asset-clip ref="b" name="other" duration="2s"/>
+    </audition>
+    <asset-clip ref="a" name="after" start="3606s" duration="1s"/>
+    """
+    assert found(spine) == {
+        "over it": (1, 2, 0, ""),
+        "picked": (3604, 3606, 2, ""),
+        "after": (3606, 3607, 4, ""),
+    }
+
+
+@pytest.mark.parametrize(
+    ("scaled", "why"), [("", reading.RETIMED), ('scaleEnabled="1"', reading.RETIMED),
+                        ('scaleEnabled="0"', "")],
+)  # fmt: skip
+def test_a_film_played_at_the_rate_of_the_timeline_is_retimed(scaled: str, why: str) -> None:
+    """At 25 frames a second, of a film of 23.976."""
+    clip = '<asset-clip ref="c" name="c" offset="3600s" duration="2002/48s">{}</asset-clip>'
+    (event,) = found(clip.format(f'<conform-rate {scaled} srcFrameRate="23.98"/>')).values()
+    assert event[3] == why
+
+
 def test_a_transition_reaches_into_both_clips() -> None:
     spine = """
     <asset-clip ref="a" name="one" offset="3600s" start="3602s" duration="2s"/>

@@ -29,9 +29,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "silent.wav": 0 * tone,
         "ten.wav": np.repeat(tone, 10, 1),
         "long.wav": clips.tone(3.04),
+        "short.wav": clips.tone(2),
     }
     for name, samples in sounds.items():
         soundfile.write(place / name, samples, RATE)
+    soundfile.write(place / "loud.wav", 8 * tone / np.abs(tone).max(), RATE, subtype="FLOAT")
+    soundfile.write(place / "full.wav", tone / np.abs(tone).max(), RATE, subtype="FLOAT")
     for name in ("opposed", "silent", "ten"):
         codec = ("-c:v", "copy", "-c:a", "pcm_s16le")
         maps = ("-map", "0:v", "-map", "1:a")
@@ -42,6 +45,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     clips.ffmpeg("-i", film, "-i", tone_file, *both, place / "two.mov")
     later = ("-disposition:a:0", "0", "-disposition:a:1", "default")
     clips.ffmpeg("-i", film, "-i", tone_file, *both, *later, place / "later.mov")
+    seen = ("-map", "0:v", "-map", "0:v", "-map", "1:a", "-c:v", "copy", "-c:a", "pcm_s16le")
+    clips.ffmpeg("-i", film, "-i", tone_file, *seen, place / "angles.mov")
     (place / "it.srt").write_text(SRT)
     return place
 
@@ -66,8 +71,13 @@ CASES = [
     (SCENE + "left.wav", "film.mp4", ["the 2 channels of left.wav are silent in part", ONE]),
     (WHOLE + "plain.wav", "opposed.mov", ["identities.ann: the 2 channels of opposed.mov", ONE]),
     (WHOLE + "silent.wav", "film.mp4", ["it: nothing can be heard in", "silent.wav"]),
+    (WHOLE + "loud.wav", "film.mp4", ["it: loud.wav is up to 18.1 dB above full scale, and is"]),
+    (SCENE + "loud.wav", "film.mp4", ["it: loud.wav is up to 18.1 dB above full scale, and is"]),
+    (SCENE + "loud.wav, loudness: r128", "film.mp4", []),
+    (SCENE + "full.wav", "film.mp4", []),
     (SCENE + "half.wav", "film.mp4", ["nothing can be heard in the sound of lines 2: mouths"]),
     (WHOLE + "plain.wav", "two.mov", ["two.mov: tracks 1, 2 of 2 are heard as the channels"]),
+    (WHOLE + "plain.wav", "angles.mov", ["angles.mov: of its 2 video tracks number 1 alone is"]),
     (WHOLE + "plain.wav", "later.mov", ["later.mov: of its 2 tracks of sound number 2 alone"]),
     (
         WHOLE + "long.wav",
@@ -76,6 +86,12 @@ CASES = [
             "0.04 s longer than the film: the film's last shot runs backwards and forwards",
             "1 frame",
         ],
+    ),
+    (SCENE + "plain.wav, music_effects: long.wav", "film.mp4", []),
+    (
+        SCENE + "plain.wav, music_effects: short.wav",
+        "film.mp4",
+        ["it: short.wav lasts 2.00 s, the film 3.00 s: is it of the same cut?"],
     ),
     (WHOLE + "plain.wav, video_start: 1.0", "film.mp4", ["1.00 s longer", "last 25 frames"]),
     (WHOLE + "long.wav, on_longer_audio: loop", "film.mp4", ["the film begins again"]),

@@ -139,6 +139,26 @@ def test_what_is_no_regular_file_is_refused_at_once(tmp_path: Path) -> None:
             load(path)
 
 
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "it is a folder: name a file"),
+        ("by: \u00c4nn".encode("latin-1"), "it is not UTF-8: save it as UTF-8"),
+        (b"\0\0\0\x18ftypmp42\xff", "a manifest is a YAML file"),
+    ],
+)
+def test_what_is_no_text_is_no_manifest(
+    tmp_path: Path, content: bytes | None, message: str
+) -> None:
+    path = tmp_path / "film"
+    if content is None:
+        path.mkdir()
+    else:
+        path.write_bytes(content)
+    with pytest.raises(ManifestError, match=message):
+        load(path)
+
+
 def test_a_manifest_of_many_megabytes_is_refused(tmp_path: Path) -> None:
     with (tmp_path / "m.yaml").open("wb") as stream:
         stream.truncate(11 * 10**6)

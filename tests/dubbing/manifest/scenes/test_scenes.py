@@ -279,6 +279,15 @@ def test_what_cannot_be_is_reported(folder: Path, dub: str, message: str) -> Non
     assert any(message in problem for problem in found), found
 
 
+@pytest.mark.parametrize(("seconds", "lacks"), [(2.1, "3 (by 0.38 s)"), (2.4, "")])
+def test_a_track_that_ends_within_a_line_is_said(folder: Path, seconds: float, lacks: str) -> None:
+    clips.write_sound(folder / "short.wav", seconds)
+    found = load(written(folder, GOOD.replace("track.wav", "short.wav"))).warnings
+    said = [warning for warning in found if "longer than the track" in warning]
+    assert len(said) == bool(lacks)
+    assert not lacks or f"lines {lacks} last longer" in said[0]
+
+
 def test_longer_recordings_can_be_cut(folder: Path) -> None:
     dub = GOOD.replace("track.wav", "'long_{cue}.wav'") + ", on_longer_audio: cut"
     assert [c.seconds for c in scene_of(folder, dub).cues] == [0.52, 0.48]

@@ -104,6 +104,44 @@ def test_a_file_that_was_cut_off_is_reported(tmp_path: Path) -> None:
         media.probe(tmp_path / "torn.mp4")
 
 
+@pytest.mark.parametrize(
+    "name", ["film.mkv", "voice.wav", "voice.aiff", "voice.flac", "big.wav", "voice.mka"]
+)
+def test_half_of_a_file_whose_header_has_its_length_is_reported(tmp_path: Path, name: str) -> None:
+    clip, whole = clips.write_clip(tmp_path / "clip.mp4", 100), tmp_path / name
+    only_sound = () if name == "film.mkv" else ("-vn",)
+    codecs = {".aiff": "pcm_s16be", ".flac": "flac"}
+    codec = ("-c:a", codecs.get(whole.suffix, "pcm_s16le"))
+    large = ("-rf64", "always") if name == "big.wav" else ()
+    clips.ffmpeg("-i", clip, *only_sound, *codec, *large, whole)
+    assert media.probe(whole).sound_seconds == pytest.approx(4, abs=0.1)
+    content = whole.read_bytes()
+    whole.write_bytes(content[: len(content) // 2])
+    with pytest.raises(MediaError, match=rf"it breaks off: .* are there \(.*{name}\): copy"):
+        media.probe(whole)
+
+
+@pytest.mark.parametrize("size", [0, 0x7FFFFFFF, 0xFFFFFFFF])
+def test_a_streamed_wave_file_is_whole(tmp_path: Path, size: int) -> None:
+    """Its length was not known when its header was written."""
+    path = tmp_path / "a.wav"
+    clips.ffmpeg("-i", clips.write_clip(tmp_path / "clip.mp4", 50), "-vn", "-bitexact", path)
+    content = bytearray(path.read_bytes())
+    for at in (4, content.index(b"data") + 4):
+        content[at : at + 4] = size.to_bytes(4, "little")
+    path.write_bytes(content)
+    assert media.probe(path).sound_seconds == pytest.approx(2, abs=0.1)
+
+
+def test_a_broadcast_that_begins_between_key_frames_is_reported(tmp_path: Path) -> None:
+    path = tmp_path / "a.ts"
+    clips.ffmpeg("-i", clips.write_clip(tmp_path / "clip.mp4", 50), "-c", "copy", path)
+    content = path.read_bytes()
+    path.write_bytes(content[len(content) // 3 // 188 * 188 :])
+    with pytest.raises(MediaError, match=r"first frames cannot be decoded.*a\.ts\): convert"):
+        media.probe(path)
+
+
 @pytest.mark.parametrize("offset", ["-3", "-0.5"])
 def test_frames_without_time_stamps_are_reported(tmp_path: Path, offset: str) -> None:
     """Matroska knows no negative times: a part of the frames would be dropped."""

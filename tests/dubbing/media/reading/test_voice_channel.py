@@ -28,6 +28,7 @@ CASES = {
     "almost nothing in one": ([A, B / 1000], A, "unused"),
     "centre alone": ([NOTHING, NOTHING, A, NOTHING, NOTHING, NOTHING], A, "unused"),
     "two of four": ([A, B, NOTHING, NOTHING], (A + B) / 2, "unused"),
+    "offset alone in one": ([A, NOTHING + 0.1], A, "unused"),
     "opposed for a while": ([A, np.concatenate([A[:RATE], -A[RATE:]])], A, "opposed"),
     "silent": ([NOTHING, NOTHING], NOTHING, ""),
 }
@@ -48,6 +49,27 @@ def test_the_voice_is_heard(tmp_path: Path, case: str) -> None:
     info = media.probe(path)
     assert voice_channel(info, 0.0, None).why == why
     assert is_silent(info, 0.0, 2.0) == (not heard.any())
+
+
+@pytest.mark.parametrize(
+    ("centre", "why", "share"),
+    [(1.0, "centre", 1.0), (0.02, "", 1 / 6), (0.0, "unused", 0.0)],
+)
+def test_dialogue_is_in_the_centre(tmp_path: Path, centre: float, why: str, share: float) -> None:
+    """Of sound that says which channel that is; a wave file need not."""
+    path, named = tmp_path / "a.wav", tmp_path / "named.wav"
+    written(path, [B / 2, C / 2, A * centre, NOTHING + B / 50, B / 3, C / 3])
+    clips.ffmpeg("-i", path, "-c:a", "pcm_f32le", named)
+    found = voice_channel(media.probe(named), 0.0, None)
+    assert (found.why, found.weights[2]) == (why, pytest.approx(share))
+    if why == "centre":
+        np.testing.assert_allclose(media.read_audio(named), A, atol=1e-5)
+    assert voice_channel(media.probe(path), 0.0, None).why != "centre"
+
+
+def test_a_constant_offset_is_silence(tmp_path: Path) -> None:
+    info = media.probe(written(tmp_path / "a.wav", [NOTHING + 0.1]))
+    assert is_silent(info, 0.0, 2.0)
 
 
 @pytest.mark.parametrize("subtype", ["PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE"])
