@@ -193,10 +193,6 @@ class Stage:
         """Names one way to do this stage: the same key gives the same results."""
         return digest_data([self.kind, self.version, dict(self.parameters), self.digests()])
 
-    def fingerprint(self) -> str:
-        """All `fingerprints` in one."""
-        return digest_data(self.fingerprints())
-
     def fingerprints(self) -> dict[str, str]:
         """Tell whether two processes mean the same, and what differs where they do not.
 
