@@ -52,10 +52,6 @@ class AcousticNetwork(nn.Module):
         )
 
 
-def parameters(network: nn.Module) -> int:
-    return sum(p.numel() for p in network.parameters())
-
-
 def losses(
     output: AcousticOutput,
     senones: Float[Tensor, "B T S"],
