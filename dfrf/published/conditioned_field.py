@@ -5,9 +5,8 @@ R rays of one frame, S samples a ray, M points, N references of H x W pixels, D 
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Self
 
 import torch
 from jaxtyping import Float
@@ -60,10 +59,6 @@ class PaperConfig:
     max_offset: float = MAX_OFFSET
     coarse_samples: int = 32
     fine_samples: int = 64
-
-    def to_dict(self) -> dict[str, Any]:
-        """As plain types, for the JSON header of a checkpoint."""
-        return dataclasses.asdict(self)
 
 
 @dataclass(frozen=True)
