@@ -88,7 +88,6 @@ def measure(
             all are. With more than one, how the mouth moves is not measured.
         lpips: the network, where its weights are at hand.
         device: auto, cpu or cuda.
-        progress: called with a message and the share done.
 
     Returns:
         Means over the frames; the figures of `MouthSeries`; `flicker` of the render as a multiple

@@ -137,7 +137,6 @@ def train_speech(
         recordings: sounds or videos of people speaking, taught by the teacher alone; may be none.
         out: the weights. Beside it, OUT.resume holds the state of an interrupted run.
         corpus: folder for sounds and what is known of them; what lies there is used again.
-        settings: see `SpeechTraining`.
         progress: called with a message and the share done of the step at hand.
 
     Returns:
