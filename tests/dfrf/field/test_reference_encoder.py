@@ -10,7 +10,7 @@ from dfrf import presets
 from dfrf.data.reference_cuts import cut_references
 from dfrf.field.query import FieldQuery
 from dfrf.field.reference_encoder import BILINEAR_SPREAD, MATTE, sharpened, shows_head
-from dfrf.metrics.image import gradient_energy
+from dubbing.identity.sharpness import gradient_energy
 from tests.dfrf.people import person, small_config
 
 VIEWS, POINTS = 4, 30
