@@ -11,11 +11,12 @@ import torch
 
 from dubbing.engine.disk.files import atomic_path
 from dubbing.errors import TrainingError
-from dubbing.speech.acoustic_network import AcousticNetwork, losses
+from dubbing.speech.acoustic_network import AcousticNetwork
 from dubbing.speech.acoustic_weights import save_model
 from dubbing.speech.voice_activity import SAMPLE_RATE
 from dubbing.workshop.training.speech.augmentation import Batches
 from dubbing.workshop.training.speech.corpus import Amounts, Part, Progress, build_corpus
+from dubbing.workshop.training.speech.losses import losses
 from dubbing.workshop.training.speech.projection import project
 
 RATE = 2e-3
