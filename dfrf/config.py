@@ -208,13 +208,9 @@ class ModelConfig:
     march: MarchConfig = dataclasses.field(default_factory=MarchConfig)
     field: FieldConfig = dataclasses.field(default_factory=FieldConfig)
 
-    def to_dict(self) -> dict[str, Any]:
-        """As plain types, for the JSON header of a checkpoint."""
-        return dataclasses.asdict(self)
-
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> ModelConfig:
-        """The inverse of `to_dict`.
+        """The inverse of `dataclasses.asdict`.
 
         Raises:
             ValueError: a key this version does not know or misses, or a value no model is built

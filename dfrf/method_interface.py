@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, Self, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -33,14 +33,13 @@ class Share(Protocol):
 
 
 class Maps(Protocol):
-    """Features of the references."""
+    """References with their features: a dataclass."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
     @property
     def features(self) -> Tensor:
         """The features themselves, through which gradients reach the reference network."""
-
-    def with_features(self, features: Tensor) -> Self:
-        """The same references with these features."""
 
 
 @dataclass(frozen=True)

@@ -3,17 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, Protocol, Self
+from typing import Any, ClassVar, Self
 
 import torch
 from torch import nn
-
-
-class Config(Protocol):
-    """Sizes of a model, frozen."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """As plain types, for the JSON header of a checkpoint."""
 
 
 class HeadModel(nn.Module, ABC):
@@ -21,16 +14,16 @@ class HeadModel(nn.Module, ABC):
 
     Attributes:
         FAMILY: the preset whose bases it can start from, see `config.family`.
-        config: its sizes.
+        config: its sizes: a dataclass of plain types, for the JSON header of a checkpoint.
     """
 
     FAMILY: ClassVar[str]
-    config: Config
+    config: Any
 
     @classmethod
     @abstractmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """A model of the sizes that `config.to_dict` gave.
+        """A model of the sizes that `asdict(config)` gave.
 
         Raises:
             ValueError: a key this version does not know, or a value no model is built with.

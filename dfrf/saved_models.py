@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,11 +42,7 @@ MOUTH_SHAPES = {
 
 def save_model(path: str | Path, model: HeadModel, header: dict[str, Any] | None = None) -> None:
     """Saves a model: weights, grid, sizes, and the caller's entries for the header."""
-    write_tensors(
-        path,
-        model.state_dict(),
-        {"format": FORMATS[model.FAMILY], "config": model.config.to_dict(), **(header or {})},
-    )
+    save_person(path, model, None, header or {})
 
 
 def load_model(path: str | Path) -> tuple[HeadModel, dict[str, Any]]:
@@ -102,7 +98,7 @@ def save_person(
         header = {**header, "focal": views.focal, "scale": views.scale}
         if views.mouths is not None:
             tensors |= {f"mouth.{name}": value for name, value in _mouth_tensors(views.mouths)}
-    about = {"format": FORMATS[model.FAMILY], "config": model.config.to_dict()}
+    about = {"format": FORMATS[model.FAMILY], "config": asdict(model.config)}
     write_tensors(path, tensors, {**about, **header})
 
 

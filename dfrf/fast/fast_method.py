@@ -176,7 +176,7 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         return maps
 
     def stored(self, maps: ReferenceMaps) -> ReferenceMaps:
-        return maps.as_type(devices.table_type(maps.table.device))
+        return maps.as_type(devices.table_type(maps.features.device))
 
     def learns(self, name: str, config: TrainConfig) -> bool:
         """All but speech networks that learn from lips; the CNN only where `config` says so."""

@@ -51,7 +51,7 @@ class ReferenceMaps:
     """Reference features F_n as one channels-last table, R = N * H * W rows, with their cameras.
 
     Attributes:
-        table: features of all pixels of all references, row-major.
+        features: the table: of all pixels of all references, row-major.
         height, width: of a reference, pixels.
         views: the views that are read, some of those in the table.
         number: index of each of them in the table.
@@ -60,7 +60,7 @@ class ReferenceMaps:
         chosen: the mouth crops that each frame of a batch reads; empty before the choice.
     """
 
-    table: Float[Tensor, "R C"]
+    features: Float[Tensor, "R C"]
     height: int
     width: int
     views: ReferenceViews
@@ -126,7 +126,7 @@ class ReferenceMaps:
         limit = positions.new_tensor([self.width - 1, self.height - 1])
         pixel = torch.minimum(positions.round().clamp_min(0), limit).long()
         row = self.first_rows() + pixel[..., 1] * self.width + pixel[..., 0]
-        read = self.table.detach().index_select(0, row.view(-1)).view(*row.shape, -1)
+        read = self.features.detach().index_select(0, row.view(-1)).view(*row.shape, -1)
         return read.to(devices.matrix_type(read.device))
 
     def read_bilinear(self, positions: Float[Tensor, "n M 2"]) -> Float[Tensor, "n M C"]:
@@ -134,25 +134,16 @@ class ReferenceMaps:
         rows, weights = bilinear_rows(positions, self.height, self.width, self.first_rows())
         read = F.embedding_bag(
             rows.view(-1, 4),
-            self.table,
+            self.features,
             mode="sum",
-            per_sample_weights=weights.view(-1, 4).to(self.table.dtype),
-        ).view(*positions.shape[:2], self.table.shape[1])
+            per_sample_weights=weights.view(-1, 4).to(self.features.dtype),
+        ).view(*positions.shape[:2], self.features.shape[1])
         return read.to(devices.matrix_type(read.device))
 
     def as_type(self, kind: torch.dtype) -> ReferenceMaps:
         """The same maps with a table of another type."""
         mouths = None if self.mouths is None else self.mouths.as_type(kind)
-        return replace(self.with_features(self.table.to(kind)), mouths=mouths)
-
-    @property
-    def features(self) -> Float[Tensor, "R C"]:
-        """The table, through which gradients reach the CNN."""
-        return self.table
-
-    def with_features(self, features: Float[Tensor, "R C"]) -> Self:
-        """The same references with another table."""
-        return replace(self, table=features)
+        return replace(self, features=self.features.to(kind), mouths=mouths)
 
 
 @dataclass(frozen=True)

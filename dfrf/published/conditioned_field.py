@@ -5,9 +5,7 @@ R rays of one frame, S samples a ray, M points, N references of H x W pixels, D 
 
 from __future__ import annotations
 
-import dataclasses
-from dataclasses import dataclass, replace
-from typing import Any, Self
+from dataclasses import dataclass
 
 import torch
 from jaxtyping import Float
@@ -61,10 +59,6 @@ class PaperConfig:
     coarse_samples: int = 32
     fine_samples: int = 64
 
-    def to_dict(self) -> dict[str, Any]:
-        """As plain types, for the JSON header of a checkpoint."""
-        return dataclasses.asdict(self)
-
 
 @dataclass(frozen=True)
 class References:
@@ -87,17 +81,8 @@ class References:
 class EncodedReferences:
     """References with their features F_n. They are fixed for a person: compute them once."""
 
-    maps: Float[Tensor, "N H W C"]
+    features: Float[Tensor, "N H W C"]
     views: References
-
-    @property
-    def features(self) -> Float[Tensor, "N H W C"]:
-        """The features, through which gradients reach the CNN."""
-        return self.maps
-
-    def with_features(self, features: Float[Tensor, "N H W C"]) -> Self:
-        """The same references with other features."""
-        return replace(self, maps=features)
 
 
 @dataclass(frozen=True)
@@ -180,7 +165,7 @@ class PaperField(nn.Module):
         As published, offsets start at the nearest pixel's centre, no gradient flows through the
         warp's inputs, and the pixel that is read (row, column; whole numbers) is appended.
         """
-        maps, views = references.maps, references.views
+        maps, views = references.features, references.views
         height, width = maps.shape[1:3]
         projected = project(points, views.c2w, views.focal, views.centre)
         pixel = clamp_to_image(projected, height, width).round()

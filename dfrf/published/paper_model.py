@@ -106,7 +106,6 @@ class PaperModel(HeadModel):
         out = self.field(network, points, rays_d / length, conditions)
         alpha = volrend.opacities(field.density(out.density) * depths.diff(dim=-1) * length)
         rendered = volrend.composite(out.colour.sigmoid(), alpha, depths[:, :-1])
-        assert rendered.depth is not None
         return {
             "colour": rendered.over(background),
             "head": rendered.colour,

@@ -21,14 +21,13 @@ class Rendering:
         weights: (..., S), w_i = T_i alpha_i.
         colour: (..., 3), premultiplied: sum_i w_i c_i, without the background.
         opacity: (...), sum_i w_i.
-        depth: (...), sum_i w_i t_i in the unit of the distances, not divided by the opacity; None
-            where no distances were given.
+        depth: (...), sum_i w_i t_i in the unit of the distances, not divided by the opacity.
     """
 
     weights: Float[Tensor, "*B S"]
     colour: Float[Tensor, "*B 3"]
     opacity: Float[Tensor, "*B"]
-    depth: Float[Tensor, "*B"] | None
+    depth: Float[Tensor, "*B"]
 
     def over(self, background: Float[Tensor, "*#B 3"]) -> Float[Tensor, "*B 3"]:
         """The colour in front of a background."""
@@ -49,20 +48,19 @@ def transmittance(opacity: Float[Tensor, "*B S"]) -> Float[Tensor, "*B S"]:
 def composite(
     colours: Float[Tensor, "*B S 3"],
     opacity: Float[Tensor, "*B S"],
-    distances: Float[Tensor, "*B S"] | None = None,
+    distances: Float[Tensor, "*B S"],
 ) -> Rendering:
     """Integrates colours along rays.
 
     Args:
         colours: of each sample.
         opacity: of each sample, 0..1; from densities, `opacities(density * length)`.
-        distances: t_i of each sample, for the depth.
+        distances: t_i of each sample.
     """
     weights = transmittance(opacity) * opacity
-    depth = None if distances is None else (weights * distances).sum(-1)
     return Rendering(
         weights=weights,
         colour=(weights[..., None] * colours).sum(-2),
         opacity=weights.sum(-1),
-        depth=depth,
+        depth=(weights * distances).sum(-1),
     )

@@ -62,7 +62,7 @@ class ViewImages:
 
 def images(maps: ReferenceMaps) -> Float[Tensor, "N 4 _ _"]:
     """Colours and mattes of all views in the table of maps."""
-    table = maps.table.view(-1, maps.height, maps.width, maps.table.shape[1])
+    table = maps.features.view(-1, maps.height, maps.width, maps.features.shape[1])
     return table[..., : MATTE + 1].movedim(-1, 1).float().contiguous()
 
 

@@ -41,7 +41,7 @@ class RunState:
         """Settings that must be equal for a run to resume from another's state."""
         own = {
             "train": asdict(self.config),
-            "config": self.model.config.to_dict(),
+            "config": asdict(self.model.config),
             "held": self.validation.names,
         }
         return {**own, **self.about}

@@ -68,7 +68,7 @@ def step_outcome(
     wanted = parameters
     if maps is not None and features is not None:
         leaf = features.detach().requires_grad_()
-        wanted, maps = [*parameters, leaf], maps.with_features(leaf)
+        wanted, maps = [*parameters, leaf], replace(maps, features=leaf)
 
     def work(share: ShareT) -> StepOutcome:
         return method.share_outcome(share, maps, config, step, wanted)

@@ -7,7 +7,6 @@ from pathlib import Path
 from dubbing.engine.disk import json_records
 from dubbing.engine.disk.files import atomic_write_json
 from dubbing.engine.graph.stage import Rate
-from dubbing.errors import ExplainedError
 from dubbing.homes import cache_folder
 
 
@@ -19,12 +18,8 @@ def rates_file() -> Path | None:
 
 def calibrated() -> dict[str, Rate]:
     """Rates of this machine as `dfrf doctor --calibrate` measured them; none where it did not."""
-    if (path := rates_file()) is None:
-        return {}
-    try:
-        return json_records.read(path, dict[str, Rate], "rates of this machine")
-    except ExplainedError:
-        return {}
+    path = rates_file()
+    return json_records.read_or({}, path, dict[str, Rate]) if path else {}
 
 
 def keep(rates: Mapping[str, Rate]) -> Path:

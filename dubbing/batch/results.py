@@ -120,10 +120,8 @@ def ledger_of(production: Production) -> Ledger:
         return Ledger(production, found)
     ledger = Ledger(production, {})
     # It was removed with `work`, or never kept by the version that made them.
-    try:
-        report = json_records.read(production.output / REPORTS[-1], Report, "report")
-    except ExplainedError:
-        report = Report(manifest="", dubs={})
+    empty = Report(manifest="", dubs={})
+    report = json_records.read_or(empty, production.output / REPORTS[-1], Report)
     made_by = Path(report["manifest"] or production.manifest)
     same = made_by.name == production.manifest.name  # all of it may have been moved or copied
     known = ledger.own if same else ledger.named(made_by)

@@ -9,8 +9,7 @@ import os
 import signal
 import sys
 from contextlib import suppress
-from types import FrameType
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -88,7 +87,7 @@ for group, commands in COMMANDS.items():
 
 def main() -> None:
     """Entry point: every user mistake ends in words and an exit code."""
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     for name, value in ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     for stream in (sys.stdout, sys.stderr):
@@ -132,7 +131,3 @@ def _end(text: str, code: int) -> NoReturn:
                 stream.flush()
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     sys.exit(code)
-
-
-def _interrupt(_signal: int, _frame: FrameType | None) -> Any:
-    raise KeyboardInterrupt

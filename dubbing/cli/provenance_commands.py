@@ -62,7 +62,6 @@ def consent(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="The form to write, .yaml.")],
 ) -> None:
     """Write a form to fill in: who agrees to which dubs, for whom, until when."""
-    from dubbing.cli.provenance_commands import FORM
     from dubbing.engine.disk.files import atomic_write_text
 
     if checked_output(out).exists():

@@ -41,7 +41,6 @@ from dubbing.preparation.alignment.camera import Poses, project, to_camera
 from dubbing.preparation.head_findings import COVERED_FILE, COVERS_FILE
 from dubbing.preparation.prepared import PreparedClip
 
-EYES, W, H = 28.0, 88, 80  # of the frame of the face, px
 TYPICAL = 60  # frames of a shot from which is known what differs usually
 EVERY = 3  # frames between two that are looked at first
 BESIDE = 6  # frames round one with something over the face

@@ -22,7 +22,6 @@ def find(model: Path, clip: PreparedClip, out: Path, device: str, progress: Prog
         model: of the person.
         clip: the film, prepared.
         device: auto, cpu or cuda.
-        progress: called with a message and the share done.
     """
 
     def part(begin: float, end: float) -> Progress:

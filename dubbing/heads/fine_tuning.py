@@ -63,7 +63,6 @@ def finetune(
             those of the first.
         out: folder; what an interrupted run left there is continued.
         start, seconds: see `choose_frames`.
-        settings: see `FinetuneSettings`.
         base: checkpoint to start from; None starts from random weights.
         device: auto, cpu or cuda.
         progress: called after every step.

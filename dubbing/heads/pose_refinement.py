@@ -61,7 +61,6 @@ def refined(
 
     Args:
         model: of the person; maps: its references.
-        progress: called with a message and the share done.
     """
     method = method_of(model)
     if not method.refines_poses:

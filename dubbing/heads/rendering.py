@@ -77,7 +77,6 @@ def render(
         lips: (T, L); see `dfrf.method_interface.FrameInputs`.
         scale: of the person's lips.
         device: auto, cpu or cuda.
-        progress: called with a message and the share done.
         made_by: digest of the model and of the code.
         last: folder of the last result: its frames are taken that are made of the same.
 

@@ -11,10 +11,10 @@ from itertools import pairwise
 import numpy as np
 import torch
 
-from dfrf.metrics.image import gradient_energy
 from dubbing.face.mouth.lip_measures import lip_measures
 from dubbing.identity.clip_frames import ClipFrames
 from dubbing.identity.dataset import eye_boxes
+from dubbing.identity.sharpness import gradient_energy
 from dubbing.media import read_frames
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.preparation.tracking import cropping

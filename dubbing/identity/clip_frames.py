@@ -37,10 +37,6 @@ class ClipFrames:
         """The chosen frames that show the face."""
         return self.frames[self.clip.detected[self.frames]]
 
-    def c2w(self) -> np.ndarray:
-        """Poses of the frames that show the face, see `PreparedClip.c2w`."""
-        return self.clip.c2w()[self.with_face]
-
     def landmarks(self, focal: float) -> np.ndarray:
         """Landmarks (F', 478, 2) of these in a camera of `focal` px at the same place."""
         centre = self.clip.centre[self.with_face][:, None]

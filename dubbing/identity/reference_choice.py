@@ -9,8 +9,8 @@ from torch import Tensor
 
 from dfrf.data.dataset import EYES, HeadDataset
 from dfrf.fast.medoids import medoids
-from dfrf.metrics.image import gradient_energy
 from dubbing.face.mouth.mouth_shape import OUTER_LIP
+from dubbing.identity.sharpness import gradient_energy
 
 UPPER_LIP, LOWER_LIP = 13, 14  # middle of the inner rim
 MOST_COMPARED = 1000  # frames: more add little

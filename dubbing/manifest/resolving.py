@@ -129,9 +129,7 @@ def _consent(consent: entries.Consent) -> Consent:
     files = {"sha256": consent.form or consent.file}
     if consent.form is not None:
         files["file_sha256"] = consent.file
-    return Consent(
-        consent.by, consent.terms(), {key: path for key, path in files.items() if path is not None}
-    )
+    return Consent(consent.terms(), {key: path for key, path in files.items() if path is not None})
 
 
 def _dub(place: int, dub: entries.Dub, people: Mapping[str, Person], findings: Findings) -> Dub:
@@ -150,7 +148,6 @@ def _dub(place: int, dub: entries.Dub, people: Mapping[str, Person], findings: F
         on_longer_audio=scene.on_longer_audio,
         baked=dub.render == "baked",
         undubbed=scene.undubbed,
-        elsewhere=scene.elsewhere,
         events=dub.events,
         settings=VideoSettings(
             frame=dub.frame,

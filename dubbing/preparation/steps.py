@@ -13,7 +13,7 @@ from dubbing.engine.disk import json_records
 from dubbing.engine.disk.file_digests import digest_of
 from dubbing.engine.disk.files import atomic_path, atomic_write_json, note_checksum
 from dubbing.engine.graph.stage import Progress, ReportShare
-from dubbing.errors import ExplainedError, PreparationError
+from dubbing.errors import PreparationError
 from dubbing.preparation.file_names import SUMMARY
 from dubbing.preparation.prepared import VERSION
 from dubbing.preparation.tracking.tracking import Arrays
@@ -33,14 +33,6 @@ TIMES = {
 }
 
 
-def _key(path: Path) -> dict[str, Any]:
-    """The key of the steps in a folder; empty where there is none."""
-    try:
-        return json_records.read(path, dict[str, Any], "key of the steps")
-    except ExplainedError:
-        return {}
-
-
 class Steps:
     """Steps whose arrays lie in a folder, each in a file that is written atomically.
 
@@ -53,7 +45,7 @@ class Steps:
         self.folder, self._clip, self._report = folder, clip, progress
         key = {"clip": digest_of(clip), **settings, "version": VERSION, "layout": LAYOUT}
         key_file = folder / "key.json"
-        if _key(key_file) != key:
+        if json_records.read_or(None, key_file, dict[str, Any]) != key:
             shutil.rmtree(folder, ignore_errors=True)
             folder.mkdir(parents=True)
             (folder.parent / SUMMARY).unlink(missing_ok=True)

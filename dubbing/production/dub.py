@@ -45,7 +45,6 @@ class Dub:
         on_longer_audio: see `timeline.pose_index`.
         baked: whether heads are rendered off their baked density; see `dfrf.rendering.baked_frame`.
         undubbed: lines of the script in this film that nobody dubs.
-        elsewhere: how many lines of the script are of other films.
         events: numbers of the clips of the timeline that it is meant for.
         settings: of its video, but for the invisible mark; see `marking`.
         marked: whether the invisible mark is drawn; mark_key: a file with a key of the user's own.
@@ -63,7 +62,6 @@ class Dub:
     on_longer_audio: str = "bounce"
     baked: bool = True
     undubbed: tuple[Undubbed, ...] = ()
-    elsewhere: int = 0
     events: tuple[int, ...] = ()
     settings: VideoSettings = field(default_factory=VideoSettings)
     marked: bool = True

@@ -19,12 +19,10 @@ class Consent:
     """The terms of an agreement, and the files that prove it.
 
     Attributes:
-        by: who agreed.
         terms: all of them, as plain data.
         files: by the key that the SHA-256 of each has in a record.
     """
 
-    by: str
     terms: Mapping[str, Any]
     files: Mapping[str, Path]
 

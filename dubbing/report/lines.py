@@ -73,15 +73,18 @@ def lines_of(dub: Dub, job: Job) -> list[dict[str, Any]]:
                 **{key: own.get(key) for key in OF_SOUND},
                 **reach_columns(reach.get(cue.name)),
                 "own_pixels_frames": sum(part["stop"] - part["first"] for part in kept),
-                "own_pixels": "; ".join(
-                    f"{part['reason']} {part['first']}-{part['stop']}" for part in kept
-                ),
+                "own_pixels": "; ".join(in_frames(kept)),
                 "overlaid": "; ".join(f"{part['first']}-{part['stop']}" for part in over),
                 **edit_columns(cue.edit),
                 "words": cue.words,
             }
         )
     return rows
+
+
+def in_frames(parts: list[OwnPixels]) -> list[str]:
+    """Runs of frames with their reasons, in words."""
+    return [f"{part['reason']} {part['first']}-{part['stop']}" for part in parts]
 
 
 def reach_columns(reach: Reach | None) -> dict[str, Any]:

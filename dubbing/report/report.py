@@ -48,7 +48,6 @@ from dubbing.stages.finetune import Finetune
 from dubbing.stages.prepare import Prepare
 from dubbing.stages.sign import Sign
 from dubbing.sync.records import SYNC_FILE
-from dubbing.video.own_pixels import OwnPixels
 
 PAGE, DATA = REPORTS
 OF_SYNC = {"pass": PASSED, "warn": WARNED, "fail": FAILED}  # by the verdict of the sync check
@@ -234,8 +233,8 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
         "short_lines": sum(of is not None and of.short for of in reach),
         "line_counts": {v: verdicts.count(v) for v in lines.COLOURS if v in verdicts},
         "untouched": lines.scene_of(job).get("untouched"),
-        "kept": in_frames(picture.get("own_pixels", [])),
-        "overlaid": in_frames(picture.get("overlaid", [])),
+        "kept": lines.in_frames(picture.get("own_pixels", [])),
+        "overlaid": lines.in_frames(picture.get("overlaid", [])),
         "mark_found": picture.get("mark", {}).get("found"),
         "delivered": picture.get("delivered"),
         "label": dub.settings.label,
@@ -249,11 +248,6 @@ def _dub(production: Production, job: Job, outcome: Outcome) -> dict[str, Any]:
 def _reach(of: Reach | None) -> dict[str, Any]:
     """How much of a line is dubbed, in words, and whether that is little."""
     return {"reach": of.in_words() if of else "", "short": bool(of and of.short)}
-
-
-def in_frames(parts: list[OwnPixels]) -> list[str]:
-    """Runs of frames with their reasons, in words."""
-    return [f"{part['reason']} {part['first']}-{part['stop']}" for part in parts]
 
 
 def _film_credentials(job: Job, film: Path) -> str:

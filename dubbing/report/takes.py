@@ -6,7 +6,6 @@ from dubbing.engine.disk import json_records
 from dubbing.engine.disk.file_digests import digest_of
 from dubbing.engine.disk.files import atomic_write_json, digest_data
 from dubbing.engine.graph.graph import Job
-from dubbing.errors import ExplainedError
 from dubbing.production.dub import Dub
 from dubbing.script.timeline import TAKES, Cue, Edit
 
@@ -29,7 +28,8 @@ def takes_of(job: Job, cue: Cue, edit: Edit) -> list[dict[str, Any]]:
     another name: its figures are known by their line.
     """
     folders = (job.folder / job.parts).glob
-    kept = [_read(path) for at in ("*", f"*/{TAKES}/*") for path in folders(f"{at}/{FIGURES}")]
+    files = [file for at in ("*", f"*/{TAKES}/*") for file in folders(f"{at}/{FIGURES}")]
+    kept = [json_records.read_or({}, file, dict[str, Any]) for file in files]
     known = {one["of"]: one for one in kept if one.get("line") == _line(cue)}
     found = []
     for name, version in edit.takes:
@@ -49,10 +49,3 @@ def _digest(edit: Edit) -> str:
     plain = [edit.take, edit.shift, edit.strength, edit.keys, edit.film_mouth]
     plain += [edit.moved, edit.style]
     return digest_data([plain, [digest_of(file) if file else "" for file in files]])
-
-
-def _read(path: Any) -> dict[str, Any]:
-    try:
-        return json_records.read(path, dict[str, Any], "figures of a take")
-    except ExplainedError:
-        return {}

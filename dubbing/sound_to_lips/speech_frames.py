@@ -36,10 +36,6 @@ class SpeechFrames:
     def __len__(self) -> int:
         return len(self.windows)
 
-    def part(self, first: int, stop: int) -> SpeechFrames:
-        """Frames first .. stop."""
-        return SpeechFrames(self.windows[first:stop], self.lips[first:stop])
-
 
 def at_moments(speech_features: np.ndarray, lips: np.ndarray, moments: np.ndarray) -> SpeechFrames:
     """Speech at moments (F,) of the sound, in seconds, the middles of F frames.

@@ -26,7 +26,6 @@ class DeepSpeechFeatures:
 
     name = "deepspeech"
     dim = OUTPUTS
-    rate = voice.STEP_RATE
 
     def __init__(self, weights: Path) -> None:
         self._network = load(weights)

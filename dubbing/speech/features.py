@@ -28,7 +28,6 @@ class SpeechFeatures(Protocol):
 
     name: str
     dim: int
-    rate: int
 
     def extract(self, samples: np.ndarray) -> np.ndarray:
         """Features (T, dim) float32 of a sound at 16 kHz, (N,)."""

@@ -32,7 +32,6 @@ class MelFeatures:
 
     name = "mel"
     dim = 80
-    rate = voice.STEP_RATE
     _window = 512
     # Orders of magnitude (10 dB) between silence and the average of the loud parts.
     _range = 3.5

@@ -20,7 +20,6 @@ class RnnFeatures:
     """Outputs of the acoustic network minus those of silence; exactly 0 where nobody speaks."""
 
     name = "rnn"
-    rate = voice.STEP_RATE
 
     def __init__(self, weights: Path = DEFAULT_WEIGHTS) -> None:
         self._model = load_model(weights)

@@ -30,8 +30,6 @@ PIECE, AROUND = 1000, 100
 class TransformerFeatures:
     """Last hidden layer minus its value in silence; 0 where nobody speaks."""
 
-    rate = voice.STEP_RATE
-
     def __init__(self, name: str, folder: Path) -> None:
         """Reads the model.
 

@@ -81,7 +81,6 @@ class BlockFace:
     shapes: np.ndarray
     crops: np.ndarray
     centre: tuple[float, float]  # column and row as shares of the frame
-    width: float  # of the face, pixels
 
 
 @dataclass
@@ -101,14 +100,12 @@ class _FaceFrames:
         """Add frame k with the mesh (478, 3) of the face, and the crop (R, C) of its mouth."""
         self.shapes[k] = mouth_shape(points[None], face)[0]
         self.crops[k] = crop
-        low, high = points[:, :2].min(0), points[:, :2].max(0)
-        self.places.append(np.array([*(low + high) / 2, high[0] - low[0]]))
+        self.places.append((points[:, :2].min(0) + points[:, :2].max(0)) / 2)
 
     def block_face(self, width: int, height: int) -> BlockFace:
         """The face in frames of a width and height in pixels."""
-        column, row, face_width = np.median(self.places, axis=0)
-        place = float(column / width), float(row / height)
-        return BlockFace(self.shapes, self.crops, place, float(face_width))
+        column, row = np.median(self.places, axis=0)
+        return BlockFace(self.shapes, self.crops, (float(column / width), float(row / height)))
 
 
 @dataclass(frozen=True)

@@ -58,7 +58,7 @@ def test_the_views_of_a_mouth_come_back(tmp_path: Path) -> None:
     before, after = method.maps(views).mouths, method.maps(again).mouths
     assert before is not None
     assert after is not None
-    assert torch.equal(before.table, after.table)
+    assert torch.equal(before.features, after.features)
 
 
 def test_a_person_of_another_version_is_to_be_learned_again(tmp_path: Path) -> None:

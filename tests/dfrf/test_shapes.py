@@ -9,9 +9,11 @@ from dfrf.published.volume_rendering import composite
 
 
 def test_sizes_of_one_name_must_agree() -> None:
-    composite(torch.rand(2, 3, 3), torch.rand(2, 3))
+    composite(torch.rand(2, 3, 3), torch.rand(2, 3), torch.rand(2, 3))
     with pytest.raises(TypeCheckError, match="opacity"):
-        composite(torch.rand(2, 4, 3), torch.rand(2, 3))
+        composite(torch.rand(2, 4, 3), torch.rand(2, 3), torch.rand(2, 3))
+    with pytest.raises(TypeCheckError, match="distances"):
+        composite(torch.rand(2, 3, 3), torch.rand(2, 3), torch.rand(2, 4))
 
 
 def test_unions_are_looked_into() -> None:
@@ -20,8 +22,6 @@ def test_unions_are_looked_into() -> None:
     project(torch.rand(5, 3), camera, torch.ones(2), centre)
     with pytest.raises(TypeCheckError, match="focal"):
         project(torch.rand(5, 3), camera, torch.ones(3), centre)
-    with pytest.raises(TypeCheckError, match="distances"):
-        composite(torch.rand(2, 3, 3), torch.rand(2, 3), torch.rand(2, 4))
 
 
 def test_kinds_of_numbers_are_looked_at() -> None:

@@ -13,6 +13,7 @@ from .files import read_bounded
 MOST_BYTES = 100 * 10**6  # the record of a day of rendered heads is a tenth of it
 
 Shape = TypeVar("Shape")
+Default = TypeVar("Default")
 
 
 def read(
@@ -33,6 +34,14 @@ def read(
         what = f"{whose} cannot be read: {error.strerror}"
         raise ExplainedError(what, str(path), remedy) from error
     return parse(content, shape, whose, str(path), remedy)
+
+
+def read_or(default: Default, path: Path, shape: Callable[..., Shape]) -> Shape | Default:
+    """The same, and ``default`` where `read` raises."""
+    try:
+        return read(path, shape, "")
+    except ExplainedError:
+        return default
 
 
 def parse(

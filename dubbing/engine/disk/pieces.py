@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..errors import ExplainedError
 from . import json_records
 from .files import atomic_path, atomic_write_json, digest_data
 
@@ -55,9 +53,7 @@ class Pieces:
 
 def digests_of(folder: Path, name: str) -> list[str]:
     """Digests of all that the parts of a piece in a folder are made of; none without a note."""
-    with suppress(ExplainedError):
-        return json_records.read(_note(folder, name), list[str], "digests")
-    return []
+    return json_records.read_or([], _note(folder, name), list[str])
 
 
 def _note(folder: Path, name: str) -> Path:

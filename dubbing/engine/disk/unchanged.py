@@ -84,11 +84,8 @@ def keep_in(file: Path, version: str) -> None:
         version: of the code; what another version found is forgotten.
     """
     if FINDINGS.known is None:
-        known: Known = {}
-        with suppress(ExplainedError):
-            kept = json_records.read(file, Kept, "what is known of files")
-            known = kept["known"] if kept["version"] == version else {}
-        FINDINGS.known = known
+        kept = json_records.read_or(None, file, Kept)
+        FINDINGS.known = known = kept["known"] if kept and kept["version"] == version else {}
         atexit.register(_keep, known, file, version, next(reversed(known.items()), None))
 
 

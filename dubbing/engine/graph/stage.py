@@ -36,7 +36,6 @@ from typing_extensions import TypedDict
 from ..disk import json_records
 from ..disk.file_digests import digest_of
 from ..disk.files import PARTIAL, digest_data
-from ..errors import ExplainedError
 from .code_version import code_version
 from .fields import INPUT, Setting, counted, differences, without_inputs
 from .stage_id import StageId
@@ -193,10 +192,6 @@ class Stage:
         """Names one way to do this stage: the same key gives the same results."""
         return digest_data([self.kind, self.version, dict(self.parameters), self.digests()])
 
-    def fingerprint(self) -> str:
-        """All `fingerprints` in one."""
-        return digest_data(self.fingerprints())
-
     def fingerprints(self) -> dict[str, str]:
         """Tell whether two processes mean the same, and what differs where they do not.
 
@@ -208,12 +203,7 @@ class Stage:
 
     def record(self, folder: Path | None = None) -> Record | None:
         """The record of a finished run, or None: one of another shape is no record."""
-        try:
-            return json_records.read(
-                (folder or self.folder) / RECORD, Record, f"record of {self.kind}"
-            )
-        except ExplainedError:
-            return None
+        return json_records.read_or(None, (folder or self.folder) / RECORD, Record)
 
     def partial(self) -> Path:
         """Where work in progress with the present settings lives."""

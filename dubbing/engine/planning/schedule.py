@@ -2,31 +2,15 @@
 
 import heapq
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from ..graph.graph import Node
 from ..graph.stage_id import StageId
 
 
-@dataclass(frozen=True)
-class Schedule:
-    """A run that was simulated.
-
-    Attributes:
-        seconds: from its start to its end.
-        idle: share of the workers' time in which they wait.
-        critical: the longest chain of stages, each of which needs the one before it.
-    """
-
-    seconds: float
-    idle: float
-    critical: tuple[StageId, ...]
-
-
 def simulate(
     graph: Mapping[StageId, Node], seconds: Mapping[StageId, float], workers: int
-) -> Schedule:
-    """Every worker does what is ready, the lowest rank first, as `runner` does.
+) -> float:
+    """Seconds of a run in which every worker does what is ready, as `runner`: lowest rank first.
 
     Args:
         seconds: of each stage; none of those that take no time.
@@ -49,9 +33,7 @@ def simulate(
             unmet[reader] -= 1
             if not unmet[reader]:
                 heapq.heappush(ready, (graph[reader].rank, reader))
-    work = sum(seconds.get(key, 0.0) for key in graph)
-    idle = 1 - work / (now * workers) if now else 0.0
-    return Schedule(now, idle, critical_path(graph, seconds))
+    return now
 
 
 def critical_path(

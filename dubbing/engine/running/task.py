@@ -14,7 +14,6 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict
-from types import FrameType
 from typing import Any
 
 from ..disk import json_records
@@ -40,7 +39,7 @@ def main(argument: str, job_of: Find, known: Mapping[str, Difference] | None = N
         job_of: makes a job again from its label, and the arguments of the `Program`.
         known: for parameters that depend on the machine: the error where one differs here.
     """
-    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     _end_with_parent()
     printed, sys.stdout = sys.stdout, sys.stderr  # libraries print, too
     try:
@@ -92,10 +91,6 @@ def _expect(stage: Stage, expected: dict[str, str], known: Mapping[str, Differen
 
 def _nothing(*_arguments: Any) -> None:
     """Whoever wants to know looks at the claim."""
-
-
-def _interrupt(_signal: int, _frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
 
 
 def _end_with_parent() -> None:

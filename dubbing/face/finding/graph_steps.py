@@ -9,6 +9,7 @@ Letters: N images, C channels, H and W pixels, G parts side by side in the chann
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import torch
@@ -61,16 +62,7 @@ def _relu(settings: Settings) -> Run:
 
 
 def _hardswish(settings: Settings) -> Run:
-    in_place = settings["in_place"]
-    return lambda x: F.hardswish(x, in_place)
-
-
-def _sigmoid(settings: Settings) -> Run:
-    return torch.sigmoid
-
-
-def _add(settings: Settings) -> Run:
-    return torch.add
+    return partial(F.hardswish, inplace=settings["in_place"])
 
 
 def _add_narrow(settings: Settings) -> Run:
@@ -87,31 +79,20 @@ def _add_narrow(settings: Settings) -> Run:
     return run
 
 
-def _multiply(settings: Settings) -> Run:
-    return torch.mul
-
-
 def _scale(settings: Settings, factor: Tensor) -> Run:
     return lambda x: x * factor
 
 
 def _max_pool(settings: Settings) -> Run:
-    size = settings["size"]
-    return lambda x: F.max_pool2d(x, size)
+    return partial(F.max_pool2d, kernel_size=settings["size"])
 
 
 def _average_pool(settings: Settings) -> Run:
-    size = settings["size"]
-    return lambda x: F.avg_pool2d(x, size)
+    return partial(F.avg_pool2d, kernel_size=settings["size"])
 
 
 def _resize(settings: Settings) -> Run:
-    size = settings["size"]
-    return lambda x: F.interpolate(x, size, mode="bilinear", align_corners=False)
-
-
-def _concatenate(settings: Settings) -> Run:
-    return lambda *xs: torch.cat(xs, 1)
+    return partial(F.interpolate, size=settings["size"], mode="bilinear", align_corners=False)
 
 
 def _reshape(settings: Settings) -> Run:
@@ -179,9 +160,9 @@ def _crop(settings: Settings) -> Run:
     return run
 
 
-def _transform(settings: Settings) -> Run:
-    """Points (N, P, 2) moved by maps (N, 2, 3)."""
-    return lambda points, maps: points @ maps[:, :, :2].mT + maps[:, None, :, 2]
+def _plain(run: Run) -> Callable[..., Run]:
+    """A step without settings."""
+    return lambda settings: run
 
 
 STEPS: dict[str, Callable[..., Run]] = {
@@ -190,18 +171,19 @@ STEPS: dict[str, Callable[..., Run]] = {
     "prelu": _prelu,
     "relu": _relu,
     "hardswish": _hardswish,
-    "sigmoid": _sigmoid,
-    "add": _add,
+    "sigmoid": _plain(torch.sigmoid),
+    "add": _plain(torch.add),
     "add_narrow": _add_narrow,
-    "multiply": _multiply,
+    "multiply": _plain(torch.mul),
     "scale": _scale,
     "max_pool": _max_pool,
     "average_pool": _average_pool,
     "resize": _resize,
-    "concatenate": _concatenate,
+    "concatenate": _plain(lambda *xs: torch.cat(xs, 1)),
     "reshape": _reshape,
     "take": _take,
     "box": _box,
     "crop": _crop,
-    "transform": _transform,
+    # Points (N, P, 2) moved by maps (N, 2, 3).
+    "transform": _plain(lambda points, maps: points @ maps[:, :, :2].mT + maps[:, None, :, 2]),
 }

@@ -8,8 +8,8 @@ from typing import Any
 
 from ruamel.yaml import YAML
 
-from dubbing.engine.disk.files import atomic_write_bytes, read_text
-from dubbing.errors import ExplainedError, Problem
+from dubbing.engine.disk.files import atomic_write_bytes
+from dubbing.errors import Problem
 from dubbing.manifest.keys import yaml_lines
 from dubbing.manifest.keys.edit_entry import Edit
 
@@ -29,10 +29,9 @@ def edits_file(manifest: Path, dub: str) -> Path:
 def read(path: Path) -> yaml_lines.Document:
     """The edits in a file, as plain data, with the lines that they stand on."""
     try:
-        document = yaml_lines.read(read_text(path, MOST_BYTES))
-    except (OSError, ValueError, ExplainedError) as error:
-        reason = error.strerror if isinstance(error, OSError) else error
-        return yaml_lines.Document([], problems=[Problem(0, "", f"cannot be read: {reason}")])
+        document = yaml_lines.read_file(path, MOST_BYTES)
+    except ValueError as error:
+        return yaml_lines.Document([], problems=[Problem(0, "", str(error))])
     if document.data is None:
         document.data = []
     return document

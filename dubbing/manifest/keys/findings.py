@@ -25,7 +25,6 @@ class Scene:
         film_heard: whether the film's own sound lies under the voices.
         left: frames (first, stop) in which people speak who are not dubbed.
         undubbed: the lines of these frames, and all others of the film that nobody dubs.
-        elsewhere: how many lines of the script are of other shots than this film.
     """
 
     clip: Path
@@ -36,7 +35,6 @@ class Scene:
     film_heard: bool = False
     left: tuple[tuple[int, int], ...] = ()
     undubbed: tuple[Undubbed, ...] = ()
-    elsewhere: int = 0
 
 
 @dataclass

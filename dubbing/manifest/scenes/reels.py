@@ -20,12 +20,10 @@ class Dealt:
     """The lines of a film, counted from its first frame.
 
     Attributes:
-        elsewhere: how many of the script are of other shots.
         reel: whether lines may be.
     """
 
     lines: list[Line]
-    elsewhere: int = 0
     reel: bool = False
 
 
@@ -62,7 +60,7 @@ def of_film(findings: Findings, at: KeyPath, dub: Dub, film: MediaInfo, lines: l
     elif elsewhere:
         what = f"{elsewhere} of {len(lines)} lines of {name} are of other shots than the film"
         findings.warnings.append(f"{dub.name}: {what}")
-    return Dealt(dealt, elsewhere, any(base is not None for base in bases.values()))
+    return Dealt(dealt, any(base is not None for base in bases.values()))
 
 
 def _bases(film: MediaInfo, lines: list[Line]) -> dict[bool, Fraction | None]:

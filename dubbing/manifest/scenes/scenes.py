@@ -56,7 +56,6 @@ def inspect_scene(
             film_heard=True,
             left=tuple(scene.left),
             undubbed=tuple(scene.undubbed),
-            elsewhere=dealt.elsewhere,
         )
 
 

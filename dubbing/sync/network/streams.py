@@ -107,8 +107,3 @@ class SoundStream(nn.Module):
     def forward(self, sound: Float[Tensor, "B A D"]) -> Float[Tensor, "B E"]:
         embedding: Tensor = self.layers(sound.transpose(1, 2))
         return embedding
-
-
-def mouth_stream(kind: str) -> LipStream | PixelStream:
-    """The stream for a key of `MOUTH_CHANNELS`."""
-    return PixelStream() if kind == "pixels" else LipStream()

@@ -23,7 +23,7 @@ from dubbing.face.mouth.mouth_shape import RIGID
 from dubbing.shipped.weights import load_float, save_half
 from dubbing.speech.features import fingerprint
 from dubbing.sync.network.channels import MOUTH_CHANNELS, SOUND_CHANNELS
-from dubbing.sync.network.streams import SIZE, SoundStream, mouth_stream
+from dubbing.sync.network.streams import SIZE, LipStream, PixelStream, SoundStream
 from dubbing.sync.network.weight_path import SYNC_WEIGHTS
 
 FORMAT = "dfrf-sync-3"
@@ -46,7 +46,7 @@ class TwoStream(nn.Module):
         super().__init__()
         self.inputs = inputs
         part = SOUND_CHANNELS[inputs.sound]
-        self.mouth = mouth_stream(inputs.mouth)
+        self.mouth = PixelStream() if inputs.mouth == "pixels" else LipStream()
         self.sound = SoundStream(part.stop - part.start)
         # Inverse temperature of the contrastive loss, as a logarithm; starts at 10.
         self.sharpness = nn.Parameter(torch.tensor(2.3))

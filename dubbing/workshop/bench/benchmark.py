@@ -10,13 +10,13 @@ frame is that time for all rays of the image. The networks of other tools stand 
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
+import typer
 from torch import nn
 
 from dfrf import device as devices
@@ -112,21 +112,15 @@ def table(rows: list[Row], rate: float) -> str:
     return "\n".join(lines)
 
 
-def main() -> None:
-    """Prints the table and writes it."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("manifest", type=Path)
-    parser.add_argument("identity")
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--device", default="auto")
-    arguments = parser.parse_args()
+def main(manifest: Path, identity: str, out: Path, device: str = "auto") -> None:
+    """Measures the parts of a dub: prints the table and writes it."""
     try:
-        person = LearnedPerson.of(arguments.manifest, arguments.identity)
-        model, maps, _ = heads.load(person.model, arguments.device)
+        person = LearnedPerson.of(manifest, identity)
+        model, maps, _ = heads.load(person.model, device)
     except ExplainedError as error:
-        parser.error(str(error))
+        raise typer.BadParameter(str(error)) from error
     if not (isinstance(model, FastModel) and isinstance(maps, ReferenceMaps | None)):
-        parser.error(f"{arguments.identity!r} is a person of preset 'paper'; choose one of 'fast'")
+        raise typer.BadParameter(f"{identity!r} is of preset 'paper'; choose one of 'fast'")
     clip = person.clip
     usable = np.flatnonzero(clip.valid)
     frames = usable[np.linspace(0, len(usable) - 1, FRAMES + 2).round().astype(int)][1:-1]
@@ -149,7 +143,7 @@ def main() -> None:
         f"{march_row.count / rays:.1f} samples a ray; peak memory {peak:.2f} GiB"
     )
     atomic_write_json(
-        arguments.out,
+        out,
         {
             "device": str(scene.device),
             "threads": torch.get_num_threads(),
@@ -164,4 +158,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

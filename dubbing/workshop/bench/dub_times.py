@@ -8,7 +8,6 @@ agreed. OUT is a new folder. Every step is a process of its own, as a user start
 
 from __future__ import annotations
 
-import argparse
 import json
 import subprocess
 import sys
@@ -16,6 +15,8 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import typer
 
 from dubbing.engine.disk.files import atomic_write_json
 
@@ -93,21 +94,12 @@ def table(found: list[Wait]) -> str:
     return "\n".join(["| | seconds | of which |", "|---|---|---|", *rows])
 
 
-def main() -> None:
+def main(clip: Path, speech: Path, out: Path, seconds: float = 10.0, size: int = 512) -> None:
     """Prints the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("clip", type=Path)
-    parser.add_argument("speech", type=Path)
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--seconds", type=float, default=10.0)
-    parser.add_argument("--size", type=int, default=512)
-    arguments = parser.parse_args()
-    if arguments.out.exists():
-        parser.error(f"{arguments.out} exists: name a new folder")
-    paths = (path.resolve() for path in (arguments.clip, arguments.speech, arguments.out))
-    clip, speech, out = paths
-    print(table(waits(clip, speech, out, arguments.seconds, arguments.size)))
+    if out.exists():
+        raise typer.BadParameter(f"{out} exists: name a new folder")
+    print(table(waits(clip.resolve(), speech.resolve(), out.resolve(), seconds, size)))
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

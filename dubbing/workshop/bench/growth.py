@@ -8,7 +8,6 @@ process of its own. Alone on the machine; it takes some fifteen minutes on two c
 
 from __future__ import annotations
 
-import argparse
 import subprocess
 import sys
 import time
@@ -16,6 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import typer
 
 from dubbing.engine.disk.files import atomic_write_json
 from dubbing.workshop.bench.dub_times import CONSENT
@@ -99,16 +100,12 @@ def table(rows: Sequence[Row]) -> str:
     return "\n".join(["| with | values | seconds |", "|---|---|---|", *lines])
 
 
-def main() -> None:
+def main(clip: Path, speech: Path, out: Path) -> None:
     """Prints the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    for name in ("clip", "speech", "out"):
-        parser.add_argument(name, type=Path)
-    call = parser.parse_args()
-    if call.out.exists():
-        parser.error(f"{call.out} exists: name a new folder")
-    print(table(growth(*(path.resolve() for path in (call.clip, call.speech, call.out)))))
+    if out.exists():
+        raise typer.BadParameter(f"{out} exists: name a new folder")
+    print(table(growth(clip.resolve(), speech.resolve(), out.resolve())))
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

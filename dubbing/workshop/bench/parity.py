@@ -8,11 +8,11 @@ opaque, baked and marched.
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 
 import numpy as np
 import torch
+import typer
 
 from dubbing.engine.disk.files import atomic_write_json
 from dubbing.errors import ExplainedError
@@ -53,24 +53,17 @@ def decibels(person: LearnedPerson, device: str) -> dict[str, list[float]]:
     return found
 
 
-def main() -> None:
+def main(manifest: Path, identity: str, out: Path, device: str = "cuda") -> None:
     """Prints the decibels and writes them; exit code 1 where they fall short."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
-    parser.add_argument("manifest", type=Path)
-    parser.add_argument("identity")
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--device", default="cuda")
-    arguments = parser.parse_args()
     try:
-        person = LearnedPerson.of(arguments.manifest, arguments.identity)
-        found = decibels(person, arguments.device)
+        found = decibels(LearnedPerson.of(manifest, identity), device)
     except ExplainedError as error:
-        parser.error(str(error))
-    atomic_write_json(arguments.out, found)
+        raise typer.BadParameter(str(error)) from error
+    atomic_write_json(out, found)
     least = min(min(values) for values in found.values())
-    print(f"heads on {arguments.device} beside the CPU: at least {least:.1f} dB, of {WANTED:.0f}")
+    print(f"heads on {device} beside the CPU: at least {least:.1f} dB, of {WANTED:.0f}")
     raise SystemExit(least < WANTED)
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

@@ -8,13 +8,14 @@ package flatbuffers (the extra `dev`).
 
 from __future__ import annotations
 
-import argparse
 import hashlib
 import json
 import zipfile
 from pathlib import Path
+from typing import Annotated
 
 import torch
+import typer
 
 from dubbing.face.finding.graph_network import FORMAT, GraphNetwork
 from dubbing.shipped.weights import save_half
@@ -61,16 +62,16 @@ def import_network(data: bytes, source: str, path: Path) -> None:
     save_half(tensors, path, header)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("package", type=Path, help="wheel or folder of mediapipe 0.10.21")
-    parser.add_argument("--out", type=Path, required=True, help="folder for the networks")
-    arguments = parser.parse_args()
+def main(
+    package: Annotated[Path, typer.Argument(help="Wheel or folder of mediapipe 0.10.21.")],
+    out: Annotated[Path, typer.Option(help="Folder for the networks.")],
+) -> None:
+    """Imports all networks."""
     for name, source in NETWORKS.items():
-        path = arguments.out / f"{name}.safetensors"
-        import_network(read_source(arguments.package, source), source, path)
+        path = out / f"{name}.safetensors"
+        import_network(read_source(package, source), source, path)
         print(f"{path}: {path.stat().st_size / 2**20:.2f} MiB")
 
 
 if __name__ == "__main__":
-    main()
+    typer.run(main)

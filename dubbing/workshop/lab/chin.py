@@ -49,12 +49,7 @@ def chin_figures(
     both = (to_dub <= half) | (to_film <= half)
     old = (to_film <= half) & (to_dub > APART * half)
     dubbed, own = gradient_energies(dub), gradient_energies(film)
-    return ChinFigures(
-        float(dubbed[both].sum()),
-        float(own[both].sum()),
-        float(dubbed[old].sum()),
-        float(own[old].sum()),
-    )
+    return ChinFigures(*(float(e[where].sum()) for where in (both, old) for e in (dubbed, own)))
 
 
 def chin_ratios(frames: Iterable[ChinFigures]) -> dict[str, float]:

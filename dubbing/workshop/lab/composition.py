@@ -167,7 +167,6 @@ def composition(
         clip: of the person; speech: the audio at its frames.
         parts: frames whose speech is spoken. learned: frames that were learned from.
         device: auto, cpu or cuda.
-        progress: called with a message and the share done.
 
     Returns:
         `replaced NAME` and `mouth NAME`: shares of `SOURCES` in what is replaced and in the box of

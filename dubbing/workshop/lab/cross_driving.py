@@ -76,7 +76,6 @@ def measure_dub(
         learned: frames that were learned from.
         out: folder.
         device: auto, cpu or cuda.
-        progress: called with a message and the share done.
 
     Returns:
         The figures of `MouthSeries` and of `chin_ratios`, and `frames`, how many were dubbed.

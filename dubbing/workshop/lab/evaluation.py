@@ -87,7 +87,6 @@ def evaluate(
             sync are not measured; P15x always takes all frames.
         lpips_weights: the weights of torchvision's AlexNet; LPIPS is not measured without.
         device: auto, cpu or cuda.
-        progress: called with a message and the share done.
 
     Returns:
         identity -> method -> figure -> value: what the file then holds.

@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from dfrf.metrics import image as metrics
 from dfrf.training.warp_penalty import PAPER_SIZE
 from dubbing.engine.disk.files import atomic_write_text
 from dubbing.engine.graph.stage import Progress
@@ -24,12 +23,14 @@ from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.heads import rendering as heads
 from dubbing.heads.pose_refinement import refined
 from dubbing.identity.dataset import mouth_boxes
+from dubbing.identity.sharpness import gradient_energy
 from dubbing.media import VideoWriter
 from dubbing.preparation.prepared import PreparedClip
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
 from dubbing.sync.network.sync_network import load_network
 from dubbing.workshop.lab import tiles
 from dubbing.workshop.lab.flicker import Flicker, brow_skin
+from dubbing.workshop.lab.metrics import image as metrics
 from dubbing.workshop.lab.metrics.lpips import Lpips
 from dubbing.workshop.lab.mouth import MouthSeries
 
@@ -88,7 +89,6 @@ def measure(
             all are. With more than one, how the mouth moves is not measured.
         lpips: the network, where its weights are at hand.
         device: auto, cpu or cuda.
-        progress: called with a message and the share done.
 
     Returns:
         Means over the frames; the figures of `MouthSeries`; `flicker` of the render as a multiple
@@ -181,8 +181,8 @@ def compare(
         )
 
     def sharpness(box: Tensor) -> float:
-        source = metrics.gradient_energy(metrics.crop(b, box))
-        return metrics.gradient_energy(metrics.crop(a, box)) / max(source, 1e-12)
+        source = gradient_energy(metrics.crop(b, box))
+        return gradient_energy(metrics.crop(a, box)) / max(source, 1e-12)
 
     return FrameFigures(
         frame=frame,

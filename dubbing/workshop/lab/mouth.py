@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from dfrf.metrics import image as metrics
 from dfrf.training.warp_penalty import PAPER_SIZE
 from dubbing.face.mouth.mouth_shape import INNER_LIP, OUTER_LIP, RIGID, mouth_shape, opening, width
 from dubbing.face.mouth.similarity import similarity
 from dubbing.identity.dataset import mouth_boxes
+from dubbing.identity.sharpness import gradient_energy
+from dubbing.workshop.lab.metrics import image as metrics
 from dubbing.workshop.lab.metrics import lips
 
 LIPS = len(OUTER_LIP) + len(INNER_LIP)  # the first points of a mouth shape
@@ -151,4 +152,4 @@ def texture(image: np.ndarray, mesh: np.ndarray) -> float:
     """Gradient energy of an image (S, S, 3) uint8 in the box round the lips of its own mesh."""
     box = mouth_boxes(mesh[None, :, :2], len(image))[0]
     part = metrics.crop(torch.from_numpy(image), torch.from_numpy(box)).float() / 255
-    return metrics.gradient_energy(part) if min(part.shape[:2]) > 1 else NOT_KNOWN
+    return gradient_energy(part) if min(part.shape[:2]) > 1 else NOT_KNOWN

@@ -10,6 +10,12 @@ from dubbing.workshop.lab.composition import CHANGES, SOURCES
 from dubbing.workshop.lab.evaluation import Figures
 
 # Title of a column, figure, digits behind the point.
+MOUTH = (
+    ("opening r", "opening_r", 3),
+    ("width r", "width_r", 3),
+    ("closures F1", "closure_f1_near", 3),
+    ("MCC", "closure_mcc", 3),
+)
 P15 = (
     ("PSNR", "psnr", 2),
     ("SSIM", "ssim", 4),
@@ -18,10 +24,7 @@ P15 = (
     ("face", "psnr_face", 2),
     ("mouth", "psnr_mouth", 2),
     ("LMD", "lmd", 2),
-    ("opening r", "opening_r", 3),
-    ("width r", "width_r", 3),
-    ("closures F1", "closure_f1_near", 3),
-    ("MCC", "closure_mcc", 3),
+    *MOUTH,
     ("sharpness mouth", "sharpness_mouth", 2),
     ("eyes", "sharpness_eyes", 2),
     ("flicker", "flicker", 2),
@@ -30,10 +33,7 @@ P15 = (
     ("steps", "steps", 0),
 )
 P15X = (
-    ("opening r", "opening_r", 3),
-    ("width r", "width_r", 3),
-    ("closures F1", "closure_f1_near", 3),
-    ("MCC", "closure_mcc", 3),
+    *MOUTH,
     ("opening ratio", "opening_ratio", 2),
     ("lag, ms", "lag_ms", 0),
     ("LMD", "lmd", 2),

@@ -7,7 +7,7 @@ safetensors, named `<state dict>:<tensor>`.
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -248,7 +248,7 @@ def import_checkpoint(file: Path, out: Path) -> Imported:
         "format": FORMATS["paper"],
         "preset": "paper",
         "speech": PUBLISHED_SPEECH,
-        "config": PaperConfig().to_dict(),
+        "config": asdict(PaperConfig()),
         "step": step,
         "warp": "imported" if warp else "untrained",
     }

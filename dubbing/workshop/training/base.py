@@ -63,7 +63,6 @@ def train_base(
         init: a base checkpoint to start from instead of random weights.
         hold_out: names of identities that are not learned from but measured on.
         preset: of the base; that of the manifest's identities when None.
-        progress: called with a message and the share done.
 
     Raises:
         ExplainedError: an unknown name is held out, or nobody is left to learn from.

@@ -13,12 +13,12 @@ import cv2
 import numpy as np
 import torch
 
-from dfrf.metrics import image as metrics
 from dubbing.face.finding.landmarks import FaceMesh
 from dubbing.face.mesh_points import LEFT_EYE_OUTER, RIGHT_EYE_OUTER
 from dubbing.sync.network.sync_network import load_network
 from dubbing.workshop.lab.chin import CHIN_LINE, HALF_BAND, distance_to_line, gradient_energies
 from dubbing.workshop.lab.measuring import first_of
+from dubbing.workshop.lab.metrics import image as metrics
 from dubbing.workshop.lab.mouth import MouthSeries
 
 DIFFERENT = 3  # grey levels: less is no other picture

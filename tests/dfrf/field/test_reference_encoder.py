@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import torch
 
 from dfrf import presets
 from dfrf.data.reference_cuts import cut_references
 from dfrf.field.query import FieldQuery
 from dfrf.field.reference_encoder import BILINEAR_SPREAD, MATTE, sharpened, shows_head
-from dfrf.metrics.image import gradient_energy
+from dubbing.identity.sharpness import gradient_energy
 from tests.dfrf.people import person, small_config
 
 VIEWS, POINTS = 4, 30
@@ -18,7 +20,7 @@ VIEWS, POINTS = 4, 30
 def test_a_view_that_shows_the_wall_at_a_point_gives_no_colour(arithmetic: float) -> None:
     someone, model = person(VIEWS), presets.build(small_config()).eval()
     maps = model.field.encoder(cut_references(someone, torch.arange(VIEWS)))
-    table = maps.table.clone()
+    table = maps.features.clone()
     table[:, MATTE] = 1.0
     wall = slice(maps.height * maps.width)  # the first view's pixels
     table[wall, MATTE] = 0.0
@@ -27,7 +29,9 @@ def test_a_view_that_shows_the_wall_at_a_point_gives_no_colour(arithmetic: float
     directions = torch.tensor([0.0, 0.0, -1.0]).expand(POINTS, 3)
     positions = (torch.rand(1, POINTS, 2) * 15 + 5).expand(VIEWS, POINTS, 2)
     query: FieldQuery = model.field.query(points, directions, frame, conditioning)
-    _, _, weight = model.field.aggregate(query, maps.with_features(table), conditioning, positions)
+    _, _, weight = model.field.aggregate(
+        query, replace(maps, features=table), conditioning, positions
+    )
     assert weight[0].max() < 0.05
     assert weight[1:].min() > 0.1
     assert arithmetic > 0

@@ -167,12 +167,12 @@ def test_look_up_reads_where_the_warp_points() -> None:
 
 def test_the_warp_learns_but_does_not_teach() -> None:
     model, views = tiny(), references()
-    maps = EncodedReferences(model.encode(views).maps.detach().requires_grad_(), views)
+    maps = EncodedReferences(model.encode(views).features.detach().requires_grad_(), views)
     points, code = 0.1 * torch.randn(9, 3), torch.randn(8, requires_grad=True)
     _, offset = model.field.look_up(points, frequency_encoding(points, 10), code, maps)
     offset.square().sum().backward()
     assert code.grad is None
-    assert maps.maps.grad is None
+    assert maps.features.grad is None
     assert model.field.warp.out.weight.grad is not None
 
 

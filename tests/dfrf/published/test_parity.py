@@ -74,7 +74,7 @@ def test_speech(published: Published) -> None:
 
 @torch.no_grad()
 def test_reference_features(published: Published, maps: EncodedReferences) -> None:
-    sample = maps.maps[:, ::16, ::16]
+    sample = maps.features[:, ::16, ::16]
     torch.testing.assert_close(sample, published.numbers["reference_features_sample"], **CLOSE)
 
 

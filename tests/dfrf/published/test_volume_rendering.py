@@ -53,7 +53,6 @@ def test_two_half_opaque_samples_by_hand() -> None:
     assert seen.weights.tolist() == [0.5, 0.25]
     assert seen.colour.tolist() == [0.5, 0.25, 0]
     assert seen.opacity.item() == 0.75
-    assert seen.depth is not None
     assert seen.depth.item() == 2.0
     # A quarter of the blue background is left.
     assert seen.over(torch.tensor([0.0, 0, 1])).tolist() == [0.5, 0.25, 0.25]
@@ -61,10 +60,10 @@ def test_two_half_opaque_samples_by_hand() -> None:
 
 def test_the_background_as_an_opaque_last_sample_gives_the_same_colour() -> None:
     alpha, colours, behind = torch.rand(4, 6), torch.rand(4, 6, 3), torch.rand(4, 3)
-    apart = composite(colours, alpha).over(behind)
+    apart = composite(colours, alpha, alpha).over(behind)
     alpha = torch.cat([alpha, torch.ones(4, 1)], -1)
     colours = torch.cat([colours, behind[:, None]], 1)
-    torch.testing.assert_close(apart, composite(colours, alpha).colour)
+    torch.testing.assert_close(apart, composite(colours, alpha, alpha).colour)
 
 
 def test_padding_changes_nothing() -> None:
@@ -85,7 +84,9 @@ def test_padding_changes_nothing() -> None:
 def test_constant_density_follows_the_law_of_absorption() -> None:
     alpha = opacities(torch.full((1, 50), 0.04))
     assert math.isclose(
-        composite(torch.zeros(1, 50, 3), alpha).opacity.item(), 1 - math.exp(-2), abs_tol=1e-6
+        composite(torch.zeros(1, 50, 3), alpha, alpha).opacity.item(),
+        1 - math.exp(-2),
+        abs_tol=1e-6,
     )
     torch.testing.assert_close(transmittance(alpha)[0], torch.exp(-0.04 * torch.arange(50)))
 
@@ -101,7 +102,6 @@ def test_gradient() -> None:
 
     def render(c: Tensor, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         seen = composite(c, opacities(x), t)
-        assert seen.depth is not None
         return seen.colour, seen.opacity, seen.depth
 
     assert gradcheck(render, (colours, thickness))
@@ -109,7 +109,7 @@ def test_gradient() -> None:
 
 def test_gradient_behind_an_opaque_sample_is_finite() -> None:
     alpha = torch.tensor([[0.2, 1.0, 0.3]], requires_grad=True)
-    composite(torch.rand(1, 3, 3), alpha).colour.sum().backward()
+    composite(torch.rand(1, 3, 3), alpha, alpha.detach()).colour.sum().backward()
     assert alpha.grad is not None
     assert alpha.grad.isfinite().all()
     assert alpha.grad[0, 2] == 0

@@ -257,7 +257,7 @@ def test_another_process_finds_each_stage_by_its_key(scene: Path) -> None:
         found = task.job_of(job.label, str(scene), "auto").stages
         for name, stage in job.stages.items():
             assert found[name].folder == stage.folder
-            assert found[name].fingerprint() == stage.fingerprint()
+            assert found[name].fingerprints() == stage.fingerprints()
 
 
 def test_processes_make_a_scene_with_the_same_bytes(

@@ -198,11 +198,13 @@ def test_a_person_is_learned_resumed_and_rendered(
     assert summary["train"]["coarse_iterations"] == 0
 
     monkeypatch.setattr(paper_method, "RAYS_AT_ONCE", 300)
-    speech = SpeechFrames(random.random((3, 16, 80)).astype(np.float32), np.zeros((3, NUMBERS)))
+    windows = random.random((3, 16, 80)).astype(np.float32)
     heads.render(
         out / MODEL_FILE,
         clip,
-        lambda first, count: speech.part(first, first + count),
+        lambda first, count: SpeechFrames(
+            windows[first : first + count], np.zeros((count, NUMBERS))
+        ),
         tmp_path / "heads",
         pose_index=np.array([4, 5, 6]),
         device="cpu",

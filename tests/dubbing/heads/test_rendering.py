@@ -47,7 +47,7 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
 
     def heard(first: int, number: int) -> SpeechFrames:
         requests.append((first, number))
-        return speech.part(first, first + number)
+        return SpeechFrames(*(x[first : first + number] for x in (speech.windows, speech.lips)))
 
     def made(
         folder: Path,

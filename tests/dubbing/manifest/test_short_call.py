@@ -40,7 +40,7 @@ def test_the_manifest_lies_beside_the_result(footage: Path, tmp_path: Path) -> N
     dub = production.dubs["it"]
     assert production.output / dub.results()["video"] == tmp_path / "new" / "it.mp4"
     (person,) = production.people.values()
-    assert (person.name, person.consent.by) == ("Ann's film", "Ann Smith")
+    assert (person.name, person.consent.terms["by"]) == ("Ann's film", "Ann Smith")
     assert person.consent.terms["reference"] == "release form 17, page 2"
     before = path.read_bytes()
     call(footage, tmp_path / "new" / "it.mp4")

@@ -89,7 +89,6 @@ def build_corpus(
         recordings: sounds or videos of people, one each, for the teacher alone.
         amounts: how much each voice speaks.
         seed: of texts, rates and pitches.
-        progress: called with a message and the share done.
 
     Raises:
         TrainingError: a synthesiser or the teacher is missing.

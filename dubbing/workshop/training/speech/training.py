@@ -11,11 +11,12 @@ import torch
 
 from dubbing.engine.disk.files import atomic_path
 from dubbing.errors import TrainingError
-from dubbing.speech.acoustic_network import AcousticNetwork, losses
+from dubbing.speech.acoustic_network import AcousticNetwork
 from dubbing.speech.acoustic_weights import save_model
 from dubbing.speech.voice_activity import SAMPLE_RATE
 from dubbing.workshop.training.speech.augmentation import Batches
 from dubbing.workshop.training.speech.corpus import Amounts, Part, Progress, build_corpus
+from dubbing.workshop.training.speech.losses import losses
 from dubbing.workshop.training.speech.projection import project
 
 RATE = 2e-3
@@ -137,7 +138,6 @@ def train_speech(
         recordings: sounds or videos of people speaking, taught by the teacher alone; may be none.
         out: the weights. Beside it, OUT.resume holds the state of an interrupted run.
         corpus: folder for sounds and what is known of them; what lies there is used again.
-        settings: see `SpeechTraining`.
         progress: called with a message and the share done of the step at hand.
 
     Returns:

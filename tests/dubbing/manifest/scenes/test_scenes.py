@@ -214,11 +214,9 @@ def test_the_lines_of_a_reel_are_dealt_to_its_shots(folder: Path) -> None:
         assert [(c.number, c.first, c.stop) for c in scene.cues] == [(3, 12, 25)]
         assert [(u.number, u.first, u.stop) for u in scene.undubbed] == [(2, 0, 12), (4, 55, 65)]
         assert scene.undubbed[0].why == "it reaches beyond the film"
-        assert scene.elsewhere == 2
         assert any("2 of 5 lines of reel.srt are of other shots" in w for w in manifest.warnings)
         table = scene_of(folder, dub.replace(".srt", ".csv") + key, film)
         assert [(c.number, c.first, c.stop) for c in table.cues] == [(2, 12, 25)]
-        assert table.elsewhere == 1
     for start in ("3610", "3610.0", "'01:00:10:00'", "'1:00:10'"):
         assert scene_of(folder, f"{dub}, reel_start: {start}").cues == scene.cues
     for start, message in (

@@ -99,14 +99,6 @@ def _alike(pair: Tensor) -> Tensor:
     return (2 * a * b + HAARPSI_C) / (a**2 + b**2 + HAARPSI_C)
 
 
-def gradient_energy(image: Tensor) -> float:
-    """Mean squared gradient of the luminance: how sharp an image is."""
-    grey = image.double() @ torch.tensor([0.299, 0.587, 0.114], dtype=torch.float64)
-    across = grey[:, 1:] - grey[:, :-1]
-    down = grey[1:] - grey[:-1]
-    return float((across**2).mean() + (down**2).mean())
-
-
 def landmark_distance(rendered: Tensor, truth: Tensor) -> float:
     """LMD: mean distance of landmarks (L, 2), pixels."""
     return float((rendered.double() - truth.double()).norm(dim=-1).mean())

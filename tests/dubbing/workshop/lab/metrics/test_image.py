@@ -6,7 +6,7 @@ import torch
 import torch.nn.functional as F
 from torch import Tensor
 
-from dfrf.metrics.image import haarpsi, ssim
+from dubbing.workshop.lab.metrics.image import haarpsi, ssim
 
 
 def similarity(first: np.ndarray, second: np.ndarray) -> float:

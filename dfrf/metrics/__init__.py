@@ -1,1 +1,0 @@
-"""Metrics of rendered images and of lip motion."""
