@@ -187,8 +187,10 @@ def install(patch: Any) -> None:
         kill("refine_poses")
         clip = self.prepared.load()
         np.savez(out / "poses.npz", c2w=clip.c2w())
-        found = {"landmarks": clip.landmarks, "jaw": np.zeros((len(clip), 48))}
-        np.savez(out / "covers.npz", over=clip.over, covered=clip.covered, **found)
+        jaw, places = np.zeros((len(clip), 48)), clip.landmarks
+        np.savez(
+            out / "covers.npz", over=clip.over, covered=clip.covered, landmarks=places, jaw=jaw
+        )
 
     def compose(self: Composite, out: Path, progress: Any) -> None:
         def reporting(message: str, share: float) -> None:

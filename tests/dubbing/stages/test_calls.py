@@ -131,8 +131,8 @@ def test_speech_then_heads(clip: Path, tmp_path: Path, monkeypatch: pytest.Monke
     c2w = np.random.default_rng(0).normal(size=(30, 3, 4))
     np.savez(tmp_path / "poses.npz", c2w=c2w)
     none = np.zeros(30, bool)
-    found = {"landmarks": np.zeros((30, 478, 2)), "jaw": np.zeros((30, 48))}
-    np.savez(tmp_path / "covers.npz", over=none, covered=none, **found)
+    places, jaw = np.zeros((30, 478, 2)), np.zeros((30, 48))
+    np.savez(tmp_path / "covers.npz", over=none, covered=none, landmarks=places, jaw=jaw)
     render(tmp_path, clip).run(out, quiet)
     model, film, listen, target = work.call_args[0]
     assert (model.name, film.folder, target) == ("model.safetensors", prepared, out)
