@@ -1,6 +1,5 @@
 """Reads a timeline: EDL (CMX3600), AAF and OTIO by OpenTimelineIO, FCPXML by `fcpxml`."""
 
-import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -14,15 +13,12 @@ from dubbing.errors import ExplainedError
 from dubbing.media import MediaInfo
 from dubbing.media.properties.frame_rate import snap
 from dubbing.script.timecode import can_drop, timecode_of
-from dubbing.timelines import fcpxml
+from dubbing.timelines import edl, fcpxml
 
 MOST_BYTES = 10**8
 ADAPTERS = {".edl": "cmx_3600", ".fcpxml": "", ".aaf": "AAF", ".otio": "otio_json"}
 NESTED = "it is a composition in itself: flatten it"
 DROP = 'tcFormat="DF"'
-# A row of an EDL that gives the speed of an event, frames a second; another word to keep it by.
-SPEED, SPEED_KEPT = "M2 ", "SPEED "
-FORWARDS, NEAR_RATE = re.compile(r"[0-9]{1,4}(\.[0-9]{1,6})?"), 0.1  # after the point is one digit
 RETIMED = "its speed is changed: write a film of it, and cut that in"
 
 
@@ -103,7 +99,7 @@ def read(path: Path, films: Callable[[str], Iterable[MediaInfo]]) -> Cut:
         elif kind == ".aaf":
             found = otio.adapters.read_from_file(str(path), ADAPTERS[kind])
         elif rate is not None:
-            found = otio.adapters.read_from_string(_plain_comments(text), "cmx_3600", rate=rate)
+            found = otio.adapters.read_from_string(edl.plain(text), "cmx_3600", rate=rate)
         else:
             found = otio.adapters.read_from_string(text, ADAPTERS[kind])
         several = found if isinstance(found, otio.schema.SerializableCollection) else [found]
@@ -153,7 +149,9 @@ def _event(item: Any, timeline: Any, markers: list[Any], number: int, drop: bool
     at = frames(on_cut.start_time)
     own = [*item.markers, *(m for m in markers if on_cut.contains(m.marked_range.start_time))]
     nested = not isinstance(item, otio.schema.Clip)
-    retimed = _is_retimed(item, source.start_time.rate)
+    retimed = edl.changes_speed(item.metadata, source.start_time.rate) or any(
+        isinstance(effect, otio.schema.TimeEffect) for effect in item.effects
+    )
     media = getattr(item, "media_reference", None)
     there = getattr(media, "available_range", None)
     return Event(
@@ -216,30 +214,3 @@ def _rate_of_list(films: Iterable[MediaInfo]) -> float:
         remedy = "write one EDL for each rate, or FCPXML, AAF or OTIO"
         raise ExplainedError(f"its films have {there} frames a second", remedy=remedy)
     return float(rates.pop())
-
-
-def _plain_comments(text: str) -> str:
-    """An EDL whose files, locators and speeds are read.
-
-    Locators and speeds are not, with the semicolon of drop-frame timecode.
-
-    Speeds stand in it twice: the adapter forgets one if the event is as long as its source, and
-    keeps comments that it does not know.
-    """
-    rows = []
-    for row in text.replace("* SOURCE FILE:", "* FROM FILE:").splitlines():
-        rows.append(row.replace(";", ":", 3) if row.startswith(("* LOC:", SPEED)) else row)
-        rows += [f"* {row.strip()}".replace(SPEED, SPEED_KEPT)] if row.startswith(SPEED) else []
-    return "\n".join(rows)
-
-
-def _is_retimed(item: Any, rate: float) -> bool:
-    """Whether a clip is shown at another speed, or backwards."""
-    import opentimelineio as otio
-
-    for comment in map(str, item.metadata.get("cmx_3600", {}).get("comments", ())):
-        if comment.startswith(SPEED_KEPT):
-            speed = comment.split()[-2]  # the last is a timecode
-            if not FORWARDS.fullmatch(speed) or abs(float(speed) - rate) > NEAR_RATE:
-                return True
-    return any(isinstance(effect, otio.schema.TimeEffect) for effect in item.effects)

@@ -182,6 +182,22 @@ def test_a_clip_at_another_rate_than_its_film_is_refused(folder: Path) -> None:
         written(folder, cut)
 
 
+@pytest.mark.parametrize("tracks", [("A",), ("AA",), ("A", "A2"), ("A2",)])
+def test_an_event_may_have_a_row_for_each_track(folder: Path, tracks: tuple[str, ...]) -> None:
+    cut = cuts.write(folder / "cut.edl", cuts.pieces(3), FILM_RATE)
+    expected, _ = written(folder, cut, handles=0)
+    rows = []
+    for row in cut.read_text().splitlines():
+        rows.append(row)
+        if re.match(r"\d+ ", row):
+            rows += [re.sub(r" V ", f" {track} ", row) for track in tracks]
+    assert len(rows) == len(cut.read_text().splitlines()) + 3 * len(tracks)
+    cut.write_text("\n".join(rows) + "\n")
+    (folder / "manifest.yaml").unlink()
+    found, _ = written(folder, cut, handles=0)
+    assert found == expected
+
+
 def test_a_film_is_found_by_the_source_file_of_an_edl(folder: Path) -> None:
     cut = cuts.write(folder / "cut.edl", cuts.pieces(3), FILM_RATE)
     rows = [row for row in cut.read_text().splitlines() if not row.startswith("*")]

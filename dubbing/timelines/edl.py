@@ -1,0 +1,57 @@
+"""The text of an EDL (CMX3600), before and after OpenTimelineIO reads it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+# A row of an EDL that gives the speed of an event, frames a second; another word to keep it by.
+SPEED, SPEED_KEPT = "M2 ", "SPEED "
+FORWARDS, NEAR_RATE = re.compile(r"[0-9]{1,4}(\.[0-9]{1,6})?"), 0.1  # after the point is one digit
+# A row of an event, and the tracks that its third word names.
+ROW = re.compile(r"\s*([0-9]+)\s+(\S+)\s+(\S+)\s+(C\s.*\S)\s*")
+TRACKS = {"V": "V", "A": "1", "A2": "2", "AA": "12", "B": "V1", "A2/V": "V2", "AA/V": "V12"}
+
+
+def plain(text: str) -> str:
+    """An EDL whose events, files, locators and speeds are read.
+
+    Locators and speeds are not, with the semicolon of drop-frame timecode, nor an event of a row
+    for each of its tracks.
+
+    Speeds stand in it twice: the adapter forgets one if the event is as long as its source, and
+    keeps comments that it does not know.
+    """
+    rows: list[str] = []
+    for row in text.replace("* SOURCE FILE:", "* FROM FILE:").splitlines():
+        rows.append(row.replace(";", ":", 3) if row.startswith(("* LOC:", SPEED)) else row)
+        rows += [f"* {row.strip()}".replace(SPEED, SPEED_KEPT)] if row.startswith(SPEED) else []
+        if len(rows) > 1 and (event := _of_all_tracks(*rows[-2:])):
+            rows[-2:] = [event]
+    return "\n".join(rows)
+
+
+def _of_all_tracks(*rows: str) -> str:
+    """Two rows of one event, of the same times on different tracks, as one; else ''."""
+    one, other = map(ROW.fullmatch, rows)
+    if not one or not other or one.group(1, 2, 4) != other.group(1, 2, 4):
+        return ""
+    tracks = {*TRACKS.get(one[3], ""), *TRACKS.get(other[3], "")}
+    codes = [code for code, its in TRACKS.items() if {*its} == tracks]
+    return " ".join([one[1], one[2], *codes, one[4]]) if codes else ""
+
+
+def changes_speed(metadata: Mapping[str, Any], rate: float) -> bool:
+    """Whether an event is shown at another speed, or backwards, by what `plain` kept.
+
+    Args:
+        metadata: of its clip.
+        rate: frames a second of its source.
+    """
+    for comment in map(str, metadata.get("cmx_3600", {}).get("comments", ())):
+        if comment.startswith(SPEED_KEPT):
+            speed = comment.split()[-2]  # the last is a timecode
+            if not FORWARDS.fullmatch(speed) or abs(float(speed) - rate) > NEAR_RATE:
+                return True
+    return False
