@@ -15,6 +15,7 @@ from dubbing.script.line import CLOCK, UNNUMBERED, Line, seconds_of
 ARROW = re.compile("[-\u2010-\u2015\u2212]{1,2}>|\u2192")
 TIMED = re.compile("[0-9]+:[0-9]+:[0-9]")  # begins a row of times, and hardly one of words
 SKIPPED = ("NOTE", "STYLE", "REGION", "WEBVTT")  # blocks of VTT without words
+SETTING = re.compile(r"[A-Za-z]\w*:\S+")  # `align:start`, or the place of a picture: `X1:100`
 PRINTED = re.compile(r"[0-9]{1,9}")
 TAG = re.compile(r"(<[\w/.][^<>]*>|\{[^{}]*\})")  # tags do not nest: linear time
 
@@ -54,12 +55,13 @@ def _cues(text: str) -> list[_Cue]:
     for place, row in enumerate(map(str.strip, rows), 1):
         # Times are at the beginning of a block, or below its name.
         expected = not above or begins or bool(PRINTED.fullmatch(above))
-        times = _times(row)
-        if times is not None:
+        timed = _times(row)
+        if timed is not None:
+            times, words = timed
             name = above if expected else ""
             if cues and name and cues[-1].rows[-1:] == [name]:
                 cues[-1].rows.pop()
-            cues.append(_Cue(name, times))
+            cues.append(_Cue(name, times, [words] * bool(words)))
             skipped = False
         elif expected and not skipped and ("-->" in row or TIMED.match(row)):
             raise ValueError(f"row {place}: no times as 00:01:05,500 --> 00:01:07,000")
@@ -72,12 +74,16 @@ def _cues(text: str) -> list[_Cue]:
     return cues
 
 
-def _times(row: str) -> tuple[str, str] | None:
-    """The two times of a row, as written; settings may follow them."""
+def _times(row: str) -> tuple[tuple[str, str], str] | None:
+    """The two times of a row, as written, and words that follow them; settings are none."""
     first, *after = ARROW.split(row, 1)
-    parts = first.strip(), "".join("".join(after).split(maxsplit=1)[:1])
+    second, *rest = "".join(after).split(maxsplit=1) or [""]
+    parts = first.strip(), second
+    words = "".join(rest)
+    if all(map(SETTING.fullmatch, words.split())):
+        words = ""
     well = all(":" in part and CLOCK.fullmatch(part) for part in parts)
-    return parts if well else None
+    return (parts, words) if well else None
 
 
 def voices_of(text: str) -> list[tuple[str, str]]:

@@ -241,6 +241,22 @@ def test_layers_drawings_and_arrows_of_ass(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("after", "words"),
+    [
+        ("", "Evening"),
+        (" align:start position:10%", "Evening"),
+        (" X1:100 X2:200 Y1:5 Y2:9", "Evening"),
+        (" Good", "Good Evening"),
+        (" He said: good", "He said: good Evening"),
+    ],
+)
+def test_words_beside_times_are_words(tmp_path: Path, after: str, words: str) -> None:
+    text = f"1\n00:00:01,000 --> 00:00:02,000{after}\nEvening\n"
+    (line,) = read(tmp_path, "a.srt", text)
+    assert line.words == words
+
+
+@pytest.mark.parametrize(
     ("name", "change"),
     [
         ("a.ttml", ('"24"', '"-24"')),
