@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import torch
 from scipy.spatial.transform import Rotation, Slerp
@@ -34,7 +35,7 @@ from dubbing.heads.cover_cut import (
     steady,
     unexplained,
 )
-from dubbing.heads.hand_cut import hand_mask, lies_over
+from dubbing.heads.hand_cut import hand_mask, in_face, lies_over
 from dubbing.heads.pose_refinement import refined, trust
 from dubbing.media import VideoWriter
 from dubbing.preparation.alignment.camera import Poses, project, to_camera
@@ -145,7 +146,8 @@ def _covers(
             parts = zip(run.tolist(), compared, found, seeds, hands, strict=True)
             for t, seen, mask, sure, nearby in parts:
                 held = [hand for hand in nearby if lies_over(hand, seen, clip.landmarks[t])]
-                cover = told_apart(seen, mask, sure, held)
+                placed = [in_face(hand, clip.landmarks[t]) for hand in held]
+                cover = told_apart(seen, mask, sure, held, placed)
                 if cover is not None:
                     over[t] = cover
                 elif is_large(seen, sure) or t in awry:
@@ -176,17 +178,28 @@ def jaw_lines(looked: np.ndarray, jaws: Sequence[np.ndarray], frames: np.ndarray
 
 
 def told_apart(
-    seen: Compared, mask: np.ndarray, sure: np.ndarray, hands: list[np.ndarray]
+    seen: Compared,
+    mask: np.ndarray,
+    sure: np.ndarray,
+    hands: list[np.ndarray],
+    placed: list[np.ndarray],
 ) -> Cover | None:
     """The cover of a face, where it can be told from it: by its colours, or as a hand.
 
+    A piece that has the face's colours and touches no hand is skin: a fold, or lips in motion.
+
     Args:
         mask: (H, W) bool, cut out by colours. sure: what of it differs from the head.
-        hands: that lie over the face.
+        hands: that lie over the face. placed: pixels (H, W) of each, see `hand_cut.in_face`.
     """
-    if mask.any() and not is_like_skin(seen, mask):
-        return Cover(mask, hands)
-    return Cover(sure, hands) if hands else None
+    by_colours = mask.any() and not is_like_skin(seen, mask)
+    near, pixels = np.any([np.zeros_like(mask), *placed], axis=0), np.zeros_like(mask)
+    whole = mask if by_colours else sure
+    count, pieces = cv2.connectedComponents(whole.astype(np.uint8))
+    for piece in (pieces == k for k in range(1, count)):
+        if (piece & near).any() or (by_colours and not is_like_skin(seen, piece)):
+            pixels |= piece
+    return Cover(pixels, hands) if hands or pixels.any() else None
 
 
 def _with_poses_mended(

@@ -80,10 +80,8 @@ def drawn(hand: np.ndarray, size: tuple[int, int], thick: Thickness) -> np.ndarr
     return mask > 0
 
 
-def lies_over(hand: np.ndarray, compared: Compared, landmarks: np.ndarray) -> bool:
-    """Whether a hand with points (21, 3) px lies over the lower face, or touches it.
-
-    What the head explains there is no hand.
+def in_face(hand: np.ndarray, landmarks: np.ndarray) -> np.ndarray:
+    """Pixels (H, W) bool in the frame of the face that a hand, points (21, 3) px, likely covers.
 
     Args:
         landmarks: (478, 2) px of the face.
@@ -92,7 +90,18 @@ def lies_over(hand: np.ndarray, compared: Compared, landmarks: np.ndarray) -> bo
     placed = hand.copy()
     placed[:, :2] = hand[:, :2] @ turn[:, :2].T + turn[:, 2]
     placed[:, 2] *= np.hypot(*turn[0, :2])
-    there = drawn(placed, (H, W), LIKELY)
+    return drawn(placed, (H, W), LIKELY)
+
+
+def lies_over(hand: np.ndarray, compared: Compared, landmarks: np.ndarray) -> bool:
+    """Whether a hand with points (21, 3) px lies over the lower face, or touches it.
+
+    What the head explains there is no hand.
+
+    Args:
+        landmarks: (478, 2) px of the face.
+    """
+    there = in_face(hand, landmarks)
     seen = there & compared.known
     if seen.any():
         return bool((compared.apart[seen] > APART / 2).mean() > DIFFERS)

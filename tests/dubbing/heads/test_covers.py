@@ -139,14 +139,29 @@ def test_what_has_the_colours_of_a_face_is_told_from_it_as_a_hand_alone() -> Non
     like_skin.picture[OBJECT] = (185, 138, 120)
     assert not is_like_skin(dark, thing)
     assert is_like_skin(like_skin, thing)
-    cover = told_apart(dark, thing, thing, [])
+    cover = told_apart(dark, thing, thing, [], [])
     assert cover is not None
-    assert cover.pixels is thing
-    assert told_apart(like_skin, thing, thing, []) is None
-    cover = told_apart(like_skin, thing, np.zeros_like(thing), [hand])
+    np.testing.assert_array_equal(cover.pixels, thing)
+    assert told_apart(like_skin, thing, thing, [], []) is None
+    cover = told_apart(like_skin, thing, np.zeros_like(thing), [hand], [thing])
     assert cover is not None
     assert not cover.pixels.any()
     assert cover.hands == [hand]
+
+
+def test_skin_beside_what_lies_over_a_face_is_skin() -> None:
+    """Lips in motion and a cheek in the shade differ from the head, too."""
+    thing, cheek, hand = np.zeros((3, H, W), bool)
+    thing[OBJECT] = cheek[30:38, 18:28] = hand[66:80, 40:50] = True
+    both = thing | cheek
+    cover = told_apart(face(OBJECT), both, both, [], [])
+    assert cover is not None
+    np.testing.assert_array_equal(cover.pixels, thing)
+    like_skin = face()
+    like_skin.picture[OBJECT] = (185, 138, 120)
+    cover = told_apart(like_skin, both, both, [np.zeros((21, 3))], [hand])
+    assert cover is not None
+    np.testing.assert_array_equal(cover.pixels, thing)
 
 
 def test_a_shade_hides_no_face() -> None:
