@@ -186,7 +186,8 @@ def told_apart(
 ) -> Cover | None:
     """The cover of a face, where it can be told from it: by its colours, or as a hand.
 
-    A piece that has the face's colours and touches no hand is skin: a fold, or lips in motion.
+    A piece that has the face's colours and touches no hand is skin: a fold, or lips in motion. One
+    on the lips alone is of another word.
 
     Args:
         mask: (H, W) bool, cut out by colours. sure: what of it differs from the head.
@@ -197,7 +198,8 @@ def told_apart(
     whole = mask if by_colours else sure
     count, pieces = cv2.connectedComponents(whole.astype(np.uint8))
     for piece in (pieces == k for k in range(1, count)):
-        if (piece & near).any() or (by_colours and not is_like_skin(seen, piece)):
+        coloured = by_colours and (piece & ~seen.lips).any() and not is_like_skin(seen, piece)
+        if coloured or (piece & near).any():
             pixels |= piece
     return Cover(pixels, hands) if hands or pixels.any() else None
 

@@ -150,10 +150,10 @@ def test_what_has_the_colours_of_a_face_is_told_from_it_as_a_hand_alone() -> Non
 
 
 def test_skin_beside_what_lies_over_a_face_is_skin() -> None:
-    """Lips in motion and a cheek in the shade differ from the head, too."""
-    thing, cheek, hand = np.zeros((3, H, W), bool)
-    thing[OBJECT] = cheek[30:38, 18:28] = hand[66:80, 40:50] = True
-    both = thing | cheek
+    """Teeth and a cheek in the shade differ from the head, too."""
+    thing, cheek, hand, teeth = np.zeros((4, H, W), bool)
+    thing[OBJECT] = cheek[30:38, 18:28] = hand[66:80, 40:50] = teeth[46:49, 50:56] = True
+    both = thing | cheek | teeth
     cover = told_apart(face(OBJECT), both, both, [], [])
     assert cover is not None
     np.testing.assert_array_equal(cover.pixels, thing)
