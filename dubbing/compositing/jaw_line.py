@@ -76,7 +76,12 @@ def moved(
     part = extent(head[..., 3] > 0)
     if not known.any() or np.abs(offsets).max() < STEP:
         return head
-    part, _ = around(part, round(MOST * size / REFERENCE_SIZE) + 1, size)
+    (rows, columns), _ = around(part, round(MOST * size / REFERENCE_SIZE) + 1, size)
+    reach = STRETCHED * float(np.linalg.norm(landmarks[CHIN] - landmarks[LOWER_LIP]))
+    moving = known & (offsets != 0)
+    highest = float((np.sin(ANGLES) * np.nan_to_num(outline - reach))[moving].min(initial=0))
+    top = max(rows.start, int(contour.middle[1] + highest) - 1)
+    part = slice(min(top, rows.stop), rows.stop), columns
     y, x = (
         np.arange(i.start, i.stop, dtype=np.float32) - np.float32(k)
         for i, k in zip(part, contour.middle[::-1], strict=True)
@@ -87,7 +92,6 @@ def moved(
         np.interp(np.arange(FINE), at * (FINE / (2 * np.pi)), values, period=FINE)[turn]
         for at, values in ((ANGLES[known], outline[known]), (ANGLES, offsets))
     )
-    reach = STRETCHED * float(np.linalg.norm(landmarks[CHIN] - landmarks[LOWER_LIP]))
     share = np.clip(1 - (outer - radius) / max(reach, 1.0), 0, 1)
     shift = share * share * (3 - 2 * share) * offset
     kept = 1 - shift / np.maximum(radius, 1)

@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 from dubbing.compositing.composite import OPEN_JAW_PX, blend, composite, replacement, without_haze
 from dubbing.compositing.face_mask import rendered_region
+from dubbing.face.mouth.mouth_shape import OUTER_LIP
 from dubbing.preparation.prepared import FilmFrame
 from tests import fakes
 
@@ -106,22 +109,38 @@ def test_the_edge_of_a_head_is_no_sharper_than_the_films() -> None:
     radius = np.hypot(*(np.mgrid[:S, :S] - S // 2))[..., None]
     skin = np.array((220, 20, 60)) + np.random.default_rng(0).normal(0, 6, (S, S, 1))
     wall = np.full((S, S, 3), (20, 20, 60))
-    opacity = np.clip((102 - radius) / 4, 0, 1)
-    matte = np.where(radius[..., 0] < 110, 255, 0).astype(np.uint8)
+    opacity = np.clip((172 - radius) / 4, 0, 1)
+    matte = np.where(radius[..., 0] < 180, 255, 0).astype(np.uint8)
 
     def rising(blur: float) -> int:
         """Pixels in which the edge of the chin rises, in a film so blurred."""
         filmed, seen = (
             cv2.GaussianBlur(one.clip(0, 255).astype(np.uint8), (0, 0), blur)
-            for one in (np.where(radius < 100, skin, wall), skin)
+            for one in (np.where(radius < 170, skin, wall), skin)
         )
         head = np.concatenate([opacity * seen, 255 * opacity], axis=2).round().astype(np.uint8)
         shown = replacement(film(filmed, matte, wall.astype(np.uint8)), head)[0]
-        red = shown[S // 2 + 80 :, S // 2, 0]
+        red = shown[S // 2 + 150 :, S // 2, 0]
         return int(((red > 40) & (red < 190)).sum())
 
     assert rising(0.5) <= 2
     assert rising(2) >= 4
+
+
+def test_beside_a_jaw_that_is_a_little_narrower_the_films_skin_shows() -> None:
+    """Not below the chin: there words move the outline."""
+    radius = np.hypot(*(np.mgrid[:S, :S] - S // 2))
+    skin, wall = np.full((S, S, 3), (220, 150, 130), np.uint8), np.full((S, S, 3), 40, np.uint8)
+    matte = np.where(radius < 172, 255, 0).astype(np.uint8)
+    image = np.where(radius[..., None] < 172, skin, wall).astype(np.uint8)
+    opacity = np.where(radius < 166, 255, 0).astype(np.uint8)[..., None]
+    head = np.concatenate([skin * (opacity > 0), opacity], 2).astype(np.uint8)
+    landmarks = fakes.face(S)
+    landmarks[list(OUTER_LIP)] += (0, 90)  # so that its sides are replaced
+    shown = replacement(replace(film(image, matte, wall), landmarks=landmarks), head)[0]
+    row, column, below = (round(S / 2 + 169 * k) for k in (0.6, 0.8, 1))
+    assert shown[row, column, 0] > 180
+    assert shown[below, S // 2, 0] < 100
 
 
 def test_haze_is_no_head() -> None:
