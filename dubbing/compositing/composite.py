@@ -77,6 +77,8 @@ def beside_jaw(landmarks: np.ndarray, opacity: np.ndarray, shown: np.ndarray) ->
         landmarks: (478, 2) px. opacity: (S, S) uint8 of the head. shown: (S, S) bool, its place.
     """
     out, part = np.zeros(shown.shape, np.float32), extent(shown)
+    if not shown.any():
+        return out
     up = landmarks[FOREHEAD_TOP] - landmarks[CHIN]
     up = up / max(float(up @ up), 1.0)
     y, x = (

@@ -223,3 +223,10 @@ def test_what_lies_over_the_face_stays_and_the_rest_is_replaced() -> None:
     np.testing.assert_array_equal(shown[overlay == 255], image[overlay == 255])
     assert mask[S // 2 + 60, S // 2] == 155
     assert tuple(shown[S // 2 + 30, S // 2]) == (220, 20, 60)
+
+
+def test_a_face_of_which_nothing_is_replaced_stays() -> None:
+    image, background, _, head = scene()
+    whole = np.full((S, S), 255, np.uint8)  # something lies over all of it
+    _, mask = replacement(film(image, np.zeros((S, S), np.uint8), background, whole), head)
+    assert not mask.any()
