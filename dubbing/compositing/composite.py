@@ -8,12 +8,11 @@ import numpy as np
 
 from dubbing.compositing.face_mask import face_mask, skull_share
 from dubbing.compositing.film_look import in_focus, with_edges_of
-from dubbing.compositing.jaw_line import moved
+from dubbing.compositing.jaw_line import beside_jaw, moved
 from dubbing.compositing.light import follow_light
 from dubbing.compositing.neck import with_neck
 from dubbing.compositing.skin_detail import with_detail_of
 from dubbing.face.face_contour import face_contour
-from dubbing.face.mesh_points import CHIN, FOREHEAD_TOP
 from dubbing.preparation.background.pixels import extent, rounded, spread
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 from dubbing.preparation.prepared import FilmFrame
@@ -26,9 +25,6 @@ HALF, OPAQUE = 128, 250  # of 255
 STEEP, GAINS = 70.0, (1.6, 5.0)
 HAZE = HALF - HALF / GAINS[0]  # opacity up to which there is no head
 EDGE, ALONG = 64, (15, 15)  # levels from the middle that belong to an edge; px in which it is alike
-# Heights above the chin, of the face's, between which a jaw's side begins; px beside it, and as
-# many over which it fades.
-SIDES, BESIDE = (0.06, 0.18), 5.0
 FEATHER = 6  # px, inside the edge; less than the inpaint mask is wider than the old head
 
 
@@ -66,29 +62,6 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     own = np.maximum(own, beside_jaw(landmarks, lit[..., 3], share > 0))
     own = (own * 255).round().astype(np.uint8)
     return composite(blend(under, image, own), restored | stretched, lit, share)
-
-
-def beside_jaw(landmarks: np.ndarray, opacity: np.ndarray, shown: np.ndarray) -> np.ndarray:
-    """Share of the film's own pixels beside a rendered jaw, (S, S) float32: skin that goes on.
-
-    1 at its sides, 0 below the chin, which words move, and `BESIDE` px away.
-
-    Args:
-        landmarks: (478, 2) px. opacity: (S, S) uint8 of the head. shown: (S, S) bool, its place.
-    """
-    out, part = np.zeros(shown.shape, np.float32), extent(shown)
-    if not shown.any():
-        return out
-    up = landmarks[FOREHEAD_TOP] - landmarks[CHIN]
-    up = up / max(float(up @ up), 1.0)
-    y, x = (
-        np.arange(i.start, i.stop) - k for i, k in zip(part, landmarks[CHIN][::-1], strict=True)
-    )
-    height = x * up[0] + y[:, None] * up[1]
-    away = cv2.distanceTransform((opacity[part] < HALF).astype(np.uint8), cv2.DIST_L2, 3)
-    near = np.clip(2 - away * (REFERENCE_SIZE / len(shown) / BESIDE), 0, 1)
-    out[part] = np.clip((height - SIDES[0]) / (SIDES[1] - SIDES[0]), 0, 1) * near * shown[part]
-    return out
 
 
 def composite(
@@ -141,6 +114,8 @@ def without_haze(head: np.ndarray, restored: np.ndarray, reach: float) -> np.nda
         away = np.zeros_like(away)
     out = np.zeros_like(head)
     part = extent(head[..., 3] > HAZE)
+    if not out[part].size:
+        return out
     crisp = crispened(head[part][..., 3]) / np.maximum(head[part][..., 3], np.float32(1))
     keep = np.clip(2 - away[part] / max(reach, 1.0), 0, 1) * crisp
     out[part] = rounded(head[part] * spread(keep, 4))

@@ -11,7 +11,7 @@ import numpy as np
 
 from dubbing.compositing.face_mask import jaw_share
 from dubbing.face.face_contour import FaceContour
-from dubbing.face.mesh_points import CHIN
+from dubbing.face.mesh_points import CHIN, FOREHEAD_TOP
 from dubbing.preparation.background.pixels import around, extent
 from dubbing.preparation.matting.matting import REFERENCE_SIZE
 
@@ -24,6 +24,9 @@ UNLIKE = 30.0  # px: an outline so far away is another thing's
 LOWER_LIP = 17  # of FaceMesh
 STRETCHED = 0.8  # of the way from chin to lip, over which skin is stretched
 UNSURE = 1.5  # px by which outlines differ by chance
+# Heights above the chin, of the face's, between which a jaw's side begins; px beside it, and as
+# many over which it fades.
+SIDES, BESIDE = (0.06, 0.18), 5.0
 
 
 def radii(opacity: np.ndarray, middle: np.ndarray) -> np.ndarray:
@@ -78,7 +81,8 @@ def moved(
         return head
     (rows, columns), _ = around(part, round(MOST * size / REFERENCE_SIZE) + 1, size)
     reach = STRETCHED * float(np.linalg.norm(landmarks[CHIN] - landmarks[LOWER_LIP]))
-    moving = known & (offsets != 0)
+    # Between an angle that moves and the next, everything moves.
+    moving = known & np.any([np.roll(offsets, k) != 0 for k in (-1, 0, 1)], axis=0)
     highest = float((np.sin(ANGLES) * np.nan_to_num(outline - reach))[moving].min(initial=0))
     top = max(rows.start, int(contour.middle[1] + highest) - 1)
     part = slice(min(top, rows.stop), rows.stop), columns
@@ -101,4 +105,27 @@ def moved(
     )
     out = head.copy()
     out[part] = cv2.remap(head, column, row, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return out
+
+
+def beside_jaw(landmarks: np.ndarray, opacity: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    """Share of the film's own pixels beside a rendered jaw, (S, S) float32: skin that goes on.
+
+    1 at its sides, 0 below the chin, which words move, and `BESIDE` px away.
+
+    Args:
+        landmarks: (478, 2) px. opacity: (S, S) uint8 of the head. shown: (S, S) bool, its place.
+    """
+    out, part = np.zeros(shown.shape, np.float32), extent(shown)
+    if not shown.any():
+        return out
+    up = landmarks[FOREHEAD_TOP] - landmarks[CHIN]
+    up = up / max(float(up @ up), 1.0)
+    y, x = (
+        np.arange(i.start, i.stop) - k for i, k in zip(part, landmarks[CHIN][::-1], strict=True)
+    )
+    height = x * up[0] + y[:, None] * up[1]
+    away = cv2.distanceTransform((opacity[part] < HALF).astype(np.uint8), cv2.DIST_L2, 3)
+    near = np.clip(2 - away * (REFERENCE_SIZE / len(shown) / BESIDE), 0, 1)
+    out[part] = np.clip((height - SIDES[0]) / (SIDES[1] - SIDES[0]), 0, 1) * near * shown[part]
     return out

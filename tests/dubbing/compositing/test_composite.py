@@ -230,3 +230,8 @@ def test_a_face_of_which_nothing_is_replaced_stays() -> None:
     whole = np.full((S, S), 255, np.uint8)  # something lies over all of it
     _, mask = replacement(film(image, np.zeros((S, S), np.uint8), background, whole), head)
     assert not mask.any()
+
+
+def test_a_head_that_is_haze_is_none() -> None:
+    _, _, inpaint_mask, head = scene()
+    assert not without_haze(head // 8, inpaint_mask, OPEN_JAW_PX).any()
