@@ -37,9 +37,9 @@ from dfrf.rendering.frame_head import FrameHead, MarchedHead
 from dfrf.rendering.grid_pruning import prune_grid
 from dfrf.rendering.volume_rendering import density_at, render_rays
 from dfrf.training.lip_supervision import (
-    closed_mouth_target,
     dataset_codes,
     fit_speaker_adaptation,
+    scale_decoded_lips,
     supervised_codes,
     target_lips,
     train_speech_networks,
@@ -192,10 +192,12 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         generator: torch.Generator,
         resumed: bool,
     ) -> None:
-        if not resumed and config.lip_iterations and self.model.config.field.learns_lips:
-            train_speech_networks(
-                self.model.field.conditioning, datasets, config.lip_iterations, generator
-            )
+        if self.model.config.field.learns_lips:
+            own = self.model.field.conditioning
+            if not resumed and config.lip_iterations:
+                train_speech_networks(own, datasets, config.lip_iterations, generator)
+            if len(datasets) == 1:  # a fine-tune
+                scale_decoded_lips(own, datasets[0])
         self.conditioning = training_conditioning(self.model, [*datasets, *held])
 
     def draw_shares(
@@ -244,7 +246,6 @@ class FastMethod(Method[RayShare, ReferenceMaps]):
         model, own = self.model, self.model.field.conditioning
         if model.config.field.learns_lips:
             fit_speaker_adaptation(own, dataset)
-            own.closed_mouth_target.copy_(closed_mouth_target(own, dataset))
         maps = None if views is None else self.maps(views)
         conditioning = training_conditioning(model, [dataset])[dataset.name]
         generator = torch.Generator().manual_seed(seed)

@@ -27,7 +27,7 @@ class Conditioning(nn.Module):
 
     Attributes:
         closed_mouth_target: lip measures decoded from the code where the person's mouth is closed.
-        lips: decodes lip measures from the code.
+        lips: decodes lip measures from the code; a person's own have mean 0 and variance 1.
         speaker_adaptation: from predicted lips to this person's; at first, the identity.
     """
 

@@ -135,21 +135,18 @@ class SpeakerAdaptation(nn.Module):
         predicted: Float[Tensor, "C P"],
         lips: Float[Tensor, "C L"],
         touching: Float[Tensor, " C"],
-        mean: Float[Tensor, " L"],
-        spread: Float[Tensor, " L"],
     ) -> None:
         """Fits the adaptation to frames of the person.
 
         A ridge regression predicts the difference of the person's lips from the predicted ones. Its
-        answers, closures included, are scaled to the given mean and spread: a regression alone
-        would open the mouth less than the person does. Scale and score are computed on held-out
-        answers, because the regression overfits its own frames.
+        answers, closures included, are scaled to mean 0 and variance 1: a regression alone would
+        open the mouth less than the person does. Scale and score are computed on held-out answers,
+        because the regression overfits its own frames.
 
         Args:
             predicted: predicted lips and sound features.
             lips: measured, of mean 0 and variance 1.
             touching: 1 where the person's lips touch.
-            mean, spread: of the answers.
         """
         if len(predicted) < 2:
             return
@@ -169,16 +166,16 @@ class SpeakerAdaptation(nn.Module):
         share = of_score * smooth + of_opening * own[:, OPENING] + offset
         scale, shift = standardising(own, share.sigmoid(), closed_mouth(lips).to(own))
         moved = torch.zeros(PREDICTED).to(answer)
-        moved[:LIP_MEASURES] = mean.to(moved) + spread.to(moved) * shift
-        factor[:LIP_MEASURES] *= scale * spread.to(factor)
+        moved[:LIP_MEASURES] = shift
+        factor[:LIP_MEASURES] *= scale
         weight = ridge(near, rest) / size.repeat(2 * NEIGHBOURS + 1)[:, None]
         weight[OWN] += torch.eye(PREDICTED).to(weight)
         weight = (weight * factor).T
         self.linear.weight.copy_(weight)
         self.linear.bias.copy_(moved - weight @ middle.repeat(2 * NEIGHBOURS + 1))
         # The score was computed for an opening of mean 0 and variance 1.
-        score[1] /= scale[OPENING] * spread[OPENING].to(scale)
-        score[2] -= score[1] * moved[OPENING]
+        score[1] /= scale[OPENING]
+        score[2] -= score[1] * shift[OPENING]
         self.score.copy_(score)
 
 

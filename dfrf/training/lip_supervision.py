@@ -31,6 +31,7 @@ DROPPED = 0.1  # share of features that are dropped from a window
 RIDGE = 1.0  # times the mean power of a feature, for all people together
 REGRESSION_SHARE = 0.7  # of the regression's answer in the target
 AT_ONCE = 256
+LEAST_SPREAD = 1e-6
 
 
 @dataclass(frozen=True)
@@ -176,17 +177,24 @@ def supervised_codes(conditioning: Conditioning, dataset: HeadDataset) -> Float[
 
 
 @torch.no_grad()
-def closed_mouth_target(conditioning: Conditioning, dataset: HeadDataset) -> Float[Tensor, " L"]:
-    """Lip measures decoded where the mouth is closed: the mean of the least open frames."""
+def scale_decoded_lips(conditioning: Conditioning, dataset: HeadDataset) -> None:
+    """Scales the decoder so that lips decoded from a person's speech have mean 0 and variance 1.
+
+    The measured lips have these, too, so measures decoded from codes then are the person's own.
+    The code that decodes to some lips stays the same.
+    """
     mean, spread = decoded_statistics(conditioning, dataset_codes(conditioning, dataset))
-    return mean + spread * closed_mouth(dataset.lips).to(mean)
+    spread = spread.clamp_min(LEAST_SPREAD)
+    conditioning.lips.weight.div_(spread[:, None])
+    conditioning.lips.bias.sub_(mean).div_(spread)
 
 
 @torch.no_grad()
 def fit_speaker_adaptation(conditioning: Conditioning, dataset: HeadDataset) -> None:
-    """Fits the speaker adaptation to a person, on the scale of the decoded lips."""
-    mean, spread = decoded_statistics(conditioning, dataset_codes(conditioning, dataset))
+    """Fits the speaker adaptation to a person, and what their closed mouth is."""
+    closed = conditioning.closed_mouth_target
     predicted, lips, touching = (
-        part.to(mean) for part in (dataset.predicted_lips, dataset.lips, dataset.touching)
+        part.to(closed) for part in (dataset.predicted_lips, dataset.lips, dataset.touching)
     )
-    conditioning.speaker_adaptation.fit(predicted, lips, touching, mean, spread)
+    conditioning.speaker_adaptation.fit(predicted, lips, touching)
+    closed.copy_(closed_mouth(lips))

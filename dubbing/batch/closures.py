@@ -14,7 +14,7 @@ from dubbing.script.timeline import AROUND, HELD, Cue, Edit
 from dubbing.speech import voice_activity as voice
 from dubbing.stages.draft import HalfSize
 
-PARTED = 0.01  # eye distances beyond a closed mouth's, from which on lips do not touch
+PARTED = 0.02  # eye distances beyond a closed mouth's, from which on lips do not touch
 OPENED = 3 * HELD  # s between two closures, from which on the mouth opens between them
 ROUNDED = 2  # digits of seconds
 

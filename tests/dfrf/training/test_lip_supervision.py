@@ -9,14 +9,15 @@ from dfrf import presets
 from dfrf.config import TrainConfig
 from dfrf.data.dataset import HeadDataset, neighbour_windows
 from dfrf.fast.fast_method import FastMethod
-from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS
+from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, NUMBERS, closed_mouth
 from dfrf.training.fit import fit
 from dfrf.training.lip_supervision import (
     REGRESSION_SHARE,
-    closed_mouth_target,
     dataset_codes,
+    fit_speaker_adaptation,
     lip_targets,
     regression_input,
+    scale_decoded_lips,
     supervised_codes,
     train_speech_networks,
 )
@@ -60,7 +61,7 @@ def test_without_lip_supervision_pictures_teach_the_speech_networks(taught: bool
     fit(method, [someone], TrainConfig(iterations=2, rays=96, frames=2, warmup=0))
     own = model.field.conditioning
     changed = {n.split(".")[0] for n, p in own.named_parameters() if not torch.equal(p, before[n])}
-    assert changed == (set() if taught else {"audio", "attention"})
+    assert changed == ({"lips"} if taught else {"audio", "attention"})  # lips: their unit alone
     method.finish(someone, None, seed=0)
     frames = torch.arange(4)
     near = neighbour_windows(someone.windows, someone.segment, frames)
@@ -120,6 +121,23 @@ def test_supervised_codes_say_what_the_lips_did_with_the_spread_of_what_is_heard
     assert left.norm() < 1e-3 * moved.norm()
 
 
+def test_a_person_s_decoded_lips_are_in_the_measured_ones_unit_and_no_code_changes() -> None:
+    someone, model = talking(0), presets.build(small_config())
+    own = model.field.conditioning
+    train_speech_networks(own, [someone], 50, torch.Generator().manual_seed(0))
+    assert own.lips(dataset_codes(own, someone)).std(0).min() < 0.9
+    before = supervised_codes(own, someone)
+    for _ in range(2):  # a run that goes on does it again
+        scale_decoded_lips(own, someone)
+    decoded = own.lips(dataset_codes(own, someone))
+    torch.testing.assert_close(decoded.mean(0), torch.zeros(7), atol=1e-4, rtol=0)
+    torch.testing.assert_close(decoded.std(0), torch.ones(7), atol=1e-4, rtol=0)
+    torch.testing.assert_close(supervised_codes(own, someone), before, atol=1e-3, rtol=1e-3)
+    torch.testing.assert_close(own.lips(before), someone.lips[someone.number], atol=1e-3, rtol=0)
+    fit_speaker_adaptation(own, someone)
+    torch.testing.assert_close(own.closed_mouth_target, closed_mouth(someone.lips))
+
+
 def test_different_sounds_have_different_codes_from_the_start() -> None:
     model = presets.build(small_config())
     windows = (torch.rand(32, 1, 1, 8) * 1.2).expand(32, 8, 16, 8)
@@ -131,13 +149,7 @@ def test_the_mouth_is_shut_where_nothing_is_heard_and_only_there() -> None:
     someone = talking(0)
     model = presets.build(small_config())
     train_speech_networks(model.field.conditioning, [someone], 50, torch.Generator().manual_seed(0))
-    closed = closed_mouth_target(model.field.conditioning, someone)
-    assert (
-        closed[0]
-        < model.field.conditioning.lips(dataset_codes(model.field.conditioning, someone))[
-            :, 0
-        ].mean()
-    )
+    closed = closed_mouth(someone.lips)
     model.field.conditioning.closed_mouth_target.copy_(closed)
     windows, predicted = torch.rand(3, 8, 16, 8) + 0.1, torch.randn(3 + 2 * CONTEXT_FRAMES, NUMBERS)
     windows[1] = 0  # silence
