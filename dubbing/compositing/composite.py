@@ -10,7 +10,7 @@ from dubbing.compositing.face_mask import face_mask, skull_share
 from dubbing.compositing.film_look import in_focus, with_edges_of
 from dubbing.compositing.jaw_line import beside_jaw, moved
 from dubbing.compositing.light import follow_light
-from dubbing.compositing.neck import with_neck
+from dubbing.compositing.neck import Neck, with_neck
 from dubbing.compositing.skin_detail import with_detail_of
 from dubbing.face.face_contour import face_contour
 from dubbing.preparation.background.pixels import extent, rounded, spread
@@ -55,11 +55,12 @@ def replacement(film: FilmFrame, head: np.ndarray) -> tuple[np.ndarray, np.ndarr
     lit = in_focus(film.image, lit, beside, film.noise, film.motion)
     lit = with_edges_of(film.image, bare & (film.matte > 0), lit, share > 0)
     lit = with_detail_of(film.image, person, lit, share > 0, landmarks, film.noise)
-    under, stretched = with_neck(image, film.background, film.matte, lit[..., 3], contour)
+    neck = Neck.of(image, film.matte, contour)
+    under, stretched = with_neck(image, film.background, neck, lit[..., 3])
     # The outline of nose and upper jaw is the film's own, wherever the rendered one lies.
-    # And that of the jaw's sides, within a few px.
+    # And that of the jaw's sides, and on clothes, within a few px.
     own = skull_share(landmarks, size) * (share > 0)
-    own = np.maximum(own, beside_jaw(landmarks, lit[..., 3], share > 0))
+    own = np.maximum(own, beside_jaw(landmarks, lit[..., 3], share > 0, neck))
     own = (own * 255).round().astype(np.uint8)
     return composite(blend(under, image, own), restored | stretched, lit, share)
 

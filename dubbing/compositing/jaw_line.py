@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 
 from dubbing.compositing.face_mask import jaw_share
+from dubbing.compositing.neck import Neck
 from dubbing.face.face_contour import FaceContour
 from dubbing.face.mesh_points import CHIN, FOREHEAD_TOP
 from dubbing.preparation.background.pixels import around, extent
@@ -25,8 +26,8 @@ LOWER_LIP = 17  # of FaceMesh
 STRETCHED = 0.8  # of the way from chin to lip, over which skin is stretched
 UNSURE = 1.5  # px by which outlines differ by chance
 # Heights above the chin, of the face's, between which a jaw's side begins; px beside it, and as
-# many over which it fades.
-SIDES, BESIDE = (0.06, 0.18), 5.0
+# many over which it fades. The same from a jaw to the clothes below the film's.
+SIDES, BESIDE, NEARLY = (0.06, 0.18), 5.0, 7.0
 
 
 def radii(opacity: np.ndarray, middle: np.ndarray) -> np.ndarray:
@@ -108,24 +109,34 @@ def moved(
     return out
 
 
-def beside_jaw(landmarks: np.ndarray, opacity: np.ndarray, shown: np.ndarray) -> np.ndarray:
+def beside_jaw(
+    landmarks: np.ndarray, opacity: np.ndarray, shown: np.ndarray, neck: Neck
+) -> np.ndarray:
     """Share of the film's own pixels beside a rendered jaw, (S, S) float32: skin that goes on.
 
-    1 at its sides, 0 below the chin, which words move, and `BESIDE` px away.
+    1 at its sides, `BESIDE` px on, and down to clothes that the film's jaw touches and the rendered
+    one nearly does: their edge then is the film's. 0 below a chin that has a neck.
 
     Args:
         landmarks: (478, 2) px. opacity: (S, S) uint8 of the head. shown: (S, S) bool, its place.
+        neck: of the film.
     """
-    out, part = np.zeros(shown.shape, np.float32), extent(shown)
+    out, (rows, columns) = np.zeros(shown.shape, np.float32), extent(shown)
     if not shown.any():
         return out
     up = landmarks[FOREHEAD_TOP] - landmarks[CHIN]
     up = up / max(float(up @ up), 1.0)
     y, x = (
-        np.arange(i.start, i.stop) - k for i, k in zip(part, landmarks[CHIN][::-1], strict=True)
+        np.arange(i.start, i.stop) - k
+        for i, k in zip((rows, columns), landmarks[CHIN][::-1], strict=True)
     )
     height = x * up[0] + y[:, None] * up[1]
-    away = cv2.distanceTransform((opacity[part] < HALF).astype(np.uint8), cv2.DIST_L2, 3)
-    near = np.clip(2 - away * (REFERENCE_SIZE / len(shown) / BESIDE), 0, 1)
-    out[part] = np.clip((height - SIDES[0]) / (SIDES[1] - SIDES[0]), 0, 1) * near * shown[part]
+    free = (opacity[rows, columns] < HALF).astype(np.uint8)
+    away = cv2.distanceTransform(free, cv2.DIST_L2, 3) * np.float32(REFERENCE_SIZE / len(shown))
+    side = np.clip((height - SIDES[0]) / (SIDES[1] - SIDES[0]), 0, 1)
+    below = np.clip(neck.low[columns].astype(int) - rows.start, 0, len(away) - 1)
+    gap = away[below, np.arange(len(below))]
+    on_clothes = neck.clothes[columns] * np.clip(2 - gap / NEARLY, 0, 1)
+    share = np.maximum(side * np.clip(2 - away / BESIDE, 0, 1), on_clothes)
+    out[rows, columns] = share * shown[rows, columns]
     return out

@@ -6,7 +6,10 @@ stretched, from the collar up. Lengths are in px, given for S = 512 and scaled. 
 crop.
 """
 
+from __future__ import annotations
+
 import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -30,12 +33,38 @@ NARROW = 10.0  # px: fewer columns beside one another are no neck
 UNDER = 12.0  # px that the neck extends under the edge of the head
 
 
+@dataclass(frozen=True)
+class Neck:
+    """What lies below the film's jaw in each column of a frame.
+
+    Attributes:
+        low: (S,) row below which none of the jaw shows. room: (S,) px of neck below it.
+        share: (S,) share of the jaw that has enough neck to be stretched.
+        clothes: (S,) share of the jaw that touches clothes, or what else is no neck.
+    """
+
+    low: np.ndarray
+    room: np.ndarray
+    share: np.ndarray
+    clothes: np.ndarray
+
+    @classmethod
+    def of(cls, image: np.ndarray, matte: np.ndarray, contour: FaceContour) -> Neck:
+        """That of a frame (S, S, 3) uint8 and its head (S, S) uint8."""
+        size = len(image)
+        unit = size / REFERENCE_SIZE
+        low = smooth(bottom(matte), unit) + BELOW * unit
+        x, y = np.arange(size) - contour.middle[0], low - contour.middle[1]
+        jaw = jaw_share(contour, np.arctan2(y, x))
+        room = room_below(image, low, jaw > 0)
+        enough = np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
+        wide = max(2, round(NARROW * unit))
+        clothes = gaussian_filter1d(grey_opening(jaw * (1 - enough), wide), EDGE * unit)
+        return cls(low, room, jaw * enough, clothes)
+
+
 def with_neck(
-    image: np.ndarray,
-    background: np.ndarray,
-    matte: np.ndarray,
-    opacity: np.ndarray,
-    contour: FaceContour,
+    image: np.ndarray, background: np.ndarray, neck: Neck, opacity: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """A background whose neck reaches up to the rendered chin, and the pixels that it changed.
 
@@ -44,21 +73,16 @@ def with_neck(
 
     Args:
         image: (S, S, 3) uint8 frame of the film. background: the same with its head removed.
-        matte, opacity: (S, S) uint8 of the film's head and of the rendered one.
-        contour: of the film's face.
+        neck: of the image. opacity: (S, S) uint8 of the rendered head.
 
     Returns:
         (S, S, 3) uint8 and (S, S) bool.
     """
     size = len(image)
     unit = size / REFERENCE_SIZE
-    column = np.arange(size)
-    low, high = (smooth(bottom(head), unit) for head in (matte, opacity))
-    low += BELOW * unit
-    x, y = column - contour.middle[0], low - contour.middle[1]
-    jaw = jaw_share(contour, np.arctan2(y, x)) * (low > high) * (high > 0)
-    room = room_below(image, low, jaw > 0)
-    share = jaw * np.clip((room / unit - TOO_FEW) / (ENOUGH - TOO_FEW), 0, 1)
+    column, low, room = np.arange(size), neck.low, neck.room
+    high = smooth(bottom(opacity), unit)
+    share = neck.share * (low > high) * (high > 0)
     share = grey_opening(share, max(2, round(NARROW * unit)))
     if not share.any():
         return background, np.zeros((size, size), bool)
@@ -68,7 +92,7 @@ def with_neck(
     rows = slice(max(0, int(inner[some].min())), min(size, int(end[some].max()) + 1))
     row = np.arange(rows.start, rows.stop, dtype=np.float32)[:, None]
     source = end - (end - row) * room / np.maximum(end - high, unit)
-    neck = cv2.remap(
+    stretched = cv2.remap(
         image,
         np.broadcast_to(column.astype(np.float32), source.shape)[:, columns],
         np.maximum(source, low).astype(np.float32)[:, columns],
@@ -78,7 +102,7 @@ def with_neck(
     weight = (share * ((row < end) & (row > inner)))[:, columns]
     below = background[rows, columns]
     out, changed = background.copy(), np.zeros((size, size), bool)
-    blended = below + weight[..., None] * (neck.astype(np.float32) - below)
+    blended = below + weight[..., None] * (stretched.astype(np.float32) - below)
     out[rows, columns], changed[rows, columns] = blended.round(), weight > 0
     return out, changed
 

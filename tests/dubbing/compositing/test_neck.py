@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dubbing.compositing.neck import bottom, with_neck
+from dubbing.compositing.neck import Neck, bottom, with_neck
 from dubbing.face.face_contour import FaceContour, face_contour
 from tests import fakes
 
@@ -36,7 +36,7 @@ def scene(collar: float = COLLAR) -> tuple[np.ndarray, np.ndarray, np.ndarray, F
 
 def test_the_films_neck_reaches_up_to_a_chin_that_is_higher() -> None:
     image, background, matte, contour = scene()
-    made, where = with_neck(image, background, matte, disc(90), contour)
+    made, where = with_neck(image, background, Neck.of(image, matte, contour), disc(90))
     below = made[:, S // 2].astype(int)  # down from the middle of the face
     at = S // 2
     assert np.abs(below[at + 91 : at + 95] - SKIN).max() < 4  # grey before
@@ -53,14 +53,14 @@ def test_the_films_neck_reaches_up_to_a_chin_that_is_higher() -> None:
 
 def test_a_chin_that_is_lower_changes_nothing() -> None:
     image, background, matte, contour = scene()
-    made, where = with_neck(image, background, matte, disc(FILM + 6), contour)
+    made, where = with_neck(image, background, Neck.of(image, matte, contour), disc(FILM + 6))
     np.testing.assert_array_equal(made, background)
     assert not where.any()
 
 
 def test_a_collar_right_below_the_chin_is_not_pulled_up() -> None:
     image, background, matte, contour = scene(collar=FILM + 4)
-    made, where = with_neck(image, background, matte, disc(90), contour)
+    made, where = with_neck(image, background, Neck.of(image, matte, contour), disc(90))
     below = slice(S // 2 - 60, S // 2 + 60)  # further beside, the neck goes on along a column
     np.testing.assert_array_equal(made[:, below], background[:, below])
     assert not where[:, below].any()
@@ -70,7 +70,7 @@ def test_without_a_head_the_background_stays() -> None:
     image, background, matte, contour = scene()
     nothing = np.zeros((S, S), np.uint8)
     for film, head in ((matte, nothing), (nothing, disc(90)), (nothing, nothing)):
-        made, where = with_neck(image, background, film, head, contour)
+        made, where = with_neck(image, background, Neck.of(image, film, contour), head)
         np.testing.assert_array_equal(made, background)
         assert not where.any()
 
@@ -79,7 +79,7 @@ def test_it_moves_as_smoothly_as_the_chin() -> None:
     image, background, matte, contour = scene()
     film = image.astype(int)
     chins = np.linspace(88, 104, 33)
-    seen = [with_neck(image, background, matte, disc(r), contour)[0] for r in chins]
+    seen = [with_neck(image, background, Neck.of(image, matte, contour), disc(r))[0] for r in chins]
     below = [made.astype(int)[S // 2 + 110 :] for made in seen]  # under every chin
     jumps = [np.abs(b - a).mean() for a, b in pairwise(below)]
     assert max(jumps) < 0.5
@@ -93,7 +93,7 @@ def test_beside_the_neck_the_wall_stays() -> None:
     beside = np.abs(column - S // 2) > 50
     image[:, beside] = np.where((matte[:, beside] > 127)[..., None], SKIN, WALL)
     background[:, beside] = WALL
-    made, _ = with_neck(image, background, matte, disc(85), contour)
+    made, _ = with_neck(image, background, Neck.of(image, matte, contour), disc(85))
     np.testing.assert_array_equal(made[:, beside], background[:, beside])
     inside = np.abs(column - S // 2) < 40
     rows = np.mgrid[:S, :S][0] - S / 2
@@ -108,7 +108,7 @@ def test_a_neck_that_a_shirt_lights_is_a_neck() -> None:
     image, background, matte, contour = scene()
     left = np.mgrid[:S, :S][1] < S // 2
     image[(image == SKIN).all(2) & (matte == 0) & left] = (140, 115, 104)
-    made, where = with_neck(image, background, matte, disc(90), contour)
+    made, where = with_neck(image, background, Neck.of(image, matte, contour), disc(90))
     for column in range(S // 2 - 30, S // 2 + 30, 5):
         assert where[S // 2 + 92, column]
         assert np.abs(made[S // 2 + 94, column].astype(int) - GROWN).sum() > 60
@@ -119,7 +119,7 @@ def test_a_narrow_strip_of_skin_is_no_neck() -> None:
     """As a strand of hair or the edge of a hand has its colour: a line would show up to the jaw."""
     image, background, matte, contour = scene(collar=FILM + 4)
     image[S // 2 + FILM :, S // 2 + 2 : S // 2 + 6] = SKIN
-    made, where = with_neck(image, background, matte, disc(90), contour)
+    made, where = with_neck(image, background, Neck.of(image, matte, contour), disc(90))
     below = slice(S // 2 - 60, S // 2 + 60)
     np.testing.assert_array_equal(made[:, below], background[:, below])
     assert not where[:, below].any()
