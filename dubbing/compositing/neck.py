@@ -1,9 +1,9 @@
-"""The neck that a closing jaw uncovers: the film's own neck, stretched up to the new chin.
+"""The neck below a jaw that moves: the film's own neck, stretched or pushed to the new chin.
 
 Where the film's jaw is lower than the rendered one, the image has no neck between them. Skin,
-shadow and folds exist below the film's chin, only too low. So each column of the image is
-stretched, from the collar up. Lengths are in px, given for S = 512 and scaled. S is the side of the
-crop.
+shadow and folds exist below the film's chin, only too low; where it is higher, its shadow would be
+covered. So each column of the image is scaled, from the collar up. Lengths are in px, given for
+S = 512 and scaled. S is the side of the crop.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ DARK = 0.45  # share of the face's light below which nothing is neck: the gap un
 TOO_FEW, ENOUGH = 8.0, 20.0  # px of neck below the chin to stretch
 EDGE = 3.0  # px of neck that the edge of a collar shades
 NARROW = 10.0  # px: fewer columns beside one another are no neck
+PUSHED = 0.25  # of a neck's length: shorter it is not drawn, and in full from twice as much on
 UNDER = 12.0  # px that the neck extends under the edge of the head
 
 
@@ -66,10 +67,10 @@ class Neck:
 def with_neck(
     image: np.ndarray, background: np.ndarray, neck: Neck, opacity: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A background whose neck reaches up to the rendered chin, and the pixels that it changed.
+    """A background whose neck begins at the rendered chin, and the pixels that it changed.
 
-    A column keeps its background where the rendered jaw covers the film's, where a collar begins
-    too close below the chin, and where there is no head.
+    A column keeps its background where a collar begins too close below a chin, the film's or the
+    rendered one, and where there is no head.
 
     Args:
         image: (S, S, 3) uint8 frame of the film. background: the same with its head removed.
@@ -82,7 +83,8 @@ def with_neck(
     unit = size / REFERENCE_SIZE
     column, low, room = np.arange(size), neck.low, neck.room
     high = smooth(bottom(opacity), unit)
-    share = neck.share * (low > high) * (high > 0)
+    left = (low + room - high) / np.maximum(room, unit)
+    share = neck.share * np.clip(left / PUSHED - 1, 0, 1) * (high > 0)
     share = grey_opening(share, max(2, round(NARROW * unit)))
     if not share.any():
         return background, np.zeros((size, size), bool)

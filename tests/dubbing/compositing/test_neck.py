@@ -51,11 +51,22 @@ def test_the_films_neck_reaches_up_to_a_chin_that_is_higher() -> None:
     assert not where[: S // 2].any()
 
 
-def test_a_chin_that_is_lower_changes_nothing() -> None:
+def test_a_chin_that_is_lower_pushes_the_neck_down() -> None:
     image, background, matte, contour = scene()
-    made, where = with_neck(image, background, Neck.of(image, matte, contour), disc(FILM + 6))
-    np.testing.assert_array_equal(made, background)
-    assert not where.any()
+    made, _ = with_neck(image, background, Neck.of(image, matte, contour), disc(FILM + 9))
+    below = made[S // 2 :, S // 2].astype(int)
+    # The film's chin would cover the line.
+    line = np.abs(below[FILM + 9 : COLLAR - 5] - SKIN).sum(1).argmax() + FILM + 9
+    assert line in range(FILM + 11, COLLAR - 6)
+    assert (below[COLLAR + 1 :] == SHIRT).all()
+
+
+def test_a_chin_on_the_collar_changes_nothing() -> None:
+    image, background, matte, contour = scene()
+    made, where = with_neck(image, background, Neck.of(image, matte, contour), disc(COLLAR - 3))
+    below = slice(S // 2 - 60, S // 2 + 60)
+    np.testing.assert_array_equal(made[:, below], background[:, below])
+    assert not where[:, below].any()
 
 
 def test_a_collar_right_below_the_chin_is_not_pulled_up() -> None:
@@ -78,7 +89,7 @@ def test_without_a_head_the_background_stays() -> None:
 def test_it_moves_as_smoothly_as_the_chin() -> None:
     image, background, matte, contour = scene()
     film = image.astype(int)
-    chins = np.linspace(88, 104, 33)
+    chins = np.linspace(88, FILM + 2, 29)
     seen = [with_neck(image, background, Neck.of(image, matte, contour), disc(r))[0] for r in chins]
     below = [made.astype(int)[S // 2 + 110 :] for made in seen]  # under every chin
     jumps = [np.abs(b - a).mean() for a, b in pairwise(below)]
