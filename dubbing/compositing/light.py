@@ -49,10 +49,14 @@ def follow_light(
     )
     part = rows, columns
     lips = dilate(lip_region(landmarks, size)[part], MOUTH * unit)
-    same = (head[part][..., 3] >= OPAQUE) & (matte[part] >= OPAQUE) & ~lips
+    skin = (head[part][..., 3] >= OPAQUE) & ~lips
     if overlay is not None:
-        same &= overlay[part] == 0
-    if same.sum() < MIN_SHARE * size**2:
+        skin &= overlay[part] == 0
+    least = MIN_SHARE * size**2
+    same = skin & (matte[part] >= OPAQUE)
+    if same.sum() < least:  # a frame so pale or so dark that no person is found in it
+        same = skin
+    if same.sum() < least:
         return head
     counts = same.astype(np.uint8)
     share = _small(counts)[..., None]

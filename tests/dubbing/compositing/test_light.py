@@ -85,13 +85,19 @@ def test_what_lies_over_the_face_is_no_light() -> None:
     assert np.abs(made[..., :3] - skin())[INNER].max() < 4
 
 
-def test_a_head_that_shows_no_skin_of_the_film_stays() -> None:
-    elsewhere = np.zeros((S, S), np.uint8)
+def test_a_mouth_pales_in_a_frame_so_pale_that_nobody_is_found_in_it() -> None:
+    white, nobody = 0.97, np.zeros((S, S), np.uint8)
+    haze = np.full(3, 255 * white)
+    image = (skin(30) * (1 - white) + haze).round().astype(np.uint8)
+    made = follow_light(image, nobody, head(skin(90)), landmarks(), haze)
+    assert np.abs(made[..., :3] - (skin(90) * (1 - white) + haze))[INNER].mean() < 3
+
+
+def test_a_head_of_which_nothing_but_lips_is_seen_stays() -> None:
     render = head(skin())
+    render[:138] = render[162:] = render[:, :96] = render[:, 160:] = 0
     image = np.full((S, S, 3), 10, np.uint8)
-    np.testing.assert_array_equal(
-        follow_light(image, elsewhere, render, landmarks(), CLEAR), render
-    )
+    np.testing.assert_array_equal(follow_light(image, OPAQUE, render, landmarks(), CLEAR), render)
 
 
 def test_light_is_steady_where_the_film_is() -> None:
