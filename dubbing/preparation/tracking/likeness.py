@@ -29,6 +29,7 @@ PARTS = (
 # Scale of the differences, mostly those between frames of one person.
 SHAPE_SCALE = 0.0102  # units of 10 cm; meshes of small faces are rough
 COLOUR_SCALE = np.array([8.9, 2.1, 2.2, 5.2, 1.1, 0.7])  # L, a, b: means, then spreads
+UNLIKE = 6.0  # mean square of a part's differences: beyond, a caption or a hand lies over it
 
 
 def looks(image: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -54,7 +55,8 @@ def apart(one: np.ndarray, other: np.ndarray) -> float:
     target, moved = (figures[:split].reshape(1, -1, 3) for figures in (first, second))
     shape = (similarity(moved, target[0])(moved) - target) / SHAPE_SCALE
     colour = (first - second)[split:].reshape(-1, 6) / COLOUR_SCALE
-    return float(np.sqrt((shape**2).mean() + (colour**2).mean()))
+    parts = np.minimum((colour**2).mean(1), UNLIKE)
+    return float(np.sqrt((shape**2).mean() + parts.mean()))
 
 
 def _upright(points: np.ndarray) -> np.ndarray:
