@@ -106,15 +106,22 @@ export class Timeline {
     else this.mark();
   }
 
+  // What is wanted of the lips in the frames of the chosen line; nothing where the film's own mouth stays.
+  wanted() {
+    const { dub: { rate }, line: { cue, edit, moments, strengths }, curves } = this.desk;
+    const lips = curves.lines[cue][find("measure").value], own = lips?.[edit.style] || [];
+    return own.map((_, k) => {
+      if (edit.film_mouth.some(({ start, end }) => start <= (k + 0.5) / rate && (k + 0.5) / rate < end)) return null;
+      const at = clamp(moments[k] * rate - 0.5, 0, own.length - 1), floor = Math.floor(at);
+      const heard = own[floor] + (at - floor) * ((own[floor + 1] ?? own[floor]) - own[floor]);
+      return lips.closed + strengths[k] * (heard - lips.closed);
+    });
+  }
+
   #curve(low, high) {
     const { dub, line, curves } = this.desk, lips = curves.lines[line.cue][find("measure").value];
     const times = line.strengths.map((_, k) => (line.first + k + 0.5) / dub.rate);
-    const heard = lips?.["as spoken"] || [], own = lips?.[line.edit.style] || [];
-    const shifted = (k) => {
-      const at = clamp(line.moments[k] * dub.rate - 0.5, 0, heard.length - 1), floor = Math.floor(at);
-      return own[floor] + (at - floor) * ((own[floor + 1] ?? own[floor]) - own[floor]);
-    };
-    const wanted = heard.map((_, k) => lips.closed + line.strengths[k] * (shifted(k) - lips.closed));
+    const heard = lips?.["as spoken"] || [], wanted = this.wanted();
     const measured = line.strengths.map((_, k) => this.picture.measured(line.first + k)[find("measure").value] ?? null);
     const data = [times, heard, wanted, line.strengths, measured];
     const size = { width: find("curve").clientWidth, height: 180 };

@@ -120,6 +120,27 @@ def test_nothing_is_wider_than_a_phone_and_all_words_can_be_read(
     assert json.loads(low) == []
 
 
+def test_long_words_neither_move_the_page_nor_leave_their_card(page: Page, manifest: Path) -> None:
+    name = "a name of a take that is too long for a menu"
+    edits_file(manifest, "it").write_text(f"{{line: 1, takes: {{{name}: {{shift: 40}}}}}}")
+    page.until("!document.getElementById('takes').hidden")
+    page.run("document.querySelector('[name=take]').options[0].textContent = '" + name + "'")
+    high = "document.querySelector('header').offsetHeight"
+    before = page.run(high)
+    page.run(
+        """document.getElementById("state").textContent =
+        "Not saved: saved elsewhere in the meantime: look, then do it again";
+        document.getElementById("making").textContent = "the_film: 17 of 20 stages, render 10%" """
+    )
+    assert page.run(high) == before
+    outside = page.run(
+        """(() => { const end = document.getElementById("line").getBoundingClientRect().right;
+        return [...document.querySelectorAll("#line *")].filter((tag) =>
+          tag.checkVisibility() && tag.getBoundingClientRect().right > end).length })()"""
+    )
+    assert outside == 0
+
+
 # Words whose contrast with what is behind them is below that of WCAG AA.
 CONTRAST = """(() => {
   const parts = (colour) => colour.match(/[\\d.]+/g).map(Number);

@@ -371,6 +371,28 @@ def test_a_run_is_watched_and_stopped(client: TestClient, manifest: Path) -> Non
     assert ended().startswith("not made: ")
 
 
+def test_the_words_of_a_run_name_the_stage_that_runs(manifest: Path) -> None:
+    making, said = Making(manifest, "auto"), []
+    render, composite = {"stage": "render ann_0000005-0000020"}, {"stage": "composite"}
+
+    def lines() -> Iterator[str]:
+        for event, about in (
+            ("overall", {"done": 7, "total": 10}),
+            ("begin", render),
+            ("progress", {**render, "share": 0.89}),
+            ("overall", {"done": 8, "total": 10}),
+            ("begin", composite),
+        ):
+            yield json.dumps({"event": event, **about})
+            said.append(making.state()["words"])
+
+    making._process = process = SimpleNamespace(stdout=lines(), wait=lambda: 0)  # type: ignore[assignment]
+    making._watch(process)  # type: ignore[arg-type]
+    assert said[1:3] == ["7 of 10 stages, render 0%", "7 of 10 stages, render 89%"]
+    assert said[-1] == "8 of 10 stages, composite 0%"
+    assert making.state() == {"dub": "", "running": False, "words": "made"}
+
+
 def test_curves_that_fail_for_somebody_who_left_are_no_complaint() -> None:
     said: list[object] = []
 
