@@ -31,6 +31,7 @@ export class Timeline {
     for (const kind of ["edits", "saved", "words", "dropped"]) desk.addEventListener(kind, () => this.lay());
     desk.addEventListener("frame", ({ detail }) => { if (detail.kind === "measured") this.#later ||= requestAnimationFrame(() => this.lay()); });
     find("measure").addEventListener("change", () => this.lay());
+    find("timeline").addEventListener("focusin", ({ target }) => { if (target.matches("[data-block], .key")) this.#show(target); });
     new ResizeObserver(() => this.lay()).observe(find("timeline"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#open());
   }
@@ -43,6 +44,13 @@ export class Timeline {
     this.#at = clamp(seconds, 0, this.desk.dub.frames / this.desk.dub.rate);
     if (this.#ready) this.#wave.setTime(this.#at);
     this.moved();
+  }
+
+  // Brings what is in focus into sight.
+  #show(tag) {
+    const [low, high] = this.sight, part = tag.getBoundingClientRect(), all = find("wave").getBoundingClientRect();
+    if (this.playing || this.desk.dragged || (part.right > all.left && part.left < all.right)) return;
+    this.seek(low + ((part.left + part.right) / 2 - all.left) / all.width * (high - low));
   }
 
   nearer(factor) { this.zoom = clamp(this.zoom * factor, 1, 64); this.lay(); }
@@ -73,6 +81,9 @@ export class Timeline {
       duration: dub.frames / dub.rate, url: `${dubPath(dub.name)}/sound`, waveColor: colour("wave"),
       progressColor: colour("played"), cursorColor: colour("text"), cursorWidth: 2, hideScrollbar: true,
       autoScroll: false, dragToSeek: true });
+    // A player that is on its way forgets where else it was told to go.
+    const wave = this.#wave, astray = () => Math.abs(wave.getCurrentTime() - Math.min(this.#at, wave.getDuration())) > 0.001;
+    wave.getMediaElement().addEventListener("seeked", () => { if (wave === this.#wave && !this.playing && astray()) wave.setTime(this.#at); });
     this.#wave.on("timeupdate", () => this.moved());
     this.#wave.on("ready", () => { this.#ready = true; this.seek(this.#at); this.lay(); });
     this.#wave.on("interaction", (time) => { this.#at = time; this.moved(); });

@@ -19,7 +19,7 @@ from tests import fakes
 from tests.dubbing.engine.listener import Listener
 from tests.dubbing.studio.browser import Browser, Page
 from tests.dubbing.studio.pages import LINES, edits, opened, saved, tab_to
-from tests.dubbing.studio.stand_in import server, write_scene
+from tests.dubbing.studio.stand_in import FRAMES, server, write_scene
 
 pytestmark = pytest.mark.medium
 
@@ -118,6 +118,41 @@ def test_nothing_is_wider_than_a_phone_and_all_words_can_be_read(
     assert widths == [390, 390]
     low = page.run(CONTRAST)
     assert json.loads(low) == []
+
+
+def test_the_sound_goes_where_the_picture_goes(page: Page) -> None:
+    """Steps come faster than the player goes anywhere."""
+    page.run(
+        """(() => { const media = HTMLMediaElement.prototype;
+        const real = Object.getOwnPropertyDescriptor(media, "readyState");
+        studio.timeline.seek(0.3);
+        const get = () => { Object.defineProperty(media, "readyState", real); return 1; };
+        Object.defineProperty(media, "readyState", { get, configurable: true });
+        studio.timeline.seek(0.58) })()"""
+    )
+    cursor = """[...document.querySelectorAll("#wave div")].find((tag) => tag.shadowRoot)
+      .shadowRoot.querySelector(".cursor")"""
+    page.until(f"Math.abs(parseFloat({cursor}.style.left) / 100 * {FRAMES} - 14.5) < 0.1")
+
+
+def test_what_is_in_focus_is_in_sight_and_where_the_curve_has_it(page: Page) -> None:
+    saved(page, lambda: page.click("#shut"))  # a key at the beginning of the line
+    for _ in range(3):
+        page.press("+")
+    beside = """(() => { const find = (tag) => document.querySelector(tag);
+      const [end, all] = [find("[data-block=end]"), find("#wave")].map((tag) =>
+        tag.getBoundingClientRect());
+      return [end.right - all.left, all.right - end.left, find("#lane").scrollLeft] })()"""
+    assert page.run(beside)[1] < 0  # the end of the line is out of sight
+    tab_to(page, "", "dataset.block === 'end'")
+    left, right, scrolled = page.run(beside)
+    assert left > 0
+    assert right > 0
+    assert scrolled == 0
+    assert page.run("studio.picture.frame") == 19
+    tab_to(page, "key")
+    assert page.run("studio.picture.frame") < 8
+    assert page.run("document.activeElement.className") == "key"
 
 
 def test_long_words_neither_move_the_page_nor_leave_their_card(page: Page, manifest: Path) -> None:
