@@ -183,8 +183,7 @@ export class Desk extends EventTarget {
         if (ended) await this.reload();
         if (turn === this.#turn && stamp === this.#stamp && !this.#busy && revision !== this.dub.revision) await this.reload(ELSEWHERE);
       } catch (error) {
-        if (error.status) this.tell("said", error.message);
-        else this.tell("lost");
+        this.tell("lost", error.status && error.message);
       }
     }
   }

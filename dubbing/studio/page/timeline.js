@@ -17,6 +17,7 @@ export class Timeline {
   #wave = null;
   #plot = null;
   #ready = false; // whether the sound is there
+  #laying = false; // what is laid anew takes its focus back: that is no step of the user
   #later = 0; // a layout that is asked for
   #at = 0; // the moment while nothing plays: the player takes a while to go where it is told to
 
@@ -49,7 +50,7 @@ export class Timeline {
   // Brings what is in focus into sight.
   #show(tag) {
     const [low, high] = this.sight, part = tag.getBoundingClientRect(), all = find("wave").getBoundingClientRect();
-    if (this.playing || this.desk.dragged || (part.right > all.left && part.left < all.right)) return;
+    if (this.#laying || this.playing || this.desk.dragged || (part.right > all.left && part.left < all.right)) return;
     this.seek(low + ((part.left + part.right) / 2 - all.left) / all.width * (high - low));
   }
 
@@ -95,6 +96,12 @@ export class Timeline {
   // Everything where it belongs now.
   lay() {
     this.#later = 0;
+    this.#laying = true;
+    this.#lay();
+    this.#laying = false;
+  }
+
+  #lay() {
     if (!this.#wave || !this.desk.line || !this.desk.curves || this.desk.dragged) return;
     const [low, high] = this.sight;
     const wide = find("wave").clientWidth;
@@ -150,7 +157,8 @@ export class Timeline {
   #options(size) {
     const axis = { stroke: colour("quiet"), grid: { stroke: colour("edge"), width: 1 }, ticks: { show: false }, size: AXIS };
     const series = (label, stroke, more = {}) => ({ label, stroke: colour(stroke), width: 2, points: { show: false }, ...more });
-    return { ...size, legend: { show: false }, padding: [14, 0, 0, 0], cursor: { drag: { x: false, y: false }, points: { show: false } },
+    return { ...size, legend: { show: false }, padding: [14, 0, 0, 0],
+      cursor: { drag: { x: false, y: false }, points: { show: false }, bind: { dblclick: () => null } }, // else it sets scales
       scales: { x: { time: false }, y: {}, s: {} },
       axes: [{ ...axis, size: 30, values: (_, ticks) => ticks.map((t) => `${t.toFixed(2)} s`) },
         { ...axis, label: "% of eye distance", labelSize: 20, size: AXIS - 20,

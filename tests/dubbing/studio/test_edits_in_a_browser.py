@@ -49,6 +49,20 @@ def test_a_dragged_key_changes_the_file_and_the_frames(page: Page, manifest: Pat
     assert edits(manifest) == []
 
 
+def test_a_double_click_adds_a_key_where_it_is(page: Page) -> None:
+    left, top, wide, high = page.run(
+        """(() => { const tag = document.querySelector("#curve .u-over");
+        tag.scrollIntoView({ block: "nearest" }); const box = tag.getBoundingClientRect();
+        return [box.x, box.y, box.width, box.height] })()"""
+    )
+    low, end = page.run("studio.timeline.sight")
+    x = left + (0.5 - low) / (end - low) * wide
+    (first, _) = saved(page, lambda: page.double_click(x, top + high * 0.25))
+    (key,) = first["keys"]
+    assert key["at"] == pytest.approx(0.3, abs=0.011)  # the line begins at .2 s
+    assert key["strength"] == pytest.approx(1.5 - 0.25 * 1.65, abs=0.03)
+
+
 def test_what_is_measured_in_the_draft_follows_it(page: Page) -> None:
     opening = "studio.picture.measured(12).opening"
     open_ = page.until(opening)

@@ -100,6 +100,7 @@ def test_a_lost_server_is_said_and_found_again(chromium: Browser, manifest: Path
     assert edits(manifest) == []
     port = urlsplit(address).port or 0
     with server(manifest, port) as again:
+        page.until("document.getElementById('banner').textContent.startsWith('Open the address')")
         other = opened(chromium, again)  # the new token's cookie
         page.until("document.getElementById('banner').hidden")
         saved(page, lambda: page.run("document.querySelector('[name=status][value=redo]').click()"))
@@ -153,6 +154,12 @@ def test_what_is_in_focus_is_in_sight_and_where_the_curve_has_it(page: Page) -> 
     tab_to(page, "key")
     assert page.run("studio.picture.frame") < 8
     assert page.run("document.activeElement.className") == "key"
+    # It holds nobody back from going elsewhere, or from playing.
+    page.run("studio.timeline.seek(0.7)")
+    page.run("new Promise((go) => setTimeout(go, 50))")
+    assert page.run("studio.picture.frame") == 17
+    page.press(" ")
+    page.until("document.getElementById('play').textContent === 'Pause'")
 
 
 def test_long_words_neither_move_the_page_nor_leave_their_card(page: Page, manifest: Path) -> None:
