@@ -186,6 +186,15 @@ def test_the_finished_dub_is_shown_in_the_size_of_its_draft(
     assert [*shown] == [20, 21, 22]
 
 
+def test_what_is_out_of_date_is_named_once(manifest: Path) -> None:
+    assert Project(load(manifest)).stale() == []
+    clips.write_sound(manifest.parent / "track.wav", FRAMES / 25, hertz=700)
+    assert Project(load(manifest)).stale() == ["it: listen, 2 times"]
+    for record in (manifest.parent / "out" / "work").rglob("*listen*/**/stage.json"):
+        record.unlink()
+    assert Project(load(manifest)).stale() == []  # the page listens to them
+
+
 def test_a_stale_save_is_refused(client: TestClient, manifest: Path) -> None:
     old = client.get(DUB).json()["revision"]
     save(client, {"shift": 40}, old)
