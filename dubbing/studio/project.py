@@ -69,8 +69,9 @@ class Project:
         """
         rows = planner.rows(build(self.production, draft=True))
         late = [row for row in rows if row.state != planner.UP_TO_DATE]
-        late = [r for r in late if not isinstance(r.stage, Draft) and r.stage.record()]
-        found = Counter(f"{row.job.name}: {row.name.split()[0]}" for row in late)
+        late = [row for row in late if not isinstance(row.stage, Draft)]
+        made = [row for row in late if row.stage is None or row.stage.record()]
+        found = Counter(f"{row.job.name}: {row.name.split()[0]}" for row in made)
         return [name if count == 1 else f"{name}, {count} times" for name, count in found.items()]
 
     def revision(self, name: str) -> str:

@@ -8,9 +8,16 @@ import { drag, heardAt, seen } from "./moving.js";
 const AXIS = 52; // px to both sides of the curves, as in studio.css
 const MOST = 1.5; // of strength
 const STEP = 0.05; // of strength
+const LEAST = 0.1; // eye distances in sight
 const BELOW = 0.1; // of what is in sight, below 0
 const find = (id) => document.getElementById(id);
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+// Lowest and highest eye distance of the axis for values, some of which are nothing; openings begin at 0.
+export function bounds(values, measure) {
+  const own = values.filter((one) => one !== null), low = measure === "opening" || !own.length ? 0 : Math.min(...own);
+  return [low, low + 1.1 * Math.max(LEAST, ...own.map((one) => one - low))];
+}
 
 export class Timeline {
   zoom = 1;
@@ -145,10 +152,10 @@ export class Timeline {
     const size = { width: find("curve").clientWidth, height: 180 };
     if (!this.#plot) this.#plot = new uPlot(this.#options(size), data, find("curve"));
     else { this.#plot.setSize(size); this.#plot.setData(data, false); }
-    const top = Math.max(...heard, ...wanted, ...measured, 0.1) * 1.1;
+    const [bottom, top] = bounds([...heard, ...wanted, ...measured], find("measure").value);
     this.#plot.batch(() => {
       this.#plot.setScale("x", { min: low, max: high });
-      this.#plot.setScale("y", { min: -BELOW * top, max: top }); // a key at 0 covers no axis
+      this.#plot.setScale("y", { min: bottom - BELOW * (top - bottom), max: top }); // a key at 0 covers no axis
       this.#plot.setScale("s", { min: -BELOW * MOST, max: MOST });
     });
     this.#handles(line);

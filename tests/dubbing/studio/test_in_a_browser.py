@@ -162,6 +162,12 @@ def test_what_is_in_focus_is_in_sight_and_where_the_curve_has_it(page: Page) -> 
     page.until("document.getElementById('play').textContent === 'Pause'")
 
 
+def test_a_width_fills_its_axis_and_an_opening_begins_at_nothing(page: Page) -> None:
+    bounds = "import('/page/timeline.js').then(({ bounds }) => bounds([null, 0.5, 0.7], '%s'))"
+    assert page.run(bounds % "width") == pytest.approx([0.5, 0.72])
+    assert page.run(bounds % "opening") == pytest.approx([0, 0.77])
+
+
 def test_long_words_neither_move_the_page_nor_leave_their_card(page: Page, manifest: Path) -> None:
     name = "a name of a take that is too long for a menu"
     edits_file(manifest, "it").write_text(f"{{line: 1, takes: {{{name}: {{shift: 40}}}}}}")
