@@ -181,6 +181,9 @@ def test_long_words_neither_move_the_page_nor_leave_their_card(page: Page, manif
         document.getElementById("making").textContent = "the_film: 17 of 20 stages, render 10%" """
     )
     assert page.run(high) == before
+    page.run("document.querySelector('#dubs').options[0].textContent = '" + 3 * name + "'")
+    page.resize(980, 900)
+    page.until("document.documentElement.scrollWidth === 980")  # the plot follows a little later
     outside = page.run(
         """(() => { const end = document.getElementById("line").getBoundingClientRect().right;
         return [...document.querySelectorAll("#line *")].filter((tag) =>
