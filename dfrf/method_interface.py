@@ -79,7 +79,8 @@ class FrameInputs:
         baked: whether density is looked up, where a person's has been baked, instead of marched.
         strength: of the lips' movement, 1 as spoken, 0 a closed mouth; None as spoken; other than 1
             only where a model has lip measures.
-        lips: lip measures in the place of those that the model wants, NaN where these stay.
+        lips: lip measures in the place of those that the model wants, and how far they are closed,
+            0..1; NaN where these stay.
     """
 
     c2w: Float[Tensor, "T 3 4"]
@@ -92,7 +93,7 @@ class FrameInputs:
     regions: Bool[Tensor, "T S S"] | None = None
     baked: bool = False
     strength: Float[Tensor, " T"] | None = None
-    lips: Float[Tensor, "T L"] | None = None
+    lips: Float[Tensor, "T C"] | None = None
 
 
 ShareT = TypeVar("ShareT", bound=Share)

@@ -1,7 +1,8 @@
 """Conditioning of the field in each frame: the speech code and the upper face.
 
 The code is computed from the sound, then moved so that it decodes to this person's lips. F frames
-in a row, D speech features, A numbers of a code, L lip measures, U measures of the upper face.
+in a row, D speech features, A numbers of a code, L lip measures, U measures of the upper face,
+C = L + 1: lip measures, and how far such lips are closed.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from torch import Tensor, nn
 
 from dfrf.config import FieldConfig
 from dfrf.field.audio import LEAK, AudioAttNet, AudioNet
-from dfrf.field.speaker_adaptation import LIP_MEASURES, SpeakerAdaptation
+from dfrf.field.speaker_adaptation import LIP_MEASURES, SpeakerAdaptation, with_closures
 
 
 def silence(windows: Float[Tensor, "F W D"]) -> Float[Tensor, "F 1"]:
@@ -71,33 +72,53 @@ class Conditioning(nn.Module):
         """The nearest codes that decode to the given lip measures."""
         return codes + (lips - self.lips(codes)) @ torch.linalg.pinv(self.lips.weight).T
 
+    def wanted_lips(
+        self,
+        windows: Float[Tensor, "F 8 W D"],
+        predicted_lips: Float[Tensor, "N P"],
+        given: Float[Tensor, "F C"] | None = None,
+    ) -> Float[Tensor, "F C"]:
+        """The person's lips in F frames but for closures, and how far they are closed, 0..1.
+
+        N = F + 2 CONTEXT_FRAMES. In silence the mouth is closed. Numbers that are `given` take
+        their place; without a closure of their own, given lips are not closed further.
+        """
+        closed = self.closed_mouth_target
+        lips, share = self.speaker_adaptation(predicted_lips)
+        silent = silence(windows[:, windows.shape[1] // 2]).to(lips)
+        if given is not None:
+            given = given.to(lips)
+            silent = silent * given.isnan().all(1, keepdim=True)
+        lips = torch.lerp(lips, closed, silent)
+        if given is None:
+            return torch.cat([lips, share[:, None]], 1)
+        as_given = given[:, -1].isnan() & ~given.isnan().all(1)
+        done = with_closures(lips, share * as_given, closed)
+        heard = torch.cat([done, (share * ~as_given)[:, None]], 1)
+        return torch.where(given.isnan(), heard, given)
+
     def adapted_codes(
         self,
         windows: Float[Tensor, "F 8 W D"],
         predicted_lips: Float[Tensor, "N P"],
         strength: Float[Tensor, " F"] | None = None,
-        given: Float[Tensor, "F L"] | None = None,
+        given: Float[Tensor, "F C"] | None = None,
     ) -> Float[Tensor, "F A"]:
         """Codes of F frames as this person speaks; N = F + 2 CONTEXT_FRAMES.
 
-        The person's lips, or the `given` ones where these are numbers, are moved away from the
-        closed mouth by `strength`. With 0 frames have the code of silence: a code also holds what
-        no lip measure is read from.
+        They decode to `wanted_lips`, closed and then moved away from the closed mouth by
+        `strength`. With 0 frames have the code of silence: a code also holds what no lip measure is
+        read from.
         """
-        codes = self.speech_codes(windows)
-        lips = self.speaker_adaptation(predicted_lips, self.closed_mouth_target)
-        silent = silence(windows[:, windows.shape[1] // 2]).to(codes.dtype)
-        if given is not None:
-            lips = torch.where(given.isnan(), lips, given.to(lips))
-            silent = silent * given.isnan().all(1, keepdim=True)
+        codes, closed = self.speech_codes(windows), self.closed_mouth_target
+        wanted = self.wanted_lips(windows, predicted_lips, given)
+        lips = with_closures(wanted[:, :-1], wanted[:, -1], closed)
         if strength is not None:
             silent_code = self.speech_codes(torch.zeros_like(windows[:1]))
             share = strength[:, None].to(codes)
             codes = torch.lerp(silent_code, codes, share.clamp(max=1))
-            lips = torch.lerp(self.closed_mouth_target, lips, share.to(lips))
-        codes = self.project_to_lips(codes, lips)
-        closed = self.project_to_lips(codes, self.closed_mouth_target)
-        return codes + silent * (closed - codes)
+            lips = torch.lerp(closed, lips, share.to(lips))
+        return self.project_to_lips(codes, lips)
 
     def forward(
         self,
@@ -105,7 +126,7 @@ class Conditioning(nn.Module):
         predicted_lips: Float[Tensor, "N P"],
         expression: Float[Tensor, "F U"],
         strength: Float[Tensor, " F"] | None = None,
-        given: Float[Tensor, "F L"] | None = None,
+        given: Float[Tensor, "F C"] | None = None,
     ) -> Float[Tensor, "F K"]:
         """Conditioning of F frames in a row when their person speaks; N = F + 2 CONTEXT_FRAMES.
 
@@ -116,7 +137,7 @@ class Conditioning(nn.Module):
             predicted_lips: of these frames and of those beside them, see `speaker_adaptation`.
             expression: measures of the upper face.
             strength: of the lips' movement, 1 as spoken, as is None; see `adapted_codes`.
-            given: lip measures in the place of the person's, NaN where these stay.
+            given: lip measures and closures in the place of the person's, NaN where these stay.
 
         Raises:
             ValueError: one of these, of networks that do not learn from lip measures.

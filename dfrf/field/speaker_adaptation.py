@@ -114,20 +114,19 @@ class SpeakerAdaptation(nn.Module):
         self.register_buffer("score", torch.tensor(NEVER))
 
     def forward(
-        self, predicted: Float[Tensor, "N P"], closed: Float[Tensor, " L"]
-    ) -> Float[Tensor, "F L"]:
-        """The person's lips in F frames.
+        self, predicted: Float[Tensor, "N P"]
+    ) -> tuple[Float[Tensor, "F L"], Float[Tensor, " F"]]:
+        """The person's lips in F frames but for closures, and how far they are to be closed, 0..1.
 
         Args:
             predicted: predicted lips and sound features of these frames and of R to each side,
                 N = F + 2 R.
-            closed: lip measures of the closed mouth.
         """
         answer = self.linear(rows_of_neighbours(predicted))
         lips = answer[1:-1, :LIP_MEASURES]
         of_score, of_opening, offset = self.score.to(predicted)
         share = of_score * smoothed(answer[:, TOUCHING]) + of_opening * lips[:, OPENING] + offset
-        return with_closures(lips, share.sigmoid(), closed)
+        return lips, share.sigmoid()
 
     @torch.no_grad()
     def fit(

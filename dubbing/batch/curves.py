@@ -64,14 +64,14 @@ def listen_to(job: Job) -> None:
 
 
 def rows_of(dub: Dub, half: HalfSize) -> Iterator[tuple[int, int, float, np.ndarray]]:
-    """Line, frame of the dub, seconds of the line's sound and lengths of the lips of all lines."""
+    """Line, frame of the dub, seconds of the line's sound and curves of the lips of all lines."""
     for cue in dub.cues:
-        lengths = half.lips(cue, Edit(curves=cue.edit.curves))
-        if lengths is None:
+        values = half.curves(cue, Edit(curves=cue.edit.curves))
+        if values is None:
             what = f"the model of {cue.identity} has no lip measures"
             raise RenderingError(what, dub.name, "take preset 'fast'")
-        times = Edit().heard(len(lengths), dub.film.rate)
-        for k, (time, one) in enumerate(zip(times, lengths, strict=True), cue.first):
+        times = Edit().heard(len(values), dub.film.rate)
+        for k, (time, one) in enumerate(zip(times, values, strict=True), cue.first):
             yield cue.number, k, float(time), one
 
 

@@ -9,6 +9,7 @@ from torch import Tensor
 
 from dfrf.data.dataset import neighbour_windows
 from dfrf.field.audio import NEIGHBOURS
+from dfrf.field.conditioning import Conditioning
 from dfrf.field.speaker_adaptation import OPENING
 from dfrf.method_interface import FrameInputs
 from dfrf.model_interface import HeadModel
@@ -121,16 +122,32 @@ def wanted_lips(
 ) -> np.ndarray | None:
     """Lip measures (F, L) that a model wants in F frames of speech; None where it has none.
 
-    `strength` is (F,), `lips` (F, L): see `dfrf.method_interface.FrameInputs`.
+    `strength` is (F,), `lips` (F, L + 1): see `dfrf.method_interface.FrameInputs`.
     """
+    edit = [_on(values, model.device) for values in (strength, lips)]
+    return _decided(model, speech, lambda own, *heard: own.lips(own.adapted_codes(*heard, *edit)))
+
+
+def parted_lips(
+    model: HeadModel, speech: SpeechFrames, lips: np.ndarray | None = None
+) -> np.ndarray | None:
+    """The same (F, L + 1) but for closures, and how far they are closed, 0..1."""
+    given = _on(lips, model.device)
+    return _decided(model, speech, lambda own, *heard: own.wanted_lips(*heard, given))
+
+
+def _decided(
+    model: HeadModel,
+    speech: SpeechFrames,
+    of: Callable[[Conditioning, Tensor, Tensor], Tensor],
+) -> np.ndarray | None:
+    """What a model's conditioning makes of all frames of speech; None without lip measures."""
     own = getattr(getattr(model, "field", None), "conditioning", None)
     if own is None or not own.config.learns_lips:
         return None
     parts = _heard(speech, 0, len(speech), method_of(model).reach)
     with torch.no_grad():
-        near, predicted = (part.to(model.device) for part in parts)
-        edit = (_on(values, model.device) for values in (strength, lips))
-        return np.asarray(own.lips(own.adapted_codes(near, predicted, *edit)).float().cpu())
+        return np.asarray(of(own, *(part.to(model.device) for part in parts)).float().cpu())
 
 
 def _on(values: np.ndarray | None, device: torch.device) -> Tensor | None:

@@ -85,8 +85,10 @@ Scale = Callable[[], LipScale]  # read where it is needed
 
 
 def given_lips(edit: Edit, frames: int, rate: Fraction, scale: Scale) -> np.ndarray | None:
-    """Lip measures (F, L) that the curves of an edit give in the frames of its line; else NaN."""
+    """Lip measures and closures (F, L + 1) that the curves of an edit give in the frames of its
+    line; else NaN.
+    """
     if edit.curves is None:
         return None
-    lengths = LipCurves.read(*edit.curves).at(edit.heard(frames, rate))
-    return scale().measures(lengths).astype(np.float32)
+    values = LipCurves.read(*edit.curves).at(edit.heard(frames, rate))
+    return np.c_[scale().measures(values[:, :-1]), values[:, -1:]].astype(np.float32)

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from dubbing.production.dub import Dub
     from dubbing.script.timeline import Cue
     from dubbing.sound_to_lips.cue_speech import Speech
+    from dubbing.sound_to_lips.speech_frames import SpeechFrames
     from dubbing.video.composer import Heads
 
 
@@ -165,12 +166,30 @@ class HalfSize:
         As heard, or as the curves of the edit give them; of the edit only its style counts, too.
         """
         from dubbing.heads.frame_inputs import wanted_lips
+
+        name = cue.identity
+        heard, given = self._heard(cue, edit)
+        found = wanted_lips(self.models[name][0], heard, strength, given)
+        return None if found is None else self.scales[name].lengths(found)
+
+    def curves(self, cue: Cue, edit: Edit) -> np.ndarray | None:
+        """The same (F, L) but for closures, and in a last column how far they are closed, 0..1."""
+        import numpy as np
+
+        from dubbing.heads.frame_inputs import parted_lips
+
+        name = cue.identity
+        found = parted_lips(self.models[name][0], *self._heard(cue, edit))
+        if found is None:
+            return None
+        return np.c_[self.scales[name].lengths(found[:, :-1]), found[:, -1:]]
+
+    def _heard(self, cue: Cue, edit: Edit) -> tuple[SpeechFrames, np.ndarray | None]:
+        """What is heard in the frames of a cue in the style of an edit, and lips that it gives."""
         from dubbing.identity.lip_scale import given_lips
 
-        speech, name = self.speech[cue.name].styled(edit.style), cue.identity
+        speech = self.speech[cue.name].styled(edit.style)
         frames = min(cue.stop, len(self.poses)) - cue.first
         plain = Edit(curves=edit.curves)
-        given = given_lips(plain, frames, speech.rate, lambda: self.scales[name])
-        speech_frames = speech.at(plain.heard(frames, speech.rate))
-        found = wanted_lips(self.models[name][0], speech_frames, strength, given)
-        return None if found is None else self.scales[name].lengths(found)
+        given = given_lips(plain, frames, speech.rate, lambda: self.scales[cue.identity])
+        return speech.at(plain.heard(frames, speech.rate)), given

@@ -75,8 +75,8 @@ class Making:
                 continue
             if event["event"] == "overall":
                 self._done = event["done"], event["total"]
-            elif event["event"] == "progress":
-                self._words = f"{event['stage'].split()[0]} {event['share']:.0%}"
+            elif event["event"] in ("begin", "progress"):
+                self._words = f"{event['stage'].split()[0]} {event.get('share', 0):.0%}"
             elif event["event"] == "result":
                 lost = [one["failure"] for one in event["jobs"].values() if one["failure"]]
                 failed = f"{lost[0]['stage']}: {lost[0]['what']}" if lost else failed

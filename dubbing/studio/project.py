@@ -3,6 +3,7 @@
 F frames of a dub.
 """
 
+from collections import Counter
 from collections.abc import Mapping
 from threading import Lock
 from typing import Any
@@ -62,10 +63,16 @@ class Project:
         return digest_data([[cue.edit.take, str(cue.audio)] for cue in self.dubs[name].cues])[:16]
 
     def stale(self) -> list[str]:
-        """Stages that were made from other inputs, or by another version, than is there now."""
-        drafts = build(self.production, draft=True)
-        rows = [row for row in planner.rows(drafts) if not isinstance(row.stage, Draft)]
-        return [f"{r.job.name}: {r.name}" for r in rows if r.state not in (planner.UP_TO_DATE,)]
+        """Stages that were made from other inputs, or by another version, than is there now.
+
+        Recordings that nobody listened to are none: the page has it done.
+        """
+        rows = planner.rows(build(self.production, draft=True))
+        late = [row for row in rows if row.state != planner.UP_TO_DATE]
+        late = [row for row in late if not isinstance(row.stage, Draft)]
+        made = [row for row in late if row.stage is None or row.stage.record()]
+        found = Counter(f"{row.job.name}: {row.name.split()[0]}" for row in made)
+        return [name if count == 1 else f"{name}, {count} times" for name, count in found.items()]
 
     def revision(self, name: str) -> str:
         """Which content the edits of a dub have."""

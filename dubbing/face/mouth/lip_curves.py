@@ -1,6 +1,7 @@
-"""Curves of the lips as a table: a row a frame, a column a length in eye distances.
+"""Curves of the lips as a table: a row a frame, a column a length in eye distances, or closures.
 
-F frames, N rows, L = 7 lengths, those of `lip_measures` in their order.
+F frames, N rows, C = 8 curves: the seven lengths of `lip_measures` in their order, and how far
+lips of these lengths are closed, 0..1.
 """
 
 from __future__ import annotations
@@ -20,25 +21,27 @@ from dubbing.errors import ExplainedError
 LENGTHS = ("opening", "opening_right", "opening_left", "width", "lower_lip", "upper_lip", "chin")
 UNIT = "(eye distances)"
 LINE, FRAME, TIME = "line", "frame", "time (s)"
-COLUMNS = (LINE, FRAME, TIME, *(f"{name} {UNIT}" for name in LENGTHS))
+CLOSURE = "closure"
+COLUMNS = (LINE, FRAME, TIME, *(f"{name} {UNIT}" for name in LENGTHS), CLOSURE)
 MOST_BYTES = 50 * 10**6
 LONGEST = 2.0  # eye distances: no mouth is larger
+MOST = [*((name, LONGEST) for name in LENGTHS), (CLOSURE, 1.0)]
 DIGITS = 4
 
 
 @dataclass(frozen=True)
 class LipCurves:
-    """Lengths of one line's lips over the seconds of its sound.
+    """Curves of one line's lips over the seconds of its sound.
 
     Attributes:
-        times: (N,) rising. lengths: (N, L), NaN where none is given.
+        times: (N,) rising. values: (N, C), NaN where none is given.
     """
 
     times: np.ndarray
-    lengths: np.ndarray
+    values: np.ndarray
 
     def at(self, times: np.ndarray) -> np.ndarray:
-        """Lengths (F, L) at times (F,): between two rows in between, NaN beside them.
+        """Values (F, C) at times (F,): between two rows in between, NaN beside them.
 
         NaN also where one of the two rows has none.
         """
@@ -46,7 +49,7 @@ class LipCurves:
         before, after = after - 1, after.clip(max=len(self.times) - 1)
         low, high = self.times[before], self.times[after]
         share = ((times - low) / np.where(high > low, high - low, 1))[:, None]
-        first, last = self.lengths[before], self.lengths[after]
+        first, last = self.values[before], self.values[after]
         found = first * (1 - share) + last * share
         found = np.where(
             np.abs(share) < 1e-6, first, np.where(np.abs(share - 1) < 1e-6, last, found)
@@ -68,22 +71,22 @@ class LipCurves:
         if (np.diff(times) <= 0).any():
             late = times[1:][np.diff(times) <= 0][0]
             raise ExplainedError(f"the times of line {line} do not rise at {late:g} s", path.name)
-        return LipCurves(times, np.array([lengths for _, _, lengths in rows]))
+        return LipCurves(times, np.array([values for _, _, values in rows]))
 
 
 def text_of(rows: Iterable[tuple[int, int, float, np.ndarray]]) -> str:
-    """A table of rows: line, frame of the dub, seconds of the line's sound, lengths (L,)."""
+    """A table of rows: line, frame of the dub, seconds of the line's sound, values (C,)."""
     out = io.StringIO()
     table = csv.writer(out, lineterminator="\n")
     table.writerow(COLUMNS)
-    for line, frame, time, lengths in rows:
-        given = [f"{one:.{DIGITS}f}" for one in lengths]
+    for line, frame, time, values in rows:
+        given = [f"{one:.{DIGITS}f}" for one in values]
         table.writerow([line, frame, f"{time:.{DIGITS}f}", *given])
     return out.getvalue()
 
 
 def _rows(path: Path) -> list[tuple[int | None, float, list[float]]]:
-    """Line, time and lengths of every row."""
+    """Line, time and values of every row."""
     try:
         table = csv.DictReader(io.StringIO(read_bounded(path, MOST_BYTES).decode("utf-8-sig")))
         names = {name: (name or "").partition("(")[0].strip() for name in table.fieldnames or ()}
@@ -103,8 +106,8 @@ def _rows(path: Path) -> list[tuple[int | None, float, list[float]]]:
         row = {names[key]: cell for key, cell in cells.items()}
         line = _number(row.get(LINE), path, number, LINE, 1e9) if row.get(LINE) else None
         time = _number(row["time"], path, number, "time", 1e9)
-        lengths = [_number(row.get(name) or "nan", path, number, name, LONGEST) for name in LENGTHS]
-        rows.append((None if line is None else round(line), time, lengths))
+        values = [_number(row.get(name) or "nan", path, number, name, most) for name, most in MOST]
+        rows.append((None if line is None else round(line), time, values))
     return rows
 
 
@@ -113,7 +116,7 @@ def _number(cell: str | None, path: Path, row: int, column: str, most: float) ->
         value = float(cell or "")
     except ValueError:
         value = math.inf
-    empty = cell == "nan" and column in LENGTHS
+    empty = cell == "nan" and column not in (LINE, "time")
     if not empty and not 0 <= value <= most:
         what = f"row {row}, {column}: must be a number of 0 to {most:g}, not {cell!r:.40}"
         raise ExplainedError(what, path.name)

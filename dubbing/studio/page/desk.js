@@ -74,13 +74,14 @@ export class Desk extends EventTarget {
   get canUndo() { return this.#done.length > 0; }
   get canRedo() { return this.#undone.length > 0; }
 
-  change(line, part) {
+  // What is said once it is saved.
+  change(line, part, words) {
     const [before, after] = [line.edit, { ...line.edit, ...part }];
     if (this.dub.fixed || same(before, after)) return;
     const step = { cue: line.cue, before, after };
     this.#done.push(step);
     this.#undone = [];
-    this.#save(line, after, () => { this.#done = this.#done.filter((one) => one !== step); });
+    this.#save(line, after, () => { this.#done = this.#done.filter((one) => one !== step); }, words);
   }
 
   // Keys that shut the mouth on the p, b and m of a line's words.
@@ -89,8 +90,8 @@ export class Desk extends EventTarget {
     try {
       const keys = await ask(`${this.#path(line)}/closures`);
       const count = keys.length - line.edit.keys.length;
-      this.tell("said", count ? `${count} new keys` : "No new key is needed");
-      this.change(line, { keys });
+      if (count) this.change(line, { keys }, `Saved: ${count} new key${count === 1 ? "" : "s"}`);
+      else this.tell("said", "No new key is needed");
     } catch (error) { this.tell("said", error.message); }
   }
 
@@ -115,7 +116,7 @@ export class Desk extends EventTarget {
   }
 
   // One after the other: each save names the revision that it changes.
-  #save(line, edit, failed) {
+  #save(line, edit, failed, words = "Saved") {
     const [name, cue, before] = [this.dub.name, line.cue, line.edit];
     line.edit = edit;
     this.#busy += 1;
@@ -127,7 +128,7 @@ export class Desk extends EventTarget {
       try {
         this.#take(await put(path, { revision: this.dub.revision,
           edit: { ...edit, takes: line.takes } }), this.#busy > 1);
-        this.tell("said", "Saved");
+        this.tell("said", words);
       } catch (error) {
         failed();
         line.edit = before;
@@ -182,8 +183,7 @@ export class Desk extends EventTarget {
         if (ended) await this.reload();
         if (turn === this.#turn && stamp === this.#stamp && !this.#busy && revision !== this.dub.revision) await this.reload(ELSEWHERE);
       } catch (error) {
-        if (error.status) this.tell("said", error.message);
-        else this.tell("lost");
+        this.tell("lost", error.status && error.message);
       }
     }
   }

@@ -19,7 +19,7 @@ export class Lanes {
       stop / dub.rate > low - 1 && first / dub.rate < high + 1).map((line) => {
       const block = document.createElement("button");
       block.dataset.block = line.cue;
-      block.textContent = `${line.line} ${line.speaker || line.identity} ${line.words}`;
+      block.textContent = `${line.line} ${line.speaker || line.identity} ${line === chosen ? "" : line.words}`; // its words lie below
       block.setAttribute("aria-label", `Line ${line.line}, its mouth ${line.edit.shift} ms later`);
       if (line === chosen) block.setAttribute("aria-current", "true");
       block.style.width = `${(line.stop - line.first) / dub.rate * scale}px`;

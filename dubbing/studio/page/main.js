@@ -44,7 +44,7 @@ function banner(words) {
 }
 
 desk.addEventListener("said", ({ detail }) => { find("state").textContent = detail; });
-desk.addEventListener("lost", () => banner(LOST));
+desk.addEventListener("lost", ({ detail }) => banner(detail || LOST));
 desk.addEventListener("found", () => banner(desk.dub.fixed ? FIXED : ""));
 desk.addEventListener("making", () => {
   const { running, words, dub } = desk.making;
@@ -82,7 +82,7 @@ document.addEventListener("keydown", (event) => {
     if (key === "y" || event.shiftKey) desk.redo(); else desk.undo();
   }
   if (typing || event.ctrlKey || event.metaKey || event.altKey || !KEYS[key]) return;
-  if (key === " " && event.target.matches("button, input")) return;
+  if (key === " " && event.target.matches("button:not(#timeline *), input")) return; // they are pressed
   event.preventDefault();
   KEYS[key]();
 });

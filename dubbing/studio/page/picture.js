@@ -22,6 +22,7 @@ export class Picture {
     this.canvas = find("canvas");
     desk.addEventListener("dub", () => this.#begin());
     desk.addEventListener("line", () => this.fetch());
+    desk.addEventListener("curves", () => { if (this.missing("draft") === 0) this.#measure(); });
     desk.addEventListener("saved", () => {
       this.#offer();
       this.fetch(["draft", ...(this.#shows("dub") ? ["dub"] : [])]);
@@ -102,8 +103,13 @@ export class Picture {
       this.desk.tell("said", error.message);
     }
     said(0);
-    const { line } = this.desk;
-    if (kind === "draft" && this.desk.curves?.lines[line.cue].opening) this.#fetch("measured", line.first, line.stop);
+    if (kind === "draft") this.#measure();
+  }
+
+  // The lips in the draft of the chosen line: after the draft and the curves, whichever comes first.
+  #measure() {
+    const { line, curves } = this.desk;
+    if (curves?.lines[line.cue].opening) this.#fetch("measured", line.first, line.stop);
   }
 
   // How many frames of a kind have not come yet, of those that were asked for.

@@ -8,15 +8,23 @@ import { drag, heardAt, seen } from "./moving.js";
 const AXIS = 52; // px to both sides of the curves, as in studio.css
 const MOST = 1.5; // of strength
 const STEP = 0.05; // of strength
+const LEAST = 0.1; // eye distances in sight
 const BELOW = 0.1; // of what is in sight, below 0
 const find = (id) => document.getElementById(id);
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+
+// Lowest and highest eye distance of the axis for values, some of which are nothing; openings begin at 0.
+export function bounds(values, measure) {
+  const own = values.filter((one) => one !== null), low = measure === "opening" || !own.length ? 0 : Math.min(...own);
+  return [low, low + 1.1 * Math.max(LEAST, ...own.map((one) => one - low))];
+}
 
 export class Timeline {
   zoom = 1;
   #wave = null;
   #plot = null;
   #ready = false; // whether the sound is there
+  #laying = false; // what is laid anew takes its focus back: that is no step of the user
   #later = 0; // a layout that is asked for
   #at = 0; // the moment while nothing plays: the player takes a while to go where it is told to
 
@@ -31,6 +39,7 @@ export class Timeline {
     for (const kind of ["edits", "saved", "words", "dropped"]) desk.addEventListener(kind, () => this.lay());
     desk.addEventListener("frame", ({ detail }) => { if (detail.kind === "measured") this.#later ||= requestAnimationFrame(() => this.lay()); });
     find("measure").addEventListener("change", () => this.lay());
+    find("timeline").addEventListener("focusin", ({ target }) => { if (target.matches("[data-block], .key")) this.#show(target); });
     new ResizeObserver(() => this.lay()).observe(find("timeline"));
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.#open());
   }
@@ -43,6 +52,13 @@ export class Timeline {
     this.#at = clamp(seconds, 0, this.desk.dub.frames / this.desk.dub.rate);
     if (this.#ready) this.#wave.setTime(this.#at);
     this.moved();
+  }
+
+  // Brings what is in focus into sight.
+  #show(tag) {
+    const [low, high] = this.sight, part = tag.getBoundingClientRect(), all = find("wave").getBoundingClientRect();
+    if (this.#laying || this.playing || this.desk.dragged || (part.right > all.left && part.left < all.right)) return;
+    this.seek(low + ((part.left + part.right) / 2 - all.left) / all.width * (high - low));
   }
 
   nearer(factor) { this.zoom = clamp(this.zoom * factor, 1, 64); this.lay(); }
@@ -73,6 +89,9 @@ export class Timeline {
       duration: dub.frames / dub.rate, url: `${dubPath(dub.name)}/sound`, waveColor: colour("wave"),
       progressColor: colour("played"), cursorColor: colour("text"), cursorWidth: 2, hideScrollbar: true,
       autoScroll: false, dragToSeek: true });
+    // A player that is on its way forgets where else it was told to go.
+    const wave = this.#wave, astray = () => Math.abs(wave.getCurrentTime() - Math.min(this.#at, wave.getDuration())) > 0.001;
+    wave.getMediaElement().addEventListener("seeked", () => { if (wave === this.#wave && !this.playing && astray()) wave.setTime(this.#at); });
     this.#wave.on("timeupdate", () => this.moved());
     this.#wave.on("ready", () => { this.#ready = true; this.seek(this.#at); this.lay(); });
     this.#wave.on("interaction", (time) => { this.#at = time; this.moved(); });
@@ -84,6 +103,12 @@ export class Timeline {
   // Everything where it belongs now.
   lay() {
     this.#later = 0;
+    this.#laying = true;
+    this.#lay();
+    this.#laying = false;
+  }
+
+  #lay() {
     if (!this.#wave || !this.desk.line || !this.desk.curves || this.desk.dragged) return;
     const [low, high] = this.sight;
     const wide = find("wave").clientWidth;
@@ -106,24 +131,31 @@ export class Timeline {
     else this.mark();
   }
 
+  // What is wanted of the lips in the frames of the chosen line; nothing where the film's own mouth stays.
+  wanted() {
+    const { dub: { rate }, line: { cue, edit, moments, strengths }, curves } = this.desk;
+    const lips = curves.lines[cue][find("measure").value], own = lips?.[edit.style] || [];
+    return own.map((_, k) => {
+      if (edit.film_mouth.some(({ start, end }) => start <= (k + 0.5) / rate && (k + 0.5) / rate < end)) return null;
+      const at = clamp(moments[k] * rate - 0.5, 0, own.length - 1), floor = Math.floor(at);
+      const heard = own[floor] + (at - floor) * ((own[floor + 1] ?? own[floor]) - own[floor]);
+      return lips.closed + strengths[k] * (heard - lips.closed);
+    });
+  }
+
   #curve(low, high) {
     const { dub, line, curves } = this.desk, lips = curves.lines[line.cue][find("measure").value];
     const times = line.strengths.map((_, k) => (line.first + k + 0.5) / dub.rate);
-    const heard = lips?.["as spoken"] || [], own = lips?.[line.edit.style] || [];
-    const shifted = (k) => {
-      const at = clamp(line.moments[k] * dub.rate - 0.5, 0, heard.length - 1), floor = Math.floor(at);
-      return own[floor] + (at - floor) * ((own[floor + 1] ?? own[floor]) - own[floor]);
-    };
-    const wanted = heard.map((_, k) => lips.closed + line.strengths[k] * (shifted(k) - lips.closed));
+    const heard = lips?.["as spoken"] || [], wanted = this.wanted();
     const measured = line.strengths.map((_, k) => this.picture.measured(line.first + k)[find("measure").value] ?? null);
     const data = [times, heard, wanted, line.strengths, measured];
     const size = { width: find("curve").clientWidth, height: 180 };
     if (!this.#plot) this.#plot = new uPlot(this.#options(size), data, find("curve"));
     else { this.#plot.setSize(size); this.#plot.setData(data, false); }
-    const top = Math.max(...heard, ...wanted, ...measured, 0.1) * 1.1;
+    const [bottom, top] = bounds([...heard, ...wanted, ...measured], find("measure").value);
     this.#plot.batch(() => {
       this.#plot.setScale("x", { min: low, max: high });
-      this.#plot.setScale("y", { min: -BELOW * top, max: top }); // a key at 0 covers no axis
+      this.#plot.setScale("y", { min: bottom - BELOW * (top - bottom), max: top }); // a key at 0 covers no axis
       this.#plot.setScale("s", { min: -BELOW * MOST, max: MOST });
     });
     this.#handles(line);
@@ -132,7 +164,8 @@ export class Timeline {
   #options(size) {
     const axis = { stroke: colour("quiet"), grid: { stroke: colour("edge"), width: 1 }, ticks: { show: false }, size: AXIS };
     const series = (label, stroke, more = {}) => ({ label, stroke: colour(stroke), width: 2, points: { show: false }, ...more });
-    return { ...size, legend: { show: false }, padding: [14, 0, 0, 0], cursor: { drag: { x: false, y: false }, points: { show: false } },
+    return { ...size, legend: { show: false }, padding: [14, 0, 0, 0],
+      cursor: { drag: { x: false, y: false }, points: { show: false }, bind: { dblclick: () => null } }, // else it sets scales
       scales: { x: { time: false }, y: {}, s: {} },
       axes: [{ ...axis, size: 30, values: (_, ticks) => ticks.map((t) => `${t.toFixed(2)} s`) },
         { ...axis, label: "% of eye distance", labelSize: 20, size: AXIS - 20,

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import copy
+
 import pytest
 import torch
 from torch import Tensor
 
 from dfrf import presets
 from dfrf.field.conditioning import Conditioning
-from dfrf.field.speaker_adaptation import CONTEXT_FRAMES, LIP_MEASURES, NUMBERS, OPENING, OWN
+from dfrf.field.speaker_adaptation import (
+    CONTEXT_FRAMES,
+    LIP_MEASURES,
+    NUMBERS,
+    OPENING,
+    OWN,
+    with_closures,
+)
 from tests.dfrf.people import small_config
 
 FRAMES = 12
@@ -47,7 +56,8 @@ def wanted(person: Conditioning, speech: tuple[Tensor, Tensor], strength: Tensor
 @torch.no_grad()
 def test_as_spoken_nothing_changes(person: Conditioning, speech: tuple[Tensor, Tensor]) -> None:
     codes = person.speech_codes(speech[0])
-    lips = person.speaker_adaptation(speech[1], person.closed_mouth_target)
+    open_, share = person.speaker_adaptation(speech[1])
+    lips = with_closures(open_, share, person.closed_mouth_target)
     unedited = person.project_to_lips(codes, lips)
     assert torch.equal(person.adapted_codes(*speech), unedited)
     assert torch.equal(person(*speech, EXPRESSION, ONE), person(*speech, EXPRESSION))
@@ -96,7 +106,7 @@ def test_given_lips_take_the_place_of_the_person_s(
     person: Conditioning, speech: tuple[Tensor, Tensor]
 ) -> None:
     own = WIDER * speech[1][CONTEXT_FRAMES:-CONTEXT_FRAMES, :LIP_MEASURES]
-    given = torch.full_like(own, torch.nan)
+    given = torch.full((FRAMES, LIP_MEASURES + 1), torch.nan)
     given[3:6, OPENING], expected = 2.0, own.clone()
     expected[3:6, OPENING] = 2.0
     codes = person.adapted_codes(*speech, given=given)
@@ -109,3 +119,28 @@ def test_given_lips_take_the_place_of_the_person_s(
     silent = person.lips(person.adapted_codes(torch.zeros_like(speech[0]), speech[1], given=given))
     torch.testing.assert_close(silent[3:6, OPENING], given[3:6, OPENING], atol=1e-3, rtol=1e-3)
     torch.testing.assert_close(silent[:3], closed.expand(3, -1), atol=1e-3, rtol=1e-3)
+
+
+@torch.no_grad()
+def test_a_given_closure_takes_the_place_of_the_one_that_is_heard(
+    person: Conditioning, speech: tuple[Tensor, Tensor]
+) -> None:
+    closing = copy.deepcopy(person)
+    closing.speaker_adaptation.score.copy_(torch.tensor([0.0, 0.0, 1.0]))  # lips are rather shut
+    heard, share = closing.speaker_adaptation(speech[1])
+    shut = closing.closed_mouth_target
+    given = torch.full((FRAMES, LIP_MEASURES + 1), torch.nan)
+    given[2:5, -1], given[4:8, OPENING] = torch.tensor([0.0, 0.4, 1.0]), 2.0
+    open_ = heard.clone()
+    open_[4, OPENING] = 2.0
+    own = share.clone()
+    own[2:5] = given[2:5, -1]
+    expected = with_closures(open_, own, shut)
+    expected[5:8, OPENING] = 2.0  # without a closure of its own, a length is as it is given
+    made = closing.lips(closing.adapted_codes(*speech, given=given))
+    torch.testing.assert_close(made, expected, atol=1e-3, rtol=1e-3)
+    # What the lips are, given again, changes nothing.
+    for of in (None, given):
+        parted = closing.wanted_lips(*speech, of)
+        again = closing.adapted_codes(*speech, given=parted)
+        torch.testing.assert_close(again, closing.adapted_codes(*speech, given=of))

@@ -18,6 +18,7 @@ from dfrf.field.speaker_adaptation import (
     ridge,
     rows_of_neighbours,
     smoothed,
+    with_closures,
 )
 
 
@@ -27,6 +28,12 @@ def closures(adaptation: SpeakerAdaptation, predicted: Tensor, opening: Tensor) 
     answer = adaptation.linear(rows_of_neighbours(predicted))
     score = of_score * smoothed(answer[:, TOUCHING]) + of_opening * opening + offset
     return score.sigmoid()
+
+
+def lips_of(adaptation: SpeakerAdaptation, predicted: Tensor, closed: Tensor) -> Tensor:
+    """The person's lips (C, L) in all frames of predictions, closures included."""
+    lips, share = adaptation(extended(predicted))
+    return with_closures(lips, share, closed)
 
 
 def smooth(frames: int, columns: int, seed: int) -> Tensor:
@@ -73,13 +80,14 @@ def test_the_ends_of_a_row_go_on() -> None:
 
 def test_without_an_adaptation_lips_do_what_is_predicted() -> None:
     predicted, _, _ = talking(50)
-    made = SpeakerAdaptation()(extended(predicted), torch.full((LIP_MEASURES,), -5.0))
+    made, share = SpeakerAdaptation()(extended(predicted))
     torch.testing.assert_close(made, predicted[:, :LIP_MEASURES])
+    assert share.max() == 0
 
 
 def test_a_person_who_is_late_and_mixes_measures_is_learned() -> None:
     adaptation, predicted, lips, _ = learned()
-    made = adaptation(extended(predicted), closed_mouth(lips))[400:]
+    made = lips_of(adaptation, predicted, closed_mouth(lips))[400:]
     before = agreement(predicted[400:, :LIP_MEASURES], lips[400:])
     after = agreement(made, lips[400:])
     assert (after > 0.4).all()
@@ -95,7 +103,7 @@ def test_lips_that_are_heard_and_not_predicted_are_learned() -> None:
     for given in (predicted, deaf):
         adaptation = SpeakerAdaptation()
         adaptation.fit(given[:400], lips[:400], touching[:400])
-        made = adaptation(extended(given), closed_mouth(lips))[400:]
+        made = lips_of(adaptation, given, closed_mouth(lips))[400:]
         found.append(float(agreement(made, lips[400:])[OPENING]))
     assert found[0] > max(0.5, found[1] + 0.3)
 
@@ -113,18 +121,17 @@ def test_each_part_is_answered_by_what_the_others_taught() -> None:
 
 def test_answers_have_the_mean_and_the_spread_of_the_person_s_lips() -> None:
     adaptation, predicted, lips, _ = learned(count=600)
-    made = adaptation(extended(predicted), closed_mouth(lips))
+    made = lips_of(adaptation, predicted, closed_mouth(lips))
     torch.testing.assert_close(made.mean(0), torch.zeros(LIP_MEASURES), atol=0.1, rtol=0)
     torch.testing.assert_close(made.std(0), torch.ones(LIP_MEASURES), atol=0.1, rtol=0.1)
 
 
 def test_lips_touch_as_often_as_the_person_s_own_and_then_are_shut() -> None:
     adaptation, predicted, lips, touching = learned()
-    opening = adaptation.linear(rows_of_neighbours(extended(predicted)))[1:-1, OPENING]
-    share = closures(adaptation, extended(predicted), opening)
+    _, share = adaptation(extended(predicted))
     assert abs(float((share[:400] > 0.5).float().mean()) - float(touching[:400].mean())) < 0.02
     shut = closed_mouth(lips[:400])
-    made = adaptation(extended(predicted), shut)
+    made = lips_of(adaptation, predicted, shut)
     closed = share > 0.95
     assert closed.any()
     torch.testing.assert_close(made[closed, 0], shut[0].expand(int(closed.sum())), atol=0.2, rtol=0)
@@ -149,12 +156,13 @@ def test_lips_do_not_twitch_where_one_frame_s_score_does() -> None:
 
 
 def test_a_part_has_the_lips_of_the_whole() -> None:
-    adaptation, predicted, lips, _ = learned()
-    whole = adaptation(extended(predicted), closed_mouth(lips))
-    part = adaptation(predicted[100 - CONTEXT_FRAMES : 150 + CONTEXT_FRAMES], closed_mouth(lips))
-    torch.testing.assert_close(part, whole[100:150], atol=1e-5, rtol=1e-5)
+    adaptation, predicted, _, _ = learned()
+    whole = adaptation(extended(predicted))
+    part = adaptation(predicted[100 - CONTEXT_FRAMES : 150 + CONTEXT_FRAMES])
+    for some, every in zip(part, whole, strict=True):
+        torch.testing.assert_close(some, every[100:150], atol=1e-5, rtol=1e-5)
 
 
 def test_predictions_of_another_width_are_refused() -> None:
     with pytest.raises(RuntimeError):
-        SpeakerAdaptation()(torch.zeros(20, NUMBERS - 1), torch.zeros(LIP_MEASURES))
+        SpeakerAdaptation()(torch.zeros(20, NUMBERS - 1))

@@ -13,6 +13,7 @@ from dubbing.batch.curves import write_curves
 from dubbing.errors import ExplainedError
 from dubbing.face.mouth.lip_curves import LipCurves
 from dubbing.manifest.manifest import load
+from dubbing.script.timeline import Cue, Edit
 from dubbing.stages.draft import HalfSize
 from tests.dubbing.studio.conftest import made, manifest
 from tests.dubbing.studio.stand_in import lips
@@ -21,9 +22,14 @@ __all__ = ["made", "manifest"]
 pytestmark = pytest.mark.medium
 
 
+def curves(self: HalfSize, cue: Cue, edit: Edit) -> np.ndarray:
+    """Lips that open and close, a quarter closed."""
+    return np.c_[(found := lips(self, cue, edit)), np.full(len(found), 0.25)]
+
+
 @pytest.fixture(autouse=True)
 def _lips(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(HalfSize, "lips", lips)
+    monkeypatch.setattr(HalfSize, "curves", curves)
 
 
 def written(path: Path) -> Path:
@@ -41,7 +47,8 @@ def test_a_row_a_frame_of_every_line(manifest: Path) -> None:
     ]
     assert [float(row["time (s)"]) for row in rows[15:17]] == pytest.approx([0.02, 0.06])
     found = LipCurves.read(table, 3)
-    np.testing.assert_allclose(found.lengths[:, 0], 0.1 + 0.05 * np.sin(range(15)), atol=1e-4)
+    np.testing.assert_allclose(found.values[:, 0], 0.1 + 0.05 * np.sin(range(15)), atol=1e-4)
+    np.testing.assert_allclose(found.values[:, -1], 0.25)
 
 
 def test_a_table_that_an_edit_reads_is_not_written_over(manifest: Path) -> None:
@@ -65,7 +72,7 @@ def test_a_person_has_to_be_learned(manifest: Path, monkeypatch: pytest.MonkeyPa
     def without(*_: Any) -> None:
         return None
 
-    monkeypatch.setattr(HalfSize, "lips", without)
+    monkeypatch.setattr(HalfSize, "curves", without)
     with pytest.raises(ExplainedError, match="the model of ann has no lip measures"):
         written(manifest)
     for record in (manifest.parent / "out" / "work").rglob("finetune/stage.json"):

@@ -15,7 +15,7 @@ from dfrf.fast.fast_method import FastMethod
 from dfrf.field.speaker_adaptation import NUMBERS
 from dubbing.face.mesh_points import CHIN
 from dubbing.heads import rendering as heads
-from dubbing.heads.frame_inputs import inputs_of, made_of, wanted_lips
+from dubbing.heads.frame_inputs import inputs_of, made_of, parted_lips, wanted_lips
 from dubbing.identity.lip_scale import LipScale, Scale
 from dubbing.media import VideoWriter, read_frames
 from dubbing.sound_to_lips.speech_frames import SpeechFrames
@@ -135,13 +135,15 @@ def test_segments_with_pieces_of_the_speech_show_what_one_segment_shows(
     # Lips that are given take the place of those heard: its own change nothing.
     own = wanted_lips(model, speech)
     assert own is not None
-    for a, b in zip(made(tmp_path / "own", lips=own), whole, strict=True):
+    parted = parted_lips(model, speech)
+    for a, b in zip(made(tmp_path / "own", lips=parted), whole, strict=True):
         np.testing.assert_allclose(a.astype(int), b, atol=1)
-    given = np.full_like(own, np.nan)
-    given[6:10] = own[6:10] + 3
+    given = np.full((count, 8), np.nan, np.float32)
+    given[6:10, :-1] = own[6:10] + 3
     wanted = wanted_lips(model, speech, lips=given)
     assert wanted is not None
-    np.testing.assert_allclose(wanted, np.where(np.isnan(given), own, given), atol=1e-3)
+    expected = np.where(np.isnan(given[:, :-1]), own, given[:, :-1])
+    np.testing.assert_allclose(wanted, expected, atol=1e-3)
     for k, head in enumerate(made(tmp_path / "given", lips=given)):
         apart = np.abs(head.astype(int) - whole[k]).max()
         assert apart > 5 if 6 <= k < 10 else apart <= 1

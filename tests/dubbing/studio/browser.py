@@ -153,7 +153,13 @@ class Page:
         """Write what is seen as PNG."""
         path.write_bytes(base64.b64decode(self.call("Page.captureScreenshot")["data"]))
 
-    def _mouse(self, kind: str, x: float, y: float) -> None:
+    def double_click(self, x: float, y: float) -> None:
+        """Click a place twice."""
+        for count in (1, 2):
+            self._mouse("mousePressed", x, y, count)
+            self._mouse("mouseReleased", x, y, count)
+
+    def _mouse(self, kind: str, x: float, y: float, count: int = 1) -> None:
         buttons = 0 if kind == "mouseReleased" else 1
         self.call(
             "Input.dispatchMouseEvent",
@@ -162,7 +168,7 @@ class Page:
             y=y,
             button="left",
             buttons=buttons,
-            clickCount=1,
+            clickCount=count,
         )
 
 

@@ -15,7 +15,7 @@ from tests.dubbing.studio.stand_in import FRAMES
 
 FIRST, LAST = "ann_0000005-0000020", "ann_0000040-0000055"
 READY = "window.studio?.desk.curves && document.querySelector('#curve canvas')"
-SAVED = "document.getElementById('state').textContent === 'Saved'"
+SAVED = "document.getElementById('state').textContent.startsWith('Saved')"
 LINES = "studio.desk.dub.lines.map((line) => line.edit)"
 # Notes the numbers and marks of drafted frames.
 WATCH = """window.marks = {}; studio.desk.addEventListener("frame", ({ detail }) => {

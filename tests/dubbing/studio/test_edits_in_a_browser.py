@@ -49,6 +49,20 @@ def test_a_dragged_key_changes_the_file_and_the_frames(page: Page, manifest: Pat
     assert edits(manifest) == []
 
 
+def test_a_double_click_adds_a_key_where_it_is(page: Page) -> None:
+    left, top, wide, high = page.run(
+        """(() => { const tag = document.querySelector("#curve .u-over");
+        tag.scrollIntoView({ block: "nearest" }); const box = tag.getBoundingClientRect();
+        return [box.x, box.y, box.width, box.height] })()"""
+    )
+    low, end = page.run("studio.timeline.sight")
+    x = left + (0.5 - low) / (end - low) * wide
+    (first, _) = saved(page, lambda: page.double_click(x, top + high * 0.25))
+    (key,) = first["keys"]
+    assert key["at"] == pytest.approx(0.3, abs=0.011)  # the line begins at .2 s
+    assert key["strength"] == pytest.approx(1.5 - 0.25 * 1.65, abs=0.03)
+
+
 def test_what_is_measured_in_the_draft_follows_it(page: Page) -> None:
     opening = "studio.picture.measured(12).opening"
     open_ = page.until(opening)
@@ -62,6 +76,17 @@ def test_what_is_measured_in_the_draft_follows_it(page: Page) -> None:
     assert page.until(opening) < open_
     assert sorted(page.run("window.measured")) == [10, 11, 12, 13, 14]  # those that changed
     assert page.run("studio.picture.measured(30)") == {}  # beside the line
+
+
+def test_a_draft_that_is_there_before_the_curves_is_measured(page: Page) -> None:
+    page.until("studio.picture.measured(12).opening")
+    page.run("window.curves = studio.desk.curves; studio.desk.curves = null")
+    page.run("studio.timeline.seek(0.5)")  # frame 12
+    saved(page, lambda: page.click("#shut"))
+    page.until("studio.picture.missing('draft') === 0 && window.marks[12]")
+    assert page.run("studio.picture.measured(12)") == {}
+    page.run("studio.desk.curves = window.curves; studio.desk.tell('curves')")
+    page.until("studio.picture.measured(12).opening")
 
 
 def test_a_drag_outlives_what_comes_in_the_meantime(page: Page) -> None:
@@ -169,6 +194,8 @@ def test_a_laugh_of_the_film_is_kept(page: Page, manifest: Path) -> None:
     (first, _) = saved(page, lambda: page.drag("[data-block='0 end']", 60))
     (span,) = first["film_mouth"]
     assert span["start"] == 0.2
+    own = page.run("studio.timeline.wanted().map((one) => one === null)")
+    assert own == [0.2 <= (k + 0.5) / 25 < span["end"] for k in range(15)]
     assert 0.34 < span["end"] < 0.6
     saved(page, lambda: page.press("ArrowLeft"))
     assert edits(manifest)[0]["film_mouth"] == [
@@ -218,6 +245,8 @@ def test_a_style_is_chosen(page: Page, manifest: Path) -> None:
 
 def test_labials_become_keys_that_can_be_taken_back(page: Page, manifest: Path) -> None:
     saved(page, lambda: page.click("#labials"))
+    said = page.run("document.getElementById('state').textContent")
+    assert said == "Saved: 2 new keys"
     shut = [{"at": 0.12, "strength": 0}, {"at": 0.4, "strength": 0}]
     assert edits(manifest) == [{"line": 1, "keys": shut}]
     assert page.run("document.querySelectorAll('#curve .key').length") == 2

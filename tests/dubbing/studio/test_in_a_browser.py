@@ -19,7 +19,7 @@ from tests import fakes
 from tests.dubbing.engine.listener import Listener
 from tests.dubbing.studio.browser import Browser, Page
 from tests.dubbing.studio.pages import LINES, edits, opened, saved, tab_to
-from tests.dubbing.studio.stand_in import server, write_scene
+from tests.dubbing.studio.stand_in import FRAMES, server, write_scene
 
 pytestmark = pytest.mark.medium
 
@@ -100,6 +100,7 @@ def test_a_lost_server_is_said_and_found_again(chromium: Browser, manifest: Path
     assert edits(manifest) == []
     port = urlsplit(address).port or 0
     with server(manifest, port) as again:
+        page.until("document.getElementById('banner').textContent.startsWith('Open the address')")
         other = opened(chromium, again)  # the new token's cookie
         page.until("document.getElementById('banner').hidden")
         saved(page, lambda: page.run("document.querySelector('[name=status][value=redo]').click()"))
@@ -118,6 +119,77 @@ def test_nothing_is_wider_than_a_phone_and_all_words_can_be_read(
     assert widths == [390, 390]
     low = page.run(CONTRAST)
     assert json.loads(low) == []
+
+
+def test_the_sound_goes_where_the_picture_goes(page: Page) -> None:
+    """Steps come faster than the player goes anywhere."""
+    page.run(
+        """(() => { const media = HTMLMediaElement.prototype;
+        const real = Object.getOwnPropertyDescriptor(media, "readyState");
+        studio.timeline.seek(0.3);
+        const get = () => { Object.defineProperty(media, "readyState", real); return 1; };
+        Object.defineProperty(media, "readyState", { get, configurable: true });
+        studio.timeline.seek(0.58) })()"""
+    )
+    cursor = """[...document.querySelectorAll("#wave div")].find((tag) => tag.shadowRoot)
+      .shadowRoot.querySelector(".cursor")"""
+    page.until(f"Math.abs(parseFloat({cursor}.style.left) / 100 * {FRAMES} - 14.5) < 0.1")
+
+
+def test_what_is_in_focus_is_in_sight_and_where_the_curve_has_it(page: Page) -> None:
+    saved(page, lambda: page.click("#shut"))  # a key at the beginning of the line
+    for _ in range(3):
+        page.press("+")
+    beside = """(() => { const find = (tag) => document.querySelector(tag);
+      const [end, all] = [find("[data-block=end]"), find("#wave")].map((tag) =>
+        tag.getBoundingClientRect());
+      return [end.right - all.left, all.right - end.left, find("#lane").scrollLeft] })()"""
+    assert page.run(beside)[1] < 0  # the end of the line is out of sight
+    tab_to(page, "", "dataset.block === 'end'")
+    left, right, scrolled = page.run(beside)
+    assert left > 0
+    assert right > 0
+    assert scrolled == 0
+    assert page.run("studio.picture.frame") == 19
+    tab_to(page, "key")
+    assert page.run("studio.picture.frame") < 8
+    assert page.run("document.activeElement.className") == "key"
+    # It holds nobody back from going elsewhere, or from playing.
+    page.run("studio.timeline.seek(0.7)")
+    page.run("new Promise((go) => setTimeout(go, 50))")
+    assert page.run("studio.picture.frame") == 17
+    page.press(" ")
+    page.until("document.getElementById('play').textContent === 'Pause'")
+
+
+def test_a_width_fills_its_axis_and_an_opening_begins_at_nothing(page: Page) -> None:
+    bounds = "import('/page/timeline.js').then(({ bounds }) => bounds([null, 0.5, 0.7], '%s'))"
+    assert page.run(bounds % "width") == pytest.approx([0.5, 0.72])
+    assert page.run(bounds % "opening") == pytest.approx([0, 0.77])
+
+
+def test_long_words_neither_move_the_page_nor_leave_their_card(page: Page, manifest: Path) -> None:
+    name = "a name of a take that is too long for a menu"
+    edits_file(manifest, "it").write_text(f"{{line: 1, takes: {{{name}: {{shift: 40}}}}}}")
+    page.until("!document.getElementById('takes').hidden")
+    page.run("document.querySelector('[name=take]').options[0].textContent = '" + name + "'")
+    high = "document.querySelector('header').offsetHeight"
+    before = page.run(high)
+    page.run(
+        """document.getElementById("state").textContent =
+        "Not saved: saved elsewhere in the meantime: look, then do it again";
+        document.getElementById("making").textContent = "the_film: 17 of 20 stages, render 10%" """
+    )
+    assert page.run(high) == before
+    page.run("document.querySelector('#dubs').options[0].textContent = '" + 3 * name + "'")
+    page.resize(980, 900)
+    page.until("document.documentElement.scrollWidth === 980")  # the plot follows a little later
+    outside = page.run(
+        """(() => { const end = document.getElementById("line").getBoundingClientRect().right;
+        return [...document.querySelectorAll("#line *")].filter((tag) =>
+          tag.checkVisibility() && tag.getBoundingClientRect().right > end).length })()"""
+    )
+    assert outside == 0
 
 
 # Words whose contrast with what is behind them is below that of WCAG AA.

@@ -186,6 +186,15 @@ def test_the_finished_dub_is_shown_in_the_size_of_its_draft(
     assert [*shown] == [20, 21, 22]
 
 
+def test_what_is_out_of_date_is_named_once(manifest: Path) -> None:
+    assert Project(load(manifest)).stale() == []
+    clips.write_sound(manifest.parent / "track.wav", FRAMES / 25, hertz=700)
+    assert Project(load(manifest)).stale() == ["it: listen, 2 times"]
+    for record in (manifest.parent / "out" / "work").rglob("*listen*/**/stage.json"):
+        record.unlink()
+    assert Project(load(manifest)).stale() == []  # the page listens to them
+
+
 def test_a_stale_save_is_refused(client: TestClient, manifest: Path) -> None:
     old = client.get(DUB).json()["revision"]
     save(client, {"shift": 40}, old)
@@ -369,6 +378,28 @@ def test_a_run_is_watched_and_stopped(client: TestClient, manifest: Path) -> Non
     (manifest.parent / "track.wav").write_bytes(b"damaged")
     make(True)
     assert ended().startswith("not made: ")
+
+
+def test_the_words_of_a_run_name_the_stage_that_runs(manifest: Path) -> None:
+    making, said = Making(manifest, "auto"), []
+    render, composite = {"stage": "render ann_0000005-0000020"}, {"stage": "composite"}
+
+    def lines() -> Iterator[str]:
+        for event, about in (
+            ("overall", {"done": 7, "total": 10}),
+            ("begin", render),
+            ("progress", {**render, "share": 0.89}),
+            ("overall", {"done": 8, "total": 10}),
+            ("begin", composite),
+        ):
+            yield json.dumps({"event": event, **about})
+            said.append(making.state()["words"])
+
+    making._process = process = SimpleNamespace(stdout=lines(), wait=lambda: 0)  # type: ignore[assignment]
+    making._watch(process)  # type: ignore[arg-type]
+    assert said[1:3] == ["7 of 10 stages, render 0%", "7 of 10 stages, render 89%"]
+    assert said[-1] == "8 of 10 stages, composite 0%"
+    assert making.state() == {"dub": "", "running": False, "words": "made"}
 
 
 def test_curves_that_fail_for_somebody_who_left_are_no_complaint() -> None:

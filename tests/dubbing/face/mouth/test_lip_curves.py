@@ -25,14 +25,14 @@ def read(table: Path, text: str, line: int = 1) -> LipCurves:
 
 
 def test_what_is_written_is_read_again(table: Path) -> None:
-    lengths = np.random.default_rng(0).random((4, 7)).round(4)
-    rows = [(1, k, TIMES[k], lengths[k]) for k in range(4)] + [(3, 60, 0.02, lengths[0])]
+    values = np.random.default_rng(0).random((4, 8)).round(4)
+    rows = [(1, k, TIMES[k], values[k]) for k in range(4)] + [(3, 60, 0.02, values[0])]
     text = text_of(rows)
     assert text.splitlines()[0] == ",".join(COLUMNS)
     found = read(table, text)
     np.testing.assert_allclose(found.times, TIMES)
-    np.testing.assert_allclose(found.at(TIMES), lengths)
-    np.testing.assert_allclose(read(table, text, 3).lengths, lengths[:1])
+    np.testing.assert_allclose(found.at(TIMES), values)
+    np.testing.assert_allclose(read(table, text, 3).values, values[:1])
 
 
 def test_between_rows_lies_the_middle_and_beside_them_nothing(table: Path) -> None:
@@ -53,6 +53,7 @@ def test_between_rows_lies_the_middle_and_beside_them_nothing(table: Path) -> No
         ("time,opening\n0,0.1\n0.1,-0.1\n", "row 3, opening: must be a number of 0 to 2"),
         ("time,opening\n0,2.5\n", "row 2, opening: must be a number of 0 to 2, not '2.5'"),
         ("time,opening\n0,inf\n", "row 2, opening"),
+        ("time,closure\n0,1.5\n", "row 2, closure: must be a number of 0 to 1, not '1.5'"),
         ("time,opening\n,0.1\n", "row 2, time: must be a number"),
         ("time,opening\nnan,0.1\n", "row 2, time: must be a number"),
         ("time,opening\n0.1,0.1\n0.1,0.2\n", "the times of line 1 do not rise at 0.1 s"),
